@@ -1,0 +1,29 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace app {
+
+/// Exit codes of every program.
+enum class ExitCode : int {
+  done = 0,
+  check_said_no = 1,
+  bad_usage = 2,  ///< bad options or scenario
+  peer_lost = 3,
+  protocol_violated = 4,
+  protective_stop = 5,  ///< or a non-finite number
+  interrupted = 130,
+};
+
+/// Ends a program with `code` and one line on stderr that says what, where and what to do.
+class Failure : public std::runtime_error {
+ public:
+  Failure(ExitCode code, const std::string& what) : std::runtime_error(what), code_(code) {}
+  [[nodiscard]] ExitCode code() const { return code_; }
+
+ private:
+  ExitCode code_;
+};
+
+}  // namespace app

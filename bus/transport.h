@@ -1,0 +1,40 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace bus {
+
+using Clock = std::chrono::steady_clock;
+
+/// One message as it came from the bus. Views stay valid until the next `receive`.
+struct Datagram {
+  std::string_view channel;
+  std::span<const std::byte> payload;
+  std::string_view sender;  ///< where it came from, for messages to people ("10.0.0.2:41234")
+};
+
+/// Sends and receives opaque messages by channel name. Knows nothing of types, ticks or runs, may
+/// lose, duplicate and reorder, and never blocks in `publish`.
+class Transport {
+ public:
+  Transport() = default;
+  Transport(const Transport&) = delete;
+  Transport& operator=(const Transport&) = delete;
+  virtual ~Transport() = default;
+
+  /// From now on `receive` yields messages of exactly this channel. Own messages are not received.
+  virtual void subscribe(const std::string& channel) = 0;
+
+  virtual void publish(std::string_view channel, std::span<const std::byte> payload) = 0;
+
+  /// The next message of a subscribed channel; nothing if `deadline` passes first or a signal
+  /// interrupts the wait. A deadline in the past polls.
+  virtual std::optional<Datagram> receive(Clock::time_point deadline) = 0;
+};
+
+}  // namespace bus

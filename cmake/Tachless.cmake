@@ -1,0 +1,57 @@
+# What every target of ours has in common. Targets, never directory-wide variables.
+
+add_library(tachless_options INTERFACE)
+target_include_directories(tachless_options INTERFACE ${PROJECT_SOURCE_DIR})
+# Without contraction, every machine rounds alike and a log replays bit for bit.
+target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -ffp-contract=off)
+
+# tachless_library(robot SOURCES a.cpp … LIBS x … [STANDARD 17]): the library of one room.
+function(tachless_library name)
+  cmake_parse_arguments(arg "" "STANDARD" "SOURCES;LIBS;PRIVATE_LIBS" ${ARGN})
+  add_library(${name} STATIC ${arg_SOURCES})
+  target_link_libraries(${name} PUBLIC ${arg_LIBS} PRIVATE tachless_options ${arg_PRIVATE_LIBS})
+  target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  if(arg_STANDARD)
+    set_target_properties(${name} PROPERTIES CXX_STANDARD ${arg_STANDARD})
+  endif()
+endfunction()
+
+# tachless_program(tachless-plant SOURCES … LIBS …)
+function(tachless_program name)
+  cmake_parse_arguments(arg "" "" "SOURCES;LIBS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
+endfunction()
+
+# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s]): one GoogleTest program, one CTest entry.
+function(tachless_test name)
+  cmake_parse_arguments(arg "" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  add_executable(${name} ${arg_SOURCES})
+  target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS} GTest::gmock GTest::gtest_main)
+  target_compile_definitions(${name} PRIVATE TACHLESS_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+    TACHLESS_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  add_test(NAME ${name} COMMAND ${name})
+  if(NOT arg_TIMEOUT)
+    set(arg_TIMEOUT 300)
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
+endfunction()
+
+# tachless_compile_fail(name FILE f.cpp LIBS …): passes when f.cpp compiles without -DFORBIDDEN and
+# fails to compile with it, so that the refusal has one cause.
+function(tachless_compile_fail name)
+  cmake_parse_arguments(arg "" "FILE" "LIBS" ${ARGN})
+  add_library(${name}_twin OBJECT EXCLUDE_FROM_ALL ${arg_FILE})
+  target_link_libraries(${name}_twin PRIVATE tachless_options ${arg_LIBS})
+  add_library(${name} OBJECT EXCLUDE_FROM_ALL ${arg_FILE})
+  target_compile_definitions(${name} PRIVATE FORBIDDEN)
+  target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS})
+  add_test(NAME ${name}_twin_compiles
+    COMMAND ${CMAKE_COMMAND} --build ${PROJECT_BINARY_DIR} --target ${name}_twin)
+  add_test(NAME ${name}_does_not_compile
+    COMMAND ${CMAKE_COMMAND} --build ${PROJECT_BINARY_DIR} --target ${name})
+  set_tests_properties(${name}_does_not_compile PROPERTIES WILL_FAIL TRUE)
+  set_tests_properties(${name}_twin_compiles ${name}_does_not_compile
+    PROPERTIES LABELS compile_fail RESOURCE_LOCK build_tree)
+endfunction()

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <concepts>
+#include <string_view>
+
+#include "robot/signals.h"
+
+namespace controller::law {
+
+/// What one step of a law returns: its next memory, its command, and what it wants logged.
+template <class Memory>
+struct Step {
+  Memory memory;
+  robot::TorqueCommand command;
+  robot::ControllerState state;
+};
+
+/// A law is a value: gains and model are constants, its memory is a value that the node keeps.
+/// `start` gives the memory before the first step from the first measurement; `step` is then
+/// called once per tick, the first included.
+template <class L>
+concept Law = requires(const L& law, const typename L::Memory& memory,
+                       const typename L::Measurement& measurement,
+                       const robot::ReferencePoint& reference) {
+  { L::name } -> std::convertible_to<std::string_view>;
+  { L::num_filters } -> std::convertible_to<int>;
+  { law.start(measurement, reference) } -> std::same_as<typename L::Memory>;
+  { law.step(memory, measurement, reference) } -> std::same_as<Step<typename L::Memory>>;
+};
+
+/// Lock on velocity: the measurement is exactly a type that holds positions and nothing else.
+template <class Measurement>
+concept PositionOnly = std::same_as<Measurement, robot::PositionMeasurement> ||
+    std::same_as<Measurement, robot::MotorPositionMeasurement>;
+
+template <class L>
+concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
+
+}  // namespace controller::law

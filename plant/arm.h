@@ -1,0 +1,65 @@
+#pragma once
+
+#include <memory>
+
+#include "robot/model.h"
+#include "robot/quantities.h"
+
+/// Simbody behind a wall: no SimTK type here, C++17-clean.
+namespace plant {
+
+struct ArmState {
+  robot::Vector q;         ///< link position [rad; m if prismatic]
+  robot::Vector v;         ///< link velocity [rad/s]
+  robot::Vector theta;     ///< motor position [rad]; empty on a rigid robot
+  robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
+};
+
+/// Motors behind springs: Spong's simplified model (paper, eq. 1).
+struct FlexibleDrive {
+  robot::Vector stiffness;      ///< K [N m/rad]
+  robot::Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear
+  robot::Vector motor_damping;  ///< [N m s/rad]
+};
+
+enum class Integrator {
+  runge_kutta_merson,
+  runge_kutta_3,
+  runge_kutta_feldberg,
+  semi_explicit_euler_2,
+  verlet,
+  cpodes
+};
+
+struct ArmOptions {
+  const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
+  robot::Vector viscous_friction;           ///< on the links' joints [N m s/rad]
+  Integrator integrator = Integrator::runge_kutta_merson;
+  double accuracy = 1e-9;
+};
+
+/// A multibody arm whose motor torque is held over each call of `advance`.
+class Arm {
+ public:
+  /// Builds the Simbody system of `model` (gravity, added rotor inertia and payload included).
+  Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
+  ~Arm();
+  Arm(Arm&&) noexcept;
+  Arm& operator=(Arm&&) noexcept;
+
+  [[nodiscard]] const ArmState& state() const;
+
+  /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
+  /// @throw std::runtime_error with time and cause when the integrator gives up.
+  void advance(const robot::Vector& tau, double time_s);
+
+  /// Adds viscous braking [N m s/rad] at the motors (links if rigid), from now on: the
+  /// protective stop.
+  void brake(const robot::Vector& damping);
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace plant

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+
+/// Vocabulary shared by every room. This header and robot/model.h stay C++17-clean: the Simbody
+/// translation unit includes them.
+namespace robot {
+
+/// Most joints a robot may have. Vectors and matrices reserve room for that many in place, so
+/// that nothing allocates once a run has begun.
+inline constexpr int max_joints = 64;
+
+template <class Scalar>
+using VectorOf = Eigen::Matrix<Scalar, Eigen::Dynamic, 1, Eigen::ColMajor, max_joints, 1>;
+template <class Scalar>
+using MatrixOf =
+    Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, max_joints, max_joints>;
+
+using Vector = VectorOf<double>;
+using Matrix = MatrixOf<double>;
+
+}  // namespace robot
