@@ -1,0 +1,164 @@
+#include "app/process_options.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <iostream>
+
+#include "app/version.h"
+
+namespace app {
+namespace {
+
+const char* task(bus::Role role) {
+  switch (role) {
+    case bus::Role::plant:
+      return "Simulates the robot of a scenario and keeps the loop's clock.";
+    case bus::Role::reference:
+      return "Generates the reference of a scenario, one tick ahead.";
+    case bus::Role::controller:
+      return "Runs the control law of a scenario.";
+    case bus::Role::logger:
+      return "Records the run of a scenario without a gap.";
+  }
+  throw std::logic_error("role " + std::to_string(static_cast<int>(role)) + " does not exist");
+}
+
+std::string examples(const std::string& program, bus::Role role) {
+  std::string text = "Examples:\n  " + program + " scenarios/paper_rigid.yaml\n  " + program +
+                     " scenarios/paper_rigid.yaml --set loop.duration_s=0.5 --lcm-url "
+                     "'udpm://239.255.76.67:7700?ttl=0'\n";
+  if (role == bus::Role::plant) {
+    text += "  " + program + " scenarios/practical_rigid.yaml --run-id 7 --wait-s 10\n";
+  }
+  if (role == bus::Role::logger) {
+    text += "  " + program + " scenarios/practical_rigid.yaml --out-log out/lcmlog\n";
+  }
+  return text +
+         "The four programs tachless-plant, tachless-reference, tachless-controller and\n"
+         "tachless-logger may start in any order and must be given the same scenario.\n"
+         "Exit codes: 0 done, 2 bad usage or scenario, 3 a peer is lost, 4 protocol violated,\n"
+         "5 protective stop, 130 interrupted.";
+}
+
+std::string one_line(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+}  // namespace
+
+std::string program_name(bus::Role role) {
+  switch (role) {
+    case bus::Role::plant:
+      return "tachless-plant";
+    case bus::Role::reference:
+      return "tachless-reference";
+    case bus::Role::controller:
+      return "tachless-controller";
+    case bus::Role::logger:
+      return "tachless-logger";
+  }
+  throw std::logic_error("role " + std::to_string(static_cast<int>(role)) + " does not exist");
+}
+
+std::filesystem::path next_log_path(const std::filesystem::path& directory, const std::tm& date) {
+  char day[32];
+  std::strftime(day, sizeof day, "lcmlog-%Y-%m-%d", &date);
+  for (int number = 0;; ++number) {
+    char name[48];
+    std::snprintf(name, sizeof name, "%s.%02d", day, number);
+    std::filesystem::path path = directory / name;
+    if (!std::filesystem::exists(path)) return path;
+  }
+}
+
+std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
+                                                    const char* const* argv) {
+  const std::string program = program_name(role);
+  ProcessOptions options;
+  options.lcm_url = default_lcm_url;
+  std::int64_t run_id = 0;
+  std::string stats_path;
+  std::string log_path;
+  bool verbose = false;
+  bool quiet = false;
+
+  CLI::App cli(task(role), program);
+  cli.footer(examples(program, role));
+  cli.set_version_flag("--version", std::string(version), "Print the version and exit");
+  cli.add_option("SCENARIO", options.scenario_path, "The experiment, a YAML file")->required();
+  cli.add_option("--set", options.overrides,
+                 "key.path=value, in place of the scenario's value; may be repeated")
+      ->allow_extra_args(false);
+  cli.add_option("--lcm-url", options.lcm_url, "The bus")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  cli.add_option("--wait-s", options.wait_s,
+                 "Longest wait for the other programs at the start [s]; 0 = unlimited")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  cli.add_option("--stats", stats_path, "Write counters to this file, as JSON, at the end");
+  CLI::Option* run_id_option = nullptr;
+  if (role == bus::Role::plant) {
+    run_id_option = cli.add_option("--run-id", run_id,
+                                   "Positive number in every message of the run; default: the time")
+                        ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  }
+  if (role == bus::Role::logger) {
+    cli.add_option("--out-log", log_path,
+                   "The log; default: lcmlog-YYYY-MM-DD.NN here, with the next free NN");
+  }
+  auto* quiet_flag = cli.add_flag("-q,--quiet", quiet, "Warnings and errors only");
+  cli.add_flag("-v,--verbose", verbose, "More detail on stderr")->excludes(quiet_flag);
+
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      cli.exit(error, std::cout, std::cerr);
+      return std::nullopt;
+    }
+    throw Failure(ExitCode::bad_usage, one_line(error.what()) + "; see " + program + " --help");
+  }
+  if (options.scenario_path.empty()) {
+    throw Failure(ExitCode::bad_usage,
+                  "SCENARIO: empty; name a YAML file; see " + program + " --help");
+  }
+  if (!std::isfinite(options.wait_s)) {  // CLI::Range lets NaN through
+    throw Failure(ExitCode::bad_usage, "--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
+  }
+  if (run_id_option != nullptr && run_id_option->count() > 0) options.run_id = run_id;
+  if (!stats_path.empty()) options.stats_path = stats_path;
+  if (role == bus::Role::logger) {
+    const std::time_t now = std::time(nullptr);
+    std::tm date{};
+    localtime_r(&now, &date);
+    options.log_path = log_path.empty() ? next_log_path({}, date) : std::filesystem::path(log_path);
+  }
+  if (quiet) options.verbosity = Verbosity::quiet;
+  if (verbose) options.verbosity = Verbosity::verbose;
+  return options;
+}
+
+int run_process(bus::Role role, int argc, const char* const* argv,
+                const std::function<ExitCode(const ProcessOptions&)>& run) {
+  start_logging(program_name(role), Verbosity::normal);
+  try {
+    const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);
+    if (!options) return static_cast<int>(ExitCode::done);
+    start_logging(program_name(role), options->verbosity);
+    return static_cast<int>(run(*options));
+  } catch (const Failure& failure) {
+    log_error(one_line(failure.what()));
+    return static_cast<int>(failure.code());
+  } catch (const std::exception& error) {
+    log_error("internal error: " + one_line(error.what()) +
+              "; please report it with the scenario and the options");
+    return static_cast<int>(ExitCode::protocol_violated);
+  }
+}
+
+}  // namespace app
