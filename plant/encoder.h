@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+
+#include "app/scenario.h"
+#include "plant/arm.h"
+#include "robot/model.h"
+#include "robot/signals.h"
+
+namespace plant {
+
+/// The position encoders of all joints (and the tachometers, for laws that measure velocity):
+/// true state in, measurement out. A measurement is a function of (scenario, state, tick) alone:
+/// the noise is drawn by a counter-based generator, from the seed, the tick, the joint and the
+/// channel, so that repeating a tick repeats its noise and no channel shifts another's.
+///
+/// Position: noise is added first, then the sum is rounded to the nearest count. A revolute joint
+/// has 2^bits counts a revolution, a prismatic joint 2^bits counts over its URDF range. Velocity:
+/// noise only. On a rigid robot a motor encoder reads the link's position.
+class Encoder {
+ public:
+  /// @throw app::Failure(bad_usage) when a prismatic joint has a resolution but no range.
+  Encoder(const app::Scenario& scenario, const robot::Model& model);
+
+  /// The measurement of tick `tick`. Precondition: `require_encoders<Measurement>` passes.
+  /// `Measurement` is one of the four of robot/signals.h.
+  template <class Measurement>
+  [[nodiscard]] Measurement measure(const ArmState& state, std::int64_t tick) const;
+
+  /// Width of one count [rad; m if prismatic]; 0 for an ideal encoder.
+  [[nodiscard]] const robot::Vector& count() const { return count_; }
+
+ private:
+  enum class Channel : std::uint32_t {
+    link_position,
+    motor_position,
+    link_velocity,
+    motor_velocity
+  };
+
+  [[nodiscard]] robot::Vector position(const robot::Vector& exact, Channel channel,
+                                       std::int64_t tick) const;
+  [[nodiscard]] robot::Vector velocity(const robot::Vector& exact, Channel channel,
+                                       std::int64_t tick) const;
+
+  bool flexible_;
+  robot::Vector count_;
+  double position_noise_;
+  double velocity_noise_;
+  std::uint64_t seed_;
+};
+
+/// Checks that the scenario's robot has what `Measurement` (one of the four of robot/signals.h)
+/// needs.
+/// @throw app::Failure(bad_usage) naming the key and the missing encoder.
+template <class Measurement>
+void require_encoders(const app::Scenario& scenario);
+
+/// Standard normal number belonging to (seed, tick, channel, joint): Philox4x32-10 (Salmon et al.,
+/// "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform, spelled out
+/// so that every standard library gives the same numbers.
+double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t channel,
+                       std::uint32_t joint);
+
+}  // namespace plant
