@@ -1,0 +1,167 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// LCM's event-log format, as liblcm's own LogFile writes and reads it: events back to back, each
+/// sync word 0xEDA1DA01, event number (int64), time stamp [us] (int64), channel length (int32),
+/// data length (int32), channel, data; big-endian.
+namespace logger {
+
+inline constexpr std::size_t event_header_bytes = 28;
+
+/// Longest channel name the LCM protocol allows [bytes].
+inline constexpr std::size_t max_channel_bytes = 63;
+
+/// The name lcm-logger would choose: `directory`/lcmlog-YYYY-MM-DD.NN (local date) with the first
+/// NN that is free.
+std::filesystem::path default_log_path(const std::filesystem::path& directory);
+
+enum class Existing { refuse, overwrite };
+
+/// Appends events to a log. Nothing is allocated after construction. The first error of the file
+/// system ends the log: the file is cut after its last whole event, and this and every further
+/// call throws a Failure that names path, bytes kept and remedy.
+class LogWriter {
+ public:
+  /// At most this long between two flushes, so that a killed logger loses no more.
+  static constexpr std::chrono::milliseconds flush_interval{100};
+
+  /// @throw app::Failure(bad_usage) when the file exists (and `existing` is `refuse`), or the
+  /// directory is missing or not writable.
+  explicit LogWriter(std::filesystem::path path, Existing existing = Existing::refuse);
+  LogWriter(const LogWriter&) = delete;
+  LogWriter& operator=(const LogWriter&) = delete;
+  /// Flushes, silently; call `close` to hear of errors.
+  ~LogWriter();
+
+  /// @param utime time stamp [us]
+  /// @throw app::Failure when the disk refuses; std::logic_error after `close` or when the channel
+  /// is empty or longer than `max_channel_bytes`.
+  void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data);
+
+  /// Hands everything to the operating system: it survives the death of this process.
+  void flush();
+
+  /// `flush` when `flush_interval` has passed since the last one. Cheap otherwise.
+  void flush_if_due(std::chrono::steady_clock::time_point now);
+
+  /// Flushes, waits until the disk has it, and closes.
+  void close();
+
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] std::int64_t num_events() const { return num_events_; }
+  /// Length of the log including what is not flushed yet [bytes].
+  [[nodiscard]] std::uint64_t bytes() const { return written_ + filled_; }
+
+ private:
+  void write_out(std::span<const std::byte> data);
+  [[noreturn]] void fail(int error);
+  void require_usable() const;
+
+  std::filesystem::path path_;
+  int file_ = -1;
+  std::vector<std::byte> buffer_;  // whole events only
+  std::size_t filled_ = 0;
+  std::uint64_t written_ = 0;
+  std::uint64_t whole_ = 0;  // end of the last whole event known to be in the file
+  std::int64_t num_events_ = 0;
+  std::chrono::steady_clock::time_point last_flush_;
+  std::string failure_;  // what the first error said
+};
+
+/// One event of a log. Views stay valid as long as the reader.
+struct LogEvent {
+  std::int64_t number = 0;
+  std::int64_t utime = 0;  ///< [us]
+  std::string_view channel;
+  std::span<const std::byte> data;
+  std::uint64_t offset = 0;  ///< of its first byte in the file
+  /// Damage follows: should the damage be in this event's own lengths, its data is not whole.
+  bool suspect = false;
+};
+
+/// A stretch of a log that holds no event.
+struct DamagedStretch {
+  std::uint64_t offset = 0;
+  std::uint64_t bytes = 0;
+};
+
+/// What a log has lost, as far as read.
+struct Damage {
+  static constexpr std::size_t max_listed = 1000;
+
+  std::uint64_t stretches = 0;
+  std::uint64_t bytes_skipped = 0;
+  std::vector<DamagedStretch> listed;   ///< the first `max_listed` of them
+  std::uint64_t missing_numbers = 0;    ///< event numbers passed over
+  std::uint64_t numbers_restarted = 0;  ///< event number went back (lcm-logger appending does that)
+  std::uint64_t wrong_numbers = 0;      ///< events whose number fits neither neighbour
+  std::uint64_t suspect_events = 0;     ///< delivered although damage follows them
+
+  [[nodiscard]] bool any() const {
+    return stretches != 0 || missing_numbers != 0 || wrong_numbers != 0 || suspect_events != 0;
+  }
+};
+
+/// Reads any LCM log, front to back, damaged or not. Each event whose bytes are undamaged is
+/// delivered, whatever surrounds it; what is not an event is skipped and counted. The format has
+/// no checksum: damage inside a channel name, a time stamp or the data goes unnoticed here.
+///
+/// The file is mapped, not loaded. It must not be cut short by others meanwhile; growth is not
+/// followed.
+class LogReader {
+ public:
+  /// @throw app::Failure(bad_usage) when `path` is not a readable regular file.
+  explicit LogReader(const std::filesystem::path& path);
+  LogReader(const LogReader&) = delete;
+  LogReader& operator=(const LogReader&) = delete;
+  LogReader(LogReader&& other) noexcept;
+  LogReader& operator=(LogReader&&) = delete;
+  ~LogReader();
+
+  /// The next event, or nothing at the end of the file.
+  std::optional<LogEvent> next();
+
+  /// Starts over, damage counts too.
+  void rewind();
+
+  [[nodiscard]] const Damage& damage() const { return damage_; }
+  [[nodiscard]] std::uint64_t size_bytes() const { return size_; }
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  struct Header {
+    std::int64_t number;
+    std::uint64_t offset;
+    std::uint64_t end;  // offset of the byte after the event
+    std::size_t channel_bytes;
+  };
+  [[nodiscard]] std::optional<Header> header_at(std::uint64_t offset) const;
+  [[nodiscard]] std::optional<Header> find_header(std::uint64_t from, std::uint64_t before) const;
+  [[nodiscard]] bool number_follows(std::uint64_t offset, std::int64_t number) const;
+  [[nodiscard]] bool swallows_others(const Header& header);
+  void skip(std::uint64_t to);
+  void note_number(const Header& header);
+  void release_behind();
+
+  std::filesystem::path path_;
+  const std::byte* bytes_ = nullptr;
+  std::uint64_t size_ = 0;
+  std::uint64_t position_ = 0;
+  std::uint64_t released_ = 0;
+  std::uint64_t look_ahead_left_ = 0;  // [bytes]
+  bool skipping_ = false;              // the last stretch is still growing
+  std::int64_t last_number_ = -1;
+  std::uint64_t last_offset_ = 0;
+  Damage damage_;
+};
+
+}  // namespace logger
