@@ -59,6 +59,7 @@ struct Participant {
   double error_norm = 0;  ///< controller only: newest position error [rad]
   Role role = Role::plant;
   std::string host;
+  std::string scenario;     ///< its name, for messages to people
   std::string measurement;  ///< controller only: channel suffix of what it needs
   std::string fault;
 };
