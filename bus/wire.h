@@ -79,6 +79,25 @@ struct LogAck {
   std::uint64_t missing = 0;  ///< bit i: tick + 1 + i was seen to begin but is incomplete
 };
 
+/// Most characters in each text of a participant_t.
+inline constexpr int max_participant_text = 1024;
+/// Most bytes of a run_info_t, so that it fits one datagram.
+inline constexpr int max_run_info_size = 65'000;
+
+/// True when no number in the value is NaN or infinite. A node asks before it encodes what it
+/// has computed, and stops with a fault of its own if the answer is no.
+bool all_finite(const Tick& value);
+bool all_finite(const robot::PositionMeasurement& value);
+bool all_finite(const robot::MotorPositionMeasurement& value);
+bool all_finite(const robot::LinkStateMeasurement& value);
+bool all_finite(const robot::StateMeasurement& value);
+bool all_finite(const robot::ReferencePoint& value);
+bool all_finite(const robot::TorqueCommand& value);
+bool all_finite(const robot::ControllerState& value);
+bool all_finite(const Participant& value);
+bool all_finite(const RunInfo& value);
+bool all_finite(const LogAck& value);
+
 /// Channel suffix of each value type: the node takes its channel from the type, never from an
 /// option. `bus::truth` adds its own in its own target.
 template <class Value>
@@ -137,15 +156,22 @@ std::string channel(std::string_view robot) {
 /// Encoder and decoder of one message type for one layout. Owns its scratch memory, so that
 /// fixed-size messages cost no allocation after construction. Explicitly instantiated for the
 /// types above (and in bus/truth for PlantTruth).
+/// One codec serves one thread at a time.
 template <class Value>
 class Codec {
  public:
+  /// @throw std::logic_error if the message has joint arrays and the layout does not hold 1 to
+  /// robot::max_joints joints, as many motors or none, and 0 to robot::max_filters filters
   explicit Codec(const Layout& layout);
   ~Codec();
   Codec(Codec&&) noexcept;
   Codec& operator=(Codec&&) noexcept;
 
-  /// The message's bytes; valid until the next call. Precondition: sizes agree with the layout.
+  /// The message's bytes; valid until the next call. Precondition: sizes agree with the layout,
+  /// `all_finite(value)`, single fields in their range, texts short enough and without NUL.
+  /// @throw std::domain_error if a number is NaN or infinite
+  /// @throw std::length_error if a text, or the whole message, is too long for its message type
+  /// @throw std::logic_error if anything else of the precondition is broken (base of both)
   std::span<const std::byte> encode(const Stamp& stamp, const Value& value);
 
   /// Checks first (size, fingerprint, counts, finiteness, texts), then decodes. On rejection

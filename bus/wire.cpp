@@ -1,0 +1,425 @@
+#include "bus/wire.h"
+
+#include <array>
+#include <cmath>
+#include <optional>
+#include <tachless/controller_state_t.hpp>
+#include <tachless/link_state_measurement_t.hpp>
+#include <tachless/log_ack_t.hpp>
+#include <tachless/motor_position_measurement_t.hpp>
+#include <tachless/participant_t.hpp>
+#include <tachless/position_measurement_t.hpp>
+#include <tachless/reference_t.hpp>
+#include <tachless/run_info_t.hpp>
+#include <tachless/state_measurement_t.hpp>
+#include <tachless/tick_t.hpp>
+#include <tachless/torque_command_t.hpp>
+
+#include "bus/codec.h"
+
+namespace bus {
+namespace {
+
+using Kind = Field::Kind;
+
+constexpr std::array<std::string_view, num_roles> role_names = {"plant", "reference", "controller",
+                                                                "logger"};
+
+std::optional<Role> role_named(std::string_view text) {
+  for (std::size_t i = 0; i < role_names.size(); ++i) {
+    if (role_names[i] == text) return static_cast<Role>(i);
+  }
+  return std::nullopt;
+}
+
+void require_text(const std::string& text, std::size_t max_characters, const char* what) {
+  if (text.find('\0') != std::string::npos) {
+    throw std::logic_error(std::string("bus::Codec: NUL inside the text ") + what);
+  }
+  if (text.size() > max_characters) {
+    throw std::length_error(std::string("bus::Codec: text ") + what + " has " +
+                            std::to_string(text.size()) + " characters, allowed are " +
+                            std::to_string(max_characters));
+  }
+}
+
+}  // namespace
+
+std::string_view name(Rejection rejection) {
+  switch (rejection) {
+    case Rejection::none:
+      return "none";
+    case Rejection::wrong_size:
+      return "wrong_size";
+    case Rejection::wrong_type:
+      return "wrong_type";
+    case Rejection::wrong_count:
+      return "wrong_count";
+    case Rejection::non_finite:
+      return "non_finite";
+    case Rejection::bad_text:
+      return "bad_text";
+    case Rejection::bad_value:
+      return "bad_value";
+  }
+  throw std::logic_error("bus::name: no such rejection");
+}
+
+std::string_view name(Role role) { return role_names.at(static_cast<std::size_t>(role)); }
+
+bool all_finite(const Tick&) { return true; }
+bool all_finite(const robot::PositionMeasurement& value) { return value.q.allFinite(); }
+bool all_finite(const robot::MotorPositionMeasurement& value) { return value.theta.allFinite(); }
+bool all_finite(const robot::LinkStateMeasurement& value) {
+  return value.q.allFinite() && value.v.allFinite() && value.theta.allFinite();
+}
+bool all_finite(const robot::StateMeasurement& value) {
+  return value.q.allFinite() && value.v.allFinite() && value.theta.allFinite() &&
+         value.thetadot.allFinite();
+}
+bool all_finite(const robot::ReferencePoint& value) {
+  return value.q_ref.allFinite() && value.v_ref.allFinite() && value.a_ref.allFinite() &&
+         value.jerk_ref.allFinite() && value.snap_ref.allFinite();
+}
+bool all_finite(const robot::TorqueCommand& value) { return value.tau.allFinite(); }
+bool all_finite(const robot::ControllerState& value) {
+  for (int i = 0; i < robot::max_filters; ++i) {
+    if (!value.error[i].allFinite() || !value.nu[i].allFinite()) return false;
+  }
+  return true;
+}
+bool all_finite(const Participant& value) { return std::isfinite(value.error_norm); }
+bool all_finite(const RunInfo& value) { return std::isfinite(value.period_s); }
+bool all_finite(const LogAck&) { return true; }
+
+template <>
+struct Translation<Tick> {
+  using Message = tachless::tick_t;
+  static MessageShape shape(const Layout&) { return {Message::getHash(), {{Kind::boolean}}}; }
+  static void size(const Layout&, Message&) {}
+  static void write(const Tick& value, const Layout&, Message& message) {
+    message.last = value.last ? 1 : 0;
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, Tick& value) { value.last = message.last != 0; }
+};
+
+template <>
+struct Translation<robot::PositionMeasurement> {
+  using Message = tachless::position_measurement_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    return {Message::getHash(), {{Kind::count, n}, {Kind::real, n}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_joints = layout.num_joints;
+    message.position.resize(layout.num_joints);
+  }
+  static void write(const robot::PositionMeasurement& value, const Layout& layout,
+                    Message& message) {
+    put(value.q, layout.num_joints, "q", message.position);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::PositionMeasurement& value) {
+    get(message.position, value.q);
+  }
+};
+
+template <>
+struct Translation<robot::MotorPositionMeasurement> {
+  using Message = tachless::motor_position_measurement_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    return {Message::getHash(), {{Kind::count, n}, {Kind::real, n}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_joints = layout.num_joints;
+    message.motor_position.resize(layout.num_joints);
+  }
+  static void write(const robot::MotorPositionMeasurement& value, const Layout& layout,
+                    Message& message) {
+    put(value.theta, layout.num_joints, "theta", message.motor_position);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::MotorPositionMeasurement& value) {
+    get(message.motor_position, value.theta);
+  }
+};
+
+template <>
+struct Translation<robot::LinkStateMeasurement> {
+  using Message = tachless::link_state_measurement_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    return {Message::getHash(), {{Kind::count, n}, {Kind::real, 3 * n}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_joints = layout.num_joints;
+    message.position.resize(layout.num_joints);
+    message.velocity.resize(layout.num_joints);
+    message.motor_position.resize(layout.num_joints);
+  }
+  static void write(const robot::LinkStateMeasurement& value, const Layout& layout,
+                    Message& message) {
+    put(value.q, layout.num_joints, "q", message.position);
+    put(value.v, layout.num_joints, "v", message.velocity);
+    put(value.theta, layout.num_joints, "theta", message.motor_position);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::LinkStateMeasurement& value) {
+    get(message.position, value.q);
+    get(message.velocity, value.v);
+    get(message.motor_position, value.theta);
+  }
+};
+
+template <>
+struct Translation<robot::StateMeasurement> {
+  using Message = tachless::state_measurement_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    const int m = layout.num_motors;
+    return {Message::getHash(), {{Kind::count, n}, {Kind::count, m}, {Kind::real, 2 * n + 2 * m}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_joints = layout.num_joints;
+    message.num_motors = layout.num_motors;
+    message.position.resize(layout.num_joints);
+    message.velocity.resize(layout.num_joints);
+    message.motor_position.resize(layout.num_motors);
+    message.motor_velocity.resize(layout.num_motors);
+  }
+  static void write(const robot::StateMeasurement& value, const Layout& layout, Message& message) {
+    put(value.q, layout.num_joints, "q", message.position);
+    put(value.v, layout.num_joints, "v", message.velocity);
+    put(value.theta, layout.num_motors, "theta", message.motor_position);
+    put(value.thetadot, layout.num_motors, "thetadot", message.motor_velocity);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::StateMeasurement& value) {
+    get(message.position, value.q);
+    get(message.velocity, value.v);
+    get(message.motor_position, value.theta);
+    get(message.motor_velocity, value.thetadot);
+  }
+};
+
+template <>
+struct Translation<robot::ReferencePoint> {
+  using Message = tachless::reference_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    return {Message::getHash(), {{Kind::count, n}, {Kind::real, 5 * n}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_joints = layout.num_joints;
+    message.position.resize(layout.num_joints);
+    message.velocity.resize(layout.num_joints);
+    message.acceleration.resize(layout.num_joints);
+    message.jerk.resize(layout.num_joints);
+    message.snap.resize(layout.num_joints);
+  }
+  static void write(const robot::ReferencePoint& value, const Layout& layout, Message& message) {
+    put(value.q_ref, layout.num_joints, "q_ref", message.position);
+    put(value.v_ref, layout.num_joints, "v_ref", message.velocity);
+    put(value.a_ref, layout.num_joints, "a_ref", message.acceleration);
+    put(value.jerk_ref, layout.num_joints, "jerk_ref", message.jerk);
+    put(value.snap_ref, layout.num_joints, "snap_ref", message.snap);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::ReferencePoint& value) {
+    get(message.position, value.q_ref);
+    get(message.velocity, value.v_ref);
+    get(message.acceleration, value.a_ref);
+    get(message.jerk, value.jerk_ref);
+    get(message.snap, value.snap_ref);
+  }
+};
+
+template <>
+struct Translation<robot::TorqueCommand> {
+  using Message = tachless::torque_command_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    return {Message::getHash(), {{Kind::count, n}, {Kind::real, n}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_joints = layout.num_joints;
+    message.torque.resize(layout.num_joints);
+  }
+  static void write(const robot::TorqueCommand& value, const Layout& layout, Message& message) {
+    put(value.tau, layout.num_joints, "tau", message.torque);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::TorqueCommand& value) {
+    get(message.torque, value.tau);
+  }
+};
+
+template <>
+struct Translation<robot::ControllerState> {
+  using Message = tachless::controller_state_t;
+  static MessageShape shape(const Layout& layout) {
+    require_joints(layout);
+    const int n = layout.num_joints;
+    const int filters = layout.num_filters;
+    return {Message::getHash(),
+            {{Kind::count, filters}, {Kind::count, n}, {Kind::real, 2 * filters * n}}};
+  }
+  static void size(const Layout& layout, Message& message) {
+    message.num_filters = layout.num_filters;
+    message.num_joints = layout.num_joints;
+    message.error.assign(layout.num_filters, std::vector<double>(layout.num_joints));
+    message.nu = message.error;
+  }
+  static void write(const robot::ControllerState& value, const Layout& layout, Message& message) {
+    if (value.num_filters != layout.num_filters) {
+      throw std::logic_error("bus::Codec: controller state of " +
+                             std::to_string(value.num_filters) + " filters, the layout says " +
+                             std::to_string(layout.num_filters));
+    }
+    for (int i = 0; i < layout.num_filters; ++i) {
+      put(value.error[i], layout.num_joints, "error", message.error[i]);
+      put(value.nu[i], layout.num_joints, "nu", message.nu[i]);
+    }
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, robot::ControllerState& value) {
+    value.num_filters = message.num_filters;
+    for (int i = 0; i < robot::max_filters; ++i) {
+      value.error[i].resize(0);
+      value.nu[i].resize(0);
+    }
+    for (int i = 0; i < message.num_filters; ++i) {
+      get(message.error[i], value.error[i]);
+      get(message.nu[i], value.nu[i]);
+    }
+  }
+};
+
+template <>
+struct Translation<Participant> {
+  using Message = tachless::participant_t;
+  static MessageShape shape(const Layout&) {
+    const Field text{Kind::text, max_participant_text};
+    return {
+        Message::getHash(),
+        {{Kind::int64, 2}, {Kind::int32}, {Kind::int8, 2}, {Kind::real}, text, text, text, text}};
+  }
+  static void size(const Layout&, Message&) {}
+  static void write(const Participant& value, const Layout&, Message& message) {
+    require_text(value.host, max_participant_text, "host");
+    require_text(value.measurement, max_participant_text, "measurement");
+    require_text(value.fault, max_participant_text, "fault");
+    if (value.fault_code < 0 || value.fault_code > 255) {
+      throw std::logic_error("bus::Codec: fault code " + std::to_string(value.fault_code) +
+                             " is not an exit code, 0 to 255");
+    }
+    message.instance = value.instance;
+    message.scenario_digest = value.scenario_digest;
+    message.pid = value.pid;
+    message.state = static_cast<std::int8_t>(value.state);
+    message.fault_code = static_cast<std::int8_t>(static_cast<std::uint8_t>(value.fault_code));
+    message.error_norm = value.error_norm;
+    message.role = name(value.role);
+    message.host = value.host;
+    message.measurement = value.measurement;
+    message.fault = value.fault;
+    if (check(message) != Rejection::none) {
+      throw std::logic_error("bus::Codec: a field of a participant is outside its range");
+    }
+  }
+  static Rejection check(const Message& message) {
+    const bool state_ok =
+        message.state >= 0 && message.state <= static_cast<std::int8_t>(ParticipantState::fault);
+    return state_ok && message.error_norm >= 0 && role_named(message.role) ? Rejection::none
+                                                                           : Rejection::bad_value;
+  }
+  static void read(const Message& message, Participant& value) {
+    value.instance = message.instance;
+    value.scenario_digest = message.scenario_digest;
+    value.pid = message.pid;
+    value.state = static_cast<ParticipantState>(message.state);
+    value.fault_code = static_cast<std::uint8_t>(message.fault_code);
+    value.error_norm = message.error_norm;
+    value.role = *role_named(message.role);
+    value.host = message.host;
+    value.measurement = message.measurement;
+    value.fault = message.fault;
+  }
+};
+
+template <>
+struct Translation<RunInfo> {
+  using Message = tachless::run_info_t;
+  static MessageShape shape(const Layout&) {
+    const Field text{Kind::text, max_run_info_size};
+    return {Message::getHash(),
+            {{Kind::int64}, {Kind::real}, text, text, text, text, text},
+            max_run_info_size};
+  }
+  static void size(const Layout&, Message&) {}
+  static void write(const RunInfo& value, const Layout&, Message& message) {
+    require_text(value.version, max_run_info_size, "version");
+    require_text(value.robot, max_run_info_size, "robot");
+    require_text(value.measurement, max_run_info_size, "measurement");
+    require_text(value.scenario, max_run_info_size, "scenario");
+    require_text(value.robot_description, max_run_info_size, "robot_description");
+    message.num_ticks = value.num_ticks;
+    message.period_s = value.period_s;
+    message.version = value.version;
+    message.robot = value.robot;
+    message.measurement = value.measurement;
+    message.scenario = value.scenario;
+    message.robot_description = value.robot_description;
+    if (check(message) != Rejection::none) {
+      throw std::logic_error("bus::Codec: run info with no ticks or no period");
+    }
+  }
+  static Rejection check(const Message& message) {
+    return message.num_ticks > 0 && message.period_s > 0 ? Rejection::none : Rejection::bad_value;
+  }
+  static void read(const Message& message, RunInfo& value) {
+    value.num_ticks = message.num_ticks;
+    value.period_s = message.period_s;
+    value.version = message.version;
+    value.robot = message.robot;
+    value.measurement = message.measurement;
+    value.scenario = message.scenario;
+    value.robot_description = message.robot_description;
+  }
+};
+
+template <>
+struct Translation<LogAck> {
+  using Message = tachless::log_ack_t;
+  static MessageShape shape(const Layout&) { return {Message::getHash(), {{Kind::int64}}}; }
+  static void size(const Layout&, Message&) {}
+  static void write(const LogAck& value, const Layout&, Message& message) {
+    message.missing = static_cast<std::int64_t>(value.missing);
+  }
+  static Rejection check(const Message&) { return Rejection::none; }
+  static void read(const Message& message, LogAck& value) {
+    value.missing = static_cast<std::uint64_t>(message.missing);
+  }
+};
+
+template class Codec<Tick>;
+template class Codec<robot::PositionMeasurement>;
+template class Codec<robot::MotorPositionMeasurement>;
+template class Codec<robot::LinkStateMeasurement>;
+template class Codec<robot::StateMeasurement>;
+template class Codec<robot::ReferencePoint>;
+template class Codec<robot::TorqueCommand>;
+template class Codec<robot::ControllerState>;
+template class Codec<Participant>;
+template class Codec<RunInfo>;
+template class Codec<LogAck>;
+
+}  // namespace bus

@@ -1,0 +1,107 @@
+#include "bus/truth/truth_wire.h"
+
+#include <gmock/gmock.h>
+
+#include <limits>
+#include <tachless_truth/plant_truth_t.hpp>
+
+#include "tests/bus/codec_checks.h"
+#include "tests/bus/counting_new.h"
+
+namespace bus::truth {
+namespace {
+
+using codec_checks::Bytes;
+using codec_checks::Random;
+using codec_checks::sample;
+using codec_checks::verdict;
+
+constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
+constexpr std::size_t reals = body + 8;
+
+struct TruthType {
+  using Value = PlantTruth;
+  using Message = tachless_truth::plant_truth_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.num_motors = layout.num_motors;
+    m.position = random.reals(layout.num_joints);
+    m.velocity = random.reals(layout.num_joints);
+    m.motor_position = random.reals(layout.num_motors);
+    m.motor_velocity = random.reals(layout.num_motors);
+    m.torque = random.reals(layout.num_joints);
+    for (int i = 0; i < layout.num_joints; ++i) m.saturated.push_back(random.coin());
+    m.fault = 2;
+    return m;
+  }
+};
+
+TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
+  codec_checks::agrees_with_generated_code<TruthType>();
+}
+TEST(TruthCodec, SurvivesEveryCutAndEveryFlippedBit) { codec_checks::survives_damage<TruthType>(); }
+TEST(TruthCodec, RejectsAnotherTypesFingerprint) {
+  codec_checks::rejects_other_fingerprint<TruthType>();
+}
+TEST(TruthCodec, RejectsHostileCounts) {
+  codec_checks::rejects_counts<TruthType>(body, {2, 2, 1});
+  codec_checks::rejects_counts<TruthType>(body + 4, {2, 2, 1});
+  codec_checks::rejects_counts<TruthType>(body + 4, {2, 0, 1});
+}
+TEST(TruthCodec, RejectsNonFiniteReals) {
+  codec_checks::rejects_non_finite<TruthType>(reals, 15, {3, 3, 1});
+}
+TEST(TruthCodec, RejectsAFlagThatIsNeitherZeroNorOneAndAFaultThatIsNone) {
+  const Layout layout{3, 0, 1};
+  Bytes bytes = sample<TruthType>(layout);
+  bytes.at(reals + 8 * 9 + 2) = std::byte{2};
+  EXPECT_EQ(verdict<TruthType>(layout, bytes), Rejection::bad_value);
+  for (const int fault : {3, 127, 128, 255}) {
+    bytes = sample<TruthType>(layout);
+    bytes.back() = static_cast<std::byte>(fault);
+    EXPECT_EQ(verdict<TruthType>(layout, bytes), Rejection::bad_value) << fault;
+  }
+}
+TEST(TruthCodec, DoesNotAllocateOnceConstructed) {
+  for (const Layout& layout : codec_checks::layouts()) {
+    const Bytes bytes = sample<TruthType>(layout);
+    Codec<PlantTruth> codec(layout);
+    Stamp stamp;
+    PlantTruth value;
+    const std::size_t before = allocations;
+    for (int i = 0; i < 3; ++i) {
+      ASSERT_EQ(codec.decode(bytes, stamp, value), Rejection::none);
+      ASSERT_EQ(codec.encode(stamp, value).size(), bytes.size());
+    }
+    EXPECT_EQ(allocations, before);
+  }
+}
+TEST(TruthCodec, LeavesNothingOfAnEarlierMessageBehind) {
+  Stamp stamp;
+  PlantTruth value;
+  value.saturated.fill(true);
+  const Layout flexible{2, 2, 1};
+  const Layout rigid{2, 0, 1};
+  ASSERT_EQ(Codec<PlantTruth>(flexible).decode(sample<TruthType>(flexible), stamp, value),
+            Rejection::none);
+  ASSERT_EQ(Codec<PlantTruth>(rigid).decode(sample<TruthType>(rigid), stamp, value),
+            Rejection::none);
+  EXPECT_EQ(value.theta.size(), 0);
+  EXPECT_EQ(value.thetadot.size(), 0);
+  for (std::size_t i = 2; i < value.saturated.size(); ++i) EXPECT_FALSE(value.saturated[i]);
+}
+TEST(TruthCodec, RefusesToEncodeWhatIsNotFiniteOrOfAnotherSize) {
+  Codec<PlantTruth> codec({2, 0, 1});
+  const robot::Vector zero = robot::Vector::Zero(2);
+  PlantTruth value{zero, zero, {}, {}, zero};
+  EXPECT_NO_THROW(codec.encode({}, value));
+  EXPECT_THROW(Codec<PlantTruth>({2, 2, 1}).encode({}, value), std::logic_error);
+  value.v[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(all_finite(value));
+  EXPECT_THROW(codec.encode({}, value), std::domain_error);
+}
+TEST(TruthChannel, IsItsOwn) { EXPECT_EQ(channel<PlantTruth>("ARM"), "ARM_TRUTH"); }
+
+}  // namespace
+}  // namespace bus::truth

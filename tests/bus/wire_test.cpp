@@ -1,0 +1,491 @@
+#include "bus/wire.h"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <tachless/controller_state_t.hpp>
+#include <tachless/link_state_measurement_t.hpp>
+#include <tachless/log_ack_t.hpp>
+#include <tachless/motor_position_measurement_t.hpp>
+#include <tachless/participant_t.hpp>
+#include <tachless/position_measurement_t.hpp>
+#include <tachless/reference_t.hpp>
+#include <tachless/run_info_t.hpp>
+#include <tachless/state_measurement_t.hpp>
+#include <tachless/tick_t.hpp>
+#include <tachless/torque_command_t.hpp>
+
+#include "tests/bus/codec_checks.h"
+#include "tests/bus/counting_new.h"
+
+namespace bus {
+namespace {
+
+using codec_checks::Bytes;
+using codec_checks::overwrite_int32;
+using codec_checks::Random;
+using codec_checks::sample;
+using codec_checks::verdict;
+
+constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+struct TickType {
+  using Value = Tick;
+  using Message = tachless::tick_t;
+  static Message message(const Layout&, Random&) {
+    Message m{};
+    m.last = 1;
+    return m;
+  }
+};
+struct PositionType {
+  using Value = robot::PositionMeasurement;
+  using Message = tachless::position_measurement_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.position = random.reals(layout.num_joints);
+    return m;
+  }
+};
+struct MotorPositionType {
+  using Value = robot::MotorPositionMeasurement;
+  using Message = tachless::motor_position_measurement_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.motor_position = random.reals(layout.num_joints);
+    return m;
+  }
+};
+struct LinkStateType {
+  using Value = robot::LinkStateMeasurement;
+  using Message = tachless::link_state_measurement_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.position = random.reals(layout.num_joints);
+    m.velocity = random.reals(layout.num_joints);
+    m.motor_position = random.reals(layout.num_joints);
+    return m;
+  }
+};
+struct StateType {
+  using Value = robot::StateMeasurement;
+  using Message = tachless::state_measurement_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.num_motors = layout.num_motors;
+    m.position = random.reals(layout.num_joints);
+    m.velocity = random.reals(layout.num_joints);
+    m.motor_position = random.reals(layout.num_motors);
+    m.motor_velocity = random.reals(layout.num_motors);
+    return m;
+  }
+};
+struct ReferenceType {
+  using Value = robot::ReferencePoint;
+  using Message = tachless::reference_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.position = random.reals(layout.num_joints);
+    m.velocity = random.reals(layout.num_joints);
+    m.acceleration = random.reals(layout.num_joints);
+    m.jerk = random.reals(layout.num_joints);
+    m.snap = random.reals(layout.num_joints);
+    return m;
+  }
+};
+struct CommandType {
+  using Value = robot::TorqueCommand;
+  using Message = tachless::torque_command_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_joints = layout.num_joints;
+    m.torque = random.reals(layout.num_joints);
+    return m;
+  }
+};
+struct ControllerStateType {
+  using Value = robot::ControllerState;
+  using Message = tachless::controller_state_t;
+  static Message message(const Layout& layout, Random& random) {
+    Message m{};
+    m.num_filters = layout.num_filters;
+    m.num_joints = layout.num_joints;
+    for (int i = 0; i < layout.num_filters; ++i) {
+      m.error.push_back(random.reals(layout.num_joints));
+      m.nu.push_back(random.reals(layout.num_joints));
+    }
+    return m;
+  }
+};
+struct ParticipantType {
+  using Value = Participant;
+  using Message = tachless::participant_t;
+  static Message message(const Layout&, Random& random) {
+    Message m{};
+    m.instance = -5;
+    m.scenario_digest = 0x7edcba9876543210;
+    m.pid = 4711;
+    m.state = 4;
+    m.fault_code = static_cast<std::int8_t>(130);
+    m.error_norm = std::abs(random.real());
+    m.role = "controller";
+    m.host = "workbench";
+    m.measurement = "POSITION";
+    m.fault = "";
+    return m;
+  }
+};
+struct RunInfoType {
+  using Value = RunInfo;
+  using Message = tachless::run_info_t;
+  static Message message(const Layout&, Random&) {
+    Message m{};
+    m.num_ticks = 40000;
+    m.period_s = 5.0e-5;
+    m.version = "0.1.0";
+    m.robot = "ARM";
+    m.measurement = "POSITION";
+    m.scenario = "name: paper_rigid\n";
+    m.robot_description = "<robot name=\"two_link\"/>";
+    return m;
+  }
+};
+struct LogAckType {
+  using Value = LogAck;
+  using Message = tachless::log_ack_t;
+  static Message message(const Layout&, Random&) {
+    Message m{};
+    m.missing = -0x7fffffffffffffff;
+    return m;
+  }
+};
+
+template <class Type>
+class EveryCodec : public testing::Test {};
+using Types = testing::Types<TickType, PositionType, MotorPositionType, LinkStateType, StateType,
+                             ReferenceType, CommandType, ControllerStateType, ParticipantType,
+                             RunInfoType, LogAckType>;
+TYPED_TEST_SUITE(EveryCodec, Types);
+
+TYPED_TEST(EveryCodec, AgreesWithGeneratedCodeByteForByte) {
+  codec_checks::agrees_with_generated_code<TypeParam>();
+}
+TYPED_TEST(EveryCodec, SurvivesEveryCutAndEveryFlippedBit) {
+  codec_checks::survives_damage<TypeParam>();
+}
+TYPED_TEST(EveryCodec, RejectsAnotherTypesFingerprint) {
+  codec_checks::rejects_other_fingerprint<TypeParam>();
+}
+TYPED_TEST(EveryCodec, RejectsAnEmptyDatagram) {
+  EXPECT_EQ(verdict<TypeParam>({2, 2, 2}, {}), Rejection::wrong_size);
+}
+
+template <class Type>
+class CodecOfFixedSize : public testing::Test {};
+using FixedSizeTypes =
+    testing::Types<TickType, PositionType, MotorPositionType, LinkStateType, StateType,
+                   ReferenceType, CommandType, ControllerStateType, LogAckType>;
+TYPED_TEST_SUITE(CodecOfFixedSize, FixedSizeTypes);
+
+TYPED_TEST(CodecOfFixedSize, DoesNotAllocateOnceConstructed) {
+  for (const Layout& layout : codec_checks::layouts()) {
+    const Bytes bytes = sample<TypeParam>(layout);
+    Codec<typename TypeParam::Value> codec(layout);
+    Stamp stamp;
+    typename TypeParam::Value value;
+    const std::size_t before = allocations;
+    for (int i = 0; i < 3; ++i) {
+      ASSERT_EQ(codec.decode(bytes, stamp, value), Rejection::none);
+      ASSERT_EQ(codec.encode(stamp, value).size(), bytes.size());
+      ASSERT_EQ(codec.decode(std::span(bytes).first(bytes.size() - 1), stamp, value),
+                Rejection::wrong_size);
+    }
+    EXPECT_EQ(allocations, before) << layout.num_joints << " joints";
+  }
+}
+
+template <class Type>
+class CodecOfArrays : public testing::Test {};
+using ArrayTypes = testing::Types<PositionType, MotorPositionType, LinkStateType, StateType,
+                                  ReferenceType, CommandType, ControllerStateType>;
+TYPED_TEST_SUITE(CodecOfArrays, ArrayTypes);
+
+TYPED_TEST(CodecOfArrays, RejectsHostileCounts) {
+  codec_checks::rejects_counts<TypeParam>(body, {2, 2, 2});
+}
+TYPED_TEST(CodecOfArrays, RejectsAMessageOfAnotherJointCount) {
+  EXPECT_EQ(verdict<TypeParam>({2, 2, 2}, sample<TypeParam>({3, 3, 2})), Rejection::wrong_size);
+  EXPECT_EQ(verdict<TypeParam>({3, 3, 2}, sample<TypeParam>({2, 2, 2})), Rejection::wrong_size);
+}
+TYPED_TEST(CodecOfArrays, RejectsNonFiniteReals) {
+  const Layout layout{3, 3, 2};
+  const Bytes bytes = sample<TypeParam>(layout);
+  const std::size_t counts = (bytes.size() - body) % 8 == 0 ? 8 : 4;
+  codec_checks::rejects_non_finite<TypeParam>(body + counts, (bytes.size() - body - counts) / 8,
+                                              layout);
+}
+TYPED_TEST(CodecOfArrays, RefusesImpossibleLayouts) {
+  using Value = typename TypeParam::Value;
+  EXPECT_THROW(Codec<Value>({0, 0, 1}), std::logic_error);
+  EXPECT_THROW(Codec<Value>({-1, 0, 1}), std::logic_error);
+  EXPECT_THROW(Codec<Value>({65, 0, 1}), std::logic_error);
+  EXPECT_THROW(Codec<Value>({2, 1, 1}), std::logic_error);
+  EXPECT_THROW(Codec<Value>({2, 0, 3}), std::logic_error);
+  EXPECT_THROW(Codec<Value>({2, 0, -1}), std::logic_error);
+}
+TYPED_TEST(CodecOfArrays, RefusesToEncodeSizesThatDisagreeWithTheLayout) {
+  using Value = typename TypeParam::Value;
+  Stamp stamp;
+  Value of_three;
+  ASSERT_EQ(Codec<Value>({3, 3, 2}).decode(sample<TypeParam>({3, 3, 2}), stamp, of_three),
+            Rejection::none);
+  EXPECT_THROW(Codec<Value>({2, 2, 2}).encode(stamp, of_three), std::logic_error);
+}
+TYPED_TEST(CodecOfArrays, RefusesAValueWithoutEntries) {
+  using Value = typename TypeParam::Value;
+  EXPECT_THROW(Codec<Value>({2, 2, 2}).encode({}, Value{}), std::logic_error);
+}
+
+TEST(StateCodec, RejectsHostileMotorCounts) {
+  codec_checks::rejects_counts<StateType>(body + 4, {2, 2, 1});
+  codec_checks::rejects_counts<StateType>(body + 4, {2, 0, 1});
+}
+TEST(StateCodec, LeavesNoMotorsOfAnEarlierMessageBehind) {
+  Stamp stamp;
+  robot::StateMeasurement value;
+  ASSERT_EQ(
+      Codec<robot::StateMeasurement>({2, 2, 1}).decode(sample<StateType>({2, 2, 1}), stamp, value),
+      Rejection::none);
+  ASSERT_EQ(
+      Codec<robot::StateMeasurement>({2, 0, 1}).decode(sample<StateType>({2, 0, 1}), stamp, value),
+      Rejection::none);
+  EXPECT_EQ(value.theta.size(), 0);
+  EXPECT_EQ(value.thetadot.size(), 0);
+}
+TEST(ControllerStateCodec, RejectsHostileJointCounts) {
+  codec_checks::rejects_counts<ControllerStateType>(body + 4, {2, 0, 2});
+}
+TEST(ControllerStateCodec, LeavesNoFilterOfAnEarlierMessageBehind) {
+  Stamp stamp;
+  robot::ControllerState value;
+  ASSERT_EQ(Codec<robot::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
+                                                            stamp, value),
+            Rejection::none);
+  ASSERT_EQ(Codec<robot::ControllerState>({2, 0, 1}).decode(sample<ControllerStateType>({2, 0, 1}),
+                                                            stamp, value),
+            Rejection::none);
+  EXPECT_EQ(value.num_filters, 1);
+  EXPECT_EQ(value.error[1].size(), 0);
+  EXPECT_EQ(value.nu[1].size(), 0);
+}
+TEST(ControllerStateCodec, RefusesAnotherNumberOfFilters) {
+  Stamp stamp;
+  robot::ControllerState value;
+  ASSERT_EQ(Codec<robot::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
+                                                            stamp, value),
+            Rejection::none);
+  EXPECT_THROW(Codec<robot::ControllerState>({2, 0, 1}).encode(stamp, value), std::logic_error);
+}
+
+TEST(CommandCodec, RefusesToEncodeWhatIsNotFinite) {
+  Codec<robot::TorqueCommand> codec({2, 0, 1});
+  robot::TorqueCommand command{robot::Vector::Constant(2, 1.0)};
+  EXPECT_TRUE(all_finite(command));
+  EXPECT_NO_THROW(codec.encode({}, command));
+  command.tau[1] = nan;
+  EXPECT_FALSE(all_finite(command));
+  EXPECT_THROW(codec.encode({}, command), std::domain_error);
+  command.tau[1] = std::numeric_limits<double>::infinity();
+  EXPECT_THROW(codec.encode({}, command), std::domain_error);
+}
+TEST(AllFinite, LooksAtEveryMemberOfEveryValue) {
+  const robot::Vector good = robot::Vector::Zero(2);
+  const robot::Vector bad = robot::Vector::Constant(2, nan);
+  EXPECT_FALSE(all_finite(robot::PositionMeasurement{bad}));
+  EXPECT_FALSE(all_finite(robot::MotorPositionMeasurement{bad}));
+  EXPECT_FALSE(all_finite(robot::LinkStateMeasurement{bad, good, good}));
+  EXPECT_FALSE(all_finite(robot::LinkStateMeasurement{good, bad, good}));
+  EXPECT_FALSE(all_finite(robot::LinkStateMeasurement{good, good, bad}));
+  EXPECT_FALSE(all_finite(robot::StateMeasurement{bad, good, good, good}));
+  EXPECT_FALSE(all_finite(robot::StateMeasurement{good, bad, good, good}));
+  EXPECT_FALSE(all_finite(robot::StateMeasurement{good, good, bad, good}));
+  EXPECT_FALSE(all_finite(robot::StateMeasurement{good, good, good, bad}));
+  EXPECT_FALSE(all_finite(robot::ReferencePoint{bad, good, good, good, good}));
+  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, bad, good, good, good}));
+  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, good, bad, good, good}));
+  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, good, good, bad, good}));
+  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, good, good, good, bad}));
+  EXPECT_FALSE(all_finite(robot::ControllerState{1, {bad, {}}, {good, {}}}));
+  EXPECT_FALSE(all_finite(robot::ControllerState{2, {good, good}, {good, bad}}));
+  Participant participant;
+  participant.error_norm = nan;
+  EXPECT_FALSE(all_finite(participant));
+  RunInfo info;
+  info.period_s = nan;
+  EXPECT_FALSE(all_finite(info));
+}
+
+TEST(TickCodec, RejectsABooleanThatIsNeitherZeroNorOne) {
+  Bytes bytes = sample<TickType>({});
+  for (int value = 0; value < 256; ++value) {
+    bytes.back() = static_cast<std::byte>(value);
+    EXPECT_EQ(verdict<TickType>({}, bytes), value <= 1 ? Rejection::none : Rejection::bad_value);
+  }
+}
+
+// Offsets inside participant_t.
+constexpr std::size_t participant_state = body + 20;
+constexpr std::size_t participant_error_norm = body + 22;
+constexpr std::size_t participant_role = body + 30;  // length of the first text
+
+TEST(ParticipantCodec, RejectsNonFiniteErrorNorm) {
+  codec_checks::rejects_non_finite<ParticipantType>(participant_error_norm, 1, {});
+}
+TEST(ParticipantCodec, RejectsValuesOutsideTheirRange) {
+  Bytes bytes = sample<ParticipantType>({});
+  bytes[participant_state] = std::byte{5};
+  EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_value);
+  bytes[participant_state] = std::byte{0xff};
+  EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_value);
+  bytes = sample<ParticipantType>({});
+  codec_checks::overwrite_real(bytes, participant_error_norm, -1.0);
+  EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_value);
+  bytes = sample<ParticipantType>({});
+  bytes[participant_role + 4] = std::byte{'C'};
+  EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_value);
+}
+TEST(ParticipantCodec, RejectsTextLengthsThatAreHostile) {
+  for (const std::int32_t length :
+       {0, -1, -0x7fffffff - 1, 0x7fffffff, 0x20000000, 1026, 10, 12, 64}) {
+    Bytes bytes = sample<ParticipantType>({});
+    overwrite_int32(bytes, participant_role, length);  // "controller" has 11 with its NUL
+    EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_text) << length;
+  }
+}
+TEST(ParticipantCodec, RejectsATextWithoutNulAndOneWithNulInside) {
+  Bytes bytes = sample<ParticipantType>({});
+  bytes.at(participant_role + 4 + 10) = std::byte{'x'};
+  EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_text);
+  bytes = sample<ParticipantType>({});
+  bytes.at(participant_role + 4 + 3) = std::byte{0};
+  EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_text);
+}
+TEST(ParticipantCodec, CarriesTextsOfTheGreatestLengthAndRefusesLongerOnes) {
+  Codec<Participant> codec({});
+  Participant value;
+  value.host = std::string(max_participant_text, 'h');
+  value.measurement = std::string(max_participant_text, 'm');
+  value.fault = std::string(max_participant_text, 'f');
+  Stamp stamp;
+  Participant got;
+  ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
+  EXPECT_EQ(got.host, value.host);
+  EXPECT_EQ(got.fault, value.fault);
+  value.fault += 'x';
+  EXPECT_THROW(codec.encode({}, value), std::length_error);
+
+  Random random;
+  auto message = ParticipantType::message({}, random);
+  message.fault = value.fault;
+  EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
+}
+TEST(ParticipantCodec, RefusesToEncodeWhatItWouldNotDecode) {
+  Codec<Participant> codec({});
+  Participant value;
+  EXPECT_NO_THROW(codec.encode({}, value));
+  value.host = std::string("a\0b", 3);
+  EXPECT_THROW(codec.encode({}, value), std::logic_error);
+  value.host.clear();
+  value.error_norm = -1;
+  EXPECT_THROW(codec.encode({}, value), std::logic_error);
+  value.error_norm = nan;
+  EXPECT_THROW(codec.encode({}, value), std::domain_error);
+  value.error_norm = 0;
+  value.fault_code = 256;
+  EXPECT_THROW(codec.encode({}, value), std::logic_error);
+}
+TEST(ParticipantCodec, CarriesEveryExitCode) {
+  Codec<Participant> codec({});
+  for (int code = 0; code < 256; ++code) {
+    Participant value;
+    value.fault_code = code;
+    Stamp stamp;
+    Participant got;
+    ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
+    EXPECT_EQ(got.fault_code, code);
+  }
+}
+TEST(ParticipantCodec, CarriesEveryRole) {
+  Codec<Participant> codec({});
+  for (int i = 0; i < num_roles; ++i) {
+    Participant value;
+    value.role = static_cast<Role>(i);
+    Stamp stamp;
+    Participant got;
+    ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
+    EXPECT_EQ(got.role, value.role);
+  }
+}
+
+TEST(RunInfoCodec, RejectsNonFinitePeriod) {
+  codec_checks::rejects_non_finite<RunInfoType>(body + 8, 1, {});
+}
+TEST(RunInfoCodec, RejectsNoTicksAndNoPeriod) {
+  Bytes bytes = sample<RunInfoType>({});
+  codec_checks::overwrite(bytes, body, 0, 8);
+  EXPECT_EQ(verdict<RunInfoType>({}, bytes), Rejection::bad_value);
+  bytes = sample<RunInfoType>({});
+  codec_checks::overwrite_real(bytes, body + 8, 0.0);
+  EXPECT_EQ(verdict<RunInfoType>({}, bytes), Rejection::bad_value);
+}
+TEST(RunInfoCodec, RejectsTextLengthsThatAreHostile) {
+  for (const std::int32_t length : {0, -1, -0x7fffffff - 1, 0x7fffffff, 5, 7, 1000}) {
+    Bytes bytes = sample<RunInfoType>({});
+    overwrite_int32(bytes, body + 16, length);  // "0.1.0" has 6 with its NUL
+    EXPECT_EQ(verdict<RunInfoType>({}, bytes), Rejection::bad_text) << length;
+  }
+}
+TEST(RunInfoCodec, FitsOneDatagramOrIsRefused) {
+  Codec<RunInfo> codec({});
+  RunInfo value;
+  value.num_ticks = 1;
+  value.period_s = 1e-3;
+  value.robot_description = std::string(max_run_info_size - body - 16 - 5 * 5, 'x');
+  EXPECT_EQ(codec.encode({}, value).size(), static_cast<std::size_t>(max_run_info_size));
+  value.scenario.push_back('y');
+  EXPECT_THROW(codec.encode({}, value), std::length_error);
+
+  Random random;
+  auto message = RunInfoType::message({}, random);
+  message.robot_description = value.robot_description;
+  EXPECT_EQ(verdict<RunInfoType>({}, codec_checks::lcm_bytes(message)), Rejection::wrong_size);
+}
+
+TEST(Names, OfRejectionsAndRolesAreWhatTheHeaderSays) {
+  EXPECT_EQ(name(Rejection::none), "none");
+  EXPECT_EQ(name(Rejection::wrong_size), "wrong_size");
+  EXPECT_EQ(name(Rejection::wrong_type), "wrong_type");
+  EXPECT_EQ(name(Rejection::wrong_count), "wrong_count");
+  EXPECT_EQ(name(Rejection::non_finite), "non_finite");
+  EXPECT_EQ(name(Rejection::bad_text), "bad_text");
+  EXPECT_EQ(name(Rejection::bad_value), "bad_value");
+  EXPECT_EQ(name(Role::plant), "plant");
+  EXPECT_EQ(name(Role::reference), "reference");
+  EXPECT_EQ(name(Role::controller), "controller");
+  EXPECT_EQ(name(Role::logger), "logger");
+}
+TEST(Channels, AreUpperSnakeWithTheRobotsName) {
+  EXPECT_EQ(channel<robot::PositionMeasurement>("ARM"), "ARM_POSITION");
+  EXPECT_EQ(channel<RunInfo>("ARM"), "ARM_RUN_INFO");
+}
+
+}  // namespace
+}  // namespace bus
