@@ -308,13 +308,21 @@ struct Translation<Participant> {
   using Message = tachless::participant_t;
   static MessageShape shape(const Layout&) {
     const Field text{Kind::text, max_participant_text};
-    return {
-        Message::getHash(),
-        {{Kind::int64, 2}, {Kind::int32}, {Kind::int8, 2}, {Kind::real}, text, text, text, text}};
+    return {Message::getHash(),
+            {{Kind::int64, 2},
+             {Kind::int32},
+             {Kind::int8, 2},
+             {Kind::real},
+             text,
+             text,
+             text,
+             text,
+             text}};
   }
   static void size(const Layout&, Message&) {}
   static void write(const Participant& value, const Layout&, Message& message) {
     require_text(value.host, max_participant_text, "host");
+    require_text(value.scenario, max_participant_text, "scenario");
     require_text(value.measurement, max_participant_text, "measurement");
     require_text(value.fault, max_participant_text, "fault");
     if (value.fault_code < 0 || value.fault_code > 255) {
@@ -329,6 +337,7 @@ struct Translation<Participant> {
     message.error_norm = value.error_norm;
     message.role = name(value.role);
     message.host = value.host;
+    message.scenario = value.scenario;
     message.measurement = value.measurement;
     message.fault = value.fault;
     if (check(message) != Rejection::none) {
@@ -350,6 +359,7 @@ struct Translation<Participant> {
     value.error_norm = message.error_norm;
     value.role = *role_named(message.role);
     value.host = message.host;
+    value.scenario = message.scenario;
     value.measurement = message.measurement;
     value.fault = message.fault;
   }

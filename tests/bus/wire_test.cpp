@@ -138,6 +138,7 @@ struct ParticipantType {
     m.error_norm = std::abs(random.real());
     m.role = "controller";
     m.host = "workbench";
+    m.scenario = "paper_rigid";
     m.measurement = "POSITION";
     m.fault = "";
     return m;
@@ -382,12 +383,15 @@ TEST(ParticipantCodec, CarriesTextsOfTheGreatestLengthAndRefusesLongerOnes) {
   Codec<Participant> codec({});
   Participant value;
   value.host = std::string(max_participant_text, 'h');
+  value.scenario = std::string(max_participant_text, 's');
   value.measurement = std::string(max_participant_text, 'm');
   value.fault = std::string(max_participant_text, 'f');
   Stamp stamp;
   Participant got;
   ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
   EXPECT_EQ(got.host, value.host);
+  EXPECT_EQ(got.scenario, value.scenario);
+  EXPECT_EQ(got.measurement, value.measurement);
   EXPECT_EQ(got.fault, value.fault);
   value.fault += 'x';
   EXPECT_THROW(codec.encode({}, value), std::length_error);
