@@ -1,0 +1,104 @@
+#pragma once
+
+#include <cmath>
+#include <stdexcept>
+
+#include "robot/quantities.h"
+
+namespace controller::law {
+
+/// How the continuous filter is carried over to sampled positions. Each is of the form
+/// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}).
+enum class Discretisation {
+  first_order_hold,  ///< ramp-invariant: exact for e piecewise linear
+  tustin,
+  backward_euler,
+  zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
+};
+
+/// Where the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)` begins.
+enum class FilterStart {
+  at_error,  ///< w(0) = e(0), hence nu(0) = 0
+  zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
+};
+
+/// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}) for one joint.
+struct FilterCoefficients {
+  double phi = 0;
+  double beta = 0;
+};
+
+/// The coefficients of b p / (p + a) sampled every `period_s`.
+/// @param a, b [1/s], > 0. @throw std::invalid_argument when one of the three is not positive.
+inline FilterCoefficients filter_coefficients(Discretisation kind, double a, double b,
+                                              double period_s) {
+  if (!(a > 0 && b > 0 && period_s > 0)) {
+    throw std::invalid_argument("filter: a, b and the period must be greater than 0");
+  }
+  const double ah = a * period_s;
+  switch (kind) {
+    case Discretisation::first_order_hold:
+      return {std::exp(-ah), -b * std::expm1(-ah) / ah};
+    case Discretisation::tustin:
+      return {(2 - ah) / (2 + ah), 2 * b / (2 + ah)};
+    case Discretisation::backward_euler:
+      return {1 / (1 + ah), b / (1 + ah)};
+    case Discretisation::zero_order_hold:
+      return {std::exp(-ah), b};
+  }
+  throw std::logic_error("filter: no such discretisation");
+}
+
+/// The dirty derivative nu = diag{ b_i p / (p + a_i) } e, i.e. nudot = -A nu + B edot (paper,
+/// eq. 4-5; its vartheta), from samples of e. It stands in for edot where velocity is not
+/// measured. It does not differentiate, and it does not know the reference.
+class Filter {
+ public:
+  struct Memory {
+    robot::Vector nu;          ///< [rad/s]
+    robot::Vector e_previous;  ///< [rad]
+  };
+
+  /// @param a, b [1/s], one entry per joint, > 0. @param period_s [s], > 0.
+  /// @throw std::invalid_argument when one of them is not positive or the lengths differ.
+  Filter(const robot::Vector& a, const robot::Vector& b, Discretisation kind, FilterStart start,
+         double period_s)
+      : a_(a), b_(b), phi_(a.size()), beta_(a.size()), start_(start) {
+    if (a.size() != b.size()) {
+      throw std::invalid_argument("filter: a and b must have one entry per joint");
+    }
+    for (Eigen::Index i = 0; i < a.size(); ++i) {
+      const FilterCoefficients joint = filter_coefficients(kind, a[i], b[i], period_s);
+      phi_[i] = joint.phi;
+      beta_[i] = joint.beta;
+    }
+  }
+
+  /// Memory before the first sample e(0) [rad] is given to `step`, which then returns the nu(0)
+  /// that the kind of start asks for.
+  [[nodiscard]] Memory start(const robot::Vector& e) const {
+    Memory memory{robot::Vector::Zero(e.size()), e};
+    if (start_ == FilterStart::zero) {
+      // So that beta (e - e_previous) = B e.
+      memory.e_previous -= b_.cwiseQuotient(beta_).cwiseProduct(e);
+    }
+    return memory;
+  }
+
+  /// The memory after the sample e [rad]; its `nu` is the output that belongs to that sample.
+  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
+    return {phi_.cwiseProduct(memory.nu) + beta_.cwiseProduct(e - memory.e_previous), e};
+  }
+
+  /// nudot = -A nu + B edot, the continuous filter's own equation [rad/s^2].
+  [[nodiscard]] robot::Vector derivative(const robot::Vector& nu, const robot::Vector& edot) const {
+    return b_.cwiseProduct(edot) - a_.cwiseProduct(nu);
+  }
+
+ private:
+  robot::Vector a_, b_;
+  robot::Vector phi_, beta_;
+  FilterStart start_;
+};
+
+}  // namespace controller::law

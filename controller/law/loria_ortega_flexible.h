@@ -1,0 +1,149 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <utility>
+
+#include "controller/law/filter.h"
+#include "controller/law/flexible_robot.h"
+#include "controller/law/law.h"
+#include "controller/law/settings.h"
+#include "robot/forward_dynamics.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/jet.h"
+
+namespace controller::law {
+
+/// Tracking of a robot with flexible joints without link jerk: A. Loria and R. Ortega, "On
+/// tracking control of rigid and flexible joint robots", Appl. Math. and Comp. Sci. 5(2), 1995,
+/// eq. 9-12,
+///
+///   theta_ref = q_ref + K^-1 [ ID_l(q, v_ref, vdot_ref) - Kp1 e1 - Kd1 nu1 ],
+///   tau = J thetaddot_ref + K (theta_ref - q_ref) - Kp2 e2 - Kd2 nu2,
+///   nu_j = diag{ b_j p / (p + a_j) } e_j,   e1 = q - q_ref,   e2 = theta - theta_ref.
+///
+/// thetaddot_ref is exact: jets (value, first and second time derivative) go through the one
+/// inverse dynamics, with q's second derivative from the first line of eq. 1 by forward dynamics;
+/// nu1dot = -A1 nu1 + B1 e1dot and nu1ddot = -A1 nu1dot + B1 e1ddot are the continuous filter's
+/// equations at the sampled filter's output. The reference's derivatives are used up to snap.
+///
+/// Measures: link position, link velocity, motor position. Motor velocity and link jerk have no
+/// way in. Memory: the two filters. Conditions: eq. 12 and the proof's, which `tachless certify`
+/// evaluates.
+class LoriaOrtegaFlexible {
+ public:
+  static constexpr std::string_view name = "loria_ortega_flexible";
+  static constexpr int num_filters = 2;  ///< of the link's and of the motor's error
+  static constexpr bool regulation_only = false;
+  static constexpr bool has_feedforward_lead = false;
+
+  using Robot = FlexibleRobot;
+  using Measurement = robot::LinkStateMeasurement;
+  struct Memory {
+    Filter::Memory link;
+    Filter::Memory motor;
+  };
+
+  struct Gains {
+    robot::Vector kp1;  ///< of the link's error [N m/rad]
+    robot::Vector kd1;  ///< [N m s/rad]
+    robot::Vector a1;   ///< filter pole [1/s]
+    robot::Vector b1;   ///< filter gain [1/s]
+    robot::Vector kp2;  ///< of the motor's error [N m/rad]
+    robot::Vector kd2;  ///< [N m s/rad]
+    robot::Vector a2;   ///< filter pole [1/s]
+    robot::Vector b2;   ///< filter gain [1/s]
+
+    static constexpr std::array<GainName<Gains>, 8> names{{{"kp1", &Gains::kp1},
+                                                           {"kd1", &Gains::kd1},
+                                                           {"a1", &Gains::a1},
+                                                           {"b1", &Gains::b1},
+                                                           {"kp2", &Gains::kp2},
+                                                           {"kd2", &Gains::kd2},
+                                                           {"a2", &Gains::a2},
+                                                           {"b2", &Gains::b2}}};
+  };
+
+  /// The motors' reference at one instant.
+  struct MotorReference {
+    robot::Vector torque;     ///< K (theta_ref - q_ref), eq. 10 [N m]
+    robot::Vector theta_ref;  ///< [rad]
+    robot::Vector thetaddot_ref;
+  };
+
+  LoriaOrtegaFlexible(Robot robot, Gains gains, const Settings& settings)
+      : robot_(std::move(robot)),
+        gains_(std::move(gains)),
+        link_filter_(gains_.a1, gains_.b1, settings.filter, settings.filter_start,
+                     settings.period_s),
+        motor_filter_(gains_.a2, gains_.b2, settings.filter, settings.filter_start,
+                      settings.period_s) {}
+
+  [[nodiscard]] Memory start(const Measurement& measurement,
+                             const robot::ReferencePoint& reference) const {
+    const robot::Vector e1 = measurement.q - reference.q_ref;
+    const Filter::Memory link = link_filter_.start(e1);
+    const MotorReference motor =
+        motor_reference(measurement, reference, link_filter_.step(link, e1).nu);
+    return {link, motor_filter_.start(measurement.theta - motor.theta_ref)};
+  }
+
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
+                                  const robot::ReferencePoint& reference) const {
+    const robot::Vector e1 = measurement.q - reference.q_ref;
+    Step<Memory> result;
+    result.memory.link = link_filter_.step(memory.link, e1);
+    const MotorReference motor = motor_reference(measurement, reference, result.memory.link.nu);
+    const robot::Vector e2 = measurement.theta - motor.theta_ref;
+    result.memory.motor = motor_filter_.step(memory.motor, e2);
+
+    result.command.tau = robot_.rotor_inertia.cwiseProduct(motor.thetaddot_ref) + motor.torque -
+                         gains_.kp2.cwiseProduct(e2) -
+                         gains_.kd2.cwiseProduct(result.memory.motor.nu);
+    result.state.num_filters = num_filters;
+    result.state.error = {e1, e2};
+    result.state.nu = {result.memory.link.nu, result.memory.motor.nu};
+    return result;
+  }
+
+  /// Eq. 10 and its second time derivative, with nu1 [rad/s] the link filter's output.
+  [[nodiscard]] MotorReference motor_reference(const Measurement& measurement,
+                                               const robot::ReferencePoint& reference,
+                                               const robot::Vector& nu1) const {
+    const robot::Vector& q = measurement.q;
+    const robot::Vector& v = measurement.v;
+    const robot::Vector vdot = robot::forward_dynamics(
+        robot_.links, q, v, robot_.spring_torque(q, measurement.theta));  // eq. 1, first line
+    const robot::Vector e1 = q - reference.q_ref;
+    const robot::Vector e1dot = v - reference.v_ref;
+    const robot::Vector e1ddot = vdot - reference.a_ref;
+    const robot::Vector nu1dot = link_filter_.derivative(nu1, e1dot);
+    const robot::Vector nu1ddot = link_filter_.derivative(nu1dot, e1ddot);
+
+    const robot::JetVector feedforward = robot::inverse_dynamics(
+        robot_.links, robot::jet(q, v, vdot),
+        robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref),
+        robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref));
+
+    MotorReference motor;
+    motor.torque =
+        robot::value(feedforward) - gains_.kp1.cwiseProduct(e1) - gains_.kd1.cwiseProduct(nu1);
+    const robot::Vector torque_second = robot::second_derivative(feedforward) -
+                                        gains_.kp1.cwiseProduct(e1ddot) -
+                                        gains_.kd1.cwiseProduct(nu1ddot);
+    motor.theta_ref = reference.q_ref + motor.torque.cwiseQuotient(robot_.stiffness);
+    motor.thetaddot_ref = reference.a_ref + torque_second.cwiseQuotient(robot_.stiffness);
+    return motor;
+  }
+
+ private:
+  Robot robot_;
+  Gains gains_;
+  Filter link_filter_;
+  Filter motor_filter_;
+};
+
+static_assert(Law<LoriaOrtegaFlexible>);
+static_assert(std::same_as<LoriaOrtegaFlexible::Measurement, robot::LinkStateMeasurement>);
+
+}  // namespace controller::law

@@ -1,0 +1,135 @@
+#pragma once
+
+#include <array>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "controller/law/flexible_robot.h"
+#include "controller/law/law.h"
+#include "controller/law/settings.h"
+#include "robot/forward_dynamics.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/jet.h"
+
+namespace controller::law {
+
+/// Tracking of a robot with flexible joints with the full state and link jerk: the passivity-based
+/// law of Lozano and Brogliato (1992-1995), in the form implemented here,
+///
+///   theta_ref = q_ref + K^-1 [ M v_rdot + C(q, v) v_r + g - Ks1 s1 ],  v_r = v_ref - lambda e1,
+///   tau = J thetaddot_r + K (theta_ref - q_ref) - Ks2 s2,  thetadot_r = thetadot_ref - lambda e2,
+///   s1 = v - v_r,  s2 = thetadot - thetadot_r,  e1 = q - q_ref,  e2 = theta - theta_ref.
+///
+/// The contrast to `LoriaOrtegaFlexible`: theta_ref holds link velocity, so its second derivative
+/// holds link jerk, which is computed from the model and from motor velocity.
+///
+/// Measures: the full state. Memory: none. Conditions: any positive gains, one lambda for all
+/// joints.
+class SlotineLiFlexible {
+ public:
+  static constexpr std::string_view name = "slotine_li_flexible";
+  static constexpr int num_filters = 2;  ///< its "filter outputs" in the log: e1dot and e2dot
+  static constexpr bool regulation_only = false;
+  static constexpr bool has_feedforward_lead = false;
+
+  using Robot = FlexibleRobot;
+  using Measurement = robot::StateMeasurement;
+  struct Memory {};
+
+  struct Gains {
+    robot::Vector lambda;  ///< the same for every joint [1/s]
+    robot::Vector ks1;     ///< [N m s/rad]
+    robot::Vector ks2;     ///< [N m s/rad]
+
+    static constexpr std::array<GainName<Gains>, 3> names{
+        {{"lambda", &Gains::lambda}, {"ks1", &Gains::ks1}, {"ks2", &Gains::ks2}}};
+  };
+
+  /// @throw std::invalid_argument when lambda differs from joint to joint.
+  SlotineLiFlexible(Robot robot, Gains gains, const Settings& /*settings*/)
+      : robot_(std::move(robot)), gains_(std::move(gains)), lambda_(gains_.lambda[0]) {
+    if ((gains_.lambda.array() != lambda_).any()) {
+      throw std::invalid_argument(
+          "slotine_li_flexible: lambda differs from joint to joint; allowed: one value for all");
+    }
+  }
+
+  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
+                             const robot::ReferencePoint& /*reference*/) const {
+    return {};
+  }
+
+  [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
+                                  const robot::ReferencePoint& reference) const {
+    const robot::Vector& v = measurement.v;
+    const robot::JetVector theta_ref = motor_reference(measurement, reference);
+    const robot::Vector e2 = measurement.theta - robot::value(theta_ref);
+    const robot::Vector e2dot = measurement.thetadot - robot::first_derivative(theta_ref);
+    const robot::Vector s2 = e2dot + lambda_ * e2;
+    const robot::Vector thetaddot_r = robot::second_derivative(theta_ref) - lambda_ * e2dot;
+
+    Step<Memory> result;
+    result.command.tau = robot_.rotor_inertia.cwiseProduct(thetaddot_r) +
+                         robot_.spring_torque(reference.q_ref, robot::value(theta_ref)) -
+                         gains_.ks2.cwiseProduct(s2);
+    result.state.num_filters = num_filters;
+    result.state.error = {measurement.q - reference.q_ref, e2};
+    result.state.nu = {v - reference.v_ref, e2dot};
+    return result;
+  }
+
+  /// Link jerk by the model [rad/s^3]: the first line of eq. 1, differentiated once.
+  [[nodiscard]] robot::Vector link_jerk(const Measurement& measurement,
+                                        const robot::Vector& vdot) const {
+    const robot::Vector& q = measurement.q;
+    const robot::Vector& v = measurement.v;
+    const robot::Vector zero = robot::Vector::Zero(q.size());
+    // d/dt ID(q, v, vdot) = M jerk + what is left when jerk is taken for zero.
+    const robot::Vector rest = robot::first_derivative(
+        robot::inverse_dynamics(robot_.links, robot::jet(q, v, vdot), robot::jet(v, vdot, zero),
+                                robot::jet(vdot, zero, zero)));
+    const robot::Vector spring_rate = robot_.spring_torque(v, measurement.thetadot);
+    // M^-1 x = forward dynamics at rest under x + g.
+    return robot::forward_dynamics(
+        robot_.links, q, zero,
+        robot::Vector(spring_rate - rest + robot::gravity_torque(robot_.links, q)));
+  }
+
+  /// theta_ref [rad] with its first and second time derivative.
+  [[nodiscard]] robot::JetVector motor_reference(const Measurement& measurement,
+                                                 const robot::ReferencePoint& reference) const {
+    const robot::Vector& q = measurement.q;
+    const robot::Vector& v = measurement.v;
+    const robot::Vector vdot =
+        robot::forward_dynamics(robot_.links, q, v, robot_.spring_torque(q, measurement.theta));
+    const robot::Vector jerk = link_jerk(measurement, vdot);
+
+    const robot::JetVector q_jet = robot::jet(q, v, vdot);
+    const robot::JetVector v_jet = robot::jet(v, vdot, jerk);
+    const robot::JetVector q_ref = robot::jet(reference.q_ref, reference.v_ref, reference.a_ref);
+    const robot::JetVector v_ref = robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref);
+    const robot::JetVector a_ref =
+        robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref);
+    const robot::JetVector v_r = v_ref - lambda_ * (q_jet - q_ref);
+    const robot::JetVector a_r = a_ref - lambda_ * (v_jet - v_ref);
+    robot::JetVector torque =
+        robot::inverse_dynamics_bilinear(robot_.links, q_jet, v_jet, v_r, a_r);
+    robot::JetVector theta_ref(q.size());
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      torque[i] -= gains_.ks1[i] * (v_jet[i] - v_r[i]);
+      theta_ref[i] = q_ref[i] + torque[i] / robot_.stiffness[i];
+    }
+    return theta_ref;
+  }
+
+ private:
+  Robot robot_;
+  Gains gains_;
+  double lambda_;
+};
+
+static_assert(Law<SlotineLiFlexible>);
+static_assert(!OutputFeedbackLaw<SlotineLiFlexible>);
+
+}  // namespace controller::law

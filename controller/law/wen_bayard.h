@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <utility>
+
+#include "controller/law/feedforward.h"
+#include "controller/law/law.h"
+#include "controller/law/settings.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/model.h"
+
+namespace controller::law {
+
+/// Tracking of a rigid robot with measured velocity: J. T. Wen and D. S. Bayard, "New class of
+/// control laws for robotic manipulators", Int. J. of Control 47(5), 1988, eq. 4.2,
+///
+///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd edot.
+///
+/// What `LoriaOrtegaRigid` would be with a tachometer (the paper's Remark 2).
+///
+/// Measures: the full state. Memory: none. Condition: lambda_min(Kd) > k_c sup |v_ref|.
+/// With `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead;
+/// e and edot are not.
+class WenBayard {
+ public:
+  static constexpr std::string_view name = "wen_bayard";
+  static constexpr int num_filters = 1;  ///< its "filter output" in the log is edot
+  static constexpr bool regulation_only = false;
+  static constexpr bool has_feedforward_lead = true;
+
+  using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
+  using Measurement = robot::StateMeasurement;
+  struct Memory {};
+
+  struct Gains {
+    robot::Vector kp;  ///< [N m/rad]
+    robot::Vector kd;  ///< [N m s/rad]
+
+    static constexpr std::array<GainName<Gains>, 2> names{{{"kp", &Gains::kp}, {"kd", &Gains::kd}}};
+  };
+
+  WenBayard(Robot model, Gains gains, const Settings& settings)
+      : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}
+
+  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
+                             const robot::ReferencePoint& /*reference*/) const {
+    return {};
+  }
+
+  [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
+                                  const robot::ReferencePoint& reference) const {
+    const robot::Vector e = measurement.q - reference.q_ref;
+    const robot::Vector edot = measurement.v - reference.v_ref;
+    const Feedforward ahead = feedforward_ahead(reference, lead_s_);
+    Step<Memory> result;
+    result.command.tau = robot::inverse_dynamics(model_, measurement.q, ahead.v_ref, ahead.a_ref) -
+                         gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(edot);
+    result.state.num_filters = num_filters;
+    result.state.error[0] = e;
+    result.state.nu[0] = edot;
+    return result;
+  }
+
+ private:
+  robot::Model model_;
+  Gains gains_;
+  double lead_s_;
+};
+
+static_assert(Law<WenBayard>);
+static_assert(!OutputFeedbackLaw<WenBayard>);
+
+}  // namespace controller::law
