@@ -282,7 +282,7 @@ std::optional<LogEvent> LogReader::next() {
       // Damage follows, or the numbers jump, or the file ends: does this length span more than
       // its own event?
       is_event = !swallows_others(*header);
-      suspect = header->end != size_ && !header_at(header->end);
+      suspect = is_event && header->end != size_ && !header_at(header->end);
     }
     if (!is_event) {
       const auto next_header = find_header(position_ + 1, size_);
@@ -353,10 +353,12 @@ bool LogReader::number_follows(std::uint64_t offset, std::int64_t number) const 
 }
 
 /// Whether `header`, which no successor follows, spans events of its own log: then its lengths are
-/// damaged. Events inside a message (a log within a log) do not count unless their numbers fit.
+/// damaged. A log within a message is not taken for that as long as its numbers do not fit and it
+/// ends with the message.
 bool LogReader::swallows_others(const Header& header) {
-  std::uint64_t from = header.offset + 1;
+  const bool aligned = header.end == size_ || header_at(header.end);
   const bool fits = could_follow(header.number, header.offset, last_number_, last_offset_);
+  std::uint64_t from = header.offset + 1;
   while (from < header.end && look_ahead_left_ != 0) {
     const auto inner = find_header(from, header.end);
     const std::uint64_t looked = (inner ? inner->offset + 1 : header.end) - from;
@@ -366,17 +368,16 @@ bool LogReader::swallows_others(const Header& header) {
     if (!fits && could_follow(inner->number, inner->offset, last_number_, last_offset_)) {
       return true;
     }
-    // Its chain of successors is one piece: it belongs to this message, unless it leads out of it.
     Header link = *inner;
-    int links = 0;
+    bool is_chain = false;
     while (link.end < header.end && number_follows(link.end, link.number + 1)) {
       const auto successor = header_at(link.end);
       if (!successor) break;
       link = *successor;
-      ++links;
+      is_chain = true;
     }
-    if (links > 0 && link.end > header.end) return true;
-    from = links > 0 ? link.offset + 1 : inner->offset + 1;
+    if (link.end != header.end && (!aligned || (is_chain && link.end > header.end))) return true;
+    from = link.offset + 1;
   }
   return false;
 }
