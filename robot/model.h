@@ -12,6 +12,9 @@ namespace robot {
 
 enum class JointType { revolute, prismatic };
 
+/// Most moving bodies a model may have: mimic joints move bodies without adding coordinates.
+inline constexpr int max_bodies = 2 * max_joints;
+
 /// One moving body of the tree: everything fixed to it is merged in. Bodies are ordered so that
 /// a parent comes before its children.
 struct Body {
@@ -38,6 +41,7 @@ struct Frame {
   int body = -1;  ///< -1 is the ground
   Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();
   Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();
+  bool leaf = false;  ///< no joint, not even a fixed one, goes on from this link
 };
 
 /// A robot: a tree of revolute and prismatic joints, some of which may mimic others.
@@ -53,17 +57,30 @@ struct Model {
   Vector effort_limit;                      ///< [N m; N], unlimited where none (or 0) is given
   Vector velocity_limit;                    ///< [rad/s; m/s]
   Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the root link's frame [m/s2]
-  Vector rotor_inertia;                     ///< added to the diagonal of M [kg m2]
+  Vector rotor_inertia;  ///< added to the diagonal of M [kg m2]; zero from a URDF; empty is zero
 };
 
 /// Reads a URDF text: revolute, continuous, prismatic and fixed joints, `mimic`.
 /// `source` is the file name for messages.
-/// @throw std::invalid_argument, one line naming source, link or joint, value and remedy.
+///
+/// Coordinates are numbered depth-first from the root, the children of a link in the order in
+/// which their joints stand in the file; bodies likewise. A mimic joint adds a body, not a
+/// coordinate, and its own limits are not read. Links behind fixed joints are merged into the
+/// body they are fixed to (or into the ground, where their inertia, like the root link's, is of
+/// no consequence). An effort or velocity limit of 0 means none. Visuals, collisions, joint
+/// damping, friction, safety controllers and transmissions are ignored: friction is the
+/// scenario's.
+/// @throw std::invalid_argument, one line naming source, link or joint, value and remedy: XML or
+/// URDF that does not parse, duplicated or unknown names, a tree that is none, floating or
+/// planar joints, a mimic cycle, an axis of zero length, limits that enclose nothing, more than
+/// `max_joints` coordinates or `max_bodies` bodies, inertia no body can have, and massless links
+/// that leave a joint without inertia (M not positive definite at any of a few postures).
 Model model_from_urdf(const std::string& text, const std::string& source);
 
-/// The model with a point mass [kg] at the origin of `link` (default: the leaf link farthest from
-/// the root, by moving joints then by distance).
-/// @throw std::invalid_argument when there is no such link or the default is ambiguous.
+/// The model with a point mass [kg] at the origin of `link`. Default: the leaf link farthest from
+/// the root, by moving joints, then by distance along the joints' origins at q = 0.
+/// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
+/// it does not move, or the default is ambiguous.
 Model with_payload(Model model, double mass, const std::string& link = {});
 
 }  // namespace robot

@@ -1,0 +1,236 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <ostream>
+#include <type_traits>
+
+#include "robot/quantities.h"
+
+namespace robot {
+
+/// Second-order truncated Taylor arithmetic in time: a value with its first and second time
+/// derivative (the derivatives themselves, not Taylor coefficients). What a templated formula
+/// computes from jets of its inputs is the jet of its output, exact to rounding.
+///
+/// Ordering compares values alone, so that algorithms branch as they do in double; equality
+/// compares all three. At a point where a function is not twice differentiable (sqrt and log at
+/// 0, abs at 0) the derivatives are those of IEEE arithmetic: infinite or not a number.
+struct Jet2 {
+  double value;
+  double first;   ///< [1/s]
+  double second;  ///< [1/s^2]
+
+  /// Uninitialised, like double; `Jet2{}` is zero.
+  Jet2() = default;
+  // NOLINTNEXTLINE(google-explicit-constructor): a constant is a jet, as in any number type.
+  constexpr Jet2(double constant) : value(constant), first(0), second(0) {}
+  constexpr Jet2(double v, double d, double dd) : value(v), first(d), second(dd) {}
+
+  constexpr Jet2& operator+=(const Jet2& b) {
+    return *this = {value + b.value, first + b.first, second + b.second};
+  }
+  constexpr Jet2& operator-=(const Jet2& b) {
+    return *this = {value - b.value, first - b.first, second - b.second};
+  }
+  constexpr Jet2& operator*=(const Jet2& b) {
+    return *this = {value * b.value, first * b.value + value * b.first,
+                    second * b.value + 2 * (first * b.first) + value * b.second};
+  }
+  /// From a = c b: c' = (a' - c b') / b, c'' = (a'' - 2 c' b' - c b'') / b.
+  constexpr Jet2& operator/=(const Jet2& b) {
+    const double c = value / b.value;
+    const double c1 = (first - c * b.first) / b.value;
+    const double c2 = (second - 2 * (c1 * b.first) - c * b.second) / b.value;
+    return *this = {c, c1, c2};
+  }
+  constexpr Jet2& operator*=(double s) { return *this = {value * s, first * s, second * s}; }
+  constexpr Jet2& operator/=(double s) { return *this = {value / s, first / s, second / s}; }
+};
+static_assert(std::is_trivially_copyable<Jet2>::value);
+static_assert(std::is_trivially_default_constructible<Jet2>::value);
+
+constexpr Jet2 operator+(const Jet2& a) { return a; }
+constexpr Jet2 operator-(const Jet2& a) { return {-a.value, -a.first, -a.second}; }
+constexpr Jet2 operator+(Jet2 a, const Jet2& b) { return a += b; }
+constexpr Jet2 operator-(Jet2 a, const Jet2& b) { return a -= b; }
+constexpr Jet2 operator*(Jet2 a, const Jet2& b) { return a *= b; }
+constexpr Jet2 operator/(Jet2 a, const Jet2& b) { return a /= b; }
+constexpr Jet2 operator+(const Jet2& a, double s) { return {a.value + s, a.first, a.second}; }
+constexpr Jet2 operator+(double s, const Jet2& a) { return a + s; }
+constexpr Jet2 operator-(const Jet2& a, double s) { return {a.value - s, a.first, a.second}; }
+constexpr Jet2 operator-(double s, const Jet2& a) { return {s - a.value, -a.first, -a.second}; }
+constexpr Jet2 operator*(Jet2 a, double s) { return a *= s; }
+constexpr Jet2 operator*(double s, Jet2 a) { return a *= s; }
+constexpr Jet2 operator/(Jet2 a, double s) { return a /= s; }
+constexpr Jet2 operator/(double s, const Jet2& a) { return Jet2(s) / a; }
+
+constexpr bool operator==(const Jet2& a, const Jet2& b) {
+  return a.value == b.value && a.first == b.first && a.second == b.second;
+}
+constexpr bool operator!=(const Jet2& a, const Jet2& b) { return !(a == b); }
+constexpr bool operator<(const Jet2& a, const Jet2& b) { return a.value < b.value; }
+constexpr bool operator>(const Jet2& a, const Jet2& b) { return a.value > b.value; }
+constexpr bool operator<=(const Jet2& a, const Jet2& b) { return a.value <= b.value; }
+constexpr bool operator>=(const Jet2& a, const Jet2& b) { return a.value >= b.value; }
+
+/// f(x) from f, f' and f'' at the value of x (chain rule).
+constexpr Jet2 chain(const Jet2& x, double f, double df, double ddf) {
+  return {f, df * x.first, df * x.second + ddf * (x.first * x.first)};
+}
+
+inline Jet2 sqrt(const Jet2& x) {
+  const double f = std::sqrt(x.value);
+  return chain(x, f, 0.5 / f, -0.25 / (f * x.value));
+}
+inline void sin_cos(const Jet2& x, Jet2& s, Jet2& c) {
+  const double sv = std::sin(x.value), cv = std::cos(x.value);
+  s = chain(x, sv, cv, -sv);
+  c = chain(x, cv, -sv, -cv);
+}
+inline void sin_cos(double x, double& s, double& c) {
+  s = std::sin(x);
+  c = std::cos(x);
+}
+inline Jet2 sin(const Jet2& x) {
+  const double s = std::sin(x.value);
+  return chain(x, s, std::cos(x.value), -s);
+}
+inline Jet2 cos(const Jet2& x) {
+  const double c = std::cos(x.value);
+  return chain(x, c, -std::sin(x.value), -c);
+}
+inline Jet2 tan(const Jet2& x) {
+  const double t = std::tan(x.value), d = 1 + t * t;
+  return chain(x, t, d, 2 * t * d);
+}
+inline Jet2 asin(const Jet2& x) {
+  const double d = 1 / std::sqrt(1 - x.value * x.value);
+  return chain(x, std::asin(x.value), d, x.value * d * d * d);
+}
+inline Jet2 acos(const Jet2& x) {
+  const double d = 1 / std::sqrt(1 - x.value * x.value);
+  return chain(x, std::acos(x.value), -d, -x.value * d * d * d);
+}
+inline Jet2 atan(const Jet2& x) {
+  const double d = 1 / (1 + x.value * x.value);
+  return chain(x, std::atan(x.value), d, -2 * x.value * d * d);
+}
+inline Jet2 sinh(const Jet2& x) {
+  const double s = std::sinh(x.value);
+  return chain(x, s, std::cosh(x.value), s);
+}
+inline Jet2 cosh(const Jet2& x) {
+  const double c = std::cosh(x.value);
+  return chain(x, c, std::sinh(x.value), c);
+}
+inline Jet2 tanh(const Jet2& x) {
+  const double t = std::tanh(x.value), c = std::cosh(x.value), d = 1 / (c * c);
+  return chain(x, t, d, -2 * t * d);
+}
+inline Jet2 exp(const Jet2& x) {
+  const double f = std::exp(x.value);
+  return chain(x, f, f, f);
+}
+inline Jet2 log(const Jet2& x) {
+  const double d = 1 / x.value;
+  return chain(x, std::log(x.value), d, -d * d);
+}
+/// x^n for a constant exponent. Powers 0 and 1 have exact derivatives at x = 0 as well.
+inline Jet2 pow(const Jet2& x, double n) {
+  const double df = n == 0 ? 0 : n * std::pow(x.value, n - 1);
+  const double ddf = n == 0 || n == 1 ? 0 : n * (n - 1) * std::pow(x.value, n - 2);
+  return chain(x, std::pow(x.value, n), df, ddf);
+}
+/// x^y for x > 0.
+inline Jet2 pow(const Jet2& x, const Jet2& y) {
+  Jet2 f = exp(y * log(x));
+  f.value = std::pow(x.value, y.value);
+  return f;
+}
+inline Jet2 pow(double x, const Jet2& y) { return pow(Jet2(x), y); }
+/// With r2 = x^2 + y^2: angle' = (x y' - y x') / r2, and once more for angle''.
+inline Jet2 atan2(const Jet2& y, const Jet2& x) {
+  const double r2 = x.value * x.value + y.value * y.value;
+  const double n = x.value * y.first - y.value * x.first;
+  const double n1 = x.value * y.second - y.value * x.second;
+  const double r2_1 = 2 * (x.value * x.first + y.value * y.first);
+  return {std::atan2(y.value, x.value), n / r2, (n1 - n * r2_1 / r2) / r2};
+}
+inline Jet2 abs(const Jet2& x) { return std::signbit(x.value) ? -x : x; }
+inline Jet2 abs2(const Jet2& x) { return x * x; }
+constexpr const Jet2& conj(const Jet2& x) { return x; }
+constexpr const Jet2& real(const Jet2& x) { return x; }
+constexpr Jet2 imag(const Jet2&) { return Jet2(0); }
+inline bool isfinite(const Jet2& x) {
+  return std::isfinite(x.value) && std::isfinite(x.first) && std::isfinite(x.second);
+}
+inline std::ostream& operator<<(std::ostream& out, const Jet2& x) {
+  return out << '{' << x.value << ", " << x.first << ", " << x.second << '}';
+}
+
+}  // namespace robot
+
+namespace Eigen {
+
+template <>
+struct NumTraits<robot::Jet2> : GenericNumTraits<double> {
+  using Real = robot::Jet2;
+  using NonInteger = robot::Jet2;
+  using Nested = robot::Jet2;
+  using Literal = double;
+  static Real epsilon() { return NumTraits<double>::epsilon(); }
+  static Real dummy_precision() { return NumTraits<double>::dummy_precision(); }
+  static Real highest() { return NumTraits<double>::highest(); }
+  static Real lowest() { return NumTraits<double>::lowest(); }
+  static int digits10() { return NumTraits<double>::digits10(); }
+  enum {
+    IsComplex = 0,
+    IsInteger = 0,
+    IsSigned = 1,
+    RequireInitialization = 0,
+    ReadCost = 3,
+    AddCost = 3,
+    MulCost = 9
+  };
+};
+
+template <class BinaryOp>
+struct ScalarBinaryOpTraits<robot::Jet2, double, BinaryOp> {
+  using ReturnType = robot::Jet2;
+};
+template <class BinaryOp>
+struct ScalarBinaryOpTraits<double, robot::Jet2, BinaryOp> {
+  using ReturnType = robot::Jet2;
+};
+
+}  // namespace Eigen
+
+namespace robot {
+
+using JetVector = VectorOf<Jet2>;
+
+/// The jet of a vector from its value and its first two time derivatives, all of one size.
+inline JetVector jet(const Vector& value, const Vector& first, const Vector& second) {
+  eigen_assert(value.size() == first.size() && value.size() == second.size());
+  JetVector x(value.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) x[i] = {value[i], first[i], second[i]};
+  return x;
+}
+inline Vector value(const JetVector& x) {
+  Vector out(x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = x[i].value;
+  return out;
+}
+inline Vector first_derivative(const JetVector& x) {
+  Vector out(x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = x[i].first;
+  return out;
+}
+inline Vector second_derivative(const JetVector& x) {
+  Vector out(x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = x[i].second;
+  return out;
+}
+
+}  // namespace robot

@@ -1,0 +1,44 @@
+#include "robot/kinematics.h"
+
+#include <stdexcept>
+
+namespace robot {
+
+void require_size(const Model& model, Eigen::Index size, const char* what) {
+  if (size != model.num_joints) {
+    throw std::logic_error(std::string("robot: ") + what + " has " + std::to_string(size) +
+                           " entries, the model has " + std::to_string(model.num_joints) +
+                           " coordinates");
+  }
+}
+
+template <class Scalar>
+Pose<Scalar> frame_pose(const Model& model, const Frame& frame, const VectorOf<Scalar>& q) {
+  require_size(model, q.size(), "q");
+  Pose<Scalar> X;
+  X.R = frame.R_BF.template cast<Scalar>();
+  X.p = frame.p_BF.template cast<Scalar>();
+  for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
+    const Body& body = model.bodies[i];
+    const Pose<Scalar> X_PB = joint_pose(body, tree_position(body, q));
+    X.R = (X_PB.R * X.R).eval();
+    X.p = (X_PB.R * X.p + X_PB.p).eval();
+  }
+  return X;
+}
+
+template <class Scalar>
+Pose<Scalar> frame_pose(const Model& model, const std::string& link, const VectorOf<Scalar>& q) {
+  const auto found = model.frames.find(link);
+  if (found == model.frames.end()) {
+    throw std::invalid_argument("the robot has no link '" + link + "'");
+  }
+  return frame_pose(model, found->second, q);
+}
+
+template Pose<double> frame_pose(const Model&, const Frame&, const VectorOf<double>&);
+template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf<Jet2>&);
+template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);
+template Pose<Jet2> frame_pose(const Model&, const std::string&, const VectorOf<Jet2>&);
+
+}  // namespace robot

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <string>
+
+#include "robot/jet.h"
+#include "robot/model.h"
+
+/// Forward kinematics, templated on the scalar (double or Jet2).
+namespace robot {
+
+template <class Scalar>
+using Vector3Of = Eigen::Matrix<Scalar, 3, 1>;
+template <class Scalar>
+using Matrix3Of = Eigen::Matrix<Scalar, 3, 3>;
+
+/// A frame F in another, P: p_P = R p_F + p.
+template <class Scalar>
+struct Pose {
+  Matrix3Of<Scalar> R;
+  Vector3Of<Scalar> p;  ///< [m]
+};
+
+template <class Scalar>
+Vector3Of<Scalar> scaled(const Eigen::Vector3d& a, const Scalar& s) {
+  return {a[0] * s, a[1] * s, a[2] * s};
+}
+
+/// The tree's joint position q_tree = multiplier q[coordinate] + offset.
+template <class Scalar>
+Scalar tree_position(const Body& body, const VectorOf<Scalar>& q) {
+  return body.multiplier * q[body.coordinate] + body.offset;
+}
+
+/// The body's frame in its parent's, with its joint at `q_tree` [rad; m].
+template <class Scalar>
+Pose<Scalar> joint_pose(const Body& body, const Scalar& q_tree) {
+  Pose<Scalar> X;
+  if (body.type == JointType::revolute) {
+    // Rodrigues, the constant rotation multiplied in beforehand:
+    // R_PB (a a' + cos (1 - a a') + sin [a]x).
+    const Eigen::Vector3d& a = body.axis_B;
+    const Eigen::Matrix3d along = (body.R_PB * a) * a.transpose();
+    const Eigen::Matrix3d across = body.R_PB - along;
+    Eigen::Matrix3d turned;
+    turned.col(0) = body.R_PB.col(1) * a[2] - body.R_PB.col(2) * a[1];
+    turned.col(1) = body.R_PB.col(2) * a[0] - body.R_PB.col(0) * a[2];
+    turned.col(2) = body.R_PB.col(0) * a[1] - body.R_PB.col(1) * a[0];
+    Scalar s, c;
+    sin_cos(q_tree, s, c);
+    for (int i = 0; i < 9; ++i) {
+      X.R.coeffRef(i) = along.coeff(i) + across.coeff(i) * c + turned.coeff(i) * s;
+    }
+    for (int i = 0; i < 3; ++i) X.p[i] = body.p_PB[i];
+  } else {
+    for (int i = 0; i < 9; ++i) X.R.coeffRef(i) = body.R_PB.coeff(i);
+    const Eigen::Vector3d direction_P = body.R_PB * body.axis_B;
+    for (int i = 0; i < 3; ++i) X.p[i] = body.p_PB[i] + direction_P[i] * q_tree;
+  }
+  return X;
+}
+
+/// The frame's pose in the root link's frame at joint positions `q` [rad; m].
+template <class Scalar>
+Pose<Scalar> frame_pose(const Model& model, const Frame& frame, const VectorOf<Scalar>& q);
+
+/// The same for a URDF link by name.
+/// @throw std::invalid_argument when the model has no such link.
+template <class Scalar>
+Pose<Scalar> frame_pose(const Model& model, const std::string& link, const VectorOf<Scalar>& q);
+
+/// Position of a URDF link's origin in the root link's frame [m].
+/// @throw std::invalid_argument when the model has no such link.
+inline Eigen::Vector3d link_position(const Model& model, const std::string& link, const Vector& q) {
+  return frame_pose<double>(model, link, q).p;
+}
+
+/// Throws std::logic_error unless `x` has one entry per coordinate: a caller's broken promise.
+void require_size(const Model& model, Eigen::Index size, const char* what);
+
+extern template Pose<double> frame_pose(const Model&, const Frame&, const VectorOf<double>&);
+extern template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf<Jet2>&);
+extern template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);
+extern template Pose<Jet2> frame_pose(const Model&, const std::string&, const VectorOf<Jet2>&);
+
+}  // namespace robot

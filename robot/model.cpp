@@ -1,0 +1,81 @@
+#include "robot/model.h"
+
+#include <cmath>
+#include <sstream>
+#include <stdexcept>
+
+#include "robot/mass_properties.h"
+
+namespace robot {
+namespace {
+
+/// How far a frame is from the root: moving joints, then metres along the joints' origins.
+struct Reach {
+  int joints = 0;
+  double distance = 0;
+};
+
+Reach reach(const Model& model, const Frame& frame) {
+  Reach r{0, frame.p_BF.norm()};
+  for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
+    ++r.joints;
+    r.distance += model.bodies[i].p_PB.norm();
+  }
+  return r;
+}
+
+std::string farthest_leaf(const Model& model) {
+  std::string best, rival;
+  Reach far{0, 0};
+  for (const auto& [link, frame] : model.frames) {
+    if (!frame.leaf || frame.body < 0) continue;
+    const Reach r = reach(model, frame);
+    const double rounding = 1e-9 * (1 + far.distance);
+    const bool same_joints = r.joints == far.joints;
+    if (r.joints > far.joints || (same_joints && r.distance > far.distance + rounding)) {
+      best = link;
+      rival.clear();
+      far = r;
+    } else if (same_joints && std::abs(r.distance - far.distance) <= rounding) {
+      rival = link;
+    }
+  }
+  if (!rival.empty()) {
+    throw std::invalid_argument("payload: links '" + best + "' and '" + rival +
+                                "' are equally far from the root; name the one that carries it");
+  }
+  return best;
+}
+
+}  // namespace
+
+Model with_payload(Model model, double mass, const std::string& link) {
+  if (!std::isfinite(mass) || mass < 0) {
+    std::ostringstream out;
+    out << "payload: mass " << mass << " kg is not a mass; give a finite value of 0 or more";
+    throw std::invalid_argument(out.str());
+  }
+  const std::string name = link.empty() ? farthest_leaf(model) : link;
+  const auto found = model.frames.find(name);
+  if (found == model.frames.end()) {
+    std::string known;
+    for (const auto& [other, frame] : model.frames) {
+      if (frame.body >= 0) known += (known.empty() ? "" : ", ") + other;
+    }
+    throw std::invalid_argument("payload: the robot has no link '" + name +
+                                "'; its moving links are " + known);
+  }
+  if (found->second.body < 0) {
+    throw std::invalid_argument("payload: link '" + name +
+                                "' is fixed to the ground; name a link that moves");
+  }
+  Body& body = model.bodies[found->second.body];
+  const MassProperties loaded = combine({body.mass, body.p_Bcm, body.I_Bcm},
+                                        {mass, found->second.p_BF, Eigen::Matrix3d::Zero()});
+  body.mass = loaded.mass;
+  body.p_Bcm = loaded.p_cm;
+  body.I_Bcm = loaded.I_cm;
+  return model;
+}
+
+}  // namespace robot

@@ -1,0 +1,451 @@
+#include <console_bridge/console.h>
+#include <urdf_parser/urdf_parser.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <random>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "robot/cholesky.h"
+#include "robot/mass_matrix.h"
+#include "robot/mass_properties.h"
+#include "robot/model.h"
+
+namespace robot {
+namespace {
+
+/// Composes "<source>: <thing> '<name>': <problem>" and throws it, on one line.
+class Complaint {
+ public:
+  explicit Complaint(const std::string& source) { out_ << source << ": "; }
+  template <class T>
+  Complaint& operator<<(const T& part) {
+    out_ << part;
+    return *this;
+  }
+  [[noreturn]] void raise() const {
+    std::string line = out_.str();
+    std::replace_if(
+        line.begin(), line.end(), [](char c) { return c == '\n' || c == '\r' || c == '\t'; }, ' ');
+    throw std::invalid_argument(line);
+  }
+
+ private:
+  std::ostringstream out_;
+};
+
+/// While it lives, what urdfdom would print is kept instead. One at a time: urdfdom's channel is
+/// global.
+class UrdfdomMessages : public console_bridge::OutputHandler {
+ public:
+  UrdfdomMessages() : lock_(mutex()), level_(console_bridge::getLogLevel()) {
+    console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_ERROR);
+    console_bridge::useOutputHandler(this);
+  }
+  ~UrdfdomMessages() override {
+    console_bridge::restorePreviousOutputHandler();
+    console_bridge::setLogLevel(level_);
+  }
+  void log(const std::string& message, console_bridge::LogLevel, const char*, int) override {
+    text += (text.empty() ? "" : "; ") + message;
+  }
+
+  std::string text;
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex m;
+    return m;
+  }
+  std::lock_guard<std::mutex> lock_;
+  console_bridge::LogLevel level_;
+};
+
+/// What urdfdom does not tell: the order of the joints in the file, and where it stays silent.
+struct Outline {
+  std::map<std::string, int> joint_order;
+};
+
+Outline outline_of(const std::string& text, const std::string& source) {
+  TiXmlDocument document;
+  document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
+  if (document.Error()) {
+    (Complaint(source) << "line " << document.ErrorRow()
+                       << ": malformed XML: " << document.ErrorDesc() << "; correct the file's XML")
+        .raise();
+  }
+  const TiXmlElement* robot = document.FirstChildElement("robot");
+  if (robot == nullptr) {
+    (Complaint(source) << "no <robot> element; give a URDF file").raise();
+  }
+  Outline outline;
+  std::set<std::string> links;
+  for (const TiXmlElement* e = robot->FirstChildElement(); e != nullptr;
+       e = e->NextSiblingElement()) {
+    const bool is_joint = e->ValueStr() == "joint";
+    if (!is_joint && e->ValueStr() != "link") continue;
+    const char* kind = is_joint ? "joint" : "link";
+    const char* name = e->Attribute("name");
+    if (name == nullptr || *name == '\0') {
+      (Complaint(source) << "line " << e->Row() << ": a " << kind
+                         << " has no name; give it name=\"...\"")
+          .raise();
+    }
+    const bool fresh =
+        is_joint
+            ? outline.joint_order.emplace(name, static_cast<int>(outline.joint_order.size())).second
+            : links.insert(name).second;
+    if (!fresh) {
+      (Complaint(source) << "line " << e->Row() << ": " << kind << " '" << name
+                         << "' is defined twice; rename one")
+          .raise();
+    }
+  }
+  return outline;
+}
+
+Eigen::Vector3d vector_of(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
+Eigen::Matrix3d rotation_of(const urdf::Rotation& r) {
+  return Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
+}
+
+/// Coordinate and affine map of a joint: q_tree = multiplier q + offset.
+struct Drive {
+  std::string joint;  ///< the independent joint at the end of the mimic chain
+  double multiplier = 1, offset = 0;
+};
+
+class Loader {
+ public:
+  Loader(const std::string& text, const std::string& source)
+      : source_(source), outline_(outline_of(text, source)) {
+    UrdfdomMessages messages;
+    try {
+      urdf_ = urdf::parseURDF(text);
+    } catch (const std::exception& e) {
+      messages.text += (messages.text.empty() ? "" : "; ") + std::string(e.what());
+    }
+    if (!urdf_) {
+      complaint() << "not a robot description: "
+                  << (messages.text.empty() ? "urdfdom gives no reason" : messages.text)
+                  << "; correct the URDF" << Raise{};
+    }
+  }
+
+  Model load() {
+    check_tree();
+    check_joints();
+    walk();
+    name_coordinates();
+    check_well_posed();
+    return std::move(model_);
+  }
+
+ private:
+  struct Raise {};
+  /// A complaint that `<< Raise{}` ends.
+  class Sentence {
+   public:
+    explicit Sentence(const std::string& source) : complaint_(source) {}
+    template <class T>
+    Sentence& operator<<(const T& part) {
+      complaint_ << part;
+      return *this;
+    }
+    [[noreturn]] void operator<<(Raise) { complaint_.raise(); }
+
+   private:
+    Complaint complaint_;
+  };
+  Sentence complaint() const { return Sentence(source_); }
+
+  static bool moves(const urdf::Joint& joint) { return joint.type != urdf::Joint::FIXED; }
+  static bool independent(const urdf::Joint& joint) { return moves(joint) && !joint.mimic; }
+
+  /// The joints below a link, in the order of the file.
+  std::vector<const urdf::Joint*> joints_below(const std::string& link) const {
+    const auto found = below_.find(link);
+    return found == below_.end() ? std::vector<const urdf::Joint*>{} : found->second;
+  }
+
+  void check_tree() {
+    std::map<std::string, std::string> joint_above;
+    for (const auto& [name, joint] : urdf_->joints_) {
+      for (const std::string& link : {joint->parent_link_name, joint->child_link_name}) {
+        if (!urdf_->getLink(link)) {
+          complaint() << "joint '" << name << "': there is no link '" << link
+                      << "'; define it or correct the name" << Raise{};
+        }
+      }
+      const auto [above, fresh] = joint_above.emplace(joint->child_link_name, name);
+      if (!fresh) {
+        complaint() << "link '" << joint->child_link_name << "' is the child of two joints, '"
+                    << above->second << "' and '" << name
+                    << "': closed chains are not supported; cut one" << Raise{};
+      }
+      below_[joint->parent_link_name].push_back(joint.get());
+    }
+    for (auto& [link, joints] : below_) {
+      std::sort(joints.begin(), joints.end(), [this](const auto* a, const auto* b) {
+        return outline_.joint_order.at(a->name) < outline_.joint_order.at(b->name);
+      });
+    }
+  }
+
+  void check_joints() {
+    for (const auto& [name, joint] : urdf_->joints_) {
+      const std::string where = "joint '" + name + "'";
+      const urdf::Pose& X = joint->parent_to_joint_origin_transform;
+      if (!vector_of(X.position).allFinite() || !rotation_of(X.rotation).allFinite()) {
+        complaint() << where << ": origin is not finite; give finite numbers" << Raise{};
+      }
+      if (joint->type == urdf::Joint::FLOATING || joint->type == urdf::Joint::PLANAR) {
+        complaint() << where << ": type "
+                    << (joint->type == urdf::Joint::PLANAR ? "planar" : "floating")
+                    << " is not supported; use revolute, continuous, prismatic or fixed" << Raise{};
+      }
+      if (!moves(*joint)) {
+        if (joint->mimic) {
+          complaint() << where << ": a fixed joint cannot mimic '" << joint->mimic->joint_name
+                      << "'; remove <mimic> or let it move" << Raise{};
+        }
+        continue;
+      }
+      const Eigen::Vector3d axis = vector_of(joint->axis);
+      if (!axis.allFinite() || axis.norm() < 1e-9) {
+        complaint() << where << ": axis " << axis.transpose()
+                    << " has no direction; give a vector of length 1" << Raise{};
+      }
+      drive_of(*joint);
+      if (independent(*joint)) check_limits(*joint, where);
+    }
+  }
+
+  void check_limits(const urdf::Joint& joint, const std::string& where) const {
+    if (!joint.limits) {
+      if (joint.type == urdf::Joint::CONTINUOUS) return;
+      complaint() << where << ": has no <limit>; give lower, upper, effort and velocity" << Raise{};
+    }
+    const urdf::JointLimits& limits = *joint.limits;
+    for (const auto& [what, value] :
+         {std::pair{"effort", limits.effort}, std::pair{"velocity", limits.velocity}}) {
+      if (!std::isfinite(value) || value < 0) {
+        complaint() << where << ": " << what << " limit " << value
+                    << " is not a limit; give a finite value above 0, or 0 for none" << Raise{};
+      }
+    }
+    if (joint.type == urdf::Joint::CONTINUOUS) return;
+    if (!std::isfinite(limits.lower) || !std::isfinite(limits.upper) ||
+        limits.lower >= limits.upper) {
+      complaint() << where << ": limits lower " << limits.lower << ", upper " << limits.upper
+                  << " leave no room; give lower < upper"
+                  << (joint.type == urdf::Joint::REVOLUTE ? ", or type continuous" : "") << Raise{};
+    }
+  }
+
+  /// Follows a chain of mimics to the independent joint that drives it.
+  Drive drive_of(const urdf::Joint& joint) const {
+    Drive drive{joint.name};
+    std::set<std::string> seen;
+    const urdf::Joint* at = &joint;
+    while (at->mimic) {
+      const urdf::JointMimic& mimic = *at->mimic;
+      const std::string where = "joint '" + at->name + "'";
+      if (!std::isfinite(mimic.multiplier) || !std::isfinite(mimic.offset)) {
+        complaint() << where << ": mimic multiplier " << mimic.multiplier << " and offset "
+                    << mimic.offset << " must be finite" << Raise{};
+      }
+      if (!seen.insert(at->name).second) {
+        complaint() << where << ": mimics itself by way of '" << mimic.joint_name
+                    << "'; let one joint of the cycle be independent" << Raise{};
+      }
+      const auto next = urdf_->getJoint(mimic.joint_name);
+      if (!next) {
+        complaint() << where << ": mimics joint '" << mimic.joint_name
+                    << "', which does not exist; correct the name" << Raise{};
+      }
+      if (!moves(*next)) {
+        complaint() << where << ": mimics joint '" << mimic.joint_name
+                    << "', which is fixed; mimic a joint that moves" << Raise{};
+      }
+      drive.offset += drive.multiplier * mimic.offset;
+      drive.multiplier *= mimic.multiplier;
+      drive.joint = next->name;
+      at = next.get();
+    }
+    return drive;
+  }
+
+  /// A link's mass properties in its own frame.
+  MassProperties mass_of(const urdf::Link& link) const {
+    if (!link.inertial) return {};
+    const urdf::Inertial& in = *link.inertial;
+    const Eigen::Matrix3d R = rotation_of(in.origin.rotation);
+    Eigen::Matrix3d I;
+    I << in.ixx, in.ixy, in.ixz, in.ixy, in.iyy, in.iyz, in.ixz, in.iyz, in.izz;
+    MassProperties mass{in.mass, vector_of(in.origin.position), I};
+    const std::string why = R.allFinite() ? why_not_physical(mass)
+                                          : "inertial origin is not finite; give finite numbers";
+    if (!why.empty()) complaint() << "link '" << link.name << "': " << why << Raise{};
+    // Not for R = 1, which would only round.
+    if (!R.isIdentity(0)) {
+      I = R * mass.I_cm * R.transpose();
+      mass.I_cm = 0.5 * (I + I.transpose());
+    }
+    return mass;
+  }
+
+  void add_link(const std::string& name, const Frame& frame) {
+    const urdf::Link& link = *urdf_->getLink(name);
+    MassProperties mass = mass_of(link);
+    Frame& kept = model_.frames[name] = frame;
+    kept.leaf = joints_below(name).empty();
+    if (frame.body < 0 || mass.mass == 0) return;
+    mass.p_cm = frame.p_BF + frame.R_BF * mass.p_cm;
+    if (!frame.R_BF.isIdentity(0)) {
+      const Eigen::Matrix3d I = frame.R_BF * mass.I_cm * frame.R_BF.transpose();
+      mass.I_cm = 0.5 * (I + I.transpose());
+    }
+    Body& body = model_.bodies[frame.body];
+    const MassProperties both = combine({body.mass, body.p_Bcm, body.I_Bcm}, mass);
+    body.mass = both.mass;
+    body.p_Bcm = both.p_cm;
+    body.I_Bcm = both.I_cm;
+  }
+
+  /// Depth-first; a stack of its own, since nothing bounds a chain of fixed links.
+  void walk() {
+    const std::string root = urdf_->getRoot()->name;
+    add_link(root, Frame{});
+    std::vector<const urdf::Joint*> stack;
+    const auto push_below = [&](const std::string& link) {
+      const auto joints = joints_below(link);
+      stack.insert(stack.end(), joints.rbegin(), joints.rend());
+    };
+    push_below(root);
+    while (!stack.empty()) {
+      const urdf::Joint& joint = *stack.back();
+      stack.pop_back();
+      const Frame& parent = model_.frames.at(joint.parent_link_name);
+      const urdf::Pose& X = joint.parent_to_joint_origin_transform;
+      Frame frame;
+      frame.body = parent.body;
+      frame.R_BF = parent.R_BF * rotation_of(X.rotation);
+      frame.p_BF = parent.p_BF + parent.R_BF * vector_of(X.position);
+      if (moves(joint)) {
+        const int body = add_body(joint, frame);
+        frame = Frame{};
+        frame.body = body;
+      }
+      add_link(joint.child_link_name, frame);
+      push_below(joint.child_link_name);
+    }
+    for (const auto& [name, link] : urdf_->links_) {
+      if (model_.frames.count(name) == 0) {
+        complaint() << "link '" << name << "' is not connected to the root link '" << root
+                    << "'; hang it on the tree by a joint" << Raise{};
+      }
+    }
+    if (model_.num_joints == 0) {
+      complaint() << "no joint moves; a robot needs at least one" << Raise{};
+    }
+  }
+
+  /// Appends the body that `joint` moves, in its parent's `frame`; returns its index.
+  int add_body(const urdf::Joint& joint, const Frame& frame) {
+    if (model_.bodies.size() == max_bodies) {
+      complaint() << "joint '" << joint.name << "': more than " << max_bodies
+                  << " moving bodies; merge some by fixed joints" << Raise{};
+    }
+    Body body;
+    body.link = joint.child_link_name;
+    body.joint = joint.name;
+    body.parent = frame.body;
+    body.type = joint.type == urdf::Joint::PRISMATIC ? JointType::prismatic : JointType::revolute;
+    body.R_PB = frame.R_BF;
+    body.p_PB = frame.p_BF;
+    body.axis_B = vector_of(joint.axis);
+    if (const double length = body.axis_B.norm(); length != 1) body.axis_B /= length;
+    if (independent(joint)) {
+      if (model_.num_joints == max_joints) {
+        complaint() << "joint '" << joint.name << "': more than " << max_joints
+                    << " joints; fix some or let them mimic others" << Raise{};
+      }
+      coordinate_[joint.name] = model_.num_joints++;
+    }
+    model_.bodies.push_back(body);
+    return static_cast<int>(model_.bodies.size()) - 1;
+  }
+
+  /// Coordinates are known only after the walk: a joint may mimic one that comes later.
+  void name_coordinates() {
+    const int n = model_.num_joints;
+    model_.joint_names.resize(n);
+    model_.joint_types.resize(n);
+    model_.lower = Vector::Constant(n, -Model::unlimited);
+    model_.upper = Vector::Constant(n, Model::unlimited);
+    model_.effort_limit = Vector::Constant(n, Model::unlimited);
+    model_.velocity_limit = Vector::Constant(n, Model::unlimited);
+    model_.rotor_inertia = Vector::Zero(n);
+    for (Body& body : model_.bodies) {
+      const urdf::Joint& joint = *urdf_->getJoint(body.joint);
+      const Drive drive = drive_of(joint);
+      const int j = coordinate_.at(drive.joint);
+      body.coordinate = j;
+      body.multiplier = drive.multiplier;
+      body.offset = drive.offset;
+      if (!independent(joint)) continue;
+      model_.joint_names[j] = joint.name;
+      model_.joint_types[j] = body.type;
+      if (!joint.limits) continue;
+      if (joint.type != urdf::Joint::CONTINUOUS) {
+        model_.lower[j] = joint.limits->lower;
+        model_.upper[j] = joint.limits->upper;
+      }
+      if (joint.limits->effort > 0) model_.effort_limit[j] = joint.limits->effort;
+      if (joint.limits->velocity > 0) model_.velocity_limit[j] = joint.limits->velocity;
+    }
+  }
+
+  /// Massless links may leave a joint without inertia: M at q = 0 and at a few other postures
+  /// must be positive definite, each pivot above rounding of its diagonal entry.
+  void check_well_posed() const {
+    constexpr int postures = 8;
+    constexpr double rounding = 1e-12;
+    std::mt19937 random(1);
+    Vector q = Vector::Zero(model_.num_joints);
+    for (int k = 0; k < postures; ++k) {
+      Matrix M = mass_matrix<double>(model_, q);
+      const int failed = factorise(M, rounding);
+      if (failed >= 0) {
+        complaint() << "joint '" << model_.joint_names[failed]
+                    << "' moves no inertia of its own (the inertia matrix is not positive "
+                       "definite); give the links it moves a mass and an inertia"
+                    << Raise{};
+      }
+      for (double& angle : q) angle = 2.0 * random() / random.max() - 1.0;
+    }
+  }
+
+  std::string source_;
+  Outline outline_;
+  urdf::ModelInterfaceSharedPtr urdf_;
+  std::map<std::string, std::vector<const urdf::Joint*>> below_;
+  std::map<std::string, int> coordinate_;
+  Model model_;
+};
+
+}  // namespace
+
+Model model_from_urdf(const std::string& text, const std::string& source) {
+  return Loader(text, source).load();
+}
+
+}  // namespace robot

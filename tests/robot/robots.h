@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cmath>
+#include <fstream>
+#include <random>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include "robot/model.h"
+
+/// Robots and random states that the tests of this room share.
+namespace robot::testing {
+
+inline std::string read_text(const std::string& path) {
+  std::ifstream in(path);
+  if (!in) throw std::runtime_error("cannot read " + path);
+  std::ostringstream out;
+  out << in.rdbuf();
+  return out.str();
+}
+
+inline Model load(const std::string& path_in_repository) {
+  const std::string path = std::string(TACHLESS_SOURCE_DIR) + "/" + path_in_repository;
+  return model_from_urdf(read_text(path), path);
+}
+
+inline Model two_link(double payload_mass = 0) {
+  return with_payload(load("scenarios/robots/two_link.urdf"), payload_mass);
+}
+inline Model iiwa7() { return load("scenarios/robots/iiwa7.urdf"); }
+/// Branches, a prismatic joint, mimics of both kinds, an inclined axis, merged links.
+inline Model branching() { return load("tests/robot/branching.urdf"); }
+
+/// The closed form of the two-link arm (scenarios/robots/two_link.urdf, its comment).
+struct TwoLinkClosedForm {
+  double mp = 0;
+  double g0 = 9.81;
+  double h() const { return 0.51 + mp; }
+
+  template <class Scalar>
+  MatrixOf<Scalar> M(const VectorOf<Scalar>& q) const {
+    using std::cos;
+    const double d11 = 8.77 + 2 * mp, d12 = 0.76 + mp, d22 = 0.62 + mp;
+    const Scalar c = h() * cos(q[1]);
+    MatrixOf<Scalar> m(2, 2);
+    m(0, 0) = d11 + 2.0 * c;
+    m(0, 1) = m(1, 0) = d12 + c;
+    m(1, 1) = Scalar(d22);
+    return m;
+  }
+  template <class Scalar>
+  MatrixOf<Scalar> C(const VectorOf<Scalar>& q, const VectorOf<Scalar>& v) const {
+    using std::sin;
+    const Scalar s = h() * sin(q[1]);
+    MatrixOf<Scalar> c(2, 2);
+    c(0, 0) = -s * v[1];
+    c(0, 1) = -s * (v[0] + v[1]);
+    c(1, 0) = s * v[0];
+    c(1, 1) = Scalar(0);
+    return c;
+  }
+  template <class Scalar>
+  VectorOf<Scalar> g(const VectorOf<Scalar>& q) const {
+    using std::sin;
+    const double g1 = 7.6 + mp, g2 = 0.63 + mp;
+    VectorOf<Scalar> out(2);
+    out[1] = (g0 * g2) * sin(q[0] + q[1]);
+    out[0] = (g0 * g1) * sin(q[0]) + out[1];
+    return out;
+  }
+};
+
+/// Uniform vectors from a fixed seed.
+class Random {
+ public:
+  explicit Random(unsigned seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return low + (high - low) * (engine_() / 4294967296.0);
+  }
+  Vector vector(Eigen::Index n, double scale) {
+    Vector x(n);
+    for (Eigen::Index i = 0; i < n; ++i) x[i] = uniform(-scale, scale);
+    return x;
+  }
+
+ private:
+  std::mt19937 engine_;
+};
+
+}  // namespace robot::testing
