@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "robot/model.h"
@@ -13,6 +14,11 @@ struct ArmState {
   robot::Vector v;         ///< link velocity [rad/s]
   robot::Vector theta;     ///< motor position [rad]; empty on a rigid robot
   robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
+};
+
+struct ArmAcceleration {
+  robot::Vector vdot;       ///< of the links [rad/s^2; m/s^2 if prismatic]
+  robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
 };
 
 /// Motors behind springs: Spong's simplified model (paper, eq. 1).
@@ -48,6 +54,14 @@ class Arm {
   Arm& operator=(Arm&&) noexcept;
 
   [[nodiscard]] const ArmState& state() const;
+
+  /// What the arm would do now under motor torque `tau` [N m]: the right-hand side that `advance`
+  /// integrates.
+  /// @throw std::runtime_error if the inertia matrix is not positive definite.
+  [[nodiscard]] ArmAcceleration acceleration(const robot::Vector& tau) const;
+
+  /// Steps that the integrator has taken since the start.
+  [[nodiscard]] std::int64_t integrator_steps() const;
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
   /// @throw std::runtime_error with time and cause when the integrator gives up.

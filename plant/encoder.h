@@ -43,18 +43,34 @@ class Encoder {
   [[nodiscard]] robot::Vector velocity(const robot::Vector& exact, Channel channel,
                                        std::int64_t tick) const;
 
-  bool flexible_;
   robot::Vector count_;
   double position_noise_;
   double velocity_noise_;
   std::uint64_t seed_;
 };
 
+template <>
+robot::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+template <>
+robot::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+template <>
+robot::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+template <>
+robot::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+
 /// Checks that the scenario's robot has what `Measurement` (one of the four of robot/signals.h)
 /// needs.
 /// @throw app::Failure(bad_usage) naming the key and the missing encoder.
 template <class Measurement>
 void require_encoders(const app::Scenario& scenario);
+template <>
+void require_encoders<robot::PositionMeasurement>(const app::Scenario& scenario);
+template <>
+void require_encoders<robot::MotorPositionMeasurement>(const app::Scenario& scenario);
+template <>
+void require_encoders<robot::LinkStateMeasurement>(const app::Scenario& scenario);
+template <>
+void require_encoders<robot::StateMeasurement>(const app::Scenario& scenario);
 
 /// Standard normal number belonging to (seed, tick, channel, joint): Philox4x32-10 (Salmon et al.,
 /// "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform, spelled out
