@@ -1,0 +1,59 @@
+#include "launch/progress.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace launch {
+namespace {
+
+constexpr int bar_width = 20;
+constexpr std::chrono::milliseconds rate_window{500};
+
+}  // namespace
+
+std::string short_rate(double per_s) {
+  char text[32];
+  if (per_s >= 1e6) {
+    std::snprintf(text, sizeof text, "%.1f M", per_s / 1e6);
+  } else if (per_s >= 1e3) {
+    std::snprintf(text, sizeof text, "%.1f k", per_s / 1e3);
+  } else {
+    std::snprintf(text, sizeof text, "%.0f", per_s);
+  }
+  return text;
+}
+
+Progress::Progress(std::int64_t num_ticks, double period_s)
+    : num_ticks_(num_ticks), period_s_(period_s) {}
+
+void Progress::note(std::int64_t tick, double error_norm, Clock::time_point now) {
+  if (tick < tick_) return;
+  tick_ = tick;
+  error_norm_ = error_norm;
+  if (tick < 0) return;
+  if (!rate_from_) {
+    rate_from_ = {tick, now};
+  } else if (now - rate_from_->at >= rate_window) {
+    const double elapsed_s = std::chrono::duration<double>(now - rate_from_->at).count();
+    ticks_per_s_ = static_cast<double>(tick - rate_from_->tick) / elapsed_s;
+    rate_from_ = {tick, now};
+  }
+}
+
+std::string Progress::line() const {
+  if (tick_ < 0) return "waiting for the four processes to meet";
+  const std::int64_t done = std::min(tick_ + 1, num_ticks_);
+  const int filled = static_cast<int>(bar_width * done / num_ticks_);
+  std::string bar(static_cast<std::size_t>(filled), '=');
+  if (filled < bar_width) bar += '>';
+  bar.resize(bar_width, ' ');
+  char text[160];
+  std::snprintf(text, sizeof text, "%.3f of %g s  [%s]", static_cast<double>(done) * period_s_,
+                static_cast<double>(num_ticks_) * period_s_, bar.c_str());
+  std::string line = text;
+  if (ticks_per_s_) line += "  " + short_rate(*ticks_per_s_) + " ticks/s";
+  std::snprintf(text, sizeof text, "  |e| %.1e rad", error_norm_);
+  return line + text;
+}
+
+}  // namespace launch

@@ -1,0 +1,348 @@
+#include "launch/supervise.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/signalfd.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+#include <utility>
+
+namespace launch {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::milliseconds wake_interval{50};
+constexpr std::size_t longest_line = 4096;
+
+[[noreturn]] void fail(const char* call) {
+  throw std::system_error(errno, std::generic_category(), call);
+}
+
+class Descriptor {
+ public:
+  explicit Descriptor(int fd = -1) : fd_(fd) {}
+  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  [[nodiscard]] int get() const { return fd_; }
+
+ private:
+  int fd_;
+};
+
+/// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
+class Signals {
+ public:
+  Signals() {
+    sigset_t set;
+    sigemptyset(&set);
+    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) sigaddset(&set, signal);
+    if (sigprocmask(SIG_BLOCK, &set, &before_) != 0) fail("sigprocmask");
+    fd_ = Descriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+    if (fd_.get() < 0) fail("signalfd");
+  }
+  Signals(const Signals&) = delete;
+  Signals& operator=(const Signals&) = delete;
+  ~Signals() { sigprocmask(SIG_SETMASK, &before_, nullptr); }
+
+  [[nodiscard]] int fd() const { return fd_.get(); }
+  [[nodiscard]] const sigset_t& before() const { return before_; }
+
+  /// How many signals that end a run have come since the last call.
+  int take_interrupts() {
+    int count = 0;
+    signalfd_siginfo info;
+    while (::read(fd_.get(), &info, sizeof info) == sizeof info) {
+      if (info.ssi_signo != SIGCHLD) ++count;
+    }
+    return count;
+  }
+
+ private:
+  sigset_t before_{};
+  Descriptor fd_;
+};
+
+struct Child {
+  pid_t pid = -1;
+  bool running = false;
+  Descriptor output;
+  std::string partial;  // the line that has not ended yet
+};
+
+Child start(const Process& process, const Signals& signals) {
+  std::array<int, 2> output{};
+  std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
+  if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
+  Descriptor output_read(output[0]);
+  Descriptor output_write(output[1]);
+  if (pipe2(refusal.data(), O_CLOEXEC) != 0) fail("pipe2");
+  Descriptor refusal_read(refusal[0]);
+  Descriptor refusal_write(refusal[1]);
+  if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
+
+  std::vector<char*> argv;
+  for (const std::string& word : process.command) argv.push_back(const_cast<char*>(word.c_str()));
+  argv.push_back(nullptr);
+
+  const pid_t parent = getpid();
+  const pid_t pid = fork();
+  if (pid < 0) fail("fork");
+  if (pid == 0) {
+    setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGTERM);
+    const int null = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+    if (getppid() == parent && null >= 0 && dup2(null, STDIN_FILENO) >= 0 &&
+        dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
+        dup2(output_write.get(), STDERR_FILENO) >= 0 &&
+        sigprocmask(SIG_SETMASK, &signals.before(), nullptr) == 0) {
+      execv(argv[0], argv.data());
+    }
+    const int error = errno;
+    [[maybe_unused]] const ssize_t written = ::write(refusal_write.get(), &error, sizeof error);
+    _exit(127);
+  }
+  refusal_write = Descriptor();
+  int error = 0;
+  ssize_t got;
+  do {
+    got = ::read(refusal_read.get(), &error, sizeof error);
+  } while (got < 0 && errno == EINTR);
+  if (got == sizeof error) {
+    waitpid(pid, nullptr, 0);
+    throw app::Failure(app::ExitCode::bad_usage, "cannot start " + process.command.front() + ": " +
+                                                     std::strerror(error) +
+                                                     "; build the whole project first");
+  }
+  Child child;
+  child.pid = pid;
+  child.running = true;
+  child.output = std::move(output_read);
+  return child;
+}
+
+class Run {
+ public:
+  Run(const std::vector<Process>& processes, const Watch& watch)
+      : watch_(watch), result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
+    for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
+    try {
+      for (const Process& process : processes) children_.push_back(start(process, signals_));
+    } catch (...) {
+      kill_rest();
+      throw;
+    }
+  }
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
+  ~Run() { kill_rest(); }
+
+  Supervision finish() {
+    while (any_running()) {
+      wait();
+      for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
+      handle_interrupts();
+      reap();
+      if (watch_.on_wake) watch_.on_wake();
+      enforce();
+    }
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] bool any_running() const {
+    return std::any_of(children_.begin(), children_.end(),
+                       [](const Child& child) { return child.running; });
+  }
+
+  void wait() {
+    std::vector<pollfd> fds;
+    fds.push_back({signals_.fd(), POLLIN, 0});
+    if (watch_.fd >= 0) fds.push_back({watch_.fd, POLLIN, 0});
+    for (const Child& child : children_) {
+      if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
+    }
+    poll(fds.data(), fds.size(), static_cast<int>(wake_interval.count()));
+  }
+
+  void read_output(std::size_t i) {
+    Child& child = children_[i];
+    if (child.output.get() < 0) return;
+    std::array<char, 4096> buffer;
+    ssize_t got;
+    while ((got = ::read(child.output.get(), buffer.data(), buffer.size())) > 0) {
+      for (const char c : std::string_view(buffer.data(), static_cast<std::size_t>(got))) {
+        if (c != '\n') child.partial += c;
+        if (c == '\n' || child.partial.size() >= longest_line) end_line(i);
+      }
+    }
+    if (got == 0) {
+      end_line(i);
+      child.output = Descriptor();
+    }
+  }
+
+  void end_line(std::size_t i) {
+    std::string line = std::exchange(children_[i].partial, {});
+    if (line.empty()) return;
+    if (watch_.on_line) watch_.on_line(result_.ends[i].name, line);
+    result_.ends[i].last_line = std::move(line);
+  }
+
+  void handle_interrupts() {
+    const int count = signals_.take_interrupts();
+    if (count == 0) return;
+    const bool again = result_.interrupted || count > 1;
+    if (!result_.interrupted) {
+      result_.interrupted = true;
+      order(SIGINT);
+      terminate_at_ = Clock::now() + watch_.interrupt_grace;
+    }
+    if (again && !killed_) {
+      order(SIGKILL);
+      killed_ = true;
+    }
+  }
+
+  void reap() {
+    for (std::size_t i = 0; i < children_.size(); ++i) {
+      Child& child = children_[i];
+      int status = 0;
+      if (!child.running || waitpid(child.pid, &status, WNOHANG) != child.pid) continue;
+      child.running = false;
+      read_output(i);
+      end_line(i);
+      ProcessEnd& end = result_.ends[i];
+      if (WIFSIGNALED(status)) end.signal = WTERMSIG(status);
+      if (WIFEXITED(status)) end.exit_code = WEXITSTATUS(status);
+      end.on_order = ordered_;
+      note_end(i);
+    }
+  }
+
+  /// A process that went because a peer was lost is a victim: blame whoever fails otherwise.
+  void note_end(std::size_t i) {
+    const ProcessEnd& end = result_.ends[i];
+    const Clock::time_point now = Clock::now();
+    if (end.failed() && !ordered_) {
+      const auto is_victim = [](const ProcessEnd& e) {
+        return e.signal == 0 && e.exit_code == static_cast<int>(app::ExitCode::peer_lost);
+      };
+      const bool first = !result_.culprit.has_value();
+      if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
+        result_.culprit = i;
+      }
+      if (first) terminate_at_ = std::min(terminate_at_, now + watch_.grace);
+    } else if (!ordered_ && !clean_end_) {
+      clean_end_ = true;
+      stragglers_at_ = now + watch_.end_together;
+    }
+  }
+
+  void enforce() {
+    const Clock::time_point now = Clock::now();
+    if (now >= stragglers_at_ && !result_.culprit && !ordered_) {
+      for (std::size_t i = 0; i < children_.size(); ++i) {
+        if (!children_[i].running) continue;
+        result_.ends[i].overdue = true;
+        if (!result_.culprit) result_.culprit = i;
+      }
+      terminate_at_ = now;
+    }
+    if (now >= terminate_at_ && !terminated_) {
+      order(SIGTERM);
+      terminated_ = true;
+      kill_at_ = now + watch_.patience;
+    }
+    if (now >= kill_at_ && !killed_) {
+      order(SIGKILL);
+      killed_ = true;
+    }
+  }
+
+  void order(int signal) {
+    ordered_ = true;
+    for (const Child& child : children_) {
+      if (!child.running) continue;
+      kill(child.pid, signal);
+      if (signal == SIGKILL) kill(-child.pid, signal);
+      if (signal == SIGTERM) kill(child.pid, SIGCONT);
+    }
+  }
+
+  void kill_rest() {
+    for (Child& child : children_) {
+      if (!child.running) continue;
+      kill(child.pid, SIGKILL);
+      waitpid(child.pid, nullptr, 0);
+      child.running = false;
+    }
+  }
+
+  const Watch& watch_;
+  Signals signals_;
+  std::vector<Child> children_;
+  Supervision result_;
+  bool ordered_ = false;
+  bool terminated_ = false;
+  bool killed_ = false;
+  bool clean_end_ = false;
+  Clock::time_point terminate_at_ = Clock::time_point::max();
+  Clock::time_point kill_at_ = Clock::time_point::max();
+  Clock::time_point stragglers_at_ = Clock::time_point::max();
+};
+
+}  // namespace
+
+Supervision supervise(const std::vector<Process>& processes, const Watch& watch) {
+  return Run(processes, watch).finish();
+}
+
+std::string describe(const ProcessEnd& end) {
+  std::string text = end.name;
+  if (end.overdue) {
+    text += " went on after the others had ended, and was stopped";
+  } else if (end.signal != 0) {
+    text +=
+        " was killed by signal " + std::to_string(end.signal) + " (" + strsignal(end.signal) + ")";
+  } else if (end.exit_code == 0) {
+    text += " ended";
+  } else {
+    text += " ended with exit code " + std::to_string(end.exit_code);
+  }
+  if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
+  if (!end.last_line.empty()) text += (end.failed() ? ": " : ", saying: ") + end.last_line;
+  return text;
+}
+
+app::ExitCode exit_code(const Supervision& supervision) {
+  if (supervision.interrupted) return app::ExitCode::interrupted;
+  if (!supervision.culprit) return app::ExitCode::done;
+  const ProcessEnd& end = supervision.ends[*supervision.culprit];
+  switch (end.signal == 0 ? end.exit_code : 0) {
+    case static_cast<int>(app::ExitCode::check_said_no):
+    case static_cast<int>(app::ExitCode::bad_usage):
+    case static_cast<int>(app::ExitCode::protocol_violated):
+    case static_cast<int>(app::ExitCode::protective_stop):
+    case static_cast<int>(app::ExitCode::interrupted):
+      return static_cast<app::ExitCode>(end.exit_code);
+    default:
+      return app::ExitCode::peer_lost;
+  }
+}
+
+}  // namespace launch

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "app/exit_code.h"
+
+namespace launch {
+
+/// A process to start. Its stdout and stderr come line by line to `Watch::on_line`.
+struct Process {
+  std::string name;                  ///< for people: "controller"
+  std::vector<std::string> command;  ///< program (a path) and arguments
+};
+
+/// How a process ended.
+struct ProcessEnd {
+  std::string name;
+  int exit_code = 0;      ///< when `signal` is 0
+  int signal = 0;         ///< that killed it
+  bool on_order = false;  ///< it ended after it had been told to
+  bool overdue = false;   ///< it went on for long after another had ended well
+  std::string last_line;  ///< the last line it wrote
+
+  [[nodiscard]] bool failed() const { return signal != 0 || exit_code != 0; }
+};
+
+struct Watch {
+  std::function<void(std::string_view name, std::string_view line)> on_line;
+  std::function<void()> on_wake;  ///< called at least every 50 ms, and at once when `fd` has input
+  int fd = -1;                    ///< -1: none
+  std::chrono::milliseconds grace{300};      ///< from the first failure to SIGTERM for the others
+  std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL
+  std::chrono::milliseconds interrupt_grace{3000};  ///< from the forwarded SIGINT to SIGTERM
+  std::chrono::milliseconds end_together{10000};    ///< from the first clean end to the last
+};
+
+struct Supervision {
+  std::vector<ProcessEnd> ends;        ///< in the order of the processes given
+  std::optional<std::size_t> culprit;  ///< index of the process because of which the run ended
+  bool interrupted = false;            ///< by SIGINT, SIGTERM or SIGHUP to this process
+};
+
+/// Starts `processes`, each in a process group of its own (so that Ctrl-C reaches this process
+/// alone), and returns when all have ended. SIGINT, SIGTERM and SIGHUP are passed on once, as
+/// SIGINT; a second one kills. When one process fails, the others get `grace` to end by
+/// themselves, then SIGTERM, then SIGKILL. Should this process die, its children get SIGTERM.
+/// @throw app::Failure(bad_usage) naming the program that cannot be started; what had been
+/// started has then been killed.
+Supervision supervise(const std::vector<Process>& processes, const Watch& watch);
+
+/// One line: "controller was killed by signal 9 (Killed); its last words: …".
+std::string describe(const ProcessEnd& end);
+
+/// The run's exit code: 130 when interrupted, else the culprit's own, 3 when a signal killed it.
+app::ExitCode exit_code(const Supervision& supervision);
+
+}  // namespace launch

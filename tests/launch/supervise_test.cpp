@@ -1,0 +1,200 @@
+#include "launch/supervise.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <map>
+
+namespace launch {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using Clock = std::chrono::steady_clock;
+
+Process shell(const std::string& name, const std::string& script) {
+  return {name, {"/bin/sh", "-c", script}};
+}
+
+// Ends at once on SIGTERM, on SIGINT with 130, and says so.
+const std::string obedient =
+    "trap 'echo closing; exit 130' INT; trap 'echo closing; exit 0' TERM; "
+    "echo up; while :; do sleep 0.02; done";
+const std::string deaf = "trap '' INT TERM; echo up; while :; do sleep 0.02; done";
+
+struct Result {
+  Supervision supervision;
+  std::map<std::string, std::vector<std::string>> lines;
+  Clock::duration took{};
+};
+
+/// `act(lines)` is called on each wake and may send signals.
+Result watch(const std::vector<Process>& processes,
+             const std::function<void(const Result&)>& act = {}, Watch options = {}) {
+  Result result;
+  options.on_line = [&](std::string_view name, std::string_view line) {
+    result.lines[std::string(name)].emplace_back(line);
+  };
+  options.on_wake = [&] {
+    if (act) act(result);
+  };
+  const auto begun = Clock::now();
+  result.supervision = supervise(processes, options);
+  result.took = Clock::now() - begun;
+  return result;
+}
+
+bool up(const Result& result, const std::string& name) {
+  const auto found = result.lines.find(name);
+  return found != result.lines.end() && !found->second.empty();
+}
+
+TEST(Supervise, ReturnsWhenAllHaveEndedWell) {
+  const Result result = watch({shell("plant", "echo one; echo two >&2; exit 0"),
+                               shell("controller", "printf 'no newline'")});
+  EXPECT_FALSE(result.supervision.culprit.has_value());
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::done);
+  EXPECT_THAT(result.lines.at("plant"), ElementsAre("one", "two"));
+  EXPECT_THAT(result.lines.at("controller"), ElementsAre("no newline"));
+}
+
+TEST(Supervise, EndsTheRunWithinTwoSecondsWhenOneIsKilled) {
+  const Result result =
+      watch({shell("plant", deaf), shell("controller", "echo $$; echo ready; kill -9 $$"),
+             shell("logger", obedient)});
+  EXPECT_LT(result.took, seconds(2));
+  ASSERT_EQ(result.supervision.culprit, 1U);
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::peer_lost);
+  EXPECT_EQ(describe(result.supervision.ends[1]),
+            "controller was killed by signal 9 (Killed): ready");
+  EXPECT_EQ(result.supervision.ends[0].signal, SIGKILL);
+  EXPECT_EQ(result.supervision.ends[2].exit_code, 0) << "the logger closes its log on SIGTERM";
+}
+
+TEST(Supervise, PassesOnTheCulpritsExitCodeAndLastWords) {
+  const Result result =
+      watch({shell("plant", "echo 'tau_1 is not finite' >&2; exit 5"), shell("logger", obedient)});
+  ASSERT_EQ(result.supervision.culprit, 0U);
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protective_stop);
+  EXPECT_EQ(describe(result.supervision.ends[0]),
+            "plant ended with exit code 5: tau_1 is not finite");
+}
+
+TEST(Supervise, BlamesTheCauseNotThePeerThatMissedIt) {
+  Watch options;
+  options.grace = seconds(2);
+  const Result result =
+      watch({shell("plant", "exit 3"), shell("controller", "sleep 0.1; exit 4")}, {}, options);
+  ASSERT_EQ(result.supervision.culprit, 1U);
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protocol_violated);
+}
+
+TEST(Supervise, GivesTheOthersTimeToEndByThemselves) {
+  const Result result = watch({shell("plant", "exit 5"), shell("logger", "sleep 0.1; exit 5")});
+  EXPECT_FALSE(result.supervision.ends[1].on_order);
+  EXPECT_EQ(result.supervision.ends[1].exit_code, 5);
+}
+
+TEST(Supervise, PassesCtrlCOnOnceAndEndsWith130) {
+  bool sent = false;
+  const Result result =
+      watch({shell("plant", obedient), shell("logger", obedient)}, [&](const Result& so_far) {
+        if (sent || !up(so_far, "plant") || !up(so_far, "logger")) return;
+        sent = true;
+        kill(getpid(), SIGINT);
+      });
+  EXPECT_TRUE(result.supervision.interrupted);
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::interrupted);
+  EXPECT_THAT(result.lines.at("plant"), ElementsAre("up", "closing"));
+  EXPECT_EQ(result.supervision.ends[0].exit_code, 130);
+  EXPECT_EQ(result.supervision.ends[1].exit_code, 130);
+}
+
+TEST(Supervise, KillsTheDeafAfterASecondCtrlC) {
+  int sent = 0;
+  const Result result = watch({shell("plant", deaf)}, [&](const Result& so_far) {
+    if (sent == 2 || !up(so_far, "plant")) return;
+    ++sent;
+    kill(getpid(), SIGINT);
+  });
+  EXPECT_LT(result.took, seconds(2));
+  EXPECT_EQ(result.supervision.ends[0].signal, SIGKILL);
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::interrupted);
+}
+
+TEST(Supervise, StopsWhoGoesOnLongAfterTheOthersHaveEnded) {
+  Watch options;
+  options.end_together = milliseconds(200);
+  const Result result =
+      watch({shell("plant", "exit 0"), shell("controller", obedient)}, {}, options);
+  ASSERT_EQ(result.supervision.culprit, 1U);
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::peer_lost);
+  EXPECT_THAT(describe(result.supervision.ends[1]), HasSubstr("went on after the others"));
+}
+
+TEST(Supervise, WakesAStoppedProcessToEndIt) {
+  const Result result =
+      watch({shell("plant", "trap 'exit 0' TERM; echo up; kill -STOP $$; sleep 60"),
+             shell("controller", "sleep 0.2; exit 4")});
+  EXPECT_LT(result.took, seconds(2));
+  EXPECT_EQ(result.supervision.culprit, 1U);
+}
+
+TEST(Supervise, NamesAProgramThatCannotBeStarted) {
+  pid_t first = 0;
+  Watch options;
+  options.on_line = [&](std::string_view, std::string_view line) {
+    first = static_cast<pid_t>(std::stol(std::string(line)));
+  };
+  try {
+    supervise({shell("plant", "echo $$; sleep 60"), {"logger", {"/nowhere/tachless-logger"}}},
+              options);
+    FAIL() << "started a program that is not there";
+  } catch (const app::Failure& failure) {
+    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("cannot start /nowhere/tachless-logger"));
+  }
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child was left behind";
+}
+
+TEST(Supervise, LeavesNoChildWhenItDies) {
+  std::array<int, 2> held{};  // its writing end is open as long as launcher or child live
+  ASSERT_EQ(pipe(held.data()), 0);
+  const pid_t launcher = fork();
+  ASSERT_GE(launcher, 0);
+  if (launcher == 0) {
+    Watch options;
+    options.on_line = [&](std::string_view, std::string_view) {
+      [[maybe_unused]] const auto n = write(held[1], "u", 1);
+    };
+    supervise({shell("plant", "echo up; exec sleep 60")}, options);
+    _exit(0);
+  }
+  close(held[1]);
+  char up = 0;
+  ASSERT_EQ(read(held[0], &up, 1), 1);
+  ASSERT_EQ(kill(launcher, SIGKILL), 0);
+  waitpid(launcher, nullptr, 0);
+  pollfd closed{held[0], POLLIN, 0};
+  EXPECT_EQ(poll(&closed, 1, 5000), 1) << "the child outlived its launcher";
+  close(held[0]);
+}
+
+TEST(Supervise, LeavesSignalsAsTheyWere) {
+  sigset_t before, after;
+  sigprocmask(SIG_BLOCK, nullptr, &before);
+  watch({shell("plant", "exit 0")});
+  sigprocmask(SIG_BLOCK, nullptr, &after);
+  EXPECT_EQ(sigismember(&before, SIGINT), sigismember(&after, SIGINT));
+  EXPECT_EQ(sigismember(&before, SIGCHLD), sigismember(&after, SIGCHLD));
+}
+
+}  // namespace
+}  // namespace launch
