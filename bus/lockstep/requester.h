@@ -1,0 +1,109 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "bus/lockstep/message_ring.h"
+#include "bus/lockstep/verdict.h"
+#include "bus/transport.h"
+
+namespace bus::lockstep {
+
+/// The plant's side of the protocol. A run is: RUN_INFO until the logger has it; then for each
+/// tick a question (TICK and measurement) until its command is in, an advance of the plant, the
+/// TRUTH; at the end the logger's last acknowledgement. The requester says when the next step may
+/// be taken, what has to be repeated when, and when to give up.
+class Requester {
+ public:
+  struct Config {
+    std::int64_t num_ticks = 0;
+    /// Ticks begun but not yet acknowledged by the logger are at most this many.
+    int window = 48;
+    /// A question is repeated after this, then after twice as long and so on up to the longest.
+    std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(2);
+    std::chrono::nanoseconds longest_timeout = std::chrono::milliseconds(320);
+    /// Without progress for so long: a peer is lost.
+    std::chrono::nanoseconds give_up = std::chrono::seconds(5);
+  };
+
+  /// One thing to send again.
+  struct Repeat {
+    enum class What {
+      run_info,
+      question,  ///< TICK and measurement
+      all,       ///< TICK, measurement and TRUTH: the logger misses something of this tick
+    };
+    What what = What::question;
+    std::int64_t tick = -1;
+  };
+
+  enum class Waiting { nobody, logger_for_run_info, command, logger_for_window, logger_for_end };
+
+  /// @throw std::logic_error when the window does not fit the rings of the other side.
+  Requester(const Config& config, std::size_t longest_command);
+
+  /// RUN_INFO has been published for the first time.
+  void introduced(Clock::time_point now);
+
+  /// Whether tick `next_tick()` may begin.
+  [[nodiscard]] bool may_begin() const;
+  [[nodiscard]] std::int64_t next_tick() const { return next_tick_; }
+
+  /// The question of tick `next_tick()` has been published for the first time.
+  void asked(Clock::time_point now);
+
+  /// A command of this run. `fresh`: it is the one waited for.
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender);
+  [[nodiscard]] bool commanded() const { return asking_ && commanded_; }
+  /// Who sent the command that is kept for `tick`.
+  [[nodiscard]] std::string_view commander(std::int64_t tick) const;
+
+  /// TRUTH of the tick asked for has been published; the tick is over.
+  void completed(Clock::time_point now);
+
+  /// The logger's acknowledgement. `not_asked`: of a tick that has not been.
+  Verdict on_ack(std::int64_t tick, std::uint64_t missing, Clock::time_point now);
+  [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
+
+  /// What to send again now; call until it yields nothing.
+  std::optional<Repeat> next_repeat(Clock::time_point now);
+
+  /// When to call `next_repeat` and `given_up` again if nothing else happens.
+  [[nodiscard]] Clock::time_point deadline() const;
+
+  [[nodiscard]] Waiting waiting() const;
+  /// Whether there has been no progress for so long that a peer must be lost.
+  [[nodiscard]] bool given_up(Clock::time_point now) const;
+  /// Whether the logger has said anything since progress stopped: then it is not the lost one.
+  [[nodiscard]] bool logger_heard() const { return logger_heard_; }
+
+  /// All ticks are completed and acknowledged.
+  [[nodiscard]] bool finished() const;
+
+ private:
+  void progress(Clock::time_point now);
+  [[nodiscard]] std::int64_t last_completed() const;
+  void remember_missing(std::uint64_t missing);
+
+  Config config_;
+  MessageRing commands_;
+  std::int64_t next_tick_ = 0;
+  bool introduced_ = false;
+  bool asking_ = false;
+  bool commanded_ = false;
+  bool logger_heard_ = false;
+  std::int64_t acknowledged_ = -2;
+  std::uint64_t missing_ = 0;  ///< bit i: the logger misses something of acknowledged_ + 1 + i
+  std::uint64_t pending_ = 0;  ///< the same, to be repeated now
+  std::array<Clock::time_point, MessageRing::depth> sent_{};  ///< last time a tick's all was sent
+  Clock::time_point progress_;
+  Clock::time_point repeat_at_;
+  std::chrono::nanoseconds timeout_{};
+};
+
+}  // namespace bus::lockstep
