@@ -20,7 +20,11 @@ Requester::Requester(const Config& config, std::size_t longest_command)
 void Requester::progress(Clock::time_point now) {
   progress_ = now;
   logger_heard_ = false;
+  repeats_ = 0;
   timeout_ = config_.first_timeout;
+  if (asking_ && usual_.count() != 0) {
+    timeout_ = std::clamp(usual_ + 4 * deviation_, config_.shortest_timeout, config_.first_timeout);
+  }
   repeat_at_ = now + timeout_;
 }
 
@@ -44,13 +48,30 @@ void Requester::asked(Clock::time_point now) {
 }
 
 Verdict Requester::on_command(std::int64_t tick, std::span<const std::byte> bytes,
-                              std::string_view sender) {
+                              std::string_view sender, Clock::time_point now) {
   const std::int64_t newest = asking_ ? next_tick_ : last_completed();
   if (tick < 0 || tick > newest) return Verdict::not_asked;
   if (tick <= newest - MessageRing::depth) return Verdict::too_old;
   const Verdict verdict = commands_.put(tick, 0, bytes, sender);
-  if (verdict == Verdict::fresh) commanded_ = true;
+  if (verdict == Verdict::fresh) {
+    commanded_ = true;
+    note_round_trip(now);
+  }
   return verdict;
+}
+
+void Requester::note_round_trip(Clock::time_point now) {
+  round_trip_ = now - progress_;
+  // An answer after a repetition tells more about the loss than about the way (Karn's rule); the
+  // smoothing is that of RFC 6298.
+  if (repeats_ > 0) return;
+  if (usual_.count() == 0) {
+    usual_ = round_trip_;
+    deviation_ = round_trip_ / 2;
+  } else {
+    deviation_ += (std::chrono::abs(round_trip_ - usual_) - deviation_) / 4;
+    usual_ += (round_trip_ - usual_) / 8;
+  }
 }
 
 std::string_view Requester::commander(std::int64_t tick) const { return commands_.sender(tick, 0); }
@@ -100,6 +121,7 @@ Verdict Requester::on_ack(std::int64_t tick, std::uint64_t missing, Clock::time_
       progress(now);
       logger_heard_ = true;
     } else {
+      repeats_ = 0;
       timeout_ = config_.first_timeout;
       repeat_at_ = std::min(repeat_at_, now + timeout_);
     }
@@ -113,7 +135,8 @@ std::optional<Requester::Repeat> Requester::next_repeat(Clock::time_point now) {
     if (waiting_for == Waiting::nobody) {
       repeat_at_ = Clock::time_point::max();
     } else {
-      timeout_ = std::min(2 * timeout_, config_.longest_timeout);
+      if (++repeats_ >= config_.patience)
+        timeout_ = std::min(2 * timeout_, config_.longest_timeout);
       repeat_at_ = now + timeout_;
       if (waiting_for == Waiting::logger_for_run_info) return Repeat{Repeat::What::run_info, -1};
       if (waiting_for == Waiting::command) return Repeat{Repeat::What::question, next_tick_};

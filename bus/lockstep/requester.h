@@ -24,9 +24,13 @@ class Requester {
     std::int64_t num_ticks = 0;
     /// Ticks begun but not yet acknowledged by the logger are at most this many.
     int window = 48;
-    /// A question is repeated after this, then after twice as long and so on up to the longest.
+    /// A question is repeated after the time that answers usually take, within these bounds
+    /// (docs/decisions/0002-repeats.md), `patience` times; then after twice as long each time, up
+    /// to the longest.
+    std::chrono::nanoseconds shortest_timeout = std::chrono::microseconds(500);
     std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(2);
     std::chrono::nanoseconds longest_timeout = std::chrono::milliseconds(320);
+    int patience = 8;
     /// Without progress for so long: a peer is lost.
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);
   };
@@ -58,8 +62,11 @@ class Requester {
   void asked(Clock::time_point now);
 
   /// A command of this run. `fresh`: it is the one waited for.
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender);
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender,
+                     Clock::time_point now);
   [[nodiscard]] bool commanded() const { return asking_ && commanded_; }
+  /// From the first question of the newest commanded tick to its command.
+  [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
   /// Who sent the command that is kept for `tick`.
   [[nodiscard]] std::string_view commander(std::int64_t tick) const;
 
@@ -88,6 +95,7 @@ class Requester {
  private:
   void progress(Clock::time_point now);
   [[nodiscard]] std::int64_t last_completed() const;
+  void note_round_trip(Clock::time_point now);
   void remember_missing(std::uint64_t missing);
 
   Config config_;
@@ -104,6 +112,9 @@ class Requester {
   Clock::time_point progress_;
   Clock::time_point repeat_at_;
   std::chrono::nanoseconds timeout_{};
+  int repeats_ = 0;  ///< since the last progress
+  std::chrono::nanoseconds round_trip_{};
+  std::chrono::nanoseconds usual_{}, deviation_{};  ///< of round trips, smoothed
 };
 
 }  // namespace bus::lockstep

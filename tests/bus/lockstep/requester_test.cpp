@@ -28,7 +28,7 @@ class ARequester : public testing::Test {
   }
   void run_one() {
     requester.asked(now);
-    requester.on_command(requester.next_tick(), BytesOf(requester.next_tick()), "controller");
+    requester.on_command(requester.next_tick(), BytesOf(requester.next_tick()), "controller", now);
     requester.completed(now);
   }
   std::vector<std::int64_t> repeated_ticks() {
@@ -59,11 +59,11 @@ TEST_F(ARequester, BeginsWhenTheLoggerHasRunInfo) {
   EXPECT_THROW(requester.completed(now), std::logic_error);
 }
 
-TEST_F(ARequester, RepeatsAQuestionAfter2msDoublingTo320ms) {
+TEST_F(ARequester, RepeatsAQuestionEvery2msAndLaterDoublesTo320ms) {
   introduce();
   requester.asked(now);
   std::vector<std::int64_t> waits_ms;
-  for (int i = 0; i < 10; ++i) {
+  for (int i = 0; i < 17; ++i) {
     const auto before = now;
     now = requester.deadline();
     const auto repeat = requester.next_repeat(now);
@@ -73,7 +73,7 @@ TEST_F(ARequester, RepeatsAQuestionAfter2msDoublingTo320ms) {
     EXPECT_FALSE(requester.next_repeat(now));
     waits_ms.push_back((now - before) / 1ms);
   }
-  EXPECT_EQ(waits_ms, (Ticks{2, 4, 8, 16, 32, 64, 128, 256, 320, 320}));
+  EXPECT_EQ(waits_ms, (Ticks{2, 2, 2, 2, 2, 2, 2, 2, 4, 8, 16, 32, 64, 128, 256, 320, 320}));
 }
 
 TEST_F(ARequester, StartsEachTickWithTheFirstTimeout) {
@@ -81,26 +81,51 @@ TEST_F(ARequester, StartsEachTickWithTheFirstTimeout) {
   requester.asked(now);
   now += 2ms;
   EXPECT_TRUE(requester.next_repeat(now));
-  requester.on_command(0, BytesOf(0), "controller");
+  requester.on_command(0, BytesOf(0), "controller", now);
   requester.completed(now);
   requester.asked(now);
   EXPECT_EQ(requester.deadline(), now + 2ms);
 }
 
+TEST_F(ARequester, LearnsHowLongAnswersTake) {
+  introduce();
+  const auto tick_that_takes = [&](std::chrono::nanoseconds round_trip) {
+    const std::int64_t k = requester.next_tick();
+    requester.asked(now);
+    const auto patience = requester.deadline() - now;
+    now += round_trip;
+    requester.next_repeat(now);
+    requester.on_command(k, BytesOf(k), "controller", now);
+    EXPECT_EQ(requester.round_trip(), round_trip);
+    requester.completed(now);
+    requester.on_ack(k, 0, now);
+    return patience;
+  };
+  EXPECT_EQ(tick_that_takes(100us), 2ms);
+  for (int i = 0; i < 50; ++i) tick_that_takes(100us);
+  EXPECT_EQ(tick_that_takes(100us), 500us);
+  EXPECT_EQ(tick_that_takes(50ms), 500us);  // repeated: says nothing of the usual time
+  EXPECT_EQ(tick_that_takes(100us), 500us);
+  for (int i = 0; i < 50; ++i) tick_that_takes(i % 2 ? 300us : 450us);
+  const auto patience = tick_that_takes(100us);
+  EXPECT_GT(patience, 500us);
+  EXPECT_LT(patience, 1ms);
+}
+
 TEST_F(ARequester, TakesTheCommandOfTheTickAskedForAndNoOther) {
   introduce();
-  EXPECT_EQ(requester.on_command(0, BytesOf(5), "a"), Verdict::not_asked);
+  EXPECT_EQ(requester.on_command(0, BytesOf(5), "a", now), Verdict::not_asked);
   requester.asked(now);
-  EXPECT_EQ(requester.on_command(1, BytesOf(5), "a"), Verdict::not_asked);
-  EXPECT_EQ(requester.on_command(-1, BytesOf(5), "a"), Verdict::not_asked);
+  EXPECT_EQ(requester.on_command(1, BytesOf(5), "a", now), Verdict::not_asked);
+  EXPECT_EQ(requester.on_command(-1, BytesOf(5), "a", now), Verdict::not_asked);
   EXPECT_FALSE(requester.commanded());
-  EXPECT_EQ(requester.on_command(0, BytesOf(5), "a"), Verdict::fresh);
+  EXPECT_EQ(requester.on_command(0, BytesOf(5), "a", now), Verdict::fresh);
   EXPECT_TRUE(requester.commanded());
-  EXPECT_EQ(requester.on_command(0, BytesOf(5), "b"), Verdict::repeated);
-  EXPECT_EQ(requester.on_command(0, BytesOf(6), "b"), Verdict::conflicting);
+  EXPECT_EQ(requester.on_command(0, BytesOf(5), "b", now), Verdict::repeated);
+  EXPECT_EQ(requester.on_command(0, BytesOf(6), "b", now), Verdict::conflicting);
   EXPECT_EQ(requester.commander(0), "a");
   requester.completed(now);
-  EXPECT_EQ(requester.on_command(0, BytesOf(6), "b"), Verdict::conflicting);
+  EXPECT_EQ(requester.on_command(0, BytesOf(6), "b", now), Verdict::conflicting);
 }
 
 TEST_F(ARequester, NeverRunsMoreThan48TicksAhead) {
