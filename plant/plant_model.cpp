@@ -1,0 +1,116 @@
+#include "plant/plant_model.h"
+
+#include <optional>
+#include <stdexcept>
+
+#include "plant/stiffness.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+
+namespace plant {
+namespace {
+
+Integrator integrator(app::IntegratorMethod method) {
+  switch (method) {
+    case app::IntegratorMethod::runge_kutta_merson:
+      return Integrator::runge_kutta_merson;
+    case app::IntegratorMethod::runge_kutta_3:
+      return Integrator::runge_kutta_3;
+    case app::IntegratorMethod::runge_kutta_feldberg:
+      return Integrator::runge_kutta_feldberg;
+    case app::IntegratorMethod::semi_explicit_euler_2:
+      return Integrator::semi_explicit_euler_2;
+    case app::IntegratorMethod::verlet:
+      return Integrator::verlet;
+    case app::IntegratorMethod::cpodes:
+      return Integrator::cpodes;
+  }
+  throw std::logic_error("plant: unknown integrator");
+}
+
+std::optional<FlexibleDrive> flexible_drive(const app::Scenario& scenario) {
+  if (!scenario.robot.flexible) return std::nullopt;
+  const app::FlexibleJoints& joints = *scenario.robot.flexible;
+  return FlexibleDrive{joints.stiffness_Nm_per_rad, joints.rotor_inertia_kgm2,
+                       joints.motor_damping_Nms_per_rad};
+}
+
+robot::Vector or_zero(const robot::Vector& x, int size) {
+  return x.size() == 0 ? robot::Vector(robot::Vector::Zero(size)) : x;
+}
+
+}  // namespace
+
+robot::Model plant_model(const app::Scenario& scenario) {
+  robot::Model model;
+  try {
+    model = robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path);
+  } catch (const std::invalid_argument& error) {
+    throw scenario.complaint("robot.urdf", error.what());
+  }
+  model.gravity = {0, 0, -scenario.robot.gravity_m_per_s2};
+  if (!scenario.robot.flexible) {
+    model.rotor_inertia = or_zero(scenario.robot.rigid_rotor_inertia_kgm2, model.num_joints);
+  }
+  const app::PayloadSpec& payload = scenario.plant.payload;
+  if (payload.mass_kg > 0) {
+    try {
+      model = robot::with_payload(std::move(model), payload.mass_kg, payload.link);
+    } catch (const std::invalid_argument& error) {
+      throw scenario.complaint("plant.payload", error.what());
+    }
+  }
+  return model;
+}
+
+ArmState initial_state(const app::Scenario& scenario, const robot::Model& model) {
+  const app::InitialState& initial = scenario.plant.initial;
+  ArmState state;
+  state.q = or_zero(initial.position_rad, model.num_joints);
+  state.v = or_zero(initial.velocity_rad_per_s, model.num_joints);
+  if (const std::optional<FlexibleDrive> drive = flexible_drive(scenario)) {
+    state.theta =
+        initial.motor_position_rad
+            ? *initial.motor_position_rad
+            : robot::Vector(state.q +
+                            robot::gravity_torque(model, state.q).cwiseQuotient(drive->stiffness));
+    state.thetadot = initial.motor_velocity_rad_per_s
+                         ? *initial.motor_velocity_rad_per_s
+                         : robot::Vector(robot::Vector::Zero(model.num_joints));
+  }
+  return state;
+}
+
+Arm make_arm(const app::Scenario& scenario, const robot::Model& model) {
+  const std::optional<FlexibleDrive> drive = flexible_drive(scenario);
+  ArmOptions options;
+  options.flexible = drive ? &*drive : nullptr;
+  options.viscous_friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  options.integrator = integrator(scenario.plant.integrator.method);
+  options.accuracy = scenario.plant.integrator.accuracy;
+  return Arm(model, options, initial_state(scenario, model));
+}
+
+Drive make_drive(const app::Scenario& scenario, const robot::Model& model) {
+  return Drive(scenario.plant.drive.torque_limit_Nm.value_or(model.effort_limit),
+               scenario.loop.command_delay);
+}
+
+robot::Vector protective_stop_damping(const app::Scenario& scenario, const robot::Model& model,
+                                      const robot::Vector& q) {
+  constexpr double time_constant_s = 0.1;
+  robot::Vector inertia = robot::mass_matrix(model, q).diagonal();
+  if (scenario.robot.flexible) inertia += scenario.robot.flexible->rotor_inertia_kgm2;
+  return inertia / time_constant_s;
+}
+
+double integrator_steps_per_tick(const app::Scenario& scenario, const robot::Model& model) {
+  const std::optional<FlexibleDrive> drive = flexible_drive(scenario);
+  const double rate =
+      fastest_rate(robot::mass_matrix(model, initial_state(scenario, model).q),
+                   drive ? &*drive : nullptr, scenario.plant.drive.viscous_friction_Nms_per_rad);
+  return integrator_steps(integrator(scenario.plant.integrator.method), rate,
+                          scenario.loop.period_s);
+}
+
+}  // namespace plant
