@@ -9,9 +9,7 @@
 #include <array>
 #include <bit>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <limits>
 #include <stdexcept>
 #include <system_error>
@@ -76,20 +74,6 @@ bool could_follow(std::int64_t number, std::uint64_t offset, std::int64_t earlie
 }
 
 }  // namespace
-
-std::filesystem::path default_log_path(const std::filesystem::path& directory) {
-  const std::time_t now = std::time(nullptr);
-  std::tm local{};
-  localtime_r(&now, &local);
-  for (int n = 0;; ++n) {
-    std::array<char, 64> name;
-    std::snprintf(name.data(), name.size(), "lcmlog-%04d-%02d-%02d.%02d", local.tm_year + 1900,
-                  local.tm_mon + 1, local.tm_mday, n);
-    auto path = directory / name.data();
-    std::error_code ignored;
-    if (!std::filesystem::exists(std::filesystem::symlink_status(path, ignored))) return path;
-  }
-}
 
 LogWriter::LogWriter(std::filesystem::path path, Existing existing)
     : path_(std::move(path)), last_flush_(std::chrono::steady_clock::now()) {
@@ -278,9 +262,9 @@ std::optional<LogEvent> LogReader::next() {
     const auto header = header_at(position_);
     bool is_event = header.has_value();
     bool suspect = false;
-    if (is_event && !number_follows(header->end, header->number + 1)) {
-      // Damage follows, or the numbers jump, or the file ends: does this length span more than
-      // its own event?
+    if (is_event && (skipping_ || !number_follows(header->end, header->number + 1))) {
+      // Damage comes before or after, or the numbers jump, or the file ends: does this length
+      // span more than its own event?
       is_event = !swallows_others(*header);
       suspect = is_event && header->end != size_ && !header_at(header->end);
     }
@@ -343,16 +327,13 @@ std::optional<LogReader::Header> LogReader::find_header(std::uint64_t from,
   return std::nullopt;
 }
 
-/// Whether what is left of the file at `offset` starts like event `number`, cut short or not.
+/// Whether an event `number` begins at `offset`, be it whole or not.
 bool LogReader::number_follows(std::uint64_t offset, std::int64_t number) const {
-  std::array<std::byte, 12> expected;
-  put(expected.data(), sync_word);
-  put(expected.data() + 4, static_cast<std::uint64_t>(number));
-  const auto bytes = std::min<std::uint64_t>(expected.size(), size_ - offset);
-  return bytes != 0 && std::memcmp(bytes_ + offset, expected.data(), bytes) == 0;
+  return size_ - offset >= 12 && get<std::uint32_t>(bytes_ + offset) == sync_word &&
+         get<std::uint64_t>(bytes_ + offset + 4) == static_cast<std::uint64_t>(number);
 }
 
-/// Whether `header`, which no successor follows, spans events of its own log: then its lengths are
+/// Whether `header`, which has damage beside it, spans events of its own log: then its lengths are
 /// damaged. A log within a message is not taken for that as long as its numbers do not fit and it
 /// ends with the message.
 bool LogReader::swallows_others(const Header& header) {
@@ -376,6 +357,7 @@ bool LogReader::swallows_others(const Header& header) {
       link = *successor;
       is_chain = true;
     }
+    if (skipping_ && link.end == header.end && link.number == header.number) return true;
     if (link.end != header.end && (!aligned || (is_chain && link.end > header.end))) return true;
     from = link.offset + 1;
   }

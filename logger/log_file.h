@@ -20,10 +20,6 @@ inline constexpr std::size_t event_header_bytes = 28;
 /// Longest channel name the LCM protocol allows [bytes].
 inline constexpr std::size_t max_channel_bytes = 63;
 
-/// The name lcm-logger would choose: `directory`/lcmlog-YYYY-MM-DD.NN (local date) with the first
-/// NN that is free.
-std::filesystem::path default_log_path(const std::filesystem::path& directory);
-
 enum class Existing { refuse, overwrite };
 
 /// Appends events to a log. Nothing is allocated after construction. The first error of the file
@@ -112,7 +108,7 @@ struct Damage {
 };
 
 /// Reads any LCM log, front to back, damaged or not. Each event whose bytes are undamaged is
-/// delivered, whatever surrounds it; what is not an event is skipped and counted. The format has
+/// delivered, whatever surrounds it, short of a forgery; what is not an event is skipped and counted. The format has
 /// no checksum: damage inside a channel name, a time stamp or the data goes unnoticed here.
 ///
 /// The file is mapped, not loaded. It must not be cut short by others meanwhile; growth is not

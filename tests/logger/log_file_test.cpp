@@ -188,14 +188,6 @@ TEST_F(LogFile, WriterFlushesEveryHundredMilliseconds) {
   EXPECT_LT(std::filesystem::file_size(path_), writer.bytes());
 }
 
-TEST_F(LogFile, DefaultNameIsTheFirstFreeOne) {
-  const auto first = default_log_path(directory_.path());
-  EXPECT_THAT(first.filename().string(),
-              testing::MatchesRegex("lcmlog-[0-9]{4}-[0-9]{2}-[0-9]{2}\\.00"));
-  write_file(first, "");
-  EXPECT_EQ(default_log_path(directory_.path()).extension(), ".01");
-}
-
 TEST_F(LogFile, ReaderRefusesWhatIsNoRegularFile) {
   EXPECT_THAT(failure_of([&] { LogReader reader(path_); }), HasSubstr("No such file"));
   EXPECT_THAT(failure_of([&] { LogReader reader(directory_.path()); }), HasSubstr("regular"));
