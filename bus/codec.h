@@ -94,6 +94,11 @@ std::span<const std::byte> Codec<Value>::encode(const Stamp& stamp, const Value&
 }
 
 template <class Value>
+std::size_t Codec<Value>::longest() const {
+  return scratch_->shape.max_size();
+}
+
+template <class Value>
 Rejection Codec<Value>::decode(std::span<const std::byte> payload, Stamp& stamp,
                                Value& value) const {
   const Rejection rejection = scratch_->shape.check(payload);

@@ -174,6 +174,9 @@ class Codec {
   /// @throw std::logic_error if anything else of the precondition is broken (base of both)
   std::span<const std::byte> encode(const Stamp& stamp, const Value& value);
 
+  /// Bytes of the longest message there is; of every one, if the type holds no text.
+  [[nodiscard]] std::size_t longest() const;
+
   /// Checks first (size, fingerprint, counts, finiteness, texts), then decodes. On rejection
   /// `stamp` and `value` are untouched. Does not look at run or tick: that is the node's.
   Rejection decode(std::span<const std::byte> payload, Stamp& stamp, Value& value) const;

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/transport.h"
+
+namespace bus {
+
+/// What a network does to messages, each copy to each receiver on its own.
+struct NetworkFaults {
+  double loss = 0;         ///< probability
+  double duplication = 0;  ///< probability that a message comes twice
+  double reordering = 0;   ///< probability that up to `overtaken_by` later messages come first
+  int overtaken_by = 3;
+  std::uint64_t seed = 1;
+};
+
+/// A bus inside one process, for tests: endpoints may be used from different threads, each
+/// endpoint from one at a time. Outlives its endpoints.
+class InMemoryNetwork {
+ public:
+  explicit InMemoryNetwork(const NetworkFaults& faults = {});
+  InMemoryNetwork(const InMemoryNetwork&) = delete;
+  InMemoryNetwork& operator=(const InMemoryNetwork&) = delete;
+  ~InMemoryNetwork();
+
+  /// A new participant; receivers see `name` as the sender of its messages.
+  std::unique_ptr<Transport> connect(std::string name);
+
+ private:
+  struct Message {
+    std::string channel;
+    std::vector<std::byte> payload;
+    std::string sender;
+    int held_back = 0;  ///< messages that still overtake it
+  };
+  struct Mailbox {
+    std::condition_variable arrived;
+    std::set<std::string, std::less<>> channels;
+    std::deque<Message> queue;
+    std::vector<Message> held;
+  };
+  class Endpoint;
+
+  void deliver(const Endpoint* from, std::string_view sender, std::string_view channel,
+               std::span<const std::byte> payload);
+  void put(Mailbox& mailbox, Message message);
+
+  std::mutex mutex_;
+  NetworkFaults faults_;
+  std::mt19937_64 random_;
+  std::vector<Endpoint*> endpoints_;
+};
+
+}  // namespace bus
