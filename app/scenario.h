@@ -144,9 +144,11 @@ struct Scenario {
   std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
   std::int64_t digest = 0;  ///< of text and URDF
   std::string source;       ///< file name for messages
-  std::map<std::string, int> line;  ///< "controller.gains.kp" -> line in the source
+  std::map<std::string, int> line;            ///< "controller.gains.kp" -> line in the source
+  std::map<std::string, std::string> set_by;  ///< key -> the --set that gave its value
 
-  /// A Failure(bad_usage) that reads "<file>:<line>: <key>: <problem>".
+  /// A Failure(bad_usage) that reads "<file>:<line>: <key>: <problem>", or, when the value came
+  /// from the command line, "--set <key=value>: <key>: <problem>".
   [[nodiscard]] Failure complaint(const std::string& key, const std::string& problem) const;
 };
 
