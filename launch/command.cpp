@@ -1,0 +1,103 @@
+#include "launch/command.h"
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <iostream>
+#include <string>
+
+#include "app/logging.h"
+#include "app/version.h"
+#include "launch/verb.h"
+
+namespace launch {
+namespace verb {
+#define TACHLESS_VERB(name) extern const Verb name;
+#include "launch/verbs.inc"
+#undef TACHLESS_VERB
+}  // namespace verb
+
+std::span<const Verb* const> verbs() {
+  static constexpr std::array list = {
+#define TACHLESS_VERB(name) &verb::name,
+#include "launch/verbs.inc"
+#undef TACHLESS_VERB
+  };
+  return list;
+}
+
+namespace {
+
+constexpr const char* footer =
+    "Examples:\n"
+    "  tachless run scenarios/paper_rigid.yaml\n"
+    "  tachless info out/paper_rigid/lcmlog\n"
+    "  tachless doctor\n"
+    "`tachless VERB --help` tells more.\n"
+    "Exit codes: 0 done, 1 a check said no, 2 bad usage or scenario, 3 a peer is lost,\n"
+    "4 protocol violated, 5 protective stop, 130 interrupted.";
+
+std::string one_line(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+void require_verb(const std::string& word) {
+  std::string names;
+  for (const Verb* verb : verbs()) {
+    if (verb->name == word) return;
+    names += (names.empty() ? "" : ", ") + std::string(verb->name);
+  }
+  throw app::Failure(app::ExitCode::bad_usage,
+                     "there is no verb '" + word + "'; there are " + names);
+}
+
+app::ExitCode run(int argc, const char* const* argv) {
+  CLI::App cli("Robot joints tracked from positions alone.", "tachless");
+  cli.footer(footer);
+  cli.set_version_flag("--version", "tachless " + std::string(app::version),
+                       "Print the version and exit");
+  cli.require_subcommand(1);
+  app::ExitCode result = app::ExitCode::done;
+  for (const Verb* verb : verbs()) {
+    CLI::App* command = cli.add_subcommand(std::string(verb->name), std::string(verb->does));
+    command->footer("Examples:\n" + std::string(verb->examples));
+    command->callback([action = verb->declare(*command), &result] { result = action(); });
+  }
+  if (argc < 2) {
+    std::cerr << cli.help();
+    throw app::Failure(app::ExitCode::bad_usage, "name a verb, for example: tachless doctor");
+  }
+  if (argv[1][0] != '-') require_verb(argv[1]);
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      cli.exit(error, std::cout, std::cerr);
+      return app::ExitCode::done;
+    }
+    const std::string verb = argv[1][0] == '-' ? "" : std::string(argv[1]) + ": ";
+    throw app::Failure(app::ExitCode::bad_usage,
+                       verb + error.what() + "; see tachless " +
+                           (verb.empty() ? "" : std::string(argv[1]) + " ") + "--help");
+  }
+  return result;
+}
+
+}  // namespace
+
+int tachless(int argc, const char* const* argv) {
+  app::start_logging("tachless", app::Verbosity::normal);
+  try {
+    return static_cast<int>(run(argc, argv));
+  } catch (const app::Failure& failure) {
+    app::log_error(one_line(failure.what()));
+    return static_cast<int>(failure.code());
+  } catch (const std::exception& error) {
+    app::log_error("internal error: " + one_line(error.what()) +
+                   "; please report it with the command line");
+    return static_cast<int>(app::ExitCode::protocol_violated);
+  }
+}
+
+}  // namespace launch

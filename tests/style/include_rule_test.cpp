@@ -1,0 +1,229 @@
+// Who may include what. The longest matching folder decides.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+struct Rule {
+  std::string folder;                      // or file
+  std::vector<std::string> ours;           // prefixes of what it may include of this repository
+  std::vector<std::string> third_parties;  // prefixes; the standard library is always allowed
+  bool system = false;                     // POSIX and Linux headers
+};
+
+const std::vector<std::string> anything = {""};
+
+const std::vector<Rule> rules = {
+    {"robot/", {"robot/"}, {"Eigen/"}},
+    {"robot/urdf.cpp", {"robot/"}, {"Eigen/", "urdf_parser/", "urdf_model/", "console_bridge/"}},
+
+    {"bus/", {"bus/", "robot/"}, {"tachless/", "nlohmann/"}, true},
+    {"bus/lockstep/", {"bus/lockstep/"}, {}},
+    {"bus/truth/", {"bus/", "robot/"}, {"tachless_truth/"}},
+    {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
+
+    {"app/", {"app/", "bus/", "robot/"}, {"spdlog/", "CLI/", "yaml-cpp/", "nlohmann/"}, true},
+
+    {"plant/", {"plant/", "robot/", "bus/", "app/"}, {"Eigen/", "spdlog/", "nlohmann/"}, true},
+    {"plant/arm.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h", "SimTKcommon/"}},
+
+    {"reference/", {"reference/", "robot/", "bus/", "app/"}, {"Eigen/", "nlohmann/"}},
+    {"reference/trajectory/", {"reference/trajectory/", "robot/"}, {"Eigen/"}},
+
+    {"controller/", {"controller/", "robot/", "bus/", "app/"}, {"Eigen/", "nlohmann/"}},
+    {"controller/law/", {"controller/law/", "robot/"}, {"Eigen/"}},
+
+    {"logger/",
+     {"logger/", "bus/", "app/", "robot/"},
+     {"Eigen/", "CLI/", "spdlog/", "nlohmann/", "hdf5.h", "H5"},
+     true},
+
+    {"study/",
+     {"study/", "robot/", "controller/law/", "controller/catalogue.h",
+      "reference/make_trajectory.h", "reference/trajectory/", "plant/", "app/"},
+     {"Eigen/", "nlohmann/"}},
+
+    {"launch/", anything, {"Eigen/", "CLI/", "spdlog/", "nlohmann/"}, true},
+    {"tests/", anything, anything, true},
+    {"bench/", anything, anything, true},
+    {"docs/", anything, anything, true},
+};
+
+// Only these may see the ground truth, directly or through other headers.
+const std::vector<std::string> may_see_truth = {"bus/truth/", "plant/", "logger/", "launch/",
+                                                "study/",     "tests/", "bench/"};
+
+bool starts_with_one_of(const std::string& text, const std::vector<std::string>& prefixes) {
+  return std::any_of(prefixes.begin(), prefixes.end(),
+                     [&](const std::string& prefix) { return text.rfind(prefix, 0) == 0; });
+}
+
+const Rule* rule_of(const std::string& file) {
+  const Rule* best = nullptr;
+  for (const Rule& rule : rules) {
+    if (file.rfind(rule.folder, 0) == 0 &&
+        (best == nullptr || rule.folder.size() > best->folder.size())) {
+      best = &rule;
+    }
+  }
+  return best;
+}
+
+struct Include {
+  std::string path;
+  bool angle = false;
+};
+
+std::vector<Include> includes_of(std::istream& source) {
+  static const std::regex pattern(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"])");
+  std::vector<Include> found;
+  std::string line;
+  std::smatch match;
+  while (std::getline(source, line)) {
+    if (std::regex_search(line, match, pattern)) found.push_back({match[2], match[1] == "<"});
+  }
+  return found;
+}
+
+bool is_standard(const std::string& header) {
+  return header.find('.') == std::string::npos && header.find('/') == std::string::npos;
+}
+
+bool is_system(const std::string& header) {
+  static const std::set<std::string> top = {
+      "unistd.h", "fcntl.h",  "poll.h",   "signal.h", "sched.h",   "pthread.h", "time.h", "spawn.h",
+      "errno.h",  "string.h", "dirent.h", "netdb.h",  "ifaddrs.h", "termios.h", "glob.h"};
+  return top.contains(header) ||
+         starts_with_one_of(header, {"sys/", "net/", "netinet/", "arpa/", "linux/"});
+}
+
+/// Why `file` may not include this; empty if it may.
+std::string objection(const std::string& file, const Include& include) {
+  const Rule* rule = rule_of(file);
+  if (rule == nullptr) return "no rule covers this file's folder";
+  if (!include.angle) {
+    if (starts_with_one_of(include.path, {"tests/", "bench/"}) &&
+        !starts_with_one_of(file, {"tests/", "bench/"})) {
+      return "nothing includes tests or benches";
+    }
+    return starts_with_one_of(include.path, rule->ours) ? "" : "this room may not use that one";
+  }
+  if (is_standard(include.path)) return "";
+  if (is_system(include.path)) {
+    return rule->system || rule->third_parties == anything ? "" : "no system headers here";
+  }
+  return starts_with_one_of(include.path, rule->third_parties)
+             ? ""
+             : "this library is not for this file";
+}
+
+const fs::path root = TACHLESS_SOURCE_DIR;
+
+std::vector<std::string> sources() {
+  std::vector<std::string> files;
+  for (const Rule& rule : rules) {
+    if (rule.folder.back() != '/' || std::count(rule.folder.begin(), rule.folder.end(), '/') != 1 ||
+        !fs::exists(root / rule.folder)) {
+      continue;
+    }
+    for (const auto& entry : fs::recursive_directory_iterator(root / rule.folder)) {
+      const std::string extension = entry.path().extension().string();
+      if (extension == ".h" || extension == ".cpp" || extension == ".in") {
+        files.push_back(fs::relative(entry.path(), root).string());
+      }
+    }
+  }
+  return files;
+}
+
+std::vector<Include> includes_of_file(const std::string& file) {
+  std::ifstream source(root / file);
+  return includes_of(source);
+}
+
+TEST(IncludeRule, HoldsForEveryIncludeOfEveryFile) {
+  const std::vector<std::string> files = sources();
+  ASSERT_GT(files.size(), 50U) << "the sources were not found";
+  for (const std::string& file : files) {
+    for (const Include& include : includes_of_file(file)) {
+      EXPECT_EQ(objection(file, include), "") << file << " includes " << include.path;
+    }
+  }
+}
+
+TEST(IncludeRule, OnlyOneFileSeesSimbodyUrdfdomAndLcm) {
+  std::map<std::string, std::set<std::string>> users;
+  for (const std::string& file : sources()) {
+    if (starts_with_one_of(file, {"tests/", "bench/", "docs/"})) continue;
+    for (const Include& include : includes_of_file(file)) {
+      for (const char* library : {"SimTK", "urdf_", "lcm/"}) {
+        if (include.path.rfind(library, 0) == 0) users[library].insert(file);
+      }
+    }
+  }
+  for (const auto& [library, files] : users) {
+    EXPECT_EQ(files.size(), 1U) << library << " is included by " << *files.begin() << " and others";
+  }
+}
+
+TEST(IncludeRule, KeepsTruthFromEveryFileThatMayNotSeeItEvenThroughOtherHeaders) {
+  for (const std::string& file : sources()) {
+    if (starts_with_one_of(file, may_see_truth)) continue;
+    std::set<std::string> seen;
+    std::vector<std::string> open = {file};
+    while (!open.empty()) {
+      const std::string current = open.back();
+      open.pop_back();
+      for (const Include& include : includes_of_file(current)) {
+        EXPECT_FALSE(starts_with_one_of(include.path, {"bus/truth/", "tachless_truth/"}))
+            << file << " sees " << include.path << " through " << current;
+        if (!include.angle && seen.insert(include.path).second) open.push_back(include.path);
+      }
+    }
+  }
+}
+
+TEST(IncludeRule, EveryHeaderIsIncludedOnce) {
+  for (const std::string& file : sources()) {
+    if (fs::path(file).extension() != ".h") continue;
+    std::ifstream source(root / file);
+    std::string text((std::istreambuf_iterator<char>(source)), {});
+    EXPECT_THAT(text, HasSubstr("#pragma once")) << file;
+  }
+}
+
+TEST(IncludeRule, ObjectsToWhatTheTableForbids) {
+  const auto refused = [](const std::string& file, const std::string& path, bool angle) {
+    return !objection(file, {path, angle}).empty();
+  };
+  EXPECT_TRUE(refused("controller/law/a.h", "bus/wire.h", false));
+  EXPECT_TRUE(refused("controller/law/a.h", "app/scenario.h", false));
+  EXPECT_TRUE(refused("controller/law/a.h", "unistd.h", true));
+  EXPECT_TRUE(refused("controller/node.cpp", "plant/arm.h", false));
+  EXPECT_TRUE(refused("plant/node.cpp", "SimTKsimbody.h", true));
+  EXPECT_TRUE(refused("robot/model.h", "app/scenario.h", false));
+  EXPECT_TRUE(refused("robot/model.cpp", "spdlog/spdlog.h", true));
+  EXPECT_TRUE(refused("bus/lockstep/requester.h", "bus/transport.h", false));
+  EXPECT_TRUE(refused("bus/wire.cpp", "lcm/lcm-cpp.hpp", true));
+  EXPECT_TRUE(refused("bus/wire.cpp", "tachless_truth/plant_truth_t.hpp", true));
+  EXPECT_TRUE(refused("launch/figure.cpp", "tests/robot/robots.h", false));
+  EXPECT_TRUE(refused("elsewhere/a.h", "robot/model.h", false));
+  EXPECT_FALSE(refused("controller/law/a.h", "robot/model.h", false));
+  EXPECT_FALSE(refused("controller/node.cpp", "bus/wire.h", false));
+  EXPECT_FALSE(refused("plant/arm.cpp", "SimTKsimbody.h", true));
+}
+
+}  // namespace
