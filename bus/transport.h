@@ -1,15 +1,14 @@
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 
-namespace bus {
+#include "bus/clock.h"
 
-using Clock = std::chrono::steady_clock;
+namespace bus {
 
 /// One message as it came from the bus. Views stay valid until the next `receive`.
 struct Datagram {

@@ -10,7 +10,7 @@
 
 #include "bus/lockstep/message_ring.h"
 #include "bus/lockstep/verdict.h"
-#include "bus/transport.h"
+#include "bus/clock.h"
 
 namespace bus::lockstep {
 

@@ -31,7 +31,7 @@ const std::vector<Rule> rules = {
     {"robot/urdf.cpp", {"robot/"}, {"Eigen/", "urdf_parser/", "urdf_model/", "console_bridge/"}},
 
     {"bus/", {"bus/", "robot/"}, {"tachless/", "nlohmann/"}, true},
-    {"bus/lockstep/", {"bus/lockstep/"}, {}},
+    {"bus/lockstep/", {"bus/lockstep/", "bus/clock.h"}, {}},
     {"bus/truth/", {"bus/", "robot/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
 
@@ -196,7 +196,7 @@ TEST(IncludeRule, KeepsTruthFromEveryFileThatMayNotSeeItEvenThroughOtherHeaders)
   }
 }
 
-TEST(IncludeRule, EveryHeaderIsIncludedOnce) {
+TEST(IncludeRule, EveryHeaderGuardsItself) {
   for (const std::string& file : sources()) {
     if (fs::path(file).extension() != ".h") continue;
     std::ifstream source(root / file);

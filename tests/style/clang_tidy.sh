@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# clang-tidy over every .cpp of the rooms. A file that passed is not looked at again until it, one
+# of the headers it includes, or the configuration has changed.
+set -euo pipefail
+source_dir=$(readlink -f "${1:?usage: clang_tidy.sh SOURCE_DIR BUILD_DIR}")
+build_dir=$(readlink -f "${2:?usage: clang_tidy.sh SOURCE_DIR BUILD_DIR}")
+passed=$build_dir/clang-tidy-passed
+mkdir -p "$passed"
+cd "$source_dir"
+
+# ninja's own record of what each object was made from: "object: …" and then indented lines.
+dependencies=$(mktemp)
+trap 'rm -f "$dependencies"' EXIT
+ninja -C "$build_dir" -t deps >"$dependencies"
+
+check() {
+  local file=$1 hash inputs
+  inputs=$(awk -v file="$file" '
+    /^[^ ]/ { object = $0; keep = index(object, "/" substr(file, 1 + match(file, /[^\/]*$/) - 1) ".o") }
+    /^ / && keep { print $1 }' "$dependencies" | sed "s|^\.\./\.\./|$source_dir/|" |
+    grep "^$source_dir/" | sort -u || true)
+  hash=$(cat .clang-tidy "$file" $inputs | sha256sum | cut -d' ' -f1)
+  [[ -e $passed/$hash ]] && return
+  if clang-tidy -p "$build_dir" --quiet "$file" 2>&1 | grep -v 'warnings generated'; then
+    echo "clang-tidy objects to $file"
+    return 1
+  fi
+  touch "$passed/$hash"
+}
+export -f check
+export source_dir build_dir passed dependencies
+
+find robot bus app plant reference controller logger study launch -name '*.cpp' -print0 |
+  xargs -0 -n 1 -P 2 bash -c 'set -euo pipefail; check "$1"' bash
