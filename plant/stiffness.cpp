@@ -42,7 +42,7 @@ double integrator_steps(Integrator method, double rate, double interval_s) {
     case Integrator::runge_kutta_3:
       return steps(1.7);
     case Integrator::runge_kutta_feldberg:
-      return steps(3.0);
+      return steps(1.0);  // slightly unstable all along the axis: error control holds it here
     case Integrator::semi_explicit_euler_2:
     case Integrator::verlet:
       return steps(2.0);

@@ -1,0 +1,88 @@
+#include "plant/drive.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <stdexcept>
+
+#include "robot/model.h"
+
+namespace plant {
+namespace {
+
+using robot::TorqueCommand;
+using robot::Vector;
+
+TorqueCommand command(double first, double second) { return {Eigen::Vector2d(first, second)}; }
+
+Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
+
+TEST(Drive, AppliesACommandOverItsOwnTickWithoutDelay) {
+  Drive d = drive(0);
+  ASSERT_TRUE(d.accept(command(1, 2)));
+  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
+}
+
+TEST(Drive, AppliesNothingAndThenTheCommandBeforeWithDelayOne) {
+  Drive d = drive(1);
+  EXPECT_EQ(d.applied().tau, command(0, 0).tau);
+  ASSERT_TRUE(d.accept(command(1, 2)));
+  EXPECT_EQ(d.applied().tau, command(0, 0).tau);
+  d.end_tick();
+  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
+  ASSERT_TRUE(d.accept(command(3, 4)));
+  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
+}
+
+TEST(Drive, HoldsTheLastTorqueWhenACommandIsMissed) {
+  for (const int delay : {0, 1}) {
+    Drive d = drive(delay);
+    ASSERT_TRUE(d.accept(command(1, 2)));
+    d.end_tick();
+    d.end_tick();
+    d.end_tick();
+    EXPECT_EQ(d.applied().tau, command(1, 2).tau);
+  }
+}
+
+TEST(Drive, LimitsEachJointAndFlagsIt) {
+  Drive d = drive(0);
+  ASSERT_TRUE(d.accept(command(-12, 1e6)));
+  EXPECT_EQ(d.applied().tau, command(-10, 1e6).tau);
+  EXPECT_TRUE(d.applied().saturated[0]);
+  EXPECT_FALSE(d.applied().saturated[1]);
+  d.end_tick();
+  ASSERT_TRUE(d.accept(command(10, 0)));  // the limit itself is allowed
+  EXPECT_FALSE(d.applied().saturated[0]);
+}
+
+TEST(Drive, RefusesANonFiniteCommandAndKeepsTheOldOne) {
+  Drive d = drive(0);
+  ASSERT_TRUE(d.accept(command(1, 2)));
+  EXPECT_FALSE(d.accept(command(std::numeric_limits<double>::quiet_NaN(), 0)));
+  EXPECT_FALSE(d.accept(command(0, std::numeric_limits<double>::infinity())));
+  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
+}
+
+TEST(Drive, GivesNoTorqueOnceStopped) {
+  for (const int delay : {0, 1}) {
+    Drive d = drive(delay);
+    ASSERT_TRUE(d.accept(command(12, 2)));
+    d.stop();
+    EXPECT_EQ(d.applied().tau, command(0, 0).tau);
+    EXPECT_FALSE(d.applied().saturated[0]);
+    ASSERT_TRUE(d.accept(command(3, 4)));
+    d.end_tick();
+    EXPECT_EQ(d.applied().tau, command(0, 0).tau);
+  }
+}
+
+TEST(Drive, RefusesWhatMakesNoSense) {
+  EXPECT_THROW(Drive(Eigen::Vector2d(1, 0), 0), std::logic_error);
+  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 2), std::logic_error);
+  Drive d = drive(0);
+  EXPECT_THROW((void)d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
+}
+
+}  // namespace
+}  // namespace plant
