@@ -1,0 +1,62 @@
+#include "controller/law/kelly_flexible.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/controller/law/two_link.h"
+
+namespace controller::law {
+namespace {
+
+const robot::Vector stiffness = vector(1e4, 8e3);
+const robot::Vector rotor_inertia = vector(0.1, 0.2);
+
+KellyFlexible law_at(double h) {
+  return {{two_link_model(), stiffness, rotor_inertia},
+          {vector(300, 400), vector(40, 9), vector(60, 60), vector(50, 70)},
+          {h, Discretisation::tustin}};
+}
+
+robot::ReferencePoint goal_at(const robot::Vector& q_ref) {
+  const robot::Vector zero = robot::Vector::Zero(q_ref.size());
+  return {q_ref, zero, zero, zero, zero};
+}
+
+TEST(KellyFlexible, BalancesGravityAtItsGoal) {
+  // theta = q_ref + K^-1 g(q_ref): the springs carry the links, the motors get g.
+  const TwoLink<double> arm;
+  const KellyFlexible law = law_at(1e-3);
+  Random random(1);
+  for (int i = 0; i < 100; ++i) {
+    const robot::ReferencePoint goal = goal_at(random.pair(3));
+    const Pair g = arm.g(goal.q_ref);
+    const robot::MotorPositionMeasurement measured{goal.q_ref + g.cwiseQuotient(stiffness)};
+    const auto step = law.step(law.start(measured, goal), measured, goal);
+    EXPECT_LE((step.command.tau - g).norm(), 1e-11);  // Kp times one rounding of theta
+    EXPECT_LE(step.state.error[0].norm(), 1e-14);
+  }
+}
+
+TEST(KellyFlexible, IsItsFormulaAwayFromTheGoal) {
+  const TwoLink<double> arm;
+  const double h = 1e-3;
+  const KellyFlexible law = law_at(h);
+  Random random(2);
+  for (int i = 0; i < 100; ++i) {
+    const robot::ReferencePoint goal = goal_at(random.pair(3));
+    const robot::MotorPositionMeasurement measured{random.pair(3)};
+    const KellyFlexible::Memory memory{random.pair(2), random.pair(2)};
+    const auto step = law.step(memory, measured, goal);
+    const Pair g = arm.g(goal.q_ref);
+    const Pair e = measured.theta - goal.q_ref - g.cwiseQuotient(stiffness);
+    const double kp[2] = {300, 400}, kd[2] = {40, 9}, a[2] = {60, 60}, b[2] = {50, 70};
+    for (int j = 0; j < 2; ++j) {
+      const double nu = ((2 - a[j] * h) * memory.nu[j] + 2 * b[j] * (e[j] - memory.e_previous[j])) /
+                        (2 + a[j] * h);
+      // 20 eps of terms of up to 2e4 N m
+      EXPECT_NEAR(step.command.tau[j], g[j] - kp[j] * e[j] - kd[j] * nu, 1e-10);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace controller::law

@@ -1,0 +1,38 @@
+#include "controller/law/wen_bayard.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "tests/controller/law/two_link.h"
+
+namespace controller::law {
+namespace {
+
+TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
+  // Closed loop: M e_ddot + [C(q,v) + C(q,v_ref)] e_dot + Kp e + Kd e_dot = 0, by the closed form.
+  const TwoLink<double> arm;
+  const WenBayard::Gains gains{vector(400, 100), vector(60, 15)};
+  const WenBayard law(two_link_model(), gains, {1e-3});
+  Random random(1);
+  for (int i = 0; i < 1000; ++i) {
+    robot::StateMeasurement measured;
+    measured.q = random.pair(3);
+    measured.v = random.pair(5);
+    const robot::ReferencePoint ref = random.reference();
+    const auto step = law.step({}, measured, ref);
+    const Pair tau = step.command.tau;
+    const Pair q = measured.q, v = measured.v, v_ref = ref.v_ref;
+    const Pair e = q - ref.q_ref, edot = v - v_ref;
+    const Pair eddot = arm.acceleration(q, v, tau) - ref.a_ref;
+    const Pair left = arm.M(q) * eddot + (arm.C(q, v) + arm.C(q, v_ref)) * edot;
+    const Pair right = -gains.kp.cwiseProduct(e) - gains.kd.cwiseProduct(edot);
+    // M^-1 and M again: cond(M) <= 23 times eps, of terms of some 1e3 N m.
+    EXPECT_LE((left - right).norm(), 1e-11);
+    EXPECT_EQ(step.state.error[0], e);
+    EXPECT_EQ(step.state.nu[0], edot);
+  }
+}
+
+}  // namespace
+}  // namespace controller::law
