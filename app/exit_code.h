@@ -16,13 +16,22 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-/// Ends a program with `code` and one line on stderr that says what, where and what to do.
+/// Ends a program with `code` and one line on stderr that says what, where and what to do. Line
+/// ends in `what` (a name or a value may hold them) become spaces.
 class Failure : public std::runtime_error {
  public:
-  Failure(ExitCode code, const std::string& what) : std::runtime_error(what), code_(code) {}
+  Failure(ExitCode code, const std::string& what)
+      : std::runtime_error(on_one_line(what)), code_(code) {}
   [[nodiscard]] ExitCode code() const { return code_; }
 
  private:
+  static std::string on_one_line(std::string text) {
+    for (char& c : text) {
+      if (c == '\n' || c == '\r') c = ' ';
+    }
+    return text;
+  }
+
   ExitCode code_;
 };
 

@@ -121,7 +121,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
       cli.exit(error, std::cout, std::cerr);
       return std::nullopt;
     }
-    throw Failure(ExitCode::bad_usage, one_line(error.what()) + "; see " + program + " --help");
+    throw Failure(ExitCode::bad_usage, std::string(error.what()) + "; see " + program + " --help");
   }
   if (options.scenario_path.empty()) {
     throw Failure(ExitCode::bad_usage,
@@ -152,7 +152,7 @@ int run_process(bus::Role role, int argc, const char* const* argv,
     start_logging(program_name(role), options->verbosity);
     return static_cast<int>(run(*options));
   } catch (const Failure& failure) {
-    log_error(one_line(failure.what()));
+    log_error(failure.what());
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {
     log_error("internal error: " + one_line(error.what()) +

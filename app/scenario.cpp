@@ -35,6 +35,12 @@ std::string shown(double value, int digits) {
   return text;
 }
 
+/// As few digits as give the value back.
+std::string shown(double value) {
+  char text[40];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
 /// A map of the scenario, seen through the table of keys.
 class Section {
  public:
@@ -270,10 +276,10 @@ void read_initial(const Section& section, const robot::Model& model, Scenario& s
     const double position = initial.position_rad[i];
     if (position < model.lower[i] || position > model.upper[i]) {
       throw section.complaint("position_rad",
-                              shown(position, 6) + " of joint " +
+                              shown(position) + " of joint " +
                                   model.joint_names[static_cast<std::size_t>(i)] +
                                   " is outside its limits in the URDF; allowed: in [" +
-                                  shown(model.lower[i], 6) + ", " + shown(model.upper[i], 6) + "]");
+                                  shown(model.lower[i]) + ", " + shown(model.upper[i]) + "]");
     }
   }
   initial.velocity_rad_per_s = section.joints("velocity_rad_per_s");
@@ -357,8 +363,8 @@ Waypoints read_waypoints(const Section& section) {
   }
   for (std::size_t i = 1; i < waypoints.time_s.size(); ++i) {
     if (waypoints.time_s[i] <= waypoints.time_s[i - 1]) {
-      throw section.complaint("time_s", shown(waypoints.time_s[i], 17) + " after " +
-                                            shown(waypoints.time_s[i - 1], 17) +
+      throw section.complaint("time_s", shown(waypoints.time_s[i]) + " after " +
+                                            shown(waypoints.time_s[i - 1]) +
                                             "; allowed: increasing times");
     }
   }
@@ -426,7 +432,7 @@ void read_loop(const Section& section, Scenario& scenario) {
   loop.duration_s = section.number("duration_s");
   const double ticks = loop.duration_s / loop.period_s;
   if (ticks > max_ticks) {
-    throw section.complaint("duration_s", shown(ticks, 6) + " ticks of " + shown(loop.period_s, 6) +
+    throw section.complaint("duration_s", shown(ticks, 6) + " ticks of " + shown(loop.period_s) +
                                               " s; allowed: at most " + shown(max_ticks, 6) +
                                               " ticks");
   }
@@ -442,8 +448,8 @@ void read_loop(const Section& section, Scenario& scenario) {
       ++digits;
     }
     throw section.complaint("duration_s",
-                            shown(loop.duration_s, 17) + " is " + shown(ticks, 9) + " periods of " +
-                                shown(loop.period_s, 17) +
+                            shown(loop.duration_s) + " is " + shown(ticks, 9) + " periods of " +
+                                shown(loop.period_s) +
                                 " s; allowed: a whole number of periods, nearest is " +
                                 shown(nearest * loop.period_s, digits));
   }

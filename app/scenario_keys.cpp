@@ -107,7 +107,7 @@ const std::vector<Key>& scenario_keys() {
        {},
        {"rigid", "flexible"},
        false,
-       "`rigid`, or a map with exactly one of `rigid` and `flexible`"},
+       "Motors fixed to their joints, or behind springs"},
       {"robot.joints.rigid.rotor_inertia_kgm2",
        joints,
        "kg m²",

@@ -203,11 +203,12 @@ void apply_override(YamlNode& root, const std::string& assignment) {
 std::string emit_yaml(const YamlNode& node) { return emitted(node, false) + "\n"; }
 
 std::string emit_line(const YamlNode& node) {
-  constexpr std::size_t longest = 80;
+  std::size_t longest = 80;
   std::string line = emitted(node, true);
   std::replace(line.begin(), line.end(), '\n', ' ');
-  if (line.size() > longest) line = line.substr(0, longest) + "…";
-  return line;
+  if (line.size() <= longest) return line;
+  while ((static_cast<unsigned char>(line[longest]) & 0xc0) == 0x80) --longest;  // inside UTF-8
+  return line.substr(0, longest) + "…";
 }
 
 }  // namespace app

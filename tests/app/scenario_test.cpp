@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <fstream>
+#include <random>
 #include <sstream>
 
 #include "app/scenario_keys.h"
@@ -118,6 +119,26 @@ Scenario parsed(const std::string& text, const std::vector<std::string>& overrid
 
 std::vector<double> values(const robot::Vector& vector) {
   return {vector.data(), vector.data() + vector.size()};
+}
+
+void expect_same(const Scenario& a, const Scenario& b) {
+  EXPECT_EQ(a.text, b.text);
+  EXPECT_EQ(a.digest, b.digest);
+  EXPECT_EQ(a.name, b.name);
+  EXPECT_EQ(a.robot.urdf_text, b.robot.urdf_text);
+  EXPECT_EQ(a.robot.gravity_m_per_s2, b.robot.gravity_m_per_s2);
+  EXPECT_EQ(a.plant.initial.position_rad, b.plant.initial.position_rad);
+  EXPECT_EQ(a.plant.integrator.accuracy, b.plant.integrator.accuracy);
+  EXPECT_EQ(a.plant.encoder.resolution_bits, b.plant.encoder.resolution_bits);
+  EXPECT_EQ(a.plant.drive.torque_limit_Nm.has_value(), b.plant.drive.torque_limit_Nm.has_value());
+  EXPECT_EQ(a.plant.payload.link, b.plant.payload.link);
+  EXPECT_EQ(a.reference.index(), b.reference.index());
+  EXPECT_EQ(a.controller.law, b.controller.law);
+  EXPECT_EQ(a.controller.gains, b.controller.gains);
+  EXPECT_EQ(a.controller.filter, b.controller.filter);
+  EXPECT_EQ(a.loop.period_s, b.loop.period_s);
+  EXPECT_EQ(a.loop.num_ticks, b.loop.num_ticks);
+  EXPECT_EQ(a.loop.command_delay, b.loop.command_delay);
 }
 
 TEST(Scenario, ReadsEveryKey) {
@@ -553,6 +574,39 @@ TEST(Scenario, MalformedReferencesAreRefused) {
   EXPECT_THAT(with("{hold: null}"), HasSubstr("reference.hold: null; allowed: a map"));
 }
 
+TEST(Scenario, ARandomlyDamagedOneIsReadOrRefusedAndNothingElse) {
+  std::mt19937 random(1);
+  int num_refused = 0;
+  for (int i = 0; i < 3000; ++i) {
+    std::string text = full;
+    for (int damage = 0; damage <= i % 4; ++damage) {
+      const std::size_t at = random() % text.size();
+      switch (random() % 4) {
+        case 0:
+          text[at] = static_cast<char>(random() % 256);
+          break;
+        case 1:
+          text.erase(at, random() % 20);
+          break;
+        case 2:
+          text.insert(at, std::string(1 + random() % 3, "[]{}:,&*#!|>-'\"%@` \n"[random() % 20]));
+          break;
+        default:
+          text.insert(at, text.substr(random() % text.size(), random() % 40));
+          break;
+      }
+    }
+    try {
+      const Scenario read = parsed(text);
+      expect_same(parse_scenario(read.text, urdf, "a log"), read);
+    } catch (const Failure& failure) {
+      ++num_refused;
+      EXPECT_THAT(failure.what(), StartsWith("f.yaml")) << text;
+    }
+  }
+  EXPECT_GT(num_refused, 1000);
+}
+
 // ---- overrides -------------------------------------------------------------------------------
 
 TEST(Scenario, AnOverrideTakesThePlaceOfTheFilesValue) {
@@ -580,26 +634,6 @@ TEST(Scenario, AnOverrideIsNamedAsTheSourceOfItsError) {
 }
 
 // ---- text and digest -------------------------------------------------------------------------
-
-void expect_same(const Scenario& a, const Scenario& b) {
-  EXPECT_EQ(a.text, b.text);
-  EXPECT_EQ(a.digest, b.digest);
-  EXPECT_EQ(a.name, b.name);
-  EXPECT_EQ(a.robot.urdf_text, b.robot.urdf_text);
-  EXPECT_EQ(a.robot.gravity_m_per_s2, b.robot.gravity_m_per_s2);
-  EXPECT_EQ(a.plant.initial.position_rad, b.plant.initial.position_rad);
-  EXPECT_EQ(a.plant.integrator.accuracy, b.plant.integrator.accuracy);
-  EXPECT_EQ(a.plant.encoder.resolution_bits, b.plant.encoder.resolution_bits);
-  EXPECT_EQ(a.plant.drive.torque_limit_Nm.has_value(), b.plant.drive.torque_limit_Nm.has_value());
-  EXPECT_EQ(a.plant.payload.link, b.plant.payload.link);
-  EXPECT_EQ(a.reference.index(), b.reference.index());
-  EXPECT_EQ(a.controller.law, b.controller.law);
-  EXPECT_EQ(a.controller.gains, b.controller.gains);
-  EXPECT_EQ(a.controller.filter, b.controller.filter);
-  EXPECT_EQ(a.loop.period_s, b.loop.period_s);
-  EXPECT_EQ(a.loop.num_ticks, b.loop.num_ticks);
-  EXPECT_EQ(a.loop.command_delay, b.loop.command_delay);
-}
 
 TEST(Scenario, ItsTextGivesTheSameScenarioAgain) {
   for (const char* text : {minimal, full}) {
