@@ -1,6 +1,8 @@
 #include "robot/mass_properties.h"
 
 #include <Eigen/Eigenvalues>
+#include <cmath>
+#include <locale>
 #include <sstream>
 
 namespace robot {
@@ -20,6 +22,7 @@ MassProperties combine(const MassProperties& a, const MassProperties& b) {
 
 std::string why_not_physical(const MassProperties& body) {
   std::ostringstream out;
+  out.imbue(std::locale::classic());
   if (!std::isfinite(body.mass) || body.mass < 0) {
     out << "mass " << body.mass << " kg is not a mass; give a finite value of 0 or more";
   } else if (!body.p_cm.allFinite() || !body.I_cm.allFinite()) {

@@ -1,6 +1,7 @@
 #include "robot/model.h"
 
 #include <cmath>
+#include <locale>
 #include <sstream>
 #include <stdexcept>
 
@@ -52,6 +53,7 @@ std::string farthest_leaf(const Model& model) {
 Model with_payload(Model model, double mass, const std::string& link) {
   if (!std::isfinite(mass) || mass < 0) {
     std::ostringstream out;
+    out.imbue(std::locale::classic());
     out << "payload: mass " << mass << " kg is not a mass; give a finite value of 0 or more";
     throw std::invalid_argument(out.str());
   }

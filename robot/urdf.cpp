@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <locale>
 #include <map>
 #include <mutex>
 #include <random>
@@ -24,7 +25,10 @@ namespace {
 /// Composes "<source>: <thing> '<name>': <problem>" and throws it, on one line.
 class Complaint {
  public:
-  explicit Complaint(const std::string& source) { out_ << source << ": "; }
+  explicit Complaint(const std::string& source) {
+    out_.imbue(std::locale::classic());
+    out_ << source << ": ";
+  }
   template <class T>
   Complaint& operator<<(const T& part) {
     out_ << part;
@@ -132,7 +136,8 @@ class Loader {
     } catch (const std::exception& e) {
       messages.text += (messages.text.empty() ? "" : "; ") + std::string(e.what());
     }
-    if (!urdf_) {
+    // A link whose <inertial> does not parse is kept without it; urdfdom only prints the error.
+    if (!urdf_ || !messages.text.empty()) {
       complaint() << "not a robot description: "
                   << (messages.text.empty() ? "urdfdom gives no reason" : messages.text)
                   << "; correct the URDF" << Raise{};

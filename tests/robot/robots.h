@@ -32,6 +32,24 @@ inline Model iiwa7() { return load("scenarios/robots/iiwa7.urdf"); }
 /// Branches, a prismatic joint, mimics of both kinds, an inclined axis, merged links.
 inline Model branching() { return load("tests/robot/branching.urdf"); }
 
+/// A zig-zag chain of `n` revolute joints, each of whose links is light and short, so that the
+/// numbers stay of order one; `mimics` further joints at its end turn with the first.
+inline std::string chain_urdf(int n, int mimics = 0) {
+  std::ostringstream out;
+  out << "<robot name='chain'><link name='l0'/>";
+  for (int i = 1; i <= n + mimics; ++i) {
+    out << "<joint name='j" << i << "' type='continuous'><parent link='l" << i - 1
+        << "'/><child link='l" << i << "'/><origin xyz='0.1 0.02 0.05' rpy='0.3 " << 0.1 * (i % 7)
+        << " 0.2'/><axis xyz='" << i % 3 << " 1 " << i % 2 << "'/>";
+    if (i > n) out << "<mimic joint='j1' multiplier='0.5'/>";
+    out << "</joint><link name='l" << i
+        << "'><inertial><origin xyz='0.05 0 0.01'/><mass value='0.5'/><inertia ixx='0.02' "
+           "iyy='0.03' izz='0.025' ixy='0.001' ixz='0' iyz='0.002'/></inertial></link>";
+  }
+  out << "</robot>";
+  return out.str();
+}
+
 /// The closed form of the two-link arm (scenarios/robots/two_link.urdf, its comment).
 struct TwoLinkClosedForm {
   double mp = 0;

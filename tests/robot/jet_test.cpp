@@ -1,0 +1,170 @@
+#include "robot/jet.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace robot {
+namespace {
+
+constexpr double eps = 2.220446049250313e-16;
+
+/// A function of one variable with its derivatives worked out by hand.
+struct Elementary {
+  std::string name;
+  std::function<Jet2(const Jet2&)> jet;
+  std::function<double(double)> f, df, ddf;
+  std::vector<double> at;
+};
+
+const std::vector<Elementary>& elementary_functions() {
+  using D = double;
+  static const std::vector<double> all{-2.5, -0.7, 0.0, 0.3, 1.9}, positive{0.2, 0.9, 3.7},
+      inside{-0.8, 0.0, 0.6};
+  static const std::vector<Elementary> list{
+      {"sqrt", [](const Jet2& x) { return sqrt(x); }, [](D x) { return std::sqrt(x); },
+       [](D x) { return 1 / (2 * std::sqrt(x)); }, [](D x) { return -1 / (4 * x * std::sqrt(x)); },
+       positive},
+      {"sin", [](const Jet2& x) { return sin(x); }, [](D x) { return std::sin(x); },
+       [](D x) { return std::cos(x); }, [](D x) { return -std::sin(x); }, all},
+      {"cos", [](const Jet2& x) { return cos(x); }, [](D x) { return std::cos(x); },
+       [](D x) { return -std::sin(x); }, [](D x) { return -std::cos(x); }, all},
+      {"tan", [](const Jet2& x) { return tan(x); }, [](D x) { return std::tan(x); },
+       [](D x) { return std::pow(std::cos(x), -2); },
+       [](D x) { return 2 * std::sin(x) * std::pow(std::cos(x), -3); }, all},
+      {"asin", [](const Jet2& x) { return asin(x); }, [](D x) { return std::asin(x); },
+       [](D x) { return std::pow(1 - x * x, -0.5); },
+       [](D x) { return x * std::pow(1 - x * x, -1.5); }, inside},
+      {"acos", [](const Jet2& x) { return acos(x); }, [](D x) { return std::acos(x); },
+       [](D x) { return -std::pow(1 - x * x, -0.5); },
+       [](D x) { return -x * std::pow(1 - x * x, -1.5); }, inside},
+      {"atan", [](const Jet2& x) { return atan(x); }, [](D x) { return std::atan(x); },
+       [](D x) { return 1 / (1 + x * x); }, [](D x) { return -2 * x * std::pow(1 + x * x, -2); },
+       all},
+      {"sinh", [](const Jet2& x) { return sinh(x); }, [](D x) { return std::sinh(x); },
+       [](D x) { return std::cosh(x); }, [](D x) { return std::sinh(x); }, all},
+      {"cosh", [](const Jet2& x) { return cosh(x); }, [](D x) { return std::cosh(x); },
+       [](D x) { return std::sinh(x); }, [](D x) { return std::cosh(x); }, all},
+      {"tanh", [](const Jet2& x) { return tanh(x); }, [](D x) { return std::tanh(x); },
+       [](D x) { return std::pow(std::cosh(x), -2); },
+       [](D x) { return -2 * std::sinh(x) * std::pow(std::cosh(x), -3); }, all},
+      {"exp", [](const Jet2& x) { return exp(x); }, [](D x) { return std::exp(x); },
+       [](D x) { return std::exp(x); }, [](D x) { return std::exp(x); }, all},
+      {"log", [](const Jet2& x) { return log(x); }, [](D x) { return std::log(x); },
+       [](D x) { return 1 / x; }, [](D x) { return -1 / (x * x); }, positive},
+      {"abs",
+       [](const Jet2& x) { return abs(x); },
+       [](D x) { return std::abs(x); },
+       [](D x) { return x < 0 ? -1.0 : 1.0; },
+       [](D) { return 0.0; },
+       {-2.0, -0.3, 0.4}},
+      {"cube", [](const Jet2& x) { return pow(x, 3.0); }, [](D x) { return x * x * x; },
+       [](D x) { return 3 * x * x; }, [](D x) { return 6 * x; }, all},
+      {"pow 1", [](const Jet2& x) { return pow(x, 1.0); }, [](D x) { return x; },
+       [](D) { return 1.0; }, [](D) { return 0.0; }, all},
+      {"pow 0", [](const Jet2& x) { return pow(x, 0.0); }, [](D) { return 1.0; },
+       [](D) { return 0.0; }, [](D) { return 0.0; }, all},
+      {"pow -1.5", [](const Jet2& x) { return pow(x, -1.5); },
+       [](D x) { return std::pow(x, -1.5); }, [](D x) { return -1.5 * std::pow(x, -2.5); },
+       [](D x) { return 3.75 * std::pow(x, -3.5); }, positive},
+      {"2^x", [](const Jet2& x) { return pow(2.0, x); }, [](D x) { return std::pow(2, x); },
+       [](D x) { return std::log(2) * std::pow(2, x); },
+       [](D x) { return std::log(2) * std::log(2) * std::pow(2, x); }, all},
+      {"x^x", [](const Jet2& x) { return pow(x, x); }, [](D x) { return std::pow(x, x); },
+       [](D x) { return std::pow(x, x) * (std::log(x) + 1); },
+       [](D x) { return std::pow(x, x) * (std::pow(std::log(x) + 1, 2) + 1 / x); }, positive},
+      {"1/x", [](const Jet2& x) { return 1.0 / x; }, [](D x) { return 1 / x; },
+       [](D x) { return -1 / (x * x); }, [](D x) { return 2 / (x * x * x); }, positive},
+  };
+  return list;
+}
+
+TEST(Jet2, HasTheAnalyticDerivativesOfElementaryFunctions) {
+  // Along x(t) with x' = 1.7, x'' = -0.6: f' x', f'' x'^2 + f' x''.
+  const double d = 1.7, dd = -0.6;
+  for (const Elementary& e : elementary_functions()) {
+    for (const double x : e.at) {
+      const Jet2 y = e.jet(Jet2(x, d, dd));
+      const double first = e.df(x) * d, second = e.ddf(x) * d * d + e.df(x) * dd;
+      // Two formulas for one number, a dozen roundings of its terms.
+      const double size = 1 + std::abs(e.df(x)) + std::abs(e.ddf(x)) * d * d;
+      EXPECT_NEAR(y.value, e.f(x), 8 * eps * (1 + std::abs(e.f(x)))) << e.name << " at " << x;
+      EXPECT_NEAR(y.first, first, 32 * eps * size) << e.name << " at " << x;
+      EXPECT_NEAR(y.second, second, 32 * eps * size) << e.name << " at " << x;
+    }
+  }
+}
+
+TEST(Jet2, FollowsLeibnizAndUndoesProductsByQuotients) {
+  const Jet2 a(1.5, -0.25, 4), b(-2, 3, 0.5);
+  // Exact: all products are short binary fractions.
+  EXPECT_EQ(a * b, Jet2(-3, -0.25 * -2 + 1.5 * 3, 4 * -2 + 2 * -0.25 * 3 + 1.5 * 0.5));
+  EXPECT_EQ(a + b, Jet2(-0.5, 2.75, 4.5));
+  EXPECT_EQ(a - b, Jet2(3.5, -3.25, 3.5));
+  EXPECT_EQ(a * b / b, a);
+  EXPECT_EQ(2.0 * a, a + a);
+  EXPECT_EQ(a / 2.0, a * 0.5);
+  EXPECT_EQ(1.0 - a, -(a - 1.0));
+  EXPECT_EQ(3.0 + a, a + Jet2(3));
+}
+
+TEST(Jet2, ObeysIdentitiesBetweenFunctions) {
+  for (const double x : {-1.2, 0.1, 0.8}) {
+    const Jet2 t(x, 0.9, -1.4);
+    const auto expect_equal = [](const Jet2& a, const Jet2& b) {
+      EXPECT_NEAR(a.value, b.value, 32 * eps);
+      EXPECT_NEAR(a.first, b.first, 64 * eps);
+      EXPECT_NEAR(a.second, b.second, 128 * eps);
+    };
+    expect_equal(sin(t) * sin(t) + cos(t) * cos(t), Jet2(1));
+    expect_equal(cosh(t) * cosh(t) - sinh(t) * sinh(t), Jet2(1));
+    expect_equal(log(exp(t)), t);
+    expect_equal(sqrt(abs2(t)), abs(t));
+    expect_equal(tan(atan(t)), t);
+    expect_equal(asin(sin(t)), t);
+    expect_equal(atan2(sin(t), cos(t)), t);
+    expect_equal(atan2(-2.0 * sin(t), -2.0 * cos(t)),
+                 t + (x < 0 ? 3.14159265358979323846 : -3.14159265358979323846));
+    Jet2 s, c;
+    sin_cos(t, s, c);
+    EXPECT_EQ(s, sin(t));
+    EXPECT_EQ(c, cos(t));
+  }
+}
+
+TEST(Jet2, OrdersByValueAndEqualsByAllThree) {
+  EXPECT_TRUE(Jet2(1, 5, 5) < Jet2(2, 0, 0));
+  EXPECT_TRUE(Jet2(1, 5, 5) <= Jet2(1, 0, 0));
+  EXPECT_FALSE(Jet2(1, 5, 5) > Jet2(1, 0, 0));
+  EXPECT_NE(Jet2(1, 5, 5), Jet2(1, 0, 0));
+  EXPECT_EQ(Jet2{}, Jet2(0));
+}
+
+TEST(Jet2, IsAnEigenScalar) {
+  Eigen::Matrix<Jet2, 2, 2> A;
+  A << Jet2(1, 1, 0), Jet2(2), Jet2(0, 3, 0), Jet2(4, 0, 2);
+  Eigen::Matrix<Jet2, 2, 1> x(Jet2(1, 0, 1), Jet2(-1, 2, 0));
+  const Eigen::Matrix<Jet2, 2, 1> y = A * x;
+  EXPECT_EQ(y[0], A(0, 0) * x[0] + A(0, 1) * x[1]);
+  EXPECT_EQ(y[1], A(1, 0) * x[0] + A(1, 1) * x[1]);
+  const Eigen::Matrix<Jet2, 2, 1> z = Eigen::Matrix2d::Identity() * x * 2.0;
+  EXPECT_EQ(z[1], 2.0 * x[1]);
+  EXPECT_EQ(x.squaredNorm(), x[0] * x[0] + x[1] * x[1]);
+}
+
+TEST(Jet2, PacksAndUnpacksVectors) {
+  const Vector a = Vector::LinSpaced(3, 1, 3), b = 2 * a, c = -a;
+  const JetVector x = jet(a, b, c);
+  EXPECT_EQ(value(x), a);
+  EXPECT_EQ(first_derivative(x), b);
+  EXPECT_EQ(second_derivative(x), c);
+}
+
+static_assert(Jet2(2, 1, 0) * Jet2(3, 0, 1) == Jet2(6, 3, 2), "usable in constant expressions");
+
+}  // namespace
+}  // namespace robot

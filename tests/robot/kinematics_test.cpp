@@ -1,0 +1,69 @@
+#include "robot/kinematics.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "robot/energy.h"
+#include "tests/robot/robots.h"
+
+namespace robot {
+namespace {
+
+using testing::Random;
+
+constexpr double eps = 2.220446049250313e-16;
+
+TEST(FramePose, PutsTheTipOfTheTwoLinkArmWhereTrigonometryDoes) {
+  const Model model = testing::two_link();
+  Random random(1);
+  for (int k = 0; k < 100; ++k) {
+    const Vector q = random.vector(2, 3);
+    const Eigen::Vector3d expected(std::sin(q[0]) + std::sin(q[0] + q[1]), 0,
+                                   -std::cos(q[0]) - std::cos(q[0] + q[1]));
+    EXPECT_LT((link_position(model, "tip", q) - expected).norm(), 16 * eps);
+  }
+}
+
+TEST(FramePose, HasTheIiwaUprightAtItsHeight) {
+  const Vector q = Vector::Zero(7);
+  const Eigen::Vector3d flange = link_position(testing::iiwa7(), "flange", q);
+  // Sum of the segments along z: 1.306 m; angles of the file are pi to the last bit or so.
+  EXPECT_LT((flange - Eigen::Vector3d(0, 0, 1.306)).norm(), 1e-14);
+}
+
+TEST(FramePose, MovesAsTheKineticAndPotentialEnergyOfAPayloadSay) {
+  const Model model = testing::branching();
+  Random random(2);
+  for (const char* link : {"plate", "hand", "claw"}) {
+    const Model loaded = with_payload(model, 2, link);
+    for (int k = 0; k < 20; ++k) {
+      const Vector q = random.vector(4, 1), v = random.vector(4, 2);
+      const Vector3Of<Jet2> p = frame_pose(model, link, jet(q, v, Vector::Zero(4))).p;
+      const Eigen::Vector3d rate(p[0].first, p[1].first, p[2].first);
+      // Energies to 100 J.
+      EXPECT_NEAR(kinetic_energy(loaded, q, v) - kinetic_energy(model, q, v), rate.squaredNorm(),
+                  64 * eps * 100);
+      EXPECT_NEAR(potential_energy(loaded, q) - potential_energy(model, q), 2 * 9.81 * p[2].value,
+                  64 * eps * 300);
+    }
+  }
+}
+
+TEST(FramePose, IsARotationAndPlacesTheGroundsFramesToo) {
+  const Model model = testing::branching();
+  const Vector q = Random(3).vector(4, 2);
+  const Pose<double> claw = frame_pose(model, "claw", q);
+  EXPECT_LT((claw.R * claw.R.transpose() - Eigen::Matrix3d::Identity()).norm(), 32 * eps);
+  EXPECT_NEAR(claw.R.determinant(), 1, 32 * eps);
+  EXPECT_EQ(link_position(model, "pedestal", q), Eigen::Vector3d(0.1, 0.2, 0.5));
+  EXPECT_EQ(link_position(model, "base", q), Eigen::Vector3d(0, 0, 0));
+}
+
+TEST(FramePose, RefusesAnUnknownLink) {
+  const Model model = testing::two_link();
+  EXPECT_THROW(link_position(model, "nose", Vector::Zero(2)), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace robot

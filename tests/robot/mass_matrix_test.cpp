@@ -1,0 +1,70 @@
+#include "robot/mass_matrix.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+
+#include "robot/inverse_dynamics.h"
+#include "tests/robot/robots.h"
+
+namespace robot {
+namespace {
+
+using testing::Random;
+
+constexpr double eps = 2.220446049250313e-16;
+
+class MassMatrix : public ::testing::TestWithParam<Model (*)()> {
+ protected:
+  const Model model = GetParam()();
+  const Eigen::Index n = model.num_joints;
+  Random random{3};
+};
+INSTANTIATE_TEST_SUITE_P(
+    Robots, MassMatrix,
+    ::testing::Values([] { return testing::two_link(); }, &testing::iiwa7, &testing::branching,
+                      [] { return model_from_urdf(testing::chain_urdf(64, 64), "chain"); }));
+
+TEST_P(MassMatrix, IsSymmetricToTheLastBitAndPositiveDefinite) {
+  for (int k = 0; k < 50; ++k) {
+    const Matrix M = mass_matrix(model, random.vector(n, 3));
+    EXPECT_EQ(M, M.transpose());
+    EXPECT_GT(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(M).eigenvalues().minCoeff(), 0);
+  }
+}
+
+TEST_P(MassMatrix, HasTheTorqueOfUnitAccelerationsAsItsColumns) {
+  Model weightless = model;
+  weightless.gravity.setZero();
+  for (int k = 0; k < 20; ++k) {
+    const Vector q = random.vector(n, 3), zero = Vector::Zero(n);
+    const Matrix M = mass_matrix(model, q);
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const Vector e = Vector::Unit(n, j);
+      // Two recursions over up to 128 bodies, each rounding a few times per body.
+      EXPECT_LT((M.col(j) - inverse_dynamics(weightless, q, zero, e)).cwiseAbs().maxCoeff(),
+                8 * eps * static_cast<double>(model.bodies.size()) * M.cwiseAbs().maxCoeff());
+    }
+  }
+}
+
+TEST(MassMatrixOfTheTwoLinkArm, HasTheExtremeEigenvaluesOfTheLiterature) {
+  // To the six decimals printed; extremes over q2 are at 0 (largest) and found on a fine grid.
+  for (const auto& [mp, low, high] :
+       {std::tuple{0.0, 0.447361, 9.962639}, std::tuple{0.5, 0.657145, 12.252855}}) {
+    const Model model = testing::two_link(mp);
+    double least = 1e9, most = 0;
+    for (int k = 0; k <= 3600; ++k) {
+      const Vector q{{0.4, k * 3.14159265358979323846 / 1800}};
+      const auto lambda =
+          Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(mass_matrix(model, q)).eigenvalues();
+      least = std::min(least, lambda[0]);
+      most = std::max(most, lambda[1]);
+    }
+    EXPECT_NEAR(least, low, 1e-6);
+    EXPECT_NEAR(most, high, 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace robot

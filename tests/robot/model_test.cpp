@@ -1,0 +1,80 @@
+#include "robot/model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <stdexcept>
+
+#include "tests/robot/robots.h"
+
+namespace robot {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string complaint(const Model& model, double mass, const std::string& link) {
+  try {
+    (void)with_payload(model, mass, link);
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "accepted";
+}
+
+TEST(Payload, HangsOnTheFarthestLeafByDefault) {
+  const Model model = testing::load("scenarios/robots/two_link.urdf");
+  const Model by_default = with_payload(model, 0.5), by_name = with_payload(model, 0.5, "tip");
+  const Body& link2 = by_default.bodies[1];
+  EXPECT_EQ(link2.link, "link2");
+  EXPECT_EQ(link2.mass, 2.2);
+  EXPECT_EQ(link2.p_Bcm, by_name.bodies[1].p_Bcm);
+  // (1.7 * 0.3 + 0.5) / 2.2, and 0.307 + (1.7 * 0.5 / 2.2) 0.7^2: one rounding or two each.
+  EXPECT_NEAR(link2.p_Bcm.z(), -1.01 / 2.2, 1e-15);
+  EXPECT_NEAR(link2.I_Bcm(1, 1), 0.307 + 1.7 * 0.5 / 2.2 * 0.49, 1e-15);
+  EXPECT_EQ(by_default.bodies[0].mass, model.bodies[0].mass);
+}
+
+TEST(Payload, OfNoMassChangesNothing) {
+  const Model model = testing::two_link(), same = with_payload(model, 0);
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    EXPECT_EQ(same.bodies[i].mass, model.bodies[i].mass);
+    EXPECT_EQ(same.bodies[i].p_Bcm, model.bodies[i].p_Bcm);
+    EXPECT_EQ(same.bodies[i].I_Bcm, model.bodies[i].I_Bcm);
+  }
+}
+
+TEST(Payload, PrefersMoreJointsOverMoreMetres) {
+  // The claw hangs by three joints (turn, arm, finger, claw: four), the hand by three.
+  const Model loaded = with_payload(testing::branching(), 1);
+  EXPECT_EQ(loaded.bodies.back().link, "claw");
+  EXPECT_EQ(loaded.bodies.back().mass, 1.2);
+}
+
+TEST(Payload, IsRefusedWhereItMakesNoSense) {
+  const Model model = testing::branching();
+  EXPECT_THAT(complaint(model, -1, "claw"), HasSubstr("mass -1 kg"));
+  EXPECT_THAT(complaint(model, std::numeric_limits<double>::infinity(), "claw"),
+              HasSubstr("mass inf kg"));
+  EXPECT_THAT(complaint(model, 1, "nose"), HasSubstr("no link 'nose'"));
+  EXPECT_THAT(complaint(model, 1, "nose"), HasSubstr("claw"));
+  EXPECT_THAT(complaint(model, 1, "pedestal"), HasSubstr("'pedestal' is fixed to the ground"));
+}
+
+TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
+  const std::string mass =
+      "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' "
+      "iyz='0'/></inertial>";
+  std::string urdf = "<robot name='t'><link name='base'/>";
+  for (const std::string side : {"left", "right"}) {
+    urdf += "<link name='" + side + "'>" + mass + "</link><joint name='" + side +
+            "_joint' type='continuous'><parent link='base'/><child link='" + side +
+            "'/><origin xyz='0 " + (side == "left" ? "1" : "-1") + " 0'/></joint>";
+  }
+  const Model model = model_from_urdf(urdf + "</robot>", "t.urdf");
+  EXPECT_THAT(complaint(model, 1, ""), HasSubstr("'left' and 'right'"));
+  EXPECT_EQ(with_payload(model, 1, "right").bodies[1].mass, 2);
+}
+
+}  // namespace
+}  // namespace robot

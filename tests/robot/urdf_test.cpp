@@ -1,0 +1,413 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <limits>
+#include <locale>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "robot/model.h"
+#include "tests/robot/robots.h"
+
+namespace robot {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr double eps = 2.220446049250313e-16;
+constexpr double inf = Model::unlimited;
+
+std::vector<double> list(const Vector& x) { return {x.data(), x.data() + x.size()}; }
+
+const Body& body_of(const Model& model, const std::string& joint) {
+  for (const Body& body : model.bodies) {
+    if (body.joint == joint) return body;
+  }
+  throw std::runtime_error("no joint " + joint);
+}
+
+TEST(Urdf, NumbersCoordinatesAndBodiesDepthFirstInTheOrderOfTheFile) {
+  const Model model = testing::branching();
+  EXPECT_EQ(model.num_joints, 4);
+  // plate_mount comes before the trunk's other joints, so what hangs on the plate comes first;
+  // names are in no alphabetical order.
+  EXPECT_THAT(model.joint_names, ElementsAre("turn", "lift", "wrist", "arm"));
+  std::vector<std::string> joints;
+  for (const Body& body : model.bodies) joints.push_back(body.joint);
+  EXPECT_THAT(joints,
+              ElementsAre("turn", "lift", "wrist", "early", "arm", "finger_joint", "claw_joint"));
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    EXPECT_LT(model.bodies[i].parent, static_cast<int>(i));
+  }
+  EXPECT_THAT(model.joint_types, ElementsAre(JointType::revolute, JointType::prismatic,
+                                             JointType::revolute, JointType::revolute));
+}
+
+TEST(Urdf, ReadsLimitsAndTakesZeroEffortAndVelocityForNone) {
+  const Model model = testing::branching();
+  EXPECT_THAT(list(model.lower), ElementsAre(-2.5, -0.4, -1, -inf));
+  EXPECT_THAT(list(model.upper), ElementsAre(2, 0.4, 1, inf));
+  EXPECT_THAT(list(model.effort_limit), ElementsAre(120, inf, 20, inf));
+  EXPECT_THAT(list(model.velocity_limit), ElementsAre(3, 0.5, inf, inf));
+  EXPECT_THAT(list(model.rotor_inertia), ElementsAre(0, 0, 0, 0));
+  EXPECT_EQ(model.gravity, Eigen::Vector3d(0, 0, -9.81));
+}
+
+TEST(Urdf, ResolvesMimicsOfLaterJointsOfOtherKindsAndOfMimics) {
+  const Model model = testing::branching();
+  const Body& early = body_of(model, "early");
+  EXPECT_EQ(early.coordinate, 2);
+  EXPECT_EQ(early.multiplier, 3);
+  EXPECT_EQ(early.offset, 0);
+  const Body& finger = body_of(model, "finger_joint");
+  EXPECT_EQ(finger.coordinate, 1);
+  EXPECT_EQ(finger.type, JointType::prismatic);
+  EXPECT_EQ(finger.multiplier, -0.5);
+  EXPECT_EQ(finger.offset, 0.1);
+  const Body& claw = body_of(model, "claw_joint");  // 4 (-0.5 lift + 0.1) - 0.3
+  EXPECT_EQ(claw.coordinate, 1);
+  EXPECT_EQ(claw.type, JointType::revolute);
+  EXPECT_EQ(claw.multiplier, -2);
+  EXPECT_NEAR(claw.offset, 0.1, eps);
+}
+
+TEST(Urdf, TakesOneAndZeroForAMimicsMissingMultiplierAndOffset) {
+  std::string text = testing::chain_urdf(2, 1);
+  const std::string from = "multiplier='0.5'";
+  text.replace(text.find(from), from.size(), "");
+  const Model model = model_from_urdf(text, "chain");
+  EXPECT_EQ(model.bodies[2].multiplier, 1);
+  EXPECT_EQ(model.bodies[2].offset, 0);
+}
+
+TEST(Urdf, MergesFixedLinksIntoTheBodyTheyAreFixedTo) {
+  const Model model = testing::branching();
+  const Body& trunk = body_of(model, "turn");
+  EXPECT_EQ(trunk.link, "trunk");
+  EXPECT_EQ(trunk.mass, 7.5);
+  // The first and second moments of mass of the two links, by hand in the trunk's frame.
+  const auto rpy = [](double r, double p, double y) {
+    return (Eigen::AngleAxisd(y, Eigen::Vector3d::UnitZ()) *
+            Eigen::AngleAxisd(p, Eigen::Vector3d::UnitY()) *
+            Eigen::AngleAxisd(r, Eigen::Vector3d::UnitX()))
+        .toRotationMatrix();
+  };
+  const auto about_origin = [](double m, const Eigen::Vector3d& c, const Eigen::Matrix3d& I) {
+    return Eigen::Matrix3d(I +
+                           m * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose()));
+  };
+  const Eigen::Matrix3d R_trunk = rpy(0.5, 0.1, -0.7), R_plate = rpy(1.1, -0.4, 0.2),
+                        R_inertial = R_plate * rpy(0.2, 0.3, 0.4);
+  Eigen::Matrix3d I_trunk, I_plate;
+  I_trunk << 0.11, 0.01, -0.02, 0.01, 0.13, 0.005, -0.02, 0.005, 0.07;
+  I_plate << 0.01, 0.001, 0, 0.001, 0.012, -0.002, 0, -0.002, 0.02;
+  const Eigen::Vector3d c_trunk(0.02, -0.03, 0.2);
+  const Eigen::Vector3d c_plate =
+      Eigen::Vector3d(0.1, 0, 0.4) + R_plate * Eigen::Vector3d(0.03, 0.01, -0.02);
+  EXPECT_LT((trunk.mass * trunk.p_Bcm - (6 * c_trunk + 1.5 * c_plate)).norm(), 16 * eps);
+  const Eigen::Matrix3d expected =
+      about_origin(6, c_trunk, R_trunk * I_trunk * R_trunk.transpose()) +
+      about_origin(1.5, c_plate, R_inertial * I_plate * R_inertial.transpose());
+  EXPECT_LT((about_origin(trunk.mass, trunk.p_Bcm, trunk.I_Bcm) - expected).norm(), 32 * eps);
+  EXPECT_EQ(trunk.I_Bcm, trunk.I_Bcm.transpose());
+}
+
+TEST(Urdf, KeepsAFrameForEveryLinkAndSaysWhichAreLeaves) {
+  const Model model = testing::branching();
+  EXPECT_EQ(model.frames.size(), 10u);
+  EXPECT_EQ(model.frames.at("base").body, -1);
+  EXPECT_EQ(model.frames.at("pedestal").body, -1);
+  EXPECT_EQ(model.frames.at("plate").body, model.frames.at("trunk").body);
+  EXPECT_EQ(model.frames.at("plate").p_BF, Eigen::Vector3d(0.1, 0, 0.4));
+  EXPECT_FALSE(model.frames.at("plate").leaf);
+  EXPECT_TRUE(model.frames.at("hand").leaf);
+  EXPECT_FALSE(model.frames.at("finger").leaf);
+}
+
+TEST(Urdf, NormalisesAnAxisAndTakesXForAMissingOne) {
+  const Model model = testing::branching();
+  EXPECT_LT((body_of(model, "lift").axis_B - Eigen::Vector3d(0, 1, 3) / std::sqrt(10.0)).norm(),
+            2 * eps);
+  const Model plain = model_from_urdf(
+      "<robot name='t'><link name='a'/><link name='b'><inertial><mass value='1'/><inertia ixx='1' "
+      "iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link><joint name='j' "
+      "type='continuous'><parent link='a'/><child link='b'/></joint></robot>",
+      "t");
+  EXPECT_EQ(plain.bodies[0].axis_B, Eigen::Vector3d::UnitX());
+}
+
+TEST(Urdf, ReadsTheSameNumbersUnderALocaleWithDecimalCommas) {
+  struct Commas : std::numpunct<char> {
+    char do_decimal_point() const override { return ','; }
+  };
+  const Model expected = testing::two_link();
+  const std::locale before = std::locale::global(std::locale(std::locale::classic(), new Commas));
+  const Model model = testing::two_link();
+  std::string message;
+  try {
+    (void)with_payload(model, -0.5);
+  } catch (const std::invalid_argument& e) {
+    message = e.what();
+  }
+  std::locale::global(before);
+  EXPECT_EQ(model.bodies[0].mass, expected.bodies[0].mass);
+  EXPECT_EQ(model.bodies[1].I_Bcm, expected.bodies[1].I_Bcm);
+  EXPECT_THAT(message, HasSubstr("-0.5 kg"));
+}
+
+TEST(Urdf, TakesSixtyFourJointsAndAHundredAndTwentyEightBodies) {
+  const Model model = model_from_urdf(testing::chain_urdf(64, 64), "chain");
+  EXPECT_EQ(model.num_joints, 64);
+  EXPECT_EQ(model.bodies.size(), 128u);
+  EXPECT_EQ(model_from_urdf(testing::chain_urdf(1, 127), "chain").bodies.size(), 128u);
+}
+
+TEST(Urdf, AcceptsAMasslessLinkThatCarriesMass) {
+  const std::string text =
+      "<robot name='t'><link name='a'/><link name='cross'/><link name='b'><inertial><origin "
+      "xyz='0.5 0 0'/><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' "
+      "iyz='0'/></inertial></link><joint name='j1' type='continuous'><parent link='a'/><child "
+      "link='cross'/><axis xyz='1 0 0'/></joint><joint name='j2' type='continuous'><parent "
+      "link='cross'/><child link='b'/><axis xyz='0 1 0'/></joint></robot>";
+  EXPECT_EQ(model_from_urdf(text, "t").num_joints, 2);
+}
+
+/// A two-joint arm that is right, and what makes it wrong.
+const char* const right_arm = R"(<?xml version="1.0"?>
+<robot name="r">
+  <link name="base"/>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0 0 0.5" rpy="0 0 0"/>
+      <mass value="2"/>
+      <inertia ixx="0.2" iyy="0.2" izz="0.01" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <link name="lower">
+    <inertial>
+      <origin xyz="0 0 0.4"/>
+      <mass value="1"/>
+      <inertia ixx="0.1" iyy="0.1" izz="0.02" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+  </link>
+  <link name="tool"/>
+  <joint name="first" type="revolute">
+    <parent link="base"/>
+    <child link="upper"/>
+    <axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="50" velocity="3"/>
+  </joint>
+  <joint name="second" type="continuous">
+    <parent link="upper"/>
+    <child link="lower"/>
+    <origin xyz="0 0 1"/>
+    <axis xyz="0 1 1"/>
+  </joint>
+  <joint name="mount" type="fixed">
+    <parent link="lower"/>
+    <child link="tool"/>
+  </joint>
+</robot>
+)";
+
+struct Wrong {
+  std::string name, from, to;
+  std::vector<std::string> said;
+};
+void PrintTo(const Wrong& wrong, std::ostream* out) { *out << wrong.name; }
+
+std::string made_wrong(const Wrong& wrong) {
+  std::string text = right_arm;
+  const std::size_t at = text.find(wrong.from);
+  if (at == std::string::npos) throw std::runtime_error("nothing to change: " + wrong.from);
+  return text.replace(at, wrong.from.size(), wrong.to);
+}
+
+const std::vector<Wrong>& wrong_arms() {
+  static const std::vector<Wrong> arms{
+      {"XmlCutShort", "</robot>", "", {"malformed XML"}},
+      {"XmlTagMismatch", "</inertial>", "</inertia>", {"line ", "malformed XML"}},
+      {"NotARobot",
+       "<robot name=\"r\">",
+       "<!-- --><machine></machine><robot name=\"r\"",
+       {"malformed XML"}},
+      {"RobotWithoutName", "<robot name=\"r\">", "<robot>", {"not a robot description", "name"}},
+      {"LinkWithoutName", "<link name=\"tool\"/>", "<link/>", {"line 18", "a link has no name"}},
+      {"JointWithoutName", "name=\"second\" ", "", {"a joint has no name"}},
+      {"LinkTwice", "\"tool\"/>", "\"lower\"/>", {"link 'lower' is defined twice"}},
+      {"JointTwice", "name=\"mount\"", "name=\"first\"", {"joint 'first' is defined twice"}},
+      {"UnknownParent", "parent link=\"upper\"", "parent link=\"uper\"", {"second", "uper"}},
+      {"UnknownChild", "child link=\"tool\"", "child link=\"tol\"", {"tol"}},
+      {"NoParent", "<parent link=\"upper\"/>", "", {"second", "parent"}},
+      {"NoChild", "<child link=\"tool\"/>", "", {"mount", "child"}},
+      {"TwoRoots", "</robot>", "<link name=\"island\"/></robot>", {"island", "root"}},
+      {"NoRoot",
+       "</robot>",
+       "<joint name=\"loop\" type=\"fixed\"><parent link=\"tool\"/><child "
+       "link=\"base\"/></joint></robot>",
+       {"root"}},
+      {"CycleBesideTheRoot",
+       "parent link=\"base\"",
+       "parent link=\"tool\"",
+       {"is not connected to the root link 'base'"}},
+      {"TwoParents",
+       "</robot>",
+       "<joint name=\"loop\" type=\"fixed\"><parent link=\"base\"/><child "
+       "link=\"tool\"/></joint></robot>",
+       {"link 'tool' is the child of two joints", "'loop'", "'mount'", "closed chains"}},
+      {"DetachedCycle",
+       "</robot>",
+       "<link name=\"x\"/><link name=\"y\"/>"
+       "<joint name=\"xy\" type=\"fixed\"><parent link=\"x\"/><child link=\"y\"/></joint>"
+       "<joint name=\"yx\" type=\"fixed\"><parent link=\"y\"/><child link=\"x\"/></joint></robot>",
+       {"link 'x' is not connected to the root link 'base'"}},
+      {"Floating",
+       "type=\"continuous\"",
+       "type=\"floating\"",
+       {"joint 'second'", "floating is not supported", "revolute"}},
+      {"Planar",
+       "type=\"continuous\"",
+       "type=\"planar\"",
+       {"joint 'second'", "planar is not supported"}},
+      {"UnknownType", "type=\"continuous\"", "type=\"helical\"", {"second", "helical"}},
+      {"NoType", "type=\"continuous\"", "", {"second", "type"}},
+      {"NoLimits",
+       "<limit lower=\"-2\" upper=\"2\" effort=\"50\" velocity=\"3\"/>",
+       "",
+       {"first", "limit"}},
+      {"NoEffort", "effort=\"50\" ", "", {"first", "effort"}},
+      {"NoVelocity", " velocity=\"3\"", "", {"first", "velocity"}},
+      {"LimitsReversed",
+       "upper=\"2\"",
+       "upper=\"-3\"",
+       {"joint 'first'", "lower -2, upper -3", "lower < upper"}},
+      {"LimitsMissing",
+       "lower=\"-2\" upper=\"2\" ",
+       "",
+       {"joint 'first'", "lower 0, upper 0", "continuous"}},
+      {"NegativeEffort", "effort=\"50\"", "effort=\"-50\"", {"joint 'first'", "effort limit -50"}},
+      {"NegativeVelocity",
+       "velocity=\"3\"",
+       "velocity=\"-3\"",
+       {"joint 'first'", "velocity limit -3"}},
+      {"LimitNotANumber", "effort=\"50\"", "effort=\"fifty\"", {"first", "effort"}},
+      {"LimitInfinite", "effort=\"50\"", "effort=\"inf\"", {"first", "effort"}},
+      {"ZeroAxis",
+       "axis xyz=\"0 1 1\"",
+       "axis xyz=\"0 0 0\"",
+       {"joint 'second'", "axis 0 0 0", "no direction"}},
+      {"AxisOfTwoNumbers", "axis xyz=\"0 1 1\"", "axis xyz=\"0 1\"", {"second", "xis"}},
+      {"AxisNan", "axis xyz=\"0 1 1\"", "axis xyz=\"0 nan 1\"", {"second", "xis"}},
+      {"OriginNan", "<origin xyz=\"0 0 1\"/>", "<origin xyz=\"0 0 nan\"/>", {"second", "origin"}},
+      {"OriginOverflows",
+       "<origin xyz=\"0 0 1\"/>",
+       "<origin xyz=\"0 0 1e999\"/>",
+       {"second", "origin"}},
+      {"DecimalComma",
+       "<origin xyz=\"0 0 1\"/>",
+       "<origin xyz=\"0 0 1,5\"/>",
+       {"second", "origin"}},
+      {"MimicUnknown",
+       "<axis xyz=\"0 1 1\"/>",
+       "<axis xyz=\"0 1 1\"/><mimic joint=\"third\"/>",
+       {"joint 'second'", "mimics joint 'third'", "does not exist"}},
+      {"MimicFixed",
+       "<axis xyz=\"0 1 1\"/>",
+       "<axis xyz=\"0 1 1\"/><mimic joint=\"mount\"/>",
+       {"joint 'second'", "'mount', which is fixed"}},
+      {"MimicItself",
+       "<axis xyz=\"0 1 1\"/>",
+       "<axis xyz=\"0 1 1\"/><mimic joint=\"second\"/>",
+       {"joint 'second'", "mimics itself"}},
+      {"MimicMultiplierNan",
+       "<axis xyz=\"0 1 1\"/>",
+       "<axis xyz=\"0 1 1\"/><mimic joint=\"first\" multiplier=\"nan\"/>",
+       {"second", "multiplier"}},
+      {"FixedMimics",
+       "<child link=\"tool\"/>",
+       "<child link=\"tool\"/><mimic joint=\"first\"/>",
+       {"joint 'mount'", "fixed joint cannot mimic 'first'"}},
+      {"NegativeMass",
+       "<mass value=\"2\"/>",
+       "<mass value=\"-2\"/>",
+       {"link 'upper'", "mass -2 kg"}},
+      {"MassNotANumber", "<mass value=\"2\"/>", "<mass value=\"two\"/>", {"upper", "mass"}},
+      {"NoMass", "<mass value=\"2\"/>", "", {"upper", "mass"}},
+      {"InertiaWithoutMass",
+       "<mass value=\"2\"/>",
+       "<mass value=\"0\"/>",
+       {"link 'upper'", "inertia without mass"}},
+      {"NegativeInertia", "iyy=\"0.2\"", "iyy=\"-0.2\"", {"link 'upper'", "principal moment -0.2"}},
+      {"IndefiniteInertia", "ixy=\"0\"", "ixy=\"0.3\"", {"link 'upper'", "principal moment -0.1"}},
+      {"TriangleInequality",
+       "izz=\"0.01\"",
+       "izz=\"0.41\"",
+       {"link 'upper'", "triangle inequality", "0.41"}},
+      {"InertiaIncomplete", " izz=\"0.01\"", "", {"upper", "inerti"}},
+      {"InertiaNan", "izz=\"0.01\"", "izz=\"nan\"", {"upper", "inerti"}},
+      {"NoInertiaToMove",
+       "<mass value=\"1\"/>\n      <inertia ixx=\"0.1\" iyy=\"0.1\" izz=\"0.02\"",
+       "<mass value=\"0\"/>\n      <inertia ixx=\"0\" iyy=\"0\" izz=\"0\"",
+       {"joint 'second'", "moves no inertia", "mass"}},
+  };
+  return arms;
+}
+
+std::string complaint(const std::string& text) {
+  try {
+    (void)model_from_urdf(text, "arm.urdf");
+  } catch (const std::invalid_argument& e) {
+    return e.what();
+  }
+  return "accepted";
+}
+
+class WrongUrdf : public ::testing::TestWithParam<Wrong> {};
+INSTANTIATE_TEST_SUITE_P(Arm, WrongUrdf, ::testing::ValuesIn(wrong_arms()),
+                         [](const auto& arm) { return arm.param.name; });
+
+TEST_P(WrongUrdf, IsRefusedOnOneLineThatNamesSourceAndCause) {
+  ::testing::internal::CaptureStderr();
+  ::testing::internal::CaptureStdout();
+  const std::string said = complaint(made_wrong(GetParam()));
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(), "");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+  EXPECT_THAT(said, AllOf(StartsWith("arm.urdf: "), Not(HasSubstr("\n"))));
+  for (const std::string& part : GetParam().said) EXPECT_THAT(said, HasSubstr(part));
+  RecordProperty("message", said);
+}
+
+TEST(Urdf, AcceptsTheArmThatTheWrongOnesAreMadeFrom) {
+  EXPECT_EQ(model_from_urdf(right_arm, "arm.urdf").num_joints, 2);
+}
+
+TEST(Urdf, RefusesAMimicCycle) {
+  std::string text = right_arm;
+  const std::string limit = "velocity=\"3\"/>", axis = "<axis xyz=\"0 1 1\"/>";
+  text.insert(text.find(limit) + limit.size(), "<mimic joint=\"second\"/>");
+  text.insert(text.find(axis), "<mimic joint=\"first\"/>");
+  EXPECT_THAT(complaint(text), HasSubstr("joint 'first': mimics itself by way of 'second'"));
+}
+
+TEST(Urdf, RefusesTextThatIsNoUrdf) {
+  EXPECT_THAT(complaint(""), StartsWith("arm.urdf: "));
+  EXPECT_THAT(complaint("robot"), StartsWith("arm.urdf: "));
+  EXPECT_THAT(complaint("<sdf/>"), HasSubstr("no <robot> element"));
+  EXPECT_THAT(complaint("<robot name='r'/>"), StartsWith("arm.urdf: "));
+  EXPECT_THAT(complaint("<robot name='r'><link name='a'/></robot>"), HasSubstr("no joint moves"));
+}
+
+TEST(Urdf, RefusesMoreJointsAndBodiesThanThereIsRoomFor) {
+  EXPECT_THAT(complaint(testing::chain_urdf(65)), HasSubstr("joint 'j65': more than 64 joints"));
+  EXPECT_THAT(complaint(testing::chain_urdf(64, 65)),
+              HasSubstr("joint 'j129': more than 128 moving bodies"));
+}
+
+}  // namespace
+}  // namespace robot
