@@ -1,0 +1,360 @@
+#include "bus/udp_transport.h"
+
+#include <arpa/inet.h>
+#include <linux/sock_diag.h>
+#include <poll.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <system_error>
+
+#include "bus/channel_filter.h"
+#include "bus/lcm_packet.h"
+
+namespace bus {
+namespace {
+
+constexpr std::size_t max_datagram = 65'536;
+constexpr int wanted_buffer_bytes = 4 << 20;
+// Signals get a chance, and the deadline a look, at least once in so many datagrams read.
+constexpr int max_reads_between_waits = 64;
+
+[[noreturn]] void fail(const LcmUrl& url, const std::string& what, const std::string& remedy) {
+  throw std::system_error(errno, std::generic_category(),
+                          "bus " + url.text() + ": " + what + " (" + remedy + ")");
+}
+
+const char* remedy_for(int error) {
+  switch (error) {
+    case ENODEV:
+    case ENETUNREACH:
+    case EADDRNOTAVAIL:
+      return "no multicast route: `ip link set lo up multicast on; ip route add 224.0.0.0/4 dev "
+             "lo`, or run with --isolate";
+    case EADDRINUSE:
+      return "a program holds the port for itself: take another port, or find it with `ss -ulpn`";
+    default:
+      return "`tachless doctor` looks closer";
+  }
+}
+
+template <class Value>
+void set(const LcmUrl& url, int fd, int level, int option, const Value& value, const char* what) {
+  if (::setsockopt(fd, level, option, &value, sizeof value) != 0) {
+    fail(url, what, remedy_for(errno));
+  }
+}
+
+sockaddr_in address_of(const LcmUrl& url) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(url.port);
+  inet_pton(AF_INET, url.group.c_str(), &address.sin_addr);
+  return address;
+}
+
+FileDescriptor open_socket(const LcmUrl& url) {
+  FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  if (fd.get() < 0) fail(url, "cannot open a UDP socket", remedy_for(errno));
+  return fd;
+}
+
+void install_filter(const LcmUrl& url, int fd, const std::vector<std::string>& channels) {
+  std::vector<sock_filter> program = channel_filter(channels);
+  const sock_fprog handle{static_cast<unsigned short>(program.size()), program.data()};
+  set(url, fd, SOL_SOCKET, SO_ATTACH_FILTER, handle, "cannot install the channel filter");
+}
+
+FileDescriptor open_receiver(const LcmUrl& url) {
+  FileDescriptor fd = open_socket(url);
+  install_filter(url, fd.get(), {});  // nothing may queue before the first subscription
+  const int on = 1;
+  const int off = 0;
+  set(url, fd.get(), SOL_SOCKET, SO_REUSEADDR, on, "cannot share the port");
+  set(url, fd.get(), SOL_SOCKET, SO_REUSEPORT, on, "cannot share the port");
+  const int size = url.receive_buffer_bytes != 0 ? url.receive_buffer_bytes : wanted_buffer_bytes;
+  if (::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0) {
+    set(url, fd.get(), SOL_SOCKET, SO_RCVBUF, size, "cannot set the receive buffer");
+  }
+  // The group's address, not any: other groups on this port are other buses.
+  const sockaddr_in address = address_of(url);
+  if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    fail(url, "cannot bind the port", remedy_for(errno));
+  }
+  ip_mreq membership{};
+  membership.imr_multiaddr = address.sin_addr;
+  membership.imr_interface.s_addr = htonl(INADDR_ANY);
+  set(url, fd.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, membership, "cannot join the group");
+  set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_ALL, off, "cannot leave other groups");
+  return fd;
+}
+
+FileDescriptor open_sender(const LcmUrl& url) {
+  FileDescriptor fd = open_socket(url);
+  const auto ttl = static_cast<unsigned char>(url.ttl);
+  const unsigned char loop = 1;
+  set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl, "cannot set the ttl");
+  set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_LOOP, loop, "cannot reach this host");
+  const sockaddr_in address = address_of(url);
+  if (::connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    fail(url, "cannot send to the group", remedy_for(errno));
+  }
+  return fd;
+}
+
+void require_channel(std::string_view channel) {
+  if (channel.empty() || channel.size() > lcm_packet::max_channel_size ||
+      channel.find('\0') != std::string_view::npos) {
+    throw std::invalid_argument("channel name '" + std::string(channel) + "' has " +
+                                std::to_string(channel.size()) +
+                                " characters, allowed are 1 to 63 without NUL");
+  }
+}
+
+bool same(const sockaddr_in& a, const sockaddr_in& b) {
+  return a.sin_port == b.sin_port && a.sin_addr.s_addr == b.sin_addr.s_addr;
+}
+
+std::uint32_t word_at(const std::byte* bytes) {
+  std::uint32_t value = 0;
+  std::memcpy(&value, bytes, sizeof value);
+  return ntohl(value);
+}
+
+/// UDP's RcvbufErrors in /proc/net/snmp: names in one line, numbers in the next.
+std::uint64_t host_overflows() {
+  std::ifstream file("/proc/net/snmp");
+  std::string names;
+  std::string numbers;
+  while (std::getline(file, names) && std::getline(file, numbers)) {
+    if (names.rfind("Udp:", 0) != 0) continue;
+    std::istringstream name_stream(names);
+    std::istringstream number_stream(numbers);
+    std::string name;
+    std::string number;
+    while (name_stream >> name && number_stream >> number) {
+      if (name == "RcvbufErrors") return std::stoull(number);
+    }
+  }
+  return 0;
+}
+
+}  // namespace
+
+UdpTransport::UdpTransport(const std::string& url) : UdpTransport(parse_lcm_url(url)) {}
+
+UdpTransport::UdpTransport(const LcmUrl& url)
+    : url_(url),
+      receiver_(open_receiver(url)),
+      sender_(open_sender(url)),
+      buffer_(max_datagram),
+      host_overflowed_before_(host_overflows()) {
+  socklen_t size = sizeof own_address_;
+  if (::getsockname(sender_.get(), reinterpret_cast<sockaddr*>(&own_address_), &size) != 0) {
+    fail(url_, "cannot read the own address", remedy_for(errno));
+  }
+}
+
+void UdpTransport::subscribe(const std::string& channel) {
+  require_channel(channel);
+  if (std::find(channels_.begin(), channels_.end(), channel) != channels_.end()) return;
+  channels_.push_back(channel);
+  if (!all_) install_filter(url_, receiver_.get(), channels_);
+}
+
+void UdpTransport::subscribe_all() {
+  if (all_) return;
+  set(url_, receiver_.get(), SOL_SOCKET, SO_TIMESTAMPNS, 1, "cannot have datagrams stamped");
+  set(url_, receiver_.get(), SOL_SOCKET, SO_DETACH_FILTER, 0, "cannot remove the channel filter");
+  drops_before_ = socket_drops();
+  all_ = true;
+}
+
+void UdpTransport::publish(std::string_view channel, std::span<const std::byte> payload) {
+  require_channel(channel);
+  const std::size_t size = channel.size() + 1 + payload.size();
+  if (size > lcm_packet::max_short_size) {
+    throw std::length_error("message on " + std::string(channel) + " needs " +
+                            std::to_string(size) + " bytes, one datagram holds " +
+                            std::to_string(lcm_packet::max_short_size));
+  }
+  std::array<std::uint32_t, 2> header = {htonl(lcm_packet::short_magic), htonl(sequence_++)};
+  char nul = 0;
+  // iovec has no const; sendmsg only reads.
+  std::array<iovec, 4> parts = {{{header.data(), sizeof header},
+                                 {const_cast<char*>(channel.data()), channel.size()},
+                                 {&nul, 1},
+                                 {const_cast<std::byte*>(payload.data()), payload.size()}}};
+  msghdr message{};
+  message.msg_iov = parts.data();
+  message.msg_iovlen = parts.size();
+  if (::sendmsg(sender_.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0) ++statistics_.unsent;
+}
+
+std::optional<Datagram> UdpTransport::receive(Clock::time_point deadline) {
+  const std::optional<RawDatagram> raw = next(deadline);
+  if (!raw) return std::nullopt;
+  return raw->datagram;
+}
+
+std::optional<RawDatagram> UdpTransport::receive_raw(Clock::time_point deadline) {
+  if (!all_) throw std::logic_error("bus::UdpTransport: receive_raw needs subscribe_all");
+  return next(deadline);
+}
+
+UdpTransport::Wake UdpTransport::wait(Clock::time_point deadline, bool for_datagram) {
+  reads_since_wait_ = 0;
+  const Clock::duration left = std::max(deadline - Clock::now(), Clock::duration::zero());
+  const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
+  const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
+  sigset_t mask;
+  pthread_sigmask(SIG_SETMASK, nullptr, &mask);
+  sigdelset(&mask, SIGINT);
+  sigdelset(&mask, SIGTERM);
+  pollfd descriptor{receiver_.get(), POLLIN, 0};
+  const int ready = ::ppoll(&descriptor, for_datagram ? 1 : 0, &timeout, &mask);
+  if (ready < 0 && errno != EINTR) fail(url_, "cannot wait", remedy_for(errno));
+  if (ready < 0) return Wake::signal;
+  return ready > 0 ? Wake::datagram : Wake::deadline;
+}
+
+std::optional<RawDatagram> UdpTransport::next(Clock::time_point deadline) {
+  for (int passed_over = 0;;) {
+    if (reads_since_wait_ >= max_reads_between_waits) {
+      // While datagrams are ready, ppoll delivers no signal: ask without the socket.
+      const bool outstayed = passed_over > 0 && Clock::now() >= deadline;
+      if (wait(Clock::time_point(), false) == Wake::signal || outstayed) return std::nullopt;
+    }
+    sockaddr_in from{};
+    iovec part{buffer_.data(), buffer_.size()};
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(timespec))> control{};
+    msghdr message{};
+    message.msg_name = &from;
+    message.msg_namelen = sizeof from;
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    if (all_) {
+      message.msg_control = control.data();
+      message.msg_controllen = control.size();
+    }
+    const ssize_t size = ::recvmsg(receiver_.get(), &message, MSG_DONTWAIT);
+    if (size < 0) {
+      if (errno != EAGAIN) fail(url_, "cannot receive", remedy_for(errno));
+      if (wait(deadline, true) != Wake::datagram) return std::nullopt;
+      continue;
+    }
+    ++reads_since_wait_;
+    std::optional<RawDatagram> raw = parse(static_cast<std::size_t>(size), from);
+    if (!raw) {
+      ++passed_over;
+      continue;
+    }
+    for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
+      if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPNS) continue;
+      timespec stamp{};
+      std::memcpy(&stamp, CMSG_DATA(c), sizeof stamp);
+      raw->received_ns = std::int64_t{stamp.tv_sec} * 1'000'000'000 + stamp.tv_nsec;
+    }
+    ++statistics_.received;
+    return raw;
+  }
+}
+
+std::optional<RawDatagram> UdpTransport::parse(std::size_t size, const sockaddr_in& from) {
+  if (same(from, own_address_)) {
+    ++statistics_.own;
+    return std::nullopt;
+  }
+  const std::span<const std::byte> bytes(buffer_.data(), size);
+  if (size < lcm_packet::header_size) {
+    ++statistics_.malformed;
+    return std::nullopt;
+  }
+  const std::uint32_t magic = word_at(bytes.data());
+  if (magic == lcm_packet::fragment_magic) {
+    // Counted once per message, by its first fragment.
+    if (size < lcm_packet::fragment_header_size) {
+      ++statistics_.malformed;
+    } else if (bytes[lcm_packet::fragment_number_offset] == std::byte{0} &&
+               bytes[lcm_packet::fragment_number_offset + 1] == std::byte{0}) {
+      ++statistics_.fragmented;
+    }
+    return std::nullopt;
+  }
+  const auto text = bytes.subspan(lcm_packet::header_size);
+  const void* nul =
+      std::memchr(text.data(), 0, std::min(text.size(), lcm_packet::max_channel_size + 1));
+  if (magic != lcm_packet::short_magic || nul == nullptr || nul == text.data()) {
+    ++statistics_.malformed;
+    return std::nullopt;
+  }
+  const auto length = static_cast<std::size_t>(static_cast<const std::byte*>(nul) - text.data());
+  RawDatagram raw;
+  raw.datagram.channel = {reinterpret_cast<const char*>(text.data()), length};
+  // The kernel has filtered; where it cannot (some containers accept a filter and ignore it), we
+  // do.
+  if (!all_ &&
+      std::find(channels_.begin(), channels_.end(), raw.datagram.channel) == channels_.end()) {
+    return std::nullopt;
+  }
+  raw.datagram.payload = text.subspan(length + 1);
+  raw.datagram.sender = name_of(from);
+  raw.sequence = word_at(bytes.data() + 4);
+  return raw;
+}
+
+std::string_view UdpTransport::name_of(const sockaddr_in& from) {
+  for (const Sender& sender : senders_) {
+    if (sender.size != 0 && same(sender.address, from)) return {sender.text.data(), sender.size};
+  }
+  Sender& sender = senders_[next_sender_];
+  next_sender_ = (next_sender_ + 1) % senders_.size();
+  sender.address = from;
+  if (from.sin_addr.s_addr == htonl(INADDR_ANY)) {
+    // What comes over a loopback route has no source address.
+    std::strcpy(sender.text.data(), "localhost");
+  } else {
+    inet_ntop(AF_INET, &from.sin_addr, sender.text.data(), sender.text.size());
+  }
+  char* const colon = sender.text.data() + std::strlen(sender.text.data());
+  *colon = ':';
+  char* const end = sender.text.data() + sender.text.size();
+  const char* const last = std::to_chars(colon + 1, end, ntohs(from.sin_port)).ptr;
+  sender.size = static_cast<std::size_t>(last - sender.text.data());
+  return {sender.text.data(), sender.size};
+}
+
+std::uint64_t UdpTransport::socket_drops() const {
+  std::array<std::uint32_t, SK_MEMINFO_VARS> values{};
+  socklen_t size = sizeof values;
+  if (::getsockopt(receiver_.get(), SOL_SOCKET, SO_MEMINFO, values.data(), &size) != 0) {
+    fail(url_, "cannot read the drop counter", remedy_for(errno));
+  }
+  return values[SK_MEMINFO_DROPS];
+}
+
+UdpStatistics UdpTransport::statistics() const {
+  UdpStatistics result = statistics_;
+  if (all_) result.overflowed = socket_drops() - drops_before_;
+  result.host_overflowed = host_overflows() - host_overflowed_before_;
+  return result;
+}
+
+int UdpTransport::receive_buffer_bytes() const {
+  int size = 0;
+  socklen_t length = sizeof size;
+  if (::getsockopt(receiver_.get(), SOL_SOCKET, SO_RCVBUF, &size, &length) != 0) {
+    fail(url_, "cannot read the receive buffer", remedy_for(errno));
+  }
+  return size / 2;  // the kernel doubles what is asked for, to have room for its own records
+}
+
+}  // namespace bus
