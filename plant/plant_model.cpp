@@ -92,7 +92,9 @@ Arm make_arm(const app::Scenario& scenario, const robot::Model& model) {
 }
 
 Drive make_drive(const app::Scenario& scenario, const robot::Model& model) {
-  return Drive(scenario.plant.drive.torque_limit_Nm.value_or(model.effort_limit),
+  const robot::Vector unlimited =
+      robot::Vector::Constant(model.num_joints, robot::Model::unlimited);
+  return Drive(scenario.plant.drive.torque_limit_Nm.value_or(unlimited),
                scenario.loop.command_delay);
 }
 

@@ -20,7 +20,7 @@ ArmState initial_state(const app::Scenario& scenario, const robot::Model& model)
 /// The Simbody arm of the scenario at its initial state. `model` is `plant_model(scenario)`.
 Arm make_arm(const app::Scenario& scenario, const robot::Model& model);
 
-/// The drives: the scenario's torque limit or else the URDF's.
+/// The drives: the scenario's torque limit (which defaults to the URDF's) and command delay.
 Drive make_drive(const app::Scenario& scenario, const robot::Model& model);
 
 /// Viscous braking of the protective stop [N m s/rad]: each joint's inertia at `q` (seen by its

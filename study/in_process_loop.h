@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <variant>
+
+#include "app/scenario.h"
+#include "plant/arm.h"
+#include "plant/drive.h"
+#include "robot/signals.h"
+
+namespace study {
+
+using AnyMeasurement = std::variant<robot::PositionMeasurement, robot::MotorPositionMeasurement,
+                                    robot::LinkStateMeasurement, robot::StateMeasurement>;
+
+/// All that happened in one tick.
+struct TickRecord {
+  std::int64_t tick = 0;
+  double time_s = 0;      ///< tick times period
+  plant::ArmState truth;  ///< exact state at time_s
+  AnyMeasurement measurement;
+  robot::ReferencePoint reference;
+  robot::TorqueCommand command;
+  robot::ControllerState controller;
+  plant::AppliedTorque applied;  ///< over this tick: delayed and limited
+};
+
+/// The closed loop of a scenario stepped in this process, without bus, clock or memory of the past:
+/// plant, reference and law are the very objects of the processes, called in the same order at
+/// the same t_k = k h, so the records hold the bits that a lockstep run logs.
+///
+/// Calls `on_tick` for ticks 0 to num_ticks - 1, with a record that is valid during the call; the
+/// run ends early when it returns false. Returns the state at the end of the last tick run.
+/// @throw app::Failure(bad_usage) for a scenario that makes no sense, app::Failure(protective_stop)
+/// naming tick and cause when a torque is not finite or the plant cannot be integrated on.
+plant::ArmState run_in_process(const app::Scenario& scenario,
+                               const std::function<bool(const TickRecord&)>& on_tick);
+
+}  // namespace study
