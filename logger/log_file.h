@@ -108,8 +108,9 @@ struct Damage {
 };
 
 /// Reads any LCM log, front to back, damaged or not. Each event whose bytes are undamaged is
-/// delivered, whatever surrounds it, short of a forgery; what is not an event is skipped and counted. The format has
-/// no checksum: damage inside a channel name, a time stamp or the data goes unnoticed here.
+/// delivered, whatever surrounds it, short of a forgery; what is not an event is skipped and
+/// counted. The format has no checksum: damage inside a channel name, a time stamp or the data goes
+/// unnoticed here.
 ///
 /// The file is mapped, not loaded. It must not be cut short by others meanwhile; growth is not
 /// followed.

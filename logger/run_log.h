@@ -1,0 +1,135 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "app/scenario.h"
+#include "bus/truth/plant_truth.h"
+#include "bus/wire.h"
+#include "logger/log_file.h"
+#include "robot/signals.h"
+
+/// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
+namespace logger {
+
+using Measurement =
+    std::variant<std::monostate, robot::PositionMeasurement, robot::MotorPositionMeasurement,
+                 robot::LinkStateMeasurement, robot::StateMeasurement>;
+
+/// What a log holds of one tick.
+struct TickRecord {
+  std::int64_t tick = 0;
+  std::optional<bus::Tick> clock;
+  Measurement measurement;  ///< of the kind that RUN_INFO names; monostate when missing
+  std::optional<robot::ReferencePoint> reference;
+  std::optional<robot::TorqueCommand> command;
+  std::optional<robot::ControllerState> controller_state;
+  std::optional<bus::truth::PlantTruth> truth;
+};
+
+/// The pieces a TickRecord consists of.
+enum class Piece { clock, measurement, reference, command, controller_state, truth };
+inline constexpr int num_pieces = 6;
+inline constexpr std::array<Piece, num_pieces> all_pieces = {
+    Piece::clock,   Piece::measurement,      Piece::reference,
+    Piece::command, Piece::controller_state, Piece::truth};
+
+/// Whether `record` has it.
+bool has(const TickRecord& record, Piece piece);
+
+/// Ticks in a row that lack a piece: first to last, both included.
+struct TickRange {
+  std::int64_t first = 0;
+  std::int64_t last = 0;
+};
+
+struct PieceSummary {
+  std::string channel;
+  std::uint64_t count = 0;              ///< ticks that have it
+  std::uint64_t duplicates = 0;         ///< further copies, the same
+  std::uint64_t conflicts = 0;          ///< further copies, different: the first one counts
+  std::uint64_t missing = 0;            ///< ticks from 0 to the log's last that lack it
+  std::vector<TickRange> missing_list;  ///< the first `RunSummary::max_listed` ranges
+
+  /// A piece that the log never has was not recorded: absent, rather than full of gaps.
+  [[nodiscard]] bool absent() const { return count == 0; }
+};
+
+struct ParticipantFault {
+  bus::Role role = bus::Role::plant;
+  std::int64_t tick = 0;
+  std::string text;
+};
+
+/// What was found on the way. Final once `RunLog::next` has returned false.
+struct RunSummary {
+  static constexpr std::size_t max_listed = 100;
+
+  std::int64_t first_tick = -1;  ///< -1 while there is none
+  std::int64_t last_tick = -1;
+  std::uint64_t ticks = 0;  ///< ticks of which there is anything
+  std::array<PieceSummary, num_pieces> pieces;
+  std::map<bus::Rejection, std::uint64_t> undecodable;
+  std::uint64_t wrong_tick =
+      0;  ///< tick outside of the run, or at odds with its time or its neighbours
+  std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
+  std::uint64_t other_messages = 0;    ///< of channels that are not this robot's
+  std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
+  std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
+  std::uint64_t run_infos = 0;                         ///< readable copies of this run's
+  std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
+
+  [[nodiscard]] const PieceSummary& of(Piece piece) const {
+    return pieces[static_cast<std::size_t>(piece)];
+  }
+  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
+  [[nodiscard]] std::uint64_t gaps() const;
+};
+
+/// Reads a run from a log: a canonical one of ours, or one that lcm-logger recorded in order of
+/// arrival, with duplicates and participants' messages. Front to back, in bounded memory: a
+/// window of ticks. Gaps are named, never bridged.
+class RunLog {
+ public:
+  /// Messages may be this many ticks out of order.
+  static constexpr int window = 128;
+
+  /// Finds RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the first
+  /// otherwise.
+  /// @throw app::Failure(bad_usage) when the file cannot be read, holds no readable RUN_INFO (of
+  /// that run), or the scenario in it is not valid.
+  static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {});
+  RunLog(RunLog&&) noexcept;
+  ~RunLog();
+
+  [[nodiscard]] const std::filesystem::path& path() const;
+  [[nodiscard]] std::int64_t run() const;
+  [[nodiscard]] const bus::RunInfo& info() const;
+  [[nodiscard]] const app::Scenario& scenario() const;
+  /// `num_filters` is that of the first controller state in the log, 0 when there is none.
+  [[nodiscard]] const bus::Layout& layout() const;
+
+  /// The next tick of which the log holds anything, in order of ticks. False at the end.
+  bool next(TickRecord& record);
+
+  /// Starts over.
+  void rewind();
+
+  [[nodiscard]] const RunSummary& summary() const;
+  [[nodiscard]] const Damage& damage() const;
+
+ private:
+  class Impl;
+  explicit RunLog(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace logger
