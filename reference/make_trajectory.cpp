@@ -38,7 +38,7 @@ struct Maker {
     require_one_per_joint(scenario, key + ".offset_rad", spec.offset_rad);
     trajectory::MultiSine made{spec.offset_rad, {}};
     for (std::size_t i = 0; i < spec.terms.size(); ++i) {
-      made.terms.push_back(sine(key + ".terms." + std::to_string(i), spec.terms[i]));
+      made.terms.push_back(sine(key + ".terms[" + std::to_string(i) + "]", spec.terms[i]));
       if (spec.terms[i].offset_rad.size() == made.offset.size()) {
         made.offset += spec.terms[i].offset_rad;
       }

@@ -64,15 +64,18 @@ inline robot::Vector vector(double x, double y) {
 }
 
 /// The same arm as `robot/` sees it.
-inline robot::Model two_link_model() {
-  const std::string path = std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf";
-  std::ifstream file(path);
-  if (!file) {
-    throw std::runtime_error("cannot read " + path);
-  }
-  std::stringstream text;
-  text << file.rdbuf();
-  return robot::model_from_urdf(text.str(), path);
+inline const robot::Model& two_link_model() {
+  static const robot::Model model = [] {
+    const std::string path = std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf";
+    std::ifstream file(path);
+    if (!file) {
+      throw std::runtime_error("cannot read " + path);
+    }
+    std::stringstream text;
+    text << file.rdbuf();
+    return robot::model_from_urdf(text.str(), path);
+  }();
+  return model;
 }
 
 /// Random vectors with a fixed seed.

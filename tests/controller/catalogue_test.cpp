@@ -1,0 +1,247 @@
+#include "controller/catalogue.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "robot/mass_matrix.h"
+
+namespace controller {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+robot::Vector pair(double x, double y) {
+  robot::Vector v(2);
+  v << x, y;
+  return v;
+}
+
+std::string two_link_urdf() {
+  std::ifstream file(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf");
+  std::stringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+app::Scenario rigid_scenario() {
+  app::Scenario scenario;
+  scenario.source = "arm.yaml";
+  scenario.line = {{"controller.law", 20}, {"controller.gains", 21}, {"controller.gains.kp", 22}};
+  scenario.num_joints = 2;
+  scenario.robot.urdf_text = two_link_urdf();
+  scenario.robot.urdf_path = "two_link.urdf";
+  scenario.robot.rigid_rotor_inertia_kgm2 = pair(0, 0);
+  scenario.reference = app::Sinusoid{pair(1, 1), pair(1, 1), pair(0, 0), pair(0, 0)};
+  scenario.controller.law = "loria_ortega_rigid";
+  scenario.controller.gains = {
+      {"kp", pair(5, 6)}, {"kd", pair(7, 8)}, {"a", pair(9, 10)}, {"b", pair(11, 12)}};
+  return scenario;
+}
+
+app::Scenario flexible_scenario(const std::string& law) {
+  app::Scenario scenario = rigid_scenario();
+  scenario.robot.flexible = app::FlexibleJoints{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
+  scenario.controller.law = law;
+  for (const auto& facts : laws()) {
+    for (const std::string_view gain : facts.gains) {
+      scenario.controller.gains[std::string(gain)] = pair(3, 3);
+    }
+  }
+  return scenario;
+}
+
+/// The one line with which a scenario is refused.
+std::string refusal(const app::Scenario& scenario) {
+  try {
+    with_law(scenario, [](const auto&) {});
+  } catch (const app::Failure& failure) {
+    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    const std::string text = failure.what();
+    EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+    return text;
+  }
+  return "accepted";
+}
+
+TEST(Catalogue, HandsEveryLawToTheVisitorByItsName) {
+  for (const std::string_view name : law_names()) {
+    app::Scenario scenario = flexible_scenario(std::string(name));
+    scenario.reference = app::Hold{pair(0, 0)};
+    EXPECT_EQ(with_law(scenario, [](const auto& law) { return law.name; }), name);
+  }
+}
+
+TEST(Catalogue, KnowsWhatEachLawIsFedWith) {
+  EXPECT_EQ(measurement_suffix("loria_ortega_rigid"), "POSITION");
+  EXPECT_EQ(measurement_suffix("kelly_regulation"), "POSITION");
+  EXPECT_EQ(measurement_suffix("kelly_flexible"), "MOTOR_POSITION");
+  EXPECT_EQ(measurement_suffix("loria_ortega_flexible"), "LINK_STATE");
+  EXPECT_EQ(measurement_suffix("wen_bayard"), "STATE");
+  EXPECT_EQ(measurement_suffix("slotine_li"), "STATE");
+  EXPECT_EQ(measurement_suffix("slotine_li_flexible"), "STATE");
+}
+
+TEST(Catalogue, NamesFiltersAndGains) {
+  EXPECT_EQ(num_filters("loria_ortega_rigid"), 1);
+  EXPECT_EQ(num_filters("loria_ortega_flexible"), 2);
+  EXPECT_THAT(law_facts("loria_ortega_rigid").filter_labels, ElementsAre(""));
+  EXPECT_THAT(law_facts("loria_ortega_flexible").filter_labels, ElementsAre("1", "2"));
+  EXPECT_THAT(law_facts("loria_ortega_flexible").gains,
+              ElementsAre("kp1", "kd1", "a1", "b1", "kp2", "kd2", "a2", "b2"));
+}
+
+TEST(Catalogue, GivesTheLawItsGainsAndSampling) {
+  app::Scenario scenario = rigid_scenario();
+  scenario.loop.period_s = 2e-3;
+  scenario.loop.command_delay = 1;
+  scenario.controller.filter = app::FilterKind::tustin;
+  scenario.controller.filter_start = app::FilterStart::zero;
+  scenario.controller.feedforward_lead = app::FeedforwardLead::half_tick_plus_delay;
+  const law::Settings settings = law_settings(scenario);
+  EXPECT_EQ(settings.period_s, 2e-3);
+  EXPECT_EQ(settings.filter, law::Discretisation::tustin);
+  EXPECT_EQ(settings.filter_start, law::FilterStart::zero);
+  EXPECT_EQ(settings.feedforward_lead_s, 1.5 * 2e-3);
+
+  const robot::PositionMeasurement measured{pair(0.3, -0.4)};
+  const robot::Vector zero = pair(0, 0);
+  const robot::ReferencePoint ref{zero, pair(1, 2), pair(3, 4), pair(5, 6), pair(7, 8)};
+  const law::LoriaOrtegaRigid expected(
+      rigid_model(scenario), {pair(5, 6), pair(7, 8), pair(9, 10), pair(11, 12)}, settings);
+  const robot::Vector tau = with_law(scenario, [&](const auto& law) -> robot::Vector {
+    if constexpr (std::is_same_v<decltype(law), const law::LoriaOrtegaRigid&>) {
+      return law.step(law.start(measured, ref), measured, ref).command.tau;
+    } else {
+      return {};
+    }
+  });
+  EXPECT_EQ(tau, expected.step(expected.start(measured, ref), measured, ref).command.tau);
+}
+
+TEST(Catalogue, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
+  app::Scenario scenario = flexible_scenario("loria_ortega_rigid");
+  scenario.robot.gravity_m_per_s2 = 1.62;
+  const robot::Vector q = pair(0.4, 0.7);
+  const robot::Model rigid = rigid_model(scenario);
+  const law::FlexibleRobot flexible = flexible_robot(scenario);
+  const robot::Matrix difference =
+      robot::mass_matrix(rigid, q) - robot::mass_matrix(flexible.links, q);
+  // M_l + J less M_l: one rounding of entries of up to 10.
+  EXPECT_NEAR(difference(0, 0), 0.1, 4e-15);
+  EXPECT_NEAR(difference(1, 1), 0.2, 4e-15);
+  EXPECT_EQ(difference(0, 1), 0);
+  EXPECT_EQ(flexible.stiffness, pair(1e4, 2e4));
+  EXPECT_EQ(flexible.rotor_inertia, pair(0.1, 0.2));
+  EXPECT_EQ(rigid.gravity, Eigen::Vector3d(0, 0, -1.62));
+  EXPECT_EQ(flexible.links.gravity, Eigen::Vector3d(0, 0, -1.62));
+
+  scenario = rigid_scenario();
+  scenario.robot.rigid_rotor_inertia_kgm2 = pair(0.5, 0.6);
+  EXPECT_EQ(rigid_model(scenario).rotor_inertia, pair(0.5, 0.6));
+}
+
+TEST(Catalogue, DoesNotTellTheControllerOfThePayload) {
+  app::Scenario loaded = rigid_scenario();
+  loaded.plant.payload.mass_kg = 3;
+  const robot::Vector q = pair(0.4, 0.7);
+  EXPECT_EQ(robot::mass_matrix(rigid_model(loaded), q),
+            robot::mass_matrix(rigid_model(rigid_scenario()), q));
+}
+
+TEST(Catalogue, RefusesAnUnknownLawNamingTheNearest) {
+  app::Scenario scenario = rigid_scenario();
+  scenario.controller.law = "loria_ortega_ridgid";
+  EXPECT_THAT(refusal(scenario),
+              AllOf(HasSubstr("arm.yaml:20: controller.law:"), HasSubstr("loria_ortega_ridgid"),
+                    HasSubstr("did you mean loria_ortega_rigid?"), HasSubstr("wen_bayard")));
+  EXPECT_THROW(measurement_suffix("nothing"), std::invalid_argument);
+}
+
+TEST(Catalogue, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
+  app::Scenario scenario = rigid_scenario();
+  scenario.controller.gains.erase("kd");
+  EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("arm.yaml:21: controller.gains:"),
+                                       HasSubstr("kd is missing"), HasSubstr("kp, kd, a, b")));
+
+  scenario = rigid_scenario();
+  scenario.controller.gains["kpp"] = pair(1, 1);
+  EXPECT_THAT(refusal(scenario),
+              AllOf(HasSubstr("controller.gains.kpp:"), HasSubstr("did you mean kp?")));
+
+  for (const double bad : {0.0, -5.0, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    for (const char* gain : {"kp", "kd", "a", "b"}) {
+      scenario = rigid_scenario();
+      scenario.controller.gains[gain][1] = bad;
+      EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains." + std::string(gain)),
+                                           HasSubstr("greater than 0")));
+    }
+  }
+
+  scenario = rigid_scenario();
+  scenario.controller.gains["kp"] = robot::Vector::Ones(3);
+  EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("arm.yaml:22: controller.gains.kp:"),
+                                       HasSubstr("3 entries; needed: one per joint, 2")));
+}
+
+TEST(Catalogue, LeavesGainsOfOtherLawsAloneSoThatLawsCanBeCompared) {
+  app::Scenario scenario = rigid_scenario();
+  scenario.controller.law = "wen_bayard";  // has no a and b
+  EXPECT_EQ(refusal(scenario), "accepted");
+}
+
+TEST(Catalogue, RefusesFlexibleLawsOnRigidJoints) {
+  for (const char* law : {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible"}) {
+    app::Scenario scenario = flexible_scenario(law);
+    scenario.reference = app::Hold{pair(0, 0)};
+    EXPECT_EQ(refusal(scenario), "accepted");
+    scenario.robot.flexible.reset();
+    EXPECT_THAT(refusal(scenario),
+                AllOf(HasSubstr("arm.yaml:20: controller.law:"), HasSubstr("flexible"),
+                      HasSubstr("allowed on rigid joints: loria_ortega_rigid")));
+  }
+}
+
+TEST(Catalogue, RefusesRegulatorsWithAMovingReference) {
+  for (const char* law : {"kelly_regulation", "kelly_flexible"}) {
+    EXPECT_THAT(refusal(flexible_scenario(law)),
+                AllOf(HasSubstr("controller.law"), HasSubstr("allowed reference: hold")));
+  }
+}
+
+TEST(Catalogue, RefusesALeadThatTheLawDoesNotHave) {
+  app::Scenario scenario = flexible_scenario("loria_ortega_flexible");
+  scenario.controller.feedforward_lead = app::FeedforwardLead::half_tick_plus_delay;
+  EXPECT_THAT(refusal(scenario),
+              AllOf(HasSubstr("controller.feedforward_lead"), HasSubstr("allowed: none")));
+}
+
+TEST(Catalogue, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
+  using app::EncoderSide;
+  const auto with_side = [](const char* law, EncoderSide side) {
+    app::Scenario scenario = flexible_scenario(law);
+    scenario.reference = app::Hold{pair(0, 0)};
+    scenario.plant.encoder.side = side;
+    return refusal(scenario);
+  };
+  EXPECT_EQ(with_side("loria_ortega_rigid", EncoderSide::link), "accepted");
+  EXPECT_EQ(with_side("kelly_flexible", EncoderSide::motor), "accepted");
+  EXPECT_THAT(with_side("loria_ortega_rigid", EncoderSide::motor),
+              AllOf(HasSubstr("plant.encoder.side: motor"), HasSubstr("both or link")));
+  EXPECT_THAT(with_side("kelly_flexible", EncoderSide::link), HasSubstr("both or motor"));
+  EXPECT_THAT(with_side("loria_ortega_flexible", EncoderSide::link), HasSubstr(": both"));
+  EXPECT_THAT(with_side("wen_bayard", EncoderSide::motor), HasSubstr(": both"));
+}
+
+TEST(Catalogue, RefusesWhatTheLawItselfRefuses) {
+  app::Scenario scenario = flexible_scenario("slotine_li_flexible");
+  scenario.controller.gains["lambda"] = pair(1, 2);
+  EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains"), HasSubstr("lambda differs")));
+}
+
+}  // namespace
+}  // namespace controller
