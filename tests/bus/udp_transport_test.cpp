@@ -6,7 +6,9 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
+#include <cstring>
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string>
@@ -87,6 +89,35 @@ TEST(UdpTransport, YieldsSubscribedChannelsOnly) {
   EXPECT_EQ(b.receive(soon())->channel, "ARM_TICK");
   EXPECT_EQ(b.receive(soon())->channel, "ARM_POSITION");
   EXPECT_FALSE(b.receive(now()));
+}
+TEST(UdpTransport, SendsWithTheTtlOfItsUrl) {
+  UdpTransport listener;  // keeps the group joined
+  const FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM, 0));
+  const int on = 1;
+  ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEPORT, &on, sizeof on);
+  ::setsockopt(fd.get(), IPPROTO_IP, IP_RECVTTL, &on, sizeof on);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(listener.url().port);
+  ASSERT_EQ(::bind(fd.get(), reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  for (const int ttl : {0, 1, 3}) {
+    UdpTransport("udpm://?ttl=" + std::to_string(ttl)).publish("C", {});
+    std::array<char, 64> data{};
+    alignas(cmsghdr) std::array<char, 64> control{};
+    iovec part{data.data(), data.size()};
+    msghdr message{};
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    ASSERT_GT(::recvmsg(fd.get(), &message, MSG_DONTWAIT), 0);
+    const cmsghdr* extra = CMSG_FIRSTHDR(&message);
+    ASSERT_NE(extra, nullptr);
+    int got = -1;
+    std::memcpy(&got, CMSG_DATA(extra), sizeof got);
+    EXPECT_EQ(got, ttl);
+  }
 }
 TEST(UdpTransport, KeepsNothingFromBeforeTheSubscription) {
   UdpTransport a;
@@ -177,12 +208,13 @@ TEST(UdpTransport, GivesAMonitorEveryChannelWithSequenceAndTime) {
   UdpTransport monitor;
   EXPECT_THROW(monitor.receive_raw(now()), std::logic_error);
   monitor.subscribe_all();
-  for (int i = 0; i < 3; ++i) a.publish("C" + std::to_string(i), bytes("x"));
+  constexpr std::array<const char*, 3> channels = {"TICK", "POSITION", "TICK"};
+  for (const char* channel : channels) a.publish(channel, bytes("x"));
   std::int64_t last_ns = 0;
   for (std::uint32_t i = 0; i < 3; ++i) {
     const auto got = monitor.receive_raw(soon());
     ASSERT_TRUE(got);
-    EXPECT_EQ(got->datagram.channel, "C" + std::to_string(i));
+    EXPECT_EQ(got->datagram.channel, channels[i]);
     EXPECT_EQ(got->sequence, i);
     EXPECT_GE(got->received_ns, last_ns);
     last_ns = got->received_ns;
