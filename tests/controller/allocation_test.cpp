@@ -1,0 +1,106 @@
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstdlib>
+#include <tuple>
+
+#include "controller/law/kelly_flexible.h"
+#include "controller/law/kelly_regulation.h"
+#include "controller/law/loria_ortega_flexible.h"
+#include "controller/law/loria_ortega_rigid.h"
+#include "controller/law/slotine_li.h"
+#include "controller/law/slotine_li_flexible.h"
+#include "controller/law/wen_bayard.h"
+#include "tests/controller/law/two_link.h"
+
+namespace {
+thread_local std::size_t num_allocations = 0;
+}  // namespace
+
+// Eigen allocates by malloc, the rest by operator new, which ends there too. Under a sanitizer
+// malloc is the sanitizer's, which has a hook.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*malloc_hook)(const volatile void*,
+                                                                             std::size_t),
+                                                         void (*free_hook)(const volatile void*));
+namespace {
+const int installed = __sanitizer_install_malloc_and_free_hooks(
+    [](const volatile void*, std::size_t) { ++num_allocations; }, [](const volatile void*) {});
+}  // namespace
+#else
+extern "C" void* __libc_malloc(std::size_t);
+extern "C" void* malloc(std::size_t size) {
+  ++num_allocations;
+  return __libc_malloc(size);
+}
+#endif
+
+namespace controller::law {
+namespace {
+
+template <class L>
+typename L::Robot arm() {
+  if constexpr (std::is_same_v<typename L::Robot, FlexibleRobot>) {
+    return {two_link_model(), vector(1e4, 1e4), vector(0.1, 0.1)};
+  } else {
+    return two_link_model();
+  }
+}
+
+template <class L>
+L example() {
+  typename L::Gains gains;
+  for (const auto& gain : L::Gains::names) {
+    gains.*gain.value = vector(10, 10);
+  }
+  return L(arm<L>(), gains, Settings{});
+}
+
+void measure(robot::PositionMeasurement& m) { m.q = vector(0.1, 0.2); }
+void measure(robot::MotorPositionMeasurement& m) { m.theta = vector(0.1, 0.2); }
+void measure(robot::LinkStateMeasurement& m) {
+  m.q = m.theta = vector(0.1, 0.2);
+  m.v = vector(1, 2);
+}
+void measure(robot::StateMeasurement& m) {
+  m.q = m.theta = vector(0.1, 0.2);
+  m.v = m.thetadot = vector(1, 2);
+}
+
+template <class L>
+class Allocation : public testing::Test {};
+
+using AllLaws = testing::Types<LoriaOrtegaRigid, LoriaOrtegaFlexible, KellyRegulation,
+                               KellyFlexible, WenBayard, SlotineLi, SlotineLiFlexible>;
+TYPED_TEST_SUITE(Allocation, AllLaws);
+
+TYPED_TEST(Allocation, NoneInStartAndSteps) {
+  const TypeParam law = example<TypeParam>();
+  const robot::Vector r = vector(0.3, 0.4);
+  const robot::ReferencePoint ref{r, r, r, r, r};
+  typename TypeParam::Measurement measured;
+  measure(measured);
+
+  const std::size_t before = num_allocations;
+  auto memory = law.start(measured, ref);
+  double sum = 0;
+  for (int k = 0; k < 100; ++k) {
+    const auto step = law.step(memory, measured, ref);
+    memory = step.memory;
+    sum += step.command.tau[0];
+  }
+  const std::size_t after = num_allocations;
+  EXPECT_EQ(after - before, 0U);
+  EXPECT_TRUE(std::isfinite(sum));
+}
+
+TEST(AllocationCount, SeesWhatIsAllocated) {
+  const std::size_t before = num_allocations;
+  const Eigen::VectorXd in_eigen = Eigen::VectorXd::Ones(1000);
+  const auto by_new = std::make_unique<double[]>(1000);
+  EXPECT_GE(num_allocations - before, 2U);
+  EXPECT_GT(in_eigen.sum() + by_new[0], 0);
+}
+
+}  // namespace
+}  // namespace controller::law

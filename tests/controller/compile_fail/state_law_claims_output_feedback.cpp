@@ -1,0 +1,31 @@
+// A law that measures the state is no output-feedback law, whatever it says of itself.
+#include "controller/law/law.h"
+
+namespace {
+
+#ifdef FORBIDDEN
+using Measured = robot::StateMeasurement;
+#else
+using Measured = robot::PositionMeasurement;
+#endif
+
+struct Claiming {
+  static constexpr const char* name = "claiming";
+  static constexpr int num_filters = 0;
+  using Measurement = Measured;
+  struct Memory {};
+  [[nodiscard]] Memory start(const Measurement& /*measured*/,
+                             const robot::ReferencePoint& /*reference*/) const {
+    return {};
+  }
+  [[nodiscard]] controller::law::Step<Memory> step(
+      const Memory& memory, const Measurement& measured,
+      const robot::ReferencePoint& /*reference*/) const {
+    return {memory, {-measured.q}, {}};
+  }
+};
+
+static_assert(controller::law::Law<Claiming>);
+static_assert(controller::law::OutputFeedbackLaw<Claiming>);
+
+}  // namespace
