@@ -279,7 +279,7 @@ std::unique_ptr<SimTK::Integrator> make_integrator(Integrator method, const SimT
   throw std::logic_error("plant::Arm: unknown integrator");
 }
 
-constexpr int max_steps_per_advance = 100000;
+constexpr int max_steps_per_advance = 20000;
 
 std::string one_line(const std::string& text) {
   std::istringstream words(text);
