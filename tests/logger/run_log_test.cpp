@@ -1,0 +1,286 @@
+#include "logger/run_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "app/exit_code.h"
+#include "tests/logger/damaged_log.h"
+#include "tests/logger/recorded_run.h"
+
+namespace logger {
+namespace {
+
+using testing::HasSubstr;
+
+/// Bit for bit: what is compared went through encoder and decoder, which do not compute.
+void expect_equal(const robot::Vector& a, const robot::Vector& b) {
+  ASSERT_EQ(a.size(), b.size());
+  for (Eigen::Index i = 0; i < a.size(); ++i) EXPECT_EQ(a(i), b(i));
+}
+
+void expect_equal(const TickRecord& a, const TickRecord& b) {
+  EXPECT_EQ(a.tick, b.tick);
+  for (const Piece piece : all_pieces) ASSERT_EQ(has(a, piece), has(b, piece)) << a.tick;
+  if (a.reference) {
+    expect_equal(a.reference->q_ref, b.reference->q_ref);
+    expect_equal(a.reference->snap_ref, b.reference->snap_ref);
+  }
+  if (a.command) expect_equal(a.command->tau, b.command->tau);
+  if (a.controller_state) {
+    EXPECT_EQ(a.controller_state->num_filters, b.controller_state->num_filters);
+    for (std::size_t i = 0; i < robot::max_filters; ++i) {
+      expect_equal(a.controller_state->error[i], b.controller_state->error[i]);
+      expect_equal(a.controller_state->nu[i], b.controller_state->nu[i]);
+    }
+  }
+  if (a.truth) {
+    expect_equal(a.truth->q, b.truth->q);
+    expect_equal(a.truth->thetadot, b.truth->thetadot);
+    EXPECT_EQ(a.truth->saturated, b.truth->saturated);
+    EXPECT_EQ(a.truth->fault, b.truth->fault);
+  }
+  EXPECT_EQ(a.measurement.index(), b.measurement.index());
+  if (const auto* x = std::get_if<robot::PositionMeasurement>(&a.measurement)) {
+    expect_equal(x->q, std::get<robot::PositionMeasurement>(b.measurement).q);
+  }
+  if (const auto* x = std::get_if<robot::LinkStateMeasurement>(&a.measurement)) {
+    expect_equal(x->theta, std::get<robot::LinkStateMeasurement>(b.measurement).theta);
+  }
+}
+
+class RunLogTest : public testing::Test {
+ protected:
+  RunLog open(const std::vector<Recorded>& messages) {
+    write_file(path_, log_of(messages));
+    return RunLog::open(path_);
+  }
+
+  static std::vector<TickRecord> read_all(RunLog& log) {
+    std::vector<TickRecord> ticks;
+    TickRecord record;
+    while (log.next(record)) ticks.push_back(record);
+    return ticks;
+  }
+
+  static void expect_whole(RunLog& log, const RecordedRun& run) {
+    const auto ticks = read_all(log);
+    ASSERT_EQ(ticks.size(), run.ticks.size());
+    for (std::size_t i = 0; i < ticks.size(); ++i) expect_equal(ticks[i], run.ticks[i]);
+    EXPECT_EQ(log.summary().gaps(), 0u);
+    EXPECT_TRUE(log.summary().undecodable.empty());
+    EXPECT_EQ(log.summary().wrong_tick, 0u);
+    EXPECT_EQ(log.summary().too_late, 0u);
+  }
+
+  std::string failure_of(const std::vector<Recorded>& messages) {
+    try {
+      open(messages);
+    } catch (const app::Failure& failure) {
+      EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+      return failure.what();
+    }
+    return "no failure";
+  }
+
+  TemporaryDirectory directory_;
+  std::filesystem::path path_ = directory_.path() / "lcmlog";
+};
+
+TEST_F(RunLogTest, ReadsACanonicalLogTickByTick) {
+  const auto run = short_rigid_run();
+  auto log = open(run.messages);
+  EXPECT_EQ(log.run(), 7);
+  EXPECT_EQ(log.scenario().name, "paper_rigid");
+  EXPECT_EQ(log.layout().num_joints, 2);
+  EXPECT_EQ(log.layout().num_motors, 0);
+  EXPECT_EQ(log.layout().num_filters, 1);
+  expect_whole(log, run);
+  EXPECT_EQ(log.summary().of(Piece::command).channel, "ARM_COMMAND");
+  EXPECT_EQ(log.summary().last_tick, 39);
+  log.rewind();
+  expect_whole(log, run);
+}
+
+TEST_F(RunLogTest, ReadsAFlexibleRobotsLog) {
+  const auto run = short_flexible_run();
+  auto log = open(run.messages);
+  EXPECT_EQ(log.layout().num_motors, 2);
+  EXPECT_EQ(log.layout().num_filters, 2);
+  expect_whole(log, run);
+}
+
+TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
+  const auto run =
+      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION", 1);  // 2000 ticks
+  auto messages = run.messages;
+  std::mt19937_64 random(2);
+  // RUN_INFO at the end, everything else up to 300 messages (50 ticks) from its place, a tenth of
+  // it twice, heartbeats between.
+  std::rotate(messages.begin(), messages.begin() + 1, messages.end());
+  std::vector<std::pair<std::size_t, Recorded>> places;
+  std::uint64_t copies = 0;
+  for (std::size_t i = 0; i < messages.size(); ++i) {
+    places.emplace_back(i + random() % 300, messages[i]);
+    if (i + 1 < messages.size() && random() % 10 == 0) {
+      places.emplace_back(i + random() % 300, messages[i]);
+      ++copies;
+    }
+    if (i % 100 == 0) places.emplace_back(i, fault_message(run, "encoder lost"));
+  }
+  std::stable_sort(places.begin(), places.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  messages.clear();
+  for (auto& [place, message] : places) messages.push_back(message);
+  auto log = open(messages);
+  expect_whole(log, run);
+  std::uint64_t duplicates = 0;
+  for (const auto& piece : log.summary().pieces) {
+    duplicates += piece.duplicates;
+    EXPECT_EQ(piece.conflicts, 0u);
+  }
+  EXPECT_EQ(duplicates, copies);
+  ASSERT_EQ(log.summary().faults.size(), 1u);
+  EXPECT_EQ(log.summary().faults[0].text, "encoder lost");
+  EXPECT_EQ(log.summary().faults[0].role, bus::Role::controller);
+  EXPECT_EQ(log.summary().faults[0].tick, 17);
+}
+
+TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
+  const auto run = short_rigid_run();
+  auto messages = run.messages;
+  // COMMAND of ticks 5, 6 and 20; everything of 30 to 34; TRUTH of the last tick.
+  std::erase_if(messages, [&](const Recorded& message) {
+    if (message.channel == "ARM_RUN_INFO") return false;
+    const auto tick = message.utime / 50;
+    return (message.channel == "ARM_COMMAND" && (tick == 5 || tick == 6 || tick == 20)) ||
+           (tick >= 30 && tick < 35) || (message.channel == "ARM_TRUTH" && tick == 39);
+  });
+  auto log = open(messages);
+  const auto ticks = read_all(log);
+  EXPECT_EQ(ticks.size(), 35u);
+  EXPECT_FALSE(ticks[5].command);
+  EXPECT_TRUE(ticks[5].truth);
+  const auto& command = log.summary().of(Piece::command);
+  EXPECT_EQ(command.missing, 8u);
+  ASSERT_EQ(command.missing_list.size(), 3u);
+  EXPECT_EQ(command.missing_list[0].first, 5);
+  EXPECT_EQ(command.missing_list[0].last, 6);
+  EXPECT_EQ(command.missing_list[2].first, 30);
+  EXPECT_EQ(command.missing_list[2].last, 34);
+  EXPECT_EQ(log.summary().of(Piece::truth).missing, 6u);
+  EXPECT_EQ(log.summary().gaps(), 6u * 5 + 3 + 1);
+}
+
+TEST_F(RunLogTest, SaysWhichPieceWasNeverRecorded) {
+  auto messages = short_rigid_run().messages;
+  std::erase_if(messages, [](const Recorded& message) { return message.channel == "ARM_TRUTH"; });
+  auto log = open(messages);
+  EXPECT_EQ(read_all(log).size(), 40u);
+  EXPECT_TRUE(log.summary().of(Piece::truth).absent());
+  EXPECT_EQ(log.summary().gaps(), 0u);
+}
+
+TEST_F(RunLogTest, FindsTheRestAfterALongGap) {
+  const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION", 1);
+  auto messages = run.messages;
+  messages.erase(messages.begin() + 1 + 6 * 100, messages.begin() + 1 + 6 * 1500);
+  auto log = open(messages);
+  const auto ticks = read_all(log);
+  ASSERT_EQ(ticks.size(), 600u);
+  EXPECT_EQ(ticks[100].tick, 1500);
+  expect_equal(ticks[100], run.ticks[1500]);
+  EXPECT_EQ(log.summary().gaps(), 6u * 1400);
+  EXPECT_EQ(log.summary().too_late, 0u);
+}
+
+TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
+  for (const bool realtime : {false, true}) {
+    auto overrides = std::vector<std::string>{"loop.duration_s=0.1"};
+    if (realtime) overrides.push_back("loop.mode=realtime");
+    auto damaged = recorded_run("paper_rigid.yaml", overrides, "POSITION", 1);
+    // The position of tick 100 (second of its tick) says 1892: its second lowest byte is flipped.
+    auto& data = damaged.messages[1 + 6 * 100 + 1].data;
+    data[8 + 8 + 8 + 6] = static_cast<char>(data[8 + 8 + 8 + 6] ^ 0x07);
+    auto log = open(damaged.messages);
+    const auto ticks = read_all(log);
+    ASSERT_EQ(ticks.size(), 2000u);
+    EXPECT_EQ(log.summary().of(Piece::measurement).missing, 1u);
+    EXPECT_EQ(log.summary().gaps(), 1u);
+    EXPECT_EQ(log.summary().wrong_tick + log.summary().too_late +
+                  log.summary().of(Piece::measurement).conflicts,
+              1u);
+  }
+}
+
+TEST_F(RunLogTest, CountsForeignRunsAndStrangers) {
+  const auto run = short_rigid_run();
+  const auto other = recorded_run("iiwa_point_to_point.yaml",
+                                  {"loop.duration_s=0.01", "robot.name=arm"}, "POSITION", 1, 99);
+  auto messages = run.messages;
+  messages.insert(messages.begin() + 20, other.messages.begin(), other.messages.end());
+  messages.push_back({0, "CAMERA", "not ours"});
+  auto log = open(messages);
+  expect_whole(log, run);
+  EXPECT_EQ(log.summary().foreign_messages, other.messages.size());
+  EXPECT_EQ(log.summary().foreign_runs.at(99), other.messages.size());
+  EXPECT_EQ(log.summary().other_messages, 1u);
+  auto chosen = RunLog::open(path_, 99);
+  EXPECT_EQ(chosen.layout().num_joints, 7);
+  expect_whole(chosen, other);
+}
+
+TEST_F(RunLogTest, CountsWhatCannotBeDecodedByReason) {
+  auto messages = short_rigid_run().messages;
+  messages[2].data.pop_back();                                         // POSITION of tick 0
+  for (std::size_t i = 36; i < 44; ++i) messages[3].data[i] = '\xff';  // REFERENCE: NaN
+  messages[4].data[0] ^= 1;                                            // COMMAND: fingerprint
+  auto log = open(messages);
+  read_all(log);
+  const auto& undecodable = log.summary().undecodable;
+  EXPECT_EQ(undecodable.at(bus::Rejection::wrong_size), 1u);
+  EXPECT_EQ(undecodable.at(bus::Rejection::non_finite), 1u);
+  EXPECT_EQ(undecodable.at(bus::Rejection::wrong_type), 1u);
+  EXPECT_EQ(log.summary().gaps(), 3u);
+}
+
+TEST_F(RunLogTest, KeepsTheFirstOfTwoThatContradictEachOther) {
+  const auto run = short_rigid_run();
+  auto messages = run.messages;
+  Recorded other = messages[4];
+  other.data.back() = static_cast<char>(other.data.back() ^ 1);
+  messages.insert(messages.begin() + 5, other);
+  auto log = open(messages);
+  expect_whole(log, run);
+  EXPECT_EQ(log.summary().of(Piece::command).conflicts, 1u);
+}
+
+TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstIsDamaged) {
+  const auto run = short_rigid_run();
+  auto messages = run.messages;
+  messages.push_back(messages[0]);
+  messages[0].data.resize(messages[0].data.size() / 2);
+  auto log = open(messages);
+  const auto ticks = read_all(log);
+  EXPECT_EQ(ticks.size(), 40u);
+}
+
+TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
+  EXPECT_THAT(failure_of({}), testing::AllOf(HasSubstr(path_.string()), HasSubstr("RUN_INFO")));
+  EXPECT_THAT(failure_of({{0, "CAMERA", "x"}}), HasSubstr("none of its 1 messages"));
+  auto messages = short_rigid_run().messages;
+  messages[0].data.pop_back();
+  EXPECT_THAT(failure_of(messages), HasSubstr("at byte 0 is damaged"));
+  messages = short_rigid_run().messages;
+  const auto at = messages[0].data.find("loria_ortega_rigid");
+  messages[0].data.replace(at, 5, "LORIA");
+  EXPECT_THAT(failure_of(messages), HasSubstr("cannot be used"));
+  messages = short_rigid_run().messages;
+  messages[0].data[39] ^= 1;  // lowest byte of num_ticks
+  EXPECT_THAT(failure_of(messages), HasSubstr("contradicts"));
+}
+
+}  // namespace
+}  // namespace logger
