@@ -1,0 +1,205 @@
+#include "plant/encoder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "tests/plant/arms.h"
+
+namespace plant {
+namespace {
+
+using robot::Vector;
+using ::testing::HasSubstr;
+
+app::Scenario scenario(bool flexible = false) {
+  app::Scenario s;
+  s.source = "test.yaml";
+  s.controller.law = "a_law";
+  if (flexible) s.robot.flexible = app::FlexibleJoints{};
+  return s;
+}
+
+/// A revolute joint and a prismatic one that travels from -0.5 to 1.5 m.
+robot::Model revolute_and_prismatic() {
+  robot::Model model;
+  model.num_joints = 2;
+  model.joint_names = {"turn", "slide"};
+  model.joint_types = {robot::JointType::revolute, robot::JointType::prismatic};
+  model.lower = Eigen::Vector2d(-robot::Model::unlimited, -0.5);
+  model.upper = Eigen::Vector2d(robot::Model::unlimited, 1.5);
+  return model;
+}
+
+ArmState state(double first, double second) {
+  ArmState s;
+  s.q = Eigen::Vector2d(first, second);
+  s.v = Eigen::Vector2d(0.1, 0.2);
+  s.theta = s.q + Eigen::Vector2d(0.01, 0.02);
+  s.thetadot = Eigen::Vector2d(0.3, 0.4);
+  return s;
+}
+
+TEST(Encoder, IsExactByDefault) {
+  const Encoder encoder(scenario(true), revolute_and_prismatic());
+  const ArmState s = state(1.234567890123, -0.2);
+  EXPECT_EQ(encoder.measure<robot::PositionMeasurement>(s, 5).q, s.q);
+  EXPECT_EQ(encoder.measure<robot::MotorPositionMeasurement>(s, 5).theta, s.theta);
+  const auto link = encoder.measure<robot::LinkStateMeasurement>(s, 5);
+  EXPECT_EQ(link.q, s.q);
+  EXPECT_EQ(link.v, s.v);
+  EXPECT_EQ(link.theta, s.theta);
+  const auto all = encoder.measure<robot::StateMeasurement>(s, 5);
+  EXPECT_EQ(all.q, s.q);
+  EXPECT_EQ(all.v, s.v);
+  EXPECT_EQ(all.theta, s.theta);
+  EXPECT_EQ(all.thetadot, s.thetadot);
+}
+
+TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
+  app::Scenario s = scenario();
+  s.plant.encoder.resolution_bits = 10;
+  const Encoder encoder(s, revolute_and_prismatic());
+  const double turn = 2 * std::numbers::pi / 1024, slide = 2.0 / 1024;
+  EXPECT_EQ(encoder.count()[0], turn);
+  EXPECT_EQ(encoder.count()[1], slide);
+  const auto measured = [&](double first, double second) {
+    return encoder.measure<robot::PositionMeasurement>(state(first, second), 0).q;
+  };
+  EXPECT_EQ(measured(7.4 * turn, -3.6 * slide), Vector(Eigen::Vector2d(7 * turn, -4 * slide)));
+  EXPECT_EQ(measured(-7.6 * turn, 3.4 * slide), Vector(Eigen::Vector2d(-8 * turn, 3 * slide)));
+}
+
+TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
+  app::Scenario s = scenario();
+  s.plant.encoder.resolution_bits = 12;
+  const Encoder encoder(s, revolute_and_prismatic());
+  const double count = encoder.count()[0];
+  testing::Random random(3);
+  double sum_of_squares = 0, largest = 0;
+  constexpr int n = 20000;
+  for (int k = 0; k < n; ++k) {
+    const ArmState exact = state(random(-4, 4), 0);
+    const double error = encoder.measure<robot::PositionMeasurement>(exact, k).q[0] - exact.q[0];
+    sum_of_squares += error * error;
+    largest = std::max(largest, std::abs(error));
+  }
+  EXPECT_LE(largest, count / 2 * (1 + 1e-9));  // rounding at half a count
+  // count^2 / 12; the sample's standard deviation is 0.9 / sqrt(n) = 0.6 %: five of them.
+  EXPECT_NEAR(sum_of_squares / n / (count * count / 12), 1, 0.032);
+}
+
+TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
+  app::Scenario s = scenario();
+  s.plant.encoder.noise_std_rad = 0.01;
+  s.plant.encoder.velocity_noise_std_rad_per_s = 0.3;
+  const Encoder encoder(s, revolute_and_prismatic());
+  const ArmState exact = state(1, 0.5);
+  constexpr int n = 40000;
+  double mean[4] = {}, square[4] = {}, fourth = 0, product = 0, beside = 0, last = 0;
+  for (int k = 0; k < n; ++k) {
+    const auto measured = encoder.measure<robot::StateMeasurement>(exact, k);
+    const double x[4] = {(measured.q[0] - exact.q[0]) / 0.01, (measured.q[1] - exact.q[1]) / 0.01,
+                         (measured.v[0] - exact.v[0]) / 0.3, (measured.v[1] - exact.v[1]) / 0.3};
+    for (int i = 0; i < 4; ++i) {
+      mean[i] += x[i] / n;
+      square[i] += x[i] * x[i] / n;
+    }
+    fourth += std::pow(x[0], 4) / n;
+    product += x[0] * x[1] / n;
+    beside += x[0] * last / n;
+    last = x[0];
+  }
+  // Five standard deviations of each sample statistic: 1, sqrt 2 and sqrt 96 over sqrt n.
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_NEAR(mean[i], 0, 5 / std::sqrt(n));
+    EXPECT_NEAR(square[i], 1, 5 * std::sqrt(2.0 / n));
+  }
+  EXPECT_NEAR(fourth, 3, 5 * std::sqrt(96.0 / n));
+  EXPECT_NEAR(product, 0, 5 / std::sqrt(n));
+  EXPECT_NEAR(beside, 0, 5 / std::sqrt(n));
+}
+
+TEST(Encoder, RepeatsTheNoiseOfARepeatedTick) {
+  app::Scenario s = scenario();
+  s.plant.encoder.noise_std_rad = 0.01;
+  const Encoder encoder(s, revolute_and_prismatic());
+  const ArmState exact = state(1, 0.5);
+  const Vector first = encoder.measure<robot::PositionMeasurement>(exact, 7).q;
+  EXPECT_NE(encoder.measure<robot::PositionMeasurement>(exact, 8).q, first);
+  EXPECT_EQ(encoder.measure<robot::PositionMeasurement>(exact, 7).q, first);
+  s.plant.encoder.seed = 2;
+  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<robot::PositionMeasurement>(exact, 7).q,
+            first);
+}
+
+TEST(Encoder, GivesTheSameNoiseToEveryKindOfMeasurement) {
+  app::Scenario s = scenario(true);
+  s.plant.encoder.noise_std_rad = 0.01;
+  const Encoder encoder(s, revolute_and_prismatic());
+  const ArmState exact = state(1, 0.5);
+  const auto all = encoder.measure<robot::StateMeasurement>(exact, 3);
+  EXPECT_EQ(encoder.measure<robot::PositionMeasurement>(exact, 3).q, all.q);
+  EXPECT_EQ(encoder.measure<robot::MotorPositionMeasurement>(exact, 3).theta, all.theta);
+  EXPECT_NE(Vector(all.q - exact.q), Vector(all.theta - exact.theta));
+}
+
+// Philox4x32-10 with counter and key 0, from the known answers published with it: the first two
+// words make one uniform number, the last two the other.
+TEST(StandardNormal, ComesFromTheKnownAnswerOfPhilox) {
+  const auto uniform = [](std::uint64_t high, std::uint64_t low) {
+    return (static_cast<double>((high << 32 | low) >> 11) + 0.5) * 0x1p-53;
+  };
+  const double radius = std::sqrt(-2 * std::log(uniform(0x6627e8d5, 0xe169c58d)));
+  const double angle = 2 * std::numbers::pi * uniform(0xbc57ac4c, 0x9b00dbd8);
+  EXPECT_EQ(standard_normal(0, 0, 0, 0), radius * std::cos(angle));
+}
+
+TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
+  app::Scenario s = scenario();
+  s.plant.encoder.resolution_bits = 10;
+  robot::Model model = revolute_and_prismatic();
+  model.upper[1] = robot::Model::unlimited;
+  try {
+    const Encoder encoder(s, model);
+    FAIL();
+  } catch (const app::Failure& failure) {
+    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("plant.encoder.resolution_bits"));
+    EXPECT_THAT(failure.what(), HasSubstr("\"slide\""));
+  }
+}
+
+TEST(Encoder, RefusesAMeasurementWhoseSideTheRobotHasNot) {
+  app::Scenario flexible = scenario(true);
+  flexible.plant.encoder.side = app::EncoderSide::motor;
+  EXPECT_NO_THROW(require_encoders<robot::MotorPositionMeasurement>(flexible));
+  EXPECT_THROW(require_encoders<robot::PositionMeasurement>(flexible), app::Failure);
+  EXPECT_THROW(require_encoders<robot::LinkStateMeasurement>(flexible), app::Failure);
+  EXPECT_THROW(require_encoders<robot::StateMeasurement>(flexible), app::Failure);
+  flexible.plant.encoder.side = app::EncoderSide::link;
+  EXPECT_NO_THROW(require_encoders<robot::PositionMeasurement>(flexible));
+  EXPECT_THROW(require_encoders<robot::MotorPositionMeasurement>(flexible), app::Failure);
+  EXPECT_THROW(require_encoders<robot::LinkStateMeasurement>(flexible), app::Failure);
+  EXPECT_THROW(require_encoders<robot::StateMeasurement>(flexible), app::Failure);
+  flexible.plant.encoder.side = app::EncoderSide::both;
+  EXPECT_NO_THROW(require_encoders<robot::LinkStateMeasurement>(flexible));
+  EXPECT_NO_THROW(require_encoders<robot::StateMeasurement>(flexible));
+}
+
+TEST(Encoder, OfARigidRobotReadsTheLinkFromEitherSide) {
+  app::Scenario rigid = scenario();
+  for (const auto side :
+       {app::EncoderSide::link, app::EncoderSide::motor, app::EncoderSide::both}) {
+    rigid.plant.encoder.side = side;
+    EXPECT_NO_THROW(require_encoders<robot::PositionMeasurement>(rigid));
+    EXPECT_NO_THROW(require_encoders<robot::StateMeasurement>(rigid));
+    EXPECT_THROW(require_encoders<robot::MotorPositionMeasurement>(rigid), app::Failure);
+    EXPECT_THROW(require_encoders<robot::LinkStateMeasurement>(rigid), app::Failure);
+  }
+}
+
+}  // namespace
+}  // namespace plant

@@ -1,0 +1,107 @@
+#include "plant/plant_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+#include "tests/plant/arms.h"
+
+namespace plant {
+namespace {
+
+using robot::Vector;
+using ::testing::HasSubstr;
+
+app::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/" + name + ".yaml",
+                            overrides);
+}
+
+TEST(PlantModel, HasTheScenariosGravityPayloadAndRotorInertia) {
+  const robot::Model model = plant_model(
+      scenario("paper_rigid", {"robot.gravity_m_per_s2=9.8", "plant.payload.mass_kg=0.5",
+                               "robot.joints={rigid: {rotor_inertia_kgm2: [0.1, 0.2]}}"}));
+  const robot::testing::TwoLinkClosedForm closed{0.5, 9.8};
+  const Vector q = Eigen::Vector2d(0.7, -0.4);
+  robot::Matrix M = closed.M<double>(q);
+  M(0, 0) += 0.1;
+  M(1, 1) += 0.2;
+  EXPECT_LT((robot::mass_matrix(model, q) - M).norm(), 1e-13);  // rounding at |M| = 10
+  EXPECT_LT((robot::gravity_torque(model, q) - closed.g<double>(q)).norm(), 1e-12);
+}
+
+TEST(PlantModel, NamesAPayloadLinkThatIsNotThere) {
+  app::Scenario s = scenario("paper_rigid", {"plant.payload.mass_kg=0.5"});
+  s.plant.payload.link = "elbow_pad";
+  try {
+    (void)plant_model(s);
+    FAIL();
+  } catch (const app::Failure& failure) {
+    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("plant.payload"));
+    EXPECT_THAT(failure.what(), HasSubstr("elbow_pad"));
+  }
+}
+
+TEST(InitialState, PutsMotorsInStaticBalance) {
+  const app::Scenario s = scenario(
+      "paper_flexible", {"plant.initial.position_rad=[0.8, -0.3]", "plant.payload.mass_kg=0.5"});
+  const robot::Model model = plant_model(s);
+  const Arm arm = make_arm(s, model);
+  EXPECT_EQ(arm.state().thetadot, Vector(Vector::Zero(2)));
+  // Held by its own gravity torque, nothing moves.
+  const ArmAcceleration rest = arm.acceleration(robot::gravity_torque(model, arm.state().q));
+  EXPECT_LT(rest.vdot.norm(), 1e-10);       // rounding: K eps / M
+  EXPECT_LT(rest.thetaddot.norm(), 1e-10);  // rounding: K eps / J
+}
+
+TEST(InitialState, TakesMotorsAsGiven) {
+  const app::Scenario s =
+      scenario("paper_flexible", {"plant.initial.motor_position_rad=[0.1, 0.2]",
+                                  "plant.initial.motor_velocity_rad_per_s=[3, 4]"});
+  const ArmState state = initial_state(s, plant_model(s));
+  EXPECT_EQ(state.theta, Vector(Eigen::Vector2d(0.1, 0.2)));
+  EXPECT_EQ(state.thetadot, Vector(Eigen::Vector2d(3, 4)));
+}
+
+TEST(MakeDrive, LimitsAsTheScenarioSays) {
+  const auto applied = [](const std::vector<std::string>& overrides) {
+    const app::Scenario s = scenario("paper_rigid", overrides);
+    Drive drive = make_drive(s, plant_model(s));
+    EXPECT_TRUE(drive.accept({Eigen::Vector2d(1e5, -1e5)}));
+    return drive.applied().tau;
+  };
+  EXPECT_EQ(applied({}), Vector(Eigen::Vector2d(1e5, -1e5)));
+  EXPECT_EQ(applied({"plant.drive.torque_limit_Nm=[100, 20]"}), Vector(Eigen::Vector2d(100, -20)));
+}
+
+TEST(ProtectiveStop, BringsARobotToRest) {
+  for (const char* name : {"paper_rigid", "paper_flexible"}) {
+    const app::Scenario s =
+        scenario(name, {"plant.initial.velocity_rad_per_s=[2, -3]", "robot.gravity_m_per_s2=0"});
+    const robot::Model model = plant_model(s);
+    Arm arm = make_arm(s, model);
+    arm.brake(protective_stop_damping(s, model, arm.state().q));
+    arm.advance(Vector::Zero(2), 2);
+    EXPECT_LT(arm.state().v.norm(), 0.01) << name;  // twenty time constants of 0.1 s
+  }
+}
+
+TEST(IntegratorStepsPerTick, WarnOfAnAbsurdStiffness) {
+  const std::vector<std::string> ordinary = {"loop.period_s=1e-3"};
+  EXPECT_EQ(integrator_steps_per_tick(scenario("paper_flexible", ordinary),
+                                      plant_model(scenario("paper_flexible", ordinary))),
+            1);
+  const app::Scenario stiff =
+      scenario("paper_flexible",
+               {"loop.period_s=1e-3", "robot.joints.flexible.stiffness_Nm_per_rad=[1e12, 1e12]"});
+  // sqrt(1e12 (1/J + largest eigenvalue of M^-1, 2.2)) = 3.5e6 rad/s, 3.4 of them a step.
+  EXPECT_NEAR(integrator_steps_per_tick(stiff, plant_model(stiff)), 1030, 30);
+}
+
+}  // namespace
+}  // namespace plant
