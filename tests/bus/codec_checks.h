@@ -62,6 +62,19 @@ Bytes sample(const bus::Layout& layout) {
   return lcm_bytes(message);
 }
 
+/// What the codec makes of a generated message.
+template <class Value, class Message>
+Value decoded(const bus::Layout& layout, const Message& message) {
+  bus::Stamp got;
+  Value value;
+  EXPECT_EQ(bus::Codec<Value>(layout).decode(lcm_bytes(message), got, value), bus::Rejection::none);
+  return value;
+}
+
+inline std::vector<double> reals_of(const robot::Vector& vector) {
+  return {vector.begin(), vector.end()};
+}
+
 template <class Type>
 bus::Rejection verdict(const bus::Layout& layout, std::span<const std::byte> bytes) {
   const bus::Codec<typename Type::Value> codec(layout);

@@ -40,6 +40,20 @@ struct TruthType {
 TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
   codec_checks::agrees_with_generated_code<TruthType>();
 }
+TEST(TruthCodec, PutsEveryFieldInItsOwnMember) {
+  using codec_checks::reals_of;
+  const Layout layout{7, 7, 1};
+  Random random;
+  const auto message = TruthType::message(layout, random);
+  const auto value = codec_checks::decoded<PlantTruth>(layout, message);
+  EXPECT_EQ(reals_of(value.q), message.position);
+  EXPECT_EQ(reals_of(value.v), message.velocity);
+  EXPECT_EQ(reals_of(value.theta), message.motor_position);
+  EXPECT_EQ(reals_of(value.thetadot), message.motor_velocity);
+  EXPECT_EQ(reals_of(value.tau), message.torque);
+  for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(value.saturated[i], message.saturated[i] == 1);
+  EXPECT_EQ(value.fault, DriveFault::protective_stop);
+}
 TEST(TruthCodec, SurvivesEveryCutAndEveryFlippedBit) { codec_checks::survives_damage<TruthType>(); }
 TEST(TruthCodec, RejectsAnotherTypesFingerprint) {
   codec_checks::rejects_other_fingerprint<TruthType>();
