@@ -1,6 +1,7 @@
 // The laws against tests/golden: closed loops on the paper's arm simulated by an independent
-// program (closed-form model, its own code of the laws, Runge-Kutta). Each row is one tick of 1 ms:
-// the laws are fed the recorded state and must give the recorded filter outputs and torques.
+// program (closed-form model, its own code of the laws, Runge-Kutta). Fed a row's state and filter
+// outputs, a law must give the row's torque. (The recursion of the filters is in filter_test.cpp,
+// the closed loops themselves are in tests/study.)
 
 #include <gtest/gtest.h>
 
@@ -44,10 +45,17 @@ robot::ReferencePoint papers_reference(double t) {
   return {both(s / w), both(c), both(-w * s), both(-w * w * c), both(w * w * w * s)};
 }
 
+/// A filter memory from which a step at error e gives the output nu.
+Filter::Memory memory_before(const robot::Vector& nu, const robot::Vector& e,
+                             const FilterCoefficients& filter) {
+  return {nu / filter.phi, e};
+}
+
 struct Case {
   const char* file;
   Discretisation filter;
-  int delay;
+  double period_s;
+  bool papers_gains;
   double lead_s;
   double torque_tolerance_Nm;
 };
@@ -55,69 +63,87 @@ struct Case {
 class GoldenRigid : public testing::TestWithParam<Case> {};
 
 TEST_P(GoldenRigid, GivesTheRecordedTorqueForEachRecordedState) {
-  const LoriaOrtegaRigid law(
-      two_link_model(),
-      {vector(40000, 2400), vector(1000, 60), vector(1000, 1000), vector(1000, 1000)},
-      {1e-3, GetParam().filter, FilterStart::at_error, GetParam().lead_s});
-  const std::vector<Row> rows = rows_of(GetParam().file);
-  ASSERT_EQ(rows.size(), 2001U);
-  robot::Vector before = vector(0, 0);
-  LoriaOrtegaRigid::Memory memory;
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    const robot::PositionMeasurement measured{two(rows[k], 1)};
-    const robot::ReferencePoint ref = papers_reference(1e-3 * static_cast<double>(k));
-    const auto step = law.step(k == 0 ? law.start(measured, ref) : memory, measured, ref);
-    memory = step.memory;
-    const robot::Vector acting = GetParam().delay == 0 ? step.command.tau : before;
-    before = step.command.tau;
-    // Rounding of e, eps / 10, times b (nu) and Kp + Kd b (tau), piling up over 1 / (1 - phi).
-    ASSERT_LE((step.state.nu[0] - two(rows[k], 5)).norm(), 5e-13) << k;
-    ASSERT_LE((acting - two(rows[k], 7)).norm(), GetParam().torque_tolerance_Nm) << k;
+  const Case& c = GetParam();
+  const LoriaOrtegaRigid law(two_link_model(),
+                             c.papers_gains
+                                 ? LoriaOrtegaRigid::Gains{vector(5000, 6000), vector(7000, 8800),
+                                                           vector(1000, 1000), vector(1000, 1000)}
+                                 : LoriaOrtegaRigid::Gains{vector(40000, 2400), vector(1000, 60),
+                                                           vector(1000, 1000), vector(1000, 1000)},
+                             {c.period_s, c.filter, FilterStart::at_error, c.lead_s});
+  const FilterCoefficients filter = filter_coefficients(c.filter, 1000, 1000, c.period_s);
+  const std::vector<Row> rows = rows_of(c.file);
+  ASSERT_GT(rows.size(), 50U);
+  for (const Row& row : rows) {
+    const robot::PositionMeasurement measured{two(row, 1)};
+    const robot::ReferencePoint ref = papers_reference(row[0]);
+    const auto step =
+        law.step(memory_before(two(row, 5), measured.q - ref.q_ref, filter), measured, ref);
+    ASSERT_LE((step.command.tau - two(row, 7)).norm(), c.torque_tolerance_Nm) << row[0];
   }
 }
 
+// Torques are sums of terms of up to 2e4 N m (paper's gains: 5e6 at the offset's start): 10 eps of
+// those. With lead, the golden reference ahead is exact: Taylor's remainder of vdot_ref is
+// (h / 2)^3 / 6 (10 pi)^4 = 2.1e-5 rad/s^2, on joints of 11.3 and 1.9 kg m2 (row sums of M).
 INSTANTIATE_TEST_SUITE_P(
     Cases, GoldenRigid,
-    testing::Values(Case{"rigid_practical_foh_h1e-3_d0_offset", Discretisation::first_order_hold, 0,
-                         0, 5e-10},
-                    // The golden lead is exact; Taylor's remainder is lead^3 / 6 (10 pi)^4 = 5.5e-4
-                    // rad/s^2 on joints of 12.8 and 2.4 kg m2 (row sums of M).
-                    Case{"rigid_practical_foh_h1e-3_d1_lead_offset",
-                         Discretisation::first_order_hold, 1, 1.5e-3, 8e-3}));
+    testing::Values(Case{"rigid_paper_foh_h5e-5_d0_rest", Discretisation::first_order_hold, 5e-5,
+                         true, 0, 1e-10},
+                    Case{"rigid_paper_foh_h5e-5_d0_offset", Discretisation::first_order_hold, 5e-5,
+                         true, 0, 1e-8},
+                    Case{"rigid_paper_foh_h2.5e-5_d0_rest", Discretisation::first_order_hold,
+                         2.5e-5, true, 0, 1e-10},
+                    Case{"rigid_paper_tustin_h5e-5_d0_rest", Discretisation::tustin, 5e-5, true, 0,
+                         1e-10},
+                    Case{"rigid_paper_backward_euler_h5e-5_d0_rest", Discretisation::backward_euler,
+                         5e-5, true, 0, 1e-10},
+                    Case{"rigid_paper_zoh_h5e-5_d0_rest", Discretisation::zero_order_hold, 5e-5,
+                         true, 0, 1e-10},
+                    Case{"rigid_practical_foh_h1e-3_d0_offset", Discretisation::first_order_hold,
+                         1e-3, false, 0, 5e-11},
+                    Case{"rigid_practical_foh_h1e-3_d0_lead_offset",
+                         Discretisation::first_order_hold, 1e-3, false, 5e-4, 3e-4}));
 
 class GoldenFlexible : public testing::TestWithParam<Case> {};
 
 TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
+  const Case& c = GetParam();
+  const double a1 = c.papers_gains ? 1000 : 250;
+  const auto both = [](double x) { return vector(x, x); };
   const LoriaOrtegaFlexible law(
-      {two_link_model(), vector(1e4, 1e4), vector(0.1, 0.1)},
-      {vector(20000, 1500), vector(600, 30), vector(250, 250), vector(250, 250), vector(100, 100),
-       vector(13, 20), vector(1000, 1000), vector(1000, 1000)},
-      {1e-3, GetParam().filter});
-  const std::vector<Row> rows = rows_of(GetParam().file);
-  ASSERT_EQ(rows.size(), 2001U);
-  robot::Vector before = vector(0, 0);
-  LoriaOrtegaFlexible::Memory memory;
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    const robot::LinkStateMeasurement measured{two(rows[k], 1), two(rows[k], 3), two(rows[k], 5)};
-    const robot::ReferencePoint ref = papers_reference(1e-3 * static_cast<double>(k));
-    const auto step = law.step(k == 0 ? law.start(measured, ref) : memory, measured, ref);
-    memory = step.memory;
-    const robot::Vector acting = GetParam().delay == 0 ? step.command.tau : before;
-    before = step.command.tau;
-    // As for the rigid law.
-    ASSERT_LE((step.state.nu[0] - two(rows[k], 9)).norm(), 5e-13) << k;
-    ASSERT_LE((step.state.nu[1] - two(rows[k], 11)).norm(), 5e-13) << k;
-    ASSERT_LE((acting - two(rows[k], 13)).norm(), GetParam().torque_tolerance_Nm) << k;
-    const robot::Vector theta_ref = measured.theta - step.state.error[1];
-    ASSERT_LE((theta_ref - two(rows[k], 15)).norm(), 1e-15) << k;
+      {two_link_model(), both(1e4), both(0.1)},
+      c.papers_gains
+          ? LoriaOrtegaFlexible::Gains{both(1e4), vector(7000, 8800), both(1000), both(1000),
+                                       both(1e4), vector(7000, 8800), both(1000), both(1000)}
+          : LoriaOrtegaFlexible::Gains{vector(20000, 1500), vector(600, 30), both(250), both(250),
+                                       both(100), vector(13, 20), both(1000), both(1000)},
+      {c.period_s, c.filter});
+  const FilterCoefficients link = filter_coefficients(c.filter, a1, a1, c.period_s);
+  const FilterCoefficients motor = filter_coefficients(c.filter, 1000, 1000, c.period_s);
+  const std::vector<Row> rows = rows_of(c.file);
+  ASSERT_GT(rows.size(), 50U);
+  for (const Row& row : rows) {
+    const robot::LinkStateMeasurement measured{two(row, 1), two(row, 3), two(row, 5)};
+    const robot::ReferencePoint ref = papers_reference(row[0]);
+    const robot::Vector theta_ref = two(row, 15);
+    const auto step = law.step({memory_before(two(row, 9), measured.q - ref.q_ref, link),
+                                memory_before(two(row, 11), measured.theta - theta_ref, motor)},
+                               measured, ref);
+    // One count of eps in theta_ref, a sum of terms of 1 rad, is kd2 beta = 9e6 of it in torque.
+    ASSERT_LE((measured.theta - step.state.error[1] - theta_ref).norm(), 1e-15) << row[0];
+    ASSERT_LE((step.command.tau - two(row, 13)).norm(), c.torque_tolerance_Nm) << row[0];
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Cases, GoldenFlexible,
-                         testing::Values(Case{"flexible_practical_foh_h1e-3_d0_rest",
-                                              Discretisation::first_order_hold, 0, 0, 3e-11},
-                                         Case{"flexible_practical_tustin_h1e-3_d1_rest",
-                                              Discretisation::tustin, 1, 0, 3e-11}));
+INSTANTIATE_TEST_SUITE_P(
+    Cases, GoldenFlexible,
+    testing::Values(Case{"flexible_practical_foh_h1e-3_d0_rest", Discretisation::first_order_hold,
+                         1e-3, false, 0, 1e-10},
+                    Case{"flexible_paper_foh_h1e-5_d0_rest", Discretisation::first_order_hold, 1e-5,
+                         true, 0, 1e-7},
+                    Case{"flexible_paper_foh_h1e-5_d0_on_reference",
+                         Discretisation::first_order_hold, 1e-5, true, 0, 1e-7}));
 
 }  // namespace
 }  // namespace controller::law
