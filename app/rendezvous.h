@@ -1,0 +1,135 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "app/exit_code.h"
+#include "bus/transport.h"
+#include "bus/wire.h"
+
+namespace app {
+
+/// How the four processes find each other, agree on a run, stay in touch and part again: one
+/// process's view. Pure: what is heard goes in, what to announce comes out, time is a value.
+///
+/// The plant chooses the run; the others adopt it from the plant's announcement when the digests
+/// of their scenarios agree, and are then ready; the plant has met the others when each role is
+/// held by exactly one process that is ready. Of two processes with one role the newcomer gives
+/// way (exit code 4); started at the same time, the one with the larger instance.
+class Rendezvous {
+ public:
+  using Time = bus::Clock::time_point;
+
+  static constexpr std::chrono::milliseconds period{100};  ///< between announcements
+  static constexpr std::chrono::milliseconds forgotten_after{1000};
+  /// Processes started within this of each other count as started at the same time.
+  static constexpr std::chrono::milliseconds simultaneous{300};
+
+  struct Self {
+    bus::Role role = bus::Role::plant;
+    std::int64_t instance = 0;
+    std::int64_t digest = 0;
+    std::int32_t pid = 0;
+    std::string host;
+    std::string scenario;     ///< its name
+    std::string measurement;  ///< controller only: channel suffix of what it needs
+    std::int64_t run = 0;     ///< plant only: the run it has chosen, > 0
+    /// The run has to begin before this; default: no limit.
+    std::optional<std::chrono::nanoseconds> wait_limit;
+    std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost
+  };
+
+  struct Announcement {
+    bus::Stamp stamp;
+    bus::Participant participant;
+  };
+
+  /// @throw std::logic_error when a plant has no run or another role has one.
+  Rendezvous(const Self& self, Time now);
+
+  void hear(const bus::Stamp& stamp, const bus::Participant& peer, std::string_view sender,
+            Time now);
+
+  /// Looks at the clock: peers that have fallen silent, the limit of waiting.
+  void check(Time now);
+
+  /// Why this process has to end, if it has to.
+  [[nodiscard]] const std::optional<Failure>& failure() const { return failure_; }
+
+  /// Plant: the run may start. Others: the plant's run is known, its questions may come.
+  [[nodiscard]] bool met() const { return met_; }
+  [[nodiscard]] std::int64_t run() const { return run_; }
+
+  /// The run has begun: announced, and from now on newcomers are ignored.
+  void started(Time now);
+  [[nodiscard]] bool running() const { return state_ == bus::ParticipantState::running; }
+  /// Newest tick handled, and (controller) the norm of its position error, for the heartbeat.
+  void progressed(std::int64_t tick, double error_norm);
+  /// This process has done its part.
+  void finished(Time now);
+  /// This process ends with a fault, for all to know.
+  void failed(const Failure& failure, Time now);
+
+  /// The plant that was met has announced that the run is finished.
+  [[nodiscard]] bool plant_finished() const { return plant_finished_; }
+  /// The three others have.
+  [[nodiscard]] bool all_finished() const;
+
+  /// Roles of which nobody has been heard.
+  [[nodiscard]] std::vector<bus::Role> missing() const;
+  /// What the controller needs; empty before it is heard.
+  [[nodiscard]] std::string measurement() const;
+
+  /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
+  [[nodiscard]] std::string describe(bus::Role role) const;
+  /// How long ago the role's holder was heard; nothing if never.
+  [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(bus::Role role, Time now) const;
+
+  [[nodiscard]] Time next_announcement() const { return announce_at_; }
+  /// What to publish now; the next one is due a period later.
+  Announcement announce(Time now);
+
+ private:
+  struct Peer {
+    bus::Participant participant;
+    std::int64_t run = 0;
+    std::string sender;
+    Time first_heard;
+    Time heard;
+  };
+
+  [[nodiscard]] bool over() const;
+  [[nodiscard]] bool in_our_run(const bus::Stamp& stamp, const bus::Participant& peer) const;
+  Peer& note(const bus::Stamp& stamp, const bus::Participant& peer, std::string_view sender,
+             Time now);
+  void contest(const bus::Stamp& stamp, const Peer& other, Time now);
+  void refuse(const Peer& other, Time now);
+  void adopt(const bus::Stamp& stamp, const bus::Participant& plant, Time now);
+  void look_for_all(Time now);
+  [[nodiscard]] const Peer* holder(bus::Role role) const;
+  [[nodiscard]] static std::string describe(const Peer& peer);
+  void fail(const Failure& failure, Time now);
+
+  Self self_;
+  Time start_;
+  Time announce_at_;
+  bus::ParticipantState state_ = bus::ParticipantState::waiting;
+  std::int64_t run_ = 0;
+  bool met_ = false;
+  bool in_the_way_ = false;  ///< the fault is ours alone: no part of any run
+  bool plant_finished_ = false;
+  std::int64_t tick_ = -1;
+  double error_norm_ = 0;
+  std::vector<Peer> peers_;
+  /// Who plays each role in this run; 0: not known yet.
+  std::array<std::int64_t, bus::num_roles> cast_{};
+  std::array<bool, bus::num_roles> done_{};
+  std::optional<Failure> failure_;
+};
+
+}  // namespace app

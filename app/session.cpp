@@ -1,0 +1,191 @@
+#include "app/session.h"
+
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <exception>
+#include <random>
+
+#include "app/logging.h"
+
+namespace app {
+namespace {
+
+using namespace std::chrono_literals;
+using bus::Clock;
+using bus::Role;
+
+constexpr auto first_notice = 1s;
+constexpr auto notice_period = 5s;
+constexpr auto farewell_period = 20ms;
+constexpr auto longest_farewell = 1s;
+// A last word that is not waited for is said several times, some time apart: a burst is lost
+// as a whole more often than not.
+constexpr int last_words = 5;
+constexpr auto last_words_period = 5ms;
+
+std::int64_t random_instance() {
+  std::random_device device;
+  const std::uint64_t high = device();
+  const std::uint64_t low = device();
+  return static_cast<std::int64_t>((high << 32 | low) >> 1) | 1;
+}
+
+std::int64_t run_from_time() {
+  return std::chrono::system_clock::now().time_since_epoch() / std::chrono::microseconds(1);
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+}  // namespace
+
+Session::Session(const Scenario& scenario, bus::Transport& transport, const Config& config)
+    : transport_(transport),
+      config_(config),
+      channel_(bus::channel<bus::Participant>(scenario.robot.channel_prefix)),
+      codec_(bus::Layout{}) {
+  self_.role = config.role;
+  self_.instance = config.instance != 0 ? config.instance : random_instance();
+  self_.digest = scenario.digest;
+  self_.pid = static_cast<std::int32_t>(getpid());
+  self_.host = host_name();
+  self_.scenario = scenario.name.substr(0, bus::max_participant_text);
+  if (config.role == Role::plant) self_.run = config.run_id.value_or(run_from_time());
+  if (config.wait_s > 0) {
+    self_.wait_limit = std::chrono::duration_cast<std::chrono::nanoseconds>(
+        std::chrono::duration<double>(config.wait_s));
+  }
+  self_.give_up = std::chrono::duration_cast<std::chrono::nanoseconds>(
+      std::chrono::duration<double>(scenario.loop.give_up_s));
+  rendezvous_.emplace(self_, Clock::now());
+  statistics_.role = config.role;
+  transport_.subscribe(channel_);
+}
+
+void Session::play(const std::function<void()>& part) {
+  try {
+    part();
+  } catch (const Failure& failure) {
+    announce_fault(failure);
+    throw;
+  } catch (const std::exception& error) {
+    announce_fault(Failure(ExitCode::protocol_violated, error.what()));
+    throw;
+  }
+}
+
+void Session::meet(const std::string& measurement) {
+  const auto now = Clock::now();
+  self_.measurement = measurement;
+  rendezvous_.emplace(self_, now);
+  next_notice_ = now + first_notice;
+  while (!rendezvous_->met()) {
+    attend(Clock::now());
+    if (const auto datagram = transport_.receive(next_attention())) take(*datagram);
+  }
+  statistics_.run_id = run();
+}
+
+void Session::started(Clock::time_point now) {
+  if (rendezvous_->running()) return;
+  rendezvous_->started(now);
+  started_at_ = now;
+}
+
+void Session::attend(Clock::time_point now) {
+  if (config_.interrupted != nullptr && *config_.interrupted) {
+    throw Failure(ExitCode::interrupted, "interrupted");
+  }
+  if (now >= next_attention()) {
+    rendezvous_->check(now);
+    if (!rendezvous_->failure()) announce(now);
+    if (!rendezvous_->running() && now >= next_notice_) tell_who_is_missing(now);
+  }
+  if (rendezvous_->failure()) throw Failure(*rendezvous_->failure());
+}
+
+bool Session::take(const bus::Datagram& datagram) {
+  if (datagram.channel != channel_) return false;
+  const bus::Rejection rejection = codec_.decode(datagram.payload, heard_stamp_, heard_);
+  if (rejection == bus::Rejection::none) {
+    rendezvous_->hear(heard_stamp_, heard_, datagram.sender, Clock::now());
+  } else {
+    statistics_.rejected.add(rejection);
+  }
+  return true;
+}
+
+void Session::announce(Clock::time_point now) {
+  const auto announcement = rendezvous_->announce(now);
+  transport_.publish(channel_, codec_.encode(announcement.stamp, announcement.participant));
+}
+
+void Session::listen_until(Clock::time_point deadline) {
+  while (Clock::now() < deadline) {
+    if (const auto datagram = transport_.receive(deadline)) take(*datagram);
+  }
+}
+
+void Session::finish() {
+  const auto begin = Clock::now();
+  statistics_.wall_s = std::chrono::duration<double>(begin - started_at_).count();
+  rendezvous_->finished(begin);
+  if (config_.role == Role::plant) {
+    // The others' last words may be lost: what is recorded is recorded, nobody waits for ever.
+    while (Clock::now() < begin + longest_farewell) {
+      announce(Clock::now());
+      const auto next = Clock::now() + farewell_period;
+      while (!rendezvous_->all_finished() && Clock::now() < next) {
+        if (const auto datagram = transport_.receive(next)) take(*datagram);
+      }
+      if (rendezvous_->all_finished()) break;
+    }
+  } else {
+    for (int i = 0; i < last_words; ++i) {
+      announce(Clock::now());
+      listen_until(Clock::now() + last_words_period);
+    }
+  }
+}
+
+void Session::announce_fault(const Failure& failure) {
+  statistics_.exit_code = failure.code();
+  statistics_.fault = failure.what();
+  if (rendezvous_->running()) {
+    statistics_.wall_s = std::chrono::duration<double>(Clock::now() - started_at_).count();
+  }
+  rendezvous_->failed(failure, Clock::now());
+  for (int i = 0; i < last_words; ++i) {
+    announce(Clock::now());
+    listen_until(Clock::now() + last_words_period);
+  }
+}
+
+void Session::tell_who_is_missing(Clock::time_point now) {
+  next_notice_ = now + notice_period;
+  std::string roles;
+  for (const Role role : rendezvous_->missing()) {
+    roles += (roles.empty() ? "" : ", ") + std::string(bus::name(role));
+  }
+  if (!roles.empty()) log_info("waiting for " + roles + " on " + channel_);
+}
+
+std::string Session::silent_among(std::initializer_list<Role> roles) const {
+  // Several heartbeats missed in a row.
+  constexpr auto silent_after = 10 * Rendezvous::period;
+  std::string silent;
+  std::string all;
+  for (const Role role : roles) {
+    const std::string who = describe(role);
+    all += (all.empty() ? "" : " or ") + who;
+    const auto silence = rendezvous_->silence(role, Clock::now());
+    if (!silence || *silence >= silent_after) silent += (silent.empty() ? "" : " and ") + who;
+  }
+  return silent.empty() ? all : silent;
+}
+
+}  // namespace app

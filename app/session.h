@@ -1,0 +1,99 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <initializer_list>
+#include <optional>
+#include <string>
+
+#include "app/rendezvous.h"
+#include "app/scenario.h"
+#include "app/statistics.h"
+#include "bus/transport.h"
+#include "bus/wire.h"
+
+namespace app {
+
+/// One process's membership in a run, over a transport: the rendezvous, the heartbeat, the faults
+/// of the others, the end. A node calls `meet`, then `attend` in its loop, hands every datagram to
+/// `take` first, and ends with `finish`; any Failure that leaves the node is told to the others by
+/// `play`.
+class Session {
+ public:
+  struct Config {
+    bus::Role role = bus::Role::plant;
+    std::optional<std::int64_t> run_id;  ///< plant only; default: microseconds since 1970
+    double wait_s = 0;                   ///< for the others at the start; 0 = unlimited
+    /// Set when the user wants the process to end.
+    const std::atomic<bool>* interrupted = nullptr;
+    std::int64_t instance = 0;  ///< tells two processes of one role apart; 0: a random one
+  };
+
+  /// Subscribes to the participants' channel.
+  Session(const Scenario& scenario, bus::Transport& transport, const Config& config);
+
+  /// Runs `part` (the node's whole life). A Failure that leaves it, or any other exception, is
+  /// announced to the others and noted in the statistics before it goes on.
+  void play(const std::function<void()>& part);
+
+  /// Waits until the run is known (plant: until all are ready), telling the user who is missing.
+  /// `measurement`: controller only, channel suffix of what it needs.
+  /// @throw Failure: see `attend`; refused by or refusing another; nobody came within `wait_s`.
+  void meet(const std::string& measurement = {});
+
+  [[nodiscard]] std::int64_t run() const { return rendezvous_->run(); }
+  /// What the controller needs, seen from the others.
+  [[nodiscard]] std::string measurement() const { return rendezvous_->measurement(); }
+
+  /// The first message of the run has been sent or accepted.
+  void started(bus::Clock::time_point now);
+
+  /// To be called at least when `next_attention` has come: heartbeat, faults, interruption.
+  /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
+  /// another's fault, saying whose.
+  void attend(bus::Clock::time_point now);
+  [[nodiscard]] bus::Clock::time_point next_attention() const {
+    return rendezvous_->next_announcement();
+  }
+
+  /// Whether the datagram was the session's.
+  bool take(const bus::Datagram& datagram);
+
+  /// For the heartbeat.
+  void progressed(std::int64_t tick, double error_norm = 0) {
+    rendezvous_->progressed(tick, error_norm);
+  }
+
+  [[nodiscard]] bool plant_finished() const { return rendezvous_->plant_finished(); }
+
+  /// Parts from the others: the plant waits until they have finished (at most a second).
+  void finish();
+
+  /// Which of these roles cannot be heard any more, in words; all of them, if each can be.
+  [[nodiscard]] std::string silent_among(std::initializer_list<bus::Role> roles) const;
+  [[nodiscard]] std::string describe(bus::Role role) const { return rendezvous_->describe(role); }
+
+  Statistics& statistics() { return statistics_; }
+  [[nodiscard]] const Statistics& statistics() const { return statistics_; }
+
+ private:
+  void announce(bus::Clock::time_point now);
+  void announce_fault(const Failure& failure);
+  void listen_until(bus::Clock::time_point deadline);
+  void tell_who_is_missing(bus::Clock::time_point now);
+
+  bus::Transport& transport_;
+  Config config_;
+  std::string channel_;
+  Rendezvous::Self self_;
+  std::optional<Rendezvous> rendezvous_;
+  bus::Codec<bus::Participant> codec_;
+  bus::Stamp heard_stamp_;
+  bus::Participant heard_;
+  bus::Clock::time_point started_at_;
+  bus::Clock::time_point next_notice_;
+  Statistics statistics_;
+};
+
+}  // namespace app

@@ -1,0 +1,68 @@
+#include "app/take_part.h"
+
+#include <optional>
+#include <stdexcept>
+#include <system_error>
+
+#include "app/interruption.h"
+#include "app/logging.h"
+#include "bus/udp_transport.h"
+
+namespace app {
+namespace {
+
+bus::LcmUrl parsed(const std::string& url) {
+  try {
+    return bus::parse_lcm_url(url);
+  } catch (const std::invalid_argument& problem) {
+    throw Failure(ExitCode::bad_usage, std::string("--lcm-url: ") + problem.what());
+  }
+}
+
+void join(std::optional<bus::UdpTransport>& transport, const std::string& url) {
+  const bus::LcmUrl where = parsed(url);
+  try {
+    transport.emplace(where);
+  } catch (const std::system_error& problem) {
+    throw Failure(ExitCode::bad_usage, url + ": " + problem.what());
+  }
+}
+
+void report(Statistics& statistics, const ProcessOptions& options) {
+  if (options.stats_path) write_statistics(statistics, *options.stats_path);
+}
+
+}  // namespace
+
+ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& part) {
+  const std::atomic<bool>& interrupted = catch_interruptions();
+  Statistics early;  // of a process that does not get as far as a session
+  early.role = role;
+  std::optional<bus::UdpTransport> transport;
+  std::optional<Session> session;
+  try {
+    const Scenario scenario = load_scenario(options.scenario_path, options.overrides);
+    join(transport, options.lcm_url);
+    session.emplace(scenario, *transport,
+                    Session::Config{.role = role,
+                                    .run_id = options.run_id,
+                                    .wait_s = options.wait_s,
+                                    .interrupted = &interrupted,
+                                    .instance = 0});
+    session->play([&] { part(scenario, *transport, *session); });
+  } catch (const Failure& failure) {
+    Statistics& statistics = session ? session->statistics() : early;
+    statistics.exit_code = failure.code();
+    statistics.fault = failure.what();
+    try {
+      report(statistics, options);
+    } catch (const Failure& second) {
+      log_warning(second.what());
+    }
+    throw;
+  }
+  report(session->statistics(), options);
+  return ExitCode::done;
+}
+
+}  // namespace app

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "app/scenario.h"
+#include "app/session.h"
+#include "bus/transport.h"
+
+namespace controller {
+
+/// The controller process: runs the law that the scenario names, one step per tick, on the
+/// measurements of the channel that belongs to the law's measurement type and on no other.
+/// @throw app::Failure bad_usage (scenario, law), protocol_violated (two plants or references),
+/// protective_stop (a torque that is not finite), and whatever the session says.
+void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session);
+
+}  // namespace controller

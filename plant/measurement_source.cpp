@@ -1,0 +1,70 @@
+#include "plant/measurement_source.h"
+
+#include "robot/signals.h"
+
+namespace plant {
+namespace {
+
+template <class Measurement>
+class Source : public MeasurementSource {
+ public:
+  Source(const app::Scenario& scenario, const Encoder& encoder, const bus::Layout& layout)
+      : channel_(bus::channel<Measurement>(scenario.robot.channel_prefix)),
+        encoder_(encoder),
+        codec_(layout) {
+    require_encoders<Measurement>(scenario);
+  }
+
+  std::span<const std::byte> measure(const ArmState& state, const bus::Stamp& stamp) override {
+    const Measurement measurement = encoder_.template measure<Measurement>(state, stamp.tick);
+    if (!bus::all_finite(measurement)) {
+      throw app::Failure(app::ExitCode::protective_stop,
+                         "the plant's state at tick " + std::to_string(stamp.tick) +
+                             " is not finite: the loop is unstable; compare its period with the "
+                             "limit that `tachless certify` gives for these gains");
+    }
+    return codec_.encode(stamp, measurement);
+  }
+
+  [[nodiscard]] std::string channel() const override { return channel_; }
+  [[nodiscard]] std::size_t longest() const override { return codec_.longest(); }
+
+ private:
+  std::string channel_;
+  const Encoder& encoder_;
+  bus::Codec<Measurement> codec_;
+};
+
+template <class... Measurement>
+std::unique_ptr<MeasurementSource> first_that_is_called(std::string_view suffix,
+                                                        const app::Scenario& scenario,
+                                                        const Encoder& encoder,
+                                                        const bus::Layout& layout) {
+  std::unique_ptr<MeasurementSource> result;
+  const auto consider = [&]<class M>(std::type_identity<M>) {
+    if (bus::ChannelOf<M>::suffix == suffix) {
+      result = std::make_unique<Source<M>>(scenario, encoder, layout);
+    }
+  };
+  (consider(std::type_identity<Measurement>{}), ...);
+  return result;
+}
+
+}  // namespace
+
+std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suffix,
+                                                           const app::Scenario& scenario,
+                                                           const Encoder& encoder,
+                                                           const bus::Layout& layout) {
+  auto source = first_that_is_called<robot::PositionMeasurement, robot::MotorPositionMeasurement,
+                                     robot::LinkStateMeasurement, robot::StateMeasurement>(
+      suffix, scenario, encoder, layout);
+  if (!source) {
+    throw app::Failure(app::ExitCode::protocol_violated,
+                       "the controller asks for the measurement '" + std::string(suffix) +
+                           "'; the plant has POSITION, MOTOR_POSITION, LINK_STATE and STATE");
+  }
+  return source;
+}
+
+}  // namespace plant
