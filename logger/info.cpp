@@ -43,7 +43,7 @@ std::vector<TypeName> our_types() {
           type_name("tachless.torque_command_t", robot::TorqueCommand{x}),
           type_name("tachless.controller_state_t", robot::ControllerState{}),
           type_name("tachless.participant_t", bus::Participant{}),
-          type_name("tachless.run_info_t", bus::RunInfo{}),
+          type_name("tachless.run_info_t", bus::RunInfo{1, 1.0, {}, {}, {}, {}, {}}),
           type_name("tachless.log_ack_t", bus::LogAck{}),
           type_name("tachless_truth.plant_truth_t", truth)};
 }

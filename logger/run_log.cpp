@@ -5,6 +5,7 @@
 #include <cstring>
 #include <deque>
 #include <stdexcept>
+#include <tuple>
 #include <type_traits>
 #include <utility>
 
@@ -16,6 +17,7 @@ namespace {
 
 // Fingerprint, utime, run, tick: what every message of ours begins with.
 constexpr std::size_t stamp_bytes = 32;
+constexpr std::size_t run_at = 16;
 // Ticks held at once: those waited for, and as many ahead of them.
 constexpr std::int64_t num_slots = 2 * RunLog::window;
 // Messages farther ahead that are kept until another one bears them out: a damaged tick number
@@ -201,6 +203,7 @@ class RunLog::Impl {
     const bus::Codec<bus::RunInfo> codec(bus::Layout{1, 0, 0});
     std::string problem;
     std::uint64_t events = 0;
+    std::optional<std::tuple<bus::RunInfo, app::Scenario, std::int64_t>> fallback;
     while (const auto event = reader_.next()) {
       ++events;
       if (!event->channel.ends_with(run_info_suffix)) continue;
@@ -243,6 +246,12 @@ class RunLog::Impl {
         continue;
       }
       run_ = stamp.run;
+      if (has_messages()) return;
+      // A run nobody else took part in; its id may be damaged. Is there a better one?
+      if (!fallback) fallback = {info_, scenario_, run_};
+    }
+    if (fallback) {
+      std::tie(info_, scenario_, run_) = std::move(*fallback);
       return;
     }
     if (problem.empty()) {
@@ -252,6 +261,19 @@ class RunLog::Impl {
                 reader_.path().string();
     }
     refuse(reader_.path(), problem);
+  }
+
+  /// Whether the log holds any message of this robot and run but RUN_INFO.
+  [[nodiscard]] bool has_messages() const {
+    LogReader reader(reader_.path());
+    while (const auto event = reader.next()) {
+      if (event->channel.starts_with(info_.robot + "_") && event->data.size() >= stamp_bytes &&
+          !event->channel.ends_with(run_info_suffix) &&
+          big_endian_int64(event->data, run_at) == run_) {
+        return true;
+      }
+    }
+    return false;
   }
 
   [[nodiscard]] bool known_measurement() const {
@@ -374,7 +396,7 @@ class RunLog::Impl {
     const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
     // Another run may have another number of joints: look at the run even where the size is wrong.
     const bool stamped = event.data.size() >= stamp_bytes;
-    const std::int64_t run = stamped ? big_endian_int64(event.data, 16) : run_;
+    const std::int64_t run = stamped ? big_endian_int64(event.data, run_at) : run_;
     const bool participant = std::is_same_v<Value, bus::Participant> && run == 0;
     if (run != run_ && !participant) {
       ++summary_.foreign_messages;

@@ -1,0 +1,293 @@
+#include "logger/export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <array>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <sstream>
+
+#include "app/exit_code.h"
+#include "tests/logger/damaged_log.h"
+#include "tests/logger/recorded_run.h"
+
+namespace logger {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+struct Table {
+  std::vector<std::string> columns;
+  std::vector<std::vector<std::string>> rows;
+
+  [[nodiscard]] std::vector<std::string> column(const std::string& name) const {
+    const auto at = std::find(columns.begin(), columns.end(), name) - columns.begin();
+    std::vector<std::string> values;
+    for (const auto& row : rows) values.push_back(row.at(static_cast<std::size_t>(at)));
+    return values;
+  }
+};
+
+std::vector<std::string> split(const std::string& line, char separator) {
+  std::vector<std::string> cells{""};
+  for (const char c : line) {
+    if (c == separator) {
+      cells.emplace_back();
+    } else {
+      cells.back() += c;
+    }
+  }
+  return cells;
+}
+
+std::string output_of(const std::string& command) {
+  std::string text;
+  std::FILE* pipe = popen(command.c_str(), "r");
+  std::array<char, 4096> piece;
+  while (const std::size_t n = std::fread(piece.data(), 1, piece.size(), pipe)) {
+    text.append(piece.data(), n);
+  }
+  EXPECT_EQ(pclose(pipe), 0) << command;
+  return text;
+}
+
+/// The numbers of one dataset, as h5dump reads them.
+std::vector<std::string> dataset(const std::filesystem::path& file, const std::string& name) {
+  const auto text = output_of("h5dump -y -w 0 -m %.17g -d /" + name + " " + file.string());
+  const auto begin = text.find("DATA {") + 6;
+  std::vector<std::string> values;
+  std::istringstream words(text.substr(begin, text.find("\n   }", begin) - begin));
+  for (std::string word; words >> word;) {
+    if (word.back() == ',') word.pop_back();
+    if (!word.empty()) values.push_back(word);
+  }
+  return values;
+}
+
+class Export : public testing::Test {
+ protected:
+  ExportResult run(const std::string& log_bytes, const std::filesystem::path& to,
+                   bool force = false) {
+    write_file(log_, log_bytes);
+    auto log = RunLog::open(log_);
+    return export_run(log, to, export_format_of(to), force);
+  }
+
+  Table table(const std::filesystem::path& path) {
+    std::istringstream lines(read_file(path));
+    Table result;
+    std::string line;
+    std::getline(lines, line);
+    result.columns = split(line, ',');
+    while (std::getline(lines, line)) {
+      result.rows.push_back(split(line, ','));
+      EXPECT_EQ(result.rows.back().size(), result.columns.size());
+    }
+    return result;
+  }
+
+  template <class Call>
+  std::string failure_of(Call call) {
+    try {
+      call();
+    } catch (const app::Failure& failure) {
+      EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+      return failure.what();
+    }
+    return "no failure";
+  }
+
+  TemporaryDirectory directory_;
+  std::filesystem::path log_ = directory_.path() / "lcmlog";
+  std::filesystem::path csv_ = directory_.path() / "run.csv";
+  std::filesystem::path h5_ = directory_.path() / "run.h5";
+};
+
+TEST_F(Export, RigidColumnsAreTheDocumentedOnes) {
+  run(short_rigid_run().bytes(), csv_);
+  EXPECT_EQ(testing::PrintToString(table(csv_).columns).empty(), false);
+  const std::string header =
+      "tick,t_s,q_1_rad,q_2_rad,v_1_rad_per_s,v_2_rad_per_s,q_ref_1_rad,q_ref_2_rad,"
+      "v_ref_1_rad_per_s,v_ref_2_rad_per_s,a_ref_1_rad_per_s2,a_ref_2_rad_per_s2,"
+      "jerk_ref_1_rad_per_s3,jerk_ref_2_rad_per_s3,snap_ref_1_rad_per_s4,snap_ref_2_rad_per_s4,"
+      "tau_1_Nm,tau_2_Nm,error_1_rad,error_2_rad,nu_1_rad_per_s,nu_2_rad_per_s,"
+      "q_measured_1_rad,q_measured_2_rad,tau_applied_1_Nm,tau_applied_2_Nm,saturated_1,"
+      "saturated_2,drive_fault\n";
+  EXPECT_EQ(read_file(csv_).substr(0, header.size()), header);
+}
+
+TEST_F(Export, CsvHoldsEveryNumberInFull) {
+  const auto recorded = short_flexible_run();
+  const auto result = run(recorded.bytes(), csv_);
+  EXPECT_EQ(result.rows, 40u);
+  EXPECT_EQ(result.missing_values, 0u);
+  EXPECT_EQ(result.text(), "40 ticks");
+  const auto csv = table(csv_);
+  ASSERT_EQ(csv.rows.size(), 40u);
+  const auto expect_column = [&](const std::string& name, auto value) {
+    const auto cells = csv.column(name);
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      // %.17g reads back as the same double.
+      EXPECT_EQ(std::strtod(cells[i].c_str(), nullptr), value(recorded.ticks[i])) << name << i;
+    }
+  };
+  using Tick = const TickRecord&;
+  expect_column("tick", [](Tick t) { return static_cast<double>(t.tick); });
+  expect_column("t_s", [&](Tick t) { return static_cast<double>(t.tick) * 1e-5; });
+  expect_column("q_2_rad", [](Tick t) { return t.truth->q(1); });
+  expect_column("theta_1_rad", [](Tick t) { return t.truth->theta(0); });
+  expect_column("thetadot_2_rad_per_s", [](Tick t) { return t.truth->thetadot(1); });
+  expect_column("snap_ref_1_rad_per_s4", [](Tick t) { return t.reference->snap_ref(0); });
+  expect_column("tau_2_Nm", [](Tick t) { return t.command->tau(1); });
+  expect_column("nu1_1_rad_per_s", [](Tick t) { return t.controller_state->nu[0](0); });
+  expect_column("nu2_2_rad_per_s", [](Tick t) { return t.controller_state->nu[1](1); });
+  expect_column("error2_1_rad", [](Tick t) { return t.controller_state->error[1](0); });
+  const auto measured = [](Tick t) { return std::get<robot::LinkStateMeasurement>(t.measurement); };
+  expect_column("q_measured_1_rad", [&](Tick t) { return measured(t).q(0); });
+  expect_column("v_measured_2_rad_per_s", [&](Tick t) { return measured(t).v(1); });
+  expect_column("theta_measured_2_rad", [&](Tick t) { return measured(t).theta(1); });
+  expect_column("tau_applied_1_Nm", [](Tick t) { return t.truth->tau(0); });
+  expect_column("saturated_1", [](Tick t) { return t.truth->saturated[0] ? 1 : 0; });
+  expect_column("drive_fault", [](Tick t) { return static_cast<double>(t.truth->fault); });
+}
+
+TEST_F(Export, AMissingPieceIsAnEmptyCellAndIsCounted) {
+  auto recorded = short_rigid_run();
+  std::erase_if(recorded.messages, [](const Recorded& message) {
+    return (message.channel == "ARM_COMMAND" && message.utime == 150) ||
+           message.channel == "ARM_TRUTH";
+  });
+  const auto result = run(recorded.bytes(), csv_);
+  // Two torques; q, v, tau_applied, saturated (two each) and drive_fault at 40 ticks.
+  EXPECT_EQ(result.missing_values, 2u + 40 * 9);
+  EXPECT_THAT(result.text(),
+              AllOf(HasSubstr("no ARM_TRUTH"), HasSubstr("ARM_COMMAND missing in 1 ticks")));
+  const auto csv = table(csv_);
+  EXPECT_EQ(csv.column("tau_1_Nm")[3], "");
+  EXPECT_NE(csv.column("tau_1_Nm")[4], "");
+  EXPECT_EQ(csv.column("q_1_rad")[4], "");
+  EXPECT_NE(csv.column("q_measured_1_rad")[4], "");
+}
+
+TEST_F(Export, PrismaticJointsAreInMetresAndNewtons) {
+  auto recorded = short_rigid_run();
+  // The same numbers, of a robot whose second joint slides.
+  auto urdf = recorded.scenario.robot.urdf_text;
+  const std::string elbow = R"(<joint name="elbow" type="continuous">)";
+  const auto at = urdf.find(elbow);
+  ASSERT_NE(at, std::string::npos);
+  urdf.replace(at, elbow.size(), R"(<joint name="elbow" type="prismatic">
+    <limit lower="-1" upper="1" effort="0" velocity="0"/>)");
+  recorded.info.robot_description = urdf;
+  bus::Codec<bus::RunInfo> codec(bus::Layout{1, 0, 0});
+  const auto bytes = codec.encode(bus::Stamp{0, recorded.run, -1}, recorded.info);
+  recorded.messages[0].data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  run(recorded.bytes(), csv_);
+  EXPECT_THAT(table(csv_).columns,
+              testing::IsSupersetOf({"q_1_rad", "q_2_m", "v_2_m_per_s", "tau_2_N", "nu_2_m_per_s",
+                                     "snap_ref_2_m_per_s4", "q_measured_2_m", "error_2_m"}));
+}
+
+TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
+  auto recorded = short_flexible_run();
+  std::erase_if(recorded.messages, [](const Recorded& message) {
+    return message.channel == "ARM_COMMAND" && message.utime == 30;
+  });
+  run(recorded.bytes(), csv_);
+  const auto result = run(recorded.bytes(), h5_);
+  EXPECT_EQ(result.missing_values, 2u);
+  const auto csv = table(csv_);
+  const std::map<std::string, std::string> units = {
+      {"q", "rad"},          {"v", "rad_per_s"},    {"theta", "rad"},     {"thetadot", "rad_per_s"},
+      {"q_ref", "rad"},      {"tau", "Nm"},         {"nu1", "rad_per_s"}, {"error2", "rad"},
+      {"q_measured", "rad"}, {"tau_applied", "Nm"}, {"saturated", ""},
+  };
+  for (const auto& [name, unit] : units) {
+    const auto values = dataset(h5_, name);
+    ASSERT_EQ(values.size(), 80u) << name;
+    const std::string suffix = unit.empty() ? "" : "_" + unit;
+    for (std::size_t joint = 0; joint < 2; ++joint) {
+      const auto cells = csv.column(name + "_" + std::to_string(joint + 1) + suffix);
+      for (std::size_t i = 0; i < cells.size(); ++i) {
+        const std::string expected = cells[i].empty() ? "0" : cells[i];
+        EXPECT_EQ(std::stod(values[2 * i + joint]), std::stod(expected)) << name << " " << i;
+      }
+    }
+  }
+  const auto mask = dataset(h5_, "present/command");
+  for (std::size_t i = 0; i < 40; ++i) EXPECT_EQ(mask.at(i), i == 3 ? "0" : "1");
+  EXPECT_EQ(dataset(h5_, "tick"), csv.column("tick"));
+  EXPECT_EQ(dataset(h5_, "t_s").at(39), csv.column("t_s").at(39));
+  const auto head = output_of("h5dump -A " + h5_.string());
+  EXPECT_THAT(head, AllOf(HasSubstr("\"unit\""), HasSubstr("\"Nm\""), HasSubstr("\"rad_per_s\""),
+                          HasSubstr("\"/present/command\""), HasSubstr("\"run_id\""),
+                          HasSubstr("name: paper_flexible"), HasSubstr("<robot"),
+                          HasSubstr("\"link position, true\"")));
+}
+
+TEST_F(Export, Hdf5OfManyTicksIsWhole) {
+  // More than one chunk of 4096, and not a multiple.
+  const auto recorded = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION", 1);
+  EXPECT_EQ(run(recorded.bytes(), h5_).rows, 5000u);
+  const auto values = dataset(h5_, "tau");
+  ASSERT_EQ(values.size(), 10'000u);
+  for (std::size_t i = 0; i < 5000; ++i) {
+    EXPECT_EQ(std::stod(values[2 * i]), recorded.ticks[i].command->tau(0));
+  }
+}
+
+TEST_F(Export, KeepsAnExistingFileUnlessForced) {
+  const auto bytes = short_rigid_run().bytes();
+  for (const auto& path : {csv_, h5_}) {
+    write_file(path, "precious");
+    EXPECT_THAT(failure_of([&] { run(bytes, path); }),
+                AllOf(HasSubstr(path.string()), HasSubstr("--force")));
+    EXPECT_EQ(read_file(path), "precious");
+    run(bytes, path, true);
+    EXPECT_NE(read_file(path), "precious");
+  }
+}
+
+TEST_F(Export, RefusesWhatItCannotWrite) {
+  const auto bytes = short_rigid_run().bytes();
+  EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / "run.xls"); }), HasSubstr(".csv"));
+  for (const auto* name : {"absent/run.csv", "absent/run.h5"}) {
+    EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / name); }), HasSubstr(name));
+  }
+}
+
+TEST_F(Export, LeavesNothingBehindWhenTheDiskIsFull) {
+  const auto bytes =
+      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION", 1).bytes();
+  for (const auto& path : {csv_, h5_}) {
+    write_file(log_, bytes);
+    auto log = RunLog::open(log_);
+    struct rlimit old {};
+    ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &old), 0);
+    const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit small{200'000, old.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+    const auto failure = failure_of([&] { export_run(log, path, export_format_of(path)); });
+    setrlimit(RLIMIT_FSIZE, &old);
+    std::signal(SIGXFSZ, old_handler);
+    EXPECT_THAT(failure, HasSubstr(path.string() + ".partial: cannot write"));
+    EXPECT_FALSE(std::filesystem::exists(path));
+    EXPECT_FALSE(std::filesystem::exists(path.string() + ".partial"));
+  }
+}
+
+TEST_F(Export, CsvGoesToAPipeAsItIs) {
+  write_file(log_, short_rigid_run().bytes());
+  auto log = RunLog::open(log_);
+  EXPECT_THAT(failure_of([&] { export_run(log, "/dev/full", ExportFormat::csv); }),
+              HasSubstr("No space left"));
+  export_run(log, "/dev/null", ExportFormat::csv);
+}
+
+}  // namespace
+}  // namespace logger

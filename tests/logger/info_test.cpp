@@ -1,0 +1,120 @@
+#include "logger/info.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/logger/damaged_log.h"
+#include "tests/logger/recorded_run.h"
+
+namespace logger {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+class Info : public testing::Test {
+ protected:
+  LogInfo info_of(const std::string& bytes) {
+    write_file(path_, bytes);
+    return read_info(path_);
+  }
+
+  TemporaryDirectory directory_;
+  std::filesystem::path path_ = directory_.path() / "lcmlog";
+};
+
+TEST_F(Info, TellsRunAndChannelsOfOurLog) {
+  const auto info = info_of(short_flexible_run().bytes());
+  EXPECT_EQ(info.events, 1u + 6 * 40);
+  ASSERT_EQ(info.channels.size(), 7u);
+  const auto& command = info.channels[0];
+  EXPECT_EQ(command.name, "ARM_COMMAND");
+  EXPECT_EQ(command.type, "tachless.torque_command_t");
+  EXPECT_EQ(command.messages, 40u);
+  // 40 ticks of 10 us, stamped in whole microseconds: exact.
+  EXPECT_DOUBLE_EQ(command.rate_hz().value(), 1e5);
+  EXPECT_EQ(command.longest_silence_us, 10);
+  std::map<std::string, std::string> types;
+  for (const auto& channel : info.channels) types[channel.name] = channel.type;
+  EXPECT_EQ(types["ARM_TICK"], "tachless.tick_t");
+  EXPECT_EQ(types["ARM_LINK_STATE"], "tachless.link_state_measurement_t");
+  EXPECT_EQ(types["ARM_REFERENCE"], "tachless.reference_t");
+  EXPECT_EQ(types["ARM_CONTROLLER_STATE"], "tachless.controller_state_t");
+  EXPECT_EQ(types["ARM_TRUTH"], "tachless_truth.plant_truth_t");
+  EXPECT_EQ(types["ARM_RUN_INFO"], "tachless.run_info_t");
+  ASSERT_TRUE(info.run);
+  EXPECT_EQ(info.run->scenario, "paper_flexible");
+  EXPECT_EQ(info.run->law, "loria_ortega_flexible");
+  EXPECT_TRUE(info.run->flexible);
+  EXPECT_EQ(info.run->summary.gaps(), 0u);
+  EXPECT_FALSE(info.damage.any());
+  EXPECT_THAT(to_text(info),
+              AllOf(HasSubstr("paper_flexible"), HasSubstr("40 of 40"), HasSubstr("gaps      0"),
+                    HasSubstr("damage    none"), HasSubstr("tachless_truth.plant_truth_t")));
+}
+
+TEST_F(Info, TellsGapsAndDamage) {
+  auto run = short_rigid_run();
+  std::erase_if(run.messages, [](const Recorded& message) {
+    return message.channel == "ARM_COMMAND" && message.utime >= 250 && message.utime <= 350;
+  });
+  const auto bytes = run.bytes();
+  const auto info = info_of("garbage" + bytes);
+  EXPECT_EQ(info.damage.bytes_skipped, 7u);
+  ASSERT_TRUE(info.run);
+  EXPECT_EQ(info.run->summary.gaps(), 3u);
+  EXPECT_THAT(to_text(info),
+              AllOf(HasSubstr("ARM_COMMAND: 3 missing, ticks 5-7"), HasSubstr("byte 0: 7 bytes")));
+  const auto json = to_json(info);
+  EXPECT_EQ(json["run"]["gaps"], 3);
+  EXPECT_EQ(json["run"]["pieces"][3]["missing_ticks"][0], nlohmann::json({5, 7}));
+  EXPECT_EQ(json["damage"]["bytes_skipped"], 7);
+}
+
+TEST_F(Info, ReadsLogsThatAreNotOurs) {
+  std::string bytes;
+  for (int i = 0; i < 11; ++i) bytes += event_text(i, 1'000'000 + i * 20'000, "CAMERA", "data");
+  const auto info = info_of(bytes);
+  ASSERT_EQ(info.channels.size(), 1u);
+  EXPECT_EQ(info.channels[0].type, "");
+  EXPECT_DOUBLE_EQ(info.channels[0].rate_hz().value(), 50);
+  EXPECT_FALSE(info.run);
+  EXPECT_THAT(info.run_problem, HasSubstr("no RUN_INFO"));
+  EXPECT_THAT(to_text(info), AllOf(HasSubstr("CAMERA"), HasSubstr("not ours")));
+  EXPECT_TRUE(to_json(info)["run"].is_null());
+}
+
+TEST_F(Info, ReadsAnEmptyLog) {
+  const auto info = info_of("");
+  EXPECT_EQ(info.events, 0u);
+  EXPECT_THAT(to_text(info), HasSubstr("0 messages"));
+}
+
+TEST_F(Info, JsonOfWhateverTextsCanBeWritten) {
+  auto run = short_rigid_run();
+  run.messages.push_back(fault_message(run, "caf\xc3\xa9 \x1b[31m \xff\xfe"));
+  const auto info = info_of(run.bytes());
+  const auto json = to_json(info);
+  EXPECT_NO_THROW(json.dump());
+  EXPECT_EQ(json["run"]["faults"][0]["text"], "caf\xc3\xa9 ?[31m ??");
+}
+
+TEST_F(Info, BoundsTheNumberOfChannels) {
+  std::string bytes;
+  for (int i = 0; i < 1500; ++i) bytes += event_text(i, i, std::to_string(i), "");
+  const auto info = info_of(bytes);
+  EXPECT_EQ(info.channels.size(), LogInfo::max_channels);
+  EXPECT_EQ(info.events_elsewhere, 500u);
+}
+
+TEST(Printable, KeepsUtf8AndReplacesTheRest) {
+  EXPECT_EQ(printable("plain"), "plain");
+  EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");
+  EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
+  EXPECT_EQ(printable("\xc0\x80\xed\xa0\x80\xf5\xe2\x82"), "????????");
+}
+
+}  // namespace
+}  // namespace logger
