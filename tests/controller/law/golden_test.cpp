@@ -83,23 +83,23 @@ TEST_P(GoldenRigid, GivesTheRecordedTorqueForEachRecordedState) {
   }
 }
 
-// Torques are sums of terms of up to 2e4 N m (paper's gains: 5e6 at the offset's start): 10 eps of
-// those. With lead, the golden reference ahead is exact: Taylor's remainder of vdot_ref is
-// (h / 2)^3 / 6 (10 pi)^4 = 2.1e-5 rad/s^2, on joints of 11.3 and 1.9 kg m2 (row sums of M).
+// Rounding of what is summed: ten times what was measured. With lead, the golden reference ahead is
+// exact: Taylor's remainder of vdot_ref is (h / 2)^3 / 6 (10 pi)^4 = 2.1e-5 rad/s^2, on joints of
+// 11.3 and 1.9 kg m2 (row sums of M).
 INSTANTIATE_TEST_SUITE_P(
     Cases, GoldenRigid,
     testing::Values(Case{"rigid_paper_foh_h5e-5_d0_rest", Discretisation::first_order_hold, 5e-5,
-                         true, 0, 1e-10},
+                         true, 0, 1e-11},
                     Case{"rigid_paper_foh_h5e-5_d0_offset", Discretisation::first_order_hold, 5e-5,
-                         true, 0, 1e-8},
+                         true, 0, 1e-11},
                     Case{"rigid_paper_foh_h2.5e-5_d0_rest", Discretisation::first_order_hold,
-                         2.5e-5, true, 0, 1e-10},
+                         2.5e-5, true, 0, 1e-11},
                     Case{"rigid_paper_tustin_h5e-5_d0_rest", Discretisation::tustin, 5e-5, true, 0,
-                         1e-10},
+                         1e-11},
                     Case{"rigid_paper_backward_euler_h5e-5_d0_rest", Discretisation::backward_euler,
-                         5e-5, true, 0, 1e-10},
+                         5e-5, true, 0, 1e-11},
                     Case{"rigid_paper_zoh_h5e-5_d0_rest", Discretisation::zero_order_hold, 5e-5,
-                         true, 0, 1e-10},
+                         true, 0, 1e-11},
                     Case{"rigid_practical_foh_h1e-3_d0_offset", Discretisation::first_order_hold,
                          1e-3, false, 0, 5e-11},
                     Case{"rigid_practical_foh_h1e-3_d0_lead_offset",
@@ -139,11 +139,11 @@ TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
 INSTANTIATE_TEST_SUITE_P(
     Cases, GoldenFlexible,
     testing::Values(Case{"flexible_practical_foh_h1e-3_d0_rest", Discretisation::first_order_hold,
-                         1e-3, false, 0, 1e-10},
+                         1e-3, false, 0, 3e-12},
                     Case{"flexible_paper_foh_h1e-5_d0_rest", Discretisation::first_order_hold, 1e-5,
-                         true, 0, 1e-7},
+                         true, 0, 1e-8},
                     Case{"flexible_paper_foh_h1e-5_d0_on_reference",
-                         Discretisation::first_order_hold, 1e-5, true, 0, 1e-7}));
+                         Discretisation::first_order_hold, 1e-5, true, 0, 1e-8}));
 
 }  // namespace
 }  // namespace controller::law
