@@ -39,7 +39,8 @@ SimTK::MassProperties mass_properties(const robot::Body& body) {
 /// The tree of bodies in Simbody, and its mechanics in independent coordinates: with
 /// q_tree = G q + offset (G has one entry per row), M = G' M_tree G and bias = G' bias_tree.
 /// Eliminating mimic joints by G instead of Simbody's coupler constraints leaves an ODE: no
-/// constraint drift, no projection, and half the cost.
+/// constraint drift, no projection, and a sixth of the cost
+/// (docs/decisions/0003-plant-integration).
 class Tree {
  public:
   explicit Tree(const robot::Model& model)

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <stdexcept>
 #include <string>
+#include <thread>
+#include <vector>
 
 #include "robot/energy.h"
 #include "robot/mass_matrix.h"
@@ -272,6 +274,22 @@ INSTANTIATE_TEST_SUITE_P(, EveryIntegrator,
                                            Integrator::runge_kutta_feldberg,
                                            Integrator::semi_explicit_euler_2, Integrator::verlet,
                                            Integrator::cpodes));
+
+TEST(Arm, IsNotDisturbedByArmsInOtherThreads) {
+  const robot::Model model = testing::random_tree();
+  const auto run = [&] {
+    Arm arm(model, {}, rigid_state(Vector::Constant(5, 0.2), Vector::Constant(5, -0.3)));
+    Torques torques(5, 20);
+    for (int k = 0; k < 100; ++k) arm.advance(torques.next(), (k + 1) * 1e-3);
+    return arm.state().q;
+  };
+  const Vector alone = run();
+  Vector together[4];
+  std::vector<std::thread> threads;
+  for (Vector& q : together) threads.emplace_back([&] { q = run(); });
+  for (std::thread& thread : threads) thread.join();
+  for (const Vector& q : together) EXPECT_EQ(q, alone);
+}
 
 TEST(Arm, BrakesToRest) {
   robot::Model model = robot::testing::two_link();
