@@ -357,7 +357,7 @@ bool LogReader::swallows_others(const Header& header) {
       link = *successor;
       is_chain = true;
     }
-    if (skipping_ && link.end == header.end && link.number == header.number) return true;
+    if (link.end == header.end && number_follows(link.end, link.number + 1)) return true;
     if (link.end != header.end && (!aligned || (is_chain && link.end > header.end))) return true;
     from = link.offset + 1;
   }

@@ -1,0 +1,79 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "app/exit_code.h"
+#include "logger/export.h"
+#include "logger/info.h"
+#include "logger/run_log.h"
+#include "tests/logger/damaged_log.h"
+#include "tests/logger/recorded_run.h"
+
+namespace logger {
+namespace {
+
+/// Everything that reads logs, on 10,000 damaged ones: nothing crashes or loops, and what is
+/// intact comes through.
+class Damage10k : public testing::Test {
+ protected:
+  TemporaryDirectory directory_;
+  std::filesystem::path path_ = directory_.path() / "lcmlog";
+  std::filesystem::path csv_ = directory_.path() / "run.csv";
+  std::filesystem::path h5_ = directory_.path() / "run.h5";
+};
+
+TEST_F(Damage10k, NothingCrashesAndIntactCommandsAreRead) {
+  const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.0005"}, "POSITION", 1);
+  auto messages = run.messages;
+  messages.push_back(messages[0]);  // a second RUN_INFO, so that most logs stay readable
+  messages.push_back(fault_message(run, "encoder lost"));
+  const SampleLog log = index_of(log_of(messages));
+  std::uint64_t readable = 0;
+  for (std::uint64_t seed = 0; seed < 10'000; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const auto damaged = damaged_at_random(log, seed);
+    write_file(path_, damaged.bytes);
+
+    const auto info = read_info(path_);
+    ASSERT_FALSE(to_text(info).empty());
+    ASSERT_NO_THROW(to_json(info).dump());
+    // Every intact tick's every message is an event of one channel or the other.
+    ASSERT_GE(info.events, damaged.intact.size());
+
+    try {
+      auto run_log = RunLog::open(path_);
+      ++readable;
+      std::set<std::int64_t> commands;
+      TickRecord record;
+      std::int64_t last = -1;
+      while (run_log.next(record)) {
+        ASSERT_GT(record.tick, last);
+        last = record.tick;
+        if (record.command) commands.insert(record.tick);
+      }
+      const auto& summary = run_log.summary();
+      for (const auto& [offset, index] : damaged.intact) {
+        if (run_log.run() != run.run) break;  // the only RUN_INFO left has lost its number
+        if (log.events[index].channel != "ARM_COMMAND") continue;
+        const auto tick = static_cast<std::int64_t>(index - 1) / 6;
+        ASSERT_TRUE(commands.contains(tick)) << "COMMAND of tick " << tick << " was lost";
+      }
+      if (commands.size() < run.ticks.size() && last + 1 == run.info.num_ticks) {
+        ASSERT_GT(summary.gaps(), 0u);
+      }
+      export_run(run_log, csv_, ExportFormat::csv, true);
+      // HDF5 sees the same records; a twentieth of the logs is enough for it.
+      if (seed % 20 == 0) export_run(run_log, h5_, ExportFormat::hdf5, true);
+    } catch (const app::Failure& failure) {
+      ASSERT_EQ(failure.code(), app::ExitCode::bad_usage);
+      ASSERT_NE(std::string(failure.what()).find(path_.string()), std::string::npos)
+          << failure.what();
+    }
+  }
+  EXPECT_GT(readable, 5000u);
+}
+
+}  // namespace
+}  // namespace logger
