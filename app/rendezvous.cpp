@@ -231,7 +231,7 @@ void Rendezvous::check(Time now) {
 
 void Rendezvous::started(Time now) {
   if (!met_) throw std::logic_error("a run was started before all had met");
-  if (state_ == ParticipantState::running) return;
+  if (running() || over()) return;
   state_ = ParticipantState::running;
   announce_at_ = now;
 }

@@ -65,7 +65,8 @@ class Rendezvous {
   [[nodiscard]] bool met() const { return met_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
 
-  /// The run has begun: announced, and from now on newcomers are ignored.
+  /// The run has begun: announced, and from now on newcomers are ignored. Nothing new if it has
+  /// begun, or ended, before.
   void started(Time now);
   [[nodiscard]] bool running() const { return state_ == bus::ParticipantState::running; }
   /// Newest tick handled, and (controller) the norm of its position error, for the heartbeat.

@@ -1,0 +1,400 @@
+#include "app/rendezvous.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <memory>
+#include <random>
+#include <string>
+#include <vector>
+
+namespace app {
+namespace {
+
+using namespace std::chrono_literals;
+using bus::ParticipantState;
+using bus::Role;
+using testing::HasSubstr;
+
+constexpr std::int64_t plants_run = 77;
+
+/// Processes that hear each other over a network that may lose announcements, in virtual time.
+class Meeting {
+ public:
+  struct Process {
+    Role role;
+    std::string name;
+    std::unique_ptr<Rendezvous> rendezvous;
+    bool dead = false;  ///< gone, with or without a word
+  };
+
+  explicit Meeting(double loss = 0, std::uint64_t seed = 1) : loss_(loss), random_(seed) {}
+
+  /// Starts a process now.
+  Rendezvous& start(Role role, std::int64_t instance, std::int64_t digest = 5,
+                    std::optional<std::chrono::nanoseconds> wait_limit = {}) {
+    Rendezvous::Self self;
+    self.role = role;
+    self.instance = instance;
+    self.digest = digest;
+    self.pid = static_cast<std::int32_t>(instance);
+    self.host = "arm-1";
+    self.scenario = "scenario_" + std::to_string(digest);
+    self.measurement = role == Role::controller ? "POSITION" : "";
+    self.run = role == Role::plant ? plants_run : 0;
+    self.wait_limit = wait_limit;
+    processes_.push_back({role, std::string(bus::name(role)) + std::to_string(instance),
+                          std::make_unique<Rendezvous>(self, now_)});
+    return *processes_.back().rendezvous;
+  }
+
+  void kill(const Rendezvous& victim) { of(victim).dead = true; }
+
+  /// Lets time pass. A process that has failed says so some times and is gone.
+  void pass(std::chrono::nanoseconds duration) {
+    const auto end = now_ + duration;
+    for (; now_ < end; now_ += 5ms) {
+      for (std::size_t i = 0; i < processes_.size(); ++i) step(processes_[i]);
+    }
+  }
+
+  std::chrono::nanoseconds elapsed() const { return now_ - Rendezvous::Time{}; }
+  Rendezvous::Time now() const { return now_; }
+
+ private:
+  Process& of(const Rendezvous& which) {
+    return *std::ranges::find_if(
+        processes_, [&](const Process& each) { return each.rendezvous.get() == &which; });
+  }
+
+  void step(Process& process) {
+    if (process.dead) return;
+    Rendezvous& mine = *process.rendezvous;
+    mine.check(now_);
+    if (mine.failure()) {
+      for (int i = 0; i < 5; ++i) broadcast(process);
+      process.dead = true;
+      return;
+    }
+    if (process.role == Role::plant && mine.met()) mine.started(now_);
+    if (now_ >= mine.next_announcement()) broadcast(process);
+  }
+
+  void broadcast(Process& from) {
+    const auto said = from.rendezvous->announce(now_);
+    for (Process& to : processes_) {
+      if (&to == &from || to.dead) continue;
+      if (std::uniform_real_distribution<double>()(random_) < loss_) continue;
+      to.rendezvous->hear(said.stamp, said.participant, from.name, now_);
+      const bool plant_runs = said.participant.role == Role::plant &&
+                              said.participant.state == ParticipantState::running;
+      if (plant_runs && to.rendezvous->met() && !to.rendezvous->failure() &&
+          to.rendezvous->run() == said.stamp.run) {
+        to.rendezvous->started(now_);  // as the first question would make it
+      }
+    }
+  }
+
+  double loss_;
+  std::mt19937_64 random_;
+  Rendezvous::Time now_{};
+  std::vector<Process> processes_;
+};
+
+ExitCode code(const Rendezvous& process) {
+  return process.failure() ? process.failure()->code() : ExitCode::done;
+}
+std::string text(const Rendezvous& process) {
+  return process.failure() ? process.failure()->what() : "";
+}
+
+TEST(ARendezvous, MeetsInEveryOrderOfStarting) {
+  std::vector<Role> order = {Role::plant, Role::reference, Role::controller, Role::logger};
+  do {
+    Meeting meeting;
+    std::vector<const Rendezvous*> all;
+    for (const Role role : order) {
+      EXPECT_EQ(std::ranges::count_if(all, [](auto* each) { return each->running(); }), 0);
+      all.push_back(&meeting.start(role, static_cast<std::int64_t>(all.size()) + 1));
+      meeting.pass(700ms);
+    }
+    for (const auto* each : all) {
+      EXPECT_TRUE(each->running());
+      EXPECT_EQ(each->run(), plants_run);
+      EXPECT_EQ(text(*each), "");
+    }
+  } while (std::ranges::next_permutation(order).found);
+}
+
+TEST(ARendezvous, IsQuickWhenAllAreThere) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1);
+  auto& reference = meeting.start(Role::reference, 2);
+  auto& controller = meeting.start(Role::controller, 3);
+  auto& logger = meeting.start(Role::logger, 4);
+  meeting.pass(50ms);
+  EXPECT_TRUE(plant.running());
+  EXPECT_TRUE(reference.met() && controller.met() && logger.met());
+  EXPECT_EQ(plant.measurement(), "POSITION");
+  EXPECT_EQ(logger.measurement(), "POSITION");
+}
+
+TEST(ARendezvous, SucceedsUnderLoss) {
+  for (std::uint64_t seed = 0; seed < 200; ++seed) {
+    Meeting meeting(0.3, seed);
+    auto& plant = meeting.start(Role::plant, 1);
+    meeting.start(Role::reference, 2);
+    meeting.start(Role::controller, 3);
+    meeting.start(Role::logger, 4);
+    meeting.pass(5s);
+    EXPECT_TRUE(plant.running()) << seed;
+    meeting.pass(20s);
+    EXPECT_EQ(text(plant), "") << seed;
+  }
+}
+
+TEST(ARendezvous, TellsWhoIsMissing) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1);
+  meeting.start(Role::logger, 2);
+  meeting.pass(1s);
+  EXPECT_THAT(plant.missing(), testing::ElementsAre(Role::reference, Role::controller));
+  meeting.pass(1h);
+  EXPECT_EQ(text(plant), "");
+}
+
+TEST(ARendezvous, WaitsNoLongerThanAllowed) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1, 5, 2s);
+  meeting.start(Role::logger, 2);
+  meeting.pass(1900ms);
+  EXPECT_EQ(code(plant), ExitCode::done);
+  meeting.pass(200ms);
+  EXPECT_EQ(code(plant), ExitCode::peer_lost);
+  EXPECT_THAT(text(plant), HasSubstr("waited 2 s for reference, controller"));
+}
+
+TEST(ARendezvous, OfDifferentScenariosIsRefusedByBothSides) {
+  for (const double loss : {0.0, 0.3}) {
+    Meeting meeting(loss);
+    auto& plant = meeting.start(Role::plant, 1, 5);
+    auto& controller = meeting.start(Role::controller, 2, 6);
+    meeting.pass(1s);
+    EXPECT_EQ(code(plant), ExitCode::bad_usage);
+    EXPECT_EQ(code(controller), ExitCode::bad_usage);
+    EXPECT_THAT(text(plant),
+                HasSubstr("the controller (process 2 on arm-1, controller2) runs scenario "
+                          "'scenario_6' (digest 0000000000000006), this plant runs scenario "
+                          "'scenario_5' (digest 0000000000000005)"));
+    EXPECT_THAT(text(controller), HasSubstr("this controller runs scenario 'scenario_6'"));
+  }
+}
+
+TEST(ARendezvous, ThatIsOverIgnoresANewcomerWithAnotherScenario) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1);
+  meeting.start(Role::reference, 2);
+  auto& controller = meeting.start(Role::controller, 3);
+  meeting.start(Role::logger, 4);
+  meeting.pass(1s);
+  ASSERT_TRUE(plant.running());
+  auto& stranger = meeting.start(Role::logger, 5, 6);
+  meeting.pass(3s);
+  EXPECT_NE(code(stranger), ExitCode::done);
+  EXPECT_EQ(text(plant), "");
+  EXPECT_EQ(text(controller), "");
+}
+
+TEST(ARendezvous, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
+  for (const std::int64_t instance : {1, 9}) {  // smaller and larger than the first's
+    for (const bool all_there : {false, true}) {
+      Meeting meeting;
+      auto& first = meeting.start(Role::controller, 5);
+      std::vector<Rendezvous*> others = {&first};
+      if (all_there) {
+        others.push_back(&meeting.start(Role::plant, 2));
+        others.push_back(&meeting.start(Role::reference, 3));
+        others.push_back(&meeting.start(Role::logger, 4));
+      }
+      meeting.pass(2s);
+      auto& second = meeting.start(Role::controller, instance);
+      meeting.pass(2s);
+      EXPECT_EQ(code(second), ExitCode::protocol_violated);
+      EXPECT_THAT(text(second),
+                  HasSubstr("there is already the controller (process 5 on arm-1, controller5)"));
+      for (const auto* each : others) EXPECT_EQ(text(*each), "");
+      EXPECT_EQ(first.running(), all_there);
+    }
+  }
+}
+
+TEST(ARendezvous, LeavesExactlyOneOfSeveralThatStartTogether) {
+  for (std::uint64_t seed = 0; seed < 300; ++seed) {
+    std::mt19937_64 random(seed);
+    Meeting meeting(seed % 2 == 0 ? 0 : 0.3, seed);
+    auto& plant = meeting.start(Role::plant, 50);
+    meeting.start(Role::reference, 51);
+    meeting.start(Role::logger, 52);
+    std::vector<Rendezvous*> controllers;
+    for (int i = 0; i < 3; ++i) {
+      controllers.push_back(&meeting.start(
+          Role::controller, static_cast<std::int64_t>(random() % 1000) * 10 + i + 100));
+      meeting.pass(std::chrono::milliseconds(random() % 500));
+    }
+    meeting.pass(4s);
+    int left = 0;
+    for (const auto* each : controllers) {
+      left += each->failure() ? 0 : 1;
+      if (!each->failure()) continue;
+      EXPECT_EQ(code(*each), ExitCode::protocol_violated);
+    }
+    EXPECT_EQ(left, 1) << seed;
+    EXPECT_TRUE(plant.running()) << seed;
+    EXPECT_EQ(text(plant), "") << seed;
+  }
+}
+
+class ARunningRendezvous : public testing::Test {
+ protected:
+  void SetUp() override {
+    meeting.pass(1s);
+    ASSERT_TRUE(plant.running());
+  }
+  Meeting meeting;
+  Rendezvous& plant = meeting.start(Role::plant, 1);
+  Rendezvous& reference = meeting.start(Role::reference, 2);
+  Rendezvous& controller = meeting.start(Role::controller, 3);
+  Rendezvous& logger = meeting.start(Role::logger, 4);
+};
+
+TEST_F(ARunningRendezvous, EndsForAllWhenOneIsInterrupted) {
+  controller.failed(Failure(ExitCode::interrupted, "interrupted"), meeting.now());
+  meeting.pass(200ms);
+  for (const auto* each : {&plant, &reference, &logger}) {
+    EXPECT_EQ(code(*each), ExitCode::peer_lost);
+    EXPECT_THAT(text(*each), HasSubstr("interrupted"));
+  }
+  EXPECT_THAT(text(plant), HasSubstr("ended because of the controller (process 3"));
+}
+
+TEST_F(ARunningRendezvous, PassesOnTheExitCodeOfAFault) {
+  for (const ExitCode fault : {ExitCode::protective_stop}) {
+    plant.failed(Failure(fault, "joint 1 ran away"), meeting.now());
+    meeting.pass(200ms);
+    for (const auto* each : {&controller, &reference, &logger}) {
+      EXPECT_EQ(code(*each), fault);
+      EXPECT_THAT(text(*each), HasSubstr("joint 1 ran away"));
+    }
+  }
+}
+
+TEST_F(ARunningRendezvous, NoticesAPeerThatDiesWithoutAWord) {
+  meeting.kill(reference);
+  meeting.pass(4900ms);
+  EXPECT_EQ(text(plant), "");
+  meeting.pass(300ms);
+  EXPECT_EQ(code(plant), ExitCode::peer_lost);
+  EXPECT_THAT(text(plant), HasSubstr("the reference (process 2 on arm-1, reference2) has been "
+                                     "silent for 5 s"));
+  EXPECT_EQ(code(logger), ExitCode::peer_lost);
+}
+
+TEST_F(ARunningRendezvous, NoticesAPlantThatDiesWithoutAWord) {
+  meeting.kill(plant);
+  meeting.pass(5200ms);
+  for (const auto* each : {&controller, &reference, &logger}) {
+    EXPECT_EQ(code(*each), ExitCode::peer_lost);
+    EXPECT_THAT(text(*each), HasSubstr("the plant"));
+  }
+}
+
+TEST_F(ARunningRendezvous, IgnoresFaultsOfStrangers) {
+  Meeting elsewhere;
+  auto& other = elsewhere.start(Role::controller, 90);
+  other.failed(Failure(ExitCode::interrupted, "interrupted"), meeting.now());
+  auto said = other.announce(meeting.now());
+  said.stamp.run = 1234;
+  plant.hear(said.stamp, said.participant, "somebody", meeting.now());
+  said.stamp.run = plants_run;  // in our run, but not the controller we started with
+  plant.hear(said.stamp, said.participant, "somebody", meeting.now());
+  EXPECT_EQ(text(plant), "");
+}
+
+TEST_F(ARunningRendezvous, PartsWhenAllHaveFinished) {
+  plant.finished(meeting.now());
+  EXPECT_FALSE(plant.all_finished());
+  meeting.pass(200ms);
+  EXPECT_TRUE(controller.plant_finished() && reference.plant_finished() && logger.plant_finished());
+  controller.finished(meeting.now());
+  reference.finished(meeting.now());
+  meeting.pass(200ms);
+  EXPECT_FALSE(plant.all_finished());
+  logger.finished(meeting.now());
+  meeting.pass(200ms);
+  EXPECT_TRUE(plant.all_finished());
+}
+
+TEST_F(ARunningRendezvous, SaysHowFarItIs) {
+  controller.progressed(17, 0.25);
+  const auto said = controller.announce(meeting.now());
+  EXPECT_EQ(said.stamp.tick, 17);
+  EXPECT_EQ(said.stamp.run, plants_run);
+  EXPECT_EQ(said.participant.error_norm, 0.25);
+  EXPECT_EQ(said.participant.state, ParticipantState::running);
+}
+
+TEST(ARendezvous, GoesOnWaitingWhenAPlantLeavesBeforeItIsMet) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1);
+  meeting.pass(300ms);
+  plant.failed(Failure(ExitCode::interrupted, "interrupted"), meeting.now());
+  auto& controller = meeting.start(Role::controller, 2);
+  meeting.pass(300ms);
+  EXPECT_EQ(text(controller), "");
+  EXPECT_FALSE(controller.met());
+}
+
+TEST(ARendezvous, DoesNotJoinARunThatIsUnderWay) {
+  Meeting meeting;
+  meeting.start(Role::plant, 1);
+  meeting.start(Role::reference, 2);
+  auto& controller = meeting.start(Role::controller, 3);
+  meeting.start(Role::logger, 4);
+  meeting.pass(1s);
+  meeting.kill(controller);
+  meeting.pass(2s);
+  auto& late = meeting.start(Role::controller, 5);
+  meeting.pass(500ms);
+  EXPECT_FALSE(late.met());
+}
+
+TEST(ARendezvous, RemembersABoundedNumberOfStrangers) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1);
+  meeting.start(Role::reference, 2);
+  meeting.start(Role::controller, 3);
+  Rendezvous::Announcement stranger;
+  stranger.participant.role = Role::logger;
+  stranger.participant.scenario_digest = 5;
+  for (int i = 0; i < 100'000; ++i) {
+    stranger.participant.instance = 1000 + i;
+    plant.hear(stranger.stamp, stranger.participant, "flood", meeting.now());
+  }
+  meeting.pass(1200ms);
+  meeting.start(Role::logger, 4);
+  meeting.pass(500ms);
+  EXPECT_TRUE(plant.running());
+}
+
+TEST(ARendezvous, NeedsARunFromThePlantAndFromNobodyElse) {
+  Rendezvous::Self self;
+  self.role = Role::plant;
+  EXPECT_THROW(Rendezvous(self, {}), std::logic_error);
+  self.role = Role::logger;
+  self.run = 3;
+  EXPECT_THROW(Rendezvous(self, {}), std::logic_error);
+}
+
+}  // namespace
+}  // namespace app
