@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <regex>
 #include <stdexcept>
+#include <string>
 
 #include "robot/energy.h"
 #include "robot/mass_matrix.h"
@@ -142,6 +144,37 @@ TEST_P(AnyRobot, HasACoriolisProductThatIsBilinearAndGivesTheQuadraticTerm) {
                       (mass_matrix(model, q) * a + coriolis_product(model, q, x, y) +
                        gravity_torque(model, q))),
               rounding * size);
+  }
+}
+
+TEST(MimicJoints, GiveTheTorqueOfTheFreeTreeProjectedOnTheCoordinates) {
+  // q_tree = G q + offset, tau = G' tau_tree: the same file without its mimic elements.
+  for (const char* file : {"scenarios/robots/two_link.urdf", "tests/robot/branching.urdf"}) {
+    const Model model = testing::load(file);
+    const std::string text = testing::read_text(std::string(TACHLESS_SOURCE_DIR) + "/" + file);
+    const Model tree =
+        model_from_urdf(std::regex_replace(text, std::regex("<mimic [^>]*>"), ""), file);
+    const Eigen::Index n = model.num_joints, n_tree = tree.num_joints;
+    ASSERT_EQ(n_tree, static_cast<Eigen::Index>(model.bodies.size()));
+    Matrix G = Matrix::Zero(n_tree, n);
+    Vector offset(n_tree);
+    for (Eigen::Index i = 0; i < n_tree; ++i) {
+      const Body& body = model.bodies[static_cast<std::size_t>(i)];
+      ASSERT_EQ(body.joint, tree.joint_names[static_cast<std::size_t>(i)]);
+      G(i, body.coordinate) = body.multiplier;
+      offset[i] = body.offset;
+    }
+    Random random(13);
+    for (int k = 0; k < 100; ++k) {
+      const Vector q = random.vector(n, 2), v = random.vector(n, 2), a = random.vector(n, 5);
+      const Vector q_tree = G * q + offset, v_tree = G * v, a_tree = G * a;
+      const Vector tau_tree = inverse_dynamics(tree, q_tree, v_tree, a_tree);
+      // Torques to 300 N m.
+      EXPECT_LT(largest(inverse_dynamics(model, q, v, a) - G.transpose() * tau_tree),
+                rounding * 300);
+      EXPECT_LT(largest(mass_matrix(model, q) - G.transpose() * mass_matrix(tree, q_tree) * G),
+                rounding * 20);
+    }
   }
 }
 

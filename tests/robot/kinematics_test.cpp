@@ -50,6 +50,21 @@ TEST(FramePose, MovesAsTheKineticAndPotentialEnergyOfAPayloadSay) {
   }
 }
 
+TEST(FramePose, TurnsMimicsByMultiplierAndOffset) {
+  const Model model = testing::branching();
+  const Vector q = Random(4).vector(4, 1);
+  const double lift = q[1], finger_joint = -0.5 * lift + 0.1, claw_joint = 4 * finger_joint - 0.3;
+  const Pose<double> boom = frame_pose(model, "boom", q), finger = frame_pose(model, "finger", q),
+                     claw = frame_pose(model, "claw", q);
+  const Eigen::Vector3d p = boom.R.transpose() * (finger.p - boom.p);
+  const Eigen::Vector3d slid(0.6 - std::sin(0.3) * finger_joint, std::cos(0.3) * finger_joint, 0);
+  EXPECT_LT((p - slid).norm(), 32 * eps);
+  const Eigen::Matrix3d turned = (Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(claw_joint, Eigen::Vector3d::UnitZ()))
+                                     .toRotationMatrix();
+  EXPECT_LT((finger.R.transpose() * claw.R - turned).norm(), 32 * eps);
+}
+
 TEST(FramePose, IsARotationAndPlacesTheGroundsFramesToo) {
   const Model model = testing::branching();
   const Vector q = Random(3).vector(4, 2);
