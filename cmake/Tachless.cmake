@@ -28,6 +28,8 @@ endfunction()
 function(tachless_test name)
   cmake_parse_arguments(arg "" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
+  # What a test checks is in the libraries; itself it should rather compile fast.
+  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS} GTest::gmock GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE TACHLESS_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
     TACHLESS_BINARY_DIR="${PROJECT_BINARY_DIR}")
