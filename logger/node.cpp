@@ -189,6 +189,7 @@ class Node {
     const bus::Rejection rejection = run_info_codec_.decode(datagram.payload, stamp, info);
     if (rejection != bus::Rejection::none) return statistics.rejected.add(rejection);
     if (stamp.run != session_.run()) return statistics.rejected.add(app::Unusable::other_run);
+    if (stamp.tick != -1) return statistics.rejected.add(app::Unusable::not_asked);
     const bool first = run_info_.empty();
     if (first && !measurement_.select(info.measurement)) {
       return statistics.rejected.add(bus::Rejection::bad_value);

@@ -1,0 +1,123 @@
+#include "tests/process/four_threads.h"
+
+#include <unistd.h>
+
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+#include "controller/node.h"
+#include "logger/node.h"
+#include "plant/node.h"
+#include "reference/node.h"
+
+namespace process_test {
+namespace {
+
+using bus::Role;
+
+std::filesystem::path new_directory() {
+  std::string path = (std::filesystem::temp_directory_path() / "tachless_XXXXXX").string();
+  if (mkdtemp(path.data()) == nullptr) throw std::runtime_error("mkdtemp failed");
+  return path;
+}
+
+void play(Role role, const app::Scenario& scenario, bus::Transport& transport,
+          app::Session& session, const std::filesystem::path& log_path) {
+  switch (role) {
+    case Role::plant:
+      return plant::run_node(scenario, transport, session);
+    case Role::reference:
+      return reference::run_node(scenario, transport, session);
+    case Role::controller:
+      return controller::run_node(scenario, transport, session);
+    case Role::logger:
+      return logger::run_node(scenario, transport, session, log_path);
+  }
+}
+
+}  // namespace
+
+std::string RunResult::complaints() const {
+  std::string result;
+  for (const auto& [role, outcome] : of) {
+    if (outcome.code == app::ExitCode::done) continue;
+    result += std::string(bus::name(role)) + ": exit " +
+              std::to_string(static_cast<int>(outcome.code)) + ", " + outcome.fault + "\n";
+  }
+  return result;
+}
+
+FourThreads::FourThreads(const app::Scenario& scenario, const bus::NetworkFaults& faults)
+    : scenario_(scenario), network_(faults), directory_(new_directory()) {}
+
+FourThreads::~FourThreads() {
+  for (auto& flag : interrupted_) flag = true;
+  wait();
+  std::filesystem::remove_all(directory_);
+}
+
+std::filesystem::path FourThreads::log_path() const { return directory_ / "lcmlog"; }
+
+void FourThreads::give(Role role, const app::Scenario& scenario) {
+  own_.insert_or_assign(role, scenario);
+}
+
+void FourThreads::start(Role role) {
+  const auto index = static_cast<std::size_t>(role);
+  const auto mine = own_.find(role);
+  const app::Scenario& scenario = mine != own_.end() ? mine->second : scenario_;
+  auto transport = network_.connect(std::string(bus::name(role)) + "'s endpoint");
+  if (wrapper_) transport = wrapper_(role, std::move(transport));
+  threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
+    Outcome& outcome = outcomes_.at(index);
+    app::Session session(
+        scenario, *endpoint,
+        {.role = role,
+         .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
+         .wait_s = 60,
+         .interrupted = &interrupted_.at(index),
+         .instance = 0});
+    try {
+      session.play([&] { play(role, scenario, *endpoint, session, log_path()); });
+    } catch (const app::Failure& failure) {
+      outcome.code = failure.code();
+      outcome.fault = failure.what();
+    } catch (const std::exception& error) {
+      outcome.code = app::ExitCode::protocol_violated;
+      outcome.fault = std::string("internal error: ") + error.what();
+    }
+    outcome.statistics = session.statistics();
+  });
+}
+
+void FourThreads::wait() {
+  for (std::thread& thread : threads_) {
+    if (thread.joinable()) thread.join();
+  }
+}
+
+RunResult FourThreads::finish() {
+  RunResult result;
+  for (const Role role : all_roles) {
+    if (!threads_.at(static_cast<std::size_t>(role)).joinable()) start(role);
+  }
+  wait();
+  for (const Role role : all_roles) {
+    result.of[role] = outcomes_.at(static_cast<std::size_t>(role));
+  }
+  std::ifstream log(log_path(), std::ios::binary);
+  result.log = {std::istreambuf_iterator<char>(log), {}};
+  return result;
+}
+
+app::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides) {
+  return app::load_scenario(
+      std::filesystem::path(TACHLESS_SOURCE_DIR) / "scenarios" / (name + ".yaml"), overrides);
+}
+
+RunResult run(const app::Scenario& scenario, const bus::NetworkFaults& faults) {
+  return FourThreads(scenario, faults).finish();
+}
+
+}  // namespace process_test
