@@ -72,17 +72,60 @@ class UrdfdomMessages : public console_bridge::OutputHandler {
   console_bridge::LogLevel level_;
 };
 
-/// What urdfdom does not tell: the order of the joints in the file, and where it stays silent.
+/// What urdfdom does not tell: the order of the joints in the file.
 struct Outline {
   std::map<std::string, int> joint_order;
+};
+
+/// Refuses joints that close a chain, before urdfdom sees them: it accepts some, and its links own
+/// each other, so that a cycle would never be freed.
+class TreeCheck {
+ public:
+  explicit TreeCheck(const std::string& source) : source_(source) {}
+
+  void add(const std::string& joint, const std::string& parent, const std::string& child) {
+    const auto [above, fresh] = above_.emplace(child, Above{joint, parent});
+    if (!fresh) {
+      (Complaint(source_) << "link '" << child << "' is the child of two joints, '"
+                          << above->second.joint << "' and '" << joint
+                          << "': closed chains are not supported; cut one")
+          .raise();
+    }
+  }
+
+  /// Walks from every link towards the root, each link once.
+  void finish() const {
+    std::set<std::string> leads_to_root;
+    for (const auto& [start, unused] : above_) {
+      std::set<std::string> walked;
+      for (auto at = above_.find(start); at != above_.end() && leads_to_root.count(at->first) == 0;
+           at = above_.find(at->second.parent)) {
+        if (!walked.insert(at->first).second) {
+          (Complaint(source_) << "joint '" << at->second.joint << "' hangs link '" << at->first
+                              << "' on its own descendant; hang it on a link nearer the root")
+              .raise();
+        }
+      }
+      leads_to_root.merge(walked);
+    }
+  }
+
+ private:
+  struct Above {
+    std::string joint, parent;
+  };
+  std::string source_;
+  std::map<std::string, Above> above_;  ///< by child link
 };
 
 Outline outline_of(const std::string& text, const std::string& source) {
   TiXmlDocument document;
   document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
   if (document.Error()) {
-    (Complaint(source) << "line " << document.ErrorRow()
-                       << ": malformed XML: " << document.ErrorDesc() << "; correct the file's XML")
+    std::string why = document.ErrorDesc();
+    if (!why.empty() && why.back() == '.') why.pop_back();
+    (Complaint(source) << "line " << document.ErrorRow() << ": malformed XML: " << why
+                       << "; correct the file's XML")
         .raise();
   }
   const TiXmlElement* robot = document.FirstChildElement("robot");
@@ -90,6 +133,7 @@ Outline outline_of(const std::string& text, const std::string& source) {
     (Complaint(source) << "no <robot> element; give a URDF file").raise();
   }
   Outline outline;
+  TreeCheck tree(source);
   std::set<std::string> links;
   for (const TiXmlElement* e = robot->FirstChildElement(); e != nullptr;
        e = e->NextSiblingElement()) {
@@ -111,7 +155,15 @@ Outline outline_of(const std::string& text, const std::string& source) {
                          << "' is defined twice; rename one")
           .raise();
     }
+    if (!is_joint) continue;
+    const TiXmlElement* parent = e->FirstChildElement("parent");
+    const TiXmlElement* child = e->FirstChildElement("child");
+    const char* parent_link = parent != nullptr ? parent->Attribute("link") : nullptr;
+    const char* child_link = child != nullptr ? child->Attribute("link") : nullptr;
+    // urdfdom says which joint lacks one.
+    if (parent_link != nullptr && child_link != nullptr) tree.add(name, parent_link, child_link);
   }
+  tree.finish();
   return outline;
 }
 
@@ -145,7 +197,7 @@ class Loader {
   }
 
   Model load() {
-    check_tree();
+    sort_joints();
     check_joints();
     walk();
     name_coordinates();
@@ -180,21 +232,8 @@ class Loader {
     return found == below_.end() ? std::vector<const urdf::Joint*>{} : found->second;
   }
 
-  void check_tree() {
-    std::map<std::string, std::string> joint_above;
+  void sort_joints() {
     for (const auto& [name, joint] : urdf_->joints_) {
-      for (const std::string& link : {joint->parent_link_name, joint->child_link_name}) {
-        if (!urdf_->getLink(link)) {
-          complaint() << "joint '" << name << "': there is no link '" << link
-                      << "'; define it or correct the name" << Raise{};
-        }
-      }
-      const auto [above, fresh] = joint_above.emplace(joint->child_link_name, name);
-      if (!fresh) {
-        complaint() << "link '" << joint->child_link_name << "' is the child of two joints, '"
-                    << above->second << "' and '" << name
-                    << "': closed chains are not supported; cut one" << Raise{};
-      }
       below_[joint->parent_link_name].push_back(joint.get());
     }
     for (auto& [link, joints] : below_) {
@@ -351,12 +390,6 @@ class Loader {
       }
       add_link(joint.child_link_name, frame);
       push_below(joint.child_link_name);
-    }
-    for (const auto& [name, link] : urdf_->links_) {
-      if (model_.frames.count(name) == 0) {
-        complaint() << "link '" << name << "' is not connected to the root link '" << root
-                    << "'; hang it on the tree by a joint" << Raise{};
-      }
     }
     if (model_.num_joints == 0) {
       complaint() << "no joint moves; a robot needs at least one" << Raise{};

@@ -251,11 +251,15 @@ const std::vector<Wrong>& wrong_arms() {
        "</robot>",
        "<joint name=\"loop\" type=\"fixed\"><parent link=\"tool\"/><child "
        "link=\"base\"/></joint></robot>",
-       {"root"}},
+       {"on its own descendant"}},
       {"CycleBesideTheRoot",
        "parent link=\"base\"",
        "parent link=\"tool\"",
-       {"is not connected to the root link 'base'"}},
+       {"hangs link 'lower' on its own descendant"}},
+      {"JointOnItsOwnChild",
+       "parent link=\"lower\"",
+       "parent link=\"tool\"",
+       {"joint 'mount' hangs link 'tool' on its own descendant"}},
       {"TwoParents",
        "</robot>",
        "<joint name=\"loop\" type=\"fixed\"><parent link=\"base\"/><child "
@@ -266,7 +270,7 @@ const std::vector<Wrong>& wrong_arms() {
        "<link name=\"x\"/><link name=\"y\"/>"
        "<joint name=\"xy\" type=\"fixed\"><parent link=\"x\"/><child link=\"y\"/></joint>"
        "<joint name=\"yx\" type=\"fixed\"><parent link=\"y\"/><child link=\"x\"/></joint></robot>",
-       {"link 'x' is not connected to the root link 'base'"}},
+       {"joint 'yx' hangs link 'x' on its own descendant"}},
       {"Floating",
        "type=\"continuous\"",
        "type=\"floating\"",
