@@ -85,8 +85,7 @@ nlohmann::ordered_json summarise(const RunFacts& facts, const Tracking& tracking
   summary["missed_deadlines"] =
       plant != nullptr ? plant->value("missed_deadlines", std::int64_t{0}) : 0;
   summary["longest_miss"] = plant != nullptr ? plant->value("longest_miss", std::int64_t{0}) : 0;
-  summary["log"] = {
-      {"path", facts.log_path}, {"ticks", tracking.num_ticks()}, {"gaps", facts.log_gaps}};
+  summary["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
   summary["fault"] = facts.fault ? nlohmann::json(*facts.fault) : nlohmann::json();
   return summary;
 }

@@ -19,6 +19,7 @@ struct RunFacts {
   double period_s = 0;
   double wall_s = 0;  ///< of the launcher; the plant's own figure is preferred
   std::string log_path;
+  std::int64_t log_ticks = 0;
   std::int64_t log_gaps = 0;
   std::optional<std::string> fault;
 };
@@ -28,8 +29,7 @@ struct RunFacts {
 nlohmann::ordered_json summarise(const RunFacts& facts, const Tracking& tracking,
                                  const std::vector<nlohmann::json>& counters);
 
-/// The closing table: per joint error and torque, then how the run went. `files` are lines like
-/// "log      out/paper_rigid/lcmlog".
+/// The closing table: per joint error and torque, then how the run went.
 std::string closing_table(const nlohmann::ordered_json& summary,
                           const std::vector<std::string>& length_units,
                           const std::vector<std::string>& effort_units);

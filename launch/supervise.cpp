@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <csignal>
 #include <cstring>
 #include <system_error>
 #include <utility>
@@ -44,6 +45,10 @@ class Descriptor {
   int fd_;
 };
 
+// Signals that end a run and were delivered while `Watch::on_wake` let them through.
+volatile std::sig_atomic_t delivered = 0;
+void count_delivery(int /*signal*/) { delivered = delivered + 1; }
+
 /// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
 class Signals {
  public:
@@ -51,20 +56,28 @@ class Signals {
     sigset_t set;
     sigemptyset(&set);
     for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) sigaddset(&set, signal);
-    if (sigprocmask(SIG_BLOCK, &set, &before_) != 0) fail("sigprocmask");
+    if (sigprocmask(SIG_BLOCK, &set, &mask_before_) != 0) fail("sigprocmask");
+    delivered = 0;
+    struct sigaction count {};
+    count.sa_handler = count_delivery;
+    for (std::size_t i = 0; i < ending.size(); ++i) sigaction(ending[i], &count, &before_[i]);
     fd_ = Descriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
     if (fd_.get() < 0) fail("signalfd");
   }
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;
-  ~Signals() { sigprocmask(SIG_SETMASK, &before_, nullptr); }
+  ~Signals() {
+    for (std::size_t i = 0; i < ending.size(); ++i) sigaction(ending[i], &before_[i], nullptr);
+    sigprocmask(SIG_SETMASK, &mask_before_, nullptr);
+  }
 
   [[nodiscard]] int fd() const { return fd_.get(); }
-  [[nodiscard]] const sigset_t& before() const { return before_; }
+  [[nodiscard]] const sigset_t& mask_before() const { return mask_before_; }
 
   /// How many signals that end a run have come since the last call.
   int take_interrupts() {
-    int count = 0;
+    int count = delivered;
+    delivered = 0;
     signalfd_siginfo info;
     while (::read(fd_.get(), &info, sizeof info) == sizeof info) {
       if (info.ssi_signo != SIGCHLD) ++count;
@@ -73,7 +86,10 @@ class Signals {
   }
 
  private:
-  sigset_t before_{};
+  static constexpr std::array ending = {SIGINT, SIGTERM, SIGHUP};
+
+  sigset_t mask_before_{};
+  std::array<struct sigaction, ending.size()> before_{};
   Descriptor fd_;
 };
 
@@ -109,7 +125,7 @@ Child start(const Process& process, const Signals& signals) {
     if (getppid() == parent && null >= 0 && dup2(null, STDIN_FILENO) >= 0 &&
         dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
         dup2(output_write.get(), STDERR_FILENO) >= 0 &&
-        sigprocmask(SIG_SETMASK, &signals.before(), nullptr) == 0) {
+        sigprocmask(SIG_SETMASK, &signals.mask_before(), nullptr) == 0) {
       execv(argv[0], argv.data());
     }
     const int error = errno;
@@ -172,7 +188,6 @@ class Run {
   void wait() {
     std::vector<pollfd> fds;
     fds.push_back({signals_.fd(), POLLIN, 0});
-    if (watch_.fd >= 0) fds.push_back({watch_.fd, POLLIN, 0});
     for (const Child& child : children_) {
       if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
     }

@@ -32,8 +32,7 @@ struct ProcessEnd {
 
 struct Watch {
   std::function<void(std::string_view name, std::string_view line)> on_line;
-  std::function<void()> on_wake;  ///< called at least every 50 ms, and at once when `fd` has input
-  int fd = -1;                    ///< -1: none
+  std::function<void()> on_wake;             ///< called at least every 50 ms
   std::chrono::milliseconds grace{300};      ///< from the first failure to SIGTERM for the others
   std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL
   std::chrono::milliseconds interrupt_grace{3000};  ///< from the forwarded SIGINT to SIGTERM

@@ -30,5 +30,9 @@ check() {
 export -f check
 export source_dir build_dir passed dependencies
 
-find robot bus app plant reference controller logger study launch -name '*.cpp' -print0 |
+rooms=()
+for room in robot bus app plant reference controller logger study launch; do
+  [[ -d $room ]] && rooms+=("$room")
+done
+find "${rooms[@]}" -name '*.cpp' -print0 |
   xargs -0 -n 1 -P 2 bash -c 'set -euo pipefail; check "$1"' bash

@@ -1,0 +1,222 @@
+#include "launch/checkup.h"
+
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <system_error>
+
+#include "app/process_options.h"
+#include "bus/isolate.h"
+#include "bus/network_check.h"
+#include "bus/udp_transport.h"
+
+namespace launch {
+namespace {
+
+constexpr std::chrono::milliseconds listening_time{300};
+// The logger's worst burst: 1000 messages of a 64-joint robot, with the kernel's overhead.
+constexpr long useful_receive_buffer_bytes = 2 << 20;
+// A process of ours with its libraries, locked in memory.
+constexpr std::size_t locked_memory_bytes = std::size_t{256} << 20;
+constexpr std::uintmax_t useful_disk_bytes = std::uintmax_t{1} << 30;
+
+std::string human_bytes(double bytes) {
+  static constexpr std::array units = {"B", "KiB", "MiB", "GiB", "TiB"};
+  std::size_t unit = 0;
+  while (bytes >= 1024 && unit + 1 < units.size()) {
+    bytes /= 1024;
+    ++unit;
+  }
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g %s", bytes, units[unit]);
+  return text;
+}
+
+Finding check_bus(const bus::LcmUrl& url) {
+  if (const auto problem = bus::check_network(url)) {
+    return {"multicast", false, problem->what, problem->remedy};
+  }
+  const auto route = bus::multicast_route(url);
+  return {"multicast",
+          true,
+          "messages to " + url.text() + " arrive" +
+              (route ? ", by way of " + route->interface : std::string()),
+          {}};
+}
+
+Finding check_ttl(const bus::LcmUrl& url) {
+  if (url.ttl == 0) return {"ttl", true, "0: messages stay on this host", {}};
+  const bool neighbours = url.ttl == 1;
+  Finding finding{"ttl",
+                  neighbours,
+                  std::to_string(url.ttl) + (neighbours ? ": messages reach the local network"
+                                                        : ": messages are routed on"),
+                  {}};
+  if (!neighbours)
+    finding.remedy = "export LCM_DEFAULT_URL='" + [&] {
+      bus::LcmUrl local = url;
+      local.ttl = 1;
+      return local.text();
+    }() + "'";
+  return finding;
+}
+
+Finding check_other_publishers(const bus::LcmUrl& url) {
+  bus::UdpTransport transport(url);
+  transport.subscribe_all();
+  std::map<std::string, std::string> senders;
+  const bus::Clock::time_point until = bus::Clock::now() + listening_time;
+  while (bus::Clock::now() < until) {
+    const auto datagram = transport.receive(until);
+    if (datagram && senders.size() < 8) {
+      senders.emplace(std::string(datagram->channel), std::string(datagram->sender));
+    }
+  }
+  if (senders.empty()) return {"other publishers", true, "nobody else is on the bus", {}};
+  std::string list;
+  for (const auto& [channel, sender] : senders) {
+    list += (list.empty() ? "" : ", ") + channel + " from " + sender;
+  }
+  bus::LcmUrl other = url;
+  other.port = static_cast<std::uint16_t>(url.port == 65535 ? url.port - 1 : url.port + 1);
+  return {"other publishers", false, list,
+          "export LCM_DEFAULT_URL='" + other.text() + "' (another bus), or run with --isolate"};
+}
+
+/// What `attempt` does to a process, it does to a child here.
+bool works_in_a_child(bool (*attempt)()) {
+  const pid_t pid = fork();
+  if (pid == 0) _exit(attempt() ? 0 : 1);
+  int status = 1;
+  if (pid > 0) waitpid(pid, &status, 0);
+  return pid > 0 && status == 0;
+}
+
+Finding check_private_network() {
+  const bool works = works_in_a_child([] {
+    try {
+      bus::enter_private_network();
+      return true;
+    } catch (const std::exception&) {
+      return false;
+    }
+  });
+  if (works) return {"private network", true, "available (--isolate, test)", {}};
+  return {"private network", false, "refused by the kernel; --isolate and test need it",
+          "sudo sysctl -w kernel.unprivileged_userns_clone=1 user.max_user_namespaces=1000"};
+}
+
+Finding check_real_time() {
+  const bool works = works_in_a_child([] {
+    const sched_param priority{1};
+    return sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
+  });
+  if (works) return {"real-time priority", true, "SCHED_FIFO is permitted", {}};
+  return {"real-time priority", false, "SCHED_FIFO is not permitted; only --mode realtime wants it",
+          "echo \"$USER - rtprio 80\" | sudo tee /etc/security/limits.d/tachless-rtprio.conf, "
+          "then log in again"};
+}
+
+Finding check_locked_memory() {
+  const bool works = works_in_a_child([] {
+    void* memory = mmap(nullptr, locked_memory_bytes, PROT_READ | PROT_WRITE,
+                        MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+    // MLOCK_ONFAULT asks for the right without filling the memory.
+    return memory != MAP_FAILED && mlock2(memory, locked_memory_bytes, MLOCK_ONFAULT) == 0;
+  });
+  if (works) return {"locked memory", true, "permitted", {}};
+  return {"locked memory", false,
+          "less than " + human_bytes(locked_memory_bytes) +
+              " is permitted; only --mode realtime wants it",
+          "echo \"$USER - memlock unlimited\" | sudo tee "
+          "/etc/security/limits.d/tachless-memlock.conf, then log in again"};
+}
+
+Finding check_clock() {
+  std::ifstream file("/sys/devices/system/clocksource/clocksource0/current_clocksource");
+  std::string source;
+  file >> source;
+  return judge_clock_source(source);
+}
+
+Finding check_gnuplot() {
+  std::istringstream path(std::getenv("PATH") == nullptr ? "" : std::getenv("PATH"));
+  for (std::string directory; std::getline(path, directory, ':');) {
+    if (access((directory + "/gnuplot").c_str(), X_OK) == 0) {
+      return {"gnuplot", true, directory + "/gnuplot", {}};
+    }
+  }
+  return {"gnuplot", false, "not found; figures need it", "sudo apt-get install gnuplot-nox"};
+}
+
+}  // namespace
+
+Finding judge_receive_buffer(long rmem_max_bytes) {
+  Finding finding{"receive buffer",
+                  rmem_max_bytes >= useful_receive_buffer_bytes,
+                  "net.core.rmem_max allows " + human_bytes(static_cast<double>(rmem_max_bytes)),
+                  {}};
+  if (!finding.ok) {
+    finding.what += ", less than bursts want";
+    finding.remedy =
+        "sudo sysctl -w net.core.rmem_max=" + std::to_string(useful_receive_buffer_bytes);
+  }
+  return finding;
+}
+
+Finding judge_clock_source(const std::string& source) {
+  for (const char* slow : {"hpet", "acpi_pm", "jiffies"}) {
+    if (source != slow) continue;
+    return {"clock source", false, source + " is slow to read",
+            "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource"};
+  }
+  if (source.empty()) return {"clock source", true, "the kernel does not tell", {}};
+  return {"clock source", true, source, {}};
+}
+
+Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory) {
+  Finding finding{"disk",
+                  free_bytes >= useful_disk_bytes,
+                  human_bytes(static_cast<double>(free_bytes)) + " free in " +
+                      std::filesystem::absolute(directory).lexically_normal().string(),
+                  {}};
+  if (!finding.ok) finding.remedy = "run with --out DIR on a disk with more room";
+  return finding;
+}
+
+std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem::path& directory) {
+  std::vector<Finding> findings;
+  bus::LcmUrl url;
+  try {
+    url = bus::parse_lcm_url(lcm_url);
+  } catch (const std::invalid_argument& error) {
+    findings.push_back({"multicast", false, error.what(),
+                        std::string("export LCM_DEFAULT_URL='") + app::default_lcm_url + "'"});
+  }
+  if (findings.empty()) {
+    findings.push_back(check_bus(url));
+    const bool usable = findings.back().ok;
+    findings.push_back(check_ttl(url));
+    if (usable) findings.push_back(check_other_publishers(url));
+  }
+  findings.push_back(judge_receive_buffer(bus::receive_buffer_limit_bytes()));
+  findings.push_back(check_private_network());
+  findings.push_back(check_real_time());
+  findings.push_back(check_locked_memory());
+  findings.push_back(check_clock());
+  findings.push_back(judge_disk(std::filesystem::space(directory).available, directory));
+  findings.push_back(check_gnuplot());
+  return findings;
+}
+
+}  // namespace launch

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace launch {
+
+/// One line of `doctor`.
+struct Finding {
+  std::string subject;  ///< "multicast", "receive buffer", …
+  bool ok = false;
+  std::string what;                   ///< what was found
+  std::optional<std::string> remedy;  ///< what to type; only when not ok
+};
+
+/// Looks at everything that a run of this machine on the bus `lcm_url` needs or would like: the
+/// bus, its buffers and who else is on it, private networks, real-time rights, clock, disk space
+/// of `directory`, programs. Takes about a second, changes nothing.
+std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem::path& directory);
+
+/// The judgement on single figures.
+Finding judge_receive_buffer(long rmem_max_bytes);
+Finding judge_clock_source(const std::string& source);
+Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory);
+
+}  // namespace launch

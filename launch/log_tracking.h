@@ -1,0 +1,13 @@
+#pragma once
+
+#include "launch/tracking.h"
+#include "logger/run_log.h"
+
+namespace launch {
+
+/// Gathers what a log tells of tracking. Link angles are the plant's true ones where the log has
+/// them, the measured ones elsewhere; a tick that lacks angle, reference or torque is left out.
+/// Reads `log` to its end, so that its summary is final.
+Tracking track(logger::RunLog& log);
+
+}  // namespace launch

@@ -1,0 +1,70 @@
+#include <algorithm>
+#include <cstdio>
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "app/process_options.h"
+#include "launch/checkup.h"
+#include "launch/verb.h"
+
+namespace launch::verb {
+namespace {
+
+struct Options {
+  std::string lcm_url = app::default_lcm_url;
+  bool json = false;
+};
+
+void print(const std::vector<Finding>& findings) {
+  for (const Finding& finding : findings) {
+    char head[64];
+    std::snprintf(head, sizeof head, "%-4s %-20s", finding.ok ? "ok" : "--",
+                  finding.subject.c_str());
+    std::cout << head << finding.what << "\n";
+    if (finding.remedy) std::cout << "     type: " << *finding.remedy << "\n";
+  }
+}
+
+void print_json(const std::vector<Finding>& findings) {
+  auto list = nlohmann::ordered_json::array();
+  for (const Finding& finding : findings) {
+    list.push_back({{"subject", finding.subject},
+                    {"ok", finding.ok},
+                    {"what", finding.what},
+                    {"remedy", finding.remedy ? nlohmann::ordered_json(*finding.remedy)
+                                              : nlohmann::ordered_json()}});
+  }
+  std::cout << list.dump(2) << "\n";
+}
+
+Verb::Action declare(CLI::App& command) {
+  auto options = std::make_shared<Options>();
+  command.add_option("--lcm-url", options->lcm_url, "The bus")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  command.add_flag("--json", options->json, "As JSON");
+  return [options] {
+    const std::vector<Finding> findings = check_up(options->lcm_url, ".");
+    if (options->json) {
+      print_json(findings);
+    } else {
+      print(findings);
+    }
+    const bool well = std::all_of(findings.begin(), findings.end(),
+                                  [](const Finding& finding) { return finding.ok; });
+    return well ? app::ExitCode::done : app::ExitCode::check_said_no;
+  };
+}
+
+}  // namespace
+
+extern const Verb doctor;
+const Verb doctor = {"doctor", "Is this machine fit? Each line says ok, or what to type",
+                     "  tachless doctor\n"
+                     "  tachless doctor --json\n"
+                     "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
+                     "Exit code 0 when all is well, 1 when a line says what to type.",
+                     declare};
+
+}  // namespace launch::verb

@@ -1,0 +1,387 @@
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <system_error>
+
+#include "app/logging.h"
+#include "app/process_options.h"
+#include "app/scenario.h"
+#include "bus/isolate.h"
+#include "bus/network_check.h"
+#include "bus/udp_transport.h"
+#include "bus/wire.h"
+#include "controller/catalogue.h"
+#include "launch/figure.h"
+#include "launch/log_tracking.h"
+#include "launch/progress.h"
+#include "launch/summary.h"
+#include "launch/supervise.h"
+#include "launch/verb.h"
+#include "plant/plant_model.h"
+#include "reference/make_trajectory.h"
+
+namespace launch::verb {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg"};
+constexpr std::array roles = {bus::Role::logger, bus::Role::controller, bus::Role::reference,
+                              bus::Role::plant};
+// Processes of one launcher meet at once or never.
+constexpr const char* rendezvous_s = "10";
+constexpr double many_integrator_steps = 100;
+
+struct Options {
+  fs::path scenario;
+  fs::path out;
+  std::int64_t run_id = 0;
+  std::vector<std::string> overrides;
+  std::string mode;
+  std::string duration_s;
+  std::string lcm_url = app::default_lcm_url;
+  bool isolate = false;
+  bool quiet = false;
+  bool json = false;
+
+  [[nodiscard]] std::vector<std::string> all_overrides() const {
+    std::vector<std::string> all = overrides;
+    if (!mode.empty()) all.push_back("loop.mode=" + mode);
+    if (!duration_s.empty()) all.push_back("loop.duration_s=" + duration_s);
+    return all;
+  }
+};
+
+/// Everything that a process would refuse later is refused here, before any is started.
+robot::Model validate(const app::Scenario& scenario) {
+  reference::make_trajectory(scenario);
+  controller::with_law(scenario, [](const auto& /*law*/) {});
+  robot::Model model = plant::plant_model(scenario);
+  plant::initial_state(scenario, model);
+  plant::make_drive(scenario, model);
+  return model;
+}
+
+bool isolation_wanted(const Options& options) {
+  const char* variable = std::getenv("TACHLESS_ISOLATE");
+  const std::string value = variable == nullptr ? "" : variable;
+  return options.isolate || !(value.empty() || value == "0");
+}
+
+void isolate() {
+  try {
+    bus::enter_private_network();
+  } catch (const std::system_error& error) {
+    throw app::Failure(app::ExitCode::bad_usage,
+                       std::string("cannot isolate the run: ") + error.what());
+  }
+}
+
+void prepare_network(const Options& options) {
+  bus::LcmUrl url;
+  try {
+    url = bus::parse_lcm_url(options.lcm_url);
+  } catch (const std::invalid_argument& error) {
+    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
+  }
+  if (isolation_wanted(options)) {
+    isolate();
+  } else if (const auto problem = bus::check_network(url)) {
+    app::log_warning(
+        "this host has no usable multicast (" + problem->what +
+        "): the run is isolated in a private network; to mend it, type: " + problem->remedy);
+    isolate();
+  }
+}
+
+/// The run's directory, empty of our files and held against a second run until destruction.
+class Directory {
+ public:
+  explicit Directory(fs::path path) : path_(std::move(path)) {
+    std::error_code error;
+    fs::create_directories(path_, error);
+    if (error || !fs::is_directory(path_)) {
+      refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
+    }
+    fd_ = ::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (fd_ < 0) refuse(std::string("cannot be opened: ") + std::strerror(errno));
+    if (flock(fd_, LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
+    if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
+    for (const char* file : our_files) {
+      if (!fs::remove(path_ / file, error) && error) {
+        refuse(std::string(file) + " there cannot be replaced: " + error.message());
+      }
+    }
+  }
+  Directory(const Directory&) = delete;
+  Directory& operator=(const Directory&) = delete;
+  ~Directory() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+
+  [[nodiscard]] const fs::path& path() const { return path_; }
+  [[nodiscard]] fs::path operator/(const std::string& file) const { return path_ / file; }
+
+ private:
+  [[noreturn]] void refuse(const std::string& why) {
+    if (fd_ >= 0) ::close(fd_);
+    throw app::Failure(app::ExitCode::bad_usage,
+                       "--out " + path_.string() + ": " + why + "; choose another directory");
+  }
+
+  fs::path path_;
+  int fd_ = -1;
+};
+
+fs::path counters_path(const Directory& out, bus::Role role) {
+  return out / ("." + std::string(bus::name(role)) + ".json");
+}
+
+std::vector<Process> processes(const Options& options, const Directory& out) {
+  const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
+  std::vector<Process> all;
+  for (const bus::Role role : roles) {
+    std::vector<std::string> command = {(programs / app::program_name(role)).string(),
+                                        options.scenario.string(),
+                                        "--quiet",
+                                        "--lcm-url",
+                                        options.lcm_url,
+                                        "--wait-s",
+                                        rendezvous_s,
+                                        "--stats",
+                                        counters_path(out, role).string()};
+    for (const std::string& value : options.all_overrides()) {
+      command.push_back("--set");
+      command.push_back(value);
+    }
+    if (role == bus::Role::plant) {
+      command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
+    }
+    if (role == bus::Role::logger) {
+      command.insert(command.end(), {"--out-log", (out / "lcmlog").string()});
+    }
+    all.push_back({std::string(bus::name(role)), std::move(command)});
+  }
+  return all;
+}
+
+/// Reads the controller's heartbeats. Only listens.
+class Heartbeats {
+ public:
+  Heartbeats(const std::string& lcm_url, const app::Scenario& scenario, std::int64_t run)
+      : transport_(lcm_url),
+        codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
+        run_(run) {
+    transport_.subscribe(bus::channel<bus::Participant>(scenario.robot.channel_prefix));
+  }
+
+  void read_into(Progress& progress) {
+    while (const auto datagram = transport_.receive(bus::Clock::time_point::min())) {
+      bus::Stamp stamp;
+      bus::Participant participant;
+      if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
+          stamp.run == run_ && participant.role == bus::Role::controller) {
+        progress.note(stamp.tick, participant.error_norm, Clock::now());
+      }
+    }
+  }
+
+ private:
+  bus::UdpTransport transport_;
+  bus::Codec<bus::Participant> codec_;
+  std::int64_t run_;
+};
+
+/// The line on stderr that says how far the run is, and other lines between.
+class Screen {
+ public:
+  explicit Screen(bool quiet) : quiet_(quiet) {}
+
+  void show(const Progress& progress) {
+    const Clock::time_point now = Clock::now();
+    if (quiet_ || now < next_) return;
+    if (terminal_) {
+      std::cerr << "\r\033[K" << progress.line() << std::flush;
+      shown_ = true;
+      next_ = now + std::chrono::milliseconds(100);
+    } else {
+      if (next_ != Clock::time_point{}) std::cerr << progress.line() + "\n" << std::flush;
+      next_ = now + std::chrono::seconds(5);
+    }
+  }
+
+  void clear() {
+    if (std::exchange(shown_, false)) std::cerr << "\r\033[K" << std::flush;
+  }
+
+  void pass_on(std::string_view name, std::string_view line) {
+    clear();
+    const std::string prefix = line.starts_with("tachless-") ? "" : std::string(name) + ": ";
+    std::cerr << prefix + std::string(line) + "\n" << std::flush;
+  }
+
+ private:
+  bool quiet_;
+  bool terminal_ = isatty(STDERR_FILENO) == 1;
+  bool shown_ = false;
+  Clock::time_point next_{};
+};
+
+std::vector<nlohmann::json> take_counters(const Directory& out) {
+  std::vector<nlohmann::json> counters;
+  for (const bus::Role role : roles) {
+    const fs::path path = counters_path(out, role);
+    std::ifstream file(path);
+    nlohmann::json counter = nlohmann::json::parse(file, nullptr, false);
+    if (counter.is_object()) counters.push_back(std::move(counter));
+    std::error_code ignored;
+    fs::remove(path, ignored);
+  }
+  return counters;
+}
+
+std::optional<std::string> fault_of(const Supervision& supervision) {
+  if (supervision.interrupted) return "interrupted";
+  if (supervision.culprit) return describe(supervision.ends[*supervision.culprit]);
+  return {};
+}
+
+std::vector<std::string> units(const robot::Model& model, const char* revolute,
+                               const char* prismatic) {
+  std::vector<std::string> all;
+  for (const robot::JointType type : model.joint_types) {
+    all.emplace_back(type == robot::JointType::revolute ? revolute : prismatic);
+  }
+  return all;
+}
+
+app::ExitCode run_scenario(Options options) {
+  const app::Scenario scenario = app::load_scenario(options.scenario, options.all_overrides());
+  const robot::Model model = validate(scenario);
+  const double steps = plant::integrator_steps_per_tick(scenario, model);
+  if (steps > many_integrator_steps && !options.quiet) {
+    app::log_warning("the joints are stiff for this period: about " +
+                     std::to_string(std::llround(steps)) +
+                     " integrator steps a tick; expect a slow run");
+  }
+  const Directory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
+  prepare_network(options);
+  if (options.run_id == 0) {
+    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
+  }
+
+  Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
+  Heartbeats heartbeats(options.lcm_url, scenario, options.run_id);
+  Screen screen(options.quiet);
+  Watch watch;
+  watch.on_line = [&](std::string_view name, std::string_view line) { screen.pass_on(name, line); };
+  watch.on_wake = [&] {
+    heartbeats.read_into(progress);
+    screen.show(progress);
+  };
+  const Clock::time_point begun = Clock::now();
+  const Supervision supervision = supervise(processes(options, out), watch);
+  screen.clear();
+
+  RunFacts facts;
+  facts.scenario = scenario.name;
+  facts.run_id = options.run_id;
+  facts.mode = scenario.loop.mode == app::Mode::lockstep ? "lockstep" : "realtime";
+  facts.law = scenario.controller.law;
+  facts.period_s = scenario.loop.period_s;
+  facts.wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  facts.log_path = (out / "lcmlog").string();
+  facts.fault = fault_of(supervision);
+  if (facts.fault) app::log_error(*facts.fault);
+
+  Tracking tracking(scenario.num_joints);
+  try {
+    logger::RunLog log = logger::RunLog::open(facts.log_path, options.run_id);
+    tracking = track(log);
+    facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
+    facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
+  } catch (const app::Failure& failure) {
+    app::log_warning(failure.what());
+  }
+
+  const nlohmann::ordered_json summary = summarise(facts, tracking, take_counters(out));
+  const fs::path summary_path = out / "summary.json";
+  if (!(std::ofstream(summary_path) << summary.dump(2) << "\n")) {
+    app::log_warning("cannot write " + summary_path.string() + ": " + std::strerror(errno));
+  }
+  FigureFacts figure{scenario.name + ": " + facts.law + ", h = " + short_period(facts.period_s),
+                     facts.period_s, units(model, "rad", "m"), units(model, "N m", "N")};
+  const fs::path figure_path = out / "tracking.svg";
+  if (tracking.num_ticks() > 0) {
+    try {
+      draw(tracking_figure(tracking, figure, figure_path), figure_path);
+    } catch (const app::Failure& failure) {
+      app::log_warning(failure.what());
+    }
+  }
+
+  if (options.json) {
+    std::cout << summary.dump(2) << "\n";
+  } else if (!options.quiet) {
+    std::cout << "\n"
+              << figure.title << "\n\n"
+              << closing_table(summary, figure.length_units, figure.effort_units) << "\n";
+    for (const char* file : our_files) {
+      if (fs::exists(out / file)) std::cout << "  " << (out / file).string() << "\n";
+    }
+  }
+  return exit_code(supervision);
+}
+
+Verb::Action declare(CLI::App& command) {
+  auto options = std::make_shared<Options>();
+  command.add_option("SCENARIO", options->scenario, "The experiment, a YAML file")->required();
+  command.add_option("--out", options->out,
+                     "Where log, summary and figure go; default: out/<the scenario's name>. "
+                     "Files of an earlier run are replaced");
+  command
+      .add_option("--run-id", options->run_id,
+                  "Positive number in every message of the run; default: the time")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  command
+      .add_option("--set", options->overrides,
+                  "key.path=value, in place of the scenario's value; may be repeated")
+      ->allow_extra_args(false);
+  command
+      .add_option("--mode", options->mode,
+                  "lockstep: simulation time, as fast as it goes; realtime: the wall clock")
+      ->check(CLI::IsMember({"lockstep", "realtime"}));
+  command.add_option("--duration", options->duration_s, "Length of the run [s]");
+  command.add_option("--lcm-url", options->lcm_url, "The bus")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  command.add_flag("--isolate", options->isolate,
+                   "Run in a private network namespace; also TACHLESS_ISOLATE=1");
+  command.add_flag("-q,--quiet", options->quiet, "No progress and no table");
+  command.add_flag("--json", options->json, "The summary on stdout, instead of the table");
+  return [options] { return run_scenario(*options); };
+}
+
+}  // namespace
+
+extern const Verb run;
+const Verb run = {
+    "run", "Run an experiment: four processes, a log, a summary, a figure",
+    "  tachless run scenarios/paper_rigid.yaml\n"
+    "  tachless run scenarios/paper_rigid.yaml --duration 0.5 --set 'controller.gains.kp=[400, "
+    "300]'\n"
+    "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate",
+    declare};
+
+}  // namespace launch::verb

@@ -1,0 +1,56 @@
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "launch/verb.h"
+
+namespace launch::verb {
+namespace {
+
+struct Options {
+  std::string preset;
+  std::string label;
+  std::vector<std::string> patterns;
+};
+
+// Building and testing need the source tree, so the script at its root does them.
+app::ExitCode hand_over(const Options& options) {
+  std::vector<std::string> words = {TACHLESS_SOURCE_DIR "/tachless", "test"};
+  if (!options.preset.empty()) words.push_back("--preset=" + options.preset);
+  if (!options.label.empty()) words.push_back("--label=" + options.label);
+  words.insert(words.end(), options.patterns.begin(), options.patterns.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  execv(argv[0], argv.data());
+  throw app::Failure(app::ExitCode::bad_usage, "cannot start " + words.front() + ": " +
+                                                   std::strerror(errno) +
+                                                   "; run `./tachless test` in the source tree");
+}
+
+Verb::Action declare(CLI::App& command) {
+  auto options = std::make_shared<Options>();
+  command.add_option("PATTERN", options->patterns,
+                     "Regular expressions: only tests whose name matches one of them");
+  command.add_option("--preset", options->preset, "Which build to test; default: release")
+      ->check(CLI::IsMember({"release", "dev", "asan-ubsan", "tsan"}));
+  command.add_option("--label", options->label,
+                     "Only tests with this label: a room (bus, launch, …), style, process");
+  return [options] { return hand_over(*options); };
+}
+
+}  // namespace
+
+extern const Verb test;
+const Verb test = {"test", "Build and test everything, in a private network namespace",
+                   "  tachless test\n"
+                   "  tachless test --label launch\n"
+                   "  tachless test --preset asan-ubsan test_bus\n"
+                   "The last line says: N passed, N failed.",
+                   declare};
+
+}  // namespace launch::verb
