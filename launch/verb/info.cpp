@@ -1,0 +1,36 @@
+#include "logger/info.h"
+
+#include <iostream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "launch/verb.h"
+
+namespace launch::verb {
+namespace {
+
+struct Options {
+  std::filesystem::path log;
+  bool json = false;
+};
+
+Verb::Action declare(CLI::App& command) {
+  auto options = std::make_shared<Options>();
+  command.add_option("LOG", options->log, "Any LCM log")->required();
+  command.add_flag("--json", options->json, "As JSON");
+  return [options] {
+    const logger::LogInfo info = logger::read_info(options->log);
+    std::cout << (options->json ? logger::to_json(info).dump(2) + "\n" : logger::to_text(info));
+    return app::ExitCode::done;
+  };
+}
+
+}  // namespace
+
+extern const Verb info;
+const Verb info = {"info", "What is in a log: channels, rates, the run's facts, gaps, damage",
+                   "  tachless info out/paper_rigid/lcmlog\n"
+                   "  tachless info lcmlog-2024-05-01.00 --json",
+                   declare};
+
+}  // namespace launch::verb

@@ -1,0 +1,72 @@
+#include "launch/checkup.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+
+#include "bus/isolate.h"
+
+namespace launch {
+namespace {
+
+using ::testing::HasSubstr;
+
+TEST(CheckUp, WantsRoomForABurst) {
+  const Finding small = judge_receive_buffer(212'992);
+  EXPECT_FALSE(small.ok);
+  EXPECT_THAT(small.what, HasSubstr("208 KiB"));
+  EXPECT_EQ(small.remedy, "sudo sysctl -w net.core.rmem_max=2097152");
+  EXPECT_TRUE(judge_receive_buffer(2'097'152).ok);
+  EXPECT_FALSE(judge_receive_buffer(2'097'152).remedy.has_value());
+}
+
+TEST(CheckUp, WarnsOfSlowClocks) {
+  EXPECT_FALSE(judge_clock_source("acpi_pm").ok);
+  EXPECT_THAT(*judge_clock_source("hpet").remedy, HasSubstr("echo tsc"));
+  EXPECT_TRUE(judge_clock_source("tsc").ok);
+  EXPECT_TRUE(judge_clock_source("kvm-clock").ok);
+}
+
+TEST(CheckUp, WantsAGibibyteOfDisk) {
+  EXPECT_FALSE(judge_disk(1'000'000'000, ".").ok);
+  EXPECT_TRUE(judge_disk(1'100'000'000, ".").ok);
+}
+
+TEST(CheckUp, NamesAUrlThatCannotBeUsed) {
+  const std::vector<Finding> findings = check_up("tcp://somewhere", ".");
+  EXPECT_EQ(findings.front().subject, "multicast");
+  EXPECT_FALSE(findings.front().ok);
+  EXPECT_THAT(*findings.front().remedy, HasSubstr("export LCM_DEFAULT_URL="));
+}
+
+TEST(CheckUp, FindsAPrivateNetworkFitAndEmpty) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    bus::enter_private_network();
+    const std::vector<Finding> findings = check_up("udpm://239.255.76.67:7667?ttl=0", ".");
+    const auto ok = [&](const char* subject) {
+      return std::any_of(findings.begin(), findings.end(), [&](const Finding& finding) {
+        return finding.subject == subject && finding.ok;
+      });
+    };
+    _exit(ok("multicast") && ok("other publishers") && ok("ttl") ? 0 : 1);
+  }
+  int status = 1;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+}
+
+TEST(CheckUp, TellsWhatToTypeExactlyWhereSomethingIsWrong) {
+  for (const Finding& finding : check_up("udpm://239.255.76.67:7667?ttl=3", ".")) {
+    EXPECT_EQ(finding.ok, !finding.remedy.has_value()) << finding.subject;
+    EXPECT_FALSE(finding.what.empty()) << finding.subject;
+  }
+}
+
+}  // namespace
+}  // namespace launch

@@ -1,0 +1,128 @@
+// The built command from outside: options, messages, exit codes. Nothing here reaches a bus.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+struct Outcome {
+  int exit_code = -1;
+  std::string output;  // stdout and stderr
+};
+
+Outcome shell(const std::string& command) {
+  Outcome outcome;
+  FILE* pipe = popen((command + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) throw std::runtime_error("popen");
+  std::array<char, 4096> buffer{};
+  std::size_t got = 0;
+  while ((got = fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+    outcome.output.append(buffer.data(), got);
+  }
+  const int status = pclose(pipe);
+  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
+  return outcome;
+}
+
+const std::string binary = TACHLESS_BINARY_DIR "/bin/tachless";
+const std::string scenario = TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml";
+
+Outcome tachless(const std::string& arguments) { return shell(binary + " " + arguments); }
+
+long lines(const std::string& text) { return std::count(text.begin(), text.end(), '\n'); }
+
+class Command : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = ::testing::TempDir() + "command-XXXXXX";
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    directory_ = pattern;
+  }
+  void TearDown() override { fs::remove_all(directory_); }
+
+  fs::path directory_;
+};
+
+TEST_F(Command, TellsItsVersion) {
+  const Outcome outcome = tachless("--version");
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.output, StartsWith("tachless 0."));
+}
+
+TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
+  const Outcome help = tachless("--help");
+  EXPECT_EQ(help.exit_code, 0);
+  for (const std::string verb : {"run", "info", "export", "doctor", "test"}) {
+    EXPECT_THAT(help.output, HasSubstr("  " + verb + " "));
+    const Outcome of_verb = tachless(verb + " --help");
+    EXPECT_EQ(of_verb.exit_code, 0);
+    EXPECT_THAT(of_verb.output, HasSubstr("Examples:\n  tachless " + verb));
+  }
+}
+
+TEST_F(Command, RefusesWhatItDoesNotKnowInOneLine) {
+  for (const std::string& arguments : std::vector<std::string>{
+           "fly", "run", "run " + scenario + " --no-such-option", "run " + scenario + " --run-id 0",
+           "run " + scenario + " --run-id x", "run " + scenario + " --mode fast", "info",
+           "export " + scenario, "doctor --json=perhaps", "test --preset debug"}) {
+    const Outcome outcome = tachless(arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.output;
+    EXPECT_EQ(lines(outcome.output), 1) << arguments << "\n" << outcome.output;
+    EXPECT_THAT(outcome.output, StartsWith("tachless: ")) << arguments;
+  }
+}
+
+TEST_F(Command, WithoutAVerbShowsTheVerbs) {
+  const Outcome outcome = tachless("");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.output, HasSubstr("doctor"));
+}
+
+TEST_F(Command, RunRefusesABadScenarioBeforeItStartsAnything) {
+  const std::string out = (directory_ / "out").string();
+  for (const std::string& arguments : std::vector<std::string>{
+           "/nowhere.yaml", scenario + " --set loop.period_s=-1",
+           scenario + " --set controller.law=pd", scenario + " --set controller.gains.kp=[1]",
+           scenario + " --duration never",
+           scenario + " --set reference='{hold: {position_rad: [1]}}'",
+           scenario + " --lcm-url tcp://x"}) {
+    const Outcome outcome = tachless("run --out " + out + " " + arguments);
+    EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.output;
+    EXPECT_EQ(lines(outcome.output), 1) << arguments << "\n" << outcome.output;
+    EXPECT_FALSE(fs::exists(out + "/lcmlog"));
+  }
+}
+
+TEST_F(Command, RunRefusesADirectoryItCannotUse) {
+  const fs::path file = directory_ / "file";
+  std::ofstream(file) << "mine";
+  const Outcome outcome = tachless("run --isolate " + scenario + " --out " + file.string());
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("--out " + file.string()), HasSubstr("choose")));
+  EXPECT_EQ(lines(outcome.output), 1);
+}
+
+TEST_F(Command, InfoAndExportRefuseWhatIsNoLog) {
+  const fs::path file = directory_ / "file";
+  std::ofstream(file) << "not a log";
+  EXPECT_EQ(tachless("info /nowhere/lcmlog").exit_code, 2);
+  EXPECT_EQ(tachless("export " + file.string() + " -o " + file.string() + ".csv").exit_code, 2);
+  EXPECT_EQ(tachless("export " + file.string() + " -o " + file.string() + ".doc").exit_code, 2);
+}
+
+}  // namespace
