@@ -185,7 +185,7 @@ class Heartbeats {
   }
 
   void read_into(Progress& progress) {
-    while (const auto datagram = transport_.receive(bus::Clock::time_point::min())) {
+    while (const auto datagram = transport_.receive(bus::Clock::time_point{})) {
       bus::Stamp stamp;
       bus::Participant participant;
       if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
