@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <optional>
 
 #include "app/exit_code.h"
 
@@ -90,6 +91,22 @@ double lower_limit(const std::vector<JointTracking>& joints) {
   const auto quantile = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 50);
   std::nth_element(values.begin(), quantile, values.end());
   return std::pow(10, std::floor(std::log10(*quantile) - 0.3));
+}
+
+// Where a kick at the start would flatten the rest of the run: the torque at which to cut the axis.
+std::optional<double> torque_cut(const std::vector<JointTracking>& joints) {
+  double peak = 0;
+  double usual = 0;
+  for (const JointTracking& joint : joints) {
+    std::vector<double> values;
+    for (const Point& point : joint.tau.points()) values.push_back(std::abs(point.y));
+    const auto quantile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 49 / 50);
+    std::nth_element(values.begin(), quantile, values.end());
+    peak = std::max(peak, joint.torque.peak());
+    usual = std::max(usual, *quantile);
+  }
+  if (usual > 0 && peak > 4 * usual) return 1.5 * usual;
+  return {};
 }
 
 /// Places panels by hand: gnuplot's own layout gives panels with wide tic labels less width, and
@@ -222,6 +239,16 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
 
   text += panels.wide(1);
   text += "set ylabel '{/:Italic τ}  [" + common_unit(facts.effort_units) + "]'\n";
+  const std::optional<double> cut = torque_cut(joints);
+  if (cut) {
+    double peak = 0;
+    for (const JointTracking& joint : joints) peak = std::max(peak, joint.torque.peak());
+    char note[64];
+    std::snprintf(note, sizeof note, "axis cut: peak %.4g ", peak);
+    text += "set yrange [" + number(-*cut) + ":" + number(*cut) + "]\n";
+    text += "set label 2 " + single_quoted(note + common_unit(facts.effort_units)) +
+            " at graph 0.012, graph 0.93 left font ',12' textcolor '#555555' front\n";
+  }
   text += overlay("u", "{/:Italic τ}", [](const JointTracking&) { return true; });
   text += "unset multiplot\nunset output\n";
   return text;

@@ -121,6 +121,7 @@ class Directory {
         refuse(std::string(file) + " there cannot be replaced: " + error.message());
       }
     }
+    for (const bus::Role role : roles) fs::remove(counters(role), error);
   }
   Directory(const Directory&) = delete;
   Directory& operator=(const Directory&) = delete;
@@ -130,6 +131,11 @@ class Directory {
 
   [[nodiscard]] const fs::path& path() const { return path_; }
   [[nodiscard]] fs::path operator/(const std::string& file) const { return path_ / file; }
+
+  /// Where a process leaves its counters, until they are in the summary.
+  [[nodiscard]] fs::path counters(bus::Role role) const {
+    return path_ / ("." + std::string(bus::name(role)) + ".json");
+  }
 
  private:
   [[noreturn]] void refuse(const std::string& why) {
@@ -141,10 +147,6 @@ class Directory {
   fs::path path_;
   int fd_ = -1;
 };
-
-fs::path counters_path(const Directory& out, bus::Role role) {
-  return out / ("." + std::string(bus::name(role)) + ".json");
-}
 
 std::vector<Process> processes(const Options& options, const Directory& out) {
   const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
@@ -158,7 +160,7 @@ std::vector<Process> processes(const Options& options, const Directory& out) {
                                         "--wait-s",
                                         rendezvous_s,
                                         "--stats",
-                                        counters_path(out, role).string()};
+                                        out.counters(role).string()};
     for (const std::string& value : options.all_overrides()) {
       command.push_back("--set");
       command.push_back(value);
@@ -239,7 +241,7 @@ class Screen {
 std::vector<nlohmann::json> take_counters(const Directory& out) {
   std::vector<nlohmann::json> counters;
   for (const bus::Role role : roles) {
-    const fs::path path = counters_path(out, role);
+    const fs::path path = out.counters(role);
     std::ifstream file(path);
     nlohmann::json counter = nlohmann::json::parse(file, nullptr, false);
     if (counter.is_object()) counters.push_back(std::move(counter));

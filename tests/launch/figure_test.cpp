@@ -86,6 +86,18 @@ TEST_F(Figure, IsDrawnWhenTheErrorIsExactlyZero) {
   EXPECT_THAT(drawn(tracking, "it's at rest"), HasSubstr("</svg>"));
 }
 
+TEST_F(Figure, CutsTheTorqueAxisAtAKickAndSaysSo) {
+  Tracking tracking(1);
+  robot::Vector q(1), tau(1);
+  q[0] = 0.1;
+  for (int k = 0; k < 1000; ++k) {
+    tau[0] = k == 0 ? 5000 : 10 * std::sin(0.1 * k);
+    tracking.add(k * 1e-3, q, q, {}, tau);
+  }
+  EXPECT_THAT(drawn(tracking, "kick", 1e-3), HasSubstr("axis cut: peak 5000 N m"));
+  EXPECT_THAT(drawn(run(2, false), "calm"), Not(HasSubstr("axis cut")));
+}
+
 TEST_F(Figure, LeavesNothingBesideThePicture) {
   drawn(run(1, false, 100), "one");
   const auto files = std::distance(std::filesystem::directory_iterator(directory_),

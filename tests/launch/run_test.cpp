@@ -1,0 +1,203 @@
+// `tachless run` as a user runs it: four real processes in a private network.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "logger/run_log.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::seconds;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using Clock = std::chrono::steady_clock;
+
+std::string text_of(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+class Run : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = ::testing::TempDir() + "run-XXXXXX";
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    directory_ = pattern;
+  }
+  void TearDown() override {
+    if (launcher_ > 0) {
+      kill(launcher_, SIGKILL);
+      waitpid(launcher_, nullptr, 0);
+    }
+    fs::remove_all(directory_);
+  }
+
+  void start(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {TACHLESS_BINARY_DIR "/bin/tachless", "run",
+                                         TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml",
+                                         "--isolate", "--out", out().string()});
+    std::vector<char*> argv;
+    for (std::string& word : arguments) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    launcher_ = fork();
+    ASSERT_GE(launcher_, 0);
+    if (launcher_ == 0) {
+      [[maybe_unused]] FILE* o = freopen((directory_ / "stdout").c_str(), "w", stdout);
+      [[maybe_unused]] FILE* e = freopen((directory_ / "stderr").c_str(), "w", stderr);
+      execv(argv[0], argv.data());
+      _exit(127);
+    }
+  }
+
+  int finish() {
+    int status = 0;
+    waitpid(launcher_, &status, 0);
+    launcher_ = -1;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+  }
+
+  /// The process of that program that the launcher started.
+  std::optional<pid_t> child(const std::string& program) const {
+    const fs::path children = fs::path("/proc") / std::to_string(launcher_) / "task" /
+                              std::to_string(launcher_) / "children";
+    std::istringstream pids(text_of(children));
+    for (pid_t pid = 0; pids >> pid;) {
+      if (text_of(fs::path("/proc") / std::to_string(pid) / "cmdline").find(program) !=
+          std::string::npos) {
+        return pid;
+      }
+    }
+    return {};
+  }
+
+  /// Until the log has grown to some thousand ticks.
+  void wait_until_running() const {
+    const auto until = Clock::now() + seconds(30);
+    std::error_code error;
+    while (Clock::now() < until) {
+      const auto size = fs::file_size(out() / "lcmlog", error);
+      if (!error && size > 500'000) return;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    FAIL() << "the run did not get going: " << standard_error();
+  }
+
+  [[nodiscard]] fs::path out() const { return directory_ / "out"; }
+  [[nodiscard]] std::string standard_error() const { return text_of(directory_ / "stderr"); }
+  [[nodiscard]] std::string standard_output() const { return text_of(directory_ / "stdout"); }
+  [[nodiscard]] nlohmann::json summary() const {
+    return nlohmann::json::parse(text_of(out() / "summary.json"));
+  }
+
+  fs::path directory_;
+  pid_t launcher_ = -1;
+};
+
+std::int64_t ticks_of(const fs::path& path) {
+  logger::RunLog log = logger::RunLog::open(path);
+  logger::TickRecord record;
+  std::int64_t ticks = 0;
+  while (log.next(record)) ++ticks;
+  EXPECT_FALSE(log.damage().any());
+  return ticks;
+}
+
+TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
+  start({"--duration", "0.1", "--run-id", "7"});
+  EXPECT_EQ(finish(), 0) << standard_error();
+  const nlohmann::json result = summary();
+  EXPECT_EQ(result["ticks"], 2000);
+  EXPECT_EQ(result["run_id"], 7);
+  EXPECT_EQ(result["log"]["gaps"], 0);
+  EXPECT_EQ(result["log"]["ticks"], 2000);
+  EXPECT_TRUE(result["fault"].is_null());
+  EXPECT_EQ(result["position_error_rad"]["peak"].size(), 2U);
+  EXPECT_EQ(ticks_of(out() / "lcmlog"), 2000);
+  EXPECT_THAT(text_of(out() / "tracking.svg"), HasSubstr("</svg>"));
+  EXPECT_THAT(standard_output(), AllOf(HasSubstr("position error"), HasSubstr("log gaps 0"),
+                                       HasSubstr((out() / "tracking.svg").string())));
+  std::set<std::string> files;
+  for (const auto& entry : fs::directory_iterator(out())) files.insert(entry.path().filename());
+  EXPECT_EQ(files, (std::set<std::string>{"lcmlog", "summary.json", "tracking.svg"}));
+}
+
+TEST_F(Run, LeavesOtherFilesInItsDirectoryAlone) {
+  fs::create_directories(out());
+  std::ofstream(out() / "notes.txt") << "mine";
+  std::ofstream(out() / "lcmlog") << "an earlier run";
+  start({"--duration", "0.01", "--quiet", "--json"});
+  EXPECT_EQ(finish(), 0) << standard_error();
+  EXPECT_EQ(text_of(out() / "notes.txt"), "mine");
+  EXPECT_EQ(ticks_of(out() / "lcmlog"), 200);
+  EXPECT_EQ(nlohmann::json::parse(standard_output()), summary());
+}
+
+TEST_F(Run, EndsWithinTwoSecondsWhenAProcessIsKilledAndKeepsTheLog) {
+  for (const std::string role : {"controller", "reference", "plant"}) {
+    start({"--duration", "1000"});
+    wait_until_running();
+    const std::optional<pid_t> victim = child("tachless-" + role);
+    ASSERT_TRUE(victim.has_value()) << role;
+    const auto killed = Clock::now();
+    kill(*victim, SIGKILL);
+    EXPECT_EQ(finish(), 3) << role << standard_error();
+    EXPECT_LT(Clock::now() - killed, seconds(2)) << role;
+    EXPECT_THAT(standard_error(), HasSubstr(role + " was killed by signal 9")) << role;
+    EXPECT_THAT(summary()["fault"].get<std::string>(), HasSubstr(role + " was killed")) << role;
+    EXPECT_GT(ticks_of(out() / "lcmlog"), 100) << role;
+    fs::remove_all(out());
+  }
+}
+
+TEST_F(Run, KeepsTheLogUpToItsLastFlushWhenTheLoggerIsKilled) {
+  start({"--duration", "1000"});
+  wait_until_running();
+  const std::optional<pid_t> victim = child("tachless-logger");
+  ASSERT_TRUE(victim.has_value());
+  kill(*victim, SIGKILL);
+  EXPECT_EQ(finish(), 3) << standard_error();
+  EXPECT_THAT(standard_error(), HasSubstr("logger was killed by signal 9"));
+  EXPECT_GT(summary()["ticks"].get<int>(), 100);
+}
+
+TEST_F(Run, EndsCleanlyOnCtrlC) {
+  start({"--duration", "1000"});
+  wait_until_running();
+  const auto interrupted = Clock::now();
+  kill(launcher_, SIGINT);
+  EXPECT_EQ(finish(), 130) << standard_error();
+  EXPECT_LT(Clock::now() - interrupted, seconds(2));
+  EXPECT_EQ(summary()["fault"], "interrupted");
+  EXPECT_EQ(summary()["log"]["gaps"], 0);
+  EXPECT_GT(ticks_of(out() / "lcmlog"), 100);
+}
+
+TEST_F(Run, RefusesADirectoryThatAnotherRunWritesTo) {
+  start({"--duration", "1000"});
+  wait_until_running();
+  const pid_t first = launcher_;
+  start({"--duration", "0.01"});
+  EXPECT_EQ(finish(), 2);
+  EXPECT_THAT(standard_error(), HasSubstr("another run is writing there"));
+  launcher_ = first;
+  kill(launcher_, SIGINT);
+  EXPECT_EQ(finish(), 130);
+}
+
+}  // namespace
