@@ -212,7 +212,9 @@ std::optional<RawDatagram> UdpTransport::receive_raw(Clock::time_point deadline)
 
 UdpTransport::Wake UdpTransport::wait(Clock::time_point deadline, bool for_datagram) {
   reads_since_wait_ = 0;
-  const Clock::duration left = std::max(deadline - Clock::now(), Clock::duration::zero());
+  // Compared before subtracted: time_point::min() minus now would overflow into the far future.
+  const Clock::time_point now = Clock::now();
+  const Clock::duration left = deadline > now ? deadline - now : Clock::duration::zero();
   const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
   const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
   sigset_t mask;
