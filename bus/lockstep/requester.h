@@ -8,9 +8,9 @@
 #include <span>
 #include <string_view>
 
+#include "bus/clock.h"
 #include "bus/lockstep/message_ring.h"
 #include "bus/lockstep/verdict.h"
-#include "bus/clock.h"
 
 namespace bus::lockstep {
 
