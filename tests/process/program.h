@@ -1,0 +1,56 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+/// A program of ours, started as a user would start it, with its own stderr file. Ended with the
+/// object, by its id, should it still run.
+class Program {
+ public:
+  /// `name`: in build/…/bin. `directory`: where its stderr goes.
+  Program(const std::string& name, const std::vector<std::string>& arguments,
+          const std::filesystem::path& directory);
+  ~Program();
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+
+  /// Exit code, or 128 + the signal that ended it.
+  /// @throw std::runtime_error with its stderr when it still runs after `limit`.
+  int wait(std::chrono::seconds limit = std::chrono::seconds(60));
+  void signal(int number) const;
+  [[nodiscard]] std::string errors() const;
+  /// Waits until stderr contains `text`. @throw std::runtime_error when that never happens.
+  void wait_for(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(60));
+
+ private:
+  bool ended();
+
+  std::string name_;
+  std::filesystem::path stderr_path_;
+  pid_t pid_ = -1;
+  int pidfd_ = -1;
+  bool running_ = true;
+  int exit_code_ = -1;
+};
+
+/// A new empty directory, removed with the object.
+class Directory {
+ public:
+  Directory();
+  ~Directory();
+  Directory(const Directory&) = delete;
+  Directory& operator=(const Directory&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const {
+    return path_ / name;
+  }
+
+ private:
+  std::filesystem::path path_;
+};
+
+std::string contents(const std::filesystem::path& path);
