@@ -12,7 +12,7 @@ int LatencyHistogram::bucket_of(std::int64_t ns) {
   if (value < per_octave) return static_cast<int>(value);
   const int exponent = std::bit_width(value) - 5;
   const int bucket = (exponent + 1) * per_octave + static_cast<int>((value >> exponent) & 15);
-  return std::min(bucket, per_octave * octaves - 1);
+  return std::min(bucket, num_buckets - 1);
 }
 
 std::int64_t LatencyHistogram::lower_edge(int bucket) {
@@ -34,7 +34,7 @@ double LatencyHistogram::percentile_us(double part) const {
   const auto wanted =
       std::max<std::int64_t>(1, std::llround(std::ceil(part * static_cast<double>(count_))));
   std::int64_t seen = 0;
-  for (int bucket = 0; bucket < static_cast<int>(counts_.size()); ++bucket) {
+  for (int bucket = 0; bucket < num_buckets; ++bucket) {
     seen += counts_[static_cast<std::size_t>(bucket)];
     if (seen >= wanted) {
       const std::int64_t upper = lower_edge(bucket + 1) - 1;
@@ -46,7 +46,7 @@ double LatencyHistogram::percentile_us(double part) const {
 
 std::vector<LatencyHistogram::Bucket> LatencyHistogram::buckets() const {
   std::vector<Bucket> result;
-  for (int bucket = 0; bucket < static_cast<int>(counts_.size()); ++bucket) {
+  for (int bucket = 0; bucket < num_buckets; ++bucket) {
     const std::int64_t count = counts_[static_cast<std::size_t>(bucket)];
     if (count > 0) result.push_back({static_cast<double>(lower_edge(bucket)) * 1e-3, count});
   }

@@ -30,11 +30,11 @@ class LatencyHistogram {
 
  private:
   static constexpr int per_octave = 16;
-  static constexpr int octaves = 36;  // up to more than a minute in ns
+  static constexpr int num_buckets = per_octave * 36;  // up to more than a minute in ns
   static int bucket_of(std::int64_t ns);
   static std::int64_t lower_edge(int bucket);
 
-  std::array<std::int64_t, per_octave * octaves> counts_{};
+  std::array<std::int64_t, num_buckets> counts_{};
   std::int64_t count_ = 0;
   std::int64_t max_ns_ = 0;
 };

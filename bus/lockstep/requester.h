@@ -25,7 +25,7 @@ class Requester {
     /// Ticks begun but not yet acknowledged by the logger are at most this many.
     int window = 48;
     /// A question is repeated after the time that answers usually take, within these bounds
-    /// (docs/decisions/0002-repeats.md), `patience` times; then after twice as long each time, up
+    /// (docs/decisions/0005-repeats.md), `patience` times; then after twice as long each time, up
     /// to the longest.
     std::chrono::nanoseconds shortest_timeout = std::chrono::microseconds(500);
     std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(2);
