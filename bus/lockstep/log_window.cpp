@@ -61,7 +61,6 @@ void LogWindow::written() {
 std::optional<LogWindow::Ack> LogWindow::take_ack() {
   const std::int64_t gap_free = introduced_ ? written_ : -2;
   const bool due = asked_again_ || (filled_late_ && gap_free > acked_.tick) ||
-                   gap_free - acked_.tick >= ack_interval ||
                    newest_ - newest_acked_ >= ack_interval ||
                    (gap_free == num_ticks_ - 1 && gap_free > acked_.tick);
   if (!due) return std::nullopt;

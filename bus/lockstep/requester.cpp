@@ -101,13 +101,9 @@ Verdict Requester::on_ack(std::int64_t tick, std::uint64_t missing, Clock::time_
   if (tick < acknowledged_) return Verdict::too_old;
   logger_heard_ = true;
   const bool advanced = tick > acknowledged_;
-  if (advanced) {
-    const std::int64_t shift = tick - acknowledged_;
-    pending_ = shift >= 64 ? 0 : pending_ >> shift;
-    acknowledged_ = tick;
-  }
+  acknowledged_ = tick;
   remember_missing(missing);
-  pending_ &= missing_;
+  pending_ = 0;
   // What was sent a moment ago may still be on its way.
   const auto settled = config_.first_timeout / 2;
   for (std::uint64_t rest = missing_; rest != 0; rest &= rest - 1) {
