@@ -12,7 +12,6 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
-#include <optional>
 
 #include "app/exit_code.h"
 
@@ -93,21 +92,41 @@ double lower_limit(const std::vector<JointTracking>& joints) {
   return std::pow(10, std::floor(std::log10(*quantile) - 0.3));
 }
 
-// Where a kick at the start would flatten the rest of the run: the torque at which to cut the axis.
-std::optional<double> torque_cut(const std::vector<JointTracking>& joints) {
-  double peak = 0;
-  double usual = 0;
-  for (const JointTracking& joint : joints) {
-    std::vector<double> values;
-    for (const Point& point : joint.tau.points()) values.push_back(std::abs(point.y));
-    const auto quantile = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 49 / 50);
-    std::nth_element(values.begin(), quantile, values.end());
-    peak = std::max(peak, joint.torque.peak());
-    usual = std::max(usual, *quantile);
-  }
-  if (usual > 0 && peak > 4 * usual) return 1.5 * usual;
-  return {};
+struct Range {
+  double low = 0, high = 0;
+
+  [[nodiscard]] double span() const { return high - low; }
+};
+
+Range join(const Range& a, const Range& b) {
+  return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
+
+/// The values of a curve but for the highest and the lowest `left_out` of its time.
+Range usual_range(const Envelope& curve, double left_out) {
+  std::vector<double> values;
+  for (const Point& point : curve.points()) values.push_back(point.y);
+  if (values.empty()) return {};
+  std::sort(values.begin(), values.end());
+  const auto skip = static_cast<std::size_t>(left_out * static_cast<double>(values.size()));
+  return {values[skip], values[values.size() - 1 - skip]};
+}
+
+/// Where a kick at the start would flatten the rest of the run, the axis is cut and says so.
+/// @param whole range of all curves; @param usual what must be seen of them
+std::string cut_axis(const Range& whole, const Range& usual, const std::string& unit) {
+  if (usual.span() <= 0 || whole.span() <= 4 * usual.span())
+    return "set autoscale y\nunset label 2\n";
+  const double margin = usual.span() / 4;
+  char note[64];
+  std::snprintf(note, sizeof note, "axis cut: peak %.4g ",
+                std::max(std::abs(whole.low), std::abs(whole.high)));
+  return "set yrange [" + number(usual.low - margin) + ":" + number(usual.high + margin) + "]\n" +
+         "set label 2 " + single_quoted(note + unit) +
+         " at graph 0.99, graph 0.94 right font ',12' textcolor '#555555' front\n";
+}
+
+constexpr double kick = 0.05;  // of the run's time, at most, at either end of the values
 
 /// Places panels by hand: gnuplot's own layout gives panels with wide tic labels less width, and
 /// their time axes would not line up.
@@ -198,11 +217,19 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
           std::to_string(1 - 16.0 / panels.height_px()) + " left font ',15' front\n";
 
   for (int i = 0; i < num_joints; ++i) {
+    const JointTracking& joint = joints[static_cast<std::size_t>(i)];
     const std::string index = std::to_string(i + 1);
     text += panels.joint(i);
     text += "set ylabel '{/:Italic q}_{" + index + "}" +
             (tracking.has_motors() ? ", {/:Italic θ}_{" + index + "}" : "") + "  [" +
             facts.length_units[static_cast<std::size_t>(i)] + "]'\n";
+    // The link is never cut, its motor may be.
+    const Range link = join(usual_range(joint.q, 0), usual_range(joint.q_ref, 0));
+    if (tracking.has_motors()) {
+      text += cut_axis(join(link, usual_range(joint.theta, 0)),
+                       join(link, usual_range(joint.theta, kick)),
+                       facts.length_units[static_cast<std::size_t>(i)]);
+    }
     text += "plot $q" + index + " with lines linewidth 4 linecolor rgb '" + link_colour +
             "' title 'link'";
     if (tracking.has_motors()) {
@@ -228,6 +255,7 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
   };
 
   text += panels.wide(0);
+  text += "unset label 2\n";
   text += "set ylabel '|{/:Italic q} − {/:Italic q}_{ref}|  [" + common_unit(facts.length_units) +
           "]'\n";
   text += logarithmic ? "set logscale y\nset format y '10^{%T}'\nset yrange [" +
@@ -239,16 +267,13 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
 
   text += panels.wide(1);
   text += "set ylabel '{/:Italic τ}  [" + common_unit(facts.effort_units) + "]'\n";
-  const std::optional<double> cut = torque_cut(joints);
-  if (cut) {
-    double peak = 0;
-    for (const JointTracking& joint : joints) peak = std::max(peak, joint.torque.peak());
-    char note[64];
-    std::snprintf(note, sizeof note, "axis cut: peak %.4g ", peak);
-    text += "set yrange [" + number(-*cut) + ":" + number(*cut) + "]\n";
-    text += "set label 2 " + single_quoted(note + common_unit(facts.effort_units)) +
-            " at graph 0.012, graph 0.93 left font ',12' textcolor '#555555' front\n";
+  Range whole_torque = usual_range(joints.front().tau, 0);
+  Range usual_torque = usual_range(joints.front().tau, kick);
+  for (const JointTracking& joint : joints) {
+    whole_torque = join(whole_torque, usual_range(joint.tau, 0));
+    usual_torque = join(usual_torque, usual_range(joint.tau, kick));
   }
+  text += cut_axis(whole_torque, usual_torque, common_unit(facts.effort_units));
   text += overlay("u", "{/:Italic τ}", [](const JointTracking&) { return true; });
   text += "unset multiplot\nunset output\n";
   return text;
