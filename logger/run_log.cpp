@@ -184,12 +184,12 @@ class RunLog::Impl {
     for (const Piece piece : all_pieces) piece_summary(piece).channel = channel_of(piece);
   }
 
-  LogReader reader_;
-  std::int64_t run_ = 0;
-  bus::RunInfo info_;
-  app::Scenario scenario_;
-  bus::Layout layout_;
-  RunSummary summary_;
+  [[nodiscard]] const LogReader& reader() const { return reader_; }
+  [[nodiscard]] std::int64_t run() const { return run_; }
+  [[nodiscard]] const bus::RunInfo& info() const { return info_; }
+  [[nodiscard]] const app::Scenario& scenario() const { return scenario_; }
+  [[nodiscard]] const bus::Layout& layout() const { return layout_; }
+  [[nodiscard]] const RunSummary& summary() const { return summary_; }
 
  private:
   template <class Value>
@@ -525,6 +525,13 @@ class RunLog::Impl {
     std::int64_t tick;
   };
 
+  LogReader reader_;
+  std::int64_t run_ = 0;
+  bus::RunInfo info_;
+  app::Scenario scenario_;
+  bus::Layout layout_;
+  RunSummary summary_;
+
   Channel<bus::Tick> clock_;
   Channel<robot::PositionMeasurement> position_;
   Channel<robot::MotorPositionMeasurement> motor_position_;
@@ -556,14 +563,14 @@ RunLog RunLog::open(const std::filesystem::path& path, std::optional<std::int64_
   return RunLog(std::make_unique<Impl>(path, run));
 }
 
-const std::filesystem::path& RunLog::path() const { return impl_->reader_.path(); }
-std::int64_t RunLog::run() const { return impl_->run_; }
-const bus::RunInfo& RunLog::info() const { return impl_->info_; }
-const app::Scenario& RunLog::scenario() const { return impl_->scenario_; }
-const bus::Layout& RunLog::layout() const { return impl_->layout_; }
+const std::filesystem::path& RunLog::path() const { return impl_->reader().path(); }
+std::int64_t RunLog::run() const { return impl_->run(); }
+const bus::RunInfo& RunLog::info() const { return impl_->info(); }
+const app::Scenario& RunLog::scenario() const { return impl_->scenario(); }
+const bus::Layout& RunLog::layout() const { return impl_->layout(); }
 bool RunLog::next(TickRecord& record) { return impl_->next(record); }
 void RunLog::rewind() { impl_->rewind(); }
-const RunSummary& RunLog::summary() const { return impl_->summary_; }
-const Damage& RunLog::damage() const { return impl_->reader_.damage(); }
+const RunSummary& RunLog::summary() const { return impl_->summary(); }
+const Damage& RunLog::damage() const { return impl_->reader().damage(); }
 
 }  // namespace logger

@@ -100,7 +100,7 @@ struct RunSummary {
 class RunLog {
  public:
   /// Messages may be this many ticks out of order.
-  static constexpr int window = 128;
+  static constexpr std::int64_t window = 128;
 
   /// Finds RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the first
   /// otherwise.
