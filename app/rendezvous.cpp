@@ -51,6 +51,14 @@ Rendezvous::Rendezvous(const Self& self, Time now)
   if ((self.role == Role::plant) != (self.run > 0)) {
     throw std::logic_error("a run is chosen by the plant and by nobody else");
   }
+  bus::Participant& mine = said_.participant;
+  mine.instance = self.instance;
+  mine.scenario_digest = self.digest;
+  mine.pid = self.pid;
+  mine.role = self.role;
+  mine.host = self.host;
+  mine.scenario = self.scenario;
+  mine.measurement = self.measurement;
 }
 
 bool Rendezvous::over() const {
@@ -299,27 +307,18 @@ std::optional<std::chrono::nanoseconds> Rendezvous::silence(Role role, Time now)
   return now - peer->heard;
 }
 
-Rendezvous::Announcement Rendezvous::announce(Time now) {
+const Rendezvous::Announcement& Rendezvous::announce(Time now) {
   announce_at_ = now + period;
-  Announcement result;
-  result.stamp.utime = (now - start_) / std::chrono::microseconds(1);
-  result.stamp.run = in_the_way_ ? 0 : run_;
-  result.stamp.tick = tick_;
-  bus::Participant& mine = result.participant;
-  mine.instance = self_.instance;
-  mine.scenario_digest = self_.digest;
-  mine.pid = self_.pid;
-  mine.state = state_;
-  mine.error_norm = error_norm_;
-  mine.role = self_.role;
-  mine.host = self_.host;
-  mine.scenario = self_.scenario;
-  mine.measurement = self_.measurement;
+  said_.stamp.utime = (now - start_) / std::chrono::microseconds(1);
+  said_.stamp.run = in_the_way_ ? 0 : run_;
+  said_.stamp.tick = tick_;
+  said_.participant.state = state_;
+  said_.participant.error_norm = error_norm_;
   if (failure_) {
-    mine.fault_code = static_cast<int>(failure_->code());
-    mine.fault = std::string(failure_->what()).substr(0, bus::max_participant_text);
+    said_.participant.fault_code = static_cast<int>(failure_->code());
+    said_.participant.fault = std::string(failure_->what()).substr(0, bus::max_participant_text);
   }
-  return result;
+  return said_;
 }
 
 }  // namespace app

@@ -92,8 +92,9 @@ class Rendezvous {
   [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(bus::Role role, Time now) const;
 
   [[nodiscard]] Time next_announcement() const { return announce_at_; }
-  /// What to publish now; the next one is due a period later.
-  Announcement announce(Time now);
+  /// What to publish now; the next one is due a period later. Valid until the next call; allocates
+  /// nothing while all is well.
+  const Announcement& announce(Time now);
 
  private:
   struct Peer {
@@ -127,6 +128,7 @@ class Rendezvous {
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
   std::vector<Peer> peers_;
+  Announcement said_;
   /// Who plays each role in this run; 0: not known yet.
   std::array<std::int64_t, bus::num_roles> cast_{};
   std::array<bool, bus::num_roles> done_{};

@@ -120,7 +120,7 @@ bool Session::take(const bus::Datagram& datagram) {
 }
 
 void Session::announce(Clock::time_point now) {
-  const auto announcement = rendezvous_->announce(now);
+  const auto& announcement = rendezvous_->announce(now);
   transport_.publish(channel_, codec_.encode(announcement.stamp, announcement.participant));
 }
 

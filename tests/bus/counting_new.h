@@ -2,6 +2,6 @@
 
 #include <cstddef>
 
-/// How often the global allocator was called. Counted in programs that link counting_new.cpp,
-/// which replaces it.
-extern std::size_t allocations;
+/// How often this thread called the global allocator. Counted in programs that link
+/// counting_new.cpp, which replaces it.
+extern thread_local std::size_t allocations;
