@@ -193,6 +193,12 @@ void LockstepLoop::end_tick() {
   truth_.thetadot = state.thetadot;
   truth_.tau = applied.tau;
   truth_.saturated = applied.saturated;
+  if (!bus::truth::all_finite(truth_)) {
+    throw app::Failure(app::ExitCode::protective_stop,
+                       "the plant's state at tick " + std::to_string(k) +
+                           " is not finite: the loop is unstable; compare its period with the "
+                           "limit that `tachless certify` gives for these gains");
+  }
   const auto truth = truth_codec_.encode(stamp(k), truth_);
   transport_.publish(truth_channel_, truth);
   sent_->put(k, truth_kind, truth);
