@@ -256,6 +256,11 @@ void Rendezvous::finished(Time now) {
 
 void Rendezvous::failed(const Failure& failure, Time now) { fail(failure, now); }
 
+void Rendezvous::stopping(const Failure& failure, Time now) {
+  if (!stopping_) stopping_ = failure;
+  announce_at_ = now;
+}
+
 void Rendezvous::fail(const Failure& failure, Time now) {
   if (!failure_) failure_ = failure;
   state_ = ParticipantState::fault;
@@ -307,6 +312,11 @@ std::optional<std::chrono::nanoseconds> Rendezvous::silence(Role role, Time now)
   return now - peer->heard;
 }
 
+bool Rendezvous::is_from(Role role, std::string_view sender) const {
+  const Peer* peer = holder(role);
+  return peer != nullptr && peer->sender == sender;
+}
+
 const Rendezvous::Announcement& Rendezvous::announce(Time now) {
   announce_at_ = now + period;
   said_.stamp.utime = (now - start_) / std::chrono::microseconds(1);
@@ -314,9 +324,9 @@ const Rendezvous::Announcement& Rendezvous::announce(Time now) {
   said_.stamp.tick = tick_;
   said_.participant.state = state_;
   said_.participant.error_norm = error_norm_;
-  if (failure_) {
-    said_.participant.fault_code = static_cast<int>(failure_->code());
-    said_.participant.fault = std::string(failure_->what()).substr(0, bus::max_participant_text);
+  if (const auto& fault = failure_ ? failure_ : stopping_; fault) {
+    said_.participant.fault_code = static_cast<int>(fault->code());
+    said_.participant.fault = std::string(fault->what()).substr(0, bus::max_participant_text);
   }
   return said_;
 }

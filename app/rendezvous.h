@@ -75,6 +75,9 @@ class Rendezvous {
   void finished(Time now);
   /// This process ends with a fault, for all to know.
   void failed(const Failure& failure, Time now);
+  /// This process is about to end with a fault, and says so already, but still has to bring the
+  /// robot to rest: announced beside the state it is in, which ends nobody's part.
+  void stopping(const Failure& failure, Time now);
 
   /// The plant that was met has announced that the run is finished.
   [[nodiscard]] bool plant_finished() const { return plant_finished_; }
@@ -88,6 +91,8 @@ class Rendezvous {
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
   [[nodiscard]] std::string describe(bus::Role role) const;
+  /// Whether that is where the holder of the role sends from.
+  [[nodiscard]] bool is_from(bus::Role role, std::string_view sender) const;
   /// How long ago the role's holder was heard; nothing if never.
   [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(bus::Role role, Time now) const;
 
@@ -133,6 +138,7 @@ class Rendezvous {
   std::array<std::int64_t, bus::num_roles> cast_{};
   std::array<bool, bus::num_roles> done_{};
   std::optional<Failure> failure_;
+  std::optional<Failure> stopping_;
 };
 
 }  // namespace app

@@ -78,14 +78,16 @@ void Session::play(const std::function<void()>& part) {
   }
 }
 
-void Session::meet(const std::string& measurement) {
+void Session::meet(const std::string& measurement,
+                   const std::function<void(const bus::Datagram&)>& other) {
   const auto now = Clock::now();
   self_.measurement = measurement;
   rendezvous_.emplace(self_, now);
   next_notice_ = now + first_notice;
   while (!rendezvous_->met()) {
     attend(Clock::now());
-    if (const auto datagram = transport_.receive(next_attention())) take(*datagram);
+    const auto datagram = transport_.receive(next_attention());
+    if (datagram && !take(*datagram) && other) other(*datagram);
   }
   statistics_.run_id = run();
 }
@@ -117,6 +119,11 @@ bool Session::take(const bus::Datagram& datagram) {
     statistics_.rejected.add(rejection);
   }
   return true;
+}
+
+void Session::stopping(const Failure& failure, Clock::time_point now) {
+  rendezvous_->stopping(failure, now);
+  announce(now);
 }
 
 void Session::announce(Clock::time_point now) {

@@ -38,9 +38,11 @@ class Session {
   void play(const std::function<void()>& part);
 
   /// Waits until the run is known (plant: until all are ready), telling the user who is missing.
-  /// `measurement`: controller only, channel suffix of what it needs.
+  /// `measurement`: controller only, channel suffix of what it needs. `other`: is given what comes
+  /// on the node's own channels meanwhile.
   /// @throw Failure: see `attend`; refused by or refusing another; nobody came within `wait_s`.
-  void meet(const std::string& measurement = {});
+  void meet(const std::string& measurement = {},
+            const std::function<void(const bus::Datagram&)>& other = {});
 
   [[nodiscard]] std::int64_t run() const { return rendezvous_->run(); }
   /// What the controller needs, seen from the others.
@@ -60,6 +62,22 @@ class Session {
   /// Whether the datagram was the session's.
   bool take(const bus::Datagram& datagram);
 
+  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and
+  /// `value` as they are or (another run's) as they came.
+  template <class Value>
+  bool accept(const bus::Codec<Value>& codec, const bus::Datagram& datagram, bus::Stamp& stamp,
+              Value& value) {
+    const bus::Rejection rejection = codec.decode(datagram.payload, stamp, value);
+    if (rejection != bus::Rejection::none) {
+      statistics_.rejected.add(rejection);
+    } else if (stamp.run != run()) {
+      statistics_.rejected.add(Unusable::other_run);
+    } else {
+      return true;
+    }
+    return false;
+  }
+
   /// For the heartbeat.
   void progressed(std::int64_t tick, double error_norm = 0) {
     rendezvous_->progressed(tick, error_norm);
@@ -67,12 +85,24 @@ class Session {
 
   [[nodiscard]] bool plant_finished() const { return rendezvous_->plant_finished(); }
 
+  /// This process will end with `failure`, and tells the others at once, but has to bring the robot
+  /// to rest before it does.
+  void stopping(const Failure& failure, bus::Clock::time_point now);
+  /// The heartbeat alone, if it is due: for a process that is ending.
+  void keep_in_touch(bus::Clock::time_point now) {
+    if (now >= next_attention()) announce(now);
+  }
+
   /// Parts from the others: the plant waits until they have finished (at most a second).
   void finish();
 
   /// Which of these roles cannot be heard any more, in words; all of them, if each can be.
   [[nodiscard]] std::string silent_among(std::initializer_list<bus::Role> roles) const;
   [[nodiscard]] std::string describe(bus::Role role) const { return rendezvous_->describe(role); }
+  /// Whether that is where the holder of the role sends from.
+  [[nodiscard]] bool is_from(bus::Role role, std::string_view sender) const {
+    return rendezvous_->is_from(role, sender);
+  }
 
   Statistics& statistics() { return statistics_; }
   [[nodiscard]] const Statistics& statistics() const { return statistics_; }

@@ -58,15 +58,30 @@ struct Statistics {
   std::int64_t resends = 0;     ///< messages sent again
   std::int64_t duplicates = 0;  ///< messages received again
   RejectionTally rejected;
-  std::int64_t missed_deadlines = 0;          ///< realtime plant only
-  std::int64_t longest_miss = 0;              ///< realtime plant only: missed in a row [ticks]
+  /// Realtime plant only: ticks whose work began more than a period late, and most in a row.
+  std::int64_t missed_deadlines = 0;
+  std::int64_t longest_miss = 0;
+  /// Realtime plant only: ticks that ended without their command, most in a row, and commands that
+  /// came after their tick.
+  std::int64_t missed_commands = 0;
+  std::int64_t longest_command_miss = 0;
+  std::int64_t late_commands = 0;
+  LatencyHistogram wake_up_jitter;  ///< realtime plant: from a tick's deadline to its work's begin
+  LatencyHistogram command_age;     ///< realtime plant: from the measurement to its command
+  /// Realtime controller: times that ticks were passed over, the ticks passed over, and times that
+  /// there were too many for the law's memory, which then began anew.
+  std::int64_t gaps = 0;
+  std::int64_t skipped_ticks = 0;
+  std::int64_t restarts = 0;
   std::vector<std::int64_t> saturated_ticks;  ///< plant: per joint
   std::optional<Log> log;                     ///< logger only
 };
 
-/// As JSON: `role exit_code fault run_id ticks wall_s`, `round_trip_us` and `work_us {p50, p99,
-/// p999, max, histogram [[from_us, count]…]}`, `resends duplicates rejected {reason: count}
-/// missed_deadlines longest_miss saturated_ticks log {path, events, ticks, gaps}`.
+/// As JSON: `role exit_code fault run_id ticks wall_s`, `round_trip_us`, `work_us`,
+/// `wake_up_jitter_us` and `command_age_us {p50, p99, p999, max, histogram [[from_us, count]…]}`,
+/// `resends duplicates rejected {reason: count} missed_deadlines longest_miss missed_commands
+/// longest_command_miss late_commands gaps skipped_ticks restarts saturated_ticks
+/// log {path, events, ticks, gaps}`.
 std::string to_json(const Statistics& statistics);
 
 /// @throw Failure(bad_usage) naming the path when it cannot be written.

@@ -6,6 +6,7 @@
 
 #include "app/interruption.h"
 #include "app/logging.h"
+#include "app/real_time.h"
 #include "bus/udp_transport.h"
 
 namespace app {
@@ -49,6 +50,7 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
                                     .wait_s = options.wait_s,
                                     .interrupted = &interrupted,
                                     .instance = 0});
+    if (scenario.loop.mode == Mode::realtime) request_real_time(role);
     session->play([&] { part(scenario, *transport, *session); });
   } catch (const Failure& failure) {
     Statistics& statistics = session ? session->statistics() : early;

@@ -65,6 +65,21 @@ std::string_view name(Rejection rejection) {
   throw std::logic_error("bus::name: no such rejection");
 }
 
+Stamp stamp_of(std::span<const std::byte> payload) {
+  constexpr std::size_t fingerprint_size = 8;
+  std::array<std::int64_t, 3> values{};
+  if (payload.size() < fingerprint_size + sizeof values) {
+    throw std::logic_error("bus: a message of " + std::to_string(payload.size()) +
+                           " bytes has no stamp");
+  }
+  for (std::size_t i = 0; i < sizeof values; ++i) {
+    std::int64_t& value = values[i / sizeof(std::int64_t)];
+    value = static_cast<std::int64_t>(static_cast<std::uint64_t>(value) << 8 |
+                                      std::to_integer<std::uint64_t>(payload[fingerprint_size + i]));
+  }
+  return {values[0], values[1], values[2]};
+}
+
 std::string_view name(Role role) { return role_names.at(static_cast<std::size_t>(role)); }
 
 bool all_finite(const Tick&) { return true; }

@@ -39,6 +39,10 @@ enum class Rejection {
 };
 std::string_view name(Rejection rejection);
 
+/// The stamp of a message that a codec found to have the right shape (`none` or `non_finite`).
+/// @throw std::logic_error when the bytes are too few to hold one.
+Stamp stamp_of(std::span<const std::byte> payload);
+
 /// plant -> reference
 struct Tick {
   bool last = false;

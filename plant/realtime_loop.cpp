@@ -1,0 +1,239 @@
+#include "plant/realtime_loop.h"
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <string>
+
+namespace plant {
+namespace {
+
+using namespace std::chrono_literals;
+using bus::Clock;
+using bus::realtime::CommandWatch;
+using bus::truth::DriveFault;
+
+constexpr auto introduction_period = 20ms;
+// From the logger's word that it is ready to the first tick.
+constexpr auto lead_in = 5ms;
+// Whoever floods the bus must not keep the plant from its next tick.
+constexpr int most_at_once = 64;
+
+std::chrono::nanoseconds nanoseconds(double seconds) {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+      std::chrono::duration<double>(seconds));
+}
+
+}  // namespace
+
+RealtimeLoop::RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport,
+                           app::Session& session)
+    : scenario_(scenario),
+      transport_(transport),
+      session_(session),
+      robot_(scenario, session),
+      watch_(scenario.loop.max_missed, robot_.longest_command()) {
+  transport_.subscribe(robot_.command_channel());
+  transport_.subscribe(robot_.ack_channel());
+}
+
+Clock::time_point RealtimeLoop::deadline(std::int64_t tick) const {
+  return start_ + nanoseconds(static_cast<double>(tick) * scenario_.loop.period_s);
+}
+
+void RealtimeLoop::run() {
+  session_.meet({}, [this](const bus::Datagram& datagram) { refuse_early(datagram); });
+  robot_.prepare();
+  introduce();
+  start();
+  try {
+    keep_time();
+  } catch (const app::Failure& failure) {
+    come_to_rest(failure);
+    throw;
+  }
+  session_.finish();
+}
+
+void RealtimeLoop::refuse_early(const bus::Datagram& datagram) {
+  if (datagram.channel != robot_.command_channel() || !robot_.is_command(datagram.payload)) return;
+  throw app::Failure(app::ExitCode::protocol_violated,
+                     "a command came on " + robot_.command_channel() +
+                         " before the start, from " + std::string(datagram.sender) +
+                         " (run " + std::to_string(bus::stamp_of(datagram.payload).run) +
+                         "): an old controller is still there; end it first");
+}
+
+void RealtimeLoop::introduce() {
+  const auto begin = Clock::now();
+  const auto give_up_at = begin + nanoseconds(scenario_.loop.give_up_s);
+  session_.started(begin);
+  session_.attend(begin);
+  for (auto repeat_at = begin;;) {
+    const auto now = Clock::now();
+    session_.attend(now);
+    if (now >= give_up_at) {
+      throw app::Failure(app::ExitCode::peer_lost,
+                         session_.describe(bus::Role::logger) +
+                             " does not acknowledge RUN_INFO; see its output (loop.give_up_s)");
+    }
+    if (now >= repeat_at) {
+      transport_.publish(robot_.run_info_channel(), robot_.run_info());
+      if (repeat_at != begin) ++session_.statistics().resends;
+      repeat_at = now + introduction_period;
+    }
+    const auto datagram = transport_.receive(std::min(repeat_at, session_.next_attention()));
+    if (!datagram || session_.take(*datagram)) continue;
+    refuse_early(*datagram);
+    bus::Stamp stamp;
+    bus::LogAck ack;
+    if (datagram->channel == robot_.ack_channel() && robot_.hear_ack(*datagram, stamp, ack)) return;
+  }
+}
+
+void RealtimeLoop::start() {
+  start_ = Clock::now() + lead_in;
+  while (Clock::now() < start_) {
+    const auto datagram = transport_.receive(start_);
+    if (datagram && !session_.take(*datagram)) refuse_early(*datagram);
+  }
+}
+
+void RealtimeLoop::keep_time() {
+  for (tick_ = 0; tick_ < scenario_.loop.num_ticks; ++tick_) {
+    begin_tick();
+    receive_until(deadline(tick_ + 1));
+    end_tick();
+  }
+}
+
+void RealtimeLoop::note_wake_up(Clock::time_point now) {
+  const auto late = now - deadline(tick_);
+  app::Statistics& statistics = session_.statistics();
+  statistics.wake_up_jitter.add(late);
+  if (late > nanoseconds(scenario_.loop.period_s)) {
+    ++statistics.missed_deadlines;
+    statistics.longest_miss = std::max(statistics.longest_miss, ++late_in_a_row_);
+  } else {
+    late_in_a_row_ = 0;
+  }
+}
+
+void RealtimeLoop::begin_tick() {
+  const auto now = Clock::now();
+  note_wake_up(now);
+  publish_question(now);
+  if (scenario_.loop.command_delay == 1) {
+    act(held_ ? DriveFault::command_missed : DriveFault::none);
+  }
+}
+
+void RealtimeLoop::publish_question(Clock::time_point now) {
+  begun_ = true;
+  watch_.begin(tick_);
+  const auto measurement = robot_.measurement(tick_);
+  asked_ = Clock::now();
+  transport_.publish(robot_.measurement_channel(), measurement);
+  bus::Stamp stamp = robot_.stamp(tick_);
+  stamp.utime = (now - start_) / 1us;
+  transport_.publish(robot_.tick_channel(), robot_.tick(stamp));
+}
+
+void RealtimeLoop::act(DriveFault fault) {
+  transport_.publish(robot_.truth_channel(), robot_.truth(tick_, fault));
+  acted_ = true;
+  robot_.advance(tick_);
+}
+
+void RealtimeLoop::receive_until(Clock::time_point deadline) {
+  session_.attend(Clock::now());
+  while (Clock::now() < deadline) {
+    const auto datagram = transport_.receive(std::min(deadline, session_.next_attention()));
+    if (datagram) take(*datagram);
+    const auto now = Clock::now();
+    if (now < deadline) session_.attend(now);
+  }
+  // What was there in time and is not read yet counts.
+  for (int i = 0; i < most_at_once; ++i) {
+    const auto datagram = transport_.receive(Clock::time_point());
+    if (!datagram) break;
+    take(*datagram);
+  }
+}
+
+void RealtimeLoop::take(const bus::Datagram& datagram) {
+  if (session_.take(datagram)) return;
+  if (datagram.channel == robot_.command_channel()) on_command(datagram);
+}
+
+void RealtimeLoop::on_command(const bus::Datagram& datagram) {
+  bus::Stamp stamp;
+  if (!robot_.hear_command(datagram, stamp)) return;
+  app::Statistics& statistics = session_.statistics();
+  switch (watch_.on_command(stamp.tick, datagram.payload, datagram.sender)) {
+    case CommandWatch::Verdict::fresh:
+      statistics.command_age.add(Clock::now() - asked_);
+      robot_.drive();
+      if (scenario_.loop.command_delay == 0) act(DriveFault::none);
+      return;
+    case CommandWatch::Verdict::repeated:
+      ++statistics.duplicates;
+      return;
+    case CommandWatch::Verdict::late:
+      ++statistics.late_commands;
+      return;
+    case CommandWatch::Verdict::not_asked:
+      return statistics.rejected.add(app::Unusable::not_asked);
+    case CommandWatch::Verdict::conflicting:
+      throw robot_.two_commanders(stamp.tick, watch_.commander(stamp.tick), datagram.sender);
+  }
+}
+
+void RealtimeLoop::end_tick() {
+  watch_.end();
+  held_ = !watch_.commanded();
+  if (!acted_) act(DriveFault::command_missed);
+  robot_.end_tick();
+  begun_ = false;
+  acted_ = false;
+
+  app::Statistics& statistics = session_.statistics();
+  statistics.missed_commands = watch_.missed();
+  statistics.longest_command_miss = watch_.longest_miss();
+  statistics.ticks = tick_ + 1;
+  session_.progressed(tick_);
+  if (watch_.too_many()) {
+    throw app::Failure(
+        app::ExitCode::protective_stop,
+        "protective stop at tick " + std::to_string(tick_) + ": " +
+            session_.silent_among({bus::Role::controller, bus::Role::reference}) + " gave no " +
+            std::to_string(watch_.missed_in_a_row()) +
+            " commands in a row in time (loop.max_missed: " +
+            std::to_string(scenario_.loop.max_missed) + "); mend that and start a new run");
+  }
+}
+
+void RealtimeLoop::come_to_rest(const app::Failure& failure) {
+  const auto until = Clock::now() + longest_stop;
+  session_.stopping(failure, Clock::now());
+  try {
+    robot_.brake();
+    if (begun_ && !acted_) act(DriveFault::protective_stop);
+    // A failure at the end of a tick leaves none begun.
+    for (++tick_; tick_ < scenario_.loop.num_ticks && Clock::now() < until; ++tick_) {
+      while (Clock::now() < deadline(tick_)) {
+        if (const auto datagram = transport_.receive(deadline(tick_))) session_.take(*datagram);
+        session_.keep_in_touch(Clock::now());
+      }
+      publish_question(Clock::now());
+      act(DriveFault::protective_stop);
+      session_.progressed(tick_);
+      session_.statistics().ticks = tick_ + 1;
+      if (robot_.at_rest()) break;
+    }
+  } catch (const std::exception&) {
+    // The simulation cannot go on: the failure that was first is the one to tell.
+  }
+}
+
+}  // namespace plant

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+#include "app/scenario.h"
+#include "app/session.h"
+#include "bus/realtime/command_watch.h"
+#include "bus/transport.h"
+#include "plant/robot_on_bus.h"
+
+namespace plant {
+
+/// The plant on the wall clock: tick k begins at the absolute deadline start + k h, whether its
+/// command has come or not. A missed command holds the last torque; too many in a row, or whatever
+/// else ends the run before its time, brings the robot to rest first: drives without torque and
+/// viscous braking, recorded, for `longest_stop` at most.
+class RealtimeLoop {
+ public:
+  static constexpr std::chrono::milliseconds longest_stop{500};
+
+  RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport, app::Session& session);
+
+  /// Meets the others, keeps time over all ticks, parts.
+  void run();
+
+ private:
+  [[nodiscard]] bus::Clock::time_point deadline(std::int64_t tick) const;
+  void refuse_early(const bus::Datagram& datagram);
+  void introduce();
+  void start();
+  void keep_time();
+  void begin_tick();
+  void note_wake_up(bus::Clock::time_point now);
+  void publish_question(bus::Clock::time_point now);
+  void act(bus::truth::DriveFault fault);
+  void receive_until(bus::Clock::time_point deadline);
+  void take(const bus::Datagram& datagram);
+  void on_command(const bus::Datagram& datagram);
+  void end_tick();
+  void come_to_rest(const app::Failure& failure);
+
+  const app::Scenario& scenario_;
+  bus::Transport& transport_;
+  app::Session& session_;
+  RobotOnBus robot_;
+  bus::realtime::CommandWatch watch_;
+
+  bus::Clock::time_point start_;
+  bus::Clock::time_point asked_;  ///< when the measurement of tick_ was published
+  std::int64_t tick_ = -1;
+  bool begun_ = false;  ///< the question of tick_ has been published
+  bool acted_ = false;  ///< the torque over tick_ is decided, and its TRUTH published
+  bool held_ = false;   ///< the command of the last tick is missing
+  std::int64_t late_in_a_row_ = 0;
+};
+
+}  // namespace plant
