@@ -215,9 +215,9 @@ law::FlexibleRobot flexible_robot(const app::Scenario& scenario) {
           scenario.robot.flexible->rotor_inertia_kgm2};
 }
 
-law::Settings law_settings(const app::Scenario& scenario) {
+law::Settings law_settings(const app::Scenario& scenario, int ticks) {
   law::Settings settings;
-  settings.period_s = scenario.loop.period_s;
+  settings.period_s = ticks * scenario.loop.period_s;
   settings.filter = discretisation(scenario.controller.filter);
   settings.filter_start = scenario.controller.filter_start == app::FilterStart::zero
                               ? law::FilterStart::zero

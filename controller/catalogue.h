@@ -67,8 +67,9 @@ robot::Model rigid_model(const app::Scenario& scenario);
 /// @throw app::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
 law::FlexibleRobot flexible_robot(const app::Scenario& scenario);
 
-/// Sampling, filter and lead of the scenario.
-law::Settings law_settings(const app::Scenario& scenario);
+/// Sampling, filter and lead of the scenario, for a law whose steps are `ticks` periods apart. (The
+/// lead is that of one period in any case: it makes up for the torque's age, not for the filter's.)
+law::Settings law_settings(const app::Scenario& scenario, int ticks = 1);
 
 /// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead, gains
 /// that no law has. @throw app::Failure(bad_usage).
@@ -80,11 +81,11 @@ robot::Vector required_gain(const app::Scenario& scenario, const LawFacts& law,
                             std::string_view gain);
 
 /// The law L with the scenario's robot, gains and settings. Gains that only other laws have are
-/// left alone, so that one scenario can be run under several laws.
+/// left alone, so that one scenario can be run under several laws. `ticks`: see `law_settings`.
 /// @throw app::Failure(bad_usage), one line with file, line, key, value and allowed range, as the
 /// two functions above.
 template <class L>
-L make_law(const app::Scenario& scenario) {
+L make_law(const app::Scenario& scenario, int ticks = 1) {
   const LawFacts& law = law_facts(L::name);
   require_compatible(scenario, law);
   typename L::Gains gains;
@@ -93,9 +94,9 @@ L make_law(const app::Scenario& scenario) {
   }
   try {
     if constexpr (std::is_same_v<typename L::Robot, law::FlexibleRobot>) {
-      return L(flexible_robot(scenario), std::move(gains), law_settings(scenario));
+      return L(flexible_robot(scenario), std::move(gains), law_settings(scenario, ticks));
     } else {
-      return L(rigid_model(scenario), std::move(gains), law_settings(scenario));
+      return L(rigid_model(scenario), std::move(gains), law_settings(scenario, ticks));
     }
   } catch (const std::invalid_argument& problem) {
     throw scenario.complaint("controller.gains", problem.what());

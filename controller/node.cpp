@@ -1,13 +1,19 @@
 #include "controller/node.h"
 
 #include "controller/catalogue.h"
-#include "controller/law_node.h"
+#include "controller/lockstep_node.h"
+#include "controller/realtime_node.h"
 
 namespace controller {
 
 void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session) {
-  with_law(scenario,
-           [&]<class L>(const L& law) { LawNode<L>(scenario, law, transport, session).run(); });
+  with_law(scenario, [&]<class L>(const L& /*law*/) {
+    if (scenario.loop.mode == app::Mode::realtime) {
+      RealtimeNode<L>(scenario, transport, session).run();
+    } else {
+      LockstepNode<L>(scenario, transport, session).run();
+    }
+  });
 }
 
 }  // namespace controller

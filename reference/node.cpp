@@ -1,9 +1,15 @@
 #include "reference/node.h"
 
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "bus/lockstep/reference_answerer.h"
+#include "bus/realtime/pace.h"
+#include "bus/realtime/reference_answerer.h"
 #include "bus/wire.h"
 #include "reference/make_trajectory.h"
 
@@ -11,23 +17,14 @@ namespace reference {
 namespace {
 
 using bus::Clock;
-using bus::lockstep::ReferenceAnswerer;
 using bus::lockstep::Verdict;
 
+/// What both modes share: hears TICK, publishes references.
 class Node {
  public:
-  Node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
-      : transport_(transport),
-        session_(session),
-        period_s_(scenario.loop.period_s),
-        trajectory_(make_trajectory(scenario)),
-        tick_channel_(bus::channel<bus::Tick>(scenario.robot.channel_prefix)),
-        reference_channel_(bus::channel<robot::ReferencePoint>(scenario.robot.channel_prefix)),
-        tick_codec_(layout(scenario)),
-        reference_codec_(layout(scenario)),
-        answerer_(scenario.loop.num_ticks, tick_codec_.longest(), reference_codec_.longest()) {
-    transport_.subscribe(tick_channel_);
-  }
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+  virtual ~Node() = default;
 
   void run() {
     session_.meet();
@@ -40,48 +37,32 @@ class Node {
     session_.finish();
   }
 
- private:
-  static bus::Layout layout(const app::Scenario& scenario) {
-    return {.num_joints = scenario.num_joints, .num_motors = 0, .num_filters = 0};
+ protected:
+  Node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+      : transport_(transport),
+        session_(session),
+        period_s_(scenario.loop.period_s),
+        trajectory_(make_trajectory(scenario)),
+        tick_channel_(bus::channel<bus::Tick>(scenario.robot.channel_prefix)),
+        reference_channel_(bus::channel<robot::ReferencePoint>(scenario.robot.channel_prefix)),
+        tick_codec_(layout(scenario)),
+        reference_codec_(layout(scenario)) {
+    transport_.subscribe(tick_channel_);
   }
 
-  void on_tick(const bus::Datagram& datagram) {
-    bus::Stamp stamp;
-    bus::Tick tick;
-    app::Statistics& statistics = session_.statistics();
-    const bus::Rejection rejection = tick_codec_.decode(datagram.payload, stamp, tick);
-    if (rejection != bus::Rejection::none) return statistics.rejected.add(rejection);
-    if (stamp.run != session_.run()) return statistics.rejected.add(app::Unusable::other_run);
+  /// A TICK of this run.
+  virtual void on_tick(const bus::Stamp& stamp, const bus::Datagram& datagram) = 0;
 
-    const auto answer = answerer_.on_tick(stamp.tick, datagram.payload, datagram.sender);
-    switch (answer.verdict) {
-      case Verdict::not_asked:
-        return statistics.rejected.add(app::Unusable::not_asked);
-      case Verdict::too_old:
-        return statistics.rejected.add(app::Unusable::too_old);
-      case Verdict::conflicting:
-        throw app::Failure(app::ExitCode::protocol_violated,
-                           "two plants drive run " + std::to_string(stamp.run) + ": " +
-                               std::string(answerer_.asker(stamp.tick)) + " and " +
-                               std::string(datagram.sender) + " sent different messages for tick " +
-                               std::to_string(stamp.tick) + "; end one of them");
-      case Verdict::repeated:
-        ++statistics.duplicates;
-        break;
-      case Verdict::fresh:
-        break;
-    }
-    session_.started(Clock::now());
-    for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
-      transport_.publish(reference_channel_, answerer_.kept(k));
-      ++statistics.resends;
-    }
-    for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) compute(k);
-    session_.progressed(stamp.tick);
-    statistics.ticks = answerer_.newest() + 1;
+  [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
+  [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
+  app::Session& session() { return session_; }
+
+  void publish(std::span<const std::byte> reference) {
+    transport_.publish(reference_channel_, reference);
   }
 
-  void compute(std::int64_t k) {
+  /// Publishes the reference of tick k. The bytes are valid until the next call.
+  std::span<const std::byte> compute(std::int64_t k) {
     const auto begin = Clock::now();
     const double time_s = static_cast<double>(k) * period_s_;
     const robot::ReferencePoint reference = trajectory_.at(time_s);
@@ -93,9 +74,37 @@ class Node {
     }
     const bus::Stamp stamp{std::llround(time_s * 1e6), session_.run(), k};
     const auto bytes = reference_codec_.encode(stamp, reference);
-    answerer_.computed(k, bytes);
-    transport_.publish(reference_channel_, bytes);
+    publish(bytes);
     session_.statistics().work.add(Clock::now() - begin);
+    return bytes;
+  }
+
+  /// Whether the message is to be answered; counts it if it is not new.
+  bool count(Verdict verdict) {
+    app::Statistics& statistics = session_.statistics();
+    if (verdict == Verdict::repeated) ++statistics.duplicates;
+    if (verdict == Verdict::not_asked) statistics.rejected.add(app::Unusable::not_asked);
+    if (verdict == Verdict::too_old) statistics.rejected.add(app::Unusable::too_old);
+    return verdict == Verdict::fresh || verdict == Verdict::repeated;
+  }
+
+  [[nodiscard]] app::Failure two_plants(std::int64_t tick, std::string_view first,
+                                        std::string_view second) const {
+    return {app::ExitCode::protocol_violated,
+            "two plants drive run " + std::to_string(session_.run()) + ": " + std::string(first) +
+                " and " + std::string(second) + " sent different messages for tick " +
+                std::to_string(tick) + "; end one of them"};
+  }
+
+ private:
+  static bus::Layout layout(const app::Scenario& scenario) {
+    return {.num_joints = scenario.num_joints, .num_motors = 0, .num_filters = 0};
+  }
+
+  void on_tick(const bus::Datagram& datagram) {
+    bus::Stamp stamp;
+    bus::Tick tick;
+    if (session_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp, datagram);
   }
 
   bus::Transport& transport_;
@@ -106,13 +115,73 @@ class Node {
   std::string reference_channel_;
   bus::Codec<bus::Tick> tick_codec_;
   bus::Codec<robot::ReferencePoint> reference_codec_;
-  ReferenceAnswerer answerer_;
+};
+
+class LockstepNode final : public Node {
+ public:
+  LockstepNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+      : Node(scenario, transport, session),
+        answerer_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
+
+ private:
+  void on_tick(const bus::Stamp& stamp, const bus::Datagram& datagram) override {
+    const auto answer = answerer_.on_tick(stamp.tick, datagram.payload, datagram.sender);
+    if (answer.verdict == Verdict::conflicting) {
+      throw two_plants(stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+    }
+    if (!count(answer.verdict)) return;
+    session().started(Clock::now());
+    for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
+      publish(answerer_.kept(k));
+      ++session().statistics().resends;
+    }
+    for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
+      answerer_.computed(k, compute(k));
+    }
+    session().progressed(stamp.tick);
+    session().statistics().ticks = answerer_.newest() + 1;
+  }
+
+  bus::lockstep::ReferenceAnswerer answerer_;
+};
+
+class RealtimeNode final : public Node {
+ public:
+  RealtimeNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+      : Node(scenario, transport, session),
+        answerer_(scenario.loop.num_ticks, longest_tick()),
+        pace_(scenario.loop.period_s) {}
+
+ private:
+  void on_tick(const bus::Stamp& stamp, const bus::Datagram& datagram) override {
+    const auto now = Clock::now();
+    if (!pace_.possible(stamp.tick, now)) {
+      count(Verdict::not_asked);
+      return;
+    }
+    const auto answer = answerer_.on_tick(stamp.tick, datagram.payload, datagram.sender);
+    if (answer.verdict == Verdict::conflicting) {
+      throw two_plants(stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+    }
+    if (!count(answer.verdict)) return;
+    session().started(now);
+    for (std::int64_t k = answer.first; k <= answer.last; ++k) compute(k);
+    session().progressed(stamp.tick);
+    session().statistics().ticks = answerer_.newest() + 1;
+  }
+
+  bus::realtime::ReferenceAnswerer answerer_;
+  bus::realtime::Pace pace_;
 };
 
 }  // namespace
 
 void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session) {
-  Node(scenario, transport, session).run();
+  if (scenario.loop.mode == app::Mode::realtime) {
+    RealtimeNode(scenario, transport, session).run();
+  } else {
+    LockstepNode(scenario, transport, session).run();
+  }
 }
 
 }  // namespace reference

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+
+#include "app/scenario.h"
+#include "app/session.h"
+#include "bus/lockstep/command_answerer.h"
+#include "bus/transport.h"
+#include "controller/law/law.h"
+#include "controller/law_on_bus.h"
+
+namespace controller {
+
+/// The loop around one law in lockstep: every tick once, in order.
+template <law::Law L>
+class LockstepNode {
+ public:
+  LockstepNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+      : transport_(transport),
+        session_(session),
+        law_(scenario, transport, session),
+        answerer_(scenario.loop.num_ticks,
+                  {law_.longest_measurement(), law_.longest_reference(), law_.longest_command(),
+                   law_.longest_state()}) {}
+
+  void run() {
+    session_.meet(law_.needs());
+    while (!session_.plant_finished()) {
+      session_.attend(bus::Clock::now());
+      const auto datagram = transport_.receive(session_.next_attention());
+      if (!datagram || session_.take(*datagram)) continue;
+      if (datagram->channel == law_.measurement_channel()) {
+        on_measurement(*datagram);
+      } else if (datagram->channel == law_.reference_channel()) {
+        on_reference(*datagram);
+      }
+    }
+    session_.finish();
+  }
+
+ private:
+  using Answerer = bus::lockstep::CommandAnswerer;
+  using Verdict = bus::lockstep::Verdict;
+
+  void on_measurement(const bus::Datagram& datagram) {
+    bus::Stamp stamp;
+    if (!law_.accept_measurement(datagram, stamp)) return;
+    const auto answer = answerer_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
+    if (answer.verdict == Verdict::conflicting) {
+      throw law_.violated("two plants", stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+    }
+    law_.count(answer.verdict);
+    if (answer.verdict == Verdict::fresh || answer.verdict == Verdict::repeated) {
+      session_.started(bus::Clock::now());
+    }
+    act(answer.action, stamp.tick);
+  }
+
+  void on_reference(const bus::Datagram& datagram) {
+    bus::Stamp stamp;
+    if (!law_.accept_reference(datagram, stamp)) return;
+    const auto answer = answerer_.on_reference(stamp.tick, datagram.payload, datagram.sender);
+    if (answer.verdict == Verdict::conflicting) {
+      throw law_.violated("two references", stamp.tick, answerer_.referrer(stamp.tick),
+                          datagram.sender);
+    }
+    law_.count(answer.verdict);
+    act(answer.action, stamp.tick);
+  }
+
+  void act(Answerer::Action action, std::int64_t tick) {
+    if (action == Answerer::Action::compute) {
+      const std::int64_t k = answerer_.next();
+      const auto result = law_.step(k, answerer_.measurement(k), answerer_.reference(k));
+      answerer_.computed(result.command, result.state);
+    } else if (action == Answerer::Action::repeat) {
+      transport_.publish(law_.command_channel(), answerer_.command(tick));
+      transport_.publish(law_.state_channel(), answerer_.state(tick));
+      session_.statistics().resends += 2;
+    }
+  }
+
+  bus::Transport& transport_;
+  app::Session& session_;
+  LawOnBus<L> law_;
+  Answerer answerer_;
+};
+
+}  // namespace controller

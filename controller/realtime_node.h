@@ -1,0 +1,116 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "app/logging.h"
+#include "app/scenario.h"
+#include "app/session.h"
+#include "bus/realtime/command_picker.h"
+#include "bus/realtime/pace.h"
+#include "bus/transport.h"
+#include "controller/law/law.h"
+#include "controller/law_on_bus.h"
+
+namespace controller {
+
+/// The loop around one law in realtime: acts on the newest measurement whose reference is there.
+/// What was lost is passed over, and the law told so (`LawStepper`); never silently: gaps are
+/// counted, and said at the end.
+template <law::Law L>
+class RealtimeNode {
+ public:
+  RealtimeNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+      : transport_(transport),
+        session_(session),
+        law_(scenario, transport, session),
+        picker_(scenario.loop.num_ticks, law_.longest_measurement(), law_.longest_reference()),
+        pace_(scenario.loop.period_s) {}
+
+  void run() {
+    session_.meet(law_.needs());
+    try {
+      while (!session_.plant_finished()) {
+        session_.attend(bus::Clock::now());
+        const auto datagram = transport_.receive(session_.next_attention());
+        if (!datagram || session_.take(*datagram)) continue;
+        if (datagram->channel == law_.measurement_channel()) {
+          on_measurement(*datagram);
+        } else if (datagram->channel == law_.reference_channel()) {
+          on_reference(*datagram);
+        }
+      }
+    } catch (const app::Failure&) {
+      tell_gaps();
+      throw;
+    }
+    session_.finish();
+    tell_gaps();
+  }
+
+ private:
+  using Verdict = bus::lockstep::Verdict;
+
+  void on_measurement(const bus::Datagram& datagram) {
+    bus::Stamp stamp;
+    if (!law_.accept_measurement(datagram, stamp)) return;
+    const auto now = bus::Clock::now();
+    if (!pace_.possible(stamp.tick, now)) return law_.count(Verdict::not_asked);
+    const Verdict verdict =
+        picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
+    if (verdict == Verdict::conflicting) {
+      throw law_.violated("two plants", stamp.tick, picker_.asker(stamp.tick), datagram.sender);
+    }
+    law_.count(verdict);
+    if (verdict != Verdict::fresh) return;
+    session_.started(now);
+    act();
+  }
+
+  void on_reference(const bus::Datagram& datagram) {
+    bus::Stamp stamp;
+    if (!law_.accept_reference(datagram, stamp)) return;
+    // A reference is a tick ahead.
+    if (!pace_.possible(stamp.tick - 1, bus::Clock::now()) && stamp.tick != 0) {
+      return law_.count(Verdict::not_asked);
+    }
+    const Verdict verdict = picker_.on_reference(stamp.tick, datagram.payload, datagram.sender);
+    if (verdict == Verdict::conflicting) {
+      throw law_.violated("two references", stamp.tick, picker_.referrer(stamp.tick),
+                          datagram.sender);
+    }
+    law_.count(verdict);
+    if (verdict == Verdict::fresh) act();
+  }
+
+  void act() {
+    const auto due = picker_.due();
+    if (!due) return;
+    const auto result = law_.step(*due, picker_.measurement(*due), picker_.reference(*due));
+    picker_.acted(*due);
+    app::Statistics& statistics = session_.statistics();
+    statistics.gaps += result.skipped > 0 ? 1 : 0;
+    statistics.skipped_ticks += result.skipped;
+    statistics.restarts += result.restarted ? 1 : 0;
+  }
+
+  void tell_gaps() const {
+    const app::Statistics& statistics = session_.statistics();
+    if (statistics.gaps == 0) return;
+    app::log_warning(std::to_string(statistics.skipped_ticks) + " ticks in " +
+                     std::to_string(statistics.gaps) +
+                     " gaps came without measurement or reference" +
+                     (statistics.restarts == 0
+                          ? ""
+                          : ", " + std::to_string(statistics.restarts) +
+                                " of them so long that the law's memory began anew"));
+  }
+
+  bus::Transport& transport_;
+  app::Session& session_;
+  LawOnBus<L> law_;
+  bus::realtime::CommandPicker picker_;
+  bus::realtime::Pace pace_;
+};
+
+}  // namespace controller

@@ -1,0 +1,56 @@
+#include "logger/lockstep_recorder.h"
+
+#include <stdexcept>
+
+namespace logger {
+
+using bus::Clock;
+using bus::lockstep::Verdict;
+
+LockstepRecorder::LockstepRecorder(const app::Scenario& scenario, bus::Transport& transport,
+                                   app::Session& session, const std::filesystem::path& log_path)
+    : Recorder(scenario, transport, session, log_path),
+      window_(scenario.loop.num_ticks, messages().longest()) {}
+
+void LockstepRecorder::on_message(Slot slot, const bus::Stamp& stamp,
+                                  const bus::Datagram& datagram) {
+  const Verdict verdict =
+      window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
+  const bool contradicts = verdict == Verdict::conflicting;
+  count(verdict, slot, stamp.tick, contradicts ? window_.sender(stamp.tick, slot) : "",
+        datagram.sender);
+}
+
+void LockstepRecorder::after_message() {
+  write_complete_ticks();
+  if (const auto ack = window_.take_ack()) acknowledge(ack->tick, ack->missing);
+}
+
+void LockstepRecorder::write_complete_ticks() {
+  while (const auto tick = window_.complete_tick()) {
+    const auto begin = Clock::now();
+    bus::Stamp stamp;
+    if (messages().check(Slot::tick, window_.bytes(*tick, Slot::tick), stamp) !=
+        bus::Rejection::none) {
+      throw std::logic_error("a kept message has changed");
+    }
+    for (int slot = 0; slot < bus::lockstep::num_slots; ++slot) {
+      append(stamp.utime, messages().channel(static_cast<Slot>(slot)),
+             window_.bytes(*tick, static_cast<Slot>(slot)));
+    }
+    window_.written();
+    session().progressed(*tick);
+    session().statistics().ticks = *tick + 1;
+    session().statistics().log->ticks = *tick + 1;
+    session().statistics().work.add(Clock::now() - begin);
+  }
+}
+
+void LockstepRecorder::conclude(bool well) {
+  if (well) return;  // the plant has finished, and so has everything it waited for
+  constexpr int most = 10'000;  // whoever floods the bus must not keep us here
+  for (int i = 0; i < most && receive(Clock::time_point()); ++i) {
+  }
+}
+
+}  // namespace logger

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <filesystem>
+
+#include "bus/lockstep/log_window.h"
+#include "logger/recorder.h"
+
+namespace logger {
+
+/// Records tick by tick, each whole and once, stamped with simulation time; acknowledges, and has
+/// what it misses repeated. Heartbeats stay out.
+class LockstepRecorder final : public Recorder {
+ public:
+  LockstepRecorder(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
+                   const std::filesystem::path& log_path);
+
+ private:
+  bus::lockstep::Verdict on_run_info(bool same) override { return window_.on_run_info(same); }
+  void on_message(Slot slot, const bus::Stamp& stamp, const bus::Datagram& datagram) override;
+  void on_participant(const bus::Datagram& /*datagram*/) override {}
+  void after_message() override;
+  void conclude(bool well) override;
+
+  void write_complete_ticks();
+
+  bus::lockstep::LogWindow window_;
+};
+
+}  // namespace logger

@@ -1,0 +1,93 @@
+#include "logger/realtime_recorder.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "app/logging.h"
+
+namespace logger {
+namespace {
+
+using namespace std::chrono_literals;
+
+// After the plant's last word others may still be on their way.
+constexpr auto silence = 50ms;
+// A plant that fails brings the robot to rest first, and that belongs into the log.
+constexpr auto silence_of_a_failing_plant = 150ms;
+constexpr auto longest_conclusion = 1500ms;
+
+}  // namespace
+
+using bus::Clock;
+using bus::lockstep::Verdict;
+
+RealtimeRecorder::RealtimeRecorder(const app::Scenario& scenario, bus::Transport& transport,
+                                   app::Session& session, const std::filesystem::path& log_path)
+    : Recorder(scenario, transport, session, log_path),
+      num_ticks_(scenario.loop.num_ticks),
+      pace_(scenario.loop.period_s),
+      tally_(scenario.loop.num_ticks) {}
+
+Verdict RealtimeRecorder::on_run_info(bool same) {
+  if (!same) return Verdict::conflicting;
+  introduced_ = true;
+  acknowledge(-1, 0);
+  return Verdict::fresh;
+}
+
+std::int64_t RealtimeRecorder::since_start(Clock::time_point now) const {
+  return start_ && now > *start_ ? (now - *start_) / 1us : 0;
+}
+
+void RealtimeRecorder::on_message(Slot slot, const bus::Stamp& stamp,
+                                  const bus::Datagram& datagram) {
+  const auto begin = Clock::now();
+  const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
+  if (!introduced_ || !pace_.possible(stamp.tick - ahead, begin)) {
+    return count(Verdict::not_asked, slot, stamp.tick, {}, {});
+  }
+  const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
+  heard_ = begin;
+  if (verdict != Verdict::fresh) {
+    return count(verdict, slot, stamp.tick, "an earlier sender", datagram.sender);
+  }
+  if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
+  append(since_start(begin), datagram.channel, datagram.payload);
+  app::Statistics& statistics = session().statistics();
+  session().progressed(tally_.newest());
+  statistics.ticks = tally_.newest() + 1;
+  statistics.work.add(Clock::now() - begin);
+}
+
+void RealtimeRecorder::on_participant(const bus::Datagram& datagram) {
+  // RUN_INFO comes first, so that a log begins with what explains it.
+  if (introduced_) append(since_start(Clock::now()), datagram.channel, datagram.payload);
+}
+
+void RealtimeRecorder::conclude(bool well) {
+  if (start_) {
+    heard_ = Clock::now();
+    const auto until = heard_ + longest_conclusion;
+    const auto patience = well ? silence : silence_of_a_failing_plant;
+    while (Clock::now() < std::min(until, heard_ + patience)) {
+      receive(std::min(until, heard_ + patience));
+      file().flush_if_due(Clock::now());
+    }
+  }
+  tally_.finish(well ? num_ticks_ - 1 : tally_.newest());
+  session().statistics().log->ticks = tally_.complete();
+  session().statistics().log->gaps = tally_.incomplete();
+  tell_what_is_missing();
+}
+
+void RealtimeRecorder::tell_what_is_missing() {
+  for (int i = 0; i < bus::lockstep::num_slots; ++i) {
+    const auto slot = static_cast<Slot>(i);
+    const auto& missing = tally_.missing(slot);
+    if (missing.count == 0) continue;
+    app::log_warning(std::to_string(missing.count) + " of " + std::to_string(num_ticks_) +
+                     " ticks have no " + messages().channel(slot) + ": " + text_of(missing));
+  }
+}
+
+}  // namespace logger

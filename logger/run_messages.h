@@ -1,0 +1,181 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <vector>
+
+#include "app/scenario.h"
+#include "bus/lockstep/log_window.h"
+#include "bus/truth/truth_wire.h"
+#include "bus/wire.h"
+
+namespace logger {
+
+/// Checks messages of one type; what they say is of no interest here.
+template <class Value>
+class Checker {
+ public:
+  explicit Checker(const bus::Layout& layout) : codec_(layout) {}
+  bus::Rejection check(std::span<const std::byte> payload, bus::Stamp& stamp) {
+    return codec_.decode(payload, stamp, value_);
+  }
+  [[nodiscard]] std::size_t longest() const { return codec_.longest(); }
+
+ private:
+  bus::Codec<Value> codec_;
+  Value value_;
+};
+
+inline bus::Layout layout(const app::Scenario& scenario, int num_filters) {
+  return {.num_joints = scenario.num_joints,
+          .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
+          .num_filters = num_filters};
+}
+
+/// Whichever measurement the controller is fed with.
+class MeasurementChecker {
+ public:
+  explicit MeasurementChecker(const bus::Layout& layout)
+      : checkers_(Checker<robot::PositionMeasurement>(layout),
+                  Checker<robot::MotorPositionMeasurement>(layout),
+                  Checker<robot::LinkStateMeasurement>(layout),
+                  Checker<robot::StateMeasurement>(layout)) {}
+
+  /// @return whether there is such a measurement
+  bool select(std::string_view suffix) {
+    const std::array suffixes = {bus::ChannelOf<robot::PositionMeasurement>::suffix,
+                                 bus::ChannelOf<robot::MotorPositionMeasurement>::suffix,
+                                 bus::ChannelOf<robot::LinkStateMeasurement>::suffix,
+                                 bus::ChannelOf<robot::StateMeasurement>::suffix};
+    const auto found = std::ranges::find(suffixes, suffix);
+    if (found == suffixes.end()) return false;
+    selected_ = found - suffixes.begin();
+    return true;
+  }
+
+  bus::Rejection check(std::span<const std::byte> payload, bus::Stamp& stamp) {
+    switch (selected_) {
+      case 0:
+        return std::get<0>(checkers_).check(payload, stamp);
+      case 1:
+        return std::get<1>(checkers_).check(payload, stamp);
+      case 2:
+        return std::get<2>(checkers_).check(payload, stamp);
+      case 3:
+        return std::get<3>(checkers_).check(payload, stamp);
+      default:
+        throw std::logic_error("a measurement came before it was selected");
+    }
+  }
+
+  [[nodiscard]] std::size_t longest() const {
+    return std::apply([](const auto&... each) { return std::max({each.longest()...}); }, checkers_);
+  }
+
+ private:
+  std::tuple<Checker<robot::PositionMeasurement>, Checker<robot::MotorPositionMeasurement>,
+             Checker<robot::LinkStateMeasurement>, Checker<robot::StateMeasurement>>
+      checkers_;
+  std::ptrdiff_t selected_ = -1;
+};
+
+/// The logger does not know laws: a controller's state may have any number of filters.
+class StateChecker {
+ public:
+  explicit StateChecker(const app::Scenario& scenario) {
+    for (int filters = 0; filters <= robot::max_filters; ++filters) {
+      checkers_.emplace_back(layout(scenario, filters));
+    }
+  }
+  bus::Rejection check(std::span<const std::byte> payload, bus::Stamp& stamp) {
+    for (auto& checker : checkers_) {
+      const bus::Rejection rejection = checker.check(payload, stamp);
+      if (rejection != bus::Rejection::wrong_size) return rejection;
+    }
+    return bus::Rejection::wrong_size;
+  }
+  [[nodiscard]] std::size_t longest() const { return checkers_.back().longest(); }
+
+ private:
+  std::vector<Checker<robot::ControllerState>> checkers_;
+};
+
+/// The six messages of a tick, by slot: their channels, and whether one is sound.
+class RunMessages {
+ public:
+  using Slot = bus::lockstep::Slot;
+
+  explicit RunMessages(const app::Scenario& scenario)
+      : robot_(scenario.robot.channel_prefix),
+        tick_(layout(scenario, 0)),
+        measurement_(layout(scenario, 0)),
+        reference_(layout(scenario, 0)),
+        command_(layout(scenario, 0)),
+        state_(scenario),
+        truth_(layout(scenario, 0)) {
+    name(Slot::tick) = bus::channel<bus::Tick>(robot_);
+    name(Slot::reference) = bus::channel<robot::ReferencePoint>(robot_);
+    name(Slot::command) = bus::channel<robot::TorqueCommand>(robot_);
+    name(Slot::controller_state) = bus::channel<robot::ControllerState>(robot_);
+    name(Slot::truth) = bus::channel<bus::truth::PlantTruth>(robot_);
+  }
+
+  /// Chooses the measurement of this run. @return whether there is such a one.
+  bool select_measurement(std::string_view suffix) {
+    if (!measurement_.select(suffix)) return false;
+    name(Slot::measurement) = robot_ + "_" + std::string(suffix);
+    return true;
+  }
+
+  /// Empty for the measurement that is not chosen yet.
+  [[nodiscard]] const std::string& channel(Slot slot) const {
+    return channels_[static_cast<std::size_t>(slot)];
+  }
+  [[nodiscard]] const std::array<std::string, bus::lockstep::num_slots>& channels() const {
+    return channels_;
+  }
+
+  /// Longest messages, by slot [bytes].
+  [[nodiscard]] std::array<std::size_t, bus::lockstep::num_slots> longest() const {
+    return {tick_.longest(),    measurement_.longest(), reference_.longest(),
+            command_.longest(), state_.longest(),       truth_.longest()};
+  }
+
+  bus::Rejection check(Slot slot, std::span<const std::byte> payload, bus::Stamp& stamp) {
+    switch (slot) {
+      case Slot::tick:
+        return tick_.check(payload, stamp);
+      case Slot::measurement:
+        return measurement_.check(payload, stamp);
+      case Slot::reference:
+        return reference_.check(payload, stamp);
+      case Slot::command:
+        return command_.check(payload, stamp);
+      case Slot::controller_state:
+        return state_.check(payload, stamp);
+      case Slot::truth:
+        return truth_.check(payload, stamp);
+    }
+    throw std::logic_error("no such slot");
+  }
+
+ private:
+  std::string& name(Slot slot) { return channels_[static_cast<std::size_t>(slot)]; }
+
+  std::string robot_;
+  std::array<std::string, bus::lockstep::num_slots> channels_;
+  Checker<bus::Tick> tick_;
+  MeasurementChecker measurement_;
+  Checker<robot::ReferencePoint> reference_;
+  Checker<robot::TorqueCommand> command_;
+  StateChecker state_;
+  Checker<bus::truth::PlantTruth> truth_;
+};
+
+}  // namespace logger

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bus/lockstep/log_window.h"
+
+namespace logger {
+
+/// Keeps account of what has been recorded in order of arrival: which pieces each tick has, which
+/// come again, which never came. Bounded memory; all of it taken at construction.
+class TickTally {
+ public:
+  using Slot = bus::lockstep::Slot;
+
+  /// Pieces may come this many ticks out of order; what comes later still is too old.
+  static constexpr std::int64_t window = 1024;
+  static constexpr std::size_t max_listed = 5;
+
+  explicit TickTally(std::int64_t num_ticks);
+
+  /// Whether the message is to be recorded (`fresh`), or what else it is.
+  bus::lockstep::Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
+
+  /// The run is over: `last` is the last tick that may be asked of the log.
+  void finish(std::int64_t last);
+
+  /// Newest tick of which anything but a reference (it is a tick ahead) has come; -1 before.
+  [[nodiscard]] std::int64_t newest() const { return newest_; }
+  /// Ticks with all their pieces, and ticks that lack some; of those that are settled.
+  [[nodiscard]] std::int64_t complete() const { return complete_; }
+  [[nodiscard]] std::int64_t incomplete() const { return incomplete_; }
+
+  /// Ticks in a row that lack a piece.
+  struct Range {
+    std::int64_t first = 0;
+    std::int64_t last = 0;
+  };
+  struct Missing {
+    std::int64_t count = 0;
+    std::vector<Range> listed;  ///< the first `max_listed` ranges
+    std::int64_t ranges = 0;
+  };
+  [[nodiscard]] const Missing& missing(Slot slot) const {
+    return missing_[static_cast<std::size_t>(slot)];
+  }
+
+ private:
+  struct Entry {
+    std::int64_t tick = -1;
+    std::array<bool, bus::lockstep::num_slots> has{};
+    std::array<std::uint64_t, bus::lockstep::num_slots> digest{};
+  };
+
+  void settle_before(std::int64_t tick);
+  void settle(std::int64_t tick);
+
+  std::int64_t num_ticks_;
+  std::vector<Entry> entries_;
+  std::int64_t newest_ = -1;
+  std::int64_t settled_ = 0;  ///< all ticks before are
+  std::int64_t complete_ = 0;
+  std::int64_t incomplete_ = 0;
+  std::array<Missing, bus::lockstep::num_slots> missing_;
+};
+
+/// "12, 40-55 and 3 more": where pieces are missing.
+std::string text_of(const TickTally::Missing& missing);
+
+}  // namespace logger
