@@ -35,7 +35,8 @@ void request_real_time(bus::Role role) {
   std::string missing;
   ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    missing += std::string("its memory locked (") + std::strerror(errno) + "; `ulimit -l unlimited`)";
+    missing +=
+        std::string("its memory locked (") + std::strerror(errno) + "; `ulimit -l unlimited`)";
   }
   if (const int priority = priority_of(role); priority > 0) {
     sched_param parameters{};

@@ -74,8 +74,9 @@ Stamp stamp_of(std::span<const std::byte> payload) {
   }
   for (std::size_t i = 0; i < sizeof values; ++i) {
     std::int64_t& value = values[i / sizeof(std::int64_t)];
-    value = static_cast<std::int64_t>(static_cast<std::uint64_t>(value) << 8 |
-                                      std::to_integer<std::uint64_t>(payload[fingerprint_size + i]));
+    value =
+        static_cast<std::int64_t>(static_cast<std::uint64_t>(value) << 8 |
+                                  std::to_integer<std::uint64_t>(payload[fingerprint_size + i]));
   }
   return {values[0], values[1], values[2]};
 }

@@ -73,7 +73,7 @@ class LawOnBus {
   /// Steps the law over `tick` and publishes command and state. The inputs have been accepted.
   /// @throw app::Failure(protective_stop) when the result is not finite.
   Result step(std::int64_t tick, std::span<const std::byte> measurement,
-               std::span<const std::byte> reference) {
+              std::span<const std::byte> reference) {
     const auto begin = bus::Clock::now();
     bus::Stamp stamp;
     require(measurement_codec_.decode(measurement, stamp, measurement_));

@@ -19,9 +19,8 @@ class LockstepNode {
       : transport_(transport),
         session_(session),
         law_(scenario, transport, session),
-        answerer_(scenario.loop.num_ticks,
-                  {law_.longest_measurement(), law_.longest_reference(), law_.longest_command(),
-                   law_.longest_state()}) {}
+        answerer_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
+                                            law_.longest_command(), law_.longest_state()}) {}
 
   void run() {
     session_.meet(law_.needs());

@@ -56,8 +56,7 @@ class RealtimeNode {
     if (!law_.accept_measurement(datagram, stamp)) return;
     const auto now = bus::Clock::now();
     if (!pace_.possible(stamp.tick, now)) return law_.count(Verdict::not_asked);
-    const Verdict verdict =
-        picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
+    const Verdict verdict = picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
     if (verdict == Verdict::conflicting) {
       throw law_.violated("two plants", stamp.tick, picker_.asker(stamp.tick), datagram.sender);
     }
@@ -97,13 +96,12 @@ class RealtimeNode {
   void tell_gaps() const {
     const app::Statistics& statistics = session_.statistics();
     if (statistics.gaps == 0) return;
-    app::log_warning(std::to_string(statistics.skipped_ticks) + " ticks in " +
-                     std::to_string(statistics.gaps) +
-                     " gaps came without measurement or reference" +
-                     (statistics.restarts == 0
-                          ? ""
-                          : ", " + std::to_string(statistics.restarts) +
-                                " of them so long that the law's memory began anew"));
+    app::log_warning(
+        std::to_string(statistics.skipped_ticks) + " ticks in " + std::to_string(statistics.gaps) +
+        " gaps came without measurement or reference" +
+        (statistics.restarts == 0 ? ""
+                                  : ", " + std::to_string(statistics.restarts) +
+                                        " of them so long that the law's memory began anew"));
   }
 
   bus::Transport& transport_;

@@ -22,16 +22,30 @@ std::int64_t sum(const std::vector<nlohmann::json>& counters, const char* key) {
   return total;
 }
 
-nlohmann::ordered_json round_trip(const nlohmann::json* plant) {
+/// Of durations that the plant has measured; null where there is none.
+nlohmann::ordered_json percentiles(const nlohmann::json* plant, const char* durations) {
   nlohmann::ordered_json result;
+  const bool measured =
+      plant != nullptr && plant->contains(durations) && plant->at(durations).is_object() &&
+      !(plant->at(durations).contains("histogram") && plant->at(durations).at("histogram").empty());
   for (const char* key : {"p50", "p99", "p999", "max"}) {
-    result[key] = nullptr;
-    if (plant != nullptr && plant->contains("round_trip_us") &&
-        plant->at("round_trip_us").is_object()) {
-      result[key] = plant->at("round_trip_us").value(key, nlohmann::json());
-    }
+    result[key] = measured ? plant->at(durations).value(key, nlohmann::json()) : nlohmann::json();
   }
   return result;
+}
+
+std::int64_t count(const nlohmann::json* counters, const char* key) {
+  return counters != nullptr ? counters->value(key, std::int64_t{0}) : 0;
+}
+
+std::string percentile_row(const nlohmann::ordered_json& durations, const char* what) {
+  if (!durations.at("p50").is_number()) return "";
+  char row[192];
+  std::snprintf(row, sizeof row,
+                "  %s %.0f µs (median), %.0f µs (99 %%), %.0f µs (99.9 %%), %.0f µs (max)\n", what,
+                durations.at("p50").get<double>(), durations.at("p99").get<double>(),
+                durations.at("p999").get<double>(), durations.at("max").get<double>());
+  return row;
 }
 
 }  // namespace
@@ -70,7 +84,7 @@ nlohmann::ordered_json summarise(const RunFacts& facts, const Tracking& tracking
   summary["position_error_rad"] = error;
   summary["torque_Nm"] = torque;
 
-  summary["round_trip_us"] = round_trip(plant);
+  summary["round_trip_us"] = percentiles(plant, "round_trip_us");
   summary["resends"] = sum(counters, "resends");
   summary["duplicates"] = sum(counters, "duplicates");
   std::map<std::string, std::int64_t> rejected;
@@ -82,9 +96,18 @@ nlohmann::ordered_json summarise(const RunFacts& facts, const Tracking& tracking
   }
   summary["rejected"] = nlohmann::ordered_json::object();
   for (const auto& [reason, count] : rejected) summary["rejected"][reason] = count;
-  summary["missed_deadlines"] =
-      plant != nullptr ? plant->value("missed_deadlines", std::int64_t{0}) : 0;
-  summary["longest_miss"] = plant != nullptr ? plant->value("longest_miss", std::int64_t{0}) : 0;
+  const nlohmann::json* controller = of_role(counters, "controller");
+  summary["missed_deadlines"] = count(plant, "missed_deadlines");
+  summary["longest_miss"] = count(plant, "longest_miss");
+  summary["missed_commands"] = count(plant, "missed_commands");
+  summary["longest_command_miss"] = count(plant, "longest_command_miss");
+  summary["late_commands"] = count(plant, "late_commands");
+  summary["skipped_ticks"] = count(controller, "skipped_ticks");
+  summary["wake_up_jitter_us"] = percentiles(plant, "wake_up_jitter_us");
+  summary["command_age_us"] = percentiles(plant, "command_age_us");
+  summary["saturated_ticks"] = plant != nullptr
+                                   ? plant->value("saturated_ticks", nlohmann::json::array())
+                                   : nlohmann::json::array();
   summary["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
   summary["fault"] = facts.fault ? nlohmann::json(*facts.fault) : nlohmann::json();
   return summary;
@@ -130,11 +153,25 @@ std::string closing_table(const nlohmann::ordered_json& summary,
     text += row;
   }
   text += "\n";
-  const auto& trip = summary.at("round_trip_us");
-  if (trip.at("p50").is_number()) {
-    std::snprintf(
-        row, sizeof row, "  round trip %.0f µs (median), %.0f µs (99 %%), %.0f µs (max)\n",
-        trip.at("p50").get<double>(), trip.at("p99").get<double>(), trip.at("max").get<double>());
+  if (summary.at("mode") == "realtime") {
+    text += percentile_row(summary.at("command_age_us"), "command age   ");
+    text += percentile_row(summary.at("wake_up_jitter_us"), "wake-up jitter");
+    std::snprintf(row, sizeof row,
+                  "  missed deadlines %lld (longest run of them %lld), missed commands %lld "
+                  "(longest run of them %lld)\n",
+                  static_cast<long long>(summary.at("missed_deadlines").get<std::int64_t>()),
+                  static_cast<long long>(summary.at("longest_miss").get<std::int64_t>()),
+                  static_cast<long long>(summary.at("missed_commands").get<std::int64_t>()),
+                  static_cast<long long>(summary.at("longest_command_miss").get<std::int64_t>()));
+    text += row;
+  } else {
+    text += percentile_row(summary.at("round_trip_us"), "round trip");
+  }
+  for (std::size_t i = 0; i < summary.at("saturated_ticks").size(); ++i) {
+    const auto ticks_saturated = summary.at("saturated_ticks")[i].get<std::int64_t>();
+    if (ticks_saturated == 0) continue;
+    std::snprintf(row, sizeof row, "  joint %zu at its torque limit in %lld ticks\n", i + 1,
+                  static_cast<long long>(ticks_saturated));
     text += row;
   }
   std::int64_t rejected = 0;
@@ -146,12 +183,6 @@ std::string closing_table(const nlohmann::ordered_json& summary,
                 static_cast<long long>(summary.at("resends").get<std::int64_t>()),
                 static_cast<long long>(rejected));
   text += row;
-  if (summary.at("mode") == "realtime") {
-    std::snprintf(row, sizeof row, ", missed deadlines %lld (longest run of them %lld)",
-                  static_cast<long long>(summary.at("missed_deadlines").get<std::int64_t>()),
-                  static_cast<long long>(summary.at("longest_miss").get<std::int64_t>()));
-    text += row;
-  }
   return text + "\n";
 }
 

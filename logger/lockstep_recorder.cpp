@@ -14,8 +14,7 @@ LockstepRecorder::LockstepRecorder(const app::Scenario& scenario, bus::Transport
 
 void LockstepRecorder::on_message(Slot slot, const bus::Stamp& stamp,
                                   const bus::Datagram& datagram) {
-  const Verdict verdict =
-      window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
+  const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
   const bool contradicts = verdict == Verdict::conflicting;
   count(verdict, slot, stamp.tick, contradicts ? window_.sender(stamp.tick, slot) : "",
         datagram.sender);
@@ -47,7 +46,7 @@ void LockstepRecorder::write_complete_ticks() {
 }
 
 void LockstepRecorder::conclude(bool well) {
-  if (well) return;  // the plant has finished, and so has everything it waited for
+  if (well) return;             // the plant has finished, and so has everything it waited for
   constexpr int most = 10'000;  // whoever floods the bus must not keep us here
   for (int i = 0; i < most && receive(Clock::time_point()); ++i) {
   }

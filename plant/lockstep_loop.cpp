@@ -40,8 +40,8 @@ LockstepLoop::LockstepLoop(const app::Scenario& scenario, bus::Transport& transp
 void LockstepLoop::run() {
   session_.meet();
   robot_.prepare();
-  sent_.emplace(std::array{robot_.longest_tick(), robot_.longest_measurement(),
-                           robot_.longest_truth()});
+  sent_.emplace(
+      std::array{robot_.longest_tick(), robot_.longest_measurement(), robot_.longest_truth()});
   introduce();
   while (!requester_.finished()) {
     const auto now = Clock::now();

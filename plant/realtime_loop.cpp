@@ -58,9 +58,9 @@ void RealtimeLoop::run() {
 void RealtimeLoop::refuse_early(const bus::Datagram& datagram) {
   if (datagram.channel != robot_.command_channel() || !robot_.is_command(datagram.payload)) return;
   throw app::Failure(app::ExitCode::protocol_violated,
-                     "a command came on " + robot_.command_channel() +
-                         " before the start, from " + std::string(datagram.sender) +
-                         " (run " + std::to_string(bus::stamp_of(datagram.payload).run) +
+                     "a command came on " + robot_.command_channel() + " before the start, from " +
+                         std::string(datagram.sender) + " (run " +
+                         std::to_string(bus::stamp_of(datagram.payload).run) +
                          "): an old controller is still there; end it first");
 }
 
@@ -203,13 +203,13 @@ void RealtimeLoop::end_tick() {
   statistics.ticks = tick_ + 1;
   session_.progressed(tick_);
   if (watch_.too_many()) {
-    throw app::Failure(
-        app::ExitCode::protective_stop,
-        "protective stop at tick " + std::to_string(tick_) + ": " +
-            session_.silent_among({bus::Role::controller, bus::Role::reference}) + " gave no " +
-            std::to_string(watch_.missed_in_a_row()) +
-            " commands in a row in time (loop.max_missed: " +
-            std::to_string(scenario_.loop.max_missed) + "); mend that and start a new run");
+    throw app::Failure(app::ExitCode::protective_stop,
+                       "protective stop at tick " + std::to_string(tick_) + ": " +
+                           session_.silent_among({bus::Role::controller, bus::Role::reference}) +
+                           " gave no " + std::to_string(watch_.missed_in_a_row()) +
+                           " commands in a row in time (loop.max_missed: " +
+                           std::to_string(scenario_.loop.max_missed) +
+                           "); mend that and start a new run");
   }
 }
 

@@ -105,8 +105,7 @@ bool RobotOnBus::hear_command(const bus::Datagram& datagram, bus::Stamp& stamp) 
   const bus::Rejection rejection = command_codec_.decode(datagram.payload, stamp, command_);
   if (rejection == bus::Rejection::non_finite) {
     const bus::Stamp heard = bus::stamp_of(datagram.payload);
-    if (heard.run == session_.run() &&
-        session_.is_from(bus::Role::controller, datagram.sender)) {
+    if (heard.run == session_.run() && session_.is_from(bus::Role::controller, datagram.sender)) {
       session_.statistics().rejected.add(rejection);
       throw app::Failure(app::ExitCode::protective_stop,
                          session_.describe(bus::Role::controller) +

@@ -40,8 +40,11 @@ std::vector<nlohmann::json> counters() {
   return {nlohmann::json::parse(R"({"role": "plant", "wall_s": 0.125, "resends": 3,
             "duplicates": 1, "rejected": {"wrong_size": 2}, "missed_deadlines": 4,
             "longest_miss": 2, "round_trip_us": {"p50": 80, "p99": 120, "p999": 200, "max": 950,
-            "histogram": []}})"),
-          nlohmann::json::parse(R"({"role": "controller", "resends": 1,
+            "histogram": [[80, 3]]}, "missed_commands": 7, "longest_command_miss": 6,
+            "late_commands": 5, "saturated_ticks": [0, 9],
+            "command_age_us": {"p50": 51, "p99": 52, "p999": 53, "max": 54, "histogram": [[50, 1]]},
+            "wake_up_jitter_us": {"p50": 1, "p99": 2, "p999": 3, "max": 4, "histogram": []}})"),
+          nlohmann::json::parse(R"({"role": "controller", "resends": 1, "skipped_ticks": 8,
             "rejected": {"wrong_size": 1, "non_finite": 5}})")};
 }
 
@@ -53,7 +56,10 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
               ElementsAre("scenario", "run_id", "mode", "law", "ticks", "period_s", "duration_s",
                           "wall_s", "ticks_per_s", "real_time_factor", "position_error_rad",
                           "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected",
-                          "missed_deadlines", "longest_miss", "log", "fault"));
+                          "missed_deadlines", "longest_miss", "missed_commands",
+                          "longest_command_miss", "late_commands", "skipped_ticks",
+                          "wake_up_jitter_us", "command_age_us", "saturated_ticks", "log",
+                          "fault"));
 }
 
 TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {
@@ -75,6 +81,13 @@ TEST(Summary, AddsUpTheProcessesCounters) {
             nlohmann::ordered_json::parse(R"({"p50": 80, "p99": 120, "p999": 200, "max": 950})"));
   EXPECT_EQ(summary["missed_deadlines"], 4);
   EXPECT_EQ(summary["longest_miss"], 2);
+  EXPECT_EQ(summary["missed_commands"], 7);
+  EXPECT_EQ(summary["longest_command_miss"], 6);
+  EXPECT_EQ(summary["late_commands"], 5);
+  EXPECT_EQ(summary["skipped_ticks"], 8);
+  EXPECT_EQ(summary["saturated_ticks"], (std::vector<int>{0, 9}));
+  EXPECT_EQ(summary["command_age_us"]["p999"], 53);
+  EXPECT_TRUE(summary["wake_up_jitter_us"]["p50"].is_null()) << "nothing was measured";
   EXPECT_EQ(summary["wall_s"], 0.125);
   EXPECT_EQ(summary["ticks_per_s"], 16);
   EXPECT_EQ(summary["real_time_factor"], 4);
@@ -108,9 +121,12 @@ TEST(Summary, TableShowsEveryJointWithItsUnits) {
 TEST(Summary, TableOfARealtimeRunShowsMissedDeadlines) {
   RunFacts realtime = facts();
   realtime.mode = "realtime";
-  EXPECT_THAT(
-      closing_table(summarise(realtime, two_ticks(), counters()), {"rad", "rad"}, {"N m", "N m"}),
-      HasSubstr("missed deadlines 4 (longest run of them 2)"));
+  const std::string table =
+      closing_table(summarise(realtime, two_ticks(), counters()), {"rad", "rad"}, {"N m", "N m"});
+  EXPECT_THAT(table, HasSubstr("missed deadlines 4 (longest run of them 2)"));
+  EXPECT_THAT(table, HasSubstr("missed commands 7 (longest run of them 6)"));
+  EXPECT_THAT(table, HasSubstr("command age    51 µs (median)"));
+  EXPECT_THAT(table, HasSubstr("joint 2 at its torque limit in 9 ticks"));
 }
 
 TEST(Summary, GivesPeriodsInTheUnitPeopleUse) {

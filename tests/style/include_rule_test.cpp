@@ -32,6 +32,7 @@ const std::vector<Rule> rules = {
 
     {"bus/", {"bus/", "robot/"}, {"tachless/", "nlohmann/"}, true},
     {"bus/lockstep/", {"bus/lockstep/", "bus/clock.h"}, {}},
+    {"bus/realtime/", {"bus/realtime/", "bus/lockstep/", "bus/clock.h"}, {}},
     {"bus/truth/", {"bus/", "robot/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
 
