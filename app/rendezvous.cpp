@@ -105,6 +105,8 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
   if (running() && cast_[index(peer.role)] != 0 && cast_[index(peer.role)] != peer.instance) {
     return;  // a newcomer; the one it wants to replace will tell it
   }
+  // Who plays in a run gives way to nobody outside it: the newcomer hears us and gives way.
+  if (running() && peer.role == self_.role && stamp.run != run_) return;
 
   const Peer& other = note(stamp, peer, sender, now);
   if (peer.role == self_.role) return contest(stamp, other, now);

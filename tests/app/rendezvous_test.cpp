@@ -321,6 +321,16 @@ TEST_F(ARunningRendezvous, IgnoresFaultsOfStrangers) {
   EXPECT_EQ(text(plant), "");
 }
 
+TEST_F(ARunningRendezvous, GivesWayToNobodyOutsideItsRun) {
+  auto said = plant.announce(meeting.now());
+  said.stamp.run = plants_run + 1;
+  said.stamp.utime = 1'000'000'000;  // older than all of ours
+  said.participant.instance = 0x5eed;
+  said.participant.state = bus::ParticipantState::running;
+  plant.hear(said.stamp, said.participant, "somebody", meeting.now());
+  EXPECT_EQ(text(plant), "");
+}
+
 TEST_F(ARunningRendezvous, PartsWhenAllHaveFinished) {
   plant.finished(meeting.now());
   EXPECT_FALSE(plant.all_finished());

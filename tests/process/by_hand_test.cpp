@@ -18,6 +18,7 @@
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "tests/bus/private_network.h"
+#include "tests/process/four_programs.h"
 #include "tests/process/program.h"
 
 namespace {
@@ -25,52 +26,9 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-const std::string scenarios = TACHLESS_SOURCE_DIR "/scenarios/";
-constexpr std::array roles{"logger", "controller", "reference", "plant"};
-
-/// The four programs on one scenario.
-class FourPrograms {
- public:
-  explicit FourPrograms(std::string scenario, std::vector<std::string> options = {"--run-id", "7"})
-      : scenario_(std::move(scenario)), plant_options_(std::move(options)) {}
-
-  Program& start(const std::string& role, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments{scenarios + scenario_, "--wait-s", "30"};
-    arguments.insert(arguments.end(), settings.begin(), settings.end());
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    if (role == "plant") {
-      arguments.insert(arguments.end(), plant_options_.begin(), plant_options_.end());
-    }
-    if (role == "logger") arguments.insert(arguments.end(), {"--out-log", log_path()});
-    programs_[role] = std::make_unique<Program>("tachless-" + role, arguments, directory_.path());
-    return *programs_[role];
-  }
-  void start_all() {
-    for (const char* role : roles) start(role);
-  }
-  Program& operator[](const std::string& role) { return *programs_.at(role); }
-  [[nodiscard]] std::string log_path() const { return directory_ / "lcmlog"; }
-  [[nodiscard]] std::uintmax_t log_size() const {
-    std::error_code absent;
-    const auto size = std::filesystem::file_size(log_path(), absent);
-    return absent ? 0 : size;
-  }
-  [[nodiscard]] const Directory& directory() const { return directory_; }
-
-  void expect_all_done() {
-    for (const char* role : roles) {
-      EXPECT_EQ((*this)[role].wait(), 0) << role << ": " << (*this)[role].errors();
-    }
-  }
-
-  std::vector<std::string> settings{"--set", "loop.duration_s=0.02"};  // 400 ticks of paper_rigid
-
- private:
-  Directory directory_;
-  std::string scenario_;
-  std::vector<std::string> plant_options_;
-  std::map<std::string, std::unique_ptr<Program>> programs_;
-};
+using process_test::FourPrograms;
+using process_test::roles;
+using process_test::scenarios;
 
 /// Waits until a participant of this role is heard: it is up and waits for the others.
 void hear(bus::Transport& bus, const std::string& role) {

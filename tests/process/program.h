@@ -22,6 +22,7 @@ class Program {
   /// @throw std::runtime_error with its stderr when it still runs after `limit`.
   int wait(std::chrono::seconds limit = std::chrono::seconds(60));
   void signal(int number) const;
+  [[nodiscard]] pid_t pid() const { return pid_; }
   [[nodiscard]] std::string errors() const;
   /// Waits until stderr contains `text`. @throw std::runtime_error when that never happens.
   void wait_for(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(60));
