@@ -9,54 +9,10 @@
 #include <string_view>
 
 #include "app/exit_code.h"
-#include "bus/truth/truth_wire.h"
+#include "logger/message_types.h"
 
 namespace logger {
 namespace {
-
-struct TypeName {
-  std::array<std::byte, 8> fingerprint;
-  std::string_view name;
-};
-
-template <class Value>
-TypeName type_name(std::string_view name, const Value& value) {
-  bus::Codec<Value> codec(bus::Layout{1, 0, 0});
-  const auto bytes = codec.encode({}, value);
-  TypeName type{{}, name};
-  std::copy_n(bytes.begin(), type.fingerprint.size(), type.fingerprint.begin());
-  return type;
-}
-
-/// The fingerprints of our types, read off what the codecs write.
-std::vector<TypeName> our_types() {
-  const robot::Vector x = robot::Vector::Zero(1);
-  const robot::Vector none;
-  bus::truth::PlantTruth truth;
-  truth.q = truth.v = truth.tau = x;
-  return {type_name("tachless.tick_t", bus::Tick{}),
-          type_name("tachless.position_measurement_t", robot::PositionMeasurement{x}),
-          type_name("tachless.motor_position_measurement_t", robot::MotorPositionMeasurement{x}),
-          type_name("tachless.link_state_measurement_t", robot::LinkStateMeasurement{x, x, x}),
-          type_name("tachless.state_measurement_t", robot::StateMeasurement{x, x, none, none}),
-          type_name("tachless.reference_t", robot::ReferencePoint{x, x, x, x, x}),
-          type_name("tachless.torque_command_t", robot::TorqueCommand{x}),
-          type_name("tachless.controller_state_t", robot::ControllerState{}),
-          type_name("tachless.participant_t", bus::Participant{}),
-          type_name("tachless.run_info_t", bus::RunInfo{1, 1.0, {}, {}, {}, {}, {}}),
-          type_name("tachless.log_ack_t", bus::LogAck{}),
-          type_name("tachless_truth.plant_truth_t", truth)};
-}
-
-std::string_view type_of(std::span<const std::byte> data, const std::vector<TypeName>& types) {
-  for (const auto& type : types) {
-    if (data.size() >= type.fingerprint.size() &&
-        std::equal(type.fingerprint.begin(), type.fingerprint.end(), data.begin())) {
-      return type.name;
-    }
-  }
-  return {};
-}
 
 /// b - a for time stamps that may be anything.
 std::int64_t difference(std::int64_t b, std::int64_t a) {
@@ -198,7 +154,6 @@ std::optional<double> ChannelInfo::rate_hz() const {
 }
 
 LogInfo read_info(const std::filesystem::path& path) {
-  const auto types = our_types();
   LogInfo info;
   info.path = path;
   LogReader reader(path);
@@ -210,7 +165,7 @@ LogInfo read_info(const std::filesystem::path& path) {
     info.last_utime = info.events == 0 ? event->utime : std::max(info.last_utime, event->utime);
     ++info.events;
     auto found = channels.find(event->channel);
-    const std::string_view type = type_of(event->data, types);
+    const std::string_view type = type_name(event->data);
     if (type == "tachless.run_info_t") has_run_info = true;
     if (found == channels.end()) {
       if (channels.size() == LogInfo::max_channels) {

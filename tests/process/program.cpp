@@ -20,8 +20,11 @@ Program::Program(const std::string& name, const std::vector<std::string>& argume
                  const std::filesystem::path& directory)
     : name_(name) {
   static int count = 0;
-  stderr_path_ = directory / (name + "." + std::to_string(count++) + ".err");
-  std::vector<std::string> words{TACHLESS_BINARY_DIR "/bin/" + name};
+  const std::string stem = name + "." + std::to_string(count++);
+  stderr_path_ = directory / (stem + ".err");
+  stdout_path_ = directory / (stem + ".out");
+  const bool ours = name.rfind("tachless", 0) == 0;
+  std::vector<std::string> words{ours ? TACHLESS_BINARY_DIR "/bin/" + name : name};
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());
@@ -30,8 +33,10 @@ Program::Program(const std::string& name, const std::vector<std::string>& argume
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, stderr_path_.c_str(),
                                    O_WRONLY | O_CREAT | O_TRUNC, 0600);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, stdout_path_.c_str(),
+                                   O_WRONLY | O_CREAT | O_TRUNC, 0600);
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  const int error = posix_spawn(&pid_, argv[0], &actions, nullptr, argv.data(), environ);
+  const int error = posix_spawnp(&pid_, argv[0], &actions, nullptr, argv.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw std::system_error(error, std::generic_category(), words[0]);
   pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
@@ -72,6 +77,8 @@ void Program::signal(int number) const {
 }
 
 std::string Program::errors() const { return contents(stderr_path_); }
+
+std::string Program::output() const { return contents(stdout_path_); }
 
 void Program::wait_for(const std::string& text, std::chrono::seconds limit) {
   const auto deadline = steady_clock::now() + limit;

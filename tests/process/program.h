@@ -7,11 +7,12 @@
 #include <string>
 #include <vector>
 
-/// A program of ours, started as a user would start it, with its own stderr file. Ended with the
-/// object, by its id, should it still run.
+/// A program, started as a user would start it, with stdout and stderr in files of its own. Ended
+/// with the object, by its id, should it still run.
 class Program {
  public:
-  /// `name`: in build/…/bin. `directory`: where its stderr goes.
+  /// `name`: tachless… is in build/…/bin, everything else where the shell would find it.
+  /// `directory`: where its stdout and stderr go.
   Program(const std::string& name, const std::vector<std::string>& arguments,
           const std::filesystem::path& directory);
   ~Program();
@@ -22,8 +23,10 @@ class Program {
   /// @throw std::runtime_error with its stderr when it still runs after `limit`.
   int wait(std::chrono::seconds limit = std::chrono::seconds(60));
   void signal(int number) const;
+  [[nodiscard]] bool running() { return !ended(); }
   [[nodiscard]] pid_t pid() const { return pid_; }
   [[nodiscard]] std::string errors() const;
+  [[nodiscard]] std::string output() const;
   /// Waits until stderr contains `text`. @throw std::runtime_error when that never happens.
   void wait_for(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(60));
 
@@ -32,6 +35,7 @@ class Program {
 
   std::string name_;
   std::filesystem::path stderr_path_;
+  std::filesystem::path stdout_path_;
   pid_t pid_ = -1;
   int pidfd_ = -1;
   bool running_ = true;
