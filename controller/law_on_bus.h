@@ -140,8 +140,8 @@ class LawOnBus {
     }
     return {app::ExitCode::protective_stop,
             where + " of law " + std::string(L::name) + " at tick " + std::to_string(tick) +
-                " is not finite: the loop is unstable; compare its period with the limit that "
-                "`tachless certify` gives for these gains"};
+                " is not finite: the loop is unstable; shorten loop.period_s or soften the "
+                "gains (docs/laws tells the limit)"};
   }
 
   LawStepper<L> stepper_;

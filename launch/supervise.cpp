@@ -249,13 +249,14 @@ class Run {
     }
   }
 
-  /// A process that went because a peer was lost is a victim: blame whoever fails otherwise.
+  /// A process that went because of a peer is a victim, and says so: blame whoever fails otherwise.
   void note_end(std::size_t i) {
     const ProcessEnd& end = result_.ends[i];
     const Clock::time_point now = Clock::now();
     if (end.failed() && !ordered_) {
       const auto is_victim = [](const ProcessEnd& e) {
-        return e.signal == 0 && e.exit_code == static_cast<int>(app::ExitCode::peer_lost);
+        return e.signal == 0 && (e.exit_code == static_cast<int>(app::ExitCode::peer_lost) ||
+                                 e.last_line.find("ended because of ") != std::string::npos);
       };
       const bool first = !result_.culprit.has_value();
       if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {

@@ -20,8 +20,8 @@ class Source : public MeasurementSource {
     if (!bus::all_finite(measurement)) {
       throw app::Failure(app::ExitCode::protective_stop,
                          "the plant's state at tick " + std::to_string(stamp.tick) +
-                             " is not finite: the loop is unstable; compare its period with the "
-                             "limit that `tachless certify` gives for these gains");
+                             " is not finite: the loop is unstable; shorten loop.period_s or "
+                             "soften the gains (docs/laws tells the limit)");
     }
     return codec_.encode(stamp, measurement);
   }

@@ -96,7 +96,7 @@ std::span<const std::byte> RobotOnBus::truth(std::int64_t tick, bus::truth::Driv
     throw app::Failure(app::ExitCode::protective_stop,
                        "the plant's state at tick " + std::to_string(tick) +
                            " is not finite: the loop is unstable; compare its period with the "
-                           "limit that `tachless certify` gives for these gains");
+                           "limit in docs/laws for these gains");
   }
   return truth_codec_.encode(stamp(tick), truth_);
 }
@@ -111,8 +111,8 @@ bool RobotOnBus::hear_command(const bus::Datagram& datagram, bus::Stamp& stamp) 
                          session_.describe(bus::Role::controller) +
                              " commanded a torque that is not finite for tick " +
                              std::to_string(heard.tick) +
-                             ": the loop is unstable, or the controller is broken; compare the "
-                             "period with the limit that `tachless certify` gives");
+                             ": the loop is unstable, or the controller is broken; shorten "
+                             "loop.period_s or soften the gains (docs/laws tells the limit)");
     }
   }
   if (rejection != bus::Rejection::none) {
@@ -147,11 +147,11 @@ void RobotOnBus::advance(std::int64_t tick) {
   try {
     arm_.advance(drive_.applied().tau, static_cast<double>(tick + 1) * scenario_.loop.period_s);
   } catch (const std::runtime_error& problem) {
-    throw app::Failure(app::ExitCode::protective_stop,
-                       "the simulation failed at tick " + std::to_string(tick) + ": " +
-                           problem.what() +
-                           "; a loop that is unstable at this period ends like this, see "
-                           "`tachless certify`");
+    throw app::Failure(
+        app::ExitCode::protective_stop,
+        "the simulation failed at tick " + std::to_string(tick) + ": " + problem.what() +
+            "; a loop that is unstable at this period ends like this (docs/laws tells "
+            "the limit)");
   }
   session_.statistics().work.add(Clock::now() - begin);
 }

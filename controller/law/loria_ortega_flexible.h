@@ -28,8 +28,8 @@ namespace controller::law {
 /// equations at the sampled filter's output. The reference's derivatives are used up to snap.
 ///
 /// Measures: link position, link velocity, motor position. Motor velocity and link jerk have no
-/// way in. Memory: the two filters. Conditions: eq. 12 and the proof's, which `tachless certify`
-/// evaluates.
+/// way in. Memory: the two filters. Conditions: eq. 12 and gains large enough
+/// (docs/laws).
 class LoriaOrtegaFlexible {
  public:
   static constexpr std::string_view name = "loria_ortega_flexible";

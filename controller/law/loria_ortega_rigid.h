@@ -20,8 +20,8 @@ namespace controller::law {
 ///
 /// with e = q - q_ref. The first three terms are one inverse dynamics ID(q, v_ref, vdot_ref).
 ///
-/// Measures: link position. Memory: the filter. Conditions: eq. 7 and the proof's, which
-/// `tachless certify` evaluates. With `feedforward_lead_s`, v_ref and vdot_ref of the first two
+/// Measures: link position. Memory: the filter. Conditions: eq. 7 and gains large enough
+/// (docs/laws). With `feedforward_lead_s`, v_ref and vdot_ref of the first two
 /// terms are taken that much ahead; q stays the measured one.
 class LoriaOrtegaRigid {
  public:
