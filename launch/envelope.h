@@ -22,12 +22,17 @@ class Envelope {
   /// In the order of the samples.
   [[nodiscard]] std::vector<Point> points() const;
 
+  /// At most `at_most` of them (or 2), by wider stretches.
+  [[nodiscard]] std::vector<Point> points(std::size_t at_most) const;
+
  private:
   struct Bin {
     Point low, high;
     bool low_first = true;
   };
   static Bin merge(const Bin& a, const Bin& b);
+  static void halve(std::vector<Bin>& bins);
+  static std::vector<Point> points_of(const std::vector<Bin>& bins);
 
   std::vector<Bin> bins_;
   std::int64_t samples_per_bin_ = 1;

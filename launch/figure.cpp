@@ -1,28 +1,14 @@
 #include "launch/figure.h"
 
-#include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
-#include <fstream>
 
-#include "app/exit_code.h"
-
-extern char** environ;
+#include "launch/axis_cut.h"
 
 namespace launch {
 namespace {
 
-// Okabe and Ito's palette: told apart by people with any colour vision.
-constexpr std::array<const char*, 7> palette = {"#0072B2", "#D55E00", "#009E73", "#CC79A7",
-                                                "#E69F00", "#56B4E9", "#000000"};
 constexpr const char* link_colour = "#56B4E9";
 constexpr const char* motor_colour = "#D55E00";
 constexpr int width_px = 900;
@@ -32,31 +18,6 @@ constexpr int below_px = 14;  // below each panel
 constexpr int title_px = 32;
 constexpr int foot_px = 54;
 constexpr int tics_px = 24;  // under the joints' panels where they have a time axis of their own
-
-std::string single_quoted(const std::string& text) {
-  std::string quoted = "'";
-  for (const char c : text) {
-    if (c == '\'') quoted += '\'';
-    quoted += c;
-  }
-  return quoted + "'";
-}
-
-// gnuplot's enhanced text gives a meaning to these.
-std::string plain(const std::string& text) {
-  std::string escaped;
-  for (const char c : text) {
-    if (std::strchr("_^{}@&~\\", c) != nullptr) escaped += '\\';
-    escaped += c;
-  }
-  return escaped;
-}
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", value);
-  return text;
-}
 
 std::string data_block(const std::string& name, const Envelope& curve, bool positive_only = false) {
   std::string text = "$" + name + " << END\n";
@@ -92,41 +53,14 @@ double lower_limit(const std::vector<JointTracking>& joints) {
   return std::pow(10, std::floor(std::log10(*quantile) - 0.3));
 }
 
-struct Range {
-  double low = 0, high = 0;
-
-  [[nodiscard]] double span() const { return high - low; }
-};
-
-Range join(const Range& a, const Range& b) {
-  return {std::min(a.low, b.low), std::max(a.high, b.high)};
-}
-
-/// The values of a curve but for the highest and the lowest `left_out` of its time.
-Range usual_range(const Envelope& curve, double left_out) {
-  std::vector<double> values;
-  for (const Point& point : curve.points()) values.push_back(point.y);
-  if (values.empty()) return {};
-  std::sort(values.begin(), values.end());
-  const auto skip = static_cast<std::size_t>(left_out * static_cast<double>(values.size()));
-  return {values[skip], values[values.size() - 1 - skip]};
-}
-
-/// Where a kick at the start would flatten the rest of the run, the axis is cut and says so.
-/// @param whole range of all curves; @param usual what must be seen of them
+/// Where a kick would flatten the rest of the run, the axis is cut and says so.
 std::string cut_axis(const Range& whole, const Range& usual, const std::string& unit) {
-  if (usual.span() <= 0 || whole.span() <= 4 * usual.span())
-    return "set autoscale y\nunset label 2\n";
-  const double margin = usual.span() / 4;
-  char note[64];
-  std::snprintf(note, sizeof note, "axis cut: peak %.4g ",
-                std::max(std::abs(whole.low), std::abs(whole.high)));
-  return "set yrange [" + number(usual.low - margin) + ":" + number(usual.high + margin) + "]\n" +
-         "set label 2 " + single_quoted(note + unit) +
+  const auto cut = cut_at_kick(whole, usual);
+  if (!cut) return "set autoscale y\nunset label 2\n";
+  return "set yrange [" + gnuplot_number(cut->low) + ":" + gnuplot_number(cut->high) +
+         "]\nset label 2 " + gnuplot_string(cut_note(whole, unit)) +
          " at graph 0.99, graph 0.94 right font ',12' textcolor '#555555' front\n";
 }
-
-constexpr double kick = 0.05;  // of the run's time, at most, at either end of the values
 
 /// Places panels by hand: gnuplot's own layout gives panels with wide tic labels less width, and
 /// their time axes would not line up.
@@ -200,7 +134,7 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
   text += "set terminal svg size " + std::to_string(width_px) + "," +
           std::to_string(panels.height_px()) +
           " dynamic enhanced font 'Helvetica,Arial,sans-serif,14' background '#ffffff'\n";
-  text += "set output " + single_quoted(svg.string()) + "\n";
+  text += "set output " + gnuplot_string(svg.string()) + "\n";
   text +=
       "set encoding utf8\n"
       "set border 3 linecolor '#444444'\n"
@@ -210,10 +144,10 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
       "set key at graph 1.0, graph 1.02 right bottom horizontal maxrows 1 reverse Left samplen "
       "2.5\n"
       "set ylabel offset 0.5,0\n";
-  text +=
-      "set xrange [0:" + number(static_cast<double>(tracking.num_ticks()) * facts.period_s) + "]\n";
+  text += "set xrange [0:" +
+          gnuplot_number(static_cast<double>(tracking.num_ticks()) * facts.period_s) + "]\n";
   text += "set multiplot\n";
-  text += "set label 1 " + single_quoted(plain(facts.title)) + " at screen 0.012, screen " +
+  text += "set label 1 " + gnuplot_text(facts.title) + " at screen 0.012, screen " +
           std::to_string(1 - 16.0 / panels.height_px()) + " left font ',15' front\n";
 
   for (int i = 0; i < num_joints; ++i) {
@@ -224,10 +158,10 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
             (tracking.has_motors() ? ", {/:Italic θ}_{" + index + "}" : "") + "  [" +
             facts.length_units[static_cast<std::size_t>(i)] + "]'\n";
     // The link is never cut, its motor may be.
-    const Range link = join(usual_range(joint.q, 0), usual_range(joint.q_ref, 0));
+    const Range link = join(range_of(joint.q.points()), range_of(joint.q_ref.points()));
     if (tracking.has_motors()) {
-      text += cut_axis(join(link, usual_range(joint.theta, 0)),
-                       join(link, usual_range(joint.theta, kick)),
+      text += cut_axis(join(link, range_of(joint.theta.points())),
+                       join(link, usual_range(joint.theta.points())),
                        facts.length_units[static_cast<std::size_t>(i)]);
     }
     text += "plot $q" + index + " with lines linewidth 4 linecolor rgb '" + link_colour +
@@ -259,7 +193,7 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
   text += "set ylabel '|{/:Italic q} − {/:Italic q}_{ref}|  [" + common_unit(facts.length_units) +
           "]'\n";
   text += logarithmic ? "set logscale y\nset format y '10^{%T}'\nset yrange [" +
-                            number(lower_limit(joints)) + ":*]\n"
+                            gnuplot_number(lower_limit(joints)) + ":*]\n"
                       : "set yrange [0:1]\n";
   text += overlay("e", "{/:Italic e}",
                   [&](const JointTracking& joint) { return !logarithmic || has_error(joint); });
@@ -267,52 +201,16 @@ std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
 
   text += panels.wide(1);
   text += "set ylabel '{/:Italic τ}  [" + common_unit(facts.effort_units) + "]'\n";
-  Range whole_torque = usual_range(joints.front().tau, 0);
-  Range usual_torque = usual_range(joints.front().tau, kick);
+  Range whole_torque = range_of(joints.front().tau.points());
+  Range usual_torque = usual_range(joints.front().tau.points());
   for (const JointTracking& joint : joints) {
-    whole_torque = join(whole_torque, usual_range(joint.tau, 0));
-    usual_torque = join(usual_torque, usual_range(joint.tau, kick));
+    whole_torque = join(whole_torque, range_of(joint.tau.points()));
+    usual_torque = join(usual_torque, usual_range(joint.tau.points()));
   }
   text += cut_axis(whole_torque, usual_torque, common_unit(facts.effort_units));
   text += overlay("u", "{/:Italic τ}", [](const JointTracking&) { return true; });
   text += "unset multiplot\nunset output\n";
   return text;
-}
-
-void draw(const std::string& gnuplot_commands, const std::filesystem::path& svg) {
-  const std::filesystem::path script = svg.string() + ".gnuplot";
-  const std::filesystem::path output = svg.string() + ".gnuplot-says";
-  std::ofstream(script) << gnuplot_commands;
-
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, output.c_str(),
-                                   O_WRONLY | O_CREAT | O_TRUNC, 0644);
-  posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
-  std::string program = "gnuplot";
-  std::string argument = script.string();
-  std::array<char*, 3> argv = {program.data(), argument.data(), nullptr};
-  pid_t pid = -1;
-  const int error = posix_spawnp(&pid, "gnuplot", &actions, nullptr, argv.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  int status = 0;
-  if (error == 0) waitpid(pid, &status, 0);
-
-  std::string says;
-  std::ifstream(output) >> std::ws&& std::getline(std::ifstream(output) >> std::ws, says);
-  std::error_code ignored;
-  std::filesystem::remove(script, ignored);
-  std::filesystem::remove(output, ignored);
-  if (error != 0) {
-    throw app::Failure(app::ExitCode::bad_usage, std::string("cannot start gnuplot: ") +
-                                                     std::strerror(error) +
-                                                     "; type: apt-get install gnuplot-nox");
-  }
-  if (status != 0) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       "gnuplot did not draw " + svg.string() + ": " + says);
-  }
 }
 
 }  // namespace launch

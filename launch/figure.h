@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "launch/gnuplot.h"
 #include "launch/tracking.h"
 
 namespace launch {
@@ -19,9 +20,5 @@ struct FigureFacts {
 /// (the motor angle too where there is one), position error on a logarithmic axis, torque.
 std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
                             const std::filesystem::path& svg);
-
-/// Draws it with gnuplot into `svg`.
-/// @throw app::Failure(bad_usage) when gnuplot cannot be started or refuses.
-void draw(const std::string& gnuplot_commands, const std::filesystem::path& svg);
 
 }  // namespace launch

@@ -5,9 +5,11 @@
 
 namespace launch {
 
-/// Gathers what a log tells of tracking. Link angles are the plant's true ones where the log has
+/// Adds one tick's record to `tracking`. Link angles are the plant's true ones where the log has
 /// them, the measured ones elsewhere; a tick that lacks angle, reference or torque is left out.
-/// Reads `log` to its end, so that its summary is final.
+void add(Tracking& tracking, const logger::TickRecord& record, double period_s);
+
+/// All that a log tells of tracking. Reads `log` to its end, so that its summary is final.
 Tracking track(logger::RunLog& log);
 
 }  // namespace launch

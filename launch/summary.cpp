@@ -22,13 +22,13 @@ std::int64_t sum(const std::vector<nlohmann::json>& counters, const char* key) {
   return total;
 }
 
-/// Of durations that the plant has measured; null where there is none.
+/// Of durations that the plant has measured, the histogram [[from_us, count]…] too; null where there is none.
 nlohmann::ordered_json percentiles(const nlohmann::json* plant, const char* durations) {
   nlohmann::ordered_json result;
   const bool measured =
       plant != nullptr && plant->contains(durations) && plant->at(durations).is_object() &&
       !(plant->at(durations).contains("histogram") && plant->at(durations).at("histogram").empty());
-  for (const char* key : {"p50", "p99", "p999", "max"}) {
+  for (const char* key : {"p50", "p99", "p999", "max", "histogram"}) {
     result[key] = measured ? plant->at(durations).value(key, nlohmann::json()) : nlohmann::json();
   }
   return result;

@@ -20,8 +20,10 @@
 #include "bus/wire.h"
 #include "controller/catalogue.h"
 #include "launch/figure.h"
+#include "launch/joint_units.h"
 #include "launch/log_tracking.h"
 #include "launch/progress.h"
+#include "launch/report.h"
 #include "launch/summary.h"
 #include "launch/supervise.h"
 #include "launch/verb.h"
@@ -34,7 +36,7 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg"};
+constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
 constexpr std::array roles = {bus::Role::logger, bus::Role::controller, bus::Role::reference,
                               bus::Role::plant};
 // Processes of one launcher meet at once or never.
@@ -257,15 +259,6 @@ std::optional<std::string> fault_of(const Supervision& supervision) {
   return {};
 }
 
-std::vector<std::string> units(const robot::Model& model, const char* revolute,
-                               const char* prismatic) {
-  std::vector<std::string> all;
-  for (const robot::JointType type : model.joint_types) {
-    all.emplace_back(type == robot::JointType::revolute ? revolute : prismatic);
-  }
-  return all;
-}
-
 app::ExitCode run_scenario(Options options) {
   const app::Scenario scenario = app::load_scenario(options.scenario, options.all_overrides());
   const robot::Model model = validate(scenario);
@@ -322,12 +315,14 @@ app::ExitCode run_scenario(Options options) {
   if (!(std::ofstream(summary_path) << summary.dump(2) << "\n")) {
     app::log_warning("cannot write " + summary_path.string() + ": " + std::strerror(errno));
   }
+  const JointUnits units = joint_units(model);
   FigureFacts figure{scenario.name + ": " + facts.law + ", h = " + short_period(facts.period_s),
-                     facts.period_s, units(model, "rad", "m"), units(model, "N m", "N")};
+                     facts.period_s, units.length, units.effort};
   const fs::path figure_path = out / "tracking.svg";
   if (tracking.num_ticks() > 0) {
     try {
       draw(tracking_figure(tracking, figure, figure_path), figure_path);
+      write_report({read_recorded_run(facts.log_path, options.run_id)}, out / "report.html");
     } catch (const app::Failure& failure) {
       app::log_warning(failure.what());
     }

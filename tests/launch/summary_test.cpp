@@ -77,7 +77,8 @@ TEST(Summary, AddsUpTheProcessesCounters) {
   EXPECT_EQ(summary["duplicates"], 1);
   EXPECT_EQ(summary["rejected"], nlohmann::json::parse(R"({"non_finite": 5, "wrong_size": 3})"));
   EXPECT_EQ(summary["round_trip_us"],
-            nlohmann::ordered_json::parse(R"({"p50": 80, "p99": 120, "p999": 200, "max": 950})"));
+            nlohmann::ordered_json::parse(
+                R"({"p50": 80, "p99": 120, "p999": 200, "max": 950, "histogram": [[80, 3]]})"));
   EXPECT_EQ(summary["missed_deadlines"], 4);
   EXPECT_EQ(summary["longest_miss"], 2);
   EXPECT_EQ(summary["missed_commands"], 7);
