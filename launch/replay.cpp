@@ -5,10 +5,12 @@
 #include <cmath>
 #include <stdexcept>
 #include <type_traits>
+#include <utility>
 #include <variant>
 
 #include "app/exit_code.h"
 #include "controller/catalogue.h"
+#include "controller/law_stepper.h"
 
 namespace launch {
 namespace {
@@ -90,6 +92,7 @@ class Comparison {
       result_.first_without_command = first_pending_;
     }
     pending_ = 0;
+    result_.passed_over += std::exchange(pending_passed_over_, 0);
     bool same = true;
     for (int i = 0; i < static_cast<int>(recorded.size()); ++i) {
       const std::uint64_t ulps = ulps_between(recorded[i], replayed[i]);
@@ -117,6 +120,8 @@ class Comparison {
     if (pending_++ == 0) first_pending_ = tick;
   }
 
+  void pass_over() { ++pending_passed_over_; }
+
   void stop(const std::string& why) { result_.stopped_by = why; }
   void stop_not_finite(std::int64_t tick) {
     result_.not_finite = true;
@@ -135,6 +140,7 @@ class Comparison {
   Replay result_;
   std::vector<double> sum_of_squares_;
   std::uint64_t pending_ = 0;
+  std::uint64_t pending_passed_over_ = 0;
   std::int64_t first_pending_ = -1;
 };
 
@@ -150,53 +156,75 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
   return false;
 }
 
+/// One law, tick by tick.
 template <class L>
-Replay run(logger::RunLog& log, const L& law, Comparison comparison) {
-  std::optional<typename L::Memory> memory;
-  std::int64_t next = 0;
-  logger::TickRecord record;
-  while (log.next(record)) {
-    const auto measurement = measured<typename L::Measurement>(record.measurement);
-    std::string gap;
-    if (record.tick != next) {
-      gap = missing(log, next, logger::Piece::measurement);
-    } else if (!measurement) {
-      gap = missing(log, next, logger::Piece::measurement);
-    } else if (!record.reference) {
-      gap = missing(log, next, logger::Piece::reference);
+class Replayer {
+ public:
+  Replayer(logger::RunLog& log, const app::Scenario& scenario, Comparison& comparison)
+      : log_(log),
+        realtime_(scenario.loop.mode == app::Mode::realtime),
+        stepper_(scenario),
+        comparison_(comparison) {}
+
+  void run() {
+    logger::TickRecord record;
+    std::int64_t next = 0;
+    while (log_.next(record)) {
+      if (realtime_ && !record.command && !record.controller_state) {
+        comparison_.pass_over();
+        continue;
+      }
+      const auto measurement = measured<typename L::Measurement>(record.measurement);
+      // In lockstep every tick counts; in realtime those that the controller acted on.
+      const bool jump = !realtime_ && record.tick != next;
+      if (jump || !measurement || !record.reference) {
+        const bool no_reference = !jump && measurement && !record.reference;
+        const std::string gap =
+            missing(log_, jump ? next : record.tick,
+                    no_reference ? logger::Piece::reference : logger::Piece::measurement);
+        // The end of a run that was ended between two messages is no gap.
+        if (command_follows(log_, record)) comparison_.stop(gap);
+        break;
+      }
+      next = record.tick + 1;
+      if (!step(record, *measurement)) break;
     }
-    if (!gap.empty()) {
-      // The end of a run that was ended between two messages is no gap.
-      if (command_follows(log, record)) comparison.stop(gap);
-      break;
+    // What the log has lost is counted to its end.
+    while (log_.next(record)) {
     }
-    ++next;
-    controller::law::Step<typename L::Memory> step;
+  }
+
+ private:
+  /// Whether it can go on.
+  bool step(const logger::TickRecord& record, const typename L::Measurement& measurement) {
+    std::optional<typename controller::LawStepper<L>::Outcome> outcome;
     try {
-      if (!memory) memory = law.start(*measurement, *record.reference);
-      step = law.step(*memory, *measurement, *record.reference);
+      outcome = stepper_.step(record.tick, measurement, *record.reference);
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
-      comparison.stop("the law cannot be evaluated at tick " + std::to_string(record.tick) + ": " +
-                      error.what());
-      break;
+      comparison_.stop("the law cannot be evaluated at tick " + std::to_string(record.tick) + ": " +
+                       error.what());
+      return false;
     }
-    if (!step.command.tau.allFinite()) {
-      comparison.stop_not_finite(record.tick);
-      break;
+    const robot::Vector& tau = outcome->step.command.tau;
+    if (!tau.allFinite()) {
+      comparison_.stop_not_finite(record.tick);
+      return false;
     }
-    memory = std::move(step.memory);
+    stepper_.keep(record.tick, outcome->step.memory);
     if (record.command) {
-      comparison.add(record.tick, record.command->tau, step.command.tau);
+      comparison_.add(record.tick, record.command->tau, tau);
     } else {
-      comparison.add_without_command(record.tick);
+      comparison_.add_without_command(record.tick);
     }
+    return true;
   }
-  // What the log has lost is counted to its end.
-  while (log.next(record)) {
-  }
-  return comparison.finish();
-}
+
+  logger::RunLog& log_;
+  bool realtime_;
+  controller::LawStepper<L> stepper_;
+  Comparison& comparison_;
+};
 
 }  // namespace
 
@@ -215,7 +243,9 @@ Replay replay(logger::RunLog& log, const app::Scenario& scenario, const OnCompar
   require_fitting(log, scenario);
   log.rewind();
   return controller::with_law(scenario, [&](const auto& law) {
-    return run(log, law, Comparison(scenario.num_joints, on_compared));
+    Comparison comparison(scenario.num_joints, on_compared);
+    Replayer<std::decay_t<decltype(law)>>(log, scenario, comparison).run();
+    return comparison.finish();
   });
 }
 

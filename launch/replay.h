@@ -36,6 +36,7 @@ struct Replay {
   std::vector<TorqueDifference> joints;
   std::uint64_t without_command = 0;  ///< ticks stepped through that have no command to compare
   std::int64_t first_without_command = -1;
+  std::uint64_t passed_over = 0;  ///< realtime: ticks that the controller did not act on
   /// Why nothing beyond `last_compared` could be computed; empty when the log was replayed to its
   /// end.
   std::string stopped_by;
@@ -57,7 +58,8 @@ using OnCompared = std::function<void(std::int64_t tick, const robot::Vector& re
 ///
 /// A law's memory holds all ticks before: a tick without measurement or reference ends what can
 /// be computed. A tick without a command is stepped through. Ticks after the last command are
-/// where the run was ended, no gap.
+/// where the run was ended, no gap. In realtime the controller may have passed ticks over: those
+/// with neither its command nor its state are passed over likewise (controller::LawStepper).
 /// @throw app::Failure(bad_usage) when the scenario is not one for this log: another number of
 /// joints, another period, rigid for flexible joints, a law that needs more than was measured.
 Replay replay(logger::RunLog& log, const app::Scenario& scenario,

@@ -339,8 +339,9 @@ class Charts {
     section.without =
         "No summary.json of this run with times in it lies beside the log; a log itself has none.";
     section.text =
-        "From a tick's question to its command, and, in realtime, from a tick's due time to the "
-        "plant's waking up: how many of all ticks (logarithmic) took how long.";
+        "From a tick's question to its command; in realtime also from a measurement to its "
+        "command, and from a tick's deadline to the plant's beginning it: how many of all ticks "
+        "(logarithmic) took how long.";
     const std::vector<std::array<const char*, 3>> kinds = {
         {"round_trip_us", "round-trip", "Round trip"}, {"wake_up_us", "wake-up", "Wake-up jitter"}};
     for (const auto& [key, name, heading] : kinds) {

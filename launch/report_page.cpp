@@ -262,6 +262,12 @@ const std::vector<Fact>& facts() {
          return wall.empty() || rate.empty() ? wall : wall + ", " + rate;
        }},
       {"Round trip", round_trip_text},
+      {"Missed commands",
+       [](const RecordedRun& run) {
+         return run.scenario.loop.mode == app::Mode::realtime
+                    ? outcome_number(run, "missed_commands", "%.0f", "")
+                    : "";
+       }},
       {"Missed deadlines",
        [](const RecordedRun& run) {
          return run.scenario.loop.mode == app::Mode::realtime

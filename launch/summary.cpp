@@ -22,7 +22,8 @@ std::int64_t sum(const std::vector<nlohmann::json>& counters, const char* key) {
   return total;
 }
 
-/// Of durations that the plant has measured, the histogram [[from_us, count]…] too; null where there is none.
+/// Of durations that the plant has measured, the histogram [[from_us, count]…] too; null where
+/// there is none.
 nlohmann::ordered_json percentiles(const nlohmann::json* plant, const char* durations) {
   nlohmann::ordered_json result;
   const bool measured =

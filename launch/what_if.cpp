@@ -104,6 +104,7 @@ nlohmann::ordered_json to_json(const Replay& replay) {
       replay.compared > 0 ? nlohmann::json(replay.last_compared) : nlohmann::json();
   json["complete"] = replay.complete();
   json["ticks_without_command"] = replay.without_command;
+  json["ticks_passed_over"] = replay.passed_over;
   json["stopped_by"] =
       replay.stopped_by.empty() ? nlohmann::json() : nlohmann::json(replay.stopped_by);
   json["first_difference"] = nullptr;

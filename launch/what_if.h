@@ -46,10 +46,10 @@ class WhatIf {
 std::string what_if_table(const Replay& replay, const std::vector<std::string>& effort_units,
                           double period_s);
 
-/// `{compared_ticks, different_ticks, last_compared_tick, complete,
-/// stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm, difference_Nm, ulps},
-/// joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm, replayed_peak_Nm}]}`; null where there is
-/// none. Joints count from 1.
+/// `{compared_ticks, different_ticks, last_compared_tick, complete, ticks_without_command,
+/// ticks_passed_over, stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm,
+/// difference_Nm, ulps}, joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm, replayed_peak_Nm}]}`;
+/// null where there is none. Joints count from 1.
 nlohmann::ordered_json to_json(const Replay& replay);
 
 }  // namespace launch

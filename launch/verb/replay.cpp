@@ -120,8 +120,13 @@ app::ExitCode verdict(const Options& options, logger::RunLog& log, const JointUn
     std::printf("%s: run %lld, law %s\n", log.path().c_str(), static_cast<long long>(log.run()),
                 log.scenario().controller.law.c_str());
     std::printf("the same: %lld commands, bit for bit", static_cast<long long>(result.compared));
-    if (result.compared != log.info().num_ticks) {
-      std::printf(" (the run was to have %lld)", static_cast<long long>(log.info().num_ticks));
+    if (result.passed_over != 0) {
+      std::printf("; %llu ticks have none, the controller passed them over",
+                  static_cast<unsigned long long>(result.passed_over));
+    }
+    if (log.summary().last_tick + 1 != log.info().num_ticks) {
+      std::printf(" (the run ended early: it was to have %lld ticks)",
+                  static_cast<long long>(log.info().num_ticks));
     }
     std::printf("\n%.4g s of the robot's time in %.3g s: %.0f times as fast\n", recorded_s, wall_s,
                 recorded_s / wall_s);

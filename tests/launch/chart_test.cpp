@@ -56,7 +56,8 @@ TEST(Chart, DrawsBarsWithTheirNames) {
   Chart chart;
   chart.name = "events";
   chart.x_range = {{0, 2}};
-  chart.bars = {{"saturated 1", {{0.1, 0.2}, {1, 1}}, "#E69F00"}, {"no COMMAND", {{0.5, 0.6}}, "#777777"}};
+  chart.bars = {{"saturated 1", {{0.1, 0.2}, {1, 1}}, "#E69F00"},
+                {"no COMMAND", {{0.5, 0.6}}, "#777777"}};
   const std::string svg = drawn(chart);
   EXPECT_THAT(svg, HasSubstr("saturated 1"));
   EXPECT_THAT(svg, HasSubstr("no COMMAND"));

@@ -12,7 +12,8 @@ TEST(Html, EscapesWhatHasAMeaning) {
 }
 
 TEST(Html, ReplacesWhatIsNoText) {
-  for (const std::string bad : {"\xFF", "\xC0", "\xE2\x82", "\xED\xA0\x80", "\xF5", "\x01", "\x80"}) {
+  for (const std::string bad :
+       {"\xFF", "\xC0", "\xE2\x82", "\xED\xA0\x80", "\xF5", "\x01", "\x80"}) {
     const std::string text = escaped("a" + bad + "b");
     EXPECT_EQ(text.find(bad), std::string::npos);
     EXPECT_TRUE(text.starts_with("a\uFFFD") && text.ends_with("b")) << text;
