@@ -87,6 +87,16 @@ std::string plot_bars(const Chart& chart) {
   return text + "set key\n";
 }
 
+bool shows_anything(const Chart& chart) {
+  const auto shown = [&](const Point& point) {
+    return std::isfinite(point.y) && (!chart.logarithmic_y || point.y > 0) &&
+           (!chart.logarithmic_x || point.x > 0);
+  };
+  return std::any_of(chart.curves.begin(), chart.curves.end(), [&](const Curve& curve) {
+    return std::any_of(curve.points.begin(), curve.points.end(), shown);
+  });
+}
+
 std::string plot(const Chart& chart, const std::string& prefix) {
   std::string text = axis_format("x", chart.logarithmic_x) + axis_format("y", chart.logarithmic_y) +
                      range("x", chart.x_range) + range("y", chart.y_range) + "set xlabel " +
@@ -119,7 +129,13 @@ std::string plot(const Chart& chart, const std::string& prefix) {
             ", graph 0.985 to first " + gnuplot_number(mark.to) +
             ", graph 0.985 nohead linewidth 5 linecolor '" + mark.colour + "' front\n";
   }
-  text += curves.empty() ? "plot nan notitle\n" : curves + "\n";
+  if (!shows_anything(chart)) {
+    // gnuplot refuses to find a range in nothing.
+    text += chart.logarithmic_x ? "set xrange [1:10]\n" : "";
+    text += "set yrange [0.1:1]\n";
+    curves = "plot 10 notitle";
+  }
+  text += curves + "\n";
   for (int i = 1; i <= arrow; ++i) text += "unset arrow " + std::to_string(i) + "\n";
   return text;
 }

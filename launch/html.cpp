@@ -33,7 +33,7 @@ void replace_all(std::string& text, std::string_view from, const std::string& to
 void erase(std::string& text, std::string_view from, std::string_view to) {
   const std::size_t begin = text.find(from);
   if (begin == std::string::npos) return;
-  const std::size_t end = text.find(to, begin);
+  const std::size_t end = text.find(to, begin + from.size());
   if (end != std::string::npos) text.erase(begin, end + to.size() - begin);
 }
 
