@@ -1,0 +1,116 @@
+#include "controller/law_stepper.h"
+
+#include <gtest/gtest.h>
+
+#include "controller/law/loria_ortega_rigid.h"
+
+namespace controller {
+namespace {
+
+using law::LoriaOrtegaRigid;
+
+app::Scenario scenario(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), "loop.mode=realtime");
+  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml",
+                            overrides);
+}
+
+robot::ReferencePoint at_zero() {
+  const robot::Vector zero = robot::Vector::Zero(2);
+  return {zero, zero, zero, zero, zero};
+}
+
+/// An error that is a ramp in time: what a first-order hold takes every error for.
+robot::PositionMeasurement ramp(std::int64_t tick) {
+  robot::PositionMeasurement measurement;
+  measurement.q.resize(2);
+  measurement.q << 1e-3 * static_cast<double>(tick), 0.1 - 4e-3 * static_cast<double>(tick);
+  return measurement;
+}
+
+template <class Stepper>
+auto take(Stepper& stepper, std::int64_t tick) {
+  const auto outcome = stepper.step(tick, ramp(tick), at_zero());
+  stepper.keep(tick, outcome.step.memory);
+  return outcome;
+}
+
+TEST(LawStepper, AGapDoesNotCheatTheFilter) {
+  // Exact for the first-order hold, so to rounding: nu is of order 1, and takes at most 20 steps.
+  const app::Scenario s = scenario({"controller.filter=first_order_hold"});
+  for (const std::int64_t gap : {2, 3, 7, 21}) {
+    LawStepper<LoriaOrtegaRigid> every(s);
+    LawStepper<LoriaOrtegaRigid> gapped(s);
+    for (std::int64_t k = 0; k <= 5; ++k) {
+      take(every, k);
+      take(gapped, k);
+    }
+    for (std::int64_t k = 6; k < 5 + gap; ++k) take(every, k);
+    const auto whole = take(every, 5 + gap);
+    const auto leap = take(gapped, 5 + gap);
+    EXPECT_EQ(leap.skipped, gap - 1);
+    EXPECT_FALSE(leap.restarted);
+    EXPECT_LT((leap.step.memory.nu - whole.step.memory.nu).norm(), 1e-13) << gap;
+    EXPECT_LT((leap.step.command.tau - whole.step.command.tau).norm(), 1e-9) << gap;
+    EXPECT_GT(whole.step.memory.nu.norm(), 1) << "there is something to compare";
+  }
+}
+
+TEST(LawStepper, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
+  const app::Scenario s = scenario({"controller.filter=first_order_hold"});
+  const auto usual = make_law<LoriaOrtegaRigid>(s);
+  LawStepper<LoriaOrtegaRigid> stepper(s);
+  for (std::int64_t k = 0; k <= 20; ++k) take(stepper, k);
+  const auto settled = stepper.step(21, ramp(21), at_zero()).step;
+  const auto leap = stepper.step(22, ramp(22), at_zero()).step;
+  auto memory = usual.start(ramp(0), at_zero());
+  for (std::int64_t k = 0; k <= 20; ++k) memory = usual.step(memory, ramp(k), at_zero()).memory;
+  const auto cheated = usual.step(memory, ramp(22), at_zero());
+  // a = b, so nu is the ramp's slope once settled (exp(-20) from it).
+  EXPECT_NEAR(settled.memory.nu[0], 1, 1e-8);
+  EXPECT_NEAR(leap.memory.nu[0], 1, 1e-8);
+  EXPECT_GT(cheated.memory.nu[0], 1.5);
+}
+
+TEST(LawStepper, BeginsAnewAfterTooLongAGapAndSaysSo) {
+  const app::Scenario s = scenario({"loop.max_missed=4"});
+  LawStepper<LoriaOrtegaRigid> stepper(s);
+  EXPECT_EQ(stepper.longest_gap(), 5);
+  for (std::int64_t k = 0; k <= 20; ++k) take(stepper, k);
+  EXPECT_FALSE(stepper.step(25, ramp(25), at_zero()).restarted);
+  const auto anew = stepper.step(26, ramp(26), at_zero());
+  EXPECT_TRUE(anew.restarted);
+  EXPECT_EQ(anew.skipped, 5);
+  EXPECT_EQ(anew.step.memory.nu, robot::Vector::Zero(2));
+}
+
+TEST(LawStepper, WithoutGapsIsTheLawItselfBitForBit) {
+  for (const auto* mode : {"loop.mode=realtime", "loop.mode=lockstep"}) {
+    const app::Scenario s = scenario({mode});
+    const auto law = make_law<LoriaOrtegaRigid>(s);
+    LawStepper<LoriaOrtegaRigid> stepper(s);
+    auto memory = law.start(ramp(3), at_zero());
+    for (std::int64_t k = 3; k < 40; ++k) {
+      const auto plain = law.step(memory, ramp(k), at_zero());
+      memory = plain.memory;
+      const auto outcome = take(stepper, k);
+      EXPECT_TRUE(outcome.step.command.tau == plain.command.tau) << k;
+      EXPECT_EQ(outcome.skipped, 0);
+    }
+  }
+}
+
+TEST(LawStepper, NeedsOneLawInLockstepAndABoundedNumberInRealtime) {
+  EXPECT_EQ(LawStepper<LoriaOrtegaRigid>(scenario({"loop.mode=lockstep"})).longest_gap(), 1);
+  EXPECT_EQ(LawStepper<LoriaOrtegaRigid>(scenario({"loop.max_missed=1000000"})).longest_gap(), 64);
+}
+
+TEST(LawStepper, RefusesToGoBack) {
+  LawStepper<LoriaOrtegaRigid> stepper(scenario({}));
+  take(stepper, 5);
+  EXPECT_THROW(stepper.step(5, ramp(5), at_zero()), std::logic_error);
+  EXPECT_THROW(stepper.step(4, ramp(4), at_zero()), std::logic_error);
+}
+
+}  // namespace
+}  // namespace controller

@@ -1,0 +1,89 @@
+#include "logger/tick_tally.h"
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+
+#include "tests/bus/lockstep/bytes_of.h"
+
+namespace logger {
+namespace {
+
+using bus::lockstep::num_slots;
+using bus::lockstep::Verdict;
+using Slot = TickTally::Slot;
+
+void record_all(TickTally& tally, std::int64_t tick) {
+  for (int slot = 0; slot < num_slots; ++slot) {
+    EXPECT_EQ(tally.on_message(static_cast<Slot>(slot), tick, BytesOf(1)), Verdict::fresh);
+  }
+}
+
+TEST(TickTally, CountsWholeTicks) {
+  TickTally tally(5000);
+  for (std::int64_t k = 0; k < 5000; ++k) record_all(tally, k);
+  tally.finish(4999);
+  EXPECT_EQ(tally.complete(), 5000);
+  EXPECT_EQ(tally.incomplete(), 0);
+  EXPECT_EQ(tally.newest(), 4999);
+}
+
+TEST(TickTally, NamesWhatIsMissing) {
+  TickTally tally(3000);
+  for (std::int64_t k = 0; k < 3000; ++k) {
+    for (int slot = 0; slot < num_slots; ++slot) {
+      if (static_cast<Slot>(slot) == Slot::command && ((k >= 40 && k <= 55) || k == 12)) continue;
+      if (static_cast<Slot>(slot) == Slot::truth && k == 2999) continue;
+      tally.on_message(static_cast<Slot>(slot), k, BytesOf(1));
+    }
+  }
+  tally.finish(2999);
+  EXPECT_EQ(tally.missing(Slot::command).count, 17);
+  EXPECT_EQ(text_of(tally.missing(Slot::command)), "12, 40-55");
+  EXPECT_EQ(text_of(tally.missing(Slot::truth)), "2999");
+  EXPECT_EQ(tally.missing(Slot::tick).count, 0);
+  EXPECT_EQ(tally.incomplete(), 18);
+  EXPECT_EQ(tally.complete(), 3000 - 18);
+}
+
+TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
+  TickTally tally(10000);
+  record_all(tally, 0);
+  record_all(tally, 5000);
+  tally.finish(9999);
+  EXPECT_EQ(tally.complete(), 2);
+  EXPECT_EQ(tally.incomplete(), 9998);
+  EXPECT_EQ(text_of(tally.missing(Slot::tick)), "1-4999, 5001-9999");
+}
+
+TEST(TickTally, ListsTheFirstRangesAndCountsTheRest) {
+  TickTally tally(100);
+  for (std::int64_t k = 0; k < 100; k += 2) record_all(tally, k);
+  tally.finish(99);
+  EXPECT_EQ(text_of(tally.missing(Slot::tick)), "1, 3, 5, 7, 9 and 45 more");
+}
+
+TEST(TickTally, TakesMessagesOutOfOrderWithinItsWindow) {
+  TickTally tally(5000);
+  record_all(tally, 1500);
+  EXPECT_EQ(tally.on_message(Slot::tick, 1500 - TickTally::window, BytesOf(1)), Verdict::too_old);
+  EXPECT_EQ(tally.on_message(Slot::tick, 1501 - TickTally::window, BytesOf(1)), Verdict::fresh);
+}
+
+TEST(TickTally, TellsCopiesAndContradictions) {
+  TickTally tally(5000);
+  record_all(tally, 7);
+  EXPECT_EQ(tally.on_message(Slot::command, 7, BytesOf(1)), Verdict::repeated);
+  EXPECT_EQ(tally.on_message(Slot::command, 7, BytesOf(2)), Verdict::conflicting);
+  EXPECT_EQ(tally.on_message(Slot::command, -1, BytesOf(1)), Verdict::not_asked);
+  EXPECT_EQ(tally.on_message(Slot::command, 5000, BytesOf(1)), Verdict::not_asked);
+}
+
+TEST(TickTally, AReferenceAheadIsNoTickYet) {
+  TickTally tally(10);
+  tally.on_message(Slot::reference, 1, BytesOf(1));
+  EXPECT_EQ(tally.newest(), -1);
+}
+
+}  // namespace
+}  // namespace logger
