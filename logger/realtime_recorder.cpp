@@ -85,8 +85,9 @@ void RealtimeRecorder::tell_what_is_missing() {
     const auto slot = static_cast<Slot>(i);
     const auto& missing = tally_.missing(slot);
     if (missing.count == 0) continue;
-    app::log_warning(std::to_string(missing.count) + " of " + std::to_string(num_ticks_) +
-                     " ticks have no " + messages().channel(slot) + ": " + text_of(missing));
+    app::log_warning(std::to_string(missing.count) + " of " +
+                     std::to_string(tally_.complete() + tally_.incomplete()) + " ticks have no " +
+                     messages().channel(slot) + ": " + text_of(missing));
   }
 }
 
