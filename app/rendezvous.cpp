@@ -326,7 +326,8 @@ const Rendezvous::Announcement& Rendezvous::announce(Time now) {
   said_.stamp.tick = tick_;
   said_.participant.state = state_;
   said_.participant.error_norm = error_norm_;
-  if (const auto& fault = failure_ ? failure_ : stopping_; fault) {
+  // What made it stop was first: others may have ended since.
+  if (const auto& fault = stopping_ ? stopping_ : failure_; fault) {
     said_.participant.fault_code = static_cast<int>(fault->code());
     said_.participant.fault = std::string(fault->what()).substr(0, bus::max_participant_text);
   }

@@ -162,7 +162,7 @@ void Session::finish() {
 void Session::announce_fault(const Failure& failure) {
   statistics_.exit_code = failure.code();
   statistics_.fault = failure.what();
-  if (rendezvous_->running()) {
+  if (started_at_ != Clock::time_point()) {
     statistics_.wall_s = std::chrono::duration<double>(Clock::now() - started_at_).count();
   }
   rendezvous_->failed(failure, Clock::now());

@@ -357,8 +357,15 @@ app::ExitCode exit_code(const Supervision& supervision) {
     case static_cast<int>(app::ExitCode::interrupted):
       return static_cast<app::ExitCode>(end.exit_code);
     default:
-      return app::ExitCode::peer_lost;
+      break;
   }
+  // Whoever was lost, that the robot was stopped matters more.
+  const bool stopped =
+      std::any_of(supervision.ends.begin(), supervision.ends.end(), [](const ProcessEnd& each) {
+        return each.signal == 0 &&
+               each.exit_code == static_cast<int>(app::ExitCode::protective_stop);
+      });
+  return stopped ? app::ExitCode::protective_stop : app::ExitCode::peer_lost;
 }
 
 }  // namespace launch

@@ -56,7 +56,8 @@ Supervision supervise(const std::vector<Process>& processes, const Watch& watch)
 /// One line: "controller was killed by signal 9 (Killed); its last words: …".
 std::string describe(const ProcessEnd& end);
 
-/// The run's exit code: 130 when interrupted, else the culprit's own, 3 when a signal killed it.
+/// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal
+/// killed it, say) 5 if another brought the robot to a protective stop, else 3.
 app::ExitCode exit_code(const Supervision& supervision);
 
 }  // namespace launch

@@ -28,6 +28,7 @@
 #include "launch/supervise.h"
 #include "launch/verb.h"
 #include "plant/plant_model.h"
+#include "plant/realtime_loop.h"
 #include "reference/make_trajectory.h"
 
 namespace launch::verb {
@@ -280,6 +281,13 @@ app::ExitCode run_scenario(Options options) {
   Heartbeats heartbeats(options.lcm_url, scenario, options.run_id);
   Screen screen(options.quiet);
   Watch watch;
+  if (scenario.loop.mode == app::Mode::realtime) {
+    // The plant first brings the robot to rest, once it misses what was lost.
+    const double noticed_s =
+        std::min(scenario.loop.give_up_s, scenario.loop.period_s * (scenario.loop.max_missed + 1));
+    watch.grace += plant::RealtimeLoop::longest_stop +
+                   std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
+  }
   watch.on_line = [&](std::string_view name, std::string_view line) { screen.pass_on(name, line); };
   watch.on_wake = [&] {
     heartbeats.read_into(progress);

@@ -87,6 +87,17 @@ TEST(Supervise, PassesOnTheCulpritsExitCodeAndLastWords) {
             "plant ended with exit code 5: tau_1 is not finite");
 }
 
+TEST(Supervise, TellsOfAProtectiveStopWhoeverWasLost) {
+  Watch options;
+  options.grace = seconds(2);
+  const Result result =
+      watch({shell("plant", "sleep 0.2; exit 5"), shell("controller", "kill -9 $$"),
+             shell("logger", "exec sleep 0.3")},
+            {}, options);
+  ASSERT_EQ(result.supervision.culprit, 1U) << "the cause is still the one that was lost";
+  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protective_stop);
+}
+
 TEST(Supervise, BlamesTheCauseNotThePeerThatMissedIt) {
   Watch options;
   options.grace = seconds(2);
