@@ -374,7 +374,8 @@ TEST(TheLoop, EndsWithExitCode3WhenAPeerDiesWithoutAWord) {
   };
   for (const Role victim : {Role::plant, Role::reference, Role::controller}) {
     SCOPED_TRACE(bus::name(victim));
-    FourThreads threads(scenario("paper_rigid", {"loop.give_up_s=0.5"}));
+    // Long against what a busy machine makes a thread wait: who is starved is not dead.
+    FourThreads threads(scenario("paper_rigid", {"loop.give_up_s=3"}));
     threads.wrap([victim](Role role, std::unique_ptr<bus::Transport> inner) {
       if (role != victim) return inner;
       return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
