@@ -9,7 +9,6 @@
 
 #include <csignal>
 #include <cstdint>
-#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -20,43 +19,17 @@
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "tests/bus/private_network.h"
+#include "tests/launch/endless_run.h"
+#include "tests/launch/virtual_display.h"
 #include "tests/process/program.h"
 
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::seconds;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
-
-/// A run that goes on until the object ends, past its first hundreds of ticks.
-class EndlessRun {
- public:
-  explicit EndlessRun(const Directory& directory)
-      : program_("tachless",
-                 {"run", TACHLESS_SOURCE_DIR "/scenarios/practical_flexible.yaml", "--duration",
-                  "100000", "--quiet", "--out", directory / "out"},
-                 directory.path()) {
-    std::error_code error;
-    while (!(std::filesystem::file_size(directory / "out/lcmlog", error) > 200'000) || error) {
-      std::this_thread::sleep_for(milliseconds(10));
-      if (std::chrono::steady_clock::now() > give_up_) {
-        throw std::runtime_error("the run did not get going: " + program_.errors());
-      }
-    }
-  }
-
-  int interrupt() {
-    program_.signal(SIGINT);
-    return program_.wait();
-  }
-
- private:
-  Program program_;
-  std::chrono::steady_clock::time_point give_up_ = std::chrono::steady_clock::now() + seconds(60);
-};
 
 std::map<std::string, nlohmann::json> channels_of(const nlohmann::json& heard) {
   std::map<std::string, nlohmann::json> channels;
@@ -67,6 +40,7 @@ std::map<std::string, nlohmann::json> channels_of(const nlohmann::json& heard) {
 TEST(Watch, DecodesEveryChannelOfARunAndLeavesItAlone) {
   const Directory directory;
   EndlessRun run(directory);
+  wait_until("the run to get going", [&] { return run.under_way(); });
   Program watch("tachless", {"watch", "--once", "--json", "--seconds", "1"}, directory.path());
   ASSERT_EQ(watch.wait(), 0) << watch.errors();
   EXPECT_THAT(watch.errors(), IsEmpty());

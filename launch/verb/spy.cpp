@@ -1,0 +1,106 @@
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "app/process_options.h"
+#include "bus/lcm_url.h"
+#include "bus/network_check.h"
+#include "launch/display.h"
+#include "launch/verb.h"
+
+namespace launch::verb {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* chart_jar = "/usr/share/java/jchart2d.jar";
+
+[[noreturn]] void refuse(const std::string& why) {
+  throw app::Failure(app::ExitCode::bad_usage, "spy: " + why);
+}
+
+/// The java of the search path that can open windows.
+fs::path find_java() {
+  const char* variable = std::getenv("PATH");
+  std::istringstream path(variable == nullptr ? "" : variable);
+  fs::path java;
+  for (std::string folder; java.empty() && std::getline(path, folder, ':');) {
+    const fs::path candidate = fs::path(folder) / "java";
+    if (access(candidate.c_str(), X_OK) == 0) java = candidate;
+  }
+  if (java.empty()) refuse("there is no java; as root, type: apt-get install default-jre");
+  std::error_code error;
+  const fs::path home = fs::canonical(java, error).parent_path().parent_path();
+  if (!error && !fs::exists(home / "lib/libawt_xawt.so", error)) {
+    refuse(java.string() + " is one without windows (in " + home.string() +
+           "); as root, type: apt-get install default-jre");
+  }
+  return java;
+}
+
+std::string class_path() {
+  const fs::path types =
+      fs::read_symlink("/proc/self/exe").parent_path().parent_path() / "tachless_types.jar";
+  for (const auto& [jar, remedy] :
+       {std::pair<fs::path, const char*>{LCM_JAR, "as root, type: apt-get install liblcm-java"},
+        {chart_jar, "as root, type: apt-get install libjchart2d-java"},
+        {types, "build the target tachless_types_jar"}}) {
+    if (!fs::exists(jar)) refuse("there is no " + jar.string() + "; " + remedy);
+  }
+  return std::string(LCM_JAR) + ":" + chart_jar + ":" + types.string();
+}
+
+app::ExitCode spy_on(const std::string& lcm_url) {
+  bus::LcmUrl url;
+  try {
+    url = bus::parse_lcm_url(lcm_url);
+  } catch (const std::invalid_argument& error) {
+    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
+  }
+  if (const auto problem = display_problem()) refuse(*problem);
+  if (const auto problem = bus::check_network(url)) {
+    refuse(problem->what + "; to mend it, type: " + problem->remedy);
+  }
+  // Not Debian's own lcm-spy: it passes options that its Java does not know any more, and does not
+  // find the chart library.
+  std::vector<std::string> words = {find_java().string(),
+                                    "-Djava.net.preferIPv4Stack=true",
+                                    "-ea",
+                                    "-cp",
+                                    class_path(),
+                                    "lcm.spy.Spy",
+                                    "-l",
+                                    url.text()};
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+  execv(argv[0], argv.data());
+  refuse("cannot start " + words.front() + ": " + std::strerror(errno));
+}
+
+Verb::Action declare(CLI::App& command) {
+  auto lcm_url = std::make_shared<std::string>(app::default_lcm_url);
+  command.add_option("--lcm-url", *lcm_url, "The bus")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  return [lcm_url] { return spy_on(*lcm_url); };
+}
+
+}  // namespace
+
+extern const Verb spy;
+const Verb spy = {"spy",
+                  "lcm-spy with our message types, in a window; `watch` is the same in a terminal",
+                  "  tachless spy\n"
+                  "  tachless spy --lcm-url 'udpm://239.255.76.67:7700?ttl=0'",
+                  declare};
+
+}  // namespace launch::verb
