@@ -176,7 +176,11 @@ TEST(Spy, DecodesEveryChannelAndShowsTheFieldsOfOne) {
     return look() == expected.size() + 2;
   });
   wait_until("the run to get going", [&] { return run.under_way(); });
-  look();
+  const auto figures = table->cell(0, messages_column).pixels;
+  wait_until("lcm-spy to count on", [&] {
+    look();
+    return table->cell(0, messages_column).pixels != figures;
+  });
   display.picture(*window, screenshot("spy_channels.png"));
 
   // By its own words.
