@@ -229,6 +229,7 @@ class Screen {
   }
 
   void pass_on(std::string_view name, std::string_view line) {
+    if (line.ends_with(": interrupted")) return;  // said once, by the launcher
     clear();
     const std::string prefix = line.starts_with("tachless-") ? "" : std::string(name) + ": ";
     std::cerr << prefix + std::string(line) + "\n" << std::flush;
