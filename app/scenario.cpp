@@ -356,7 +356,7 @@ void read_plant(const Section& section, const robot::Model& model, Scenario& sce
 }
 
 Waypoints read_waypoints(const Section& section) {
-  const Waypoints waypoints{section.numbers("time_s"), section.joints_list("position_rad")};
+  Waypoints waypoints{section.numbers("time_s"), section.joints_list("position_rad")};
   if (waypoints.time_s.size() < 2) {
     throw section.complaint(
         "time_s", std::to_string(waypoints.time_s.size()) + " times; allowed: at least 2");

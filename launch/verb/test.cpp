@@ -24,6 +24,7 @@ app::ExitCode hand_over(const Options& options) {
   if (!options.label.empty()) words.push_back("--label=" + options.label);
   words.insert(words.end(), options.patterns.begin(), options.patterns.end());
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   execv(argv[0], argv.data());
