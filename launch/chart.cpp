@@ -57,7 +57,7 @@ std::string style(const std::string& size) {
          "set tics nomirror out scale 0.6 textcolor '#222222'\n"
          "set grid xtics ytics linetype 1 linewidth 0.5 linecolor '#dddddd'\n"
          "set minussign\n"
-         "set xtics autofreq\nset mxtics default\n"
+         "set xtics autofreq offset 0,0.2\nset mxtics default\n"
          "set ylabel offset 0.5,0\n"
          "set key at graph 1.0, graph 1.02 right bottom horizontal maxrows 2 reverse Left samplen "
          "2 width 0.5\n";

@@ -19,6 +19,10 @@ constexpr const char* vermilion = palette[1];
 // Orange marks nothing but what went wrong.
 constexpr const char* alarm = palette[4];
 
+std::string count_of_ticks(std::int64_t count) {
+  return std::to_string(count) + (count == 1 ? " tick" : " ticks");
+}
+
 std::string formatted(const char* format, double value) {
   char text[48];
   std::snprintf(text, sizeof text, format, value);
@@ -271,7 +275,7 @@ class Charts {
 
   [[nodiscard]] ReportSection lyapunov() const {
     ReportSection section{"lyapunov", "Lyapunov function", "", {}, ""};
-    Chart chart = over_time("lyapunov", "Lyapunov function along the run, logarithmic");
+    Chart chart = over_time("lyapunov-v", "Lyapunov function along the run, logarithmic");
     chart.y_label = "{/:Italic V}  [J]";
     chart.logarithmic_y = true;
     chart.wide = true;
@@ -361,6 +365,11 @@ class Charts {
         chart.curves.push_back(
             {"", outline(outcome[key]["histogram"]), colour(i), 1.6, dash(i), CurveStyle::line});
       }
+      double floor = INFINITY;
+      for (const Curve& curve : chart.curves) {
+        for (const Point& point : curve.points) floor = std::min(floor, point.y);
+      }
+      if (std::isfinite(floor)) chart.y_range = {{floor, INFINITY}};
       add(section, heading, chart);
     }
     return section;
@@ -416,7 +425,7 @@ class Charts {
     const double ticks = std::max<double>(1, static_cast<double>(run.summary.ticks));
     const auto count = [&](const std::string& what, const Stretches& stretches) {
       if (stretches.ticks() == 0) return;
-      lines.push_back(what + " in " + std::to_string(stretches.ticks()) + " ticks (" +
+      lines.push_back(what + " in " + count_of_ticks(stretches.ticks()) + " (" +
                       formatted("%.3g", 100 * static_cast<double>(stretches.ticks()) / ticks) +
                       " %)" + (stretches.cut() ? ", of which the first stretches are drawn" : ""));
     };
@@ -427,8 +436,8 @@ class Charts {
     count("Protective stop", run.protective_stop);
     for (const auto& piece : run.summary.pieces) {
       if (piece.absent() || piece.missing == 0) continue;
-      lines.push_back("No " + escaped(piece.channel) + " in " + std::to_string(piece.missing) +
-                      " ticks");
+      lines.push_back("No " + escaped(piece.channel) + " in " +
+                      count_of_ticks(static_cast<std::int64_t>(piece.missing)));
     }
     for (const auto& fault : run.summary.faults) {
       lines.push_back("Fault of the " + std::string(bus::name(fault.role)) + " at tick " +

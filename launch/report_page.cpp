@@ -53,6 +53,8 @@ footer { margin-top: 2.5rem; color: #555; font-size: .85rem; }
 @media (max-width: 44rem) {
   body { font-size: 15px; }
   main { padding: 1rem .75rem 2rem; }
+  table { font-size: .8rem; }
+  th, td { padding-right: .6rem; }
   .wide .narrow { display: block; }
   .wide .broad { display: none; }
 }
@@ -117,12 +119,21 @@ std::string filter_text(const app::ControllerSpec& controller) {
   throw std::logic_error("report: no such filter");
 }
 
+/// In the law's order; a law unknown to this version has none.
 std::string gains_text(const RecordedRun& run) {
+  const app::ControllerSpec& spec = run.scenario.controller;
+  std::vector<std::string> names;
+  for (const controller::LawFacts& law : controller::laws()) {
+    if (law.name == spec.law) names.assign(law.gains.begin(), law.gains.end());
+  }
+  if (names.empty()) {
+    for (const auto& [name, value] : spec.gains) names.push_back(name);
+  }
   std::string text;
-  for (const std::string_view gain : controller::law_facts(run.scenario.controller.law).gains) {
-    const auto found = run.scenario.controller.gains.find(std::string(gain));
-    if (found == run.scenario.controller.gains.end()) continue;
-    text += (text.empty() ? "" : "<br>") + escaped(gain) + " = " + list(found->second);
+  for (const std::string& name : names) {
+    const auto found = spec.gains.find(name);
+    if (found == spec.gains.end()) continue;
+    text += (text.empty() ? "" : "<br>") + escaped(name) + " = " + list(found->second);
   }
   return text;
 }
@@ -236,8 +247,8 @@ const std::vector<Fact>& facts() {
        [](const RecordedRun& run) { return std::string(text_of(run.scenario.reference)); }},
       {"Sampling",
        [](const RecordedRun& run) {
-         return short_period(run.info.period_s) + ", delay " +
-                std::to_string(run.scenario.loop.command_delay) + " ticks, " +
+         return short_period(run.info.period_s) + ", " +
+                (run.scenario.loop.command_delay == 0 ? "no delay, " : "delay of 1 tick, ") +
                 (run.scenario.loop.mode == app::Mode::lockstep ? "lockstep" : "realtime");
        }},
       {"Encoder", [](const RecordedRun& run) { return encoder_text(run.scenario.plant.encoder); }},
@@ -343,8 +354,8 @@ std::string results_table(const std::vector<RecordedRun>& runs) {
                            static_cast<double>(run.tracking.num_ticks());
       text += "<tr>" + (runs.size() > 1 ? "<td>" + swatch(i) + escaped(run.label) + "</td>" : "") +
               "<th scope=\"row\">" + std::to_string(joint + 1) + "</th>" +
-              cell(number("%.3e", signals.error.peak()) + " " + length) +
-              cell(number("%.3e", signals.error.rms()) + " " + length) +
+              cell(number("%.2e", signals.error.peak()) + " " + length) +
+              cell(number("%.2e", signals.error.rms()) + " " + length) +
               cell(number("%.2e", signals.error.final()) + " " + length) +
               cell(run.decay[joint] ? number("%.3g", run.decay[joint]->rate_per_s) + " 1/s"
                                     : "no decay fits") +

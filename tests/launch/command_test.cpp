@@ -67,7 +67,7 @@ TEST_F(Command, TellsItsVersion) {
 TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
   const Outcome help = tachless("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const std::string verb : {"run", "info", "export", "doctor", "test"}) {
+  for (const std::string verb : {"run", "info", "replay", "report", "export", "doctor", "test"}) {
     EXPECT_THAT(help.output, HasSubstr("  " + verb + " "));
     const Outcome of_verb = tachless(verb + " --help");
     EXPECT_EQ(of_verb.exit_code, 0);
@@ -121,6 +121,8 @@ TEST_F(Command, InfoAndExportRefuseWhatIsNoLog) {
   const fs::path file = directory_ / "file";
   std::ofstream(file) << "not a log";
   EXPECT_EQ(tachless("info /nowhere/lcmlog").exit_code, 2);
+  EXPECT_EQ(tachless("replay " + file.string()).exit_code, 2);
+  EXPECT_EQ(tachless("report " + file.string()).exit_code, 2);
   EXPECT_EQ(tachless("export " + file.string() + " -o " + file.string() + ".csv").exit_code, 2);
   EXPECT_EQ(tachless("export " + file.string() + " -o " + file.string() + ".doc").exit_code, 2);
 }

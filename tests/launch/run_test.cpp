@@ -130,11 +130,14 @@ TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
   EXPECT_EQ(result["position_error_rad"]["peak"].size(), 2U);
   EXPECT_EQ(ticks_of(out() / "lcmlog"), 2000);
   EXPECT_THAT(text_of(out() / "tracking.svg"), HasSubstr("</svg>"));
+  const std::string report = text_of(out() / "report.html");
+  EXPECT_THAT(report, AllOf(HasSubstr("</html>"), HasSubstr("<figure id=\"round-trip\"")));
   EXPECT_THAT(standard_output(), AllOf(HasSubstr("position error"), HasSubstr("log gaps 0"),
                                        HasSubstr((out() / "tracking.svg").string())));
   std::set<std::string> files;
   for (const auto& entry : fs::directory_iterator(out())) files.insert(entry.path().filename());
-  EXPECT_EQ(files, (std::set<std::string>{"lcmlog", "summary.json", "tracking.svg"}));
+  EXPECT_EQ(files,
+            (std::set<std::string>{"lcmlog", "report.html", "summary.json", "tracking.svg"}));
 }
 
 TEST_F(Run, LeavesOtherFilesInItsDirectoryAlone) {

@@ -1,0 +1,119 @@
+// Replay and report on 10,000 damaged logs each: nothing crashes or loops, and what comes out is
+// a result or one line that names the log.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "app/exit_code.h"
+#include "launch/recorded_run.h"
+#include "launch/replay.h"
+#include "launch/report.h"
+#include "launch/report_page.h"
+#include "tests/launch/in_process_log.h"
+#include "tests/logger/damaged_log.h"
+
+namespace launch {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Damage : public ::testing::TestWithParam<std::pair<const char*, const char*>> {
+ protected:
+  void SetUp() override {
+    const auto& [file, duration_s] = GetParam();
+    auto messages = in_process_log(shortened(file, duration_s));
+    num_ticks_ = static_cast<std::int64_t>(messages.size() - 1) / 6;
+    messages.push_back(messages[0]);  // a second RUN_INFO, so that most logs stay readable
+    whole_ = logger::index_of(logger::log_of(messages));
+  }
+
+  void write_damaged(std::uint64_t seed) {
+    logger::write_file(path_, logger::damaged_at_random(whole_, seed).bytes);
+  }
+
+  /// Numbers anywhere in a message replaced by anything: whole events, so all of it is read.
+  void write_with_wild_numbers(std::uint64_t seed) {
+    std::mt19937_64 random(seed);
+    std::string bytes = whole_.bytes;
+    for (int i = 0; i < 5; ++i) {
+      const auto& event = whole_.events[1 + random() % (whole_.events.size() - 2)];
+      const std::size_t values = 28 + event.channel.size() + 36;  // header, channel, stamp, count
+      if (event.bytes < values + 8) continue;
+      const std::size_t at = event.offset + values + 8 * (random() % ((event.bytes - values) / 8));
+      for (std::size_t k = 0; k < 8; ++k) bytes[at + k] = static_cast<char>(random());
+    }
+    logger::write_file(path_, bytes);
+  }
+
+  void expect_names_the_log(const app::Failure& failure) const {
+    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr(path_.string()));
+  }
+
+  logger::TemporaryDirectory directory_;
+  std::filesystem::path path_ = directory_.path() / "lcmlog";
+  logger::SampleLog whole_;
+  std::int64_t num_ticks_ = 0;
+};
+
+// Half of the 10,000 logs for each of the two robots.
+constexpr std::uint64_t num_logs = 5'000;
+
+TEST_P(Damage, ReplaySurvives) {
+  std::uint64_t replayed = 0;
+  for (std::uint64_t seed = 0; seed < num_logs; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    seed % 5 == 0 ? write_with_wild_numbers(seed) : write_damaged(seed);
+    try {
+      auto log = logger::RunLog::open(path_);
+      const Replay result = replay(log, log.scenario());
+      ++replayed;
+      ASSERT_LE(result.compared, num_ticks_);
+      ASSERT_EQ(result.different != 0, result.first.has_value());
+      if (result.compared < log.summary().last_tick && result.passed_over == 0) {
+        const bool told = !result.complete() || log.summary().gaps() != 0;
+        ASSERT_TRUE(told) << "ticks were left out in silence";
+      }
+    } catch (const app::Failure& failure) {
+      expect_names_the_log(failure);
+    }
+  }
+  EXPECT_GT(replayed, num_logs / 2);
+}
+
+TEST_P(Damage, ReportSurvives) {
+  std::uint64_t reported = 0;
+  for (std::uint64_t seed = 0; seed < num_logs; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    seed % 5 == 0 ? write_with_wild_numbers(seed) : write_damaged(seed);
+    try {
+      std::vector<RecordedRun> runs;
+      runs.push_back(read_recorded_run(path_));
+      label(runs);
+      const auto sections = report_sections(runs);
+      ASSERT_FALSE(chart_commands(drawn_charts(sections), directory_.path()).empty());
+      ASSERT_THAT(report_page(runs, sections, {}), HasSubstr("</html>"));
+      ++reported;
+      // gnuplot, a process of its own, on some of them: it draws, or says why it does not.
+      if (seed % 100 == 0) write_report(runs, directory_.path() / "report.html");
+    } catch (const app::Failure& failure) {
+      ASSERT_EQ(failure.code(), app::ExitCode::bad_usage);
+      ASSERT_THAT(failure.what(), Not(HasSubstr("gnuplot")));
+      expect_names_the_log(failure);
+    }
+  }
+  EXPECT_GT(reported, num_logs / 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, Damage,
+                         ::testing::Values(std::pair{"practical_rigid.yaml", "0.012"},
+                                           std::pair{"practical_flexible.yaml", "0.012"}),
+                         [](const auto& robot) {
+                           return std::string(robot.index == 0 ? "Rigid" : "Flexible");
+                         });
+
+}  // namespace
+}  // namespace launch

@@ -1,0 +1,188 @@
+// The report in a real browser: no console message, every chart with a size, no sideways scrolling
+// on a phone. Screenshots stay in the build directory's artefacts/report.
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <regex>
+
+#include "launch/report.h"
+#include "tests/launch/in_process_log.h"
+#include "tests/logger/damaged_log.h"
+
+namespace launch {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+const fs::path artefacts = fs::path(TACHLESS_BINARY_DIR) / "artefacts" / "report";
+
+struct Browsed {
+  std::string dom;      // of --dump-dom
+  std::string console;  // lines that the page wrote there
+};
+
+class Browser : public ::testing::Test {
+ protected:
+  /// Opens `page` without a window; waits for it at most 60 s.
+  Browsed open(const fs::path& page, const std::vector<std::string>& options) {
+    const fs::path out = profile_.path() / "out", err = profile_.path() / "err";
+    const fs::path profile = profile_.path() / ("profile-" + std::to_string(++opened_));
+    std::vector<std::string> words = {"chromium",
+                                      "--headless",
+                                      "--no-sandbox",
+                                      "--disable-gpu",
+                                      "--disable-background-networking",
+                                      "--disable-component-update",
+                                      "--disable-sync",
+                                      "--disable-dev-shm-usage",
+                                      "--no-first-run",
+                                      "--hide-scrollbars",
+                                      "--allow-file-access-from-files",
+                                      "--enable-logging=stderr",
+                                      "--v=0",
+                                      "--user-data-dir=" + profile.string()};
+    words.insert(words.end(), options.begin(), options.end());
+    words.push_back("file://" + page.string());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+    const pid_t pid = fork();
+    if (pid == 0) {
+      setpgid(0, 0);
+      alarm(60);
+      dup2(::open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), STDOUT_FILENO);
+      dup2(::open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), STDERR_FILENO);
+      execvp(argv[0], argv.data());
+      _exit(127);
+    }
+    int status = 0;
+    waitpid(pid, &status, 0);
+    kill(-pid, SIGKILL);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0)
+        << "chromium: status " << status << "\n"
+        << logger::read_file(err);
+    Browsed browsed;
+    browsed.dom = logger::read_file(out);
+    std::ifstream lines(err);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.find("CONSOLE") != std::string::npos) browsed.console += line + "\n";
+    }
+    return browsed;
+  }
+
+  /// What a script in a frame of `width` finds out about `page`.
+  Browsed measured(const fs::path& page, int width) {
+    const fs::path frame = page.parent_path() / ("frame-" + std::to_string(width) + ".html");
+    std::ofstream(frame) << R"(<!DOCTYPE html><title>frame</title><style>body{margin:0}</style>
+<iframe style="border:0;width:)"
+                         << width << R"(px;height:900px" src=")" << page.filename().string()
+                         << R"("></iframe><pre></pre><script>
+document.querySelector('iframe').onload = (event) => {
+  const page = event.target.contentDocument;
+  const figures = [...page.querySelectorAll('figure')];
+  const seen = figures.filter(figure => [...figure.querySelectorAll('svg')].filter(svg => {
+    const box = svg.getBoundingClientRect();
+    return box.width > 250 && box.height > 60 && svg.querySelectorAll('path').length > 5;
+  }).length === 1);
+  document.querySelector('pre').textContent = 'figures ' + figures.length + ', seen ' +
+      seen.length + ', overflow ' +
+      (page.documentElement.scrollWidth - page.documentElement.clientWidth) + ', height ' +
+      page.documentElement.scrollHeight + '.';
+};
+</script>)";
+    return open(frame, {"--dump-dom", "--virtual-time-budget=10000", "--window-size=1400,1000"});
+  }
+
+  void look_at(const std::string& name, const std::vector<RecordedRun>& runs, int num_figures) {
+    fs::create_directories(artefacts);
+    const fs::path page = artefacts / (name + ".html");
+    write_report(runs, page);
+    for (const auto& [device, width] : {std::pair{"desktop", 1280}, std::pair{"phone", 390}}) {
+      SCOPED_TRACE(device);
+      const Browsed browsed = measured(page, width);
+      EXPECT_EQ(browsed.console, "");
+      const std::string expected = "figures " + std::to_string(num_figures) + ", seen " +
+                                   std::to_string(num_figures) + ", overflow 0, height ";
+      EXPECT_THAT(browsed.dom, HasSubstr(expected));
+      static const std::regex height("height ([0-9]+)\\.");
+      std::smatch match;
+      ASSERT_TRUE(std::regex_search(browsed.dom, match, height));
+
+      const fs::path picture = artefacts / (name + "-" + device + ".png");
+      fs::remove(picture);
+      // The browser refuses windows as narrow as a phone; a frame in it is not a window.
+      const fs::path frame = artefacts / "frame.html";
+      std::ofstream(frame) << "<!DOCTYPE html><title>frame</title><style>body{margin:0}</style>"
+                           << "<iframe style=\"border:0;width:" << width << "px;height:" << match[1]
+                           << "px\" src=\"" << page.filename().string() << "\"></iframe>";
+      const Browsed shown = open(frame, {"--screenshot=" + picture.string(),
+                                         "--window-size=" + std::to_string(std::max(width, 500)) +
+                                             "," + std::string(match[1])});
+      EXPECT_EQ(shown.console, "");
+      EXPECT_GT(fs::file_size(picture), 50'000U) << "an empty picture is far smaller";
+      fs::remove(frame);
+      fs::remove(artefacts / ("frame-" + std::to_string(width) + ".html"));
+    }
+  }
+
+  RecordedRun recorded(const std::string& name, const app::Scenario& scenario) {
+    const fs::path log = profile_.path() / name / "lcmlog";
+    fs::create_directories(log.parent_path());
+    logger::write_file(log, logger::log_of(in_process_log(scenario)));
+    std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "wall_s": 0.25,
+      "real_time_factor": 2, "fault": null, "round_trip_us": {"p50": 30, "p99": 60, "p999": 90,
+      "max": 100, "histogram": [[30, 400], [34, 99], [38, 50], [60, 3], [90, 1]]}})";
+    return read_recorded_run(log);
+  }
+
+  logger::TemporaryDirectory profile_;
+  int opened_ = 0;
+};
+
+TEST_F(Browser, TellsOfWhatAPageWritesToTheConsole) {
+  const fs::path page = profile_.path() / "page.html";
+  std::ofstream(page) << "<!DOCTYPE html><script>console.error('broken')</script>";
+  EXPECT_THAT(open(page, {"--dump-dom"}).console, HasSubstr("broken"));
+}
+
+TEST_F(Browser, ShowsTheReportOfOneRun) {
+  std::vector<RecordedRun> runs;
+  runs.push_back(recorded(
+      "one", shortened("practical_rigid.yaml", "1", {"plant.drive.torque_limit_Nm=[500, 60]"})));
+  // Two joints' tracking, error, torque, filter; V; round trip; saturation.
+  look_at("one_run", runs, 11);
+}
+
+TEST_F(Browser, ShowsTheReportOfAFlexibleRobot) {
+  std::vector<RecordedRun> runs;
+  runs.push_back(recorded("one", shortened("practical_flexible.yaml", "1")));
+  look_at("flexible", runs, 10);
+}
+
+TEST_F(Browser, ShowsTheReportOfSeveralRuns) {
+  std::vector<RecordedRun> runs;
+  runs.push_back(recorded(
+      "no_lead", shortened("practical_rigid.yaml", "1", {"controller.feedforward_lead=none"})));
+  runs.push_back(recorded("with_lead", shortened("practical_rigid.yaml", "1")));
+  runs.push_back(
+      recorded("payload", shortened("practical_rigid.yaml", "1", {"plant.payload.mass_kg=0.5"})));
+  label(runs);
+  look_at("several_runs", runs, 10);
+}
+
+TEST_F(Browser, ShowsTheReportOfSevenJoints) {
+  std::vector<RecordedRun> runs;
+  runs.push_back(recorded("iiwa", shortened("iiwa_point_to_point.yaml", "1.5")));
+  look_at("seven_joints", runs, 4 * 7 + 2);
+}
+
+}  // namespace
+}  // namespace launch
