@@ -82,6 +82,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   options.lcm_url = default_lcm_url;
   std::int64_t run_id = 0;
   std::string stats_path;
+  std::string key_path;
   std::string log_path;
   bool verbose = false;
   bool quiet = false;
@@ -96,6 +97,11 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   cli.add_option("--lcm-url", options.lcm_url, "The bus")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
+  CLI::Option* key_option =
+      cli.add_option("--key-file", key_path,
+                     "Key that all four programs share: 32 random bytes or 64 hexadecimal digits; "
+                     "only who has it is heard")
+          ->envname("TACHLESS_KEY_FILE");
   cli.add_option("--wait-s", options.wait_s,
                  "Longest wait for the other programs at the start [s]; 0 = unlimited")
       ->check(CLI::Range(0.0, 1e6))
@@ -131,6 +137,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
     throw Failure(ExitCode::bad_usage, "--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
   }
   if (run_id_option != nullptr && run_id_option->count() > 0) options.run_id = run_id;
+  if (key_option->count() > 0) options.key_path = key_path;
   if (!stats_path.empty()) options.stats_path = stats_path;
   if (role == bus::Role::logger) {
     const std::time_t now = std::time(nullptr);

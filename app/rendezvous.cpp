@@ -274,6 +274,10 @@ bool Rendezvous::all_finished() const {
       all_roles, [this](Role role) { return role == self_.role || done_[index(role)]; });
 }
 
+std::int64_t Rendezvous::plant_instance() const {
+  return self_.role == Role::plant ? self_.instance : cast_[index(Role::plant)];
+}
+
 std::vector<Role> Rendezvous::missing() const {
   std::vector<Role> result;
   for (const Role role : all_roles) {

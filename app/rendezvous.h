@@ -64,6 +64,8 @@ class Rendezvous {
   /// Plant: the run may start. Others: the plant's run is known, its questions may come.
   [[nodiscard]] bool met() const { return met_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
+  /// The instance of the plant that was met, or of this one; 0 before.
+  [[nodiscard]] std::int64_t plant_instance() const;
 
   /// The run has begun: announced, and from now on newcomers are ignored. Nothing new if it has
   /// begun, or ended, before.

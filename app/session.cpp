@@ -23,6 +23,9 @@ constexpr auto longest_farewell = 1s;
 // A last word that is not waited for is said several times, some time apart: a burst is lost
 // as a whole more often than not.
 constexpr int last_words = 5;
+// Nobody of our own kind among so many announcements for so long: the keys differ.
+constexpr int least_strangers = 5;
+constexpr auto strange_for = 1500ms;
 constexpr auto last_words_period = 5ms;
 
 std::int64_t random_instance() {
@@ -88,6 +91,12 @@ void Session::meet(const std::string& measurement,
     attend(Clock::now());
     const auto datagram = transport_.receive(next_attention());
     if (datagram && !take(*datagram) && other) other(*datagram);
+    if (config_.authenticated != nullptr) {
+      if (const auto stranger = config_.authenticated->take_stranger()) {
+        note_stranger(stranger->kind, stranger->who, stranger->sender);
+      }
+    }
+    refuse_strangers(Clock::now());
   }
   statistics_.run_id = run();
 }
@@ -115,7 +124,19 @@ bool Session::take(const bus::Datagram& datagram) {
   const bus::Rejection rejection = codec_.decode(datagram.payload, heard_stamp_, heard_);
   if (rejection == bus::Rejection::none) {
     rendezvous_->hear(heard_stamp_, heard_, datagram.sender, Clock::now());
+    anybody_ = true;
+    if (!entered_ && rendezvous_->met()) {
+      entered_ = true;
+      if (config_.authenticated != nullptr) {
+        config_.authenticated->enter(rendezvous_->run(), rendezvous_->plant_instance());
+      }
+    }
   } else {
+    if (!entered_ && config_.authenticated == nullptr) {
+      bus::Participant who;
+      const auto kind = bus::foreign_participant(datagram.payload, codec_, who);
+      if (kind) note_stranger(*kind, who, datagram.sender);
+    }
     statistics_.rejected.add(rejection);
   }
   return true;
@@ -124,6 +145,26 @@ bool Session::take(const bus::Datagram& datagram) {
 void Session::stopping(const Failure& failure, Clock::time_point now) {
   rendezvous_->stopping(failure, now);
   announce(now);
+}
+
+void Session::note_stranger(bus::Foreign kind, const bus::Participant& who,
+                            std::string_view sender) {
+  if (strangers_heard_++ > 0) return;
+  stranger_since_ = Clock::now();
+  std::string has = " has no key, this ";
+  if (kind == bus::Foreign::other_key) {
+    has = config_.authenticated != nullptr ? " has another key than this " : " has a key, this ";
+  }
+  stranger_ = "the " + std::string(bus::name(who.role)) + " (process " + std::to_string(who.pid) +
+              (who.host.empty() ? "" : " on " + who.host) + ", " + std::string(sender) + ")" + has +
+              std::string(bus::name(config_.role)) +
+              (config_.authenticated == nullptr ? " has none" : "");
+}
+
+void Session::refuse_strangers(Clock::time_point now) const {
+  if (anybody_ || strangers_heard_ < least_strangers || now - stranger_since_ < strange_for) return;
+  throw Failure(ExitCode::protocol_violated,
+                stranger_ + "; give all four programs the same --key-file (or TACHLESS_KEY_FILE)");
 }
 
 void Session::announce(Clock::time_point now) {

@@ -10,6 +10,7 @@
 #include "app/rendezvous.h"
 #include "app/scenario.h"
 #include "app/statistics.h"
+#include "bus/authenticated.h"
 #include "bus/transport.h"
 #include "bus/wire.h"
 
@@ -28,6 +29,8 @@ class Session {
     /// Set when the user wants the process to end.
     const std::atomic<bool>* interrupted = nullptr;
     std::int64_t instance = 0;  ///< tells two processes of one role apart; 0: a random one
+    /// The transport once more, if the bus has a key.
+    bus::Authenticated* authenticated = nullptr;
   };
 
   /// Subscribes to the participants' channel.
@@ -111,6 +114,8 @@ class Session {
   void announce(bus::Clock::time_point now);
   void announce_fault(const Failure& failure);
   void listen_until(bus::Clock::time_point deadline);
+  void note_stranger(bus::Foreign kind, const bus::Participant& who, std::string_view sender);
+  void refuse_strangers(bus::Clock::time_point now) const;
   void tell_who_is_missing(bus::Clock::time_point now);
 
   bus::Transport& transport_;
@@ -121,6 +126,11 @@ class Session {
   bus::Codec<bus::Participant> codec_;
   bus::Stamp heard_stamp_;
   bus::Participant heard_;
+  bool entered_ = false;  ///< the session's key is known
+  bool anybody_ = false;  ///< has been heard whose key, or lack of one, is ours
+  std::string stranger_;  ///< who has another, in words; empty: nobody
+  int strangers_heard_ = 0;
+  bus::Clock::time_point stranger_since_;
   bus::Clock::time_point started_at_;
   bus::Clock::time_point next_notice_;
   Statistics statistics_;

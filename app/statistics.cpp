@@ -17,6 +17,8 @@ std::string_view name(Unusable reason) {
       return "not_asked";
     case Unusable::too_old:
       return "too_old";
+    case Unusable::unauthenticated:
+      return "unauthenticated";
   }
   throw std::logic_error("no such reason");
 }

@@ -15,14 +15,16 @@
 namespace app {
 
 /// Why a message of a subscribed channel was not used, beyond what bus::Rejection says.
-enum class Unusable { other_run, not_asked, too_old };
-inline constexpr int num_unusable = 3;
+enum class Unusable { other_run, not_asked, too_old, unauthenticated };
+inline constexpr int num_unusable = 4;
 
 /// How many messages were dropped, by reason. Counting allocates nothing.
 class RejectionTally {
  public:
   void add(bus::Rejection reason) { ++rejected_.at(static_cast<std::size_t>(reason)); }
-  void add(Unusable reason) { ++unusable_.at(static_cast<std::size_t>(reason)); }
+  void add(Unusable reason, std::int64_t count = 1) {
+    unusable_.at(static_cast<std::size_t>(reason)) += count;
+  }
 
   struct Entry {
     std::string_view reason;

@@ -5,8 +5,10 @@
 #include <system_error>
 
 #include "app/interruption.h"
+#include "app/key_file.h"
 #include "app/logging.h"
 #include "app/real_time.h"
+#include "bus/authenticated.h"
 #include "bus/udp_transport.h"
 
 namespace app {
@@ -29,7 +31,9 @@ void join(std::optional<bus::UdpTransport>& transport, const std::string& url) {
   }
 }
 
-void report(Statistics& statistics, const ProcessOptions& options) {
+void report(Statistics& statistics, const std::optional<bus::Authenticated>& authenticated,
+            const ProcessOptions& options) {
+  if (authenticated) statistics.rejected.add(Unusable::unauthenticated, authenticated->dropped());
   if (options.stats_path) write_statistics(statistics, *options.stats_path);
 }
 
@@ -40,30 +44,35 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
   Statistics early;  // of a process that does not get as far as a session
   early.role = role;
   std::optional<bus::UdpTransport> transport;
+  std::optional<bus::Authenticated> authenticated;
   std::optional<Session> session;
   try {
     const Scenario scenario = load_scenario(options.scenario_path, options.overrides);
     join(transport, options.lcm_url);
-    session.emplace(scenario, *transport,
+    if (options.key_path) authenticated.emplace(*transport, read_key_file(*options.key_path));
+    bus::Transport& heard =
+        authenticated ? static_cast<bus::Transport&>(*authenticated) : *transport;
+    session.emplace(scenario, heard,
                     Session::Config{.role = role,
                                     .run_id = options.run_id,
                                     .wait_s = options.wait_s,
                                     .interrupted = &interrupted,
-                                    .instance = 0});
+                                    .instance = 0,
+                                    .authenticated = authenticated ? &*authenticated : nullptr});
     if (scenario.loop.mode == Mode::realtime) request_real_time(role);
-    session->play([&] { part(scenario, *transport, *session); });
+    session->play([&] { part(scenario, heard, *session); });
   } catch (const Failure& failure) {
     Statistics& statistics = session ? session->statistics() : early;
     statistics.exit_code = failure.code();
     statistics.fault = failure.what();
     try {
-      report(statistics, options);
+      report(statistics, authenticated, options);
     } catch (const Failure& second) {
       log_warning(second.what());
     }
     throw;
   }
-  report(session->statistics(), options);
+  report(session->statistics(), authenticated, options);
   return ExitCode::done;
 }
 

@@ -11,9 +11,11 @@
 #include <iostream>
 #include <system_error>
 
+#include "app/key_file.h"
 #include "app/logging.h"
 #include "app/process_options.h"
 #include "app/scenario.h"
+#include "bus/authenticated.h"
 #include "bus/isolate.h"
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
@@ -52,6 +54,7 @@ struct Options {
   std::string mode;
   std::string duration_s;
   std::string lcm_url = app::default_lcm_url;
+  std::string key_file;
   bool isolate = false;
   bool quiet = false;
   bool json = false;
@@ -164,6 +167,9 @@ std::vector<Process> processes(const Options& options, const Directory& out) {
                                         rendezvous_s,
                                         "--stats",
                                         out.counters(role).string()};
+    if (!options.key_file.empty()) {
+      command.insert(command.end(), {"--key-file", options.key_file});
+    }
     for (const std::string& value : options.all_overrides()) {
       command.push_back("--set");
       command.push_back(value);
@@ -182,15 +188,19 @@ std::vector<Process> processes(const Options& options, const Directory& out) {
 /// Reads the controller's heartbeats. Only listens.
 class Heartbeats {
  public:
-  Heartbeats(const std::string& lcm_url, const app::Scenario& scenario, std::int64_t run)
+  Heartbeats(const std::string& lcm_url, const std::optional<bus::Key>& key,
+             const app::Scenario& scenario, std::int64_t run)
       : transport_(lcm_url),
         codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
         run_(run) {
+    if (key) authenticated_.emplace(transport_, *key);
     transport_.subscribe(bus::channel<bus::Participant>(scenario.robot.channel_prefix));
   }
 
   void read_into(Progress& progress) {
-    while (const auto datagram = transport_.receive(bus::Clock::time_point{})) {
+    bus::Transport& heard =
+        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+    while (const auto datagram = heard.receive(bus::Clock::time_point{})) {
       bus::Stamp stamp;
       bus::Participant participant;
       if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
@@ -202,6 +212,7 @@ class Heartbeats {
 
  private:
   bus::UdpTransport transport_;
+  std::optional<bus::Authenticated> authenticated_;
   bus::Codec<bus::Participant> codec_;
   std::int64_t run_;
 };
@@ -270,6 +281,8 @@ app::ExitCode run_scenario(Options options) {
                      std::to_string(std::llround(steps)) +
                      " integrator steps a tick; expect a slow run");
   }
+  std::optional<bus::Key> key;
+  if (!options.key_file.empty()) key = app::read_key_file(options.key_file);
   const Directory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
   prepare_network(options);
   if (options.run_id == 0) {
@@ -279,7 +292,7 @@ app::ExitCode run_scenario(Options options) {
   }
 
   Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
-  Heartbeats heartbeats(options.lcm_url, scenario, options.run_id);
+  Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
   Screen screen(options.quiet);
   Watch watch;
   if (scenario.loop.mode == app::Mode::realtime) {
@@ -372,6 +385,11 @@ Verb::Action declare(CLI::App& command) {
   command.add_option("--lcm-url", options->lcm_url, "The bus")
       ->envname("LCM_DEFAULT_URL")
       ->capture_default_str();
+  command
+      .add_option("--key-file", options->key_file,
+                  "Key of the bus: 32 random bytes or 64 hexadecimal digits; only who has it is "
+                  "heard")
+      ->envname("TACHLESS_KEY_FILE");
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");
   command.add_flag("-q,--quiet", options->quiet, "No progress and no table");

@@ -119,7 +119,10 @@ TEST(AStorm, OfAMillionHostileDatagramsChangesNothing) {
   for (const char* role : roles) {
     EXPECT_LE(after.at(role) - before.at(role), 1024) << role << ": KiB more than before the storm";
   }
-  for (const auto& [reason, count] : rejected(run)) EXPECT_GT(count, 0) << reason;
+  for (const auto& [reason, count] : rejected(run)) {
+    if (reason == "unauthenticated") continue;  // a bus without a key
+    EXPECT_GT(count, 0) << reason;
+  }
 }
 
 /// Two complete systems at the same time, each with these options; both must end well.

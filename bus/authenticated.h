@@ -1,0 +1,82 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/key.h"
+#include "bus/transport.h"
+#include "bus/wire.h"
+
+namespace bus {
+
+/// Bytes of the tag at the end of every authenticated payload.
+inline constexpr std::size_t tag_size = 16;
+
+/// What a payload would be to somebody with another key, or with none, if it is no garbage.
+enum class Foreign {
+  untagged,   ///< a participant without a key
+  other_key,  ///< a participant with a tag
+};
+
+/// Whether `payload`, which did not pass the check of whoever asks, is a participant's
+/// announcement of another kind of bus, and whose.
+std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
+                                           const Codec<Participant>& codec, Participant& who);
+
+/// A bus on which only holders of the key are heard. Every payload carries a tag of 16 bytes at its
+/// end, keyed BLAKE2b over channel and payload: announcements (…_PARTICIPANT) under a key derived
+/// from the bus's, everything else under one that is derived for the session besides, so that
+/// nothing recorded in an earlier session verifies in a later one, the same run id or not.
+/// What does not verify is dropped and counted. Does not encrypt, and does not know ticks: a copy
+/// of a message of the same session verifies, and the protocol makes it harmless.
+class Authenticated final : public Transport {
+ public:
+  /// @throw std::runtime_error if the machine's cryptographic library cannot be used
+  Authenticated(Transport& inner, const Key& key);
+
+  /// From now on the messages of this session verify, and no others'.
+  /// @param run its id  @param plant_instance random number that the session's plant has chosen
+  void enter(std::int64_t run, std::int64_t plant_instance);
+
+  void subscribe(const std::string& channel) override { inner_.subscribe(channel); }
+  /// @throw std::length_error when payload and tag do not fit one datagram
+  void publish(std::string_view channel, std::span<const std::byte> payload) override;
+  std::optional<Datagram> receive(Clock::time_point deadline) override;
+
+  /// Datagrams dropped because they did not verify.
+  [[nodiscard]] std::int64_t dropped() const { return dropped_; }
+
+  /// An announcement that was dropped since the last call though it is no garbage.
+  struct Stranger {
+    Foreign kind = Foreign::untagged;
+    Participant who;
+    std::string sender;
+  };
+  std::optional<Stranger> take_stranger();
+
+ private:
+  using Tag = std::array<unsigned char, tag_size>;
+
+  [[nodiscard]] Tag tag(const Key& key, std::string_view channel,
+                        std::span<const std::byte> payload) const;
+  [[nodiscard]] bool verify(Datagram& datagram) const;
+  [[nodiscard]] const Key* key_of(std::string_view channel) const;
+  void note_stranger(const Datagram& datagram);
+
+  Transport& inner_;
+  Key base_;
+  Key participants_;
+  std::optional<Key> session_;
+  std::vector<std::byte> tagged_;
+  std::int64_t dropped_ = 0;
+  Codec<Participant> codec_;
+  std::optional<Stranger> stranger_;
+};
+
+}  // namespace bus

@@ -1,0 +1,163 @@
+#include "bus/authenticated.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "bus/in_memory.h"
+
+namespace {
+
+using Bytes = std::vector<std::byte>;
+
+bus::Key key_of(unsigned char seed) {
+  bus::Key key;
+  for (std::size_t i = 0; i < bus::Key::size; ++i) {
+    key.bytes[i] = static_cast<unsigned char>(seed + 3 * i);
+  }
+  return key;
+}
+
+Bytes announcement() {
+  bus::Participant who;
+  who.instance = 5;
+  who.role = bus::Role::controller;
+  who.host = "arm-1";
+  bus::Codec<bus::Participant> codec(bus::Layout{});
+  const auto bytes = codec.encode({0, 7, -1}, who);
+  return {bytes.begin(), bytes.end()};
+}
+
+class AnAuthenticatedBus : public testing::Test {
+ protected:
+  void SetUp() override {
+    for (bus::Authenticated* each : {&alice, &bob}) {
+      for (const char* channel : {"ARM_COMMAND", "ARM_POSITION", "ARM_PARTICIPANT"}) {
+        each->subscribe(channel);
+      }
+    }
+    for (const char* channel : {"ARM_COMMAND", "ARM_POSITION", "ARM_PARTICIPANT"}) {
+      listener->subscribe(channel);
+    }
+  }
+
+  static std::optional<Bytes> heard(bus::Transport& by) {
+    const auto datagram = by.receive(bus::Clock::time_point::min());
+    if (!datagram) return std::nullopt;
+    return Bytes(datagram->payload.begin(), datagram->payload.end());
+  }
+
+  bus::InMemoryNetwork network;
+  std::unique_ptr<bus::Transport> listener = network.connect("a stranger");
+  std::unique_ptr<bus::Transport> at_alice = network.connect("alice");
+  std::unique_ptr<bus::Transport> at_bob = network.connect("bob");
+  bus::Authenticated alice{*at_alice, key_of(1)};
+  bus::Authenticated bob{*at_bob, key_of(1)};
+  Bytes payload = Bytes(100, std::byte{42});
+};
+
+TEST_F(AnAuthenticatedBus, CarriesWhatItsOwnSayAndTakesTheTagOff) {
+  alice.enter(7, 99);
+  bob.enter(7, 99);
+  alice.publish("ARM_COMMAND", payload);
+  EXPECT_EQ(heard(bob), payload);
+  EXPECT_EQ(heard(*listener)->size(), payload.size() + bus::tag_size);
+  EXPECT_EQ(bob.dropped(), 0);
+}
+
+TEST_F(AnAuthenticatedBus, CarriesAnnouncementsBeforeTheSession) {
+  alice.publish("ARM_PARTICIPANT", announcement());
+  EXPECT_EQ(heard(bob), announcement());
+  EXPECT_THROW(alice.publish("ARM_COMMAND", payload), std::logic_error);
+}
+
+TEST_F(AnAuthenticatedBus, DropsAMessageInWhichAnyOneBitIsFlipped) {
+  alice.enter(7, 99);
+  bob.enter(7, 99);
+  alice.publish("ARM_COMMAND", payload);
+  const Bytes sound = *heard(*listener);
+  heard(bob);
+  for (std::size_t bit = 0; bit < 8 * sound.size(); ++bit) {
+    Bytes bent = sound;
+    bent[bit / 8] ^= std::byte{1} << (bit % 8);
+    listener->publish("ARM_COMMAND", bent);
+    EXPECT_EQ(heard(bob), std::nullopt) << bit;
+  }
+  EXPECT_EQ(bob.dropped(), static_cast<std::int64_t>(8 * sound.size()));
+}
+
+TEST_F(AnAuthenticatedBus, DropsWhatIsCutOrHasNoTagOrCameOnAnotherChannel) {
+  alice.enter(7, 99);
+  bob.enter(7, 99);
+  alice.publish("ARM_COMMAND", payload);
+  const Bytes sound = *heard(*listener);
+  heard(bob);
+  for (std::size_t size = 0; size < sound.size(); ++size) {
+    listener->publish("ARM_COMMAND", std::span(sound).first(size));
+    EXPECT_EQ(heard(bob), std::nullopt) << size;
+  }
+  listener->publish("ARM_POSITION", sound);
+  EXPECT_EQ(heard(bob), std::nullopt);
+  listener->publish("ARM_COMMAND", sound);
+  EXPECT_EQ(heard(bob), payload) << "the same session's copy";
+}
+
+TEST_F(AnAuthenticatedBus, DropsWhatWasSaidInAnotherSessionAlsoOfTheSameRun) {
+  alice.enter(7, 99);
+  alice.publish("ARM_COMMAND", payload);
+  const Bytes earlier = *heard(*listener);
+  EXPECT_EQ(heard(bob), std::nullopt) << "before it has a session";
+  for (const auto& [run, instance] :
+       std::vector<std::pair<std::int64_t, std::int64_t>>{{7, 100}, {8, 99}, {99, 7}}) {
+    bob.enter(run, instance);
+    listener->publish("ARM_COMMAND", earlier);
+    EXPECT_EQ(heard(bob), std::nullopt);
+  }
+  bob.enter(7, 99);
+  listener->publish("ARM_COMMAND", earlier);
+  EXPECT_EQ(heard(bob), payload);
+}
+
+TEST_F(AnAuthenticatedBus, TellsAParticipantWithAnotherKeyFromOneWithoutAndFromGarbage) {
+  auto other_end = network.connect("carol");
+  bus::Authenticated carol(*other_end, key_of(2));
+  carol.publish("ARM_PARTICIPANT", announcement());
+  EXPECT_EQ(heard(bob), std::nullopt);
+  auto stranger = bob.take_stranger();
+  ASSERT_TRUE(stranger);
+  EXPECT_EQ(stranger->kind, bus::Foreign::other_key);
+  EXPECT_EQ(stranger->who.host, "arm-1");
+  EXPECT_FALSE(bob.take_stranger());
+
+  listener->publish("ARM_PARTICIPANT", announcement());
+  EXPECT_EQ(heard(bob), std::nullopt);
+  stranger = bob.take_stranger();
+  ASSERT_TRUE(stranger);
+  EXPECT_EQ(stranger->kind, bus::Foreign::untagged);
+  EXPECT_EQ(stranger->sender, "a stranger");
+
+  listener->publish("ARM_PARTICIPANT", payload);
+  EXPECT_EQ(heard(bob), std::nullopt);
+  EXPECT_FALSE(bob.take_stranger());
+}
+
+TEST_F(AnAuthenticatedBus, RefusesAMessageThatDoesNotFitWithItsTag) {
+  alice.enter(7, 99);
+  EXPECT_THROW(alice.publish("ARM_COMMAND", Bytes(65'499)), std::length_error);
+}
+
+TEST_F(AnAuthenticatedBus, LooksUpDuringAFlood) {
+  for (int i = 0; i < 1000; ++i) listener->publish("ARM_PARTICIPANT", payload);
+  alice.publish("ARM_PARTICIPANT", announcement());
+  int calls = 1;
+  while (!heard(bob)) ++calls;
+  EXPECT_GT(calls, 10);
+  EXPECT_EQ(bob.dropped(), 1000);
+}
+
+}  // namespace
