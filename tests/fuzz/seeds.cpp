@@ -1,0 +1,95 @@
+// Sound inputs for a fuzzer to start from: fuzz_seeds wire_fuzzer|log_fuzzer DIRECTORY
+
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bus/truth/truth_wire.h"
+#include "bus/wire.h"
+#include "logger/log_file.h"
+
+namespace {
+
+constexpr bus::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 1};
+constexpr std::int64_t num_ticks = 3;
+
+struct Message {
+  int type;  ///< as in wire_fuzzer.cpp
+  std::string channel;
+  std::vector<std::byte> bytes;
+  std::int64_t utime;
+};
+
+template <class Value>
+void add(std::vector<Message>& messages, int type, const Value& value, std::int64_t tick) {
+  bus::Codec<Value> codec(layout);
+  const std::int64_t utime = tick < 0 ? 0 : tick * 1000;
+  const auto bytes = codec.encode({utime, 7, tick}, value);
+  messages.push_back({type, bus::channel<Value>("ARM"), {bytes.begin(), bytes.end()}, utime});
+}
+
+std::string contents(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// Of one run; those of the log first, in its order.
+std::vector<Message> messages() {
+  std::vector<Message> all;
+  bus::RunInfo info{num_ticks, 1e-3, "1.0", "ARM", "POSITION", {}, {}};
+  info.scenario = contents(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml");
+  info.scenario += "  # as it is in a log: with what the command line gave\n";
+  const std::string duration = "duration_s: 5.0";
+  info.scenario.replace(info.scenario.find(duration), duration.size(), "duration_s: 0.003");
+  info.robot_description = contents(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
+  add(all, 9, info, -1);
+  const robot::Vector x = robot::Vector::Constant(2, 0.5);
+  for (std::int64_t k = 0; k < num_ticks; ++k) {
+    add(all, 0, bus::Tick{k + 1 == num_ticks}, k);
+    add(all, 1, robot::PositionMeasurement{x}, k);
+    add(all, 5, robot::ReferencePoint{x, x, x, x, x}, k);
+    add(all, 6, robot::TorqueCommand{x}, k);
+    robot::ControllerState state;
+    state.num_filters = 1;
+    state.error[0] = state.nu[0] = x;
+    add(all, 7, state, k);
+    bus::truth::PlantTruth truth;
+    truth.q = truth.v = truth.tau = x;
+    add(all, 11, truth, k);
+  }
+  bus::Participant participant;
+  participant.instance = 5;
+  participant.host = "host";
+  participant.scenario = "practical_rigid";
+  participant.measurement = "POSITION";
+  participant.fault = "fault";
+  add(all, 8, participant, 2);
+  add(all, 10, bus::LogAck{5}, 2);
+  return all;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 3) return 2;
+  const std::filesystem::path directory = argv[2];
+  if (std::string(argv[1]) == "log_fuzzer") {
+    logger::LogWriter log(directory / "seed");
+    for (const Message& each : messages()) {
+      log.append(each.utime, each.channel, each.bytes);
+    }
+    log.close();
+    return 0;
+  }
+  int number = 0;
+  for (const Message& each : messages()) {
+    std::ofstream file(directory / std::to_string(number++), std::ios::binary);
+    file.put(static_cast<char>(each.type));
+    file.write(reinterpret_cast<const char*>(each.bytes.data()),
+               static_cast<std::streamsize>(each.bytes.size()));
+  }
+}

@@ -1,0 +1,72 @@
+// Hostile payloads at every codec: no crash, no allocation beyond reason, and what is accepted says
+// the same again when it is encoded.
+// Input: one byte chooses type and layout, the rest is the payload.
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <span>
+#include <tuple>
+#include <utility>
+
+#include "bus/truth/truth_wire.h"
+#include "bus/wire.h"
+
+namespace {
+
+using bus::all_finite;
+using bus::truth::all_finite;
+
+template <class Value>
+struct Subject {
+  explicit Subject(const bus::Layout& layout) : codec(layout), second(layout) {}
+  bus::Codec<Value> codec;
+  bus::Codec<Value> second;
+  Value value{};
+
+  void decode(std::span<const std::byte> payload) {
+    bus::Stamp stamp;
+    if (codec.decode(payload, stamp, value) != bus::Rejection::none) return;
+    if (!all_finite(value)) std::abort();
+    const auto again = second.encode(stamp, value);
+    Value copy{};
+    bus::Stamp stamp_again;
+    if (codec.decode(again, stamp_again, copy) != bus::Rejection::none ||
+        stamp_again.run != stamp.run || stamp_again.tick != stamp.tick ||
+        stamp_again.utime != stamp.utime || again.size() != payload.size()) {
+      std::abort();
+    }
+  }
+};
+
+using Subjects =
+    std::tuple<Subject<bus::Tick>, Subject<robot::PositionMeasurement>,
+               Subject<robot::MotorPositionMeasurement>, Subject<robot::LinkStateMeasurement>,
+               Subject<robot::StateMeasurement>, Subject<robot::ReferencePoint>,
+               Subject<robot::TorqueCommand>, Subject<robot::ControllerState>,
+               Subject<bus::Participant>, Subject<bus::RunInfo>, Subject<bus::LogAck>,
+               Subject<bus::truth::PlantTruth>>;
+constexpr std::size_t num_subjects = std::tuple_size_v<Subjects>;
+
+template <std::size_t... I>
+Subjects make(const bus::Layout& layout, std::index_sequence<I...>) {
+  return Subjects(std::tuple_element_t<I, Subjects>(layout)...);
+}
+
+template <std::size_t... I>
+void decode(Subjects& subjects, std::size_t which, std::span<const std::byte> payload,
+            std::index_sequence<I...>) {
+  ((which == I ? std::get<I>(subjects).decode(payload) : void()), ...);
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  constexpr auto indices = std::make_index_sequence<num_subjects>();
+  static Subjects rigid = make({.num_joints = 2, .num_motors = 0, .num_filters = 1}, indices);
+  static Subjects flexible = make({.num_joints = 3, .num_motors = 3, .num_filters = 2}, indices);
+  if (size == 0) return 0;
+  decode(data[0] >= 128 ? flexible : rigid, data[0] % num_subjects,
+         std::as_bytes(std::span(data + 1, size - 1)), indices);
+  return 0;
+}
