@@ -323,6 +323,12 @@ bool Rendezvous::is_from(Role role, std::string_view sender) const {
   return peer != nullptr && peer->sender == sender;
 }
 
+bool Rendezvous::knows(std::string_view sender) const {
+  return std::ranges::any_of(peers_, [&](const Peer& each) {
+    return each.participant.scenario_digest == self_.digest && each.sender == sender;
+  });
+}
+
 const Rendezvous::Announcement& Rendezvous::announce(Time now) {
   announce_at_ = now + period;
   said_.stamp.utime = (now - start_) / std::chrono::microseconds(1);

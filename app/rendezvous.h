@@ -95,6 +95,8 @@ class Rendezvous {
   [[nodiscard]] std::string describe(bus::Role role) const;
   /// Whether that is where the holder of the role sends from.
   [[nodiscard]] bool is_from(bus::Role role, std::string_view sender) const;
+  /// Whether some other process of this scenario sends from there.
+  [[nodiscard]] bool knows(std::string_view sender) const;
   /// How long ago the role's holder was heard; nothing if never.
   [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(bus::Role role, Time now) const;
 

@@ -107,6 +107,9 @@ class Session {
     return rendezvous_->is_from(role, sender);
   }
 
+  /// Whether some other process of this scenario sends from there.
+  [[nodiscard]] bool knows(std::string_view sender) const { return rendezvous_->knows(sender); }
+
   Statistics& statistics() { return statistics_; }
   [[nodiscard]] const Statistics& statistics() const { return statistics_; }
 

@@ -28,7 +28,7 @@ class LawStepper {
 
   struct Outcome {
     law::Step<typename L::Memory> step;
-    std::int64_t skipped = 0;  ///< ticks passed over since the last step
+    std::int64_t skipped = 0;  ///< ticks passed over since the last step, or since tick 0
     bool restarted = false;    ///< too many: the memory began anew
   };
 
@@ -47,14 +47,11 @@ class LawStepper {
   [[nodiscard]] Outcome step(std::int64_t tick, const Measurement& measurement,
                              const robot::ReferencePoint& reference) const {
     const L& usual = laws_.front();
-    if (!memory_) {
-      return {usual.step(usual.start(measurement, reference), measurement, reference)};
-    }
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::LawStepper: ticks go forward");
-    if (gap > longest_gap()) {
+    if (!memory_ || gap > longest_gap()) {
       return {usual.step(usual.start(measurement, reference), measurement, reference), gap - 1,
-              true};
+              memory_.has_value()};
     }
     const L& law = laws_[static_cast<std::size_t>(gap - 1)];
     return {law.step(*memory_, measurement, reference), gap - 1};

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 
@@ -55,7 +56,9 @@ class RealtimeNode {
     bus::Stamp stamp;
     if (!law_.accept_measurement(datagram, stamp)) return;
     const auto now = bus::Clock::now();
-    if (!pace_.possible(stamp.tick, now)) return law_.count(Verdict::not_asked);
+    if (!pace_.possible(stamp.tick, now) && !session_.knows(datagram.sender)) {
+      return law_.count(Verdict::not_asked);
+    }
     const Verdict verdict = picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
     if (verdict == Verdict::conflicting) {
       throw law_.violated("two plants", stamp.tick, picker_.asker(stamp.tick), datagram.sender);
@@ -70,7 +73,8 @@ class RealtimeNode {
     bus::Stamp stamp;
     if (!law_.accept_reference(datagram, stamp)) return;
     // A reference is a tick ahead.
-    if (!pace_.possible(stamp.tick - 1, bus::Clock::now()) && stamp.tick != 0) {
+    if (!pace_.possible(std::max<std::int64_t>(stamp.tick - 1, 0), bus::Clock::now()) &&
+        !session_.knows(datagram.sender)) {
       return law_.count(Verdict::not_asked);
     }
     const Verdict verdict = picker_.on_reference(stamp.tick, datagram.payload, datagram.sender);

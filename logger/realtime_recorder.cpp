@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include "app/logging.h"
 
@@ -31,7 +32,7 @@ RealtimeRecorder::RealtimeRecorder(const app::Scenario& scenario, bus::Transport
 Verdict RealtimeRecorder::on_run_info(bool same) {
   if (!same) return Verdict::conflicting;
   introduced_ = true;
-  acknowledge(-1, 0);
+  acknowledgement_due_ = true;
   return Verdict::fresh;
 }
 
@@ -43,7 +44,8 @@ void RealtimeRecorder::on_message(Slot slot, const bus::Stamp& stamp,
                                   const bus::Datagram& datagram) {
   const auto begin = Clock::now();
   const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
-  if (!introduced_ || !pace_.possible(stamp.tick - ahead, begin)) {
+  if (!introduced_ ||
+      (!pace_.possible(stamp.tick - ahead, begin) && !session().knows(datagram.sender))) {
     return count(Verdict::not_asked, slot, stamp.tick, {}, {});
   }
   const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
@@ -57,6 +59,11 @@ void RealtimeRecorder::on_message(Slot slot, const bus::Stamp& stamp,
   session().progressed(tally_.newest());
   statistics.ticks = tally_.newest() + 1;
   statistics.work.add(Clock::now() - begin);
+}
+
+void RealtimeRecorder::after_message() {
+  // Not before the measurement is subscribed to: the plant starts at once.
+  if (std::exchange(acknowledgement_due_, false)) acknowledge(-1, 0);
 }
 
 void RealtimeRecorder::on_participant(const bus::Datagram& datagram) {

@@ -23,7 +23,7 @@ class RealtimeRecorder final : public Recorder {
   bus::lockstep::Verdict on_run_info(bool same) override;
   void on_message(Slot slot, const bus::Stamp& stamp, const bus::Datagram& datagram) override;
   void on_participant(const bus::Datagram& datagram) override;
-  void after_message() override {}
+  void after_message() override;
   void conclude(bool well) override;
 
   [[nodiscard]] std::int64_t since_start(bus::Clock::time_point now) const;
@@ -31,6 +31,7 @@ class RealtimeRecorder final : public Recorder {
 
   std::int64_t num_ticks_;
   bool introduced_ = false;
+  bool acknowledgement_due_ = false;
   bus::realtime::Pace pace_;
   TickTally tally_;
   std::optional<bus::Clock::time_point> start_;  ///< of tick 0, as seen from here

@@ -205,22 +205,23 @@ void RealtimeLoop::end_tick() {
   if (watch_.too_many()) {
     throw app::Failure(app::ExitCode::protective_stop,
                        "protective stop at tick " + std::to_string(tick_) + ": " +
+                           std::to_string(watch_.missed_in_a_row()) +
+                           " commands in a row did not come in time (loop.max_missed: " +
+                           std::to_string(scenario_.loop.max_missed) + ") from " +
                            session_.silent_among({bus::Role::controller, bus::Role::reference}) +
-                           " gave no " + std::to_string(watch_.missed_in_a_row()) +
-                           " commands in a row in time (loop.max_missed: " +
-                           std::to_string(scenario_.loop.max_missed) +
-                           "); mend that and start a new run");
+                           "; mend that and start a new run");
   }
 }
 
 void RealtimeLoop::come_to_rest(const app::Failure& failure) {
-  const auto until = Clock::now() + longest_stop;
   session_.stopping(failure, Clock::now());
   try {
     robot_.brake();
     if (begun_ && !acted_) act(DriveFault::protective_stop);
-    // A failure at the end of a tick leaves none begun.
-    for (++tick_; tick_ < scenario_.loop.num_ticks && Clock::now() < until; ++tick_) {
+    const auto most = static_cast<std::int64_t>(
+        std::chrono::duration<double>(longest_stop).count() / scenario_.loop.period_s);
+    const std::int64_t end = std::min(scenario_.loop.num_ticks, tick_ + 1 + most);
+    for (++tick_; tick_ < end; ++tick_) {
       while (Clock::now() < deadline(tick_)) {
         if (const auto datagram = transport_.receive(deadline(tick_))) session_.take(*datagram);
         session_.keep_in_touch(Clock::now());

@@ -12,7 +12,8 @@
 namespace bus::realtime {
 
 /// Which ticks can have begun, seen from a process that is not the clock: ticks come one a period,
-/// so a message from the far future is none of this run's. Holds on to the first tick it is shown.
+/// so a stranger's message from the far future is none of this run's. Holds on to the first tick
+/// it is shown; that one may have been late by more than `slack`, so ask only about strangers.
 class Pace {
  public:
   /// How much later than all others the first message may have been.

@@ -89,8 +89,8 @@ TEST(LawStepper, WithoutGapsIsTheLawItselfBitForBit) {
     const app::Scenario s = scenario({mode});
     const auto law = make_law<LoriaOrtegaRigid>(s);
     LawStepper<LoriaOrtegaRigid> stepper(s);
-    auto memory = law.start(ramp(3), at_zero());
-    for (std::int64_t k = 3; k < 40; ++k) {
+    auto memory = law.start(ramp(0), at_zero());
+    for (std::int64_t k = 0; k < 40; ++k) {
       const auto plain = law.step(memory, ramp(k), at_zero());
       memory = plain.memory;
       const auto outcome = take(stepper, k);

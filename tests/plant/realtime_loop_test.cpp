@@ -321,7 +321,7 @@ TEST_F(Stopping, BrakesViscouslyWhenTooManyCommandsAreMissed) {
   // For 0.5 s, or until it stands still.
   const auto& begin = peers_.truths[14].v;
   const auto& end = peers_.truths.back().v;
-  EXPECT_LE(peers_.truths.size(), 14u + 505u);
+  EXPECT_LE(peers_.truths.size(), 14u + 500u);
   // Damping is inertia over 0.1 s, so 0.5 s leave about exp(-5); the joints' coupling allows some
   // more. Without braking the arm would keep its energy.
   EXPECT_LT(end.norm(), 0.05 * begin.norm());
