@@ -187,7 +187,7 @@ class Charts {
 
   [[nodiscard]] Curve fit(const Decay& decay, std::size_t run) const {
     return {
-        "fit: " + formatted("%.3g", decay.rate_per_s) + " 1/s",
+        runs_.size() <= 3 ? "fit: " + formatted("%.3g", decay.rate_per_s) + " 1/s" : "",
         {{decay.from_s, decay.amplitude},
          {decay.to_s, decay.amplitude * std::exp(-decay.rate_per_s * (decay.to_s - decay.from_s))}},
         alone() ? vermilion : colour(run),
