@@ -35,6 +35,7 @@ const std::vector<Rule> rules = {
     {"bus/realtime/", {"bus/realtime/", "bus/lockstep/", "bus/clock.h"}, {}},
     {"bus/truth/", {"bus/", "robot/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
+    {"bus/authenticated.cpp", {"bus/"}, {"sodium.h"}, true},
 
     {"app/", {"app/", "bus/", "robot/"}, {"spdlog/", "CLI/", "yaml-cpp/", "nlohmann/"}, true},
 
