@@ -105,8 +105,13 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
   if (running() && cast_[index(peer.role)] != 0 && cast_[index(peer.role)] != peer.instance) {
     return;  // a newcomer; the one it wants to replace will tell it
   }
-  // Who plays in a run gives way to nobody outside it: the newcomer hears us and gives way.
-  if (running() && peer.role == self_.role && stamp.run != run_) return;
+  // Who plays in a run gives way to nobody outside it: the newcomer is told at once, before it can
+  // begin a run of its own, and gives way. However many knock, the answer is one each 10 ms.
+  if (running() && peer.role == self_.role && stamp.run != run_) {
+    const Time last = announce_at_ - period;
+    announce_at_ = std::min(announce_at_, std::max(now, last + std::chrono::milliseconds(10)));
+    return;
+  }
 
   const Peer& other = note(stamp, peer, sender, now);
   if (peer.role == self_.role) return contest(stamp, other, now);
