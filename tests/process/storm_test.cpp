@@ -28,7 +28,8 @@ using ::testing::HasSubstr;
 constexpr std::int64_t run_id = 7;
 
 std::vector<std::string> settings(std::vector<std::string> more = {}) {
-  // 150,000 ticks, so that the storm passes first. A flood can drown heartbeats for long on a busy machine: nobody gives up.
+  // 150,000 ticks, so that the storm passes first. A flood can drown heartbeats for long on a busy
+  // machine: nobody gives up.
   more.insert(more.end(), {"--set", "loop.duration_s=150", "--set", "loop.give_up_s=60"});
   return more;
 }
