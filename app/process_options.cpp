@@ -33,6 +33,9 @@ std::string examples(const std::string& program, bus::Role role) {
   if (role == bus::Role::plant) {
     text += "  " + program + " scenarios/practical_rigid.yaml --run-id 7 --wait-s 10\n";
   }
+  if (role == bus::Role::controller) {
+    text += "  " + program + " scenarios/practical_rigid.yaml --follow 7\n";
+  }
   if (role == bus::Role::logger) {
     text += "  " + program + " scenarios/practical_rigid.yaml --out-log out/lcmlog\n";
   }
@@ -81,6 +84,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   ProcessOptions options;
   options.lcm_url = default_lcm_url;
   std::int64_t run_id = 0;
+  std::int64_t follow = 0;
   std::string stats_path;
   std::string key_path;
   std::string log_path;
@@ -108,10 +112,18 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
       ->capture_default_str();
   cli.add_option("--stats", stats_path, "Write counters to this file, as JSON, at the end");
   CLI::Option* run_id_option = nullptr;
+  CLI::Option* follow_option = nullptr;
   if (role == bus::Role::plant) {
     run_id_option = cli.add_option("--run-id", run_id,
                                    "Positive number in every message of the run; default: the time")
                         ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  }
+  if (role == bus::Role::controller) {
+    follow_option =
+        cli.add_option("--follow", follow,
+                       "Meet nobody: answer the measurements and references of this run, which "
+                       "lcm-logplayer plays back; end with the run's last tick")
+            ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
   }
   if (role == bus::Role::logger) {
     cli.add_option("--out-log", log_path,
@@ -138,6 +150,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   }
   if (run_id_option != nullptr && run_id_option->count() > 0) options.run_id = run_id;
   if (key_option->count() > 0) options.key_path = key_path;
+  if (follow_option != nullptr && follow_option->count() > 0) options.follow = follow;
   if (!stats_path.empty()) options.stats_path = stats_path;
   if (role == bus::Role::logger) {
     const std::time_t now = std::time(nullptr);

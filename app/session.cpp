@@ -66,7 +66,12 @@ Session::Session(const Scenario& scenario, bus::Transport& transport, const Conf
       std::chrono::duration<double>(scenario.loop.give_up_s));
   rendezvous_.emplace(self_, Clock::now());
   statistics_.role = config.role;
-  transport_.subscribe(channel_);
+  if (config.follow) {
+    following_.emplace();
+    following_->last_tick = scenario.loop.num_ticks - 1;
+  } else {
+    transport_.subscribe(channel_);
+  }
 }
 
 void Session::play(const std::function<void()>& part) {
@@ -84,6 +89,12 @@ void Session::play(const std::function<void()>& part) {
 void Session::meet(const std::string& measurement,
                    const std::function<void(const bus::Datagram&)>& other) {
   const auto now = Clock::now();
+  if (following_) {
+    following_->progress_at = following_->look_at = now;
+    statistics_.run_id = run();
+    log_info("following run " + std::to_string(run()) + " as it is played back");
+    return;
+  }
   self_.measurement = measurement;
   rendezvous_.emplace(self_, now);
   next_notice_ = now + first_notice;
@@ -102,6 +113,10 @@ void Session::meet(const std::string& measurement,
 }
 
 void Session::started(Clock::time_point now) {
+  if (following_) {
+    if (following_->tick < 0) started_at_ = now;
+    return;
+  }
   if (rendezvous_->running()) return;
   rendezvous_->started(now);
   started_at_ = now;
@@ -111,12 +126,30 @@ void Session::attend(Clock::time_point now) {
   if (config_.interrupted != nullptr && *config_.interrupted) {
     throw Failure(ExitCode::interrupted, "interrupted");
   }
+  if (following_) return attend_recording(now);
   if (now >= next_attention()) {
     rendezvous_->check(now);
     if (!rendezvous_->failure()) announce(now);
     if (!rendezvous_->running() && now >= next_notice_) tell_who_is_missing(now);
   }
   if (rendezvous_->failure()) throw Failure(*rendezvous_->failure());
+}
+
+void Session::attend_recording(Clock::time_point now) {
+  following_->look_at = now + Rendezvous::period;
+  const bool begun = following_->tick >= 0;
+  const auto limit = begun ? std::optional(self_.give_up) : self_.wait_limit;
+  if (!limit || now - following_->progress_at < *limit) return;
+  const std::string run_name = "run " + std::to_string(run());
+  if (!begun) {
+    throw Failure(ExitCode::peer_lost, "no measurement of " + run_name +
+                                           " with its reference came; is that the run's id? "
+                                           "`tachless info LOG` tells");
+  }
+  throw Failure(ExitCode::peer_lost,
+                run_name + " goes silent after tick " + std::to_string(following_->tick) + " of " +
+                    std::to_string(following_->last_tick) +
+                    ": a measurement or reference is missing; `tachless info LOG` names the gaps");
 }
 
 bool Session::take(const bus::Datagram& datagram) {
@@ -181,6 +214,7 @@ void Session::listen_until(Clock::time_point deadline) {
 void Session::finish() {
   const auto begin = Clock::now();
   statistics_.wall_s = std::chrono::duration<double>(begin - started_at_).count();
+  if (following_) return;
   rendezvous_->finished(begin);
   if (config_.role == Role::plant) {
     // The others' last words may be lost: what is recorded is recorded, nobody waits for ever.

@@ -31,9 +31,12 @@ class Session {
     std::int64_t instance = 0;  ///< tells two processes of one role apart; 0: a random one
     /// The transport once more, if the bus has a key.
     bus::Authenticated* authenticated = nullptr;
+    /// Controller only: answer the questions of this run, which come from a recording, at once:
+    /// nobody is met, nothing is announced, and the run is over with its last tick.
+    std::optional<std::int64_t> follow;
   };
 
-  /// Subscribes to the participants' channel.
+  /// Subscribes to the participants' channel, unless a recording is followed.
   Session(const Scenario& scenario, bus::Transport& transport, const Config& config);
 
   /// Runs `part` (the node's whole life). A Failure that leaves it, or any other exception, is
@@ -47,7 +50,9 @@ class Session {
   void meet(const std::string& measurement = {},
             const std::function<void(const bus::Datagram&)>& other = {});
 
-  [[nodiscard]] std::int64_t run() const { return rendezvous_->run(); }
+  [[nodiscard]] std::int64_t run() const {
+    return following_ ? *config_.follow : rendezvous_->run();
+  }
   /// What the controller needs, seen from the others.
   [[nodiscard]] std::string measurement() const { return rendezvous_->measurement(); }
 
@@ -56,10 +61,10 @@ class Session {
 
   /// To be called at least when `next_attention` has come: heartbeat, faults, interruption.
   /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
-  /// another's fault, saying whose.
+  /// another's fault, saying whose; Failure(peer_lost) when a recording goes silent before its end.
   void attend(bus::Clock::time_point now);
   [[nodiscard]] bus::Clock::time_point next_attention() const {
-    return rendezvous_->next_announcement();
+    return following_ ? following_->look_at : rendezvous_->next_announcement();
   }
 
   /// Whether the datagram was the session's.
@@ -83,10 +88,17 @@ class Session {
 
   /// For the heartbeat.
   void progressed(std::int64_t tick, double error_norm = 0) {
-    rendezvous_->progressed(tick, error_norm);
+    if (following_) {
+      following_->tick = tick;
+      following_->progress_at = bus::Clock::now();
+    } else {
+      rendezvous_->progressed(tick, error_norm);
+    }
   }
 
-  [[nodiscard]] bool plant_finished() const { return rendezvous_->plant_finished(); }
+  [[nodiscard]] bool plant_finished() const {
+    return following_ ? following_->tick >= following_->last_tick : rendezvous_->plant_finished();
+  }
 
   /// This process will end with `failure`, and tells the others at once, but has to bring the robot
   /// to rest before it does.
@@ -114,6 +126,15 @@ class Session {
   [[nodiscard]] const Statistics& statistics() const { return statistics_; }
 
  private:
+  /// Where a recorded run is.
+  struct Following {
+    std::int64_t last_tick = 0;
+    std::int64_t tick = -1;  ///< newest one that was answered
+    bus::Clock::time_point progress_at;
+    bus::Clock::time_point look_at;  ///< when to look at the clock again
+  };
+
+  void attend_recording(bus::Clock::time_point now);
   void announce(bus::Clock::time_point now);
   void announce_fault(const Failure& failure);
   void listen_until(bus::Clock::time_point deadline);
@@ -126,6 +147,7 @@ class Session {
   std::string channel_;
   Rendezvous::Self self_;
   std::optional<Rendezvous> rendezvous_;
+  std::optional<Following> following_;
   bus::Codec<bus::Participant> codec_;
   bus::Stamp heard_stamp_;
   bus::Participant heard_;

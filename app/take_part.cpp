@@ -58,7 +58,8 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
                                     .wait_s = options.wait_s,
                                     .interrupted = &interrupted,
                                     .instance = 0,
-                                    .authenticated = authenticated ? &*authenticated : nullptr});
+                                    .authenticated = authenticated ? &*authenticated : nullptr,
+                                    .follow = options.follow});
     if (scenario.loop.mode == Mode::realtime) request_real_time(role);
     session->play([&] { part(scenario, heard, *session); });
   } catch (const Failure& failure) {

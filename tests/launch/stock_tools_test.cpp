@@ -1,0 +1,225 @@
+// The tools that LCM brings, on our bus and our logs: lcm-logger records a run, lcm-logplayer plays
+// one back. In a network of their own.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/udp_transport.h"
+#include "logger/log_file.h"
+#include "tests/bus/private_network.h"
+#include "tests/launch/virtual_display.h"
+#include "tests/process/program.h"
+
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using Bytes = std::vector<std::byte>;
+
+const std::string scenario = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
+
+/// The stdout of a tachless command that succeeds.
+std::string tachless(const std::vector<std::string>& words, const Directory& directory) {
+  return output_of("tachless", words, directory);
+}
+
+/// Records a lockstep run of some hundred ticks with run id 7.
+std::string record(const Directory& directory) {
+  tachless({"run", scenario, "--duration", "0.3", "--run-id", "7", "--quiet", "--out",
+            directory / "out"},
+           directory);
+  return directory / "out/lcmlog";
+}
+
+/// Messages by channel and tick, as they were on the bus.
+std::map<std::string, std::map<std::int64_t, Bytes>> messages_of(const std::string& log) {
+  std::map<std::string, std::map<std::int64_t, Bytes>> all;
+  logger::LogReader reader(log);
+  while (const auto event = reader.next()) {
+    if (event->data.size() < 32) continue;
+    std::uint64_t tick = 0;  // after fingerprint, utime and run
+    for (std::size_t i = 24; i < 32; ++i) {
+      tick = tick << 8 | std::to_integer<std::uint64_t>(event->data[i]);
+    }
+    all[std::string(event->channel)].emplace(static_cast<std::int64_t>(tick),
+                                             Bytes(event->data.begin(), event->data.end()));
+  }
+  return all;
+}
+
+TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
+  const Directory directory;
+  const std::string stock = directory / "stock.log";
+  Program recorder("lcm-logger",
+                   {"--lcm-url=udpm://239.255.76.67:7667?ttl=0", "--flush-interval=10", stock},
+                   directory.path());
+  bus::UdpTransport probe;
+  wait_until("lcm-logger to record", [&] {
+    probe.publish("PROBE", std::as_bytes(std::span("are you there?")));
+    std::error_code error;
+    const auto size = fs::file_size(stock, error);
+    return !error && size > 0;
+  });
+  // A busy machine may miss commands: that is not what this is about.
+  tachless({"run", scenario, "--mode", "realtime", "--duration", "1", "--run-id", "8", "--quiet",
+            "--set", "loop.max_missed=1000", "--out", directory / "out"},
+           directory);
+  recorder.signal(SIGINT);
+  EXPECT_EQ(recorder.wait(), 0) << recorder.errors();
+
+  const Json info = Json::parse(tachless({"info", "--json", stock}, directory));
+  ASSERT_TRUE(info["run"].is_object()) << info.dump(1);
+  EXPECT_EQ(info["run"]["id"], 8);
+  EXPECT_EQ(info["run"]["mode"], "realtime");
+  EXPECT_EQ(info["run"]["scenario"], "practical_rigid");
+  EXPECT_EQ(info["run"]["num_ticks"], 1000);
+  EXPECT_TRUE(info["run"]["undecodable"].empty());
+  const auto ticks = info["run"]["ticks"].get<std::size_t>();
+  EXPECT_GT(ticks, 0U);
+
+  // What both logs have of a tick is the same, byte for byte.
+  const auto by_stock = messages_of(stock);
+  const auto by_us = messages_of(directory / "out/lcmlog");
+  for (const std::string channel : {"ARM_POSITION", "ARM_REFERENCE", "ARM_COMMAND", "ARM_TRUTH"}) {
+    std::size_t compared = 0;
+    for (const auto& [tick, bytes] : by_stock.at(channel)) {
+      const auto ours = by_us.at(channel).find(tick);
+      if (ours == by_us.at(channel).end()) continue;
+      EXPECT_EQ(bytes, ours->second) << channel << " " << tick;
+      ++compared;
+    }
+    EXPECT_GT(compared, 0U) << channel;
+  }
+
+  tachless({"export", stock, "-o", directory / "run.csv"}, directory);
+  const std::string table = contents(directory / "run.csv");
+  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), static_cast<std::ptrdiff_t>(ticks + 1));
+  EXPECT_THAT(table, HasSubstr("tick,t_s,q_1_rad,q_2_rad,"));
+  tachless({"report", stock, "-o", directory / "report.html"}, directory);
+  EXPECT_THAT(contents(directory / "report.html"),
+              AllOf(HasSubstr("practical_rigid"), HasSubstr("</svg>"), HasSubstr("</html>")));
+}
+
+TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
+  const Directory directory;
+  const std::string log = record(directory);
+  Program watch("tachless", {"watch", "--json"}, directory.path());
+  // It prints what it has heard once a second: with the first line it is listening.
+  wait_until("watch to listen",
+             [&] { return watch.output().find('\n') != std::string::npos || !watch.running(); });
+  output_of("lcm-logplayer", {log}, directory);
+  watch.signal(SIGINT);
+  ASSERT_EQ(watch.wait(), 0) << watch.errors();
+
+  const std::string output = watch.output();
+  const std::size_t last = output.rfind('\n', output.size() - 2);
+  const Json heard = Json::parse(output.substr(last + 1));
+  EXPECT_EQ(heard["undecodable"], 0);
+  ASSERT_EQ(heard["lost_here"], 0);
+  std::map<std::string, std::size_t> expected;
+  for (const auto& [channel, messages] : messages_of(log)) expected[channel] = messages.size();
+  std::map<std::string, std::size_t> counted;
+  for (const auto& entry : heard["channels"]) {
+    counted[entry["channel"]] = entry["messages"];
+    EXPECT_EQ(entry["not_ours"], 0);
+    EXPECT_EQ(entry["tick_gaps"].is_null() ? 0 : entry["tick_gaps"].get<int>(), 0)
+        << entry["channel"];
+  }
+  EXPECT_EQ(counted, expected);
+  EXPECT_EQ(expected.at("ARM_COMMAND"), 300U);
+}
+
+/// A controller that follows run 7, listening.
+class Follower {
+ public:
+  explicit Follower(const Directory& directory, const std::vector<std::string>& more = {})
+      : program_("tachless-controller", words(more), directory.path()) {
+    program_.wait_for("following run");
+  }
+  Program& program() { return program_; }
+
+ private:
+  static std::vector<std::string> words(const std::vector<std::string>& more) {
+    std::vector<std::string> all = {scenario, "--set", "loop.duration_s=0.3", "--follow", "7"};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }
+  Program program_;
+};
+
+TEST(StockTools, AControllerAnswersWhatLcmLogplayerPlaysBackWithTheSameCommandsBitForBit) {
+  const Directory directory;
+  const std::string log = record(directory);
+  auto recorded = messages_of(log);
+  bus::UdpTransport listener;
+  listener.subscribe("ARM_COMMAND");
+  listener.subscribe("ARM_CONTROLLER_STATE");
+  Follower follower(directory);
+  output_of("lcm-logplayer", {"--regexp=ARM_(POSITION|REFERENCE)", log}, directory);
+  EXPECT_EQ(follower.program().wait(), 0) << follower.program().errors();
+  std::map<std::string, std::vector<Bytes>> heard;
+  while (const auto datagram = listener.receive(bus::Clock::time_point::min())) {
+    heard[std::string(datagram->channel)].emplace_back(datagram->payload.begin(),
+                                                       datagram->payload.end());
+  }
+  for (const std::string channel : {"ARM_COMMAND", "ARM_CONTROLLER_STATE"}) {
+    std::vector<Bytes> expected;
+    for (const auto& [tick, bytes] : recorded.at(channel)) expected.push_back(bytes);
+    EXPECT_EQ(heard[channel].size(), 300U);
+    EXPECT_EQ(heard[channel], expected) << channel;
+  }
+}
+
+TEST(StockTools, AControllerNamesTheTickThatARecordingLacks) {
+  const Directory directory;
+  const std::string log = record(directory);
+  const std::string cut = directory / "cut";
+  {
+    logger::LogReader reader(log);
+    logger::LogWriter writer(cut);
+    int references = 0;
+    while (const auto event = reader.next()) {
+      if (event->channel == "ARM_REFERENCE" && references++ == 100) continue;
+      writer.append(event->utime, event->channel, event->data);
+    }
+    writer.close();
+  }
+  Follower follower(directory, {"--set", "loop.give_up_s=2"});
+  output_of("lcm-logplayer", {"--regexp=ARM_(POSITION|REFERENCE)", cut}, directory);
+  EXPECT_EQ(follower.program().wait(), 3);
+  EXPECT_THAT(follower.program().errors(),
+              HasSubstr("run 7 goes silent after tick 99 of 299: a measurement or reference is "
+                        "missing"));
+}
+
+TEST(StockTools, AControllerThatFollowsARunNobodyPlaysSaysSo) {
+  const Directory directory;
+  Follower follower(directory, {"--wait-s", "0.3"});
+  EXPECT_EQ(follower.program().wait(), 3);
+  EXPECT_THAT(follower.program().errors(), HasSubstr("no measurement of run 7"));
+}
+
+TEST(StockTools, AControllerThatFollowsEndsOnCtrlC) {
+  const Directory directory;
+  Follower follower(directory);
+  follower.program().signal(SIGINT);
+  EXPECT_EQ(follower.program().wait(), 130);
+}
+
+}  // namespace
