@@ -149,8 +149,13 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
     throw Failure(ExitCode::bad_usage, "--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
   }
   if (run_id_option != nullptr && run_id_option->count() > 0) options.run_id = run_id;
-  if (key_option->count() > 0) options.key_path = key_path;
   if (follow_option != nullptr && follow_option->count() > 0) options.follow = follow;
+  if (key_option->count() > 0) options.key_path = key_path;
+  if (options.follow && options.key_path) {
+    throw Failure(ExitCode::bad_usage,
+                  "--follow: what is played back does not verify under a key; unset --key-file "
+                  "and TACHLESS_KEY_FILE");
+  }
   if (!stats_path.empty()) options.stats_path = stats_path;
   if (role == bus::Role::logger) {
     const std::time_t now = std::time(nullptr);

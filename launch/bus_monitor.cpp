@@ -168,6 +168,7 @@ void BusMonitor::note_channel(const bus::RawDatagram& raw) {
     ++channel.rejected[glance.rejection];
     return;
   }
+  if (glance.tagged) ++channel.tagged;
   channel.newest_stamp = glance.stamp;
   channel.newest.assign(payload.begin(), payload.end());
   channel.once_per_tick = glance.once_per_tick;
@@ -202,9 +203,13 @@ std::vector<std::string> BusMonitor::head_lines() const {
   const auto note = [&](std::uint64_t count, const char* what) {
     if (count != 0) lines.push_back(format("%" PRIu64 " %s", count, what));
   };
-  note(transport_.overflowed.value_or(0), "lost here: this program was too slow for the bus");
+  note(transport_.overflowed.value_or(0),
+       "lost here: this program was too slow for the bus, and rates are higher than shown");
   note(transport_.malformed, "datagrams that are not LCM messages");
   note(transport_.fragmented, "messages in fragments, which are not put together here");
+  std::uint64_t tagged = 0;
+  for (const auto& [name, channel] : channels_) tagged += channel.tagged;
+  note(tagged, "messages carry the tag of a key, which is not verified here");
   note(elsewhere_, "messages on further channels");
   note(other_senders_, "messages of further senders");
   return lines;
@@ -302,6 +307,7 @@ nlohmann::ordered_json BusMonitor::to_json() {
     for (const auto& [reason, count] : channel.rejected) {
       entry["undecodable_because"][std::string(bus::name(reason))] = count;
     }
+    entry["tagged"] = channel.tagged;
     entry["not_ours"] = channel.not_ours;
     entry["newest"] = nullptr;
     if (!channel.newest.empty()) {

@@ -61,6 +61,7 @@ class BusMonitor {
   struct Channel {
     std::string_view type;  ///< newest of ours; empty: none yet
     std::uint64_t messages = 0, bytes = 0;
+    std::uint64_t tagged = 0;    ///< messages with the tag of a key
     std::uint64_t not_ours = 0;  ///< messages of unknown types
     std::map<bus::Rejection, std::uint64_t> rejected;
     bool once_per_tick = false;

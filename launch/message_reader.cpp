@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <type_traits>
 
+#include "bus/authenticated.h"
 #include "bus/truth/truth_wire.h"
 #include "logger/message_types.h"
 
@@ -246,6 +247,11 @@ MessageReader::Glance MessageReader::glance(std::span<const std::byte> message) 
   if (reader == nullptr) throw std::logic_error("no reader for " + std::string(glance.type));
   glance.once_per_tick = reader->once_per_tick;
   glance.rejection = reader->decode(message, glance.stamp);
+  if (glance.rejection == bus::Rejection::wrong_size && message.size() > bus::tag_size) {
+    const auto untagged = message.first(message.size() - bus::tag_size);
+    glance.tagged = reader->decode(untagged, glance.stamp) == bus::Rejection::none;
+    if (glance.tagged) glance.rejection = bus::Rejection::none;
+  }
   return glance;
 }
 

@@ -21,7 +21,8 @@ struct MessageField {
 
 /// Reads every type of ours without knowing the run: joints, motors and filters are counted as the
 /// message itself announces, which is believed only when its size is exactly that of such a
-/// message and every further check of the wire agrees.
+/// message and every further check of the wire agrees. A tag at the end (bus/authenticated.h) is
+/// noticed and not verified: that needs the key.
 class MessageReader {
  public:
   /// What a message is, at a glance.
@@ -29,6 +30,7 @@ class MessageReader {
     std::string_view type;  ///< "tachless.tick_t"; empty when not ours, and then no more is known
     bus::Rejection rejection = bus::Rejection::none;
     bus::Stamp stamp;            ///< when not rejected
+    bool tagged = false;         ///< by the holder of a key, or so it seems
     bool once_per_tick = false;  ///< the type is sent for every tick of a run
   };
 

@@ -93,6 +93,10 @@ TEST(ProcessOptions, RefuseBadUsageInOneLineThatNamesTheOption) {
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--run-id", "-3"}), HasSubstr("-3"));
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--run-id", "seven"}), HasSubstr("seven"));
   EXPECT_THAT(refusal(bus::Role::reference, {"a.yaml", "--run-id", "7"}), HasSubstr("--run-id"));
+  EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--follow", "7"}), HasSubstr("--follow"));
+  EXPECT_THAT(refusal(bus::Role::controller, {"a.yaml", "--follow", "0"}), HasSubstr("--follow"));
+  EXPECT_THAT(refusal(bus::Role::controller, {"a.yaml", "--follow", "7", "--key-file", "k"}),
+              AllOf(HasSubstr("--follow"), HasSubstr("--key-file")));
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--wait-s", "-1"}), HasSubstr("--wait-s"));
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--wait-s", "nan"}), HasSubstr("--wait-s"));
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--out-log", "x"}), HasSubstr("--out-log"));

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "bus/authenticated.h"
 #include "bus/truth/truth_wire.h"
 
 namespace {
@@ -84,6 +85,24 @@ TEST(MessageReader, ReadsTheGroundTruth) {
   ASSERT_EQ(reader.glance(message).rejection, bus::Rejection::none);
   EXPECT_EQ(numbers(reader.fields(message), "torque"), (std::vector<double>{5, 6}));
   EXPECT_EQ(numbers(reader.fields(message), "saturated"), (std::vector<double>{0, 1}));
+}
+
+TEST(MessageReader, NoticesTheTagOfAKey) {
+  MessageReader reader;
+  std::vector<std::vector<std::byte>> messages = {
+      encoded(bus::Layout{2, 0, 0}, robot::PositionMeasurement{ramp(2, 0)}),
+      encoded(bus::Layout{}, bus::Participant{})};
+  for (auto& message : messages) {
+    EXPECT_FALSE(reader.glance(message).tagged);
+    message.resize(message.size() + bus::tag_size, std::byte{0xa5});
+    const auto glance = reader.glance(message);
+    EXPECT_EQ(glance.rejection, bus::Rejection::none);
+    EXPECT_TRUE(glance.tagged);
+    EXPECT_EQ(glance.stamp.tick, stamp.tick);
+    EXPECT_FALSE(reader.fields(message).empty());
+    message.pop_back();
+    EXPECT_EQ(reader.glance(message).rejection, bus::Rejection::wrong_size);
+  }
 }
 
 TEST(MessageReader, DoesNotKnowOtherTypes) {
