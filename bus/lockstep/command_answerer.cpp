@@ -12,18 +12,27 @@ CommandAnswerer::CommandAnswerer(std::int64_t num_ticks, const Lengths& lengths)
     : num_ticks_(num_ticks),
       ring_(std::array{lengths.measurement, lengths.reference, lengths.command, lengths.state}) {}
 
-CommandAnswerer::Action CommandAnswerer::compute_if_ready() const {
-  return ring_.has(next_, measurement_kind) && ring_.has(next_, reference_kind) ? Action::compute
-                                                                                : Action::nothing;
+void CommandAnswerer::resume(std::int64_t next) {
+  next_ = next;
+  asked_before_ = next + reach;
+}
+
+bool CommandAnswerer::ready() const {
+  return ring_.has(next_, measurement_kind) && ring_.has(next_, reference_kind);
 }
 
 CommandAnswerer::Answer CommandAnswerer::on_measurement(std::int64_t tick,
                                                         std::span<const std::byte> bytes,
                                                         std::string_view sender) {
-  if (tick < 0 || tick >= num_ticks_ || tick > next_) return {Verdict::not_asked, Action::nothing};
+  if (tick < 0 || tick >= num_ticks_ || (tick > next_ && tick >= asked_before_)) {
+    return {Verdict::not_asked, Action::nothing};
+  }
   const Verdict verdict = ring_.put(tick, measurement_kind, bytes, sender);
   if (verdict == Verdict::fresh) return {verdict, compute_if_ready()};
-  if (verdict == Verdict::repeated && tick < next_) return {verdict, Action::repeat};
+  // A predecessor's answers are not kept here; whoever asks for them is answered by the log.
+  if (verdict == Verdict::repeated && ring_.has(tick, command_kind)) {
+    return {verdict, Action::repeat};
+  }
   return {verdict, Action::nothing};
 }
 
@@ -31,7 +40,7 @@ CommandAnswerer::Answer CommandAnswerer::on_reference(std::int64_t tick,
                                                       std::span<const std::byte> bytes,
                                                       std::string_view sender) {
   // The plant is at tick next() at most, and the reference one ahead of it.
-  if (tick < 0 || tick >= num_ticks_ || tick > next_ + 1) {
+  if (tick < 0 || tick >= num_ticks_ || (tick > next_ + 1 && tick >= asked_before_)) {
     return {Verdict::not_asked, Action::nothing};
   }
   const Verdict verdict = ring_.put(tick, reference_kind, bytes, sender);
@@ -40,7 +49,7 @@ CommandAnswerer::Answer CommandAnswerer::on_reference(std::int64_t tick,
 
 void CommandAnswerer::computed(std::span<const std::byte> command,
                                std::span<const std::byte> state) {
-  if (compute_if_ready() != Action::compute) {
+  if (!ready()) {
     throw std::logic_error("a command was computed without its inputs");
   }
   if (ring_.put(next_, command_kind, command) != Verdict::fresh ||

@@ -28,12 +28,21 @@ class CommandAnswerer {
 
   CommandAnswerer(std::int64_t num_ticks, const Lengths& lengths);
 
+  /// The ticks before `next` have been answered by a predecessor, or are in the log: goes on there.
+  /// Called before anything is heard. What the predecessor had been asked already comes again in
+  /// any order, so up to `reach` ticks from `next` on are kept until their turn comes.
+  void resume(std::int64_t next);
+  static constexpr std::int64_t reach = MessageRing::depth;
+
   Answer on_measurement(std::int64_t tick, std::span<const std::byte> bytes,
                         std::string_view sender);
   Answer on_reference(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender);
 
   /// Tick whose command is the next to be computed.
   [[nodiscard]] std::int64_t next() const { return next_; }
+  /// Whether its inputs are there: the next may be, at once after one is computed, while a successor
+  /// catches up.
+  [[nodiscard]] bool ready() const;
 
   /// The answers of tick `next()`.
   void computed(std::span<const std::byte> command, std::span<const std::byte> state);
@@ -47,10 +56,13 @@ class CommandAnswerer {
   [[nodiscard]] std::string_view referrer(std::int64_t tick) const;
 
  private:
-  [[nodiscard]] Action compute_if_ready() const;
+  [[nodiscard]] Action compute_if_ready() const {
+    return ready() ? Action::compute : Action::nothing;
+  }
 
   std::int64_t num_ticks_;
   std::int64_t next_ = 0;
+  std::int64_t asked_before_ = 0;  ///< ticks before this may have been asked of a predecessor
   MessageRing ring_;
 };
 

@@ -55,6 +55,8 @@ Verdict Requester::on_command(std::int64_t tick, std::span<const std::byte> byte
   const Verdict verdict = commands_.put(tick, 0, bytes, sender);
   if (verdict == Verdict::fresh) {
     commanded_ = true;
+    successor_.reset();
+    ask_again_last_ = -1;
     note_round_trip(now);
   }
   return verdict;
@@ -125,6 +127,26 @@ Verdict Requester::on_ack(std::int64_t tick, std::uint64_t missing, Clock::time_
   return Verdict::fresh;
 }
 
+void Requester::replaced(Clock::time_point now) {
+  successor_ = -1;
+  progress(now);
+}
+
+void Requester::successor_at(std::int64_t tick, Clock::time_point now) {
+  if (!successor_ || tick <= *successor_) return;
+  successor_ = tick;
+  progress(now);
+  repeat_at_ = now;
+}
+
+void Requester::ask_successor() {
+  // While it is rebuilding its memory from the log it is further behind than we can repeat.
+  const std::int64_t oldest_kept = last_asked() - MessageRing::depth + 1;
+  if (*successor_ + 1 < oldest_kept) return;
+  ask_again_ = *successor_ + 1;
+  ask_again_last_ = last_asked();
+}
+
 std::optional<Requester::Repeat> Requester::next_repeat(Clock::time_point now) {
   if (now >= repeat_at_) {
     const Waiting waiting_for = waiting();
@@ -135,11 +157,16 @@ std::optional<Requester::Repeat> Requester::next_repeat(Clock::time_point now) {
         timeout_ = std::min(2 * timeout_, config_.longest_timeout);
       repeat_at_ = now + timeout_;
       if (waiting_for == Waiting::logger_for_run_info) return Repeat{Repeat::What::run_info, -1};
-      if (waiting_for == Waiting::command) return Repeat{Repeat::What::question, next_tick_};
+      if (successor_) {
+        ask_successor();
+      } else if (waiting_for == Waiting::command) {
+        return Repeat{Repeat::What::question, next_tick_};
+      }
       // The oldest tick makes the logger say what else it misses.
-      pending_ |= missing_ | 1;
+      if (waiting_for != Waiting::command) pending_ |= missing_ | 1;
     }
   }
+  if (ask_again_ <= ask_again_last_) return Repeat{Repeat::What::question, ask_again_++};
   if (pending_ == 0) return std::nullopt;
   const std::int64_t tick = acknowledged_ + 1 + std::countr_zero(pending_);
   pending_ &= pending_ - 1;
@@ -148,7 +175,7 @@ std::optional<Requester::Repeat> Requester::next_repeat(Clock::time_point now) {
 }
 
 Clock::time_point Requester::deadline() const {
-  if (pending_ != 0) return Clock::time_point::min();
+  if (pending_ != 0 || ask_again_ <= ask_again_last_) return Clock::time_point::min();
   return waiting() == Waiting::nobody ? Clock::time_point::max()
                                       : std::min(repeat_at_, progress_ + config_.give_up);
 }

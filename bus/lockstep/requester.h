@@ -77,6 +77,14 @@ class Requester {
   Verdict on_ack(std::int64_t tick, std::uint64_t missing, Clock::time_point now);
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
+  /// The controller's place has been taken by one that has to catch up: it is asked again what has
+  /// been asked since the tick it has got to, until it has commanded the newest.
+  void replaced(Clock::time_point now);
+  /// The tick that it has got to, as it says. Nothing new unless it is catching up; an advance is
+  /// progress.
+  void successor_at(std::int64_t tick, Clock::time_point now);
+  [[nodiscard]] bool catching_up() const { return successor_.has_value(); }
+
   /// What to send again now; call until it yields nothing.
   std::optional<Repeat> next_repeat(Clock::time_point now);
 
@@ -96,6 +104,8 @@ class Requester {
   void progress(Clock::time_point now);
   [[nodiscard]] std::int64_t last_completed() const;
   void note_round_trip(Clock::time_point now);
+  [[nodiscard]] std::int64_t last_asked() const { return asking_ ? next_tick_ : next_tick_ - 1; }
+  void ask_successor();
   void remember_missing(std::uint64_t missing);
 
   Config config_;
@@ -113,6 +123,9 @@ class Requester {
   Clock::time_point repeat_at_;
   std::chrono::nanoseconds timeout_{};
   int repeats_ = 0;  ///< since the last progress
+  std::optional<std::int64_t> successor_;  ///< newest tick of a controller that is catching up
+  std::int64_t ask_again_ = 0;             ///< it is to be asked from here on now,
+  std::int64_t ask_again_last_ = -1;       ///< to here
   std::chrono::nanoseconds round_trip_{};
   std::chrono::nanoseconds usual_{}, deviation_{};  ///< of round trips, smoothed
 };

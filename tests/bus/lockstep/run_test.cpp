@@ -7,8 +7,10 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <queue>
 #include <random>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -64,8 +66,12 @@ class SimulatedRun {
     publish(plant, {Kind::run_info, -1, 42});
     requester_.introduced(now_);
     while (!requester_.finished() && now_ < Time(1h)) {
+      if (succeeds_at_ && now_ >= *succeeds_at_) succeed();
+      // The heartbeat, as often as it comes.
+      requester_.successor_at(announced_, now_);
       drive_plant();
-      const Time wake = requester_.deadline();
+      Time wake = requester_.deadline();
+      if (succeeds_at_) wake = std::min(wake, *succeeds_at_);
       if (events_.empty() && wake == Time::max()) break;
       if (events_.empty() || wake < events_.top().at) {
         now_ = std::max(now_, wake);
@@ -77,6 +83,15 @@ class SimulatedRun {
       receive(event.to, event.message);
     }
   }
+
+  /// The controller is killed when it is asked for this tick, and another takes its place `after`
+  /// some time: its memory is made from what the logger has written, the rest it asks for.
+  void replace_controller(std::int64_t at_tick, std::chrono::nanoseconds after) {
+    dies_at_ = at_tick;
+    dead_for_ = after;
+  }
+  /// Commands computed by the successor that its predecessor had computed already.
+  int recomputed() const { return recomputed_; }
 
   bool finished() const { return requester_.finished(); }
   const std::vector<std::uint64_t>& log() const { return written_; }
@@ -198,7 +213,33 @@ class SimulatedRun {
     }
   }
 
+  /// True while nobody is there.
+  bool controller_is_dead(const Message& message) {
+    if (dies_at_ && message.kind == Kind::measurement && message.tick >= *dies_at_) {
+      dies_at_.reset();
+      succeeds_at_ = now_ + dead_for_;
+    }
+    return succeeds_at_.has_value();
+  }
+
+  /// What a controller does that resumes: through the log to its end, then on from there.
+  void succeed() {
+    succeeds_at_.reset();
+    requester_.replaced(now_);
+    const auto logged = static_cast<std::int64_t>(written_.size() / num_slots);
+    memory_ = first_memory;
+    for (std::int64_t k = 0; k < logged; ++k) {
+      const auto* tick = &written_[static_cast<std::size_t>(k * num_slots)];
+      memory_ = mix(memory_, mix(tick[static_cast<int>(Slot::measurement)],
+                                 tick[static_cast<int>(Slot::reference)]));
+    }
+    controller_ = CommandAnswerer(num_ticks_, {8, 8, 8, 8});
+    controller_.resume(logged);
+    announced_ = logged - 1;
+  }
+
   void controller_receives(const Message& message) {
+    if (controller_is_dead(message)) return;
     CommandAnswerer::Answer answer;
     if (message.kind == Kind::measurement) {
       answer = controller_.on_measurement(message.tick, BytesOf(message.content), "plant");
@@ -210,13 +251,23 @@ class SimulatedRun {
     note(answer.verdict);
     std::int64_t k = message.tick;
     if (answer.action == CommandAnswerer::Action::nothing) return;
-    if (answer.action == CommandAnswerer::Action::compute) {
+    if (answer.action == CommandAnswerer::Action::repeat) return publish_answers(k);
+    do {
       k = controller_.next();
-      ++computations_[{controller, k}];
+      if (commands_.contains(k)) {
+        ++recomputed_;
+      } else {
+        ++computations_[{controller, k}];
+      }
       memory_ = mix(
           memory_, mix(number_in(controller_.measurement(k)), number_in(controller_.reference(k))));
+      commands_.insert(k);
       controller_.computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
-    }
+      publish_answers(k);
+    } while (controller_.ready());
+  }
+
+  void publish_answers(std::int64_t k) {
     publish(controller, {Kind::command, k, number_in(controller_.command(k))});
     publish(controller, {Kind::state, k, number_in(controller_.state(k))});
   }
@@ -259,7 +310,14 @@ class SimulatedRun {
   CommandAnswerer controller_;
   LogWindow log_;
 
-  std::uint64_t plant_state_ = 7, reference_state_ = 3, memory_ = 5;
+  static constexpr std::uint64_t first_memory = 5;
+  std::uint64_t plant_state_ = 7, reference_state_ = 3, memory_ = first_memory;
+  std::optional<std::int64_t> dies_at_;
+  std::optional<Time> succeeds_at_;
+  std::chrono::nanoseconds dead_for_{};
+  std::int64_t announced_ = -1;  ///< what the successor says it has got to, once
+  std::set<std::int64_t> commands_;
+  int recomputed_ = 0;
   std::map<std::int64_t, std::uint64_t> measurements_, truths_;
   std::vector<std::uint64_t> written_;
   std::map<std::pair<int, std::int64_t>, int> computations_;
@@ -315,6 +373,30 @@ TEST(ALockstepRun, GivesTheSameLogUnderEverySchedule) {
     expect_sound(run, num_ticks, log);
     if (HasFailure()) break;
   }
+}
+
+TEST(ALockstepRun, GivesTheSameLogWhenAnotherControllerTakesOver) {
+  constexpr std::int64_t num_ticks = 150;
+  const auto log = clean_log(num_ticks);
+  int recomputed = 0;
+  for (std::uint64_t seed = 0; seed < 1500; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> unit;
+    Network network;
+    network.loss = seed % 3 == 0 ? 0 : 0.3 * unit(random);
+    network.duplication = 0.1 * unit(random);
+    network.straggling = 0.3 * unit(random);
+    network.longest_delay = std::chrono::nanoseconds(static_cast<std::int64_t>(2e7 * unit(random)));
+    SimulatedRun run(num_ticks, network, seed);
+    run.replace_controller(static_cast<std::int64_t>(seed % num_ticks), 600ms);
+    run.run();
+    expect_sound(run, num_ticks, log);
+    recomputed += run.recomputed();
+    if (HasFailure()) break;
+  }
+  // What it computes again is what matters here: commands that were out, but not yet in the log.
+  EXPECT_GT(recomputed, 1500);
 }
 
 TEST(ALockstepRun, RecoversFromHeavyLossWithoutAStorm) {
