@@ -34,7 +34,8 @@ std::string examples(const std::string& program, bus::Role role) {
     text += "  " + program + " scenarios/practical_rigid.yaml --run-id 7 --wait-s 10\n";
   }
   if (role == bus::Role::controller) {
-    text += "  " + program + " scenarios/practical_rigid.yaml --follow 7\n";
+    text += "  " + program + " scenarios/practical_rigid.yaml --follow 7\n  " + program +
+            " scenarios/paper_rigid.yaml --resume out/paper_rigid/lcmlog\n";
   }
   if (role == bus::Role::logger) {
     text += "  " + program + " scenarios/practical_rigid.yaml --out-log out/lcmlog\n";
@@ -85,6 +86,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   options.lcm_url = default_lcm_url;
   std::int64_t run_id = 0;
   std::int64_t follow = 0;
+  std::string resume;
   std::string stats_path;
   std::string key_path;
   std::string log_path;
@@ -124,6 +126,10 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
                        "Meet nobody: answer the measurements and references of this run, which "
                        "lcm-logplayer plays back; end with the run's last tick")
             ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+    cli.add_option("--resume", resume,
+                   "Take the place of the lockstep run's controller, which has died: go through "
+                   "the run's log, as far as it is, and on from there")
+        ->excludes(follow_option);
   }
   if (role == bus::Role::logger) {
     cli.add_option("--out-log", log_path,
@@ -156,6 +162,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
                   "--follow: what is played back does not verify under a key; unset --key-file "
                   "and TACHLESS_KEY_FILE");
   }
+  if (!resume.empty()) options.resume = resume;
   if (!stats_path.empty()) options.stats_path = stats_path;
   if (role == bus::Role::logger) {
     const std::time_t now = std::time(nullptr);

@@ -22,6 +22,7 @@ struct ProcessOptions {
   std::optional<std::int64_t> run_id;  ///< plant only; > 0
   std::optional<std::filesystem::path> key_path;  ///< --key-file, else TACHLESS_KEY_FILE
   std::optional<std::int64_t> follow;             ///< controller only: the run that is played back
+  std::optional<std::filesystem::path> resume;    ///< controller only: log of the run to go on with
   double wait_s = 0;  ///< longest wait for the other processes at the start; 0 = unlimited
   std::optional<std::filesystem::path> stats_path;  ///< where counters go, as JSON, at the end
   std::filesystem::path log_path;  ///< logger only: --out-log, else the next free default name

@@ -103,7 +103,10 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
     return;
   }
   if (running() && cast_[index(peer.role)] != 0 && cast_[index(peer.role)] != peer.instance) {
-    return;  // a newcomer; the one it wants to replace will tell it
+    // A newcomer; the one it wants to replace will tell it, unless that is gone.
+    if (!succeeds(stamp, peer, now)) return;
+    cast_[index(peer.role)] = peer.instance;
+    ++successions_;
   }
   // Who plays in a run gives way to nobody outside it: the newcomer is told at once, before it can
   // begin a run of its own, and gives way. However many knock, the answer is one each 10 ms.
@@ -137,6 +140,7 @@ Rendezvous::Peer& Rendezvous::note(const bus::Stamp& stamp, const bus::Participa
   if (known != peers_.end()) {
     known->participant = peer;
     known->run = stamp.run;
+    known->tick = stamp.tick;
     known->heard = now;
     return *known;
   }
@@ -150,8 +154,17 @@ Rendezvous::Peer& Rendezvous::note(const bus::Stamp& stamp, const bus::Participa
   } else {
     announce_at_ = std::min(announce_at_, now);  // a newcomer need not wait for our next one
   }
-  peers_.push_back({peer, stamp.run, std::string(sender), now, now});
+  peers_.push_back({peer, stamp.run, stamp.tick, std::string(sender), now, now});
   return peers_.back();
+}
+
+bool Rendezvous::succeeds(const bus::Stamp& stamp, const bus::Participant& peer, Time now) const {
+  if (!self_.succession || peer.role != Role::controller || stamp.run != run_ ||
+      peer.scenario_digest != self_.digest) {
+    return false;
+  }
+  const auto silent = silence(peer.role, now);
+  return !silent || *silent >= succession_after;
 }
 
 void Rendezvous::contest(const bus::Stamp& stamp, const Peer& other, Time now) {
@@ -186,7 +199,8 @@ void Rendezvous::refuse(const Peer& other, Time now) {
 
 void Rendezvous::adopt(const bus::Stamp& stamp, const bus::Participant& plant, Time now) {
   // A plant that is under way has started with somebody else.
-  if (met_ || stamp.run <= 0 || plant.state == ParticipantState::running) return;
+  if (met_ || stamp.run <= 0) return;
+  if (plant.state == ParticipantState::running && !self_.resumes) return;
   run_ = stamp.run;
   met_ = true;
   cast_[index(Role::plant)] = plant.instance;
@@ -321,6 +335,11 @@ std::optional<std::chrono::nanoseconds> Rendezvous::silence(Role role, Time now)
   const Peer* peer = holder(role);
   if (peer == nullptr) return std::nullopt;
   return now - peer->heard;
+}
+
+std::int64_t Rendezvous::tick_of(Role role) const {
+  const Peer* peer = holder(role);
+  return peer != nullptr ? peer->tick : -1;
 }
 
 bool Rendezvous::is_from(Role role, std::string_view sender) const {

@@ -21,6 +21,10 @@ namespace app {
 /// of their scenarios agree, and are then ready; the plant has met the others when each role is
 /// held by exactly one process that is ready. Of two processes with one role the newcomer gives
 /// way (exit code 4); started at the same time, the one with the larger instance.
+///
+/// In lockstep a controller that has died may have a successor: a process that `resumes` adopts a
+/// run under way, and takes the place of the controller that has not been heard for
+/// `succession_after`.
 class Rendezvous {
  public:
   using Time = bus::Clock::time_point;
@@ -29,6 +33,8 @@ class Rendezvous {
   static constexpr std::chrono::milliseconds forgotten_after{1000};
   /// Processes started within this of each other count as started at the same time.
   static constexpr std::chrono::milliseconds simultaneous{300};
+  /// A controller silent for so long may be succeeded: five heartbeats.
+  static constexpr std::chrono::milliseconds succession_after{500};
 
   struct Self {
     bus::Role role = bus::Role::plant;
@@ -42,6 +48,8 @@ class Rendezvous {
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost
+    bool succession = false;  ///< the mode allows it: a lockstep run waits for the successor
+    bool resumes = false;     ///< controller only: joins a run under way, to succeed another
   };
 
   struct Announcement {
@@ -81,6 +89,11 @@ class Rendezvous {
   /// robot to rest: announced beside the state it is in, which ends nobody's part.
   void stopping(const Failure& failure, Time now);
 
+  /// How often another process has taken a role's place in this run, as far as heard.
+  [[nodiscard]] int successions() const { return successions_; }
+  /// Newest tick that the role's holder has announced; -1 before.
+  [[nodiscard]] std::int64_t tick_of(bus::Role role) const;
+
   /// The plant that was met has announced that the run is finished.
   [[nodiscard]] bool plant_finished() const { return plant_finished_; }
   /// The three others have.
@@ -109,6 +122,7 @@ class Rendezvous {
   struct Peer {
     bus::Participant participant;
     std::int64_t run = 0;
+    std::int64_t tick = -1;
     std::string sender;
     Time first_heard;
     Time heard;
@@ -118,6 +132,8 @@ class Rendezvous {
   [[nodiscard]] bool in_our_run(const bus::Stamp& stamp, const bus::Participant& peer) const;
   Peer& note(const bus::Stamp& stamp, const bus::Participant& peer, std::string_view sender,
              Time now);
+  [[nodiscard]] bool succeeds(const bus::Stamp& stamp, const bus::Participant& peer,
+                              Time now) const;
   void contest(const bus::Stamp& stamp, const Peer& other, Time now);
   void refuse(const Peer& other, Time now);
   void adopt(const bus::Stamp& stamp, const bus::Participant& plant, Time now);
@@ -134,6 +150,7 @@ class Rendezvous {
   bool met_ = false;
   bool in_the_way_ = false;  ///< the fault is ours alone: no part of any run
   bool plant_finished_ = false;
+  int successions_ = 0;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
   std::vector<Peer> peers_;

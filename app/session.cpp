@@ -64,6 +64,8 @@ Session::Session(const Scenario& scenario, bus::Transport& transport, const Conf
   }
   self_.give_up = std::chrono::duration_cast<std::chrono::nanoseconds>(
       std::chrono::duration<double>(scenario.loop.give_up_s));
+  self_.succession = scenario.loop.mode == Mode::lockstep;
+  self_.resumes = config.resume;
   rendezvous_.emplace(self_, Clock::now());
   statistics_.role = config.role;
   if (config.follow) {
@@ -109,7 +111,24 @@ void Session::meet(const std::string& measurement,
     }
     refuse_strangers(Clock::now());
   }
+  if (config_.resume) listen_for_predecessor();
   statistics_.run_id = run();
+}
+
+/// One that still speaks is not succeeded: the rendezvous fails when it is heard.
+void Session::listen_for_predecessor() {
+  const auto until = Clock::now() + Rendezvous::succession_after;
+  for (auto now = Clock::now(); now < until; now = Clock::now()) {
+    attend(now);
+    if (const auto datagram = transport_.receive(std::min(until, next_attention()))) {
+      take(*datagram);
+    }
+  }
+}
+
+void Session::stay_in_touch() {
+  while (const auto datagram = transport_.receive(Clock::time_point())) take(*datagram);
+  attend(Clock::now());
 }
 
 void Session::started(Clock::time_point now) {

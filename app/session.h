@@ -31,6 +31,8 @@ class Session {
     std::int64_t instance = 0;  ///< tells two processes of one role apart; 0: a random one
     /// The transport once more, if the bus has a key.
     bus::Authenticated* authenticated = nullptr;
+    /// Controller only: join a run under way, to succeed a controller that has died.
+    bool resume = false;
     /// Controller only: answer the questions of this run, which come from a recording, at once:
     /// nobody is met, nothing is announced, and the run is over with its last tick.
     std::optional<std::int64_t> follow;
@@ -111,6 +113,15 @@ class Session {
   /// Parts from the others: the plant waits until they have finished (at most a second).
   void finish();
 
+  /// How often another controller has taken the place of one that died.
+  [[nodiscard]] int successions() const { return rendezvous_->successions(); }
+  /// Newest tick that the role's holder has announced; -1 before.
+  [[nodiscard]] std::int64_t tick_of(bus::Role role) const { return rendezvous_->tick_of(role); }
+
+  /// Hears what the others say, and attends: for a process that works for long on its own. Messages
+  /// on other channels are lost.
+  void stay_in_touch();
+
   /// Which of these roles cannot be heard any more, in words; all of them, if each can be.
   [[nodiscard]] std::string silent_among(std::initializer_list<bus::Role> roles) const;
   [[nodiscard]] std::string describe(bus::Role role) const { return rendezvous_->describe(role); }
@@ -135,6 +146,7 @@ class Session {
   };
 
   void attend_recording(bus::Clock::time_point now);
+  void listen_for_predecessor();
   void announce(bus::Clock::time_point now);
   void announce_fault(const Failure& failure);
   void listen_until(bus::Clock::time_point deadline);

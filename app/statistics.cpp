@@ -81,6 +81,7 @@ std::string to_json(const Statistics& statistics) {
                {"gaps", statistics.gaps},
                {"skipped_ticks", statistics.skipped_ticks},
                {"restarts", statistics.restarts},
+               {"successions", statistics.successions},
                {"saturated_ticks", statistics.saturated_ticks},
                {"log", nullptr}};
   if (statistics.fault) json["fault"] = *statistics.fault;

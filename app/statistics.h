@@ -75,6 +75,8 @@ struct Statistics {
   std::int64_t gaps = 0;
   std::int64_t skipped_ticks = 0;
   std::int64_t restarts = 0;
+  /// Lockstep plant: times that another controller has taken the place of one that died.
+  std::int64_t successions = 0;
   std::vector<std::int64_t> saturated_ticks;  ///< plant: per joint
   std::optional<Log> log;                     ///< logger only
 };
@@ -82,7 +84,7 @@ struct Statistics {
 /// As JSON: `role exit_code fault run_id ticks wall_s`, `round_trip_us`, `work_us`,
 /// `wake_up_jitter_us` and `command_age_us {p50, p99, p999, max, histogram [[from_us, count]…]}`,
 /// `resends duplicates rejected {reason: count} missed_deadlines longest_miss missed_commands
-/// longest_command_miss late_commands gaps skipped_ticks restarts saturated_ticks
+/// longest_command_miss late_commands gaps skipped_ticks restarts successions saturated_ticks
 /// log {path, events, ticks, gaps}`.
 std::string to_json(const Statistics& statistics);
 

@@ -48,6 +48,11 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
   std::optional<Session> session;
   try {
     const Scenario scenario = load_scenario(options.scenario_path, options.overrides);
+    if (options.resume && scenario.loop.mode != Mode::lockstep) {
+      throw Failure(ExitCode::bad_usage,
+                    "--resume: a realtime run does not wait for another controller: the robot is "
+                    "stopped; start a new run");
+    }
     join(transport, options.lcm_url);
     if (options.key_path) authenticated.emplace(*transport, read_key_file(*options.key_path));
     bus::Transport& heard =
@@ -59,6 +64,7 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
                                     .interrupted = &interrupted,
                                     .instance = 0,
                                     .authenticated = authenticated ? &*authenticated : nullptr,
+                                    .resume = options.resume.has_value(),
                                     .follow = options.follow});
     if (scenario.loop.mode == Mode::realtime) request_real_time(role);
     session->play([&] { part(scenario, heard, *session); });

@@ -66,9 +66,9 @@ std::string_view name(Rejection rejection) {
 }
 
 Stamp stamp_of(std::span<const std::byte> payload) {
-  constexpr std::size_t fingerprint_size = 8;
   std::array<std::int64_t, 3> values{};
-  if (payload.size() < fingerprint_size + sizeof values) {
+  constexpr std::size_t fingerprint_size = stamp_end - sizeof values;
+  if (payload.size() < stamp_end) {
     throw std::logic_error("bus: a message of " + std::to_string(payload.size()) +
                            " bytes has no stamp");
   }

@@ -39,6 +39,9 @@ enum class Rejection {
 };
 std::string_view name(Rejection rejection);
 
+/// Fingerprint and stamp, with which every message begins [bytes].
+inline constexpr std::size_t stamp_end = 8 + 3 * sizeof(std::int64_t);
+
 /// The stamp of a message that a codec found to have the right shape (`none` or `non_finite`).
 /// @throw std::logic_error when the bytes are too few to hold one.
 Stamp stamp_of(std::span<const std::byte> payload);

@@ -75,19 +75,9 @@ class LawOnBus {
   Result step(std::int64_t tick, std::span<const std::byte> measurement,
               std::span<const std::byte> reference) {
     const auto begin = bus::Clock::now();
-    bus::Stamp stamp;
-    require(measurement_codec_.decode(measurement, stamp, measurement_));
-    const std::int64_t utime = stamp.utime;
-    require(reference_codec_.decode(reference, stamp, reference_));
-
-    const auto outcome = stepper_.step(tick, measurement_, reference_);
+    const bus::Stamp answer{decode(measurement, reference), session_.run(), tick};
+    const auto outcome = advance(tick);
     const auto& step = outcome.step;
-    if (!bus::all_finite(step.command) || !bus::all_finite(step.state)) {
-      throw not_finite(step, tick);
-    }
-    stepper_.keep(tick, step.memory);
-
-    const bus::Stamp answer{utime, session_.run(), tick};
     const auto command = command_codec_.encode(answer, step.command);
     transport_.publish(command_channel_, command);
     const auto state = state_codec_.encode(answer, step.state);
@@ -97,6 +87,25 @@ class LawOnBus {
     session_.statistics().ticks = tick + 1;
     session_.statistics().work.add(bus::Clock::now() - begin);
     return {command, state, outcome.skipped, outcome.restarted};
+  }
+
+  /// Steps the law over `tick`, whose command is out already: for its memory alone.
+  void rebuild(std::int64_t tick, std::span<const std::byte> measurement,
+               std::span<const std::byte> reference) {
+    decode(measurement, reference);
+    advance(tick);
+    session_.progressed(tick);
+    session_.statistics().ticks = tick + 1;
+  }
+
+  /// Whether a message out of a log is sound and what it claims to be.
+  bool sound_measurement(std::span<const std::byte> bytes) {
+    bus::Stamp stamp;
+    return measurement_codec_.decode(bytes, stamp, measurement_) == bus::Rejection::none;
+  }
+  bool sound_reference(std::span<const std::byte> bytes) {
+    bus::Stamp stamp;
+    return reference_codec_.decode(bytes, stamp, reference_) == bus::Rejection::none;
   }
 
   /// Counts a message that is not new.
@@ -118,6 +127,25 @@ class LawOnBus {
   }
 
  private:
+  /// @return the tick's time [us]
+  std::int64_t decode(std::span<const std::byte> measurement,
+                      std::span<const std::byte> reference) {
+    bus::Stamp stamp;
+    require(measurement_codec_.decode(measurement, stamp, measurement_));
+    const std::int64_t utime = stamp.utime;
+    require(reference_codec_.decode(reference, stamp, reference_));
+    return utime;
+  }
+
+  typename LawStepper<L>::Outcome advance(std::int64_t tick) {
+    auto outcome = stepper_.step(tick, measurement_, reference_);
+    if (!bus::all_finite(outcome.step.command) || !bus::all_finite(outcome.step.state)) {
+      throw not_finite(outcome.step, tick);
+    }
+    stepper_.keep(tick, outcome.step.memory);
+    return outcome;
+  }
+
   static bus::Layout layout(const app::Scenario& scenario) {
     return {.num_joints = scenario.num_joints,
             .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,

@@ -1,13 +1,18 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
 
+#include "app/logging.h"
 #include "app/scenario.h"
 #include "app/session.h"
 #include "bus/lockstep/command_answerer.h"
 #include "bus/transport.h"
 #include "controller/law/law.h"
 #include "controller/law_on_bus.h"
+#include "controller/recorded_inputs.h"
 
 namespace controller {
 
@@ -22,8 +27,10 @@ class LockstepNode {
         answerer_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
                                             law_.longest_command(), law_.longest_state()}) {}
 
-  void run() {
+  /// `log`: of a run under way, to be resumed.
+  void run(const std::optional<std::filesystem::path>& log) {
     session_.meet(law_.needs());
+    if (log) resume(*log);
     while (!session_.plant_finished()) {
       session_.attend(bus::Clock::now());
       const auto datagram = transport_.receive(session_.next_attention());
@@ -40,6 +47,31 @@ class LockstepNode {
  private:
   using Answerer = bus::lockstep::CommandAnswerer;
   using Verdict = bus::lockstep::Verdict;
+
+  /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
+  /// asks again.
+  void resume(const std::filesystem::path& log) {
+    constexpr std::int64_t ticks_alone = 256;  // between two looks at the bus
+    RecordedInputs inputs(log, law_.measurement_channel(), law_.reference_channel(),
+                          session_.run());
+    while (const auto tick = inputs.next()) {
+      if (!law_.sound_measurement(tick->measurement) || !law_.sound_reference(tick->reference)) {
+        throw inputs.unusable("tick " + std::to_string(tick->tick) + " is damaged");
+      }
+      law_.rebuild(tick->tick, tick->measurement, tick->reference);
+      if (tick->tick % ticks_alone == 0) session_.stay_in_touch();
+    }
+    session_.stay_in_touch();
+    const std::int64_t begun = session_.tick_of(bus::Role::plant) + 1;
+    if (begun >= inputs.next_tick() + Answerer::reach) {
+      throw inputs.unusable("it ends before tick " + std::to_string(inputs.next_tick()) +
+                            ", the run is at tick " + std::to_string(begun) + ", and no more than " +
+                            std::to_string(Answerer::reach) + " ticks can be asked again");
+    }
+    answerer_.resume(inputs.next_tick());
+    app::log_info("resumed run " + std::to_string(session_.run()) + " at tick " +
+                  std::to_string(inputs.next_tick()));
+  }
 
   void on_measurement(const bus::Datagram& datagram) {
     bus::Stamp stamp;
@@ -69,9 +101,11 @@ class LockstepNode {
 
   void act(Answerer::Action action, std::int64_t tick) {
     if (action == Answerer::Action::compute) {
-      const std::int64_t k = answerer_.next();
-      const auto result = law_.step(k, answerer_.measurement(k), answerer_.reference(k));
-      answerer_.computed(result.command, result.state);
+      do {
+        const std::int64_t k = answerer_.next();
+        const auto result = law_.step(k, answerer_.measurement(k), answerer_.reference(k));
+        answerer_.computed(result.command, result.state);
+      } while (answerer_.ready());
     } else if (action == Answerer::Action::repeat) {
       transport_.publish(law_.command_channel(), answerer_.command(tick));
       transport_.publish(law_.state_channel(), answerer_.state(tick));

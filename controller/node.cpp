@@ -6,12 +6,13 @@
 
 namespace controller {
 
-void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session) {
+void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
+              const std::optional<std::filesystem::path>& resume) {
   with_law(scenario, [&]<class L>(const L& /*law*/) {
     if (scenario.loop.mode == app::Mode::realtime) {
       RealtimeNode<L>(scenario, transport, session).run();
     } else {
-      LockstepNode<L>(scenario, transport, session).run();
+      LockstepNode<L>(scenario, transport, session).run(resume);
     }
   });
 }

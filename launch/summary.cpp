@@ -98,6 +98,7 @@ nlohmann::ordered_json summarise(const RunFacts& facts, const Tracking& tracking
   summary["rejected"] = nlohmann::ordered_json::object();
   for (const auto& [reason, count] : rejected) summary["rejected"][reason] = count;
   const nlohmann::json* controller = of_role(counters, "controller");
+  summary["successions"] = count(plant, "successions");
   summary["missed_deadlines"] = count(plant, "missed_deadlines");
   summary["longest_miss"] = count(plant, "longest_miss");
   summary["missed_commands"] = count(plant, "missed_commands");

@@ -100,7 +100,7 @@ struct Child {
   std::string partial;  // the line that has not ended yet
 };
 
-Child start(const Process& process, const Signals& signals) {
+Child start(const std::vector<std::string>& command, const Signals& signals) {
   std::array<int, 2> output{};
   std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
   if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
@@ -112,7 +112,7 @@ Child start(const Process& process, const Signals& signals) {
   if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
 
   std::vector<char*> argv;
-  for (const std::string& word : process.command) argv.push_back(const_cast<char*>(word.c_str()));
+  for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
 
   const pid_t parent = getpid();
@@ -140,7 +140,7 @@ Child start(const Process& process, const Signals& signals) {
   } while (got < 0 && errno == EINTR);
   if (got == sizeof error) {
     waitpid(pid, nullptr, 0);
-    throw app::Failure(app::ExitCode::bad_usage, "cannot start " + process.command.front() + ": " +
+    throw app::Failure(app::ExitCode::bad_usage, "cannot start " + command.front() + ": " +
                                                      std::strerror(error) +
                                                      "; build the whole project first");
   }
@@ -154,10 +154,12 @@ Child start(const Process& process, const Signals& signals) {
 class Run {
  public:
   Run(const std::vector<Process>& processes, const Watch& watch)
-      : watch_(watch), result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
+      : processes_(processes), watch_(watch), result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
     for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
     try {
-      for (const Process& process : processes) children_.push_back(start(process, signals_));
+      for (const Process& process : processes) {
+        children_.push_back(start(process.command, signals_));
+      }
     } catch (...) {
       kill_rest();
       throw;
@@ -245,8 +247,28 @@ class Run {
       if (WIFSIGNALED(status)) end.signal = WTERMSIG(status);
       if (WIFEXITED(status)) end.exit_code = WEXITSTATUS(status);
       end.on_order = ordered_;
-      note_end(i);
+      if (end.signal != 0 && may_restart(i)) {
+        restart(i);
+      } else {
+        note_end(i);
+      }
     }
+  }
+
+  [[nodiscard]] bool may_restart(std::size_t i) const {
+    return !processes_[i].restart.empty() && result_.ends[i].restarts < Process::most_restarts &&
+           !ordered_ && !clean_end_ && !result_.culprit;
+  }
+
+  void restart(std::size_t i) {
+    ProcessEnd& end = result_.ends[i];
+    const std::string how = describe(end);
+    ProcessEnd fresh;
+    fresh.name = end.name;
+    fresh.restarts = end.restarts + 1;
+    end = std::move(fresh);
+    children_[i] = start(processes_[i].restart, signals_);
+    if (watch_.on_restart) watch_.on_restart(end.name, how);
   }
 
   /// A process that went because of a peer is a victim, and says so: blame whoever fails otherwise.
@@ -309,6 +331,7 @@ class Run {
     }
   }
 
+  const std::vector<Process>& processes_;
   const Watch& watch_;
   Signals signals_;
   std::vector<Child> children_;
@@ -341,6 +364,10 @@ std::string describe(const ProcessEnd& end) {
     text += " ended with exit code " + std::to_string(end.exit_code);
   }
   if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
+  if (end.restarts > 0) {
+    text += ", after " + std::to_string(end.restarts) +
+            (end.restarts == 1 ? " restart" : " restarts");
+  }
   if (!end.last_line.empty()) text += (end.failed() ? ": " : ", saying: ") + end.last_line;
   return text;
 }

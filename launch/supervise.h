@@ -16,6 +16,10 @@ namespace launch {
 struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
+  /// What to start in its place when a signal kills it (not when it ends by itself: then it has
+  /// said why), `most_restarts` times at most; empty: its death ends the run.
+  std::vector<std::string> restart;
+  static constexpr int most_restarts = 5;
 };
 
 /// How a process ended.
@@ -26,12 +30,15 @@ struct ProcessEnd {
   bool on_order = false;  ///< it ended after it had been told to
   bool overdue = false;   ///< it went on for long after another had ended well
   std::string last_line;  ///< the last line it wrote
+  int restarts = 0;       ///< before this end
 
   [[nodiscard]] bool failed() const { return signal != 0 || exit_code != 0; }
 };
 
 struct Watch {
   std::function<void(std::string_view name, std::string_view line)> on_line;
+  /// A process was killed, as `how` says, and another has been started in its place.
+  std::function<void(std::string_view name, const std::string& how)> on_restart;
   std::function<void()> on_wake;             ///< called at least every 50 ms
   std::chrono::milliseconds grace{300};      ///< from the first failure to SIGTERM for the others
   std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL

@@ -10,7 +10,8 @@ using bus::lockstep::Verdict;
 LockstepRecorder::LockstepRecorder(const app::Scenario& scenario, bus::Transport& transport,
                                    app::Session& session, const std::filesystem::path& log_path)
     : Recorder(scenario, transport, session, log_path),
-      window_(scenario.loop.num_ticks, messages().longest()) {}
+      window_(scenario.loop.num_ticks, messages().longest()),
+      participant_codec_(bus::Layout{}) {}
 
 void LockstepRecorder::on_message(Slot slot, const bus::Stamp& stamp,
                                   const bus::Datagram& datagram) {
@@ -37,6 +38,7 @@ void LockstepRecorder::write_complete_ticks() {
       append(stamp.utime, messages().channel(static_cast<Slot>(slot)),
              window_.bytes(*tick, static_cast<Slot>(slot)));
     }
+    utime_ = stamp.utime;
     window_.written();
     session().progressed(*tick);
     session().statistics().ticks = *tick + 1;
@@ -45,11 +47,26 @@ void LockstepRecorder::write_complete_ticks() {
   }
 }
 
+void LockstepRecorder::on_participant(const bus::Datagram& datagram) {
+  bus::Stamp stamp;
+  bus::Participant who;
+  // The last one before the session ends is the one it ends for; others' follow from that.
+  if (concluding_ ||
+      participant_codec_.decode(datagram.payload, stamp, who) != bus::Rejection::none ||
+      stamp.run != session().run() || who.state != bus::ParticipantState::fault) {
+    return;
+  }
+  fault_channel_ = datagram.channel;
+  fault_.assign(datagram.payload.begin(), datagram.payload.end());
+}
+
 void LockstepRecorder::conclude(bool well) {
-  if (well) return;             // the plant has finished, and so has everything it waited for
+  if (well) return;  // the plant has finished, and so has everything it waited for
+  concluding_ = true;
   constexpr int most = 10'000;  // whoever floods the bus must not keep us here
   for (int i = 0; i < most && receive(Clock::time_point()); ++i) {
   }
+  if (!fault_.empty()) append(utime_, fault_channel_, fault_);
 }
 
 }  // namespace logger

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "bus/lockstep/log_window.h"
 #include "logger/recorder.h"
@@ -8,7 +12,8 @@
 namespace logger {
 
 /// Records tick by tick, each whole and once, stamped with simulation time; acknowledges, and has
-/// what it misses repeated. Heartbeats stay out.
+/// what it misses repeated. Heartbeats stay out; but behind the last tick of a run that has failed
+/// stands the fault, as the one who failed announced it.
 class LockstepRecorder final : public Recorder {
  public:
   LockstepRecorder(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
@@ -17,13 +22,18 @@ class LockstepRecorder final : public Recorder {
  private:
   bus::lockstep::Verdict on_run_info(bool same) override { return window_.on_run_info(same); }
   void on_message(Slot slot, const bus::Stamp& stamp, const bus::Datagram& datagram) override;
-  void on_participant(const bus::Datagram& /*datagram*/) override {}
+  void on_participant(const bus::Datagram& datagram) override;
   void after_message() override;
   void conclude(bool well) override;
 
   void write_complete_ticks();
 
   bus::lockstep::LogWindow window_;
+  bus::Codec<bus::Participant> participant_codec_;
+  std::int64_t utime_ = 0;  ///< of the last tick written
+  bool concluding_ = false;
+  std::string fault_channel_;
+  std::vector<std::byte> fault_;  ///< the last announced one; empty: none
 };
 
 }  // namespace logger

@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <string>
 
+#include "app/logging.h"
+
 namespace plant {
 namespace {
 
@@ -46,6 +48,7 @@ void LockstepLoop::run() {
   while (!requester_.finished()) {
     const auto now = Clock::now();
     session_.attend(now);
+    help_successor(now);
     repeat(now);
     if (requester_.may_begin()) begin_tick();
     give_up_if_lost(now);
@@ -60,6 +63,22 @@ void LockstepLoop::introduce() {
   session_.attend(now);
   transport_.publish(robot_.run_info_channel(), robot_.run_info());
   requester_.introduced(now);
+}
+
+/// A controller that has died may be succeeded by one that rebuilds its memory and has to hear
+/// again what the log does not hold yet.
+void LockstepLoop::help_successor(Clock::time_point now) {
+  app::Statistics& statistics = session_.statistics();
+  if (session_.successions() > statistics.successions) {
+    statistics.successions = session_.successions();
+    requester_.replaced(now);
+    app::log_warning(session_.describe(bus::Role::controller) +
+                     " has taken the place of one that is silent, before the command for tick " +
+                     std::to_string(requester_.next_tick()));
+  }
+  if (requester_.catching_up()) {
+    requester_.successor_at(session_.tick_of(bus::Role::controller), now);
+  }
 }
 
 void LockstepLoop::begin_tick() {

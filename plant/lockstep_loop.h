@@ -22,6 +22,7 @@ class LockstepLoop {
 
  private:
   void introduce();
+  void help_successor(bus::Clock::time_point now);
   void begin_tick();
   void receive(bus::Clock::time_point deadline);
   void on_command(const bus::Datagram& datagram);

@@ -45,6 +45,8 @@ constexpr std::array roles = {bus::Role::logger, bus::Role::controller, bus::Rol
 // Processes of one launcher meet at once or never.
 constexpr const char* rendezvous_s = "10";
 constexpr double many_integrator_steps = 100;
+// From a controller's death until another one has taken its place, on a busy machine.
+constexpr double succession_s = 2;
 
 struct Options {
   fs::path scenario;
@@ -55,6 +57,7 @@ struct Options {
   std::string duration_s;
   std::string lcm_url = app::default_lcm_url;
   std::string key_file;
+  std::string restart;
   bool isolate = false;
   bool quiet = false;
   bool json = false;
@@ -180,9 +183,32 @@ std::vector<Process> processes(const Options& options, const Directory& out) {
     if (role == bus::Role::logger) {
       command.insert(command.end(), {"--out-log", (out / "lcmlog").string()});
     }
-    all.push_back({std::string(bus::name(role)), std::move(command)});
+    Process process{std::string(bus::name(role)), std::move(command), {}};
+    if (process.name == options.restart) {
+      process.restart = process.command;
+      process.restart.insert(process.restart.end(), {"--resume", (out / "lcmlog").string()});
+    }
+    all.push_back(std::move(process));
   }
   return all;
+}
+
+void require_restartable(const Options& options, const app::Scenario& scenario) {
+  if (options.restart.empty()) return;
+  if (scenario.loop.mode != app::Mode::lockstep) {
+    throw app::Failure(app::ExitCode::bad_usage,
+                       "--restart " + options.restart +
+                           ": a realtime run does not wait for another controller: the robot is "
+                           "stopped; leave --restart out, or take --mode lockstep");
+  }
+  if (scenario.loop.give_up_s < succession_s) {
+    char text[160];
+    std::snprintf(text, sizeof text,
+                  "--restart %s: loop.give_up_s is %g s; allowed: %g s and more, for so long may it "
+                  "take until another one has taken its place",
+                  options.restart.c_str(), scenario.loop.give_up_s, succession_s);
+    throw app::Failure(app::ExitCode::bad_usage, text);
+  }
 }
 
 /// Reads the controller's heartbeats. Only listens.
@@ -275,6 +301,7 @@ std::optional<std::string> fault_of(const Supervision& supervision) {
 app::ExitCode run_scenario(Options options) {
   const app::Scenario scenario = app::load_scenario(options.scenario, options.all_overrides());
   const robot::Model model = validate(scenario);
+  require_restartable(options, scenario);
   const double steps = plant::integrator_steps_per_tick(scenario, model);
   if (steps > many_integrator_steps && !options.quiet) {
     app::log_warning("the joints are stiff for this period: about " +
@@ -303,6 +330,10 @@ app::ExitCode run_scenario(Options options) {
                    std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
   }
   watch.on_line = [&](std::string_view name, std::string_view line) { screen.pass_on(name, line); };
+  watch.on_restart = [&](std::string_view name, const std::string& how) {
+    screen.clear();
+    app::log_warning(how + "; another " + std::string(name) + " has been started in its place");
+  };
   watch.on_wake = [&] {
     heartbeats.read_into(progress);
     screen.show(progress);
@@ -390,6 +421,11 @@ Verb::Action declare(CLI::App& command) {
                   "Key of the bus: 32 random bytes or 64 hexadecimal digits; only who has it is "
                   "heard")
       ->envname("TACHLESS_KEY_FILE");
+  command
+      .add_option("--restart", options->restart,
+                  "Start this process again when a signal kills it, 5 times at most; lockstep only. "
+                  "The run goes on from its log, to the same result")
+      ->check(CLI::IsMember({"controller"}));
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");
   command.add_flag("-q,--quiet", options->quiet, "No progress and no table");

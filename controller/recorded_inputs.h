@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "app/exit_code.h"
+#include "logger/log_file.h"
+
+namespace controller {
+
+/// What one lockstep run's controller was given, tick by tick from 0 on, out of the run's log.
+/// Reads its two channels and no other: what else the log holds, truth too, is passed over unread.
+class RecordedInputs {
+ public:
+  struct Tick {
+    std::int64_t tick = 0;
+    std::span<const std::byte> measurement;  ///< valid as long as this object
+    std::span<const std::byte> reference;
+  };
+
+  /// @throw app::Failure(bad_usage) when the log cannot be read.
+  RecordedInputs(const std::filesystem::path& log, std::string measurement_channel,
+                 std::string reference_channel, std::int64_t run);
+
+  /// The next tick, while both its messages are there and no tick is missing before it.
+  std::optional<Tick> next();
+
+  /// The tick that `next` would give.
+  [[nodiscard]] std::int64_t next_tick() const { return next_; }
+
+  /// Why the run cannot be resumed from this log.
+  [[nodiscard]] app::Failure unusable(const std::string& why) const;
+
+ private:
+  logger::LogReader log_;
+  std::string measurement_channel_;
+  std::string reference_channel_;
+  std::int64_t run_;
+  std::int64_t next_ = 0;
+};
+
+}  // namespace controller
