@@ -154,7 +154,9 @@ Child start(const std::vector<std::string>& command, const Signals& signals) {
 class Run {
  public:
   Run(const std::vector<Process>& processes, const Watch& watch)
-      : processes_(processes), watch_(watch), result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
+      : processes_(processes),
+        watch_(watch),
+        result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
     for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
     try {
       for (const Process& process : processes) {
@@ -365,8 +367,8 @@ std::string describe(const ProcessEnd& end) {
   }
   if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
   if (end.restarts > 0) {
-    text += ", after " + std::to_string(end.restarts) +
-            (end.restarts == 1 ? " restart" : " restarts");
+    text +=
+        ", after " + std::to_string(end.restarts) + (end.restarts == 1 ? " restart" : " restarts");
   }
   if (!end.last_line.empty()) text += (end.failed() ? ": " : ", saying: ") + end.last_line;
   return text;

@@ -18,7 +18,7 @@ struct Process {
   std::vector<std::string> command;  ///< program (a path) and arguments
   /// What to start in its place when a signal kills it (not when it ends by itself: then it has
   /// said why), `most_restarts` times at most; empty: its death ends the run.
-  std::vector<std::string> restart;
+  std::vector<std::string> restart = {};
   static constexpr int most_restarts = 5;
 };
 

@@ -203,10 +203,11 @@ void require_restartable(const Options& options, const app::Scenario& scenario) 
   }
   if (scenario.loop.give_up_s < succession_s) {
     char text[160];
-    std::snprintf(text, sizeof text,
-                  "--restart %s: loop.give_up_s is %g s; allowed: %g s and more, for so long may it "
-                  "take until another one has taken its place",
-                  options.restart.c_str(), scenario.loop.give_up_s, succession_s);
+    std::snprintf(
+        text, sizeof text,
+        "--restart %s: loop.give_up_s is %g s; allowed: %g s and more, for so long may it "
+        "take until another one has taken its place",
+        options.restart.c_str(), scenario.loop.give_up_s, succession_s);
     throw app::Failure(app::ExitCode::bad_usage, text);
   }
 }
@@ -422,9 +423,10 @@ Verb::Action declare(CLI::App& command) {
                   "heard")
       ->envname("TACHLESS_KEY_FILE");
   command
-      .add_option("--restart", options->restart,
-                  "Start this process again when a signal kills it, 5 times at most; lockstep only. "
-                  "The run goes on from its log, to the same result")
+      .add_option(
+          "--restart", options->restart,
+          "Start this process again when a signal kills it, 5 times at most; lockstep only. "
+          "The run goes on from its log, to the same result")
       ->check(CLI::IsMember({"controller"}));
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");

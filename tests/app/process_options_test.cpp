@@ -95,6 +95,9 @@ TEST(ProcessOptions, RefuseBadUsageInOneLineThatNamesTheOption) {
   EXPECT_THAT(refusal(bus::Role::reference, {"a.yaml", "--run-id", "7"}), HasSubstr("--run-id"));
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--follow", "7"}), HasSubstr("--follow"));
   EXPECT_THAT(refusal(bus::Role::controller, {"a.yaml", "--follow", "0"}), HasSubstr("--follow"));
+  EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--resume", "log"}), HasSubstr("--resume"));
+  EXPECT_THAT(refusal(bus::Role::controller, {"a.yaml", "--follow", "7", "--resume", "log"}),
+              AllOf(HasSubstr("--follow"), HasSubstr("--resume")));
   EXPECT_THAT(refusal(bus::Role::controller, {"a.yaml", "--follow", "7", "--key-file", "k"}),
               AllOf(HasSubstr("--follow"), HasSubstr("--key-file")));
   EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--wait-s", "-1"}), HasSubstr("--wait-s"));

@@ -44,10 +44,15 @@ class Meeting {
     self.measurement = role == Role::controller ? "POSITION" : "";
     self.run = role == Role::plant ? plants_run : 0;
     self.wait_limit = wait_limit;
+    self.succession = succession;
+    self.resumes = resumes;
     processes_.push_back({role, std::string(bus::name(role)) + std::to_string(instance),
                           std::make_unique<Rendezvous>(self, now_)});
     return *processes_.back().rendezvous;
   }
+
+  bool succession = true;  ///< of the processes started from now on
+  bool resumes = false;
 
   void kill(const Rendezvous& victim) { of(victim).dead = true; }
 
@@ -377,6 +382,110 @@ TEST(ARendezvous, DoesNotJoinARunThatIsUnderWay) {
   auto& late = meeting.start(Role::controller, 5);
   meeting.pass(500ms);
   EXPECT_FALSE(late.met());
+}
+
+/// A run under way, and a controller that wants to resume it.
+class ASuccession : public testing::Test {
+ protected:
+  explicit ASuccession(bool succession = true) {
+    meeting.succession = succession;
+    plant = &meeting.start(Role::plant, 1);
+    reference = &meeting.start(Role::reference, 2);
+    controller = &meeting.start(Role::controller, 3);
+    logger = &meeting.start(Role::logger, 4);
+    meeting.pass(500ms);
+    for (Rendezvous* each : {reference, controller, logger}) each->started(meeting.now());
+    meeting.pass(300ms);
+    controller->progressed(40, 0);
+    meeting.pass(200ms);
+  }
+  Rendezvous& successor(std::int64_t instance = 5, std::int64_t digest = 5) {
+    meeting.resumes = true;
+    return meeting.start(Role::controller, instance, digest);
+  }
+
+  Meeting meeting;
+  Rendezvous* plant;
+  Rendezvous* reference;
+  Rendezvous* controller;
+  Rendezvous* logger;
+};
+
+TEST_F(ASuccession, BeginsWhenTheControllerHasBeenSilentForHalfASecond) {
+  EXPECT_EQ(plant->tick_of(Role::controller), 40);
+  meeting.kill(*controller);
+  auto& next = successor();
+  meeting.pass(300ms);
+  EXPECT_TRUE(next.met()) << "with the plant, which runs already";
+  EXPECT_EQ(next.run(), plants_run);
+  EXPECT_EQ(plant->successions(), 0);
+  next.progressed(17, 0);
+  meeting.pass(400ms);
+  for (const Rendezvous* each : {plant, reference, logger}) {
+    EXPECT_EQ(each->successions(), 1);
+    EXPECT_EQ(each->tick_of(Role::controller), 17);
+    EXPECT_FALSE(each->failure());
+  }
+  next.started(meeting.now());
+  meeting.pass(7s);
+  EXPECT_FALSE(plant->failure()) << "the old one is missed by nobody";
+  next.finished(meeting.now());
+  meeting.pass(200ms);
+  EXPECT_FALSE(plant->failure());
+}
+
+TEST_F(ASuccession, IsRefusedWhileTheControllerSpeaks) {
+  auto& next = successor();
+  meeting.pass(1s);
+  ASSERT_TRUE(next.failure());
+  EXPECT_EQ(next.failure()->code(), ExitCode::protocol_violated);
+  EXPECT_THAT(next.failure()->what(), HasSubstr("there is already the controller (process 3"));
+  EXPECT_EQ(plant->successions(), 0);
+  EXPECT_FALSE(plant->failure());
+  EXPECT_FALSE(controller->failure());
+}
+
+TEST_F(ASuccession, IsNotForAnotherScenario) {
+  meeting.kill(*controller);
+  auto& next = successor(5, 6);
+  meeting.pass(2s);
+  EXPECT_TRUE(next.failure());
+  EXPECT_EQ(plant->successions(), 0);
+}
+
+TEST_F(ASuccession, IsNotForOneThatStartsAnew) {
+  meeting.kill(*controller);
+  auto& fresh = meeting.start(Role::controller, 5);
+  meeting.pass(2s);
+  EXPECT_FALSE(fresh.met());
+  EXPECT_EQ(plant->successions(), 0);
+}
+
+TEST_F(ASuccession, CanBeRepeated) {
+  meeting.kill(*controller);
+  auto& second = successor(5);
+  meeting.pass(1s);
+  second.started(meeting.now());
+  meeting.kill(second);
+  successor(6);
+  meeting.pass(1s);
+  EXPECT_EQ(plant->successions(), 2);
+  EXPECT_FALSE(plant->failure());
+}
+
+class NoSuccession : public ASuccession {
+ protected:
+  NoSuccession() : ASuccession(false) {}
+};
+
+TEST_F(NoSuccession, HappensInRealtime) {
+  meeting.kill(*controller);
+  successor();
+  meeting.pass(2s);
+  EXPECT_EQ(plant->successions(), 0);
+  meeting.pass(5s);
+  ASSERT_TRUE(plant->failure());
+  EXPECT_EQ(plant->failure()->code(), ExitCode::peer_lost);
 }
 
 TEST(ARendezvous, RemembersABoundedNumberOfStrangers) {

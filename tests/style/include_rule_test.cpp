@@ -45,7 +45,8 @@ const std::vector<Rule> rules = {
     {"reference/", {"reference/", "robot/", "bus/", "app/"}, {"Eigen/", "nlohmann/"}},
     {"reference/trajectory/", {"reference/trajectory/", "robot/"}, {"Eigen/"}},
 
-    {"controller/", {"controller/", "robot/", "bus/", "app/", "logger/log_file.h"}, {"Eigen/", "nlohmann/"}},
+    {"controller/", {"controller/", "robot/", "bus/", "app/"}, {"Eigen/", "nlohmann/"}},
+    {"controller/recorded_inputs.", {"controller/", "bus/", "app/", "logger/log_file.h"}, {}},
     {"controller/law/", {"controller/law/", "robot/"}, {"Eigen/"}},
 
     {"logger/",

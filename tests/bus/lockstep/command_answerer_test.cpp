@@ -41,6 +41,38 @@ TEST_F(ACommandAnswerer, ComputesWhenBothInputsAreThere) {
   EXPECT_EQ(refer(1).action, Action::compute);
 }
 
+TEST_F(ACommandAnswerer, ThatResumesKeepsWhatItsPredecessorWasAskedUntilItsTurnComes) {
+  answerer.resume(70);
+  EXPECT_EQ(measure(72).verdict, Verdict::fresh);
+  EXPECT_EQ(measure(71).verdict, Verdict::fresh);
+  for (const std::int64_t k : {73, 72, 71}) {
+    EXPECT_EQ(refer(k).action, Action::nothing) << "70 comes first";
+  }
+  EXPECT_EQ(refer(70).action, Action::nothing);
+  EXPECT_EQ(measure(70).action, Action::compute);
+  compute();
+  EXPECT_TRUE(answerer.ready());
+  compute();
+  EXPECT_TRUE(answerer.ready());
+  compute();
+  EXPECT_FALSE(answerer.ready()) << "73 is referred to, but not measured";
+  EXPECT_EQ(measure(73).action, Action::compute);
+}
+
+TEST_F(ACommandAnswerer, ThatResumesReachesNoFurtherThanMessagesAreKept) {
+  answerer.resume(70);
+  EXPECT_EQ(measure(70 + CommandAnswerer::reach).verdict, Verdict::not_asked);
+  EXPECT_EQ(refer(70 + CommandAnswerer::reach).verdict, Verdict::not_asked);
+  EXPECT_EQ(measure(70 + CommandAnswerer::reach - 1).verdict, Verdict::fresh);
+  EXPECT_EQ(refer(70 + CommandAnswerer::reach - 1).verdict, Verdict::fresh);
+}
+
+TEST_F(ACommandAnswerer, ThatResumesRepeatsNoAnswerOfItsPredecessor) {
+  answerer.resume(70);
+  EXPECT_EQ(measure(69).action, Action::nothing);
+  EXPECT_EQ(measure(69).action, Action::nothing);
+}
+
 TEST_F(ACommandAnswerer, RepeatsTheKeptAnswerToARepeatedMeasurement) {
   run_through(2);
   const auto answer = measure(0);

@@ -226,6 +226,56 @@ TEST_F(ARequester, EndsWhenTheLastTickIsAcknowledged) {
   EXPECT_EQ(requester.deadline(), Clock::time_point::max());
 }
 
+TEST_F(ARequester, AsksASuccessorAgainFromWhereItIsUntilItHasCommanded) {
+  introduce();
+  for (int k = 0; k < 10; ++k) run_one();
+  requester.asked(now);
+  requester.replaced(now);
+  EXPECT_TRUE(requester.catching_up());
+  requester.successor_at(6, now);
+  std::vector<std::int64_t> asked;
+  while (const auto repeat = requester.next_repeat(now)) {
+    EXPECT_EQ(repeat->what, What::question);
+    asked.push_back(repeat->tick);
+  }
+  EXPECT_EQ(asked, (Ticks{7, 8, 9, 10}));
+  // It has got further; nothing is asked that it has answered.
+  now += 1s;
+  requester.successor_at(8, now);
+  EXPECT_EQ(requester.next_repeat(now)->tick, 9);
+  EXPECT_EQ(requester.on_command(9, BytesOf(9), "successor", now), Verdict::repeated);
+  EXPECT_EQ(requester.on_command(10, BytesOf(10), "successor", now), Verdict::fresh);
+  EXPECT_FALSE(requester.catching_up());
+  EXPECT_FALSE(requester.next_repeat(now + 1s)) << "the command is there";
+}
+
+TEST_F(ARequester, AsksASuccessorForNothingThatIsNoLongerKept) {
+  introduce();
+  for (int k = 0; k < 100; ++k) {
+    run_one();
+    requester.on_ack(k, 0, now);
+  }
+  requester.asked(now);
+  requester.replaced(now);
+  requester.successor_at(35, now);  // of 64 messages kept, that of tick 37 is the oldest
+  EXPECT_FALSE(requester.next_repeat(now));
+  requester.successor_at(36, now);
+  EXPECT_EQ(requester.next_repeat(now)->tick, 37);
+}
+
+TEST_F(ARequester, IsPatientWithASuccessorThatMakesProgress) {
+  introduce();
+  requester.asked(now);
+  requester.replaced(now);
+  for (int i = 0; i < 10; ++i) {
+    now += 4s;
+    EXPECT_FALSE(requester.given_up(now)) << i;
+    requester.successor_at(i, now);
+  }
+  now += 6s;
+  EXPECT_TRUE(requester.given_up(now));
+}
+
 TEST_F(ARequester, GivesUpAfter5sWithoutACommand) {
   introduce();
   requester.asked(now);
