@@ -8,11 +8,11 @@
 #include <map>
 #include <set>
 
-#include "bus/truth/truth_wire.h"
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
 #include "tests/bus/counting_new.h"
 #include "tests/bus/private_network.h"
+#include "tests/process/everyone_else.h"
 #include "tests/process/four_threads.h"
 
 namespace process_test {
@@ -333,65 +333,21 @@ TEST(TheLoggerUnderPressure, LosesNothingOfBurstsOfAThousandMessages) {
   threads.start(Role::logger);
 
   // In the others' place: one who says all they would have said, a thousand messages at once.
-  const bus::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 1};
-  bus::Codec<bus::Participant> participants(layout);
-  bus::Codec<bus::RunInfo> run_infos(layout);
-  bus::Codec<bus::Tick> ticks(layout);
-  bus::Codec<robot::PositionMeasurement> positions(layout);
-  bus::Codec<robot::ReferencePoint> references(layout);
-  bus::Codec<robot::TorqueCommand> commands(layout);
-  bus::Codec<robot::ControllerState> states(layout);
-  bus::Codec<bus::truth::PlantTruth> truths(layout);
-  const robot::Vector two = robot::Vector::Zero(2);
-  robot::ControllerState state;
-  state.num_filters = 1;
-  state.error[0] = state.nu[0] = two;
-  bus::truth::PlantTruth truth;
-  truth.q = truth.v = truth.tau = two;
-
-  bus::UdpTransport others(url);
-  others.subscribe("ARM_LOG_ACK");
-  const auto announce = [&](bus::ParticipantState now) {
-    bus::Participant plant;
-    plant.instance = 99;
-    plant.scenario_digest = scenario.digest;
-    plant.state = now;
-    plant.role = Role::plant;
-    others.publish("ARM_PARTICIPANT", participants.encode({0, 7, -1}, plant));
-  };
-  bus::RunInfo info;
-  info.num_ticks = scenario.loop.num_ticks;
-  info.period_s = scenario.loop.period_s;
-  info.robot = "ARM";
-  info.measurement = "POSITION";
-  info.scenario = scenario.text;
-  info.robot_description = scenario.robot.urdf_text;
-  do {
-    announce(bus::ParticipantState::waiting);
-    others.publish("ARM_RUN_INFO", run_infos.encode({0, 7, -1}, info));
-  } while (!others.receive(Clock::now() + 10ms));
+  EveryoneElse others(scenario, url);
+  others.meet_the_logger();
 
   {
     const BusyMachine busy;
     const auto start = Clock::now();
     for (std::int64_t burst = 0; burst < bursts; ++burst) {
       std::this_thread::sleep_until(start + burst * ticks_in_one * 1ms);
-      announce(bus::ParticipantState::running);
-      for (std::int64_t i = 0; i < ticks_in_one; ++i) {
-        const std::int64_t k = burst * ticks_in_one + i;
-        const bus::Stamp stamp{1000 * k, 7, k};
-        others.publish("ARM_TICK", ticks.encode(stamp, {}));
-        others.publish("ARM_POSITION", positions.encode(stamp, {two}));
-        others.publish("ARM_REFERENCE", references.encode(stamp, {two, two, two, two, two}));
-        others.publish("ARM_COMMAND", commands.encode(stamp, {two}));
-        others.publish("ARM_CONTROLLER_STATE", states.encode(stamp, state));
-        others.publish("ARM_TRUTH", truths.encode(stamp, truth));
-      }
+      others.announce(bus::ParticipantState::running);
+      for (std::int64_t i = 0; i < ticks_in_one; ++i) others.say(burst * ticks_in_one + i);
     }
-    announce(bus::ParticipantState::finished);
+    others.announce(bus::ParticipantState::finished);
     threads.wait();
   }
-  EXPECT_EQ(others.statistics().unsent, 0u);
+  EXPECT_EQ(others.unsent(), 0u);
   const Recorded log = recorded_by(threads);
   EXPECT_EQ(log.summary.gaps(), 0u);
   EXPECT_EQ(log.ticks.size(), static_cast<std::size_t>(bursts * ticks_in_one));

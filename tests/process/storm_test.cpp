@@ -14,15 +14,15 @@
 
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
+#include "launch/storm.h"
 #include "tests/bus/private_network.h"
 #include "tests/process/four_programs.h"
-#include "tests/process/storm.h"
 
 namespace {
 
+using launch::Storm;
 using process_test::FourPrograms;
 using process_test::roles;
-using process_test::Storm;
 using ::testing::HasSubstr;
 
 constexpr std::int64_t run_id = 7;

@@ -1,4 +1,4 @@
-#include "tests/process/storm.h"
+#include "launch/storm.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -12,7 +12,7 @@
 
 #include "bus/lcm_packet.h"
 
-namespace process_test {
+namespace launch {
 namespace {
 
 constexpr std::size_t run_at = 16, tick_at = 24, body_at = 32;
@@ -203,4 +203,4 @@ void Storm::blow() {
   send(channel, bytes);
 }
 
-}  // namespace process_test
+}  // namespace launch

@@ -13,7 +13,7 @@
 
 #include "bus/file_descriptor.h"
 
-namespace process_test {
+namespace launch {
 
 /// A stranger on the bus who has heard the run and sends what he likes: seeded, from a socket of
 /// his own. Everything but a message that could have been the run's and is not: without keys that
@@ -78,4 +78,4 @@ class Storm {
   std::map<std::string, std::deque<Bytes>, std::less<>> heard_;
 };
 
-}  // namespace process_test
+}  // namespace launch

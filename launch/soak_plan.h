@@ -1,0 +1,48 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string>
+
+#include "bus/wire.h"
+
+namespace launch {
+
+/// What a round of `tachless soak` does to a run.
+enum class SoakFault {
+  none,           ///< lock-step, left alone
+  storm,          ///< lock-step, hostile datagrams without end
+  loss,           ///< lock-step, the network loses packets
+  kill,           ///< lock-step, a process is killed
+  realtime,       ///< on the wall clock, left alone
+  key,            ///< lock-step, on a bus with a key
+  pause,          ///< lock-step, a process stands still for a while
+  interrupt,      ///< lock-step, Ctrl-C
+  realtime_kill,  ///< on the wall clock, a process is killed
+};
+inline constexpr int num_soak_faults = 9;
+
+/// One round, all of which follows from its seed. Seeds in a row go through all faults.
+struct SoakRound {
+  std::uint64_t seed = 0;
+  SoakFault fault = SoakFault::none;
+  std::string scenario;  ///< name of a file in scenarios/
+  double moment = 0;     ///< of kill, pause and interrupt: share of the run's ticks before it
+  int loss_percent = 0;
+  bus::Role victim = bus::Role::plant;  ///< of kill and pause
+  std::chrono::milliseconds pause{0};
+
+  [[nodiscard]] bool realtime() const {
+    return fault == SoakFault::realtime || fault == SoakFault::realtime_kill;
+  }
+};
+
+SoakRound plan_soak_round(std::uint64_t seed);
+
+/// "clean", "storm": one word for tables and JSON.
+std::string name_of(SoakFault fault);
+
+/// "controller killed after 43 %": what the round does.
+std::string describe(const SoakRound& round);
+
+}  // namespace launch

@@ -1,0 +1,83 @@
+// What a soak finds, when what is promised does not hold: programs that break a promise stand in
+// for `tachless`.
+
+#include "launch/soak_round.h"
+
+#include <gmock/gmock.h>
+#include <sys/stat.h>
+
+#include <atomic>
+#include <fstream>
+
+#include "launch/process_tree.h"
+#include "tests/bus/private_network.h"
+#include "tests/process/program.h"
+
+namespace launch {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class ASoakRound : public ::testing::Test {
+ protected:
+  /// @param misdeed shell commands after each run but the clean one; `$out` is its directory,
+  /// `$code` the exit code
+  SoakOutcome after(const std::string& misdeed) {
+    const std::string program = directory_ / "tachless";
+    std::ofstream(program) << "#!/bin/bash\n" TACHLESS_BINARY_DIR "/bin/tachless \"$@\"\n"
+                           << "code=$?; out=${5:-}\n"
+                           << "if [[ $1 == run && $out == */soak-round ]]; then\n"
+                           << misdeed << "\nfi\nexit $code\n";
+    chmod(program.c_str(), 0700);
+    SoakRunner runner(program, directory_ / "out", TACHLESS_SOURCE_DIR "/scenarios", 4'000,
+                      interrupted_);
+    SoakRound round = plan_soak_round(0);
+    round.scenario = "practical_rigid";
+    return runner.play(round);
+  }
+
+ private:
+  Directory directory_;
+  std::atomic<bool> interrupted_ = false;
+};
+
+TEST_F(ASoakRound, HoldsWhenNothingIsWrong) {
+  const SoakOutcome outcome = after("true");
+  EXPECT_THAT(outcome.problems, IsEmpty());
+  EXPECT_EQ(outcome.summary["ticks"], 4'000);
+}
+
+TEST_F(ASoakRound, NoticesALogOfWhichOneByteIsAnother) {
+  // In the last message, which is TRUTH: the controller's commands stay what they were.
+  const SoakOutcome outcome = after(
+      "printf '\\x55' | dd of=$out/lcmlog bs=1 conv=notrunc status=none "
+      "seek=$(($(stat -c %s $out/lcmlog) - 40))");
+  EXPECT_THAT(outcome.problems,
+              ElementsAre(HasSubstr("the log differs from the clean run's, first in byte")));
+}
+
+TEST_F(ASoakRound, NoticesALogThatIsTooShort) {
+  const SoakOutcome outcome = after("truncate -s -1000 $out/lcmlog");
+  EXPECT_THAT(outcome.problems, testing::Contains(HasSubstr("not as long as the clean run's")));
+  EXPECT_THAT(outcome.problems, testing::Contains(HasSubstr("of 4000 ticks")));
+}
+
+TEST_F(ASoakRound, NoticesAnExitCodeThatWasNotPromised) {
+  const SoakOutcome outcome = after("code=3");
+  EXPECT_THAT(outcome.problems,
+              ElementsAre(AllOf(HasSubstr("exit code 3"), HasSubstr("promised was exit code 0"))));
+}
+
+TEST_F(ASoakRound, NoticesAProcessThatIsLeftBehindAndEndsIt) {
+  const SoakOutcome outcome =
+      after("sleep 1000 > /dev/null 2>&1 & until [[ $(< /proc/$!/comm) == sleep ]]; do :; done");
+  EXPECT_THAT(outcome.problems,
+              ElementsAre(AllOf(HasSubstr("left behind: process"), HasSubstr("sleep"))));
+  EXPECT_THAT(children_of(getpid()), IsEmpty());
+}
+
+}  // namespace
+}  // namespace launch
