@@ -40,8 +40,8 @@ class CommandAnswerer {
 
   /// Tick whose command is the next to be computed.
   [[nodiscard]] std::int64_t next() const { return next_; }
-  /// Whether its inputs are there: the next may be, at once after one is computed, while a successor
-  /// catches up.
+  /// Whether its inputs are there: the next may be, at once after one is computed, while a
+  /// successor catches up.
   [[nodiscard]] bool ready() const;
 
   /// The answers of tick `next()`.

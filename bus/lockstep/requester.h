@@ -122,7 +122,7 @@ class Requester {
   Clock::time_point progress_;
   Clock::time_point repeat_at_;
   std::chrono::nanoseconds timeout_{};
-  int repeats_ = 0;  ///< since the last progress
+  int repeats_ = 0;                        ///< since the last progress
   std::optional<std::int64_t> successor_;  ///< newest tick of a controller that is catching up
   std::int64_t ask_again_ = 0;             ///< it is to be asked from here on now,
   std::int64_t ask_again_last_ = -1;       ///< to here
