@@ -65,8 +65,9 @@ class LockstepNode {
     const std::int64_t begun = session_.tick_of(bus::Role::plant) + 1;
     if (begun >= inputs.next_tick() + Answerer::reach) {
       throw inputs.unusable("it ends before tick " + std::to_string(inputs.next_tick()) +
-                            ", the run is at tick " + std::to_string(begun) + ", and no more than " +
-                            std::to_string(Answerer::reach) + " ticks can be asked again");
+                            ", the run is at tick " + std::to_string(begun) +
+                            ", and no more than " + std::to_string(Answerer::reach) +
+                            " ticks can be asked again");
     }
     answerer_.resume(inputs.next_tick());
     app::log_info("resumed run " + std::to_string(session_.run()) + " at tick " +

@@ -26,7 +26,8 @@ class RealtimeNode {
         session_(session),
         law_(scenario, transport, session),
         picker_(scenario.loop.num_ticks, law_.longest_measurement(), law_.longest_reference()),
-        pace_(scenario.loop.period_s) {}
+        pace_(scenario.loop.period_s),
+        num_ticks_(scenario.loop.num_ticks) {}
 
   void run() {
     session_.meet(law_.needs());
@@ -46,6 +47,7 @@ class RealtimeNode {
       throw;
     }
     session_.finish();
+    count_rest();
     tell_gaps();
   }
 
@@ -91,10 +93,18 @@ class RealtimeNode {
     if (!due) return;
     const auto result = law_.step(*due, picker_.measurement(*due), picker_.reference(*due));
     picker_.acted(*due);
+    acted_ = *due;
     app::Statistics& statistics = session_.statistics();
     statistics.gaps += result.skipped > 0 ? 1 : 0;
     statistics.skipped_ticks += result.skipped;
     statistics.restarts += result.restarted ? 1 : 0;
+  }
+
+  /// The ticks that it never got to, since the run is over.
+  void count_rest() {
+    const std::int64_t rest = num_ticks_ - 1 - acted_;
+    session_.statistics().gaps += rest > 0 ? 1 : 0;
+    session_.statistics().skipped_ticks += rest;
   }
 
   void tell_gaps() const {
@@ -102,7 +112,7 @@ class RealtimeNode {
     if (statistics.gaps == 0) return;
     app::log_warning(
         std::to_string(statistics.skipped_ticks) + " ticks in " + std::to_string(statistics.gaps) +
-        " gaps came without measurement or reference" +
+        " gaps were passed over, for their measurement or reference came late or not at all" +
         (statistics.restarts == 0 ? ""
                                   : ", " + std::to_string(statistics.restarts) +
                                         " of them so long that the law's memory began anew"));
@@ -113,6 +123,8 @@ class RealtimeNode {
   LawOnBus<L> law_;
   bus::realtime::CommandPicker picker_;
   bus::realtime::Pace pace_;
+  std::int64_t num_ticks_;
+  std::int64_t acted_ = -1;  ///< newest tick commanded
 };
 
 }  // namespace controller

@@ -32,8 +32,7 @@ std::optional<RecordedInputs::Tick> RecordedInputs::next() {
 
 app::Failure RecordedInputs::unusable(const std::string& why) const {
   return {app::ExitCode::bad_usage, "cannot resume run " + std::to_string(run_) + " from " +
-                                        log_.path().string() + ": " + why +
-                                        "; start a new run"};
+                                        log_.path().string() + ": " + why + "; start a new run"};
 }
 
 }  // namespace controller

@@ -226,6 +226,7 @@ void RealtimeLoop::come_to_rest(const app::Failure& failure) {
         if (const auto datagram = transport_.receive(deadline(tick_))) session_.take(*datagram);
         session_.keep_in_touch(Clock::now());
       }
+      session_.keep_in_touch(Clock::now());  // behind time too
       publish_question(Clock::now());
       act(DriveFault::protective_stop);
       session_.progressed(tick_);

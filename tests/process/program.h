@@ -21,14 +21,14 @@ class Program {
 
   /// Exit code, or 128 + the signal that ended it.
   /// @throw std::runtime_error with its stderr when it still runs after `limit`.
-  int wait(std::chrono::seconds limit = std::chrono::seconds(60));
+  int wait(std::chrono::seconds limit = std::chrono::seconds(240));
   void signal(int number) const;
   [[nodiscard]] bool running() { return !ended(); }
   [[nodiscard]] pid_t pid() const { return pid_; }
   [[nodiscard]] std::string errors() const;
   [[nodiscard]] std::string output() const;
   /// Waits until stderr contains `text`. @throw std::runtime_error when that never happens.
-  void wait_for(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(60));
+  void wait_for(const std::string& text, std::chrono::seconds limit = std::chrono::seconds(240));
 
  private:
   bool ended();

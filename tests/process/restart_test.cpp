@@ -67,9 +67,8 @@ class Launched {
  private:
   std::vector<std::string> arguments(const std::string& scenario,
                                      const std::vector<std::string>& more) const {
-    std::vector<std::string> all{"run",      scenarios + scenario, "--quiet",
-                                 "--run-id", "7",                  "--out",
-                                 (directory_ / "out").string()};
+    std::vector<std::string> all{"run",   scenarios + scenario,         "--quiet", "--run-id", "7",
+                                 "--out", (directory_ / "out").string()};
     all.insert(all.end(), more.begin(), more.end());
     return all;
   }
@@ -202,10 +201,10 @@ TEST_F(ByHand, ResumesWhenAnotherControllerIsStarted) {
 TEST_F(ByHand, RefusesToSucceedAControllerThatIsAlive) {
   run.settings = {"--set", "loop.duration_s=1"};
   start();
-  Program second("tachless-controller",
-                 {scenarios + "paper_rigid.yaml", "--set", "loop.duration_s=1", "--resume",
-                  run.log_path()},
-                 run.directory().path());
+  Program second(
+      "tachless-controller",
+      {scenarios + "paper_rigid.yaml", "--set", "loop.duration_s=1", "--resume", run.log_path()},
+      run.directory().path());
   EXPECT_EQ(second.wait(), 4);
   EXPECT_THAT(second.errors(), HasSubstr("there is already the controller"));
   run.expect_all_done();
@@ -258,8 +257,8 @@ TEST(RestartOption, IsRefusedWhereTheRobotCannotWait) {
 
   const Directory directory;
   Program controller("tachless-controller",
-                     {scenarios + "practical_rigid.yaml", "--set", "loop.mode=realtime",
-                      "--resume", directory / "lcmlog"},
+                     {scenarios + "practical_rigid.yaml", "--set", "loop.mode=realtime", "--resume",
+                      directory / "lcmlog"},
                      directory.path());
   EXPECT_EQ(controller.wait(), 2);
   EXPECT_THAT(controller.errors(), HasSubstr("--resume: a realtime run"));
