@@ -35,7 +35,7 @@ class Session {
     bool resume = false;
     /// Controller only: answer the questions of this run, which come from a recording, at once:
     /// nobody is met, nothing is announced, and the run is over with its last tick.
-    std::optional<std::int64_t> follow;
+    std::optional<std::int64_t> follow = {};
   };
 
   /// Subscribes to the participants' channel, unless a recording is followed.
