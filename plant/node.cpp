@@ -13,4 +13,13 @@ void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Ses
   }
 }
 
+void run_driver(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
+                RobotDriver& driver) {
+  if (scenario.loop.mode != app::Mode::realtime) {
+    throw scenario.complaint("loop.mode",
+                             "lockstep; a real robot does not wait, so only realtime is allowed");
+  }
+  RealtimeLoop(scenario, transport, session, &driver).run();
+}
+
 }  // namespace plant

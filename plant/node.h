@@ -3,6 +3,7 @@
 #include "app/scenario.h"
 #include "app/session.h"
 #include "bus/transport.h"
+#include "plant/robot_driver.h"
 
 namespace plant {
 
@@ -11,5 +12,12 @@ namespace plant {
 /// @throw app::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated (two
 /// processes command), protective_stop (the simulation diverged), and whatever the session says.
 void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session);
+
+/// The same with a real robot, in realtime: docs/real_robot.md.
+/// @throw app::Failure also bad_usage (lock-step; no torque limits; the robot is not where the
+/// scenario begins, or does not measure what the law needs) and protective_stop (a joint outside of
+/// its range, or whatever the driver says).
+void run_driver(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
+                RobotDriver& driver);
 
 }  // namespace plant

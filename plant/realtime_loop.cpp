@@ -27,11 +27,11 @@ std::chrono::nanoseconds nanoseconds(double seconds) {
 }  // namespace
 
 RealtimeLoop::RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport,
-                           app::Session& session)
+                           app::Session& session, RobotDriver* driver)
     : scenario_(scenario),
       transport_(transport),
       session_(session),
-      robot_(scenario, session),
+      robot_(scenario, session, driver),
       watch_(scenario.loop.max_missed, robot_.longest_command()) {
   transport_.subscribe(robot_.command_channel());
   transport_.subscribe(robot_.ack_channel());
@@ -45,13 +45,18 @@ void RealtimeLoop::run() {
   session_.meet({}, [this](const bus::Datagram& datagram) { refuse_early(datagram); });
   robot_.prepare();
   introduce();
-  start();
   try {
+    robot_.start();
+    start();
     keep_time();
   } catch (const app::Failure& failure) {
     come_to_rest(failure);
     throw;
+  } catch (const std::exception& problem) {
+    come_to_rest(app::Failure(app::ExitCode::protocol_violated, problem.what()));
+    throw;
   }
+  robot_.stop();
   session_.finish();
 }
 
@@ -216,7 +221,8 @@ void RealtimeLoop::end_tick() {
 void RealtimeLoop::come_to_rest(const app::Failure& failure) {
   session_.stopping(failure, Clock::now());
   try {
-    robot_.brake();
+    robot_.stop();
+    if (tick_ < 0) return;  // it has not begun
     if (begun_ && !acted_) act(DriveFault::protective_stop);
     const auto most = static_cast<std::int64_t>(
         std::chrono::duration<double>(longest_stop).count() / scenario_.loop.period_s);

@@ -13,13 +13,15 @@ namespace plant {
 
 /// The plant on the wall clock: tick k begins at the absolute deadline start + k h, whether its
 /// command has come or not. A missed command holds the last torque; too many in a row, or whatever
-/// else ends the run before its time, brings the robot to rest first: drives without torque and
-/// viscous braking, recorded, for `longest_stop` at most.
+/// else ends the run before its time, brings the robot to rest first: drives without torque,
+/// braking, recorded, for `longest_stop` at most.
 class RealtimeLoop {
  public:
   static constexpr std::chrono::milliseconds longest_stop{500};
 
-  RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport, app::Session& session);
+  /// @param driver a real robot's, which outlives this; the scenario is emulated when null
+  RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
+               RobotDriver* driver = nullptr);
 
   /// Meets the others, keeps time over all ticks, parts.
   void run();

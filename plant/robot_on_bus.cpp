@@ -1,9 +1,12 @@
 #include "plant/robot_on_bus.h"
 
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 
 #include "app/version.h"
+#include "plant/emulated_robot.h"
 #include "plant/plant_model.h"
 
 namespace plant {
@@ -19,12 +22,32 @@ bus::Layout layout_of(const app::Scenario& scenario) {
 
 }  // namespace
 
-RobotOnBus::RobotOnBus(const app::Scenario& scenario, app::Session& session)
+/// What the emulator adds to its readings, a real robot's have already.
+app::Scenario with_ideal_encoders(app::Scenario scenario) {
+  const app::EncoderSide side = scenario.plant.encoder.side;
+  scenario.plant.encoder = {};
+  scenario.plant.encoder.side = side;
+  return scenario;
+}
+
+bool all_finite(const ArmState& state) {
+  return state.q.allFinite() && state.v.allFinite() && state.theta.allFinite() &&
+         state.thetadot.allFinite();
+}
+
+std::string number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+RobotOnBus::RobotOnBus(const app::Scenario& scenario, app::Session& session, RobotDriver* driver)
     : scenario_(scenario),
       session_(session),
       model_(plant_model(scenario)),
-      arm_(make_arm(scenario, model_)),
-      encoder_(scenario, model_),
+      emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
+      driver_(driver == nullptr ? *emulator_ : *driver),
+      encoder_(driver == nullptr ? scenario : with_ideal_encoders(scenario), model_),
       drive_(make_drive(scenario, model_)),
       layout_(layout_of(scenario)),
       tick_channel_(bus::channel<bus::Tick>(scenario.robot.channel_prefix)),
@@ -36,10 +59,22 @@ RobotOnBus::RobotOnBus(const app::Scenario& scenario, app::Session& session)
       command_codec_(layout_),
       truth_codec_(layout_),
       ack_codec_(layout_) {
+  const auto& limit = scenario.plant.drive.torque_limit_Nm;
+  if (driver != nullptr && (!limit || !limit->allFinite())) {
+    throw scenario.complaint("plant.drive.torque_limit_Nm",
+                             "no limit; a real robot needs one for each joint");
+  }
   session_.statistics().saturated_ticks.assign(static_cast<std::size_t>(scenario.num_joints), 0);
 }
 
 void RobotOnBus::prepare() {
+  if (!driver_.measures_velocity() &&
+      (session_.measurement() == bus::ChannelOf<robot::LinkStateMeasurement>::suffix ||
+       session_.measurement() == bus::ChannelOf<robot::StateMeasurement>::suffix)) {
+    throw scenario_.complaint("controller.law", scenario_.controller.law +
+                                                    " measures velocity, this robot does not; "
+                                                    "take a law that is fed with positions");
+  }
   measurement_ = make_measurement_source(session_.measurement(), scenario_, encoder_, layout_);
   measurement_channel_ = measurement_->channel();
 
@@ -70,8 +105,50 @@ bus::Stamp RobotOnBus::stamp(std::int64_t tick) const {
   return {std::llround(time_s * 1e6), session_.run(), tick};
 }
 
+void RobotOnBus::start() {
+  if (!emulator_) {
+    read(-1);
+    const robot::Vector begin = initial_state(scenario_, model_).q;
+    for (Eigen::Index i = 0; i < begin.size(); ++i) {
+      if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
+      throw scenario_.complaint("plant.initial.position_rad",
+                                number(begin[i]) + " for joint " + std::to_string(i + 1) +
+                                    ", which is at " + number(state_.q[i]) +
+                                    "; move the robot to within " + number(start_tolerance) +
+                                    " of where the scenario begins, or begin where it is");
+    }
+  }
+  started_ = true;
+  driver_.start();
+}
+
+void RobotOnBus::read(std::int64_t tick) {
+  state_ = driver_.read();
+  if (emulator_) return;
+  if (state_.q.size() != layout_.num_joints || state_.v.size() != layout_.num_joints ||
+      state_.theta.size() != layout_.num_motors || state_.thetadot.size() != layout_.num_motors) {
+    throw std::logic_error("the robot's driver reads other joints than the scenario has");
+  }
+  const std::string when = tick < 0 ? "before the start" : "at tick " + std::to_string(tick);
+  if (!all_finite(state_)) {
+    throw app::Failure(
+        app::ExitCode::protective_stop,
+        "the robot's driver read a number that is not finite " + when + "; see its encoders");
+  }
+  for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
+    if (state_.q[i] >= model_.lower[i] && state_.q[i] <= model_.upper[i]) continue;
+    throw app::Failure(app::ExitCode::protective_stop,
+                       "joint " + std::to_string(i + 1) + " (" +
+                           model_.joint_names[static_cast<std::size_t>(i)] + ") is at " +
+                           number(state_.q[i]) + " " + when + ", outside of its range " +
+                           number(model_.lower[i]) + " to " + number(model_.upper[i]) + " in " +
+                           scenario_.robot.urdf_path);
+  }
+}
+
 std::span<const std::byte> RobotOnBus::measurement(std::int64_t tick) {
-  return measurement_->measure(arm_.state(), stamp(tick));
+  read(tick);
+  return measurement_->measure(state_, stamp(tick));
 }
 
 std::span<const std::byte> RobotOnBus::tick(const bus::Stamp& stamp) {
@@ -80,11 +157,10 @@ std::span<const std::byte> RobotOnBus::tick(const bus::Stamp& stamp) {
 
 std::span<const std::byte> RobotOnBus::truth(std::int64_t tick, bus::truth::DriveFault fault) {
   const AppliedTorque& applied = drive_.applied();
-  const ArmState& state = arm_.state();
-  truth_.q = state.q;
-  truth_.v = state.v;
-  truth_.theta = state.theta;
-  truth_.thetadot = state.thetadot;
+  truth_.q = state_.q;
+  truth_.v = state_.v;
+  truth_.theta = state_.theta;
+  truth_.thetadot = state_.thetadot;
   truth_.tau = applied.tau;
   truth_.saturated = applied.saturated;
   truth_.fault = fault;
@@ -144,9 +220,17 @@ void RobotOnBus::drive() {
 
 void RobotOnBus::advance(std::int64_t tick) {
   const auto begin = Clock::now();
+  const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
   try {
-    arm_.advance(drive_.applied().tau, static_cast<double>(tick + 1) * scenario_.loop.period_s);
+    if (stopped_) {
+      driver_.rest(end_s);
+    } else {
+      driver_.hold(drive_.applied().tau, end_s);
+    }
+  } catch (const app::Failure&) {
+    throw;
   } catch (const std::runtime_error& problem) {
+    if (!emulator_) throw;
     throw app::Failure(
         app::ExitCode::protective_stop,
         "the simulation failed at tick " + std::to_string(tick) + ": " + problem.what() +
@@ -156,16 +240,17 @@ void RobotOnBus::advance(std::int64_t tick) {
   session_.statistics().work.add(Clock::now() - begin);
 }
 
-void RobotOnBus::brake() {
+void RobotOnBus::stop() {
+  if (stopped_) return;
+  stopped_ = true;
   drive_.stop();
-  arm_.brake(protective_stop_damping(scenario_, model_, arm_.state().q));
+  if (started_) driver_.stop();
 }
 
 bool RobotOnBus::at_rest() const {
   constexpr double standstill = 1e-3;  // [rad/s; m/s]
-  const ArmState& state = arm_.state();
-  return (state.v.array().abs() < standstill).all() &&
-         (state.thetadot.array().abs() < standstill).all();
+  return (state_.v.array().abs() < standstill).all() &&
+         (state_.thetadot.array().abs() < standstill).all();
 }
 
 app::Failure RobotOnBus::two_commanders(std::int64_t tick, std::string_view first,

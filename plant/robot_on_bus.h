@@ -12,19 +12,23 @@
 #include "bus/transport.h"
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
-#include "plant/arm.h"
 #include "plant/drive.h"
 #include "plant/encoder.h"
 #include "plant/measurement_source.h"
+#include "plant/robot_driver.h"
 #include "robot/model.h"
 
 namespace plant {
 
-/// The emulated robot as the bus sees it: arm, encoders and drives, and the messages they give and
-/// take, tick by tick. Knows neither when a tick is, nor what to do about one that is missing.
+/// A robot as the bus sees it: encoders and drives, and the messages they give and take, tick by
+/// tick. Knows neither when a tick is, nor what to do about one that is missing.
 class RobotOnBus {
  public:
-  RobotOnBus(const app::Scenario& scenario, app::Session& session);
+  /// @param driver a real robot's, which outlives this; the scenario is emulated when null. What
+  /// the scenario says of the emulator (plant.integrator, plant.payload, noise and resolution of
+  /// plant.encoder, friction) is not used then.
+  /// @throw app::Failure(bad_usage) when a joint of a real robot has no torque limit.
+  RobotOnBus(const app::Scenario& scenario, app::Session& session, RobotDriver* driver = nullptr);
 
   [[nodiscard]] const std::string& tick_channel() const { return tick_channel_; }
   [[nodiscard]] const std::string& command_channel() const { return command_channel_; }
@@ -48,11 +52,19 @@ class RobotOnBus {
   /// The moment t_k = k h of this run, not accumulated.
   [[nodiscard]] bus::Stamp stamp(std::int64_t tick) const;
 
+  /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`.
+  /// @throw app::Failure(bad_usage) when it is elsewhere.
+  void start();
+  static constexpr double start_tolerance = 0.01;  ///< [rad; m]
+
   // Each valid until its next call.
-  /// @throw app::Failure(protective_stop) when the state is not finite.
+  /// Reads the robot at the beginning of a tick.
+  /// @throw app::Failure(protective_stop) when the state is not finite, or a real robot's joint is
+  /// outside of its range.
   std::span<const std::byte> measurement(std::int64_t tick);
   std::span<const std::byte> tick(const bus::Stamp& stamp);
-  /// The present state and the torque that acts on it. Counts saturation, so once a tick.
+  /// The state at the beginning of the tick and the torque over it. Counts saturation, so once a
+  /// tick.
   /// @throw app::Failure(protective_stop) when the state is not finite.
   std::span<const std::byte> truth(std::int64_t tick, bus::truth::DriveFault fault);
 
@@ -67,15 +79,15 @@ class RobotOnBus {
 
   /// The drives take the command heard last as this tick's.
   void drive();
-  /// Integrates over tick `tick` under the torque that the drives apply.
+  /// Gives the robot the torque of the drives for tick `tick`; once stopped, none.
   /// @throw app::Failure(protective_stop) when the simulation diverges.
   void advance(std::int64_t tick);
   /// The tick is over for the drives.
   void end_tick() { drive_.end_tick(); }
 
-  /// The protective stop: no torque any more, viscous braking (`protective_stop_damping`).
-  void brake();
-  /// Whether all joints and motors stand still, to 1 mrad/s (mm/s).
+  /// The protective stop and the end: no torque any more, the robot brakes. Once is enough.
+  void stop();
+  /// Whether all joints and motors stood still when last measured, to 1 mrad/s (mm/s).
   [[nodiscard]] bool at_rest() const;
 
   /// What to throw when two processes command `tick`.
@@ -83,13 +95,19 @@ class RobotOnBus {
                                             std::string_view second) const;
 
  private:
+  void read(std::int64_t tick);
+
   const app::Scenario& scenario_;
   app::Session& session_;
 
   robot::Model model_;
-  Arm arm_;
+  std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
+  RobotDriver& driver_;
   Encoder encoder_;
   Drive drive_;
+  ArmState state_;  ///< at the beginning of the tick
+  bool started_ = false;
+  bool stopped_ = false;
 
   bus::Layout layout_;
   std::string tick_channel_, command_channel_, truth_channel_, run_info_channel_, ack_channel_;

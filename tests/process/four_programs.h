@@ -34,7 +34,8 @@ class FourPrograms {
     }
     arguments.insert(arguments.end(), {"--stats", statistics_path(role)});
     if (role == "logger") arguments.insert(arguments.end(), {"--out-log", log_path()});
-    programs_[role] = std::make_unique<Program>("tachless-" + role, arguments, directory_.path());
+    const std::string program = role == "plant" ? plant : "tachless-" + role;
+    programs_[role] = std::make_unique<Program>(program, arguments, directory_.path());
     return *programs_[role];
   }
   void start_all() {
@@ -58,6 +59,7 @@ class FourPrograms {
     }
   }
 
+  std::string plant = "tachless-plant";  ///< the program in the plant's place
   std::vector<std::string> settings{"--set", "loop.duration_s=0.02"};  // 400 ticks of paper_rigid
 
  private:

@@ -1,0 +1,61 @@
+// A driver in the plant's place: docs/real_robot.md. What is specific to a robot is `RigDriver`.
+
+#include <chrono>
+
+#include "app/process_options.h"
+#include "app/take_part.h"
+#include "docs/example_driver/rig.h"
+#include "plant/node.h"
+#include "plant/plant_model.h"
+#include "plant/robot_driver.h"
+
+namespace {
+
+class RigDriver final : public plant::RobotDriver {
+ public:
+  explicit RigDriver(example_driver::Rig& rig) : rig_(rig) {}
+
+  // The rig has encoders and no tachometers.
+  [[nodiscard]] bool measures_velocity() const override { return false; }
+
+  void start() override { rig_.enable(); }
+
+  plant::ArmState read() override {
+    if (rig_.watchdog_has_tripped()) {
+      throw app::Failure(app::ExitCode::protective_stop,
+                         "the rig's drives had no torque for 100 ms and have braked");
+    }
+    const auto now = std::chrono::steady_clock::now();
+    plant::ArmState state;
+    state.q = rig_.read_encoders();
+    // For the log; no law sees it.
+    const double passed_s = std::chrono::duration<double>(now - read_at_).count();
+    state.v = robot::Vector::Zero(state.q.size());
+    if (last_q_.size() != 0) state.v = (state.q - last_q_) / passed_s;
+    last_q_ = state.q;
+    read_at_ = now;
+    return state;
+  }
+
+  void hold(const robot::Vector& tau, double /*until_s*/) override { rig_.write_torque(tau); }
+
+  void stop() override { rig_.brake(); }
+
+ private:
+  example_driver::Rig& rig_;
+  robot::Vector last_q_;
+  std::chrono::steady_clock::time_point read_at_;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  constexpr auto role = bus::Role::plant;
+  return app::run_process(role, argc, argv, [](const app::ProcessOptions& options) {
+    return app::take_part(role, options, [](const auto& scenario, auto& transport, auto& session) {
+      example_driver::Rig rig(plant::plant_model(scenario));
+      RigDriver driver(rig);
+      plant::run_driver(scenario, transport, session, driver);
+    });
+  });
+}

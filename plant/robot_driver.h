@@ -1,0 +1,42 @@
+#pragma once
+
+#include "plant/arm.h"
+#include "robot/quantities.h"
+
+namespace plant {
+
+/// A robot as the loop needs it: the emulator, or the driver of a real one (docs/real_robot.md).
+/// Called from one thread, in this order: `start` once; then, tick by tick, `read` and `hold`;
+/// `stop` once, at the end of every run, good or bad, that came as far as `start`.
+///
+/// What a driver cannot do it says by an app::Failure(protective_stop), whose text the user reads;
+/// anything it throws brings the robot to rest. No call but `start` may take long: it is the loop's
+/// time, and `read` and `hold` allocate nothing.
+class RobotDriver {
+ public:
+  virtual ~RobotDriver() = default;
+
+  /// Whether `read` measures velocities. If not, laws that need them are refused, and the
+  /// velocities that `read` gives are for the log alone.
+  [[nodiscard]] virtual bool measures_velocity() const = 0;
+
+  /// Lets the drives obey: everybody has been met, and the first tick is some milliseconds ahead.
+  virtual void start() = 0;
+
+  /// Positions now, the beginning of a tick, and velocities (measured, or as well as the driver
+  /// knows them). May be called before `start`.
+  virtual ArmState read() = 0;
+
+  /// Motor torque [N m; N if prismatic] from now on, within the limits. `until_s` since the start
+  /// of the run is where the tick ends: an emulator moves on to there, a real robot does by itself.
+  virtual void hold(const robot::Vector& tau, double until_s) = 0;
+
+  /// The protective stop, and the end of the run: no torque any more, brakes closed. Returns at
+  /// once, while the robot still comes to rest.
+  virtual void stop() = 0;
+
+  /// Time goes on to `until_s` for a robot that is stopped: for an emulator.
+  virtual void rest(double until_s) { static_cast<void>(until_s); }
+};
+
+}  // namespace plant

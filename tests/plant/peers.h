@@ -1,0 +1,181 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <functional>
+#include <list>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "app/session.h"
+#include "bus/truth/truth_wire.h"
+#include "bus/wire.h"
+#include "plant/node.h"
+
+namespace plant {
+
+inline constexpr auto controllers_address = "controller's address";
+
+inline app::Scenario scenario(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(),
+                   {"loop.mode=realtime", "loop.duration_s=0.03", "robot.gravity_m_per_s2=0",
+                    "plant.encoder.resolution_bits=null"});
+  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml",
+                            overrides);
+}
+
+/// A torque that tells its tick.
+inline robot::Vector torque_of(std::int64_t tick) {
+  robot::Vector tau(2);
+  tau << 1 + 0.5 * static_cast<double>(tick), -0.25 * static_cast<double>(tick);
+  return tau;
+}
+
+/// Reference, controller and logger as the plant sees them, on a bus of their own.
+class Peers : public bus::Transport {
+ public:
+  explicit Peers(const app::Scenario& scenario) : digest_(scenario.digest) {
+    // The controller answers at once, until a test says otherwise.
+    on_measurement = [this](std::int64_t tick) { command(tick, torque_of(tick)); };
+  }
+
+  std::function<void(std::int64_t tick)> on_measurement;
+  std::function<void()> on_run_info = [] {};
+  std::function<void()> on_first_announcement = [] {};
+
+  std::string measurement = "POSITION";  ///< what the controller asks for
+
+  std::vector<bus::truth::PlantTruth> truths;
+  std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
+  std::vector<bus::Participant> heard_plant;
+
+  void command(std::int64_t tick, const robot::Vector& tau,
+               std::string sender = controllers_address, std::int64_t run = 0) {
+    bus::Codec<robot::TorqueCommand> codec(layout_);
+    queue("ARM_COMMAND", codec.encode({0, run != 0 ? run : run_, tick}, {tau}), std::move(sender));
+  }
+  /// The same with NaN for the last torque.
+  void non_finite_command(std::int64_t tick, std::string sender) {
+    bus::Codec<robot::TorqueCommand> codec(layout_);
+    const auto sound = codec.encode({0, run_, tick}, {torque_of(tick)});
+    std::vector<std::byte> bytes(sound.begin(), sound.end());
+    std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
+    queue("ARM_COMMAND", bytes, std::move(sender));
+  }
+  void queue(std::string channel, std::span<const std::byte> bytes, std::string sender) {
+    messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender)});
+  }
+
+  void subscribe(const std::string& /*channel*/) override {}
+
+  void publish(std::string_view channel, std::span<const std::byte> payload) override {
+    bus::Stamp stamp;
+    if (channel == "ARM_PARTICIPANT") {
+      bus::Participant plant;
+      ASSERT_EQ(participants_.decode(payload, stamp, plant), bus::Rejection::none);
+      run_ = stamp.run;
+      if (heard_plant.empty()) on_first_announcement();
+      heard_plant.push_back(plant);
+      for (const bus::Role role : {bus::Role::reference, bus::Role::controller, bus::Role::logger})
+        announce(role);
+    } else if (channel == "ARM_RUN_INFO") {
+      on_run_info();
+      bus::Codec<bus::LogAck> codec(layout_);
+      queue("ARM_LOG_ACK", codec.encode({0, run_, -1}, {}), "logger's address");
+    } else if (channel == "ARM_POSITION") {
+      robot::PositionMeasurement position;
+      ASSERT_EQ(positions_.decode(payload, stamp, position), bus::Rejection::none);
+      on_measurement(stamp.tick);
+    } else if (channel == "ARM_TICK") {
+      bus::Tick tick;
+      ASSERT_EQ(ticks_.decode(payload, stamp, tick), bus::Rejection::none);
+      ticks.push_back(stamp.tick);
+      tick_utimes.push_back(stamp.utime);
+    } else if (channel == "ARM_TRUTH") {
+      truths.emplace_back();
+      ASSERT_EQ(truths_.decode(payload, stamp, truths.back()), bus::Rejection::none);
+      truth_ticks.push_back(stamp.tick);
+    }
+  }
+
+  std::optional<bus::Datagram> receive(bus::Clock::time_point deadline) override {
+    if (messages_.empty()) {
+      std::this_thread::sleep_until(deadline);
+      return std::nullopt;
+    }
+    current_ = std::move(messages_.front());
+    messages_.pop_front();
+    return bus::Datagram{current_.channel, current_.payload, current_.sender};
+  }
+
+ private:
+  struct Message {
+    std::string channel;
+    std::vector<std::byte> payload;
+    std::string sender;
+  };
+
+  void announce(bus::Role role) {
+    bus::Participant self;
+    self.instance = 100 + static_cast<int>(role);
+    self.scenario_digest = digest_;
+    const auto plants = heard_plant.back().state;
+    self.state = plants == bus::ParticipantState::finished ? plants : bus::ParticipantState::ready;
+    self.role = role;
+    if (role == bus::Role::controller) self.measurement = measurement;
+    queue("ARM_PARTICIPANT", participants_.encode({0, run_, -1}, self),
+          std::string(bus::name(role)) + "'s address");
+  }
+
+  std::int64_t digest_;
+  std::int64_t run_ = 0;
+  bus::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
+  bus::Codec<bus::Participant> participants_{layout_};
+  bus::Codec<robot::PositionMeasurement> positions_{layout_};
+  bus::Codec<bus::Tick> ticks_{layout_};
+  bus::Codec<bus::truth::PlantTruth> truths_{layout_};
+  std::list<Message> messages_;
+  Message current_;
+};
+
+struct Outcome {
+  app::ExitCode code = app::ExitCode::done;
+  std::string fault;
+  app::Statistics statistics;
+};
+
+/// The plant's part; `driver`: of the robot in the emulator's place.
+inline Outcome run(const app::Scenario& scenario, Peers& peers,
+                   const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
+  app::Session session(scenario, peers,
+                       {.role = bus::Role::plant,
+                        .run_id = 7,
+                        .wait_s = 10,
+                        .interrupted = interrupted,
+                        .instance = 1,
+                        .follow = {}});
+  Outcome outcome;
+  try {
+    session.play([&] {
+      if (driver != nullptr) {
+        run_driver(scenario, peers, session, *driver);
+      } else {
+        run_node(scenario, peers, session);
+      }
+    });
+  } catch (const app::Failure& failure) {
+    outcome.code = failure.code();
+    outcome.fault = failure.what();
+  }
+  outcome.statistics = session.statistics();
+  return outcome;
+}
+
+}  // namespace plant

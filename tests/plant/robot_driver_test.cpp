@@ -1,0 +1,195 @@
+// A driver in the emulator's place, against peers that answer at once.
+#include "plant/robot_driver.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "tests/plant/peers.h"
+
+namespace plant {
+namespace {
+
+using app::ExitCode;
+using bus::truth::DriveFault;
+using testing::HasSubstr;
+
+/// A robot that stands where it is put and writes down what is done to it.
+class Recording : public RobotDriver {
+ public:
+  [[nodiscard]] bool measures_velocity() const override { return velocity; }
+  void start() override { calls += 's'; }
+  ArmState read() override {
+    calls += 'r';
+    const int present = static_cast<int>(torques.size());
+    if (present == at) fault();
+    return state;
+  }
+  void hold(const robot::Vector& tau, double until_s) override {
+    calls += 'h';
+    torques.push_back(tau);
+    ends.push_back(until_s);
+  }
+  void stop() override { calls += 'x'; }
+
+  /// Of the run, as soon as it has seen so many torques.
+  int at = -1;
+  std::function<void()> fault = [] {};
+
+  bool velocity = false;
+  ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}};
+  std::string calls;
+  std::vector<robot::Vector> torques;
+  std::vector<double> ends;
+};
+
+app::Scenario limited(std::vector<std::string> overrides = {}) {
+  overrides.insert(overrides.begin(), {"plant.drive.torque_limit_Nm=[4, 1000]",
+                                       // What belongs to the emulator changes nothing.
+                                       "plant.encoder.noise_std_rad=1", "plant.payload.mass_kg=3"});
+  return scenario(std::move(overrides));
+}
+
+Outcome drive(const app::Scenario& scenario, Recording& robot) {
+  Peers peers(scenario);
+  return run(scenario, peers, nullptr, &robot);
+}
+
+void expect_stopped(const Recording& robot) {
+  const std::size_t stop = robot.calls.find('x');
+  ASSERT_NE(stop, std::string::npos);
+  EXPECT_EQ(robot.calls.find('x', stop + 1), std::string::npos) << "stopped once";
+  EXPECT_EQ(robot.calls.find('h', stop), std::string::npos) << "no torque after the stop";
+}
+
+TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
+  const app::Scenario s = limited();
+  Peers peers(s);
+  Recording robot;
+  robot.state.q << 0.004, -0.003;
+  const Outcome outcome = run(s, peers, nullptr, &robot);
+  ASSERT_EQ(outcome.fault, "");
+  std::string expected = "rs";  // where it stands is looked at before it may move
+  for (int k = 0; k < 30; ++k) expected += "rh";
+  EXPECT_EQ(robot.calls, expected + 'x');
+  ASSERT_EQ(robot.torques.size(), 30U);
+  EXPECT_EQ(robot.torques[0], robot::Vector::Zero(2));
+  EXPECT_EQ(robot.torques[5], torque_of(4));
+  EXPECT_EQ(robot.torques[20][0], 4) << "within the limit";
+  EXPECT_EQ(robot.torques[20][1], torque_of(19)[1]);
+  EXPECT_DOUBLE_EQ(robot.ends[29], 0.03);
+  // TRUTH is what the driver knows, bit for bit.
+  EXPECT_EQ(peers.truths[12].q, robot.state.q);
+  EXPECT_TRUE(peers.truths[20].saturated[0]);
+}
+
+class AFailingRobot : public testing::Test {
+ protected:
+  AFailingRobot() { robot_.at = 10; }
+  Outcome run_it() { return run(s_, peers_, nullptr, &robot_); }
+
+  const app::Scenario s_ = limited({"loop.duration_s=2"});
+  Peers peers_{s_};
+  Recording robot_;
+};
+
+TEST_F(AFailingRobot, IsStoppedAndSaysWhy) {
+  robot_.fault = [] { throw app::Failure(ExitCode::protective_stop, "drive 2 is too hot"); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("drive 2 is too hot"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedWhateverItThrows) {
+  robot_.fault = [] { throw std::runtime_error("cable"); };
+  EXPECT_THROW(run_it(), std::runtime_error);
+  expect_stopped(robot_);
+  EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("cable"));
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenItReadsWhatIsNotFinite) {
+  robot_.fault = [this] { robot_.state.q[1] = std::numeric_limits<double>::quiet_NaN(); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("not finite at tick 10"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
+  robot_.fault = [this] {
+    robot_.state.v << 0.5, 0.5;
+    robot_.at = -1;
+    throw app::Failure(ExitCode::protective_stop, "drive 2 is too hot");
+  };
+  EXPECT_EQ(run_it().code, ExitCode::protective_stop);
+  expect_stopped(robot_);
+  EXPECT_EQ(peers_.truths.back().fault, DriveFault::protective_stop);
+  EXPECT_EQ(peers_.truths.back().tau, robot::Vector::Zero(2));
+  // It never comes to rest, so for as long as that may take.
+  EXPECT_EQ(robot_.calls.size() - robot_.calls.find('x') - 1, 500U);
+}
+
+TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
+  const app::Scenario unbounded = limited();
+  std::string urdf = unbounded.robot.urdf_text;
+  const std::string elbow = R"(<joint name="elbow" type="continuous">)";
+  urdf.replace(urdf.find(elbow), elbow.size(),
+               R"(<joint name="elbow" type="revolute">
+                  <limit lower="-1.5" upper="2" effort="100" velocity="10"/>)");
+  const app::Scenario s = app::parse_scenario(unbounded.text, urdf, "bounded.yaml");
+  Recording robot;
+  robot.at = 10;
+  robot.fault = [&robot] { robot.state.q[1] = 3; };
+  const Outcome outcome = drive(s, robot);
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault,
+              HasSubstr("joint 2 (elbow) is at 3 at tick 10, outside of its range -1.5 to 2"));
+  expect_stopped(robot);
+}
+
+TEST(RobotDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
+  Recording robot;
+  robot.state.q[1] = 0.02;
+  const Outcome outcome = drive(limited(), robot);
+  EXPECT_EQ(outcome.code, ExitCode::bad_usage);
+  EXPECT_THAT(outcome.fault, HasSubstr("plant.initial.position_rad: 0 for joint 2, which is at "
+                                       "0.02; move the robot to within 0.01"));
+  EXPECT_EQ(robot.calls, "r") << "neither started nor stopped";
+}
+
+TEST(RobotDriver, IsRefusedInLockstepAndWithoutTorqueLimits) {
+  Recording robot;
+  EXPECT_THAT(drive(limited({"loop.mode=lockstep"}), robot).fault,
+              HasSubstr("loop.mode: lockstep; a real robot does not wait"));
+  const Outcome outcome = drive(scenario({}), robot);
+  EXPECT_EQ(outcome.code, ExitCode::bad_usage);
+  EXPECT_THAT(outcome.fault, HasSubstr("plant.drive.torque_limit_Nm: no limit"));
+  EXPECT_EQ(robot.calls, "");
+}
+
+TEST(RobotDriver, ThatMeasuresNoVelocityIsRefusedByALawThatNeedsIt) {
+  const app::Scenario s = limited();
+  for (const bool measured : {false, true}) {
+    Recording robot;
+    robot.velocity = measured;
+    Peers peers(s);
+    peers.measurement = "STATE";
+    const Outcome outcome = run(s, peers, nullptr, &robot);
+    if (measured) {
+      EXPECT_EQ(outcome.code, ExitCode::protective_stop) << "nobody commands here";
+    } else {
+      EXPECT_EQ(outcome.code, ExitCode::bad_usage);
+      EXPECT_THAT(outcome.fault, HasSubstr("measures velocity, this robot does not"));
+      EXPECT_EQ(robot.calls, "");
+    }
+  }
+}
+
+}  // namespace
+}  // namespace plant
