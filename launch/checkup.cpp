@@ -54,23 +54,6 @@ Finding check_bus(const bus::LcmUrl& url) {
           {}};
 }
 
-Finding check_ttl(const bus::LcmUrl& url) {
-  if (url.ttl == 0) return {"ttl", true, "0: messages stay on this host", {}};
-  const bool neighbours = url.ttl == 1;
-  Finding finding{"ttl",
-                  neighbours,
-                  std::to_string(url.ttl) + (neighbours ? ": messages reach the local network"
-                                                        : ": messages are routed on"),
-                  {}};
-  if (!neighbours)
-    finding.remedy = "export LCM_DEFAULT_URL='" + [&] {
-      bus::LcmUrl local = url;
-      local.ttl = 1;
-      return local.text();
-    }() + "'";
-  return finding;
-}
-
 Finding check_other_publishers(const bus::LcmUrl& url) {
   bus::UdpTransport transport(url);
   transport.subscribe_all();
@@ -161,6 +144,22 @@ Finding check_gnuplot() {
 
 }  // namespace
 
+Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface) {
+  const std::string ttl = std::to_string(url.ttl);
+  if (url.ttl == 0) return {"ttl", true, ttl + ": messages stay on this host", {}};
+  if (interface == "lo") {
+    return {"ttl", false,
+            ttl + ", but the multicast route is by way of lo: nothing leaves this host",
+            "sudo ip route replace 224.0.0.0/4 dev eth0 (or what `ip -brief link` calls the "
+            "interface to the other hosts)"};
+  }
+  if (url.ttl == 1) return {"ttl", true, ttl + ": messages reach the local network", {}};
+  bus::LcmUrl local = url;
+  local.ttl = 1;
+  return {"ttl", false, ttl + ": messages are routed on",
+          "export LCM_DEFAULT_URL='" + local.text() + "'"};
+}
+
 Finding judge_receive_buffer(long rmem_max_bytes) {
   Finding finding{"receive buffer",
                   rmem_max_bytes >= useful_receive_buffer_bytes,
@@ -206,7 +205,8 @@ std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem:
   if (findings.empty()) {
     findings.push_back(check_bus(url));
     const bool usable = findings.back().ok;
-    findings.push_back(check_ttl(url));
+    const auto route = bus::multicast_route(url);
+    findings.push_back(judge_ttl(url, route ? route->interface : std::string()));
     if (usable) findings.push_back(check_other_publishers(url));
   }
   findings.push_back(judge_receive_buffer(bus::receive_buffer_limit_bytes()));

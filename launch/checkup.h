@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "bus/lcm_url.h"
+
 namespace launch {
 
 /// One line of `doctor`.
@@ -22,6 +24,8 @@ struct Finding {
 std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem::path& directory);
 
 /// The judgement on single figures.
+/// @param interface the one that messages to the bus leave by; empty if there is none
+Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface);
 Finding judge_receive_buffer(long rmem_max_bytes);
 Finding judge_clock_source(const std::string& source);
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory);

@@ -24,6 +24,19 @@ TEST(CheckUp, WantsRoomForABurst) {
   EXPECT_FALSE(judge_receive_buffer(2'097'152).remedy.has_value());
 }
 
+TEST(CheckUp, WarnsOfMessagesThatStayOnThisHostAndOfSuchThatGoTooFar) {
+  const auto url = [](const std::string& ttl) {
+    return bus::parse_lcm_url("udpm://239.255.76.67:7667?ttl=" + ttl);
+  };
+  EXPECT_TRUE(judge_ttl(url("0"), "lo").ok);
+  EXPECT_TRUE(judge_ttl(url("1"), "eth0").ok);
+  const Finding stuck = judge_ttl(url("1"), "lo");
+  EXPECT_FALSE(stuck.ok);
+  EXPECT_THAT(stuck.what, HasSubstr("nothing leaves this host"));
+  EXPECT_THAT(*stuck.remedy, HasSubstr("ip route replace 224.0.0.0/4"));
+  EXPECT_THAT(*judge_ttl(url("3"), "eth0").remedy, HasSubstr("ttl=1"));
+}
+
 TEST(CheckUp, WarnsOfSlowClocks) {
   EXPECT_FALSE(judge_clock_source("acpi_pm").ok);
   EXPECT_THAT(*judge_clock_source("hpet").remedy, HasSubstr("echo tsc"));

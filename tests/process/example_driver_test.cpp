@@ -65,12 +65,12 @@ TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
 }
 
 TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
-  play({"--set", "loop.duration_s=60"});
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=50"});
   wait_until_it_moves();
   run["controller"].signal(SIGKILL);
   for (const char* role : {"plant", "reference", "logger"}) {
     EXPECT_EQ(run[role].wait(), 5) << run[role].errors();
-    EXPECT_THAT(run[role].errors(), HasSubstr("21 commands in a row")) << role;
+    EXPECT_THAT(run[role].errors(), HasSubstr("51 commands in a row")) << role;
   }
   bus::truth::PlantTruth last;
   for (const auto& each : ticks()) {
@@ -82,7 +82,7 @@ TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
 }
 
 TEST_F(ExampleDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
-  play({"--set", "loop.duration_s=60"});
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=1000"});
   wait_until_it_moves();
   // For longer than the rig's watchdog, and not so long that the others give up.
   run["plant"].signal(SIGSTOP);

@@ -397,6 +397,18 @@ TEST(TheLoop, EndsWithExitCode3WhenAPeerDiesWithoutAWord) {
   }
 }
 
+TEST(TheLoop, EndsForAllWithExitCode5WhenItIsUnstable) {
+  // The paper's gains at twenty times the period they are for.
+  const RunResult result =
+      run(scenario("paper_rigid", {"loop.period_s=1.0e-3", "plant.integrator.accuracy=1e-3"}));
+  for (const Role role : all_roles) {
+    const Outcome& outcome = result.of.at(role);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop) << bus::name(role);
+    EXPECT_THAT(outcome.fault, HasSubstr("unstable")) << bus::name(role);
+  }
+  EXPECT_FALSE(result.log.empty());
+}
+
 TEST(TheLoop, IsRefusedBeforeItStartsWhenTheScenariosDiffer) {
   FourThreads threads(short_run());
   threads.give(Role::controller, scenario("paper_rigid", {"loop.duration_s=0.02"}));
