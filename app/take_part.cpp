@@ -1,5 +1,6 @@
 #include "app/take_part.h"
 
+#include <cstring>
 #include <optional>
 #include <stdexcept>
 #include <system_error>
@@ -31,8 +32,17 @@ void join(std::optional<bus::UdpTransport>& transport, const std::string& url) {
   }
 }
 
-void report(Statistics& statistics, const std::optional<bus::Authenticated>& authenticated,
-            const ProcessOptions& options) {
+/// What the others cannot know: they only miss this process.
+void tell_what_was_not_sent(const bus::UdpTransport& transport) {
+  const bus::UdpStatistics statistics = transport.statistics();
+  if (statistics.unsent == 0) return;
+  log_warning(std::to_string(statistics.unsent) + " messages could not be sent (" +
+              std::strerror(statistics.refusal) + "); `tachless doctor` looks closer");
+}
+
+void report(Statistics& statistics, const std::optional<bus::UdpTransport>& transport,
+            const std::optional<bus::Authenticated>& authenticated, const ProcessOptions& options) {
+  if (transport) tell_what_was_not_sent(*transport);
   if (authenticated) statistics.rejected.add(Unusable::unauthenticated, authenticated->dropped());
   if (options.stats_path) write_statistics(statistics, *options.stats_path);
 }
@@ -73,13 +83,13 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
     statistics.exit_code = failure.code();
     statistics.fault = failure.what();
     try {
-      report(statistics, authenticated, options);
+      report(statistics, transport, authenticated, options);
     } catch (const Failure& second) {
       log_warning(second.what());
     }
     throw;
   }
-  report(session->statistics(), authenticated, options);
+  report(session->statistics(), transport, authenticated, options);
   return ExitCode::done;
 }
 

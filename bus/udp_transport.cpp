@@ -196,7 +196,10 @@ void UdpTransport::publish(std::string_view channel, std::span<const std::byte> 
   msghdr message{};
   message.msg_iov = parts.data();
   message.msg_iovlen = parts.size();
-  if (::sendmsg(sender_.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0) ++statistics_.unsent;
+  if (::sendmsg(sender_.get(), &message, MSG_DONTWAIT | MSG_NOSIGNAL) < 0) {
+    ++statistics_.unsent;
+    statistics_.refusal = errno;
+  }
 }
 
 std::optional<Datagram> UdpTransport::receive(Clock::time_point deadline) {

@@ -32,6 +32,7 @@ struct UdpStatistics {
                                  ///< otherwise the kernel's filter drops them
   std::uint64_t fragmented = 0;  ///< messages in fragments, which are not supported
   std::uint64_t unsent = 0;      ///< refused by the kernel: no room, no route, firewall
+  int refusal = 0;               ///< errno of the last one of these
   /// Datagrams that this transport lost because its buffer was full. Known after `subscribe_all`
   /// only: the kernel counts what a filter drops alike.
   std::optional<std::uint64_t> overflowed;

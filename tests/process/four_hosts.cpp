@@ -90,6 +90,14 @@ void FourHosts::lose(int percent) const {
   }
 }
 
+void FourHosts::forbid_sending(const std::string& role) const {
+  const Visit visit(*this, role);
+  shell(
+      "nft add table ip firewall && "
+      "nft 'add chain ip firewall out { type filter hook output priority 0; }' && "
+      "nft add rule ip firewall out udp dport 7667 drop");
+}
+
 void FourHosts::set_port(const std::string& role, bool up) {
   const bus::FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   check(socket.get(), "socket");

@@ -38,6 +38,9 @@ class FourHosts {
   void unplug(const std::string& role) const { set_port(role, false); }
   void plug(const std::string& role) const { set_port(role, true); }
 
+  /// By a firewall on the role's host.
+  void forbid_sending(const std::string& role) const;
+
   /// From now on every host drops so many percent of what the bus brings.
   void lose(int percent) const;
 

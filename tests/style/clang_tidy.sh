@@ -31,7 +31,7 @@ export -f check
 export source_dir build_dir passed dependencies
 
 rooms=()
-for room in robot bus app plant reference controller logger study launch; do
+for room in robot bus app plant reference controller logger study launch docs; do
   [[ -d $room ]] && rooms+=("$room")
 done
 find "${rooms[@]}" -name '*.cpp' -print0 |
