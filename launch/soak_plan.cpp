@@ -28,6 +28,7 @@ SoakRound plan_soak_round(std::uint64_t seed) {
   round.moment = 0.1 + 0.01 * static_cast<double>(random() % 41);
   round.loss_percent = 1 + static_cast<int>(random() % 15);
   round.victim = static_cast<bus::Role>(random() % bus::num_roles);
+  if (round.fault == SoakFault::restart) round.victim = bus::Role::controller;
   round.pause = std::chrono::milliseconds(50 + random() % 951);
   return round;
 }
@@ -50,6 +51,8 @@ std::string name_of(SoakFault fault) {
       return "pause";
     case SoakFault::interrupt:
       return "interrupt";
+    case SoakFault::restart:
+      return "restart";
     case SoakFault::realtime_kill:
       return "realtime-kill";
   }
@@ -77,6 +80,8 @@ std::string describe(const SoakRound& round) {
       return victim + " stopped for " + std::to_string(round.pause.count()) + " ms" + when;
     case SoakFault::interrupt:
       return "Ctrl-C" + when;
+    case SoakFault::restart:
+      return "controller killed and restarted" + when;
     case SoakFault::realtime_kill:
       return "on the wall clock, " + victim + " killed" + when;
   }

@@ -18,9 +18,10 @@ enum class SoakFault {
   key,            ///< lock-step, on a bus with a key
   pause,          ///< lock-step, a process stands still for a while
   interrupt,      ///< lock-step, Ctrl-C
+  restart,        ///< lock-step, the controller is killed and another takes over
   realtime_kill,  ///< on the wall clock, a process is killed
 };
-inline constexpr int num_soak_faults = 9;
+inline constexpr int num_soak_faults = 10;
 
 /// One round, all of which follows from its seed. Seeds in a row go through all faults.
 struct SoakRound {

@@ -199,6 +199,9 @@ class SoakRunner::Play {
     if (round_.fault == SoakFault::key) {
       words.insert(words.end(), {"--key-file", key_file(out_, round_.seed)});
     }
+    if (round_.fault == SoakFault::restart) {
+      words.insert(words.end(), {"--restart", "controller"});
+    }
     return words;
   }
 
@@ -234,8 +237,9 @@ class SoakRunner::Play {
     processes_ = now;
     if (tick_ < scenario_.loop.num_ticks / 10) return;
     for (const auto& [program, pid] : processes_) {
+      // Not a controller that took over: it has read the log.
       const auto kib = resident_kib(pid);
-      if (!kib) continue;
+      if (!kib || first_pids_.try_emplace(program, pid).first->second != pid) continue;
       SoakMemory& memory = outcome_.memory[program];
       if (memory.early == 0) memory.early = *kib;
       memory.peak = std::max(memory.peak, *kib);
@@ -281,6 +285,7 @@ class SoakRunner::Play {
     const auto victim = processes_.find(app::program_name(round_.victim));
     switch (round_.fault) {
       case SoakFault::kill:
+      case SoakFault::restart:
       case SoakFault::realtime_kill:
         if (victim == processes_.end()) return;
         kill(victim->second, SIGKILL);
@@ -331,7 +336,8 @@ class SoakRunner::Play {
     if (end.signal != 0 || end.exit_code != promised) {
       problem(describe(end) + "; promised was exit code " + std::to_string(promised));
     }
-    const bool was_to_act = ends_early() || round_.fault == SoakFault::pause;
+    const bool was_to_act =
+        ends_early() || round_.fault == SoakFault::pause || round_.fault == SoakFault::restart;
     if (was_to_act && !acted_) return problem("the run ended before its fault");
     if (storm_ && storm_->sent() == 0) return problem("the run ended before the storm");
     if (!ends_early()) return;
@@ -424,6 +430,7 @@ class SoakRunner::Play {
   bool last_ = false;
   pid_t launcher_ = 0;
   std::map<std::string, pid_t> processes_;
+  std::map<std::string, pid_t> first_pids_;
   bool told_ = false;
   bool acted_ = false;
   Clock::time_point acted_at_;

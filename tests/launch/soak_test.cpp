@@ -17,13 +17,14 @@ using ::testing::HasSubstr;
 TEST(Soak, GoesThroughAllFaultsAndFindsThatAllIsKept) {
   const Directory directory;
   const std::string out = directory / "out";
-  Program soak("tachless",
-               {"soak", "--rounds", "9", "--seed", "9", "--ticks", "10000", "--json", "--out", out},
-               directory.path());
+  Program soak(
+      "tachless",
+      {"soak", "--rounds", "10", "--seed", "10", "--ticks", "8000", "--json", "--out", out},
+      directory.path());
   EXPECT_EQ(soak.wait(std::chrono::seconds(500)), 0) << soak.errors();
   const auto json = nlohmann::json::parse(soak.output());
-  EXPECT_EQ(json["rounds"], 9);
-  EXPECT_EQ(json["held"], 9);
+  EXPECT_EQ(json["rounds"], 10);
+  EXPECT_EQ(json["held"], 10);
   for (const auto& [fault, tally] : json["faults"].items()) EXPECT_EQ(tally["rounds"], 1) << fault;
   EXPECT_GT(json["faults"]["storm"]["hostile_datagrams"], 10'000);
   EXPECT_GT(json["faults"]["loss"]["resends"], 100);
