@@ -24,4 +24,6 @@ const std::atomic<bool>& catch_interruptions() {
   return interrupted;
 }
 
+void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }
+
 }  // namespace app

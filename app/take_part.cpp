@@ -51,6 +51,7 @@ void report(Statistics& statistics, const std::optional<bus::UdpTransport>& tran
 
 ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& part) {
   const std::atomic<bool>& interrupted = catch_interruptions();
+  survive_file_size_limit();
   Statistics early;  // of a process that does not get as far as a session
   early.role = role;
   std::optional<bus::UdpTransport> transport;

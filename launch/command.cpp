@@ -6,6 +6,7 @@
 #include <iostream>
 #include <string>
 
+#include "app/interruption.h"
 #include "app/logging.h"
 #include "app/version.h"
 #include "launch/verb.h"
@@ -88,6 +89,7 @@ app::ExitCode run(int argc, const char* const* argv) {
 
 int tachless(int argc, const char* const* argv) {
   app::start_logging("tachless", app::Verbosity::normal);
+  app::survive_file_size_limit();
   try {
     return static_cast<int>(run(argc, argv));
   } catch (const app::Failure& failure) {

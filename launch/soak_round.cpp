@@ -21,6 +21,7 @@
 #include "launch/process_tree.h"
 #include "launch/storm.h"
 #include "launch/supervise.h"
+#include "logger/log_file.h"
 #include "logger/run_log.h"
 
 namespace launch {
@@ -68,21 +69,31 @@ void make_directory(const fs::path& path) {
   }
 }
 
-/// Where two files begin to differ; nothing when `part` is the beginning of `whole`.
-std::optional<std::uint64_t> first_difference(const fs::path& part, const fs::path& whole) {
+/// Bytes of a log without the fault that stands behind the last tick of a run that failed.
+std::uint64_t bytes_of_ticks(const fs::path& path) {
+  logger::LogReader log(path);
+  std::uint64_t fault_at = log.size_bytes();
+  while (const auto event = log.next()) {
+    fault_at = event->channel.ends_with("_PARTICIPANT") ? event->offset : log.size_bytes();
+  }
+  return fault_at;
+}
+
+/// Where the first `size` bytes of `part` differ from the beginning of `whole`; nothing if nowhere.
+std::optional<std::uint64_t> first_difference(const fs::path& part, std::uint64_t size,
+                                              const fs::path& whole) {
   std::ifstream a(part, std::ios::binary), b(whole, std::ios::binary);
   std::vector<char> x(1 << 16), y(1 << 16);
-  for (std::uint64_t at = 0;;) {
-    a.read(x.data(), std::ssize(x));
-    const std::streamsize size = a.gcount();
-    if (size == 0) return std::nullopt;
-    b.read(y.data(), size);
-    const auto [end, other] = std::mismatch(x.begin(), x.begin() + size, y.begin());
-    if (end != x.begin() + std::min(size, b.gcount()) || b.gcount() < size) {
-      return at + static_cast<std::uint64_t>(std::min(end - x.begin(), b.gcount()));
-    }
-    at += static_cast<std::uint64_t>(size);
+  for (std::uint64_t at = 0; at < size;) {
+    const auto wanted = static_cast<std::streamsize>(std::min<std::uint64_t>(x.size(), size - at));
+    a.read(x.data(), wanted);
+    b.read(y.data(), wanted);
+    const std::streamsize both = std::min(a.gcount(), b.gcount());
+    const auto end = std::mismatch(x.begin(), x.begin() + both, y.begin()).first;
+    if (end - x.begin() < wanted) return at + static_cast<std::uint64_t>(end - x.begin());
+    at += static_cast<std::uint64_t>(wanted);
   }
+  return std::nullopt;
 }
 
 /// Loses packets of the bus while it lives.
@@ -383,7 +394,8 @@ class SoakRunner::Play {
       return problem(failure.what());
     }
     if (clean) {
-      const auto at = first_difference(log_path, *clean);
+      const std::uint64_t size = ends_early() ? bytes_of_ticks(log_path) : fs::file_size(log_path);
+      const auto at = first_difference(log_path, size, *clean);
       if (at) problem("the log differs from the clean run's, first in byte " + std::to_string(*at));
       if (!ends_early() && fs::file_size(log_path) != fs::file_size(*clean)) {
         problem("the log is not as long as the clean run's");
