@@ -129,18 +129,20 @@ void RobotOnBus::read(std::int64_t tick) {
       state_.theta.size() != layout_.num_motors || state_.thetadot.size() != layout_.num_motors) {
     throw std::logic_error("the robot's driver reads other joints than the scenario has");
   }
-  const std::string when = tick < 0 ? "before the start" : "at tick " + std::to_string(tick);
+  const auto when = [tick] {
+    return tick < 0 ? std::string("before the start") : "at tick " + std::to_string(tick);
+  };
   if (!all_finite(state_)) {
     throw app::Failure(
         app::ExitCode::protective_stop,
-        "the robot's driver read a number that is not finite " + when + "; see its encoders");
+        "the robot's driver read a number that is not finite " + when() + "; see its encoders");
   }
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     if (state_.q[i] >= model_.lower[i] && state_.q[i] <= model_.upper[i]) continue;
     throw app::Failure(app::ExitCode::protective_stop,
                        "joint " + std::to_string(i + 1) + " (" +
                            model_.joint_names[static_cast<std::size_t>(i)] + ") is at " +
-                           number(state_.q[i]) + " " + when + ", outside of its range " +
+                           number(state_.q[i]) + " " + when() + ", outside of its range " +
                            number(model_.lower[i]) + " to " + number(model_.upper[i]) + " in " +
                            scenario_.robot.urdf_path);
   }

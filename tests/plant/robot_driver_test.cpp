@@ -4,12 +4,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstddef>
 #include <functional>
 #include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "tests/bus/counting_new.h"
 #include "tests/plant/peers.h"
 
 namespace plant {
@@ -151,6 +153,41 @@ TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
   EXPECT_THAT(outcome.fault,
               HasSubstr("joint 2 (elbow) is at 3 at tick 10, outside of its range -1.5 to 2"));
   expect_stopped(robot);
+}
+
+TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
+  /// Counts what is allocated from the beginning of `read` to that of `hold`, after some ticks.
+  class Counting : public RobotDriver {
+   public:
+    [[nodiscard]] bool measures_velocity() const override { return false; }
+    void start() override {}
+    ArmState read() override {
+      before_ = allocations;
+      return state_;
+    }
+    void hold(const robot::Vector& /*tau*/, double /*until_s*/) override {
+      if (++ticks > 5) allocated += allocations - before_;
+    }
+    void stop() override {}
+
+    int ticks = 0;
+    std::size_t allocated = 0;
+
+   private:
+    ArmState state_{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}};
+    std::size_t before_ = 0;
+  };
+  const app::Scenario s = limited({"loop.max_missed=1000"});
+  Peers peers(s);
+  peers.on_measurement = [](std::int64_t) {};
+  peers.truths.reserve(100);
+  peers.truth_ticks.reserve(100);
+  peers.ticks.reserve(100);
+  peers.tick_utimes.reserve(100);
+  Counting robot;
+  ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
+  EXPECT_EQ(robot.ticks, 30);
+  EXPECT_EQ(robot.allocated, 0U);
 }
 
 TEST(RobotDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
