@@ -8,8 +8,8 @@ namespace app {
 /// system call, instead of ending the process.
 const std::atomic<bool>& catch_interruptions();
 
-/// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG, and can be told
-/// to the user, instead of ending the process.
+/// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG, and can be
+/// told to the user, instead of ending the process.
 void survive_file_size_limit();
 
 }  // namespace app

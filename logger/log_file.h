@@ -27,8 +27,8 @@ enum class Existing { refuse, overwrite };
 /// call throws a Failure that names path, bytes kept and remedy.
 class LogWriter {
  public:
-  /// At most this long between two flushes, so that a killed logger loses no more.
-  static constexpr std::chrono::milliseconds flush_interval{100};
+  /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
+  static constexpr std::chrono::milliseconds flush_interval{50};
 
   /// @throw app::Failure(bad_usage) when the file exists (and `existing` is `refuse`), or the
   /// directory is missing or not writable.

@@ -36,8 +36,8 @@ void Recorder::run() {
       // A flush is due soon after what is in the buffer now.
       receive(std::min(session_.next_attention(), now + LogWriter::flush_interval / 2));
     }
-  } catch (const app::Failure&) {
-    save_the_rest();
+  } catch (const app::Failure& failure) {
+    save_the_rest(failure);
     throw;
   }
   conclude(true);
@@ -131,8 +131,7 @@ void Recorder::count(Verdict verdict, Slot slot, std::int64_t tick, std::string_
   }
 }
 
-/// The run has failed: what has arrived already still belongs into the log.
-void Recorder::save_the_rest() {
+void Recorder::save_the_rest(const app::Failure& cause) {
   try {
     conclude(false);
   } catch (const app::Failure&) {
@@ -141,7 +140,7 @@ void Recorder::save_the_rest() {
   try {
     file_.close();
   } catch (const app::Failure& failure) {
-    app::log_warning(failure.what());
+    if (std::string_view(failure.what()) != cause.what()) app::log_warning(failure.what());
   }
 }
 

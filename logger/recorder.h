@@ -58,7 +58,8 @@ class Recorder {
  private:
   void take(const bus::Datagram& datagram);
   void hear_run_info(const bus::Datagram& datagram);
-  void save_the_rest();
+  /// The run has failed: what has arrived already still belongs into the log.
+  void save_the_rest(const app::Failure& cause);
 
   bus::Transport& transport_;
   app::Session& session_;

@@ -175,16 +175,16 @@ TEST_F(LogFile, WriterKeepsEveryWholeEventUpToTheLimit) {
   EXPECT_FALSE(reader.damage().any());
 }
 
-TEST_F(LogFile, WriterFlushesEveryHundredMilliseconds) {
+TEST_F(LogFile, WriterFlushesEveryFiftyMilliseconds) {
   LogWriter writer(path_);
   const auto start = std::chrono::steady_clock::now();
   writer.append(0, "C", bytes_of("abc"));
   writer.flush_if_due(start);
   EXPECT_EQ(std::filesystem::file_size(path_), 0u);
-  writer.flush_if_due(start + std::chrono::milliseconds(101));
+  writer.flush_if_due(start + std::chrono::milliseconds(51));
   EXPECT_EQ(std::filesystem::file_size(path_), writer.bytes());
   writer.append(0, "C", bytes_of("abc"));
-  writer.flush_if_due(start + std::chrono::milliseconds(150));
+  writer.flush_if_due(start + std::chrono::milliseconds(100));
   EXPECT_LT(std::filesystem::file_size(path_), writer.bytes());
 }
 

@@ -42,7 +42,9 @@ class FourPrograms {
     for (const char* role : roles) start(role);
   }
   Program& operator[](const std::string& role) { return *programs_.at(role); }
-  [[nodiscard]] std::string log_path() const { return directory_ / "lcmlog"; }
+  [[nodiscard]] std::string log_path() const {
+    return log.empty() ? (directory_ / "lcmlog").string() : log;
+  }
   [[nodiscard]] std::string statistics_path(const std::string& role) const {
     return directory_ / (role + ".json");
   }
@@ -60,6 +62,7 @@ class FourPrograms {
   }
 
   std::string plant = "tachless-plant";  ///< the program in the plant's place
+  std::string log;                       ///< where it goes, if not into the directory
   std::vector<std::string> settings{"--set", "loop.duration_s=0.02"};  // 400 ticks of paper_rigid
 
  private:

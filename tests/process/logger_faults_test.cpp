@@ -1,0 +1,162 @@
+// A logger that cannot write, and one that is killed: what is said, what is kept, how the run ends.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <deque>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "bus/truth/truth_wire.h"
+#include "bus/udp_transport.h"
+#include "logger/run_log.h"
+#include "tests/bus/private_network.h"
+#include "tests/process/four_programs.h"
+#include "tests/process/small_disk.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using bus::Clock;
+using process_test::FourPrograms;
+using process_test::scenarios;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+const std::string practical_rigid = scenarios + "practical_rigid.yaml";
+
+/// The last tick whose truth is in the log. Everything before is there, and nothing is damaged.
+std::int64_t last_tick_of(const std::string& path) {
+  logger::RunLog log = logger::RunLog::open(path);
+  logger::TickRecord record;
+  std::int64_t last = -1;
+  while (log.next(record)) {
+    if (record.truth) last = record.tick;
+  }
+  EXPECT_FALSE(log.damage().any());
+  EXPECT_LE(log.summary().last_tick - last, 1);
+  EXPECT_LE(log.summary().of(logger::Piece::truth).missing, 1U);
+  return last;
+}
+
+void expect_replays(const std::string& log, const Directory& directory) {
+  Program replay("tachless", {"replay", log}, directory.path());
+  EXPECT_EQ(replay.wait(), 0) << replay.errors();
+}
+
+class AFullDisk : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(AFullDisk, EndsTheFourProgramsWithinTwoSecondsAndKeepsWhatHasRoom) {
+  const SmallDisk disk(1'024);
+  FourPrograms run("practical_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=1000", "--set", "loop.mode=" + GetParam()};
+  const std::string log = disk / "lcmlog";
+  run.log = log;
+  run.start_all();
+  EXPECT_EQ(run["logger"].wait(), 2);
+  const auto ended = Clock::now();
+  for (const char* role : {"plant", "reference", "controller"}) {
+    EXPECT_EQ(run[role].wait(), 3) << role << run[role].errors();
+  }
+  EXPECT_LT(Clock::now() - ended, 2s);
+  EXPECT_THAT(
+      run["logger"].errors(),
+      AllOf(HasSubstr(log + ": cannot write the log: No space left on device"),
+            HasSubstr("the first " + std::to_string(fs::file_size(log)) + " bytes are kept"),
+            HasSubstr("free some space on that disk")));
+  EXPECT_THAT(run["plant"].errors(), HasSubstr("ended because of the logger"));
+  // All the disk's room but for the last event, which had none.
+  EXPECT_GT(fs::file_size(log), 1'024U * 1'024 - 4'096);
+  EXPECT_GT(last_tick_of(log), 1'000);
+  expect_replays(log, run.directory());
+}
+
+TEST_P(AFullDisk, EndsTachlessRunWithinTwoSecondsAndKeepsWhatHasRoom) {
+  const SmallDisk disk(1'024);
+  const Directory directory;
+  Program run("tachless",
+              {"run", practical_rigid, "--quiet", "--duration", "1000", "--mode", GetParam(),
+               "--out", disk / "out"},
+              directory.path());
+  run.wait_for("cannot write the log");
+  const auto told = Clock::now();
+  EXPECT_EQ(run.wait(), 2);
+  EXPECT_LT(Clock::now() - told, 2s);
+  EXPECT_THAT(run.errors(),
+              AllOf(HasSubstr("tachless: logger ended with exit code 2"),
+                    HasSubstr("No space left on device"), HasSubstr("free some space")));
+  const std::string log = disk / "out/lcmlog";
+  EXPECT_GT(last_tick_of(log), 1'000);
+  expect_replays(log, directory);
+}
+
+INSTANTIATE_TEST_SUITE_P(In, AFullDisk, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& mode) { return mode.param; });
+
+TEST(ALimitOnFileSizes, EndsTheRunAndKeepsWhatItAllows) {
+  const Directory directory;
+  Program run("prlimit",
+              {"--fsize=1000000", TACHLESS_BINARY_DIR "/bin/tachless", "run", practical_rigid,
+               "--quiet", "--duration", "1000", "--out", directory / "out"},
+              directory.path());
+  EXPECT_EQ(run.wait(), 2);
+  EXPECT_THAT(run.errors(), AllOf(HasSubstr("lcmlog: cannot write the log: File too large"),
+                                  HasSubstr("ulimit -f")));
+  EXPECT_GT(fs::file_size(directory / "out/lcmlog"), 1'000'000U - 4'096);
+  EXPECT_GT(last_tick_of(directory / "out/lcmlog"), 1'000);
+  expect_replays(directory / "out/lcmlog", directory);
+}
+
+TEST(ADirectoryThatCannotBeWritten, IsRefusedAtOnce) {
+  SmallDisk disk(1'024);
+  disk.make_read_only();
+  const Directory directory;
+  Program logger("tachless-logger", {practical_rigid, "--out-log", disk / "lcmlog"},
+                 directory.path());
+  EXPECT_EQ(logger.wait(), 2);
+  EXPECT_THAT(logger.errors(), AllOf(HasSubstr(disk / "lcmlog"), HasSubstr("cannot create the log"),
+                                     HasSubstr("Read-only file system"),
+                                     HasSubstr("name a file in a directory you may write to")));
+  Program run("tachless", {"run", practical_rigid, "--quiet", "--out", disk / "out"},
+              directory.path());
+  EXPECT_EQ(run.wait(), 2);
+  EXPECT_THAT(run.errors(),
+              AllOf(HasSubstr("--out " + (disk / "out")), HasSubstr("choose another directory")));
+}
+
+TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
+  constexpr auto promised = 100ms;
+  FourPrograms run("practical_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=1000", "--set", "loop.mode=realtime"};
+  bus::UdpTransport bus;
+  bus.subscribe("ARM_TRUTH");
+  run.start_all();
+  const bus::Codec<bus::truth::PlantTruth> codec(
+      {.num_joints = 2, .num_motors = 0, .num_filters = 0});
+  std::deque<std::pair<std::int64_t, Clock::time_point>> heard;  // tick, when
+  while (heard.empty() || heard.back().first < 1'234) {
+    const auto datagram = bus.receive(Clock::now() + 30s);
+    ASSERT_TRUE(datagram) << run["plant"].errors();
+    bus::Stamp stamp;
+    bus::truth::PlantTruth truth;
+    ASSERT_EQ(codec.decode(datagram->payload, stamp, truth), bus::Rejection::none);
+    heard.emplace_back(stamp.tick, Clock::now());
+  }
+  const auto killed = Clock::now();
+  run["logger"].signal(SIGKILL);
+  EXPECT_EQ(run["logger"].wait(), 128 + SIGKILL);
+  run["plant"].signal(SIGINT);
+  for (const char* role : {"plant", "reference", "controller"}) run[role].wait();
+
+  while (heard.back().second > killed - promised) heard.pop_back();
+  EXPECT_GE(last_tick_of(run.log_path()), heard.back().first)
+      << "of truth that was sent longer ago than promised, something is lost";
+  expect_replays(run.log_path(), run.directory());
+}
+
+}  // namespace
