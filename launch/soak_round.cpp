@@ -246,11 +246,12 @@ class SoakRunner::Play {
     }
     if (now.empty() && acted_ && !gone_at_) gone_at_ = Clock::now();
     processes_ = now;
+    // Not of a controller that took over: it has read the log.
+    for (const auto& [program, pid] : processes_) first_pids_.try_emplace(program, pid);
     if (tick_ < scenario_.loop.num_ticks / 10) return;
     for (const auto& [program, pid] : processes_) {
-      // Not a controller that took over: it has read the log.
       const auto kib = resident_kib(pid);
-      if (!kib || first_pids_.try_emplace(program, pid).first->second != pid) continue;
+      if (!kib || first_pids_.at(program) != pid) continue;
       SoakMemory& memory = outcome_.memory[program];
       if (memory.early == 0) memory.early = *kib;
       memory.peak = std::max(memory.peak, *kib);
