@@ -16,8 +16,7 @@
 namespace launch {
 namespace {
 
-constexpr const char* remedy =
-    "; sit at a desktop, log in with ssh -X, or see the same in a terminal: tachless watch";
+constexpr const char* remedy = "; sit at a desktop or log in with ssh -X";
 
 bool connects(int family, const sockaddr* address, socklen_t size) {
   const int fd = ::socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0);

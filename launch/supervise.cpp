@@ -22,28 +22,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds wake_interval{50};
-constexpr std::size_t longest_line = 4096;
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
 }
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd = -1) : fd_(fd) {}
-  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  [[nodiscard]] int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 // Signals that end a run and were delivered while `Watch::on_wake` let them through.
 volatile std::sig_atomic_t delivered = 0;
@@ -61,7 +43,7 @@ class Signals {
     struct sigaction count {};
     count.sa_handler = count_delivery;
     for (std::size_t i = 0; i < ending.size(); ++i) sigaction(ending[i], &count, &before_[i]);
-    fd_ = Descriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+    fd_ = bus::FileDescriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
     if (fd_.get() < 0) fail("signalfd");
   }
   Signals(const Signals&) = delete;
@@ -90,66 +72,8 @@ class Signals {
 
   sigset_t mask_before_{};
   std::array<struct sigaction, ending.size()> before_{};
-  Descriptor fd_;
+  bus::FileDescriptor fd_;
 };
-
-struct Child {
-  pid_t pid = -1;
-  bool running = false;
-  Descriptor output;
-  std::string partial;  // the line that has not ended yet
-};
-
-Child start(const std::vector<std::string>& command, const Signals& signals) {
-  std::array<int, 2> output{};
-  std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
-  if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
-  Descriptor output_read(output[0]);
-  Descriptor output_write(output[1]);
-  if (pipe2(refusal.data(), O_CLOEXEC) != 0) fail("pipe2");
-  Descriptor refusal_read(refusal[0]);
-  Descriptor refusal_write(refusal[1]);
-  if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
-
-  std::vector<char*> argv;
-  for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
-  argv.push_back(nullptr);
-
-  const pid_t parent = getpid();
-  const pid_t pid = fork();
-  if (pid < 0) fail("fork");
-  if (pid == 0) {
-    setpgid(0, 0);
-    prctl(PR_SET_PDEATHSIG, SIGTERM);
-    const int null = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
-    if (getppid() == parent && null >= 0 && dup2(null, STDIN_FILENO) >= 0 &&
-        dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
-        dup2(output_write.get(), STDERR_FILENO) >= 0 &&
-        sigprocmask(SIG_SETMASK, &signals.mask_before(), nullptr) == 0) {
-      execv(argv[0], argv.data());
-    }
-    const int error = errno;
-    [[maybe_unused]] const ssize_t written = ::write(refusal_write.get(), &error, sizeof error);
-    _exit(127);
-  }
-  refusal_write = Descriptor();
-  int error = 0;
-  ssize_t got;
-  do {
-    got = ::read(refusal_read.get(), &error, sizeof error);
-  } while (got < 0 && errno == EINTR);
-  if (got == sizeof error) {
-    waitpid(pid, nullptr, 0);
-    throw app::Failure(app::ExitCode::bad_usage, "cannot start " + command.front() + ": " +
-                                                     std::strerror(error) +
-                                                     "; build the whole project first");
-  }
-  Child child;
-  child.pid = pid;
-  child.running = true;
-  child.output = std::move(output_read);
-  return child;
-}
 
 class Run {
  public:
@@ -160,7 +84,7 @@ class Run {
     for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
     try {
       for (const Process& process : processes) {
-        children_.push_back(start(process.command, signals_));
+        children_.push_back(start(process.command, signals_.mask_before()));
       }
     } catch (...) {
       kill_rest();
@@ -199,27 +123,10 @@ class Run {
   }
 
   void read_output(std::size_t i) {
-    Child& child = children_[i];
-    if (child.output.get() < 0) return;
-    std::array<char, 4096> buffer;
-    ssize_t got;
-    while ((got = ::read(child.output.get(), buffer.data(), buffer.size())) > 0) {
-      for (const char c : std::string_view(buffer.data(), static_cast<std::size_t>(got))) {
-        if (c != '\n') child.partial += c;
-        if (c == '\n' || child.partial.size() >= longest_line) end_line(i);
-      }
-    }
-    if (got == 0) {
-      end_line(i);
-      child.output = Descriptor();
-    }
-  }
-
-  void end_line(std::size_t i) {
-    std::string line = std::exchange(children_[i].partial, {});
-    if (line.empty()) return;
-    if (watch_.on_line) watch_.on_line(result_.ends[i].name, line);
-    result_.ends[i].last_line = std::move(line);
+    read_lines(children_[i], [&](std::string line) {
+      if (watch_.on_line) watch_.on_line(result_.ends[i].name, line);
+      result_.ends[i].last_line = std::move(line);
+    });
   }
 
   void handle_interrupts() {
@@ -244,7 +151,6 @@ class Run {
       if (!child.running || waitpid(child.pid, &status, WNOHANG) != child.pid) continue;
       child.running = false;
       read_output(i);
-      end_line(i);
       ProcessEnd& end = result_.ends[i];
       if (WIFSIGNALED(status)) end.signal = WTERMSIG(status);
       if (WIFEXITED(status)) end.exit_code = WEXITSTATUS(status);
@@ -269,7 +175,7 @@ class Run {
     fresh.name = end.name;
     fresh.restarts = end.restarts + 1;
     end = std::move(fresh);
-    children_[i] = start(processes_[i].restart, signals_);
+    children_[i] = start(processes_[i].restart, signals_.mask_before());
     if (watch_.on_restart) watch_.on_restart(end.name, how);
   }
 

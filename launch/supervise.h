@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "app/exit_code.h"
+#include "launch/child.h"
 
 namespace launch {
 

@@ -2,15 +2,19 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <system_error>
+#include <thread>
 
+#include "app/interruption.h"
 #include "app/key_file.h"
 #include "app/logging.h"
 #include "app/process_options.h"
@@ -21,6 +25,7 @@
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "controller/catalogue.h"
+#include "launch/companion.h"
 #include "launch/figure.h"
 #include "launch/joint_units.h"
 #include "launch/log_tracking.h"
@@ -29,6 +34,7 @@
 #include "launch/summary.h"
 #include "launch/supervise.h"
 #include "launch/verb.h"
+#include "launch/visualizer.h"
 #include "plant/plant_model.h"
 #include "plant/realtime_loop.h"
 #include "reference/make_trajectory.h"
@@ -61,6 +67,7 @@ struct Options {
   bool isolate = false;
   bool quiet = false;
   bool json = false;
+  bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const {
     std::vector<std::string> all = overrides;
@@ -95,7 +102,8 @@ void isolate() {
   }
 }
 
-void prepare_network(const Options& options) {
+/// Returns whether the run is isolated.
+bool prepare_network(const Options& options) {
   bus::LcmUrl url;
   try {
     url = bus::parse_lcm_url(options.lcm_url);
@@ -104,12 +112,16 @@ void prepare_network(const Options& options) {
   }
   if (isolation_wanted(options)) {
     isolate();
-  } else if (const auto problem = bus::check_network(url)) {
+    return true;
+  }
+  if (const auto problem = bus::check_network(url)) {
     app::log_warning(
         "this host has no usable multicast (" + problem->what +
         "): the run is isolated in a private network; to mend it, type: " + problem->remedy);
     isolate();
+    return true;
   }
+  return false;
 }
 
 /// The run's directory, empty of our files and held against a second run until destruction.
@@ -157,26 +169,24 @@ class Directory {
   int fd_ = -1;
 };
 
-std::vector<Process> processes(const Options& options, const Directory& out) {
+/// Program and arguments that say which experiment on which bus.
+std::vector<std::string> command_of(const std::string& program, const Options& options) {
   const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
+  std::vector<std::string> command = {(programs / program).string(), options.scenario.string(),
+                                      "--lcm-url", options.lcm_url};
+  if (!options.key_file.empty()) command.insert(command.end(), {"--key-file", options.key_file});
+  for (const std::string& value : options.all_overrides()) {
+    command.insert(command.end(), {"--set", value});
+  }
+  return command;
+}
+
+std::vector<Process> processes(const Options& options, const Directory& out) {
   std::vector<Process> all;
   for (const bus::Role role : roles) {
-    std::vector<std::string> command = {(programs / app::program_name(role)).string(),
-                                        options.scenario.string(),
-                                        "--quiet",
-                                        "--lcm-url",
-                                        options.lcm_url,
-                                        "--wait-s",
-                                        rendezvous_s,
-                                        "--stats",
-                                        out.counters(role).string()};
-    if (!options.key_file.empty()) {
-      command.insert(command.end(), {"--key-file", options.key_file});
-    }
-    for (const std::string& value : options.all_overrides()) {
-      command.push_back("--set");
-      command.push_back(value);
-    }
+    std::vector<std::string> command = command_of(app::program_name(role), options);
+    command.insert(command.end(),
+                   {"--quiet", "--wait-s", rendezvous_s, "--stats", out.counters(role).string()});
     if (role == bus::Role::plant) {
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }
@@ -280,6 +290,59 @@ class Screen {
   Clock::time_point next_{};
 };
 
+/// Simbody's 3D window beside the run. Its end is said, and ends nothing.
+class Window {
+ public:
+  /// @throw app::Failure(bad_usage) when none can be opened
+  Window(const Options& options, bool isolated, Screen& screen) : screen_(screen) {
+    std::vector<std::string> command = command_of("tachless-visualizer", options);
+    command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
+    constexpr std::string_view itself = "tachless-visualizer: ";
+    try {
+      program_.emplace("tachless-visualizer", command, window_is_open, std::chrono::seconds(30),
+                       [&](std::string_view line) { screen_.pass_on("visualizer", line); });
+    } catch (const app::Failure& failure) {
+      std::string why = failure.what();
+      if (why.starts_with(itself)) why.erase(0, itself.size());
+      throw app::Failure(
+          failure.code(),
+          "--visualize: " + why + "; or leave out --visualize" +
+              (isolated ? " (this run is isolated: it reaches no display over the network)" : ""));
+    }
+  }
+
+  void attend() {
+    if (!program_->running()) return;
+    program_->attend();
+    if (program_->running()) return;
+    const std::string& trouble = program_->trouble();
+    screen_.clear();
+    app::log_warning("the window " + (trouble.empty() ? "was closed" : "is gone: " + trouble) +
+                     "; the run goes on");
+  }
+
+  /// The run is over: what is left to show will be shown.
+  void run_is_over(bool interrupted) { interrupted ? program_->stop() : program_->signal(SIGUSR1); }
+
+  /// Waits until the window has shown everything, is closed, or somebody is tired of it.
+  void finish(bool quiet) {
+    const std::atomic<bool>& interrupted = app::catch_interruptions();
+    program_->attend();
+    if (program_->running() && !quiet) {
+      app::log_info("the window shows the run to its end, at the simulated pace; Ctrl-C closes it");
+    }
+    while (program_->running() && !interrupted) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      program_->attend();
+    }
+    program_->stop();
+  }
+
+ private:
+  Screen& screen_;
+  std::optional<Companion> program_;
+};
+
 std::vector<nlohmann::json> take_counters(const Directory& out) {
   std::vector<nlohmann::json> counters;
   for (const bus::Role role : roles) {
@@ -311,8 +374,7 @@ app::ExitCode run_scenario(Options options) {
   }
   std::optional<bus::Key> key;
   if (!options.key_file.empty()) key = app::read_key_file(options.key_file);
-  const Directory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
-  prepare_network(options);
+  const bool isolated = prepare_network(options);
   if (options.run_id == 0) {
     options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
                          std::chrono::system_clock::now().time_since_epoch())
@@ -322,6 +384,9 @@ app::ExitCode run_scenario(Options options) {
   Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
   Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
   Screen screen(options.quiet);
+  std::optional<Window> window;
+  if (options.visualize) window.emplace(options, isolated, screen);
+  const Directory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
   Watch watch;
   if (scenario.loop.mode == app::Mode::realtime) {
     // The plant first brings the robot to rest, once it misses what was lost.
@@ -338,9 +403,11 @@ app::ExitCode run_scenario(Options options) {
   watch.on_wake = [&] {
     heartbeats.read_into(progress);
     screen.show(progress);
+    if (window) window->attend();
   };
   const Clock::time_point begun = Clock::now();
   const Supervision supervision = supervise(processes(options, out), watch);
+  if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
 
   RunFacts facts;
@@ -392,6 +459,7 @@ app::ExitCode run_scenario(Options options) {
       if (fs::exists(out / file)) std::cout << "  " << (out / file).string() << "\n";
     }
   }
+  if (window) window->finish(options.quiet);
   return exit_code(supervision);
 }
 
@@ -430,6 +498,10 @@ Verb::Action declare(CLI::App& command) {
       ->check(CLI::IsMember({"controller"}));
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");
+  command.add_flag(
+      "--visualize", options->visualize,
+      "Show the robot in Simbody's 3D window, at the simulated pace, to the end of the "
+      "motion; closing the window does not end the run");
   command.add_flag("-q,--quiet", options->quiet, "No progress and no table");
   command.add_flag("--json", options->json, "The summary on stdout, instead of the table");
   return [options] { return run_scenario(*options); };
@@ -443,7 +515,8 @@ const Verb run = {
     "  tachless run scenarios/paper_rigid.yaml\n"
     "  tachless run scenarios/paper_rigid.yaml --duration 0.5 --set 'controller.gains.kp=[400, "
     "300]'\n"
-    "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate",
+    "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate\n"
+    "  tachless run scenarios/iiwa_point_to_point.yaml --visualize",
     declare};
 
 }  // namespace launch::verb

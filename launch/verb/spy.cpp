@@ -65,7 +65,9 @@ app::ExitCode spy_on(const std::string& lcm_url) {
   } catch (const std::invalid_argument& error) {
     throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
   }
-  if (const auto problem = display_problem()) refuse(*problem);
+  if (const auto problem = display_problem()) {
+    refuse(*problem + ", or see the same in a terminal: tachless watch");
+  }
   if (const auto problem = bus::check_network(url)) {
     refuse(problem->what + "; to mend it, type: " + problem->remedy);
   }

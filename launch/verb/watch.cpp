@@ -1,5 +1,4 @@
 #include <poll.h>
-#include <sched.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -17,6 +16,7 @@
 #include "app/process_options.h"
 #include "bus/udp_transport.h"
 #include "launch/bus_monitor.h"
+#include "launch/step_aside.h"
 #include "launch/verb.h"
 
 namespace launch::verb {
@@ -45,12 +45,6 @@ bus::UdpTransport join(const std::string& lcm_url) {
   } catch (const std::system_error& error) {
     throw app::Failure(app::ExitCode::bad_usage, error.what());
   }
-}
-
-/// Runs only when nobody else wants the processor. Refused: nothing is lost but politeness.
-void step_aside() {
-  const sched_param none{};
-  [[maybe_unused]] const int refused = sched_setscheduler(0, SCHED_IDLE, &none);
 }
 
 /// Reads everything that is on the bus. It does not wait on the socket: whoever sends to a socket

@@ -9,10 +9,22 @@
 
 using std::chrono::steady_clock;
 
-VirtualDisplay::VirtualDisplay(const Directory& directory)
-    : directory_(directory),
-      server_("Xvfb", {"-displayfd", "1", "-screen", "0", "1280x1000x24", "-nolisten", "tcp"},
-              directory.path()) {
+namespace {
+
+std::vector<std::string> options_of_server(const std::vector<std::string>& more) {
+  std::vector<std::string> options = {"-displayfd", "1", "-screen", "0", "1280x1000x24",
+                                      "-nolisten", "tcp",
+                                      // Else it starts anew whenever its last client has gone, and
+                                      // drops one that comes meanwhile.
+                                      "-noreset"};
+  options.insert(options.end(), more.begin(), more.end());
+  return options;
+}
+
+}  // namespace
+
+VirtualDisplay::VirtualDisplay(const Directory& directory, const std::vector<std::string>& more)
+    : directory_(directory), server_("Xvfb", options_of_server(more), directory.path()) {
   wait_until("the X server's display number", [&] {
     if (!server_.running()) throw std::runtime_error("Xvfb: " + server_.errors());
     return server_.output().find('\n') != std::string::npos;

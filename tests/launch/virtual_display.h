@@ -14,7 +14,8 @@
 /// to it. Ended with the object.
 class VirtualDisplay {
  public:
-  explicit VirtualDisplay(const Directory& directory);
+  /// @param more options of Xvfb
+  explicit VirtualDisplay(const Directory& directory, const std::vector<std::string>& more = {});
 
   /// The visible window of exactly that title, if there is one.
   [[nodiscard]] std::optional<std::string> window(const std::string& title) const;

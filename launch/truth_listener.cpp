@@ -1,0 +1,45 @@
+#include "launch/truth_listener.h"
+
+namespace launch {
+
+TruthListener::TruthListener(const bus::LcmUrl& url, const std::optional<bus::Key>& key,
+                             const app::Scenario& scenario, std::int64_t run)
+    : transport_(url),
+      truth_channel_(bus::channel<bus::truth::PlantTruth>(scenario.robot.channel_prefix)),
+      truth_codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
+      participant_codec_(bus::Layout{}),
+      period_s_(scenario.loop.period_s),
+      run_(run) {
+  transport_.subscribe(truth_channel_);
+  if (!key) return;
+  authenticated_.emplace(transport_, *key);
+  transport_.subscribe(bus::channel<bus::Participant>(scenario.robot.channel_prefix));
+}
+
+void TruthListener::drain(const std::function<void(double t_s, const robot::Vector& q)>& on_pose) {
+  bus::Transport& heard =
+      authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+  while (const auto datagram = heard.receive(bus::Clock::time_point{})) {
+    if (datagram->channel != truth_channel_) {
+      note_plant(*datagram);
+    } else if (truth_codec_.decode(datagram->payload, stamp_, truth_) == bus::Rejection::none) {
+      if (run_ == 0) run_ = stamp_.run;
+      if (stamp_.run == run_) on_pose(static_cast<double>(stamp_.tick) * period_s_, truth_.q);
+    }
+  }
+}
+
+// On a bus with a key, truth verifies under one that is derived for the session besides.
+void TruthListener::note_plant(const bus::Datagram& datagram) {
+  bus::Stamp stamp;
+  bus::Participant participant;
+  if (entered_ ||
+      participant_codec_.decode(datagram.payload, stamp, participant) != bus::Rejection::none ||
+      participant.role != bus::Role::plant || stamp.run == 0 || (run_ != 0 && stamp.run != run_)) {
+    return;
+  }
+  authenticated_->enter(stamp.run, participant.instance);
+  entered_ = true;
+}
+
+}  // namespace launch

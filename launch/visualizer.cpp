@@ -1,0 +1,188 @@
+#include "launch/visualizer.h"
+
+#include <poll.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "app/interruption.h"
+#include "app/key_file.h"
+#include "app/logging.h"
+#include "app/process_options.h"
+#include "app/scenario.h"
+#include "app/version.h"
+#include "launch/display.h"
+#include "launch/pose_player.h"
+#include "launch/step_aside.h"
+#include "launch/truth_listener.h"
+#include "plant/arm_window.h"
+#include "plant/plant_model.h"
+
+namespace launch {
+namespace {
+
+using bus::Clock;
+using namespace std::chrono_literals;
+
+constexpr auto frame_period = 33ms;
+constexpr auto nap = 8ms;  // holds the socket's buffer easily at 20,000 ticks/s
+// A picture that does not change is drawn again, for a window that was covered.
+constexpr auto redraw_period = 500ms;
+constexpr auto last_picture_stays = 1s;
+
+struct Options {
+  std::filesystem::path scenario;
+  std::vector<std::string> overrides;
+  std::string lcm_url = app::default_lcm_url;
+  std::string key_file;
+  std::int64_t run_id = 0;
+};
+
+/// Nothing when --help or --version was asked for and has been answered.
+std::optional<Options> parse(int argc, const char* const* argv) {
+  Options options;
+  CLI::App cli("Shows the robot of a run, moving at the simulated pace, in a 3D window.",
+               "tachless-visualizer");
+  cli.footer(
+      "Examples:\n"
+      "  tachless run scenarios/practical_rigid.yaml --visualize\n"
+      "  tachless-visualizer scenarios/practical_rigid.yaml\n"
+      "Give it the run's scenario, with the same --set. It only listens, and may start at any "
+      "time.\n"
+      "Exit codes: 0 shown to the end or closed, 2 bad usage or no display, 130 interrupted.");
+  cli.set_version_flag("--version", std::string(app::version), "Print the version and exit");
+  cli.add_option("SCENARIO", options.scenario, "The experiment, a YAML file")->required();
+  cli.add_option("--set", options.overrides,
+                 "key.path=value, in place of the scenario's value; may be repeated")
+      ->allow_extra_args(false);
+  cli.add_option("--lcm-url", options.lcm_url, "The bus")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+  cli.add_option("--key-file", options.key_file, "Key of the bus")->envname("TACHLESS_KEY_FILE");
+  cli.add_option("--run-id", options.run_id, "The run to show; default: the first that is heard")
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      cli.exit(error, std::cout, std::cerr);
+      return std::nullopt;
+    }
+    throw app::Failure(app::ExitCode::bad_usage,
+                       std::string(error.what()) + "; see tachless-visualizer --help");
+  }
+  return options;
+}
+
+TruthListener listener_on(const Options& options, const app::Scenario& scenario) {
+  std::optional<bus::Key> key;
+  if (!options.key_file.empty()) key = app::read_key_file(options.key_file);
+  try {
+    return {bus::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
+  } catch (const std::invalid_argument& error) {
+    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
+  } catch (const std::system_error& error) {
+    throw app::Failure(app::ExitCode::bad_usage, options.lcm_url + ": " + error.what());
+  }
+}
+
+std::atomic<bool> run_is_over{false};
+void note_end_of_run(int /*signal*/) { run_is_over = true; }
+
+void give_up_opening(int /*signal*/) {
+  const std::string_view words[] = {"tachless-visualizer: ", plant::ArmWindow::viewer_ended, "\n"};
+  for (const std::string_view text : words) {
+    [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, text.data(), text.size());
+  }
+  _exit(static_cast<int>(app::ExitCode::bad_usage));
+}
+
+void handle(int signal, void (*handler)(int)) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  sigemptyset(&action.sa_mask);
+  sigaction(signal, &action, nullptr);
+}
+
+/// The process behind the window, the only child there is, has ended.
+bool window_is_closed() { return waitpid(-1, nullptr, WNOHANG) > 0; }
+
+void open(std::optional<plant::ArmWindow>& window, const robot::Model& model,
+          const robot::Vector& initial, const std::string& title) {
+  handle(SIGCHLD, give_up_opening);
+  window.emplace(model, initial, title);
+  handle(SIGCHLD, SIG_DFL);
+}
+
+app::ExitCode show(const Options& options) {
+  const app::Scenario scenario = app::load_scenario(options.scenario, options.overrides);
+  const robot::Model model = plant::plant_model(scenario);
+  const robot::Vector initial = plant::initial_state(scenario, model).q;
+  if (const auto problem = display_problem()) {
+    throw app::Failure(app::ExitCode::bad_usage, *problem);
+  }
+  handle(SIGUSR1, note_end_of_run);
+  handle(SIGPIPE, SIG_IGN);
+  TruthListener listener = listener_on(options, scenario);
+  step_aside();
+  std::optional<plant::ArmWindow> window;
+  open(window, model, initial, "tachless: " + scenario.name);
+  const std::atomic<bool>& interrupted = app::catch_interruptions();
+  std::cout << window_is_open << std::endl;
+
+  PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);
+  Clock::time_point next_frame{}, next_redraw{}, close_at = Clock::time_point::max();
+  std::optional<double> shown_s;
+  while (!interrupted) {
+    // Looked at before what has come: what was sent before the end is shown.
+    const bool over = run_is_over;
+    listener.drain([&](double t_s, const robot::Vector& q) { player.add(t_s, q, Clock::now()); });
+    if (over) player.end();
+    if (window_is_closed()) return app::ExitCode::done;
+    const Clock::time_point now = Clock::now();
+    if (now >= next_frame) {
+      next_frame = now + frame_period;
+      const auto pose = player.at(now);
+      if (pose && (pose->t_s != shown_s || now >= next_redraw)) {
+        window->show(pose->t_s, pose->q);
+        shown_s = pose->t_s;
+        next_redraw = now + redraw_period;
+      }
+      if (player.finished()) close_at = std::min(close_at, now + last_picture_stays);
+      if (now >= close_at) return app::ExitCode::done;
+    }
+    poll(nullptr, 0, static_cast<int>(nap.count()));
+  }
+  return app::ExitCode::interrupted;
+}
+
+}  // namespace
+
+int visualizer(int argc, const char* const* argv) {
+  app::start_logging("tachless-visualizer", app::Verbosity::normal);
+  try {
+    const std::optional<Options> options = parse(argc, argv);
+    return static_cast<int>(options ? show(*options) : app::ExitCode::done);
+  } catch (const app::Failure& failure) {
+    app::log_error(failure.what());
+    return static_cast<int>(failure.code());
+  } catch (const std::runtime_error& error) {
+    app::log_error(error.what());
+    return static_cast<int>(app::ExitCode::bad_usage);
+  }
+}
+
+}  // namespace launch

@@ -1,0 +1,3 @@
+#include "launch/visualizer.h"
+
+int main(int argc, char** argv) { return launch::visualizer(argc, argv); }

@@ -1,0 +1,273 @@
+// `tachless run --visualize`, in a network and on a display of their own. The pictures stay in
+// build/…/artefacts/visualize.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "tests/bus/private_network.h"
+#include "tests/launch/virtual_display.h"
+#include "tests/process/program.h"
+
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
+using Clock = std::chrono::steady_clock;
+
+namespace fs = std::filesystem;
+
+fs::path screenshot(const std::string& name) {
+  const fs::path folder = TACHLESS_BINARY_DIR "/artefacts/visualize";
+  fs::create_directories(folder);
+  return folder / name;
+}
+
+std::vector<std::string> run_of(const Directory& directory, const std::string& scenario,
+                                const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"run", TACHLESS_SOURCE_DIR "/scenarios/" + scenario + ".yaml",
+                                    "--out", directory / "out"};
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+/// A run with its window.
+class Visualized {
+ public:
+  Visualized(const Directory& directory, const VirtualDisplay& display, const std::string& scenario,
+             std::vector<std::string> more)
+      : title_("tachless: " + scenario),
+        display_(display),
+        program_("tachless", (more.push_back("--visualize"), run_of(directory, scenario, more)),
+                 directory.path()) {
+    wait_until("the window", [&] {
+      if (!program_.running()) throw std::runtime_error(program_.errors() + program_.output());
+      return (window_ = display_.window(title_)).has_value();
+    });
+  }
+
+  Program& program() { return program_; }
+  [[nodiscard]] const std::string& window() const { return *window_; }
+  [[nodiscard]] bool shown() const { return display_.window(title_).has_value(); }
+
+  /// The process of that name among the run's; 0 when there is none.
+  [[nodiscard]] pid_t process(const std::string& name) const {
+    const std::string own = std::to_string(program_.pid());
+    std::istringstream pids(contents("/proc/" + own + "/task/" + own + "/children"));
+    for (pid_t pid = 0; pids >> pid;) {
+      const std::string command = contents("/proc/" + std::to_string(pid) + "/cmdline");
+      if (command.substr(0, command.find('\0')).ends_with("/" + name)) return pid;
+    }
+    return 0;
+  }
+
+ private:
+  std::string title_;
+  const VirtualDisplay& display_;
+  Program program_;
+  std::optional<std::string> window_;
+};
+
+/// Which pixels of a picture have the colour of the links.
+struct Links {
+  std::vector<bool> mask;
+  int count = 0;
+};
+Links links_in(const fs::path& picture, const Directory& directory) {
+  const fs::path raw = directory / "links.rgb";
+  // Below the line with the time, which is orange too.
+  output_of("convert",
+            {picture, "-gravity", "North", "-chop", "0x40", "-depth", "8", "rgb:" + raw.string()},
+            directory);
+  const std::string bytes = contents(raw);
+  Links links;
+  for (std::size_t i = 0; i + 2 < bytes.size(); i += 3) {
+    const auto red = static_cast<std::uint8_t>(bytes[i]);
+    const auto green = static_cast<std::uint8_t>(bytes[i + 1]);
+    const auto blue = static_cast<std::uint8_t>(bytes[i + 2]);
+    links.mask.push_back(red > 60 && red > 5 * blue && 4 * red > 5 * green);
+    links.count += links.mask.back() ? 1 : 0;
+  }
+  return links;
+}
+
+int differing(const Links& a, const Links& b) {
+  int count = 0;
+  for (std::size_t i = 0; i < a.mask.size(); ++i) count += a.mask[i] != b.mask[i] ? 1 : 0;
+  return count;
+}
+
+/// The simulated time that a picture shows [s].
+double time_in(const fs::path& picture, const Directory& directory) {
+  const fs::path part = directory / "time.png";
+  output_of("convert", {picture, "-crop", "190x36+0+0", "+repage", part}, directory);
+  const std::string letters = letters_in(part, directory);
+  if (letters.rfind("Time", 0) != 0) throw std::runtime_error("no time, but " + letters);
+  return std::stod(letters.substr(4)) * 1e-3;
+}
+
+class ShowsARobot : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(ShowsARobot, MovingAtTheSimulatedPaceToTheEnd) {
+  const Directory directory;
+  const VirtualDisplay display(directory);
+  const auto begun = Clock::now();
+  const auto elapsed_s = [&] {
+    return std::chrono::duration<double>(Clock::now() - begun).count();
+  };
+  Visualized run(directory, display, GetParam(), {"--duration", "4"});
+  const fs::path early = screenshot(std::string(GetParam()) + "-early.png");
+  const fs::path late = screenshot(std::string(GetParam()) + "-late.png");
+  double early_s = 0;
+  wait_until("a picture of the robot", [&] {
+    display.picture(run.window(), early);
+    return links_in(early, directory).count > 2000;
+  });
+  early_s = time_in(early, directory);
+  EXPECT_LE(early_s, elapsed_s());
+
+  // Over, but not shown to its end.
+  run.program().wait_for("the window shows the run to its end");
+  double late_s = 0;
+  wait_until("the robot to move", [&] {
+    display.picture(run.window(), late);
+    late_s = time_in(late, directory);
+    return late_s > early_s + 0.5 &&
+           differing(links_in(early, directory), links_in(late, directory)) > 500;
+  });
+  // Not a second in less than a second, and 4 s take 4 s, plus what it takes to open and close.
+  EXPECT_LE(late_s, elapsed_s());
+  EXPECT_EQ(run.program().wait(), 0) << run.program().errors();
+  EXPECT_GT(elapsed_s(), 4);
+  EXPECT_LT(elapsed_s(), 30);
+  wait_until("the window to close", [&] { return !run.shown(); });
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, ShowsARobot,
+                         ::testing::Values("practical_rigid", "iiwa_point_to_point"),
+                         [](const auto& robot) { return std::string(robot.param); });
+
+TEST(Visualize, LeavesTheRunAlone) {
+  const Directory directory;
+  const VirtualDisplay display(directory);
+  std::ofstream(directory / "key") << std::string(32, 'k');
+  fs::permissions(directory / "key", fs::perms::owner_read);
+  const std::vector<std::string> options = {"--run-id",   "7",   "--key-file", directory / "key",
+                                            "--duration", "0.5", "--quiet"};
+  Program alone("tachless", run_of(directory, "practical_flexible", options), directory.path());
+  ASSERT_EQ(alone.wait(), 0) << alone.errors();
+  const std::string log = contents(directory / "out/lcmlog");
+  Visualized run(directory, display, "practical_flexible", options);
+  // It hears a bus with a key, too: the robot's end is shown.
+  EXPECT_EQ(run.program().wait(), 0);
+  EXPECT_THAT(run.program().errors(), IsEmpty());
+  EXPECT_TRUE(contents(directory / "out/lcmlog") == log);
+}
+
+TEST(Visualize, ClosingTheWindowDoesNotEndTheRun) {
+  const Directory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid",
+                 {"--mode", "realtime", "--duration", "3", "--quiet"});
+  wait_until("the run to begin", [&] { return run.process("tachless-plant") != 0; });
+  output_of("xdotool", {"windowkill", run.window()}, directory);
+  run.program().wait_for("the window was closed; the run goes on");
+  EXPECT_NE(run.process("tachless-plant"), 0);
+  EXPECT_EQ(run.program().wait(), 0);
+  EXPECT_THAT(contents(directory / "out/summary.json"),
+              AllOf(HasSubstr("\"fault\": null"), HasSubstr("\"ticks\": 3000")));
+}
+
+TEST(Visualize, ACrashOfTheWindowsProgramDoesNotEndTheRun) {
+  const Directory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid",
+                 {"--mode", "realtime", "--duration", "3", "--quiet"});
+  wait_until("the run to begin", [&] { return run.process("tachless-plant") != 0; });
+  kill(run.process("tachless-visualizer"), SIGKILL);
+  run.program().wait_for("the window is gone: tachless-visualizer was killed by signal 9");
+  wait_until("the window to close", [&] { return !run.shown(); });
+  EXPECT_EQ(run.program().wait(), 0);
+  EXPECT_THAT(contents(directory / "out/summary.json"), HasSubstr("\"ticks\": 3000"));
+}
+
+TEST(Visualize, CtrlCClosesTheWindowOfARunThatIsOver) {
+  const Directory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid", {"--duration", "100"});
+  run.program().wait_for("the window shows the run to its end", seconds(120));
+  run.program().signal(SIGINT);
+  EXPECT_EQ(run.program().wait(seconds(10)), 0);  // the run was done
+  wait_until("the window to close", [&] { return !run.shown(); });
+}
+
+TEST(Visualize, CtrlCEndsTheRunAndItsWindow) {
+  const Directory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid",
+                 {"--mode", "realtime", "--duration", "100"});
+  wait_until("the run to begin", [&] { return run.process("tachless-plant") != 0; });
+  run.program().signal(SIGINT);
+  EXPECT_EQ(run.program().wait(seconds(20)), 130);
+  wait_until("the window to close", [&] { return !run.shown(); });
+}
+
+class VisualizeRefused : public ::testing::Test {
+ protected:
+  /// What a run with a window says that cannot begin.
+  std::string refusal() {
+    Program run("tachless", run_of(directory_, "practical_rigid", {"--visualize"}),
+                directory_.path());
+    EXPECT_EQ(run.wait(), 2);
+    EXPECT_FALSE(fs::exists(directory_ / "out")) << "something was started";
+    EXPECT_THAT(run.output(), IsEmpty());
+    const std::string errors = run.errors();
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+    EXPECT_THAT(errors, AllOf(StartsWith("tachless: --visualize: "),
+                              HasSubstr("; or leave out --visualize")));
+    return errors;
+  }
+
+  Directory directory_;
+};
+
+TEST_F(VisualizeRefused, WithoutADisplay) {
+  unsetenv("DISPLAY");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("no display: DISPLAY is not set; sit at a desktop"),
+                               Not(HasSubstr("watch"))));
+  setenv("DISPLAY", ":5000", 1);
+  EXPECT_THAT(refusal(), HasSubstr("no X server answers at DISPLAY=:5000"));
+}
+
+TEST_F(VisualizeRefused, OnADisplayWithoutOpenGL) {
+  const VirtualDisplay display(directory_, {"-extension", "GLX"});
+  EXPECT_THAT(refusal(), HasSubstr("apt-get install libgl1-mesa-dri"));
+}
+
+TEST(Visualizer, RefusesABadCommandLine) {
+  const Directory directory;
+  Program program("tachless-visualizer", {"nowhere.yaml"}, directory.path());
+  EXPECT_EQ(program.wait(), 2);
+  EXPECT_THAT(program.errors(), HasSubstr("nowhere.yaml"));
+  Program none("tachless-visualizer", {"--run-id", "0"}, directory.path());
+  EXPECT_EQ(none.wait(), 2);
+  EXPECT_THAT(none.errors(), HasSubstr("--run-id"));
+}
+
+}  // namespace
