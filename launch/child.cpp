@@ -43,6 +43,7 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask) {
   if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
 
   std::vector<char*> argv;
+  argv.reserve(command.size() + 1);
   for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
 

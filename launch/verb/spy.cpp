@@ -82,6 +82,7 @@ app::ExitCode spy_on(const std::string& lcm_url) {
                                     "-l",
                                     url.text()};
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   execv(argv[0], argv.data());
