@@ -6,6 +6,7 @@
 #include <iterator>
 #include <stdexcept>
 
+#include "bus/authenticated.h"
 #include "controller/node.h"
 #include "logger/node.h"
 #include "plant/node.h"
@@ -71,15 +72,20 @@ void FourThreads::start(Role role) {
   if (wrapper_) transport = wrapper_(role, std::move(transport));
   threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
     Outcome& outcome = outcomes_.at(index);
+    std::optional<bus::Authenticated> authenticated;
+    if (key_) authenticated.emplace(*endpoint, *key_);
+    bus::Transport& heard =
+        authenticated ? static_cast<bus::Transport&>(*authenticated) : *endpoint;
     app::Session session(
-        scenario, *endpoint,
+        scenario, heard,
         {.role = role,
          .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
          .wait_s = 60,
          .interrupted = &interrupted_.at(index),
-         .instance = 0});
+         .instance = 0,
+         .authenticated = authenticated ? &*authenticated : nullptr});
     try {
-      session.play([&] { play(role, scenario, *endpoint, session, log_path()); });
+      session.play([&] { play(role, scenario, heard, session, log_path()); });
     } catch (const app::Failure& failure) {
       outcome.code = failure.code();
       outcome.fault = failure.what();

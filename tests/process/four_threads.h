@@ -7,6 +7,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "app/scenario.h"
 #include "app/session.h"
 #include "bus/in_memory.h"
+#include "bus/key.h"
 #include "bus/wire.h"
 
 /// The four real nodes in four threads on an in-memory bus.
@@ -44,6 +46,8 @@ class FourThreads {
 
   bus::InMemoryNetwork& network() { return network_; }
   void wrap(Wrapper wrapper) { wrapper_ = std::move(wrapper); }
+  /// All four have it.
+  void give_key(const bus::Key& key) { key_ = key; }
   /// The scenario of one role alone.
   void give(bus::Role role, const app::Scenario& scenario);
   /// What a user's Ctrl-C in that process does.
@@ -63,6 +67,7 @@ class FourThreads {
   bus::InMemoryNetwork network_;
   std::filesystem::path directory_;
   Wrapper wrapper_;
+  std::optional<bus::Key> key_;
   std::array<std::atomic<bool>, bus::num_roles> interrupted_{};
   std::array<Outcome, bus::num_roles> outcomes_;
   std::array<std::thread, bus::num_roles> threads_;

@@ -279,8 +279,11 @@ class Counting : public Wrapped {
   bool excused_ = false;
 };
 
-TEST(RealtimeRun, AllocatesNothingAfterTheFirstTicks) {
+class ARealtimeRun : public testing::TestWithParam<bool> {};
+
+TEST_P(ARealtimeRun, AllocatesNothingAfterTheFirstTicks) {
   FourThreads threads(at_rest({"loop.duration_s=1"}));
+  if (GetParam()) threads.give_key({});
   // The logger is no part of the loop.
   const std::map<Role, std::string> channels = {{Role::plant, "ARM_TICK"},
                                                 {Role::reference, "ARM_REFERENCE"},
@@ -299,6 +302,10 @@ TEST(RealtimeRun, AllocatesNothingAfterTheFirstTicks) {
     EXPECT_GT(count.messages, 500) << bus::name(role);
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(OnABus, ARealtimeRun, testing::Bool(), [](const auto& key) {
+  return std::string(key.param ? "WithAKey" : "WithoutAKey");
+});
 
 /// Spins on every core, and then some.
 class BusyMachine {

@@ -1,0 +1,105 @@
+// What a key on the bus costs: the four programs on a scenario, by turns without and with one, in a
+// network of their own; and a message tagged and checked alone.
+//   key_bench [SCENARIO [PAIRS]]
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "bus/authenticated.h"
+#include "bus/in_memory.h"
+#include "bus/isolate.h"
+#include "tests/process/program.h"
+
+namespace {
+
+constexpr const char* roles[] = {"logger", "controller", "reference", "plant"};
+
+double ticks_per_s(const std::string& scenario, bool with_key) {
+  const Directory directory;
+  const std::string key = directory / "key";
+  std::ofstream(key) << std::string(64, '5');
+  chmod(key.c_str(), 0600);
+  std::vector<std::unique_ptr<Program>> programs;
+  for (const std::string role : roles) {
+    std::vector<std::string> arguments{scenario, "--stats", directory / role};
+    if (with_key) arguments.insert(arguments.end(), {"--key-file", key});
+    if (role == "logger") arguments.insert(arguments.end(), {"--out-log", directory / "lcmlog"});
+    programs.push_back(std::make_unique<Program>("tachless-" + role, arguments, directory.path()));
+  }
+  for (const auto& program : programs) {
+    if (program->wait(std::chrono::seconds(600)) != 0) throw std::runtime_error(program->errors());
+  }
+  const auto plant = nlohmann::json::parse(std::ifstream(directory / "plant"));
+  return plant["ticks"].get<double>() / plant["wall_s"].get<double>();
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// From `publish` to `receive`, in one thread over memory [us].
+double us_per_message(bus::Transport& sender, bus::Transport& receiver) {
+  constexpr int messages = 200'000;
+  constexpr const char* channel = "ARM_POSITION";
+  receiver.subscribe(channel);
+  const std::vector<std::byte> payload(52);  // a position_measurement_t of two joints
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < messages; ++i) {
+    sender.publish(channel, payload);
+    if (!receiver.receive(bus::Clock::time_point::min())) throw std::runtime_error("not heard");
+  }
+  const std::chrono::duration<double, std::micro> taken = std::chrono::steady_clock::now() - begin;
+  return taken.count() / messages;
+}
+
+void measure_messages() {
+  std::vector<double> plain, keyed;
+  for (int i = 0; i < 9; ++i) {
+    bus::InMemoryNetwork network;
+    const auto a = network.connect("a"), b = network.connect("b");
+    plain.push_back(us_per_message(*a, *b));
+    bus::Authenticated tagging(*a, {}), checking(*b, {});
+    tagging.enter(7, 1);
+    checking.enter(7, 1);
+    keyed.push_back(us_per_message(tagging, checking));
+  }
+  std::printf("a message tagged and checked: %.2f us (of which the memory bus %.2f us)\n",
+              median(keyed), median(plain));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const std::string scenario =
+      argc > 1 ? argv[1] : TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml";
+  const int pairs = argc > 2 ? std::atoi(argv[2]) : 9;
+  measure_messages();
+  bus::enter_private_network();
+  std::vector<double> without, with, ratios;
+  for (int i = 0; i < pairs; ++i) {
+    without.push_back(ticks_per_s(scenario, false));
+    with.push_back(ticks_per_s(scenario, true));
+    ratios.push_back(with.back() / without.back());
+    std::printf("%10.0f %10.0f ticks/s  ratio %.3f\n", without.back(), with.back(), ratios.back());
+    std::fflush(stdout);
+  }
+  std::printf("median: %.0f ticks/s without, %.0f with; ratio of a pair %.3f (%.3f to %.3f)\n",
+              median(without), median(with), median(ratios),
+              *std::min_element(ratios.begin(), ratios.end()),
+              *std::max_element(ratios.begin(), ratios.end()));
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}
