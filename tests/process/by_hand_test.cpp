@@ -101,8 +101,8 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, SameLog,
                          ::testing::Values("paper_rigid.yaml", "practical_rigid.yaml",
                                            "regulation.yaml", "paper_flexible.yaml",
                                            "practical_flexible.yaml", "flexible_regulation.yaml"),
-                         [](const auto& info) {
-                           const std::string file = info.param;
+                         [](const auto& each) {
+                           const std::string file = each.param;
                            return file.substr(0, file.find('.'));
                          });
 
