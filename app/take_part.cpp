@@ -32,6 +32,18 @@ void join(std::optional<bus::UdpTransport>& transport, const std::string& url) {
   }
 }
 
+/// Nothing is repeated for a realtime logger: its buffer has to hold what comes while it waits for
+/// a processor.
+void warn_of_small_buffer(const bus::UdpTransport& transport) {
+  constexpr int enough_bytes = 2 << 20;  // bursts of a thousand messages, and to spare
+  const int granted_bytes = transport.receive_buffer_bytes();
+  if (granted_bytes >= enough_bytes) return;
+  log_warning("the kernel grants a receive buffer of " + std::to_string(granted_bytes / 1024) +
+              " KiB: bursts of some hundred messages may leave gaps; to mend it, type: sudo sysctl "
+              "-w net.core.rmem_max=" +
+              std::to_string(enough_bytes));
+}
+
 /// What the others cannot know: they only miss this process.
 void tell_what_was_not_sent(const bus::UdpTransport& transport) {
   const bus::UdpStatistics statistics = transport.statistics();
@@ -77,7 +89,10 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
                                     .authenticated = authenticated ? &*authenticated : nullptr,
                                     .resume = options.resume.has_value(),
                                     .follow = options.follow});
-    if (scenario.loop.mode == Mode::realtime) request_real_time(role);
+    if (scenario.loop.mode == Mode::realtime) {
+      request_real_time(role);
+      if (role == bus::Role::logger) warn_of_small_buffer(*transport);
+    }
     session->play([&] { part(scenario, heard, *session); });
   } catch (const Failure& failure) {
     Statistics& statistics = session ? session->statistics() : early;

@@ -128,8 +128,10 @@ Storm::Bytes Storm::bent(Kind kind, std::string& channel) {
       bytes.resize(static_cast<std::size_t>(any(0, std::ssize(bytes) - 1)));
       return bytes;
     case Kind::lengthened:
-      bytes.resize(bytes.size() + static_cast<std::size_t>(any(1, any(0, 99) == 0 ? 60'000 : 64)),
-                   std::byte{0});
+      bytes.resize(
+          std::min(bytes.size() + static_cast<std::size_t>(any(1, any(0, 99) == 0 ? 60'000 : 64)),
+                   bus::lcm_packet::max_short_size - channel.size() - 1),
+          std::byte{0});
       return bytes;
     case Kind::wrong_type:
       bytes[static_cast<std::size_t>(any(0, 7))] ^= static_cast<std::byte>(any(1, 255));

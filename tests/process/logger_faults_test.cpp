@@ -129,6 +129,21 @@ TEST(ADirectoryThatCannotBeWritten, IsRefusedAtOnce) {
               AllOf(HasSubstr("--out " + (disk / "out")), HasSubstr("choose another directory")));
 }
 
+TEST(ASmallReceiveBuffer, IsToldByTheLoggerOfARealtimeRun) {
+  const Directory directory;
+  for (const std::string mode : {"realtime", "lockstep"}) {
+    Program logger(
+        "tachless-logger",
+        {practical_rigid, "--set", "loop.mode=" + mode, "--wait-s", "0.1", "--lcm-url",
+         "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=212992", "--out-log", directory / mode},
+        directory.path());
+    EXPECT_EQ(logger.wait(), 3);
+    const bool told =
+        logger.errors().find("sudo sysctl -w net.core.rmem_max=") != std::string::npos;
+    EXPECT_EQ(told, mode == "realtime") << logger.errors();
+  }
+}
+
 TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
   constexpr auto promised = 100ms;
   FourPrograms run("practical_rigid.yaml");
