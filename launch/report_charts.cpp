@@ -280,23 +280,27 @@ class Charts {
     chart.logarithmic_y = true;
     chart.wide = true;
     std::vector<Curve> fits;
+    std::vector<std::string> says;
     for (std::size_t i = 0; i < runs_.size(); ++i) {
       const RecordedRun& run = runs_[i];
       if (run.lyapunov_formula.empty()) {
-        section.text += "<p>" + (alone() ? "" : escaped(run.label) + ": ") + "for " +
-                        escaped(run.scenario.controller.law) + " no function is evaluated.</p>";
+        says.push_back("for " + escaped(run.scenario.controller.law) +
+                       " no function is evaluated.");
         continue;
       }
-      section.text +=
-          "<p>" + (alone() ? "" : escaped(run.label) + ": ") + "<i>V</i> = " + run.lyapunov_formula;
+      says.push_back("<i>V</i> = " + run.lyapunov_formula);
       if (run.lyapunov_epsilon > 0) {
-        section.text += " with ε = " + formatted("%.3g", run.lyapunov_epsilon) +
-                        " 1/s, 5 % of the largest for which V is positive definite by norms";
+        says.back() += " with ε = " + formatted("%.3g", run.lyapunov_epsilon) +
+                       " 1/s, 5 % of the largest for which V is positive definite by norms";
       }
-      section.text += ", at the plant's true state and the law's own model.</p>";
+      says.back() += ", at the plant's true state and the law's own model.";
       chart.curves.push_back(
           {"", run.lyapunov.points(budget()), colour(i), 1.4, dash(i), CurveStyle::line});
       if (run.lyapunov_decay) fits.push_back(fit(*run.lyapunov_decay, i));
+    }
+    const bool all_alike = std::equal(says.begin() + 1, says.end(), says.begin());
+    for (std::size_t i = 0; i < (all_alike ? 1 : says.size()); ++i) {
+      section.text += "<p>" + (all_alike ? "" : escaped(runs_[i].label) + ": ") + says[i] + "</p>";
     }
     section.text +=
         "<p>In continuous time V falls to zero; a torque that is held over a tick, an encoder's "

@@ -28,13 +28,19 @@ p { margin: .3rem 0 .7rem; max-width: 48rem; }
 .alarm { border-left: 4px solid #d55e00; padding: .3rem .8rem; background: #fdf3ec; }
 nav { display: flex; flex-wrap: wrap; gap: .2rem 1.1rem; font-size: .9rem; margin: 1rem 0 0; }
 a { color: #00588a; }
-.table { overflow-x: auto; margin: .5rem 0 1rem; }
+/* A shade at the edge beyond which a table goes on; the white that hides it scrolls along. */
+.table { overflow-x: auto; margin: .5rem 0 1rem; background:
+  linear-gradient(90deg, #fff 40%, #fff0) 0 0 / 2rem 100% no-repeat local,
+  linear-gradient(-90deg, #fff 40%, #fff0) 100% 0 / 2rem 100% no-repeat local,
+  linear-gradient(90deg, #0003, #0000) 0 0 / .7rem 100% no-repeat scroll,
+  linear-gradient(-90deg, #0003, #0000) 100% 0 / .7rem 100% no-repeat scroll; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .28rem .8rem .28rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid #e4e4e4; }
 thead th { border-bottom: 1.5px solid #888; }
 tbody th { font-weight: 600; white-space: nowrap; }
 td.number, th.number { text-align: right; white-space: nowrap; }
+td.run { min-width: 7.5em; overflow-wrap: anywhere; }
 .facts td { overflow-wrap: anywhere; min-width: 9rem; }
 .charts { display: grid; gap: 1rem 1.5rem;
   grid-template-columns: repeat(auto-fill, minmax(min(100%, 30rem), 1fr)); }
@@ -59,14 +65,24 @@ footer { margin-top: 2.5rem; color: #555; font-size: .85rem; }
   .wide .broad { display: none; }
 }
 @media print {
-  @page { margin: 14mm; }
-  body { font-size: 10pt; }
+  @page { size: A4; margin: 15mm 14mm; }
+  body { font-size: 9.5pt; }
   main { max-width: none; padding: 0; }
-  nav, details { display: none; }
+  nav, details:not([open]), #scenarios:not(:has([open])) { display: none; }
   h2 { margin-top: 1.2rem; }
+  p, .legend { break-inside: avoid; break-after: avoid; }
+  tr, #results { break-inside: avoid; }
+  pre { white-space: pre-wrap; overflow: visible; break-inside: avoid; }
   a { color: inherit; text-decoration: none; }
-  .table { overflow: visible; }
-  .charts { grid-template-columns: 1fr 1fr; gap: .6rem 1rem; }
+  .table { overflow: visible; background: none; }
+  table { font-size: 8.5pt; }
+  th, td { padding-right: .55rem; }
+  /* Lines of a block stay with the heading before them; those of a grid or a flex box do not. */
+  .charts, .legend { display: block; orphans: 1; widows: 1; }
+  .legend span { margin-right: .9rem; }
+  .legend .swatch { margin-right: .45em; }
+  figure { display: inline-block; width: 49.5%; padding: 0 .4rem .5rem 0; }
+  figure.wide { width: 100%; }
   .wide .narrow { display: none; }
   .wide .broad { display: block; }
 }
@@ -352,16 +368,18 @@ std::string results_table(const std::vector<RecordedRun>& runs) {
       const std::string& effort = run.units.effort[joint];
       const double share = 100 * static_cast<double>(run.saturated[joint].ticks()) /
                            static_cast<double>(run.tracking.num_ticks());
-      text += "<tr>" + (runs.size() > 1 ? "<td>" + swatch(i) + escaped(run.label) + "</td>" : "") +
-              "<th scope=\"row\">" + std::to_string(joint + 1) + "</th>" +
-              cell(number("%.2e", signals.error.peak()) + " " + length) +
-              cell(number("%.2e", signals.error.rms()) + " " + length) +
-              cell(number("%.2e", signals.error.final()) + " " + length) +
-              cell(run.decay[joint] ? number("%.3g", run.decay[joint]->rate_per_s) + " 1/s"
-                                    : "no decay fits") +
-              cell(number("%.5g", signals.torque.peak()) + " " + effort) +
-              cell(number("%.5g", signals.torque.rms()) + " " + effort) +
-              cell(number("%.3g", share) + " %") + "</tr>\n";
+      text +=
+          "<tr>" +
+          (runs.size() > 1 ? "<td class=\"run\">" + swatch(i) + escaped(run.label) + "</td>" : "") +
+          "<th scope=\"row\">" + std::to_string(joint + 1) + "</th>" +
+          cell(number("%.2e", signals.error.peak()) + " " + length) +
+          cell(number("%.2e", signals.error.rms()) + " " + length) +
+          cell(number("%.2e", signals.error.final()) + " " + length) +
+          cell(run.decay[joint] ? number("%.3g", run.decay[joint]->rate_per_s) + " 1/s"
+                                : "no decay fits") +
+          cell(number("%.5g", signals.torque.peak()) + " " + effort) +
+          cell(number("%.5g", signals.torque.rms()) + " " + effort) +
+          cell(number("%.3g", share) + " %") + "</tr>\n";
     }
   }
   return text + "</tbody></table></div>\n";
@@ -452,7 +470,7 @@ std::string report_page(const std::vector<RecordedRun>& runs,
           results_table(runs) + "</section>\n";
   for (const ReportSection& section : sections) {
     page += "<section id=\"" + section.name + "\"><h2>" + section.heading + "</h2>\n";
-    if (!section.text.empty() && section.text.front() != '<') {
+    if (!section.text.empty() && !section.text.starts_with("<p")) {
       page += "<p>" + section.text + "</p>\n";
     } else {
       page += section.text + "\n";
@@ -467,8 +485,10 @@ std::string report_page(const std::vector<RecordedRun>& runs,
   }
   page += "<section id=\"scenarios\"><h2>Scenario</h2>\n";
   for (const RecordedRun& run : runs) {
-    page += "<details><summary>" + escaped(run.label) + "</summary><pre>" +
-            escaped(run.info.scenario) + "</pre></details>\n";
+    // Of one run it is on the page, and on paper; of several the differences are in the table.
+    page += std::string(runs.size() == 1 ? "<details open>" : "<details>") + "<summary>" +
+            escaped(run.label) + "</summary><pre>" + escaped(run.info.scenario) +
+            "</pre></details>\n";
   }
   page += "</section>\n<footer>Written by tachless " + escaped(app::version) +
           ". The controller's commands can be computed again from the log: <code>tachless replay " +

@@ -1,5 +1,6 @@
 // The report in a real browser: no console message, every chart with a size, no sideways scrolling
-// on a phone. Screenshots stay in the build directory's artefacts/report.
+// on a phone; on paper nothing cut off and no heading parted from what it heads. Screenshots and
+// prints stay in the build directory's artefacts/report.
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -8,8 +9,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <fstream>
 #include <regex>
+#include <set>
 
 #include "launch/report.h"
 #include "tests/launch/in_process_log.h"
@@ -135,6 +138,74 @@ document.querySelector('iframe').onload = (event) => {
     }
   }
 
+  /// A word on paper, in points from the upper left corner.
+  struct Word {
+    double left, top, right, bottom;
+    std::string text;
+  };
+
+  /// The words of each page of a print.
+  std::vector<std::vector<Word>> words_of(const fs::path& pdf) {
+    const fs::path boxes = profile_.path() / "boxes.html";
+    const std::string command = "pdftotext -bbox '" + pdf.string() + "' '" + boxes.string() + "'";
+    EXPECT_EQ(std::system(command.c_str()), 0);
+    static const std::regex word(
+        "<word xMin=\"([^\"]+)\" yMin=\"([^\"]+)\" xMax=\"([^\"]+)\" "
+        "yMax=\"([^\"]+)\">([^<]*)</word>");
+    std::vector<std::vector<Word>> pages;
+    std::ifstream lines(boxes);
+    for (std::string line; std::getline(lines, line);) {
+      std::smatch match;
+      if (line.find("<page") != std::string::npos) {
+        EXPECT_THAT(line, HasSubstr("width=\"594.9")) << "not A4";
+        pages.emplace_back();
+      } else if (std::regex_search(line, match, word)) {
+        pages.back().push_back({std::stod(match[1]), std::stod(match[2]), std::stod(match[3]),
+                                std::stod(match[4]), match[5]});
+      }
+    }
+    return pages;
+  }
+
+  /// Prints a page, A4.
+  void print(const std::string& name, int num_charts, std::size_t most_pages) {
+    const fs::path pdf = artefacts / (name + ".pdf");
+    fs::remove(pdf);
+    open(artefacts / (name + ".html"),
+         {"--no-pdf-header-footer", "--print-to-pdf=" + pdf.string()});
+    const auto pages = words_of(pdf);
+    EXPECT_GE(pages.size(), 3U);
+    EXPECT_LE(pages.size(), most_pages);
+    constexpr double width = 595, height = 842, side = 39, edge = 42;  // margins of 14 and 15 mm
+    const std::set<std::string> headings = {"Tracking", "Position", "Torque",
+                                            "Filter",   "Lyapunov", "Timing"};
+    int time_axes = 0;
+    std::set<std::string> seen;
+    for (std::size_t i = 0; i < pages.size(); ++i) {
+      SCOPED_TRACE("page " + std::to_string(i + 1));
+      EXPECT_FALSE(pages[i].empty());
+      double last_axis = 0;
+      for (const Word& word : pages[i]) {
+        EXPECT_GE(word.left, side) << word.text;
+        EXPECT_LE(word.right, width - side) << word.text;
+        EXPECT_GE(word.top, edge) << word.text;
+        EXPECT_LE(word.bottom, height - edge) << word.text;
+        const bool is_small = word.bottom - word.top < 9;  // as only charts write
+        if (is_small && (word.text == "[s]" || word.text == "[µs]")) {
+          ++time_axes;
+          last_axis = std::max(last_axis, word.bottom);
+        }
+      }
+      for (const Word& word : pages[i]) {
+        if (word.bottom - word.top < 15 || !headings.contains(word.text)) continue;
+        seen.insert(word.text);
+        EXPECT_GT(last_axis, word.bottom) << word.text << " heads nothing on its page";
+      }
+    }
+    EXPECT_EQ(time_axes, num_charts) << "the axis below each chart";
+    EXPECT_EQ(seen, headings);
+  }
+
   RecordedRun recorded(const std::string& name, const app::Scenario& scenario) {
     const fs::path log = profile_.path() / name / "lcmlog";
     fs::create_directories(log.parent_path());
@@ -161,12 +232,14 @@ TEST_F(Browser, ShowsTheReportOfOneRun) {
       "one", shortened("practical_rigid.yaml", "1", {"plant.drive.torque_limit_Nm=[500, 60]"})));
   // Two joints' tracking, error, torque, filter; V; round trip; saturation.
   look_at("one_run", runs, 11);
+  print("one_run", 11, 5);
 }
 
 TEST_F(Browser, ShowsTheReportOfAFlexibleRobot) {
   std::vector<RecordedRun> runs;
   runs.push_back(recorded("one", shortened("practical_flexible.yaml", "1")));
   look_at("flexible", runs, 10);
+  print("flexible", 10, 5);
 }
 
 TEST_F(Browser, ShowsTheReportOfSeveralRuns) {
@@ -178,12 +251,14 @@ TEST_F(Browser, ShowsTheReportOfSeveralRuns) {
       recorded("payload", shortened("practical_rigid.yaml", "1", {"plant.payload.mass_kg=0.5"})));
   label(runs);
   look_at("several_runs", runs, 10);
+  print("several_runs", 10, 6);
 }
 
 TEST_F(Browser, ShowsTheReportOfSevenJoints) {
   std::vector<RecordedRun> runs;
   runs.push_back(recorded("iiwa", shortened("iiwa_point_to_point.yaml", "1.5")));
   look_at("seven_joints", runs, 4 * 7 + 2);
+  print("seven_joints", 4 * 7 + 2, 9);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -154,6 +155,18 @@ void set_data_length(std::string& bytes, std::size_t event_offset, std::uint32_t
 
 void set_data_length(DamagedLog& damaged, std::size_t event_offset, std::uint32_t length) {
   set_data_length(damaged.bytes, event_offset, length);
+}
+
+DamagePlan damage_plan() {
+  DamagePlan plan;
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  plan.logs = 1'000;
+#endif
+  if (const char* variable = std::getenv("TACHLESS_DAMAGED_LOGS")) {
+    plan.logs = std::stoull(variable);
+    plan.thorough = true;
+  }
+  return plan;
 }
 
 DamagedLog damaged_at_random(const SampleLog& log, std::uint64_t seed) {

@@ -59,6 +59,15 @@ std::string garbage(std::mt19937_64& random, int length, bool with_sync_words);
 void set_data_length(std::string& bytes, std::size_t event_offset, std::uint32_t length);
 void set_data_length(DamagedLog& damaged, std::size_t event_offset, std::uint32_t length);
 
+/// On how many damaged logs a test tries its luck: the environment's TACHLESS_DAMAGED_LOGS, else
+/// 10,000, or 1,000 where a sanitizer makes each of them dear.
+struct DamagePlan {
+  std::uint64_t logs = 10'000;
+  bool thorough = false;  ///< asked for: nothing is done on a part of the logs only
+};
+/// @throw std::invalid_argument when the variable is not a number
+DamagePlan damage_plan();
+
 /// One to eight damages: flips, overwritten stretches, garbage, stretches cut out, hostile lengths,
 /// the end cut off.
 DamagedLog damaged_at_random(const SampleLog& log, std::uint64_t seed);
