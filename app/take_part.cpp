@@ -10,6 +10,7 @@
 #include "app/logging.h"
 #include "app/real_time.h"
 #include "bus/authenticated.h"
+#include "bus/channelwise_transport.h"
 #include "bus/udp_transport.h"
 
 namespace app {
@@ -32,16 +33,13 @@ void join(std::optional<bus::UdpTransport>& transport, const std::string& url) {
   }
 }
 
-/// Nothing is repeated for a realtime logger: its buffer has to hold what comes while it waits for
-/// a processor.
-void warn_of_small_buffer(const bus::UdpTransport& transport) {
+/// Nothing is repeated for a realtime logger: what its buffers do not hold while it waits for a
+/// processor is lost.
+bool needs_more_buffers(bus::Role role, const Scenario& scenario,
+                        const bus::UdpTransport& transport) {
   constexpr int enough_bytes = 2 << 20;  // bursts of a thousand messages, and to spare
-  const int granted_bytes = transport.receive_buffer_bytes();
-  if (granted_bytes >= enough_bytes) return;
-  log_warning("the kernel grants a receive buffer of " + std::to_string(granted_bytes / 1024) +
-              " KiB: bursts of some hundred messages may leave gaps; to mend it, type: sudo sysctl "
-              "-w net.core.rmem_max=" +
-              std::to_string(enough_bytes));
+  return role == bus::Role::logger && scenario.loop.mode == Mode::realtime &&
+         transport.receive_buffer_bytes() < enough_bytes;
 }
 
 /// What the others cannot know: they only miss this process.
@@ -67,6 +65,7 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
   Statistics early;  // of a process that does not get as far as a session
   early.role = role;
   std::optional<bus::UdpTransport> transport;
+  std::optional<bus::ChannelwiseTransport> channelwise;
   std::optional<bus::Authenticated> authenticated;
   std::optional<Session> session;
   try {
@@ -77,10 +76,12 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
                     "stopped; start a new run");
     }
     join(transport, options.lcm_url);
-    if (options.key_path) authenticated.emplace(*transport, read_key_file(*options.key_path));
-    bus::Transport& heard =
-        authenticated ? static_cast<bus::Transport&>(*authenticated) : *transport;
-    session.emplace(scenario, heard,
+    bus::Transport* heard = &*transport;
+    if (needs_more_buffers(role, scenario, *transport)) heard = &channelwise.emplace(*transport);
+    if (options.key_path) {
+      heard = &authenticated.emplace(*heard, read_key_file(*options.key_path));
+    }
+    session.emplace(scenario, *heard,
                     Session::Config{.role = role,
                                     .run_id = options.run_id,
                                     .wait_s = options.wait_s,
@@ -89,11 +90,8 @@ ExitCode take_part(bus::Role role, const ProcessOptions& options, const Part& pa
                                     .authenticated = authenticated ? &*authenticated : nullptr,
                                     .resume = options.resume.has_value(),
                                     .follow = options.follow});
-    if (scenario.loop.mode == Mode::realtime) {
-      request_real_time(role);
-      if (role == bus::Role::logger) warn_of_small_buffer(*transport);
-    }
-    session->play([&] { part(scenario, heard, *session); });
+    if (scenario.loop.mode == Mode::realtime) request_real_time(role);
+    session->play([&] { part(scenario, *heard, *session); });
   } catch (const Failure& failure) {
     Statistics& statistics = session ? session->statistics() : early;
     statistics.exit_code = failure.code();

@@ -172,10 +172,15 @@ void UdpTransport::subscribe(const std::string& channel) {
 
 void UdpTransport::subscribe_all() {
   if (all_) return;
-  set(url_, receiver_.get(), SOL_SOCKET, SO_TIMESTAMPNS, 1, "cannot have datagrams stamped");
+  stamp_arrivals();
   set(url_, receiver_.get(), SOL_SOCKET, SO_DETACH_FILTER, 0, "cannot remove the channel filter");
   drops_before_ = socket_drops();
   all_ = true;
+}
+
+void UdpTransport::stamp_arrivals() {
+  set(url_, receiver_.get(), SOL_SOCKET, SO_TIMESTAMPNS, 1, "cannot have datagrams stamped");
+  stamped_ = true;
 }
 
 void UdpTransport::publish(std::string_view channel, std::span<const std::byte> payload) {
@@ -209,7 +214,7 @@ std::optional<Datagram> UdpTransport::receive(Clock::time_point deadline) {
 }
 
 std::optional<RawDatagram> UdpTransport::receive_raw(Clock::time_point deadline) {
-  if (!all_) throw std::logic_error("bus::UdpTransport: receive_raw needs subscribe_all");
+  if (!stamped_) throw std::logic_error("bus::UdpTransport: receive_raw needs stamp_arrivals");
   return next(deadline);
 }
 
@@ -246,7 +251,7 @@ std::optional<RawDatagram> UdpTransport::next(Clock::time_point deadline) {
     message.msg_namelen = sizeof from;
     message.msg_iov = &part;
     message.msg_iovlen = 1;
-    if (all_) {
+    if (stamped_) {
       message.msg_control = control.data();
       message.msg_controllen = control.size();
     }

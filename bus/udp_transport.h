@@ -69,8 +69,18 @@ class UdpTransport final : public Transport {
 
   std::optional<Datagram> receive(Clock::time_point deadline) override;
 
-  /// As `receive`, with sequence number and time. Precondition: `subscribe_all` was called.
+  /// From now on the kernel stamps what arrives.
+  void stamp_arrivals();
+
+  /// As `receive`, with sequence number and time. Precondition: `subscribe_all` or `stamp_arrivals`
+  /// was called.
   std::optional<RawDatagram> receive_raw(Clock::time_point deadline);
+
+  /// What `other` sends is passed over, as if it were this one's own.
+  void regard_as_own(const UdpTransport& other) { own_address_ = other.own_address_; }
+
+  /// Readable when there may be something to receive.
+  [[nodiscard]] int descriptor() const { return receiver_.get(); }
 
   [[nodiscard]] UdpStatistics statistics() const;
   [[nodiscard]] const LcmUrl& url() const { return url_; }
@@ -99,6 +109,7 @@ class UdpTransport final : public Transport {
   sockaddr_in own_address_{};
   std::vector<std::string> channels_;
   bool all_ = false;
+  bool stamped_ = false;
   std::uint32_t sequence_ = 0;
   std::vector<std::byte> buffer_;
   std::array<Sender, 8> senders_{};
