@@ -90,6 +90,8 @@ class LockstepOnFourHosts : public testing::Test {
   }
 
   static constexpr const char* scenario = "practical_rigid.yaml";
+  // Longer than a busy machine gives these programs no time at all: who is starved is not dead.
+  static constexpr const char* impatient = "loop.give_up_s=4";
   static inline const std::vector<std::string> settings = set({"loop.duration_s=4"});
   FourHostsRun run{scenario};
 };
@@ -131,13 +133,13 @@ TEST_F(LockstepOnFourHosts, LosesNothingWhenALinkIsDownForTwoSeconds) {
 }
 
 TEST_F(LockstepOnFourHosts, EndsOnBothSidesOfALinkThatIsDownForLongerThanTheTimeToGiveUp) {
-  run.programs.settings = set({"loop.duration_s=4", "loop.give_up_s=2"});
+  run.programs.settings = set({"loop.duration_s=4", impatient});
   run.start_all();
   wait_for_log(run.programs, under_way);
   run.hosts.unplug("controller");
   for (const char* role : roles) EXPECT_EQ(run[role].wait(), 3) << run[role].errors();
-  EXPECT_THAT(run["plant"].errors(), AllOf(HasSubstr("controller-host"), HasSubstr("2 s")));
-  EXPECT_THAT(run["controller"].errors(), AllOf(HasSubstr("plant-host"), HasSubstr("2 s")));
+  EXPECT_THAT(run["plant"].errors(), AllOf(HasSubstr("controller-host"), HasSubstr("4 s")));
+  EXPECT_THAT(run["controller"].errors(), AllOf(HasSubstr("plant-host"), HasSubstr("4 s")));
 
   // What is recorded is whole ticks, and the beginning of the log of the run that ends well.
   const std::string first = without_the_fault(contents(run.programs.log_path()));
@@ -155,7 +157,7 @@ TEST_F(LockstepOnFourHosts, EndsOnBothSidesOfALinkThatIsDownForLongerThanTheTime
 }
 
 TEST_F(LockstepOnFourHosts, AProgramThatAFirewallKeepsFromSendingSaysSo) {
-  run.programs.settings = set({"loop.duration_s=4", "loop.give_up_s=2"});
+  run.programs.settings = set({"loop.duration_s=4", impatient});
   run.start_all();
   wait_for_log(run.programs, under_way);
   run.hosts.forbid_sending("controller");
@@ -170,7 +172,7 @@ class LockstepWithoutOneHost : public LockstepOnFourHosts,
 
 TEST_P(LockstepWithoutOneHost, EndsNamingItAndItsSuccessorWaitsForTheNextRun) {
   const std::string lost = GetParam();
-  run.programs.settings = set({"loop.duration_s=4", "loop.give_up_s=2"});
+  run.programs.settings = set({"loop.duration_s=4", impatient});
   run.start_all();
   wait_for_log(run.programs, under_way);
   run[lost].signal(SIGKILL);
