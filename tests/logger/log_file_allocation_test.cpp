@@ -1,24 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <atomic>
-#include <cstdlib>
-#include <new>
+#include <chrono>
+#include <cstddef>
 
 #include "logger/log_file.h"
+#include "tests/bus/counting_new.h"
 #include "tests/logger/damaged_log.h"
-
-namespace {
-std::atomic<long> allocations = 0;
-}
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
-  throw std::bad_alloc();
-}
-void operator delete(void* memory) noexcept { std::free(memory); }
-void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace logger {
 namespace {
@@ -28,7 +16,7 @@ TEST(LogFileAllocation, WritingAndReadingAnEventAllocatesNothing) {
   const auto path = directory.path() / "log";
   LogWriter writer(path);
   std::array<std::byte, 100> data{};
-  const long before = allocations;
+  const std::size_t before = allocations;
   for (int i = 0; i < 30'000; ++i) {
     writer.append(i, "ARM_POSITION", data);
     writer.flush_if_due(std::chrono::steady_clock::now());
@@ -36,7 +24,7 @@ TEST(LogFileAllocation, WritingAndReadingAnEventAllocatesNothing) {
   writer.close();
   EXPECT_EQ(allocations, before);
   LogReader reader(path);
-  const long before_reading = allocations;
+  const std::size_t before_reading = allocations;
   int count = 0;
   while (reader.next()) ++count;
   EXPECT_EQ(allocations, before_reading);
