@@ -27,8 +27,6 @@ std::optional<Wanted> measured(const logger::Measurement& measurement) {
         using Had = std::decay_t<decltype(had)>;
         if constexpr (std::is_same_v<Had, Wanted>) {
           return had;
-        } else if constexpr (std::is_same_v<Had, std::monostate>) {
-          return {};
         } else if constexpr (std::is_same_v<Wanted, robot::PositionMeasurement> &&
                              requires { had.q; }) {
           return Wanted{had.q};
