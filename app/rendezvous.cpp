@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <stdexcept>
+#include <utility>
 
 namespace app {
 namespace {
@@ -47,7 +48,7 @@ std::string seconds(std::chrono::nanoseconds duration) {
 }  // namespace
 
 Rendezvous::Rendezvous(const Self& self, Time now)
-    : self_(self), start_(now), announce_at_(now), run_(self.run) {
+    : self_(self), start_(now), announce_at_(now), checked_(now), run_(self.run) {
   if ((self.role == Role::plant) != (self.run > 0)) {
     throw std::logic_error("a run is chosen by the plant and by nobody else");
   }
@@ -229,6 +230,10 @@ void Rendezvous::look_for_all(Time now) {
 }
 
 void Rendezvous::check(Time now) {
+  const auto unchecked = now - std::exchange(checked_, now);
+  if (unchecked > 3 * period) {
+    for (Peer& each : peers_) each.heard += unchecked - period;
+  }
   if (over()) return;
   for (const Role role : all_roles) {
     const std::int64_t player = cast_[index(role)];

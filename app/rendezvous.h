@@ -63,7 +63,8 @@ class Rendezvous {
   void hear(const bus::Stamp& stamp, const bus::Participant& peer, std::string_view sender,
             Time now);
 
-  /// Looks at the clock: peers that have fallen silent, the limit of waiting.
+  /// Looks at the clock: peers that have fallen silent, the limit of waiting. To be called every
+  /// period; time in which this process itself was kept from it is nobody's silence.
   void check(Time now);
 
   /// Why this process has to end, if it has to.
@@ -145,6 +146,7 @@ class Rendezvous {
   Self self_;
   Time start_;
   Time announce_at_;
+  Time checked_;
   bus::ParticipantState state_ = bus::ParticipantState::waiting;
   std::int64_t run_ = 0;
   bool met_ = false;

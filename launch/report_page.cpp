@@ -72,7 +72,7 @@ footer { margin-top: 2.5rem; color: #555; font-size: .85rem; }
   h2 { margin-top: 1.2rem; }
   p, .legend { break-inside: avoid; break-after: avoid; }
   tr, #results { break-inside: avoid; }
-  pre { white-space: pre-wrap; overflow: visible; break-inside: avoid; }
+  pre { white-space: pre-wrap; overflow: visible; }
   a { color: inherit; text-decoration: none; }
   .table { overflow: visible; background: none; }
   table { font-size: 8.5pt; }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <stdexcept>
+#include <utility>
 
 namespace bus::lockstep {
 
@@ -18,7 +19,7 @@ Requester::Requester(const Config& config, std::size_t longest_command)
 }
 
 void Requester::progress(Clock::time_point now) {
-  progress_ = now;
+  progress_ = waited_ = now;
   logger_heard_ = false;
   repeats_ = 0;
   timeout_ = config_.first_timeout;
@@ -148,6 +149,8 @@ void Requester::ask_successor() {
 }
 
 std::optional<Requester::Repeat> Requester::next_repeat(Clock::time_point now) {
+  const auto unlooked = now - std::exchange(looked_, now);
+  if (unlooked > 2 * config_.longest_timeout) waited_ = std::min(now, waited_ + unlooked);
   if (now >= repeat_at_) {
     const Waiting waiting_for = waiting();
     if (waiting_for == Waiting::nobody) {
@@ -177,7 +180,7 @@ std::optional<Requester::Repeat> Requester::next_repeat(Clock::time_point now) {
 Clock::time_point Requester::deadline() const {
   if (pending_ != 0 || ask_again_ <= ask_again_last_) return Clock::time_point::min();
   return waiting() == Waiting::nobody ? Clock::time_point::max()
-                                      : std::min(repeat_at_, progress_ + config_.give_up);
+                                      : std::min(repeat_at_, waited_ + config_.give_up);
 }
 
 Requester::Waiting Requester::waiting() const {
@@ -189,7 +192,7 @@ Requester::Waiting Requester::waiting() const {
 }
 
 bool Requester::given_up(Clock::time_point now) const {
-  return waiting() != Waiting::nobody && now - progress_ >= config_.give_up;
+  return waiting() != Waiting::nobody && now - waited_ >= config_.give_up;
 }
 
 bool Requester::finished() const {

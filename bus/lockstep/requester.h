@@ -85,7 +85,8 @@ class Requester {
   void successor_at(std::int64_t tick, Clock::time_point now);
   [[nodiscard]] bool catching_up() const { return successor_.has_value(); }
 
-  /// What to send again now; call until it yields nothing.
+  /// What to send again now; call until it yields nothing, and again by `deadline` or 0.1 s later.
+  /// Time in which this process was kept from it is nobody's lack of progress.
   std::optional<Repeat> next_repeat(Clock::time_point now);
 
   /// When to call `next_repeat` and `given_up` again if nothing else happens.
@@ -120,6 +121,8 @@ class Requester {
   std::uint64_t pending_ = 0;  ///< the same, to be repeated now
   std::array<Clock::time_point, MessageRing::depth> sent_{};  ///< last time a tick's all was sent
   Clock::time_point progress_;
+  Clock::time_point waited_;  ///< since then; later than progress_ by what was slept
+  Clock::time_point looked_;  ///< at the clock
   Clock::time_point repeat_at_;
   std::chrono::nanoseconds timeout_{};
   int repeats_ = 0;                        ///< since the last progress

@@ -488,6 +488,24 @@ TEST_F(NoSuccession, HappensInRealtime) {
   EXPECT_EQ(plant->failure()->code(), ExitCode::peer_lost);
 }
 
+TEST(ARendezvous, TakesItsOwnSleepForNobodysSilence) {
+  Meeting meeting;
+  auto& plant = meeting.start(Role::plant, 1);
+  for (const Role role : {Role::reference, Role::controller, Role::logger}) {
+    meeting.start(role, 2 + static_cast<int>(role));
+  }
+  meeting.pass(500ms);
+  ASSERT_TRUE(plant.running());
+  // Kept from running for a minute, it looks at the clock before it has heard anything.
+  const auto awake = meeting.now() + 60s;
+  plant.check(awake);
+  EXPECT_FALSE(plant.failure());
+  // Who is really silent is missed as soon as ever.
+  for (auto now = awake; now < awake + 6s; now += 100ms) plant.check(now);
+  ASSERT_TRUE(plant.failure());
+  EXPECT_EQ(plant.failure()->code(), ExitCode::peer_lost);
+}
+
 TEST(ARendezvous, RemembersABoundedNumberOfStrangers) {
   Meeting meeting;
   auto& plant = meeting.start(Role::plant, 1);

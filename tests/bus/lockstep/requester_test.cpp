@@ -276,6 +276,17 @@ TEST_F(ARequester, IsPatientWithASuccessorThatMakesProgress) {
   EXPECT_TRUE(requester.given_up(now));
 }
 
+TEST_F(ARequester, DoesNotGiveUpBecauseItWasAsleepItself) {
+  introduce();
+  requester.asked(now);
+  requester.next_repeat(now);
+  now += 60s;
+  requester.next_repeat(now);
+  EXPECT_FALSE(requester.given_up(now));
+  for (const auto end = now + 5s; now < end; now += 100ms) requester.next_repeat(now);
+  EXPECT_TRUE(requester.given_up(now)) << "the peer is silent";
+}
+
 TEST_F(ARequester, GivesUpAfter5sWithoutACommand) {
   introduce();
   requester.asked(now);
