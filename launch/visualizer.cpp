@@ -26,6 +26,7 @@
 #include "app/version.h"
 #include "launch/display.h"
 #include "launch/pose_player.h"
+#include "launch/process_tree.h"
 #include "launch/step_aside.h"
 #include "launch/truth_listener.h"
 #include "plant/arm_window.h"
@@ -117,8 +118,46 @@ void handle(int signal, void (*handler)(int)) {
   sigaction(signal, &action, nullptr);
 }
 
-/// The process behind the window, the only child there is, has ended.
-bool window_is_closed() { return waitpid(-1, nullptr, WNOHANG) > 0; }
+/// The process behind the window: the only child there is.
+class Viewer {
+ public:
+  Viewer() {
+    const std::vector<pid_t> children = children_of(getpid());
+    if (!children.empty()) pid_ = children.front();
+  }
+  Viewer(const Viewer&) = delete;
+  Viewer& operator=(const Viewer&) = delete;
+  /// Whatever state it is in: Simbody waits for its end without a limit.
+  ~Viewer() {
+    if (pid_ > 0) kill(pid_, SIGKILL);
+  }
+
+  /// It has ended, or has no connection to the display any more: one whose window was killed may
+  /// never get to its end, for it waits for its own threads while it exits.
+  bool window_is_closed() {
+    if (waitpid(-1, nullptr, WNOHANG) > 0) {
+      pid_ = 0;
+      return true;
+    }
+    const bool connected = is_connected();
+    was_connected_ = was_connected_ || connected;
+    return was_connected_ && !connected;
+  }
+
+ private:
+  [[nodiscard]] bool is_connected() const {
+    std::error_code error;
+    for (const auto& entry :
+         std::filesystem::directory_iterator("/proc/" + std::to_string(pid_) + "/fd", error)) {
+      const std::string what = std::filesystem::read_symlink(entry.path(), error).string();
+      if (what.starts_with("socket:")) return true;
+    }
+    return false;
+  }
+
+  pid_t pid_ = 0;
+  bool was_connected_ = false;
+};
 
 void open(std::optional<plant::ArmWindow>& window, const robot::Model& model,
           const robot::Vector& initial, const std::string& title) {
@@ -140,6 +179,7 @@ app::ExitCode show(const Options& options) {
   step_aside();
   std::optional<plant::ArmWindow> window;
   open(window, model, initial, "tachless: " + scenario.name);
+  Viewer viewer;  // ended before the window
   const std::atomic<bool>& interrupted = app::catch_interruptions();
   std::cout << window_is_open << std::endl;
 
@@ -151,7 +191,7 @@ app::ExitCode show(const Options& options) {
     const bool over = run_is_over;
     listener.drain([&](double t_s, const robot::Vector& q) { player.add(t_s, q, Clock::now()); });
     if (over) player.end();
-    if (window_is_closed()) return app::ExitCode::done;
+    if (viewer.window_is_closed()) return app::ExitCode::done;
     const Clock::time_point now = Clock::now();
     if (now >= next_frame) {
       next_frame = now + frame_period;
