@@ -117,9 +117,12 @@ TEST(AStorm, OfAMillionHostileDatagramsChangesNothing) {
   run.expect_all_done();
   EXPECT_EQ(storm.sent(), datagrams);
   EXPECT_TRUE(contents(run.log_path()) == clean);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  // (A sanitizer holds back what is freed.)
   for (const char* role : roles) {
     EXPECT_LE(after.at(role) - before.at(role), 1024) << role << ": KiB more than before the storm";
   }
+#endif
   for (const auto& [reason, count] : rejected(run)) {
     if (reason == "unauthenticated") continue;  // a bus without a key
     EXPECT_GT(count, 0) << reason;
