@@ -10,11 +10,10 @@
 #include <cstdlib>
 #include <exception>
 #include <fstream>
-#include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "bench/whole_run.h"
 #include "bus/authenticated.h"
 #include "bus/in_memory.h"
 #include "bus/isolate.h"
@@ -22,30 +21,15 @@
 
 namespace {
 
-constexpr const char* roles[] = {"logger", "controller", "reference", "plant"};
-
 double ticks_per_s(const std::string& scenario, bool with_key) {
   const Directory directory;
   const std::string key = directory / "key";
   std::ofstream(key) << std::string(64, '5');
   chmod(key.c_str(), 0600);
-  std::vector<std::unique_ptr<Program>> programs;
-  for (const std::string role : roles) {
-    std::vector<std::string> arguments{scenario, "--stats", directory / role};
-    if (with_key) arguments.insert(arguments.end(), {"--key-file", key});
-    if (role == "logger") arguments.insert(arguments.end(), {"--out-log", directory / "lcmlog"});
-    programs.push_back(std::make_unique<Program>("tachless-" + role, arguments, directory.path()));
-  }
-  for (const auto& program : programs) {
-    if (program->wait(std::chrono::seconds(600)) != 0) throw std::runtime_error(program->errors());
-  }
-  const auto plant = nlohmann::json::parse(std::ifstream(directory / "plant"));
-  return plant["ticks"].get<double>() / plant["wall_s"].get<double>();
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
+  play(scenario,
+       with_key ? std::vector<std::string>{"--key-file", key} : std::vector<std::string>{},
+       directory);
+  return ticks_per_s(directory);
 }
 
 /// From `publish` to `receive`, in one thread over memory [us].

@@ -6,17 +6,15 @@
 #include <cstdio>
 #include <exception>
 #include <fstream>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "bench/whole_run.h"
 #include "bus/isolate.h"
 #include "tests/process/program.h"
 
 namespace {
-
-constexpr const char* roles[] = {"logger", "controller", "reference", "plant"};
 
 struct Figures {
   double ticks_per_s = 0, step_us = 0, round_trip_us = 0, law_us = 0, reference_us = 0, log_us = 0;
@@ -24,26 +22,13 @@ struct Figures {
 
 Figures measure(const std::string& scenario) {
   const Directory directory;
-  std::vector<std::unique_ptr<Program>> programs;
-  for (const std::string role : roles) {
-    std::vector<std::string> arguments{scenario, "--stats", directory / role};
-    if (role == "logger") arguments.insert(arguments.end(), {"--out-log", directory / "lcmlog"});
-    programs.push_back(std::make_unique<Program>("tachless-" + role, arguments, directory.path()));
-  }
-  for (const auto& program : programs) {
-    if (program->wait(std::chrono::seconds(600)) != 0) throw std::runtime_error(program->errors());
-  }
+  play(scenario, {}, directory);
   const auto stats = [&](const std::string& role) {
     return nlohmann::json::parse(std::ifstream(directory / role));
   };
   const auto work = [&](const std::string& role) { return stats(role)["work_us"]["p50"]; };
-  const auto plant = stats("plant");
-  return {plant["ticks"].get<double>() / plant["wall_s"].get<double>(),
-          work("plant"),
-          plant["round_trip_us"]["p50"],
-          work("controller"),
-          work("reference"),
-          work("logger")};
+  return {ticks_per_s(directory), work("plant"),     stats("plant")["round_trip_us"]["p50"],
+          work("controller"),     work("reference"), work("logger")};
 }
 
 void print(const char* what, const std::vector<Figures>& runs, double Figures::*figure) {

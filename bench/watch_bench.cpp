@@ -7,32 +7,20 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
-#include <fstream>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "bench/whole_run.h"
 #include "bus/isolate.h"
 #include "tests/process/program.h"
 
 namespace {
 
-constexpr const char* roles[] = {"logger", "controller", "reference", "plant"};
-
 double ticks_per_s(const std::string& scenario) {
   const Directory directory;
-  std::vector<std::unique_ptr<Program>> programs;
-  for (const std::string role : roles) {
-    std::vector<std::string> arguments{scenario, "--stats", directory / role};
-    if (role == "logger") arguments.insert(arguments.end(), {"--out-log", directory / "lcmlog"});
-    programs.push_back(std::make_unique<Program>("tachless-" + role, arguments, directory.path()));
-  }
-  for (const auto& program : programs) {
-    if (program->wait(std::chrono::seconds(600)) != 0) throw std::runtime_error(program->errors());
-  }
-  const auto plant = nlohmann::json::parse(std::ifstream(directory / "plant"));
-  return plant["ticks"].get<double>() / plant["wall_s"].get<double>();
+  play(scenario, {}, directory);
+  return ticks_per_s(directory);
 }
 
 /// @param lost grows by what the watching program was too slow for
@@ -50,11 +38,6 @@ double ticks_per_s_watched(const std::string& scenario, double& lost) {
   lost += heard["lost_here"].get<double>() /
           (heard["lost_here"].get<double>() + heard["messages"].get<double>());
   return rate;
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 }  // namespace

@@ -1,11 +1,10 @@
 #include "bus/channelwise_transport.h"
 
-#include <signal.h>
-
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <system_error>
+
+#include "bus/poll_until.h"
 
 namespace bus {
 
@@ -41,16 +40,7 @@ ChannelwiseTransport::Wake ChannelwiseTransport::look_into_empty_boxes(Clock::ti
   for (const Box& box : boxes_) {
     if (!box.first) descriptors_[empty++] = {box.transport->descriptor(), POLLIN, 0};
   }
-  // Compared before subtracted: time_point::min() minus now would overflow.
-  const Clock::time_point now = Clock::now();
-  const Clock::duration left = deadline > now ? deadline - now : Clock::duration::zero();
-  const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
-  const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
-  sigset_t mask;
-  pthread_sigmask(SIG_SETMASK, nullptr, &mask);
-  sigdelset(&mask, SIGINT);
-  sigdelset(&mask, SIGTERM);
-  const int ready = ::ppoll(descriptors_.data(), empty, &timeout, &mask);
+  const int ready = poll_until({descriptors_.data(), empty}, deadline);
   if (ready < 0 && errno == EINTR) return Wake::signal;
   if (ready < 0) throw std::system_error(errno, std::generic_category(), "ppoll");
   if (ready == 0) return Wake::deadline;

@@ -18,6 +18,7 @@
 
 #include "bus/channel_filter.h"
 #include "bus/lcm_packet.h"
+#include "bus/poll_until.h"
 
 namespace bus {
 namespace {
@@ -220,17 +221,8 @@ std::optional<RawDatagram> UdpTransport::receive_raw(Clock::time_point deadline)
 
 UdpTransport::Wake UdpTransport::wait(Clock::time_point deadline, bool for_datagram) {
   reads_since_wait_ = 0;
-  // Compared before subtracted: time_point::min() minus now would overflow into the far future.
-  const Clock::time_point now = Clock::now();
-  const Clock::duration left = deadline > now ? deadline - now : Clock::duration::zero();
-  const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
-  const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
-  sigset_t mask;
-  pthread_sigmask(SIG_SETMASK, nullptr, &mask);
-  sigdelset(&mask, SIGINT);
-  sigdelset(&mask, SIGTERM);
   pollfd descriptor{receiver_.get(), POLLIN, 0};
-  const int ready = ::ppoll(&descriptor, for_datagram ? 1 : 0, &timeout, &mask);
+  const int ready = poll_until({&descriptor, for_datagram ? 1U : 0U}, deadline);
   if (ready < 0 && errno != EINTR) fail(url_, "cannot wait", remedy_for(errno));
   if (ready < 0) return Wake::signal;
   return ready > 0 ? Wake::datagram : Wake::deadline;

@@ -6,22 +6,15 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "app/format.h"
 #include "logger/info.h"
 
 namespace launch {
 namespace {
 
+using app::format;
 using logger::printable;
 using Json = nlohmann::ordered_json;
-
-template <class... Arguments>
-std::string format(const char* pattern, Arguments... arguments) {
-  const int length = std::snprintf(nullptr, 0, pattern, arguments...);
-  std::string text(static_cast<std::size_t>(length) + 1, '\0');
-  std::snprintf(text.data(), text.size(), pattern, arguments...);
-  text.pop_back();
-  return text;
-}
 
 std::string_view short_type(std::string_view type) {
   return type.empty() ? "not ours" : type.substr(type.find('.') + 1);

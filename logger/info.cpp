@@ -9,10 +9,13 @@
 #include <string_view>
 
 #include "app/exit_code.h"
+#include "app/format.h"
 #include "logger/message_types.h"
 
 namespace logger {
 namespace {
+
+using app::format;
 
 /// b - a for time stamps that may be anything.
 std::int64_t difference(std::int64_t b, std::int64_t a) {
@@ -64,15 +67,6 @@ RunFacts facts_of(RunLog log) {
   facts.summary = log.summary();
   for (auto& fault : facts.summary.faults) fault.text = printable(fault.text);
   return facts;
-}
-
-template <class... Arguments>
-std::string format(const char* pattern, Arguments... arguments) {
-  const int length = std::snprintf(nullptr, 0, pattern, arguments...);
-  std::string text(static_cast<std::size_t>(length) + 1, '\0');
-  std::snprintf(text.data(), text.size(), pattern, arguments...);
-  text.pop_back();
-  return text;
 }
 
 std::string seconds(std::int64_t us) { return format("%.6g s", static_cast<double>(us) * 1e-6); }

@@ -2,43 +2,26 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "logger/log_file.h"
+#include "tests/launch/shell.h"
 #include "tests/logger/damaged_log.h"
 
 namespace {
 
 namespace fs = std::filesystem;
+using launch_test::Outcome;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-struct Outcome {
-  int exit_code = -1;
-  std::string output;  // stdout and stderr
-};
-
 Outcome tachless(const std::string& arguments) {
-  Outcome outcome;
-  const std::string command = TACHLESS_BINARY_DIR "/bin/tachless " + arguments + " 2>&1";
-  FILE* pipe = popen(command.c_str(), "r");
-  if (pipe == nullptr) throw std::runtime_error("popen");
-  std::array<char, 4096> buffer{};
-  std::size_t got = 0;
-  while ((got = fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-    outcome.output.append(buffer.data(), got);
-  }
-  const int status = pclose(pipe);
-  if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
-  return outcome;
+  return launch_test::shell(TACHLESS_BINARY_DIR "/bin/tachless " + arguments);
 }
 
 /// Where the last byte of joint `joint`'s torque of tick `tick` is in the log.

@@ -3,19 +3,20 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
 
+#include "tests/launch/shell.h"
+
 namespace {
 
 namespace fs = std::filesystem;
+using launch_test::Outcome;
+using launch_test::shell;
 using ::testing::AllOf;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;
@@ -23,11 +24,6 @@ using ::testing::Not;
 
 class Script : public ::testing::Test {
  protected:
-  struct Outcome {
-    int exit_code = -1;
-    std::string output;  // stdout and stderr
-  };
-
   void SetUp() override {
     std::string pattern = ::testing::TempDir() + "script-XXXXXX";
     ASSERT_NE(mkdtemp(pattern.data()), nullptr);
@@ -67,18 +63,8 @@ class Script : public ::testing::Test {
     fs::remove(calls_path());
     const std::string command = "cd / && ROOT=" + root_.string() +
                                 " CALLS=" + calls_path().string() + " PATH=" + tools_.string() +
-                                ":$PATH " + script + " " + arguments + " 2>&1 </dev/null";
-    Outcome outcome;
-    FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) throw std::runtime_error("popen");
-    std::array<char, 4096> buffer{};
-    std::size_t got = 0;
-    while ((got = fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      outcome.output.append(buffer.data(), got);
-    }
-    const int status = pclose(pipe);
-    if (WIFEXITED(status)) outcome.exit_code = WEXITSTATUS(status);
-    return outcome;
+                                ":$PATH " + script + " " + arguments + " </dev/null";
+    return shell(command);
   }
 
   [[nodiscard]] fs::path calls_path() const { return root_.parent_path() / "calls"; }

@@ -14,6 +14,7 @@
 #include "logger/log_file.h"
 #include "study/in_process_loop.h"
 #include "tests/process/four_threads.h"
+#include "tests/process/wrapped.h"
 
 namespace process_test {
 namespace {
@@ -54,22 +55,6 @@ class Bystander {
  private:
   std::atomic<bool> stop_{false};
   std::thread thread_;
-};
-
-/// Passes everything on; derived classes change something.
-class Wrapped : public bus::Transport {
- public:
-  explicit Wrapped(std::unique_ptr<bus::Transport> inner) : inner_(std::move(inner)) {}
-  void subscribe(const std::string& channel) override { inner_->subscribe(channel); }
-  void publish(std::string_view channel, std::span<const std::byte> payload) override {
-    inner_->publish(channel, payload);
-  }
-  std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
-    return inner_->receive(deadline);
-  }
-
- private:
-  std::unique_ptr<bus::Transport> inner_;
 };
 
 TEST(TheLoop, RecordsRunInfoAndThenSixMessagesATickInOrder) {

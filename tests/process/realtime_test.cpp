@@ -14,6 +14,7 @@
 #include "tests/bus/private_network.h"
 #include "tests/process/everyone_else.h"
 #include "tests/process/four_threads.h"
+#include "tests/process/wrapped.h"
 
 namespace process_test {
 namespace {
@@ -49,22 +50,6 @@ Recorded recorded_by(const FourThreads& threads) {
   result.summary = log.summary();
   return result;
 }
-
-/// Passes everything on; derived classes change something.
-class Wrapped : public bus::Transport {
- public:
-  explicit Wrapped(std::unique_ptr<bus::Transport> inner) : inner_(std::move(inner)) {}
-  void subscribe(const std::string& channel) override { inner_->subscribe(channel); }
-  void publish(std::string_view channel, std::span<const std::byte> payload) override {
-    inner_->publish(channel, payload);
-  }
-  std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
-    return inner_->receive(deadline);
-  }
-
- private:
-  std::unique_ptr<bus::Transport> inner_;
-};
 
 TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
   FourThreads threads(at_rest({}));

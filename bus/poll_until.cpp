@@ -1,0 +1,22 @@
+#include "bus/poll_until.h"
+
+#include <signal.h>
+
+#include <chrono>
+
+namespace bus {
+
+int poll_until(std::span<pollfd> descriptors, Clock::time_point deadline) {
+  // Compared before subtracted: time_point::min() minus now would overflow into the far future.
+  const Clock::time_point now = Clock::now();
+  const Clock::duration left = deadline > now ? deadline - now : Clock::duration::zero();
+  const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
+  const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
+  sigset_t mask;
+  pthread_sigmask(SIG_SETMASK, nullptr, &mask);
+  sigdelset(&mask, SIGINT);
+  sigdelset(&mask, SIGTERM);
+  return ::ppoll(descriptors.data(), descriptors.size(), &timeout, &mask);
+}
+
+}  // namespace bus

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <poll.h>
+
+#include <span>
+
+#include "bus/clock.h"
+
+namespace bus {
+
+/// Waits until one of the descriptors is ready, `deadline` has come, or SIGINT or SIGTERM has been
+/// handled, which are let through for as long as it waits.
+/// @return as ppoll: how many are ready; 0 at the deadline; -1 with errno, EINTR for a signal
+int poll_until(std::span<pollfd> descriptors, Clock::time_point deadline);
+
+}  // namespace bus
