@@ -69,8 +69,9 @@ Session::Session(const Scenario& scenario, bus::Transport& transport, const Conf
   rendezvous_.emplace(self_, Clock::now());
   statistics_.role = config.role;
   if (config.follow) {
-    following_.emplace();
-    following_->last_tick = scenario.loop.num_ticks - 1;
+    Following recording;
+    recording.last_tick = scenario.loop.num_ticks - 1;
+    following_ = recording;
   } else {
     transport_.subscribe(channel_);
   }

@@ -92,6 +92,7 @@ std::optional<Decay> fit_decay(const std::vector<Point>& magnitude) {
   if (slopes.empty()) return {};
   const double slope = median(std::move(slopes));
   std::vector<double> offsets;
+  offsets.reserve(fall.size());
   for (const Point& point : fall) offsets.push_back(point.y - slope * (point.x - fall.front().x));
   const double offset = median(offsets);
 

@@ -14,14 +14,15 @@ trap 'rm -f "$dependencies"' EXIT
 ninja -C "$build_dir" -t deps >"$dependencies"
 
 check() {
-  local file=$1 hash inputs
+  local file=$1 hash inputs said
   inputs=$(awk -v file="$file" '
     /^[^ ]/ { object = $0; keep = index(object, "/" substr(file, 1 + match(file, /[^\/]*$/) - 1) ".o") }
     /^ / && keep { print $1 }' "$dependencies" | sed "s|^\.\./\.\./|$source_dir/|" |
     grep "^$source_dir/" | sort -u || true)
   hash=$(cat .clang-tidy "$file" $inputs | sha256sum | cut -d' ' -f1)
   [[ -e $passed/$hash ]] && return
-  if clang-tidy -p "$build_dir" --quiet "$file" 2>&1 | grep -v 'warnings generated'; then
+  if ! said=$(clang-tidy -p "$build_dir" --quiet "$file" 2>&1); then
+    echo "$said"
     echo "clang-tidy objects to $file"
     return 1
   fi
