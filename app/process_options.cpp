@@ -7,6 +7,7 @@
 #include <exception>
 #include <iostream>
 
+#include "app/options.h"
 #include "app/version.h"
 
 namespace app {
@@ -96,18 +97,9 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   CLI::App cli(task(role), program);
   cli.footer(examples(program, role));
   cli.set_version_flag("--version", std::string(version), "Print the version and exit");
-  cli.add_option("SCENARIO", options.scenario_path, "The experiment, a YAML file")->required();
-  cli.add_option("--set", options.overrides,
-                 "key.path=value, in place of the scenario's value; may be repeated")
-      ->allow_extra_args(false);
-  cli.add_option("--lcm-url", options.lcm_url, "The bus")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
-  CLI::Option* key_option =
-      cli.add_option("--key-file", key_path,
-                     "Key that all four programs share: 32 random bytes or 64 hexadecimal digits; "
-                     "only who has it is heard")
-          ->envname("TACHLESS_KEY_FILE");
+  add_scenario(cli, options.scenario_path, options.overrides);
+  add_lcm_url(cli, options.lcm_url);
+  add_key_file(cli, key_path);
   cli.add_option("--wait-s", options.wait_s,
                  "Longest wait for the other programs at the start [s]; 0 = unlimited")
       ->check(CLI::Range(0.0, 1e6))
@@ -116,16 +108,14 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   CLI::Option* run_id_option = nullptr;
   CLI::Option* follow_option = nullptr;
   if (role == bus::Role::plant) {
-    run_id_option = cli.add_option("--run-id", run_id,
-                                   "Positive number in every message of the run; default: the time")
-                        ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+    run_id_option = add_run_id(cli, "--run-id", run_id,
+                               "Positive number in every message of the run; default: the time");
   }
   if (role == bus::Role::controller) {
     follow_option =
-        cli.add_option("--follow", follow,
-                       "Meet nobody: answer the measurements and references of this run, which "
-                       "lcm-logplayer plays back; end with the run's last tick")
-            ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+        add_run_id(cli, "--follow", follow,
+                   "Meet nobody: answer the measurements and references of this run, which "
+                   "lcm-logplayer plays back; end with the run's last tick");
     cli.add_option("--resume", resume,
                    "Take the place of the lockstep run's controller, which has died: go through "
                    "the run's log, as far as it is, and on from there")
@@ -156,7 +146,7 @@ std::optional<ProcessOptions> parse_process_options(bus::Role role, int argc,
   }
   if (run_id_option != nullptr && run_id_option->count() > 0) options.run_id = run_id;
   if (follow_option != nullptr && follow_option->count() > 0) options.follow = follow;
-  if (key_option->count() > 0) options.key_path = key_path;
+  if (!key_path.empty()) options.key_path = key_path;
   if (options.follow && options.key_path) {
     throw Failure(ExitCode::bad_usage,
                   "--follow: what is played back does not verify under a key; unset --key-file "

@@ -29,8 +29,6 @@ struct ProcessOptions {
   Verbosity verbosity = Verbosity::normal;
 };
 
-inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0";
-
 /// "tachless-plant", "tachless-reference", …
 std::string program_name(bus::Role role);
 

@@ -8,6 +8,7 @@
 #include "app/interruption.h"
 #include "app/key_file.h"
 #include "app/logging.h"
+#include "app/options.h"
 #include "app/real_time.h"
 #include "bus/authenticated.h"
 #include "bus/channelwise_transport.h"
@@ -16,16 +17,8 @@
 namespace app {
 namespace {
 
-bus::LcmUrl parsed(const std::string& url) {
-  try {
-    return bus::parse_lcm_url(url);
-  } catch (const std::invalid_argument& problem) {
-    throw Failure(ExitCode::bad_usage, std::string("--lcm-url: ") + problem.what());
-  }
-}
-
 void join(std::optional<bus::UdpTransport>& transport, const std::string& url) {
-  const bus::LcmUrl where = parsed(url);
+  const bus::LcmUrl where = parse_lcm_url(url);
   try {
     transport.emplace(where);
   } catch (const std::system_error& problem) {

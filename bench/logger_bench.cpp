@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-#include "app/process_options.h"
+#include "app/options.h"
 #include "app/scenario.h"
 #include "bus/isolate.h"
 #include "logger/log_file.h"
@@ -106,7 +106,7 @@ int main(int argc, char** argv) try {
   const std::string path = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
   const app::Scenario scenario = app::load_scenario(path, overrides);
 
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program stock("lcm-logger", {"-q", "--lcm-url=" + url, directory / "stock"}, directory.path());
   Program ours("tachless-logger",
                {path, "--set", overrides[0], "--set", overrides[1], "--lcm-url", url, "--out-log",

@@ -21,7 +21,7 @@
 #include "app/interruption.h"
 #include "app/key_file.h"
 #include "app/logging.h"
-#include "app/process_options.h"
+#include "app/options.h"
 #include "app/scenario.h"
 #include "app/version.h"
 #include "launch/display.h"
@@ -65,16 +65,11 @@ std::optional<Options> parse(int argc, const char* const* argv) {
       "time.\n"
       "Exit codes: 0 shown to the end or closed, 2 bad usage or no display, 130 interrupted.");
   cli.set_version_flag("--version", std::string(app::version), "Print the version and exit");
-  cli.add_option("SCENARIO", options.scenario, "The experiment, a YAML file")->required();
-  cli.add_option("--set", options.overrides,
-                 "key.path=value, in place of the scenario's value; may be repeated")
-      ->allow_extra_args(false);
-  cli.add_option("--lcm-url", options.lcm_url, "The bus")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
-  cli.add_option("--key-file", options.key_file, "Key of the bus")->envname("TACHLESS_KEY_FILE");
-  cli.add_option("--run-id", options.run_id, "The run to show; default: the first that is heard")
-      ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+  app::add_scenario(cli, options.scenario, options.overrides);
+  app::add_lcm_url(cli, options.lcm_url);
+  app::add_key_file(cli, options.key_file);
+  app::add_run_id(cli, "--run-id", options.run_id,
+                  "The run to show; default: the first that is heard");
   try {
     cli.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -92,9 +87,7 @@ TruthListener listener_on(const Options& options, const app::Scenario& scenario)
   std::optional<bus::Key> key;
   if (!options.key_file.empty()) key = app::read_key_file(options.key_file);
   try {
-    return {bus::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
-  } catch (const std::invalid_argument& error) {
-    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
+    return {app::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
   } catch (const std::system_error& error) {
     throw app::Failure(app::ExitCode::bad_usage, options.lcm_url + ": " + error.what());
   }

@@ -17,6 +17,7 @@
 #include "app/interruption.h"
 #include "app/key_file.h"
 #include "app/logging.h"
+#include "app/options.h"
 #include "app/process_options.h"
 #include "app/scenario.h"
 #include "bus/authenticated.h"
@@ -104,12 +105,7 @@ void isolate() {
 
 /// Returns whether the run is isolated.
 bool prepare_network(const Options& options) {
-  bus::LcmUrl url;
-  try {
-    url = bus::parse_lcm_url(options.lcm_url);
-  } catch (const std::invalid_argument& error) {
-    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
-  }
+  const bus::LcmUrl url = app::parse_lcm_url(options.lcm_url);
   if (isolation_wanted(options)) {
     isolate();
     return true;
@@ -465,31 +461,19 @@ app::ExitCode run_scenario(Options options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("SCENARIO", options->scenario, "The experiment, a YAML file")->required();
+  app::add_scenario(command, options->scenario, options->overrides);
   command.add_option("--out", options->out,
                      "Where log, summary and figure go; default: out/<the scenario's name>. "
                      "Files of an earlier run are replaced");
-  command
-      .add_option("--run-id", options->run_id,
-                  "Positive number in every message of the run; default: the time")
-      ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
-  command
-      .add_option("--set", options->overrides,
-                  "key.path=value, in place of the scenario's value; may be repeated")
-      ->allow_extra_args(false);
+  app::add_run_id(command, "--run-id", options->run_id,
+                  "Positive number in every message of the run; default: the time");
   command
       .add_option("--mode", options->mode,
                   "lockstep: simulation time, as fast as it goes; realtime: the wall clock")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
   command.add_option("--duration", options->duration_s, "Length of the run [s]");
-  command.add_option("--lcm-url", options->lcm_url, "The bus")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
-  command
-      .add_option("--key-file", options->key_file,
-                  "Key of the bus: 32 random bytes or 64 hexadecimal digits; only who has it is "
-                  "heard")
-      ->envname("TACHLESS_KEY_FILE");
+  app::add_lcm_url(command, options->lcm_url);
+  app::add_key_file(command, options->key_file);
   command
       .add_option(
           "--restart", options->restart,

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "app/process_options.h"
+#include "app/options.h"
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
 #include "launch/display.h"
@@ -59,12 +59,7 @@ std::string class_path() {
 }
 
 app::ExitCode spy_on(const std::string& lcm_url) {
-  bus::LcmUrl url;
-  try {
-    url = bus::parse_lcm_url(lcm_url);
-  } catch (const std::invalid_argument& error) {
-    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
-  }
+  const bus::LcmUrl url = app::parse_lcm_url(lcm_url);
   if (const auto problem = display_problem()) {
     refuse(*problem + ", or see the same in a terminal: tachless watch");
   }
@@ -91,9 +86,7 @@ app::ExitCode spy_on(const std::string& lcm_url) {
 
 Verb::Action declare(CLI::App& command) {
   auto lcm_url = std::make_shared<std::string>(app::default_lcm_url);
-  command.add_option("--lcm-url", *lcm_url, "The bus")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
+  app::add_lcm_url(command, *lcm_url);
   return [lcm_url] { return spy_on(*lcm_url); };
 }
 

@@ -13,7 +13,7 @@
 #include <system_error>
 
 #include "app/interruption.h"
-#include "app/process_options.h"
+#include "app/options.h"
 #include "bus/udp_transport.h"
 #include "launch/bus_monitor.h"
 #include "launch/step_aside.h"
@@ -39,9 +39,7 @@ struct Options {
 
 bus::UdpTransport join(const std::string& lcm_url) {
   try {
-    return bus::UdpTransport(lcm_url);
-  } catch (const std::invalid_argument& error) {
-    throw app::Failure(app::ExitCode::bad_usage, std::string("--lcm-url: ") + error.what());
+    return bus::UdpTransport(app::parse_lcm_url(lcm_url));
   } catch (const std::system_error& error) {
     throw app::Failure(app::ExitCode::bad_usage, error.what());
   }
@@ -208,9 +206,7 @@ Verb::Action declare(CLI::App& command) {
                   "How long to listen [s]; default: --once 2, else until Ctrl-C")
       ->check(CLI::Range(0.01, 1e6));
   command.add_flag("--json", options->json, "As JSON; without --once one line per second");
-  command.add_option("--lcm-url", options->lcm_url, "The bus")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
+  app::add_lcm_url(command, options->lcm_url);
   return [options] { return watch_bus(*options); };
 }
 

@@ -8,6 +8,8 @@
 #include <fstream>
 #include <stdexcept>
 
+#include "tests/temporary_directory.h"
+
 namespace app {
 namespace {
 
@@ -45,6 +47,11 @@ TEST(ProcessOptions, AreReadFromTheCommandLine) {
   EXPECT_EQ(options->wait_s, 2.5);
   EXPECT_EQ(options->stats_path, "s.json");
   EXPECT_EQ(options->verbosity, Verbosity::verbose);
+}
+
+TEST(ProcessOptions, AKeyFileWithoutANameIsNotTakenForNoKey) {
+  EXPECT_THAT(refusal(bus::Role::plant, {"a.yaml", "--key-file", ""}),
+              AllOf(HasSubstr("--key-file"), HasSubstr("empty")));
 }
 
 TEST(ProcessOptions, AScenarioMayFollowAnOverride) {
@@ -118,16 +125,14 @@ TEST(ProcessOptions, HelpShowsExamplesAndVersionTheVersion) {
 }
 
 TEST(ProcessOptions, TheLogTakesTheNextFreeNumberOfTheDay) {
-  char pattern[] = "/tmp/tachless_process_options_XXXXXX";
-  const std::filesystem::path directory = mkdtemp(pattern);
+  const TemporaryDirectory directory;
   std::tm date{};
   date.tm_year = 2025 - 1900;
   date.tm_mon = 2;
   date.tm_mday = 7;
-  EXPECT_EQ(next_log_path(directory, date), directory / "lcmlog-2025-03-07.00");
+  EXPECT_EQ(next_log_path(directory.path(), date), directory / "lcmlog-2025-03-07.00");
   std::ofstream(directory / "lcmlog-2025-03-07.00") << "x";
-  EXPECT_EQ(next_log_path(directory, date), directory / "lcmlog-2025-03-07.01");
-  std::filesystem::remove_all(directory);
+  EXPECT_EQ(next_log_path(directory.path(), date), directory / "lcmlog-2025-03-07.01");
 }
 
 int run_with(const std::function<ExitCode(const ProcessOptions&)>& run, std::string& shown) {
