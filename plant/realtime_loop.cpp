@@ -5,6 +5,8 @@
 #include <exception>
 #include <string>
 
+#include "app/format.h"
+
 namespace plant {
 namespace {
 
@@ -39,6 +41,11 @@ RealtimeLoop::RealtimeLoop(const app::Scenario& scenario, bus::Transport& transp
 
 Clock::time_point RealtimeLoop::deadline(std::int64_t tick) const {
   return start_ + nanoseconds(static_cast<double>(tick) * scenario_.loop.period_s);
+}
+
+Clock::time_point RealtimeLoop::end_of_tick() const {
+  // Caught up with in no time, late ticks would all miss their commands.
+  return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds(scenario_.loop.period_s / 2));
 }
 
 void RealtimeLoop::run() {
@@ -98,6 +105,7 @@ void RealtimeLoop::introduce() {
 
 void RealtimeLoop::start() {
   start_ = Clock::now() + lead_in;
+  commanded_at_ = start_;
   while (Clock::now() < start_) {
     const auto datagram = transport_.receive(start_);
     if (datagram && !session_.take(*datagram)) refuse_early(*datagram);
@@ -107,7 +115,7 @@ void RealtimeLoop::start() {
 void RealtimeLoop::keep_time() {
   for (tick_ = 0; tick_ < scenario_.loop.num_ticks; ++tick_) {
     begin_tick();
-    receive_until(deadline(tick_ + 1));
+    receive_until(end_of_tick());
     end_tick();
   }
 }
@@ -116,6 +124,8 @@ void RealtimeLoop::note_wake_up(Clock::time_point now) {
   const auto late = now - deadline(tick_);
   app::Statistics& statistics = session_.statistics();
   statistics.wake_up_jitter.add(late);
+  if (watch_.missed_in_a_row() == 0) longest_delay_ = 0ns;
+  longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
   if (late > nanoseconds(scenario_.loop.period_s)) {
     ++statistics.missed_deadlines;
     statistics.longest_miss = std::max(statistics.longest_miss, ++late_in_a_row_);
@@ -124,10 +134,26 @@ void RealtimeLoop::note_wake_up(Clock::time_point now) {
   }
 }
 
+void RealtimeLoop::require_recent_torque(Clock::time_point now) const {
+  // A real robot does not wait for a process that stands still. Missed commands alone end the run
+  // before this.
+  const auto held_for = now - commanded_at_;
+  if (held_for <= nanoseconds(scenario_.loop.period_s * (scenario_.loop.max_missed + 2))) return;
+  throw app::Failure(
+      app::ExitCode::protective_stop,
+      app::format(
+          "protective stop at tick %lld: the robot's torque has been held for %.1f ms, "
+          "longer than loop.max_missed (%d) allows: this process, or the driver's read, did "
+          "not get on; start a new run on a machine that is quiet (tachless doctor), with a "
+          "read that does not wait",
+          static_cast<long long>(tick_),
+          std::chrono::duration<double, std::milli>(held_for).count(), scenario_.loop.max_missed));
+}
+
 void RealtimeLoop::begin_tick() {
-  const auto now = Clock::now();
-  note_wake_up(now);
-  publish_question(now);
+  tick_began_ = Clock::now();
+  note_wake_up(tick_began_);
+  publish_question(tick_began_);
   if (scenario_.loop.command_delay == 1) {
     act(held_ ? DriveFault::command_missed : DriveFault::none);
   }
@@ -147,6 +173,9 @@ void RealtimeLoop::publish_question(Clock::time_point now) {
 void RealtimeLoop::act(DriveFault fault) {
   transport_.publish(robot_.truth_channel(), robot_.truth(tick_, fault));
   acted_ = true;
+  const auto now = Clock::now();
+  if (fault != DriveFault::protective_stop && !robot_.emulated()) require_recent_torque(now);
+  if (fault == DriveFault::none) commanded_at_ = now;
   robot_.advance(tick_);
 }
 
@@ -214,8 +243,19 @@ void RealtimeLoop::end_tick() {
                            " commands in a row did not come in time (loop.max_missed: " +
                            std::to_string(scenario_.loop.max_missed) + ") from " +
                            session_.silent_among({bus::Role::controller, bus::Role::reference}) +
-                           "; mend that and start a new run");
+                           what_to_mend());
   }
+}
+
+std::string RealtimeLoop::what_to_mend() const {
+  if (longest_delay_ <= nanoseconds(scenario_.loop.period_s)) {
+    return "; mend that and start a new run";
+  }
+  // Then it need not be the others who are to blame.
+  return app::format(
+      ". The plant itself woke up to %.1f ms late: this machine stood still or is too busy "
+      "(tachless doctor); start a new run on a quieter one",
+      std::chrono::duration<double, std::milli>(longest_delay_).count());
 }
 
 void RealtimeLoop::come_to_rest(const app::Failure& failure) {

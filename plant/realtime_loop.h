@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 #include "app/scenario.h"
 #include "app/session.h"
@@ -12,9 +13,10 @@
 namespace plant {
 
 /// The plant on the wall clock: tick k begins at the absolute deadline start + k h, whether its
-/// command has come or not. A missed command holds the last torque; too many in a row, or whatever
-/// else ends the run before its time, brings the robot to rest first: drives without torque,
-/// braking, recorded, for `longest_stop` at most.
+/// command has come or not. Ticks that it is late for are caught up with, none is left out, and
+/// each still has half a period for its command. A missed command holds the last torque; too many
+/// in a row, or whatever else ends the run before its time, brings the robot to rest first: drives
+/// without torque, braking, recorded, for `longest_stop` at most.
 class RealtimeLoop {
  public:
   static constexpr std::chrono::milliseconds longest_stop{500};
@@ -28,18 +30,21 @@ class RealtimeLoop {
 
  private:
   [[nodiscard]] bus::Clock::time_point deadline(std::int64_t tick) const;
+  [[nodiscard]] bus::Clock::time_point end_of_tick() const;
   void refuse_early(const bus::Datagram& datagram);
   void introduce();
   void start();
   void keep_time();
   void begin_tick();
   void note_wake_up(bus::Clock::time_point now);
+  void require_recent_torque(bus::Clock::time_point now) const;
   void publish_question(bus::Clock::time_point now);
   void act(bus::truth::DriveFault fault);
   void receive_until(bus::Clock::time_point deadline);
   void take(const bus::Datagram& datagram);
   void on_command(const bus::Datagram& datagram);
   void end_tick();
+  [[nodiscard]] std::string what_to_mend() const;
   void come_to_rest(const app::Failure& failure);
 
   const app::Scenario& scenario_;
@@ -49,12 +54,15 @@ class RealtimeLoop {
   bus::realtime::CommandWatch watch_;
 
   bus::Clock::time_point start_;
-  bus::Clock::time_point asked_;  ///< when the measurement of tick_ was published
+  bus::Clock::time_point tick_began_;    ///< tick_ did, on time or late
+  bus::Clock::time_point asked_;         ///< when the measurement of tick_ was published
+  bus::Clock::time_point commanded_at_;  ///< when the drives last got a torque that had come
   std::int64_t tick_ = -1;
   bool begun_ = false;  ///< the question of tick_ has been published
   bool acted_ = false;  ///< the torque over tick_ is decided, and its TRUTH published
   bool held_ = false;   ///< the command of the last tick is missing
   std::int64_t late_in_a_row_ = 0;
+  std::chrono::nanoseconds longest_delay_{};  ///< of own wake-ups since the last command
 };
 
 }  // namespace plant

@@ -38,6 +38,9 @@ class RobotOnBus {
   /// Known when the controller has said what it measures, i.e. after `prepare`.
   [[nodiscard]] const std::string& measurement_channel() const { return measurement_channel_; }
 
+  /// An emulated robot's time is its ticks: it stands still when this process does.
+  [[nodiscard]] bool emulated() const { return emulator_ != nullptr; }
+
   /// Longest messages of a tick [bytes].
   [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
   [[nodiscard]] std::size_t longest_measurement() const { return measurement_->longest(); }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <functional>
 #include <list>
 #include <optional>
@@ -69,8 +70,13 @@ class Peers : public bus::Transport {
     std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
     queue("ARM_COMMAND", bytes, std::move(sender));
   }
+  /// Torques come this long after their measurements, however long the plant sleeps.
+  std::chrono::microseconds answering_time{0};
+
   void queue(std::string channel, std::span<const std::byte> bytes, std::string sender) {
-    messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender)});
+    const auto at = bus::Clock::now() +
+                    (channel == "ARM_COMMAND" ? answering_time : std::chrono::microseconds(0));
+    messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender), at});
   }
 
   void subscribe(const std::string& /*channel*/) override {}
@@ -106,10 +112,9 @@ class Peers : public bus::Transport {
   }
 
   std::optional<bus::Datagram> receive(bus::Clock::time_point deadline) override {
-    if (messages_.empty()) {
-      std::this_thread::sleep_until(deadline);
-      return std::nullopt;
-    }
+    const bool any = !messages_.empty();
+    std::this_thread::sleep_until(any ? std::min(deadline, messages_.front().at) : deadline);
+    if (!any || messages_.front().at > bus::Clock::now()) return std::nullopt;
     current_ = std::move(messages_.front());
     messages_.pop_front();
     return bus::Datagram{current_.channel, current_.payload, current_.sender};
@@ -120,6 +125,7 @@ class Peers : public bus::Transport {
     std::string channel;
     std::vector<std::byte> payload;
     std::string sender;
+    bus::Clock::time_point at;  ///< it arrives then
   };
 
   void announce(bus::Role role) {

@@ -137,6 +137,27 @@ TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
   EXPECT_EQ(peers.truths[29].tau, torque_of(28));
 }
 
+TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
+  const app::Scenario s = scenario({"loop.duration_s=0.1"});
+  ASSERT_EQ(s.loop.max_missed, 20);
+  Peers peers(s);
+  peers.answering_time = 200us;
+  peers.on_measurement = [&](std::int64_t k) {
+    peers.command(k, torque_of(k));
+    if (k == 10) std::this_thread::sleep_for(30ms);  // the machine stands still
+  };
+  const Outcome outcome = run(s, peers);
+  ASSERT_EQ(outcome.fault, "");
+  EXPECT_EQ(peers.truths.size(), 100u);
+  EXPECT_GE(outcome.statistics.longest_miss, 29);
+  // It does catch up.
+  const auto delay_us = [&](std::size_t k) {
+    return peers.tick_utimes[k] - 1000 * static_cast<std::int64_t>(k);
+  };
+  EXPECT_GE(delay_us(11), 28'000);
+  EXPECT_LT(delay_us(99), delay_us(11) / 2);
+}
+
 class Stopping : public testing::Test {
  protected:
   const app::Scenario s_ = scenario(
@@ -221,6 +242,18 @@ TEST_F(Stopping, BrakesBeforeItEndsWhenTwoProcessesCommand) {
   EXPECT_THAT(outcome.fault, HasSubstr(controllers_address));
   EXPECT_THAT(outcome.fault, HasSubstr("a second controller"));
   EXPECT_EQ(peers_.truths.back().fault, DriveFault::protective_stop);
+}
+
+TEST_F(Stopping, SaysSoWhenThePlantItselfWasLate) {
+  peers_.on_measurement = [&](std::int64_t k) {
+    if (k < 10) peers_.command(k, robot::Vector::Zero(2));
+    if (k == 10) std::this_thread::sleep_for(8ms);
+  };
+  const Outcome outcome = run(s_, peers_);
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("4 commands in a row"));
+  EXPECT_THAT(outcome.fault, HasSubstr("The plant itself woke up to"));
+  EXPECT_GE(outcome.statistics.wake_up_jitter.max_us(), 6500);
 }
 
 TEST_F(Stopping, BrakesBeforeItEndsWhenInterrupted) {

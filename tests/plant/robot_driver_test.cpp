@@ -17,6 +17,7 @@
 namespace plant {
 namespace {
 
+using namespace std::chrono_literals;
 using app::ExitCode;
 using bus::truth::DriveFault;
 using testing::HasSubstr;
@@ -120,6 +121,16 @@ TEST_F(AFailingRobot, IsStoppedWhenItReadsWhatIsNotFinite) {
   const Outcome outcome = run_it();
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("not finite at tick 10"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenItsTorqueWasHeldForTooLong) {
+  // The commands are there in time; the driver's process is not.
+  robot_.fault = [] { std::this_thread::sleep_for(30ms); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("torque has been held for "));
+  EXPECT_THAT(outcome.fault, HasSubstr("loop.max_missed (20)"));
   expect_stopped(robot_);
 }
 
