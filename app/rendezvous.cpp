@@ -83,12 +83,13 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
       plant_finished_ = plant_finished_ || peer.role == Role::plant;
     } else if (peer.state == ParticipantState::fault && !over()) {
       const Peer& other = note(stamp, peer, sender, now);
-      return fail(Failure(consequence(peer.fault_code),
-                          "ended because of " + describe(other) + ": " + peer.fault),
-                  now);
+      return fail(because_of(other), now);
     }
   }
   if (over()) return;
+  if (peer.role == Role::controller && cast_[index(peer.role)] == peer.instance) {
+    failed_successor_.reset();  // there is no need of one
+  }
 
   const bool differs = peer.scenario_digest != self_.digest;
   if (gone) {
@@ -96,6 +97,10 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
     if (peer.role != self_.role && differs && !running() && peer.state == ParticipantState::fault &&
         peer.fault_code == static_cast<int>(ExitCode::bad_usage)) {
       return refuse(note(stamp, peer, sender, now), now);
+    }
+    if (self_.role == Role::plant && peer.state == ParticipantState::fault &&
+        peer.fault_code == static_cast<int>(ExitCode::bad_usage) && would_succeed(stamp, peer)) {
+      failed_successor_ = because_of({peer, stamp.run, stamp.tick, std::string(sender), now, now});
     }
     if (cast_[index(peer.role)] != peer.instance) {
       std::erase_if(peers_,
@@ -107,6 +112,7 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
     // A newcomer; the one it wants to replace will tell it, unless that is gone.
     if (!succeeds(stamp, peer, now)) return;
     cast_[index(peer.role)] = peer.instance;
+    failed_successor_.reset();
     ++successions_;
   }
   // Who plays in a run gives way to nobody outside it: the newcomer is told at once, before it can
@@ -159,11 +165,18 @@ Rendezvous::Peer& Rendezvous::note(const bus::Stamp& stamp, const bus::Participa
   return peers_.back();
 }
 
+Failure Rendezvous::because_of(const Peer& failed) {
+  return {consequence(failed.participant.fault_code),
+          "ended because of " + describe(failed) + ": " + failed.participant.fault};
+}
+
+bool Rendezvous::would_succeed(const bus::Stamp& stamp, const bus::Participant& peer) const {
+  return self_.succession && running() && peer.role == Role::controller && stamp.run == run_ &&
+         peer.scenario_digest == self_.digest && cast_[index(peer.role)] != peer.instance;
+}
+
 bool Rendezvous::succeeds(const bus::Stamp& stamp, const bus::Participant& peer, Time now) const {
-  if (!self_.succession || peer.role != Role::controller || stamp.run != run_ ||
-      peer.scenario_digest != self_.digest) {
-    return false;
-  }
+  if (!would_succeed(stamp, peer)) return false;
   const auto silent = silence(peer.role, now);
   return !silent || *silent >= succession_after;
 }
@@ -246,6 +259,9 @@ void Rendezvous::check(Time now) {
                               "; it has died or cannot be reached: see its output"),
                   now);
     }
+  }
+  if (failed_successor_ && silence(Role::controller, now) >= succession_after) {
+    return fail(Failure(*failed_successor_), now);
   }
   if (!met_) {
     std::erase_if(peers_, [&](const Peer& each) { return now - each.heard >= forgotten_after; });

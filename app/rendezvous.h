@@ -133,6 +133,7 @@ class Rendezvous {
   [[nodiscard]] bool in_our_run(const bus::Stamp& stamp, const bus::Participant& peer) const;
   Peer& note(const bus::Stamp& stamp, const bus::Participant& peer, std::string_view sender,
              Time now);
+  [[nodiscard]] bool would_succeed(const bus::Stamp& stamp, const bus::Participant& peer) const;
   [[nodiscard]] bool succeeds(const bus::Stamp& stamp, const bus::Participant& peer,
                               Time now) const;
   void contest(const bus::Stamp& stamp, const Peer& other, Time now);
@@ -141,6 +142,8 @@ class Rendezvous {
   void look_for_all(Time now);
   [[nodiscard]] const Peer* holder(bus::Role role) const;
   [[nodiscard]] static std::string describe(const Peer& peer);
+  /// Why this process ends when that one has announced a fault.
+  [[nodiscard]] static Failure because_of(const Peer& failed);
   void fail(const Failure& failure, Time now);
 
   Self self_;
@@ -162,6 +165,9 @@ class Rendezvous {
   std::array<bool, bus::num_roles> done_{};
   std::optional<Failure> failure_;
   std::optional<Failure> stopping_;
+  /// A successor that could not resume. It may say so before its predecessor has been silent for
+  /// long enough, and says it once.
+  std::optional<Failure> failed_successor_;
 };
 
 }  // namespace app

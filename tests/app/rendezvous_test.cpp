@@ -445,6 +445,37 @@ TEST_F(ASuccession, IsRefusedWhileTheControllerSpeaks) {
   EXPECT_FALSE(controller->failure());
 }
 
+TEST_F(ASuccession, OfOneThatCannotResumeEndsTheRunOnceTheOldOneIsGone) {
+  meeting.kill(*controller);
+  auto& next = successor();
+  meeting.pass(300ms);
+  // Said at once, when the old one may still be there, and not again.
+  next.failed(Failure(ExitCode::bad_usage, "the log ends too early"), meeting.now());
+  meeting.pass(100ms);
+  EXPECT_FALSE(plant->failure());
+  meeting.pass(300ms);
+  for (const Rendezvous* each : {plant, reference, logger}) {
+    ASSERT_TRUE(each->failure());
+    EXPECT_EQ(each->failure()->code(), ExitCode::peer_lost);
+    EXPECT_THAT(each->failure()->what(), HasSubstr("the log ends too early"));
+  }
+}
+
+TEST_F(ASuccession, OfOneThatCannotResumeIsForgottenWhenTheOldOneSpeaks) {
+  bus::Participant failed;
+  failed.role = Role::controller;
+  failed.instance = 5;
+  failed.scenario_digest = 5;
+  failed.state = bus::ParticipantState::fault;
+  failed.fault_code = static_cast<int>(ExitCode::bad_usage);
+  failed.fault = "the log ends too early";
+  plant->hear({0, plants_run, -1}, failed, "controller5", meeting.now());
+  meeting.pass(300ms);
+  meeting.kill(*controller);
+  meeting.pass(2s);
+  EXPECT_FALSE(plant->failure()) << "it waits for another";
+}
+
 TEST_F(ASuccession, IsNotForAnotherScenario) {
   meeting.kill(*controller);
   auto& next = successor(5, 6);
