@@ -140,6 +140,10 @@ class RunLog::Impl {
         }
         TickRecord& slot = slot_of(base_++);
         if (!any_piece(slot)) continue;
+        if (has_not_begun(slot)) {
+          clear(slot);
+          continue;
+        }
         count(slot);
         record = slot;
         clear(slot);
@@ -149,12 +153,9 @@ class RunLog::Impl {
         const LogEvent event = ready_.front();
         ready_.pop_front();
         take(event);
-      } else if (at_end_) {
-        finish();
-        return false;
       } else if (const auto event = reader_.next()) {
         take(*event);
-      } else if (newest_ >= base_) {
+      } else if (at_end_ = true; newest_ >= base_) {
         release_below_ = newest_ + 1;
       } else if (!ahead_.empty()) {
         // Nothing comes before what is ahead any more.
@@ -164,7 +165,8 @@ class RunLog::Impl {
             })->tick;
         admit_ahead();
       } else {
-        at_end_ = true;
+        finish();
+        return false;
       }
     }
   }
@@ -361,6 +363,15 @@ class RunLog::Impl {
                        [&](Piece piece) { return has(record, piece); });
   }
 
+  /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
+  [[nodiscard]] bool has_not_begun(const TickRecord& record) const {
+    return at_end_ && ready_.empty() && ahead_.empty() && record.tick == newest_ &&
+           summary_.last_tick >= 0 && summary_.last_tick == record.tick - 1 &&
+           std::all_of(all_pieces.begin(), all_pieces.end(), [&](Piece piece) {
+             return has(record, piece) == (piece == Piece::reference);
+           });
+  }
+
   void take(const LogEvent& event) {
     const auto& channel = event.channel;
     if (channel == clock_.name) {
@@ -550,7 +561,7 @@ class RunLog::Impl {
   std::int64_t newest_ = -1;        // highest tick in a slot
   std::deque<Ahead> ahead_;
   std::deque<LogEvent> ready_;
-  bool at_end_ = false;
+  bool at_end_ = false;  // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, num_pieces> last_seen_{};
 };

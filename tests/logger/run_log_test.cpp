@@ -9,6 +9,7 @@
 #include "app/exit_code.h"
 #include "tests/logger/damaged_log.h"
 #include "tests/logger/recorded_run.h"
+#include "tests/temporary_directory.h"
 
 namespace logger {
 namespace {
@@ -172,6 +173,31 @@ TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
   EXPECT_EQ(command.missing_list[2].last, 34);
   EXPECT_EQ(log.summary().of(Piece::truth).missing, 6u);
   EXPECT_EQ(log.summary().gaps(), 6u * 5 + 3 + 1);
+}
+
+TEST_F(RunLogTest, TheReferenceOfATickThatNeverBeganIsNoGap) {
+  const auto run = short_rigid_run();
+  auto messages = run.messages;
+  // Cut short after tick 19, when the reference had sent that of 20, as it is a tick ahead.
+  std::erase_if(messages, [&](const Recorded& message) {
+    if (message.channel == "ARM_RUN_INFO") return false;
+    const auto tick = message.utime / 50;
+    return tick > 20 || (tick == 20 && message.channel != "ARM_REFERENCE");
+  });
+  auto log = open(messages);
+  for (int time = 0; time < 2; ++time, log.rewind()) {
+    EXPECT_EQ(read_all(log).size(), 20u);
+    EXPECT_EQ(log.summary().last_tick, 19);
+    EXPECT_EQ(log.summary().gaps(), 0u);
+  }
+  // What lacks pieces in the middle does, also when all that is left of it is a reference.
+  std::erase_if(messages, [&](const Recorded& message) {
+    return message.utime / 50 == 10 && message.channel != "ARM_RUN_INFO" &&
+           message.channel != "ARM_REFERENCE";
+  });
+  auto holed = open(messages);
+  EXPECT_EQ(read_all(holed).size(), 20u);
+  EXPECT_EQ(holed.summary().gaps(), 5u);
 }
 
 TEST_F(RunLogTest, SaysWhichPieceWasNeverRecorded) {
