@@ -2,6 +2,8 @@
 // machine: both wake up every millisecond, at SCHED_FIFO 80.
 //   realtime_bench [SECONDS [SCENARIO]]
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
@@ -60,6 +62,16 @@ std::string load() {
   return one;
 }
 
+/// What the host of this virtual machine has taken from it so far [s], summed over the cores.
+double stolen_s() {
+  std::ifstream file("/proc/stat");
+  std::string label;
+  double ticks = 0;  // the eighth number: user, nice, system, idle, iowait, irq, softirq, steal
+  file >> label;
+  for (int i = 0; i < 8; ++i) file >> ticks;
+  return ticks / static_cast<double>(::sysconf(_SC_CLK_TCK));
+}
+
 void print(const char* what, const nlohmann::json& durations) {
   std::printf("%-24s %8.0f %8.0f %8.0f %8.0f\n", what, durations["p50"].get<double>(),
               durations["p99"].get<double>(), durations["p999"].get<double>(),
@@ -72,8 +84,9 @@ int main(int argc, char** argv) try {
   const std::string seconds = argc > 1 ? argv[1] : "60";
   const std::string scenario =
       argc > 2 ? argv[2] : TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string load_before = load();
+  const double stolen_before_s = stolen_s();
   Program run("tachless",
               {"run", scenario, "--mode", "realtime", "--duration", seconds, "--isolate", "--quiet",
                "--json", "--out", directory / "run"},
@@ -87,6 +100,7 @@ int main(int argc, char** argv) try {
   const int code = run.wait(limit);
   const std::string load_after = load();
   if (cyclictest.wait(limit) != 0) throw std::runtime_error(cyclictest.errors());
+  const double stolen = stolen_s() - stolen_before_s;
   const Histogram beside(cyclictest.output());
   const auto summary = nlohmann::json::parse(run.output());
 
@@ -105,11 +119,13 @@ int main(int argc, char** argv) try {
               summary["missed_deadlines"].dump().c_str(), summary["longest_miss"].dump().c_str(),
               summary["missed_commands"].dump().c_str(),
               summary["longest_command_miss"].dump().c_str());
-  std::printf("%s ticks, log gaps %s, exit code %d, %s; load %s before, %s after\n",
-              summary["ticks"].dump().c_str(), summary["log"]["gaps"].dump().c_str(), code,
-              summary["fault"].is_null() ? "no protective stop"
-                                         : summary["fault"].get<std::string>().c_str(),
-              load_before.c_str(), load_after.c_str());
+  std::printf(
+      "%s ticks, log gaps %s, exit code %d, %s; load %s before, %s after; "
+      "stolen by the host %.2f s\n",
+      summary["ticks"].dump().c_str(), summary["log"]["gaps"].dump().c_str(), code,
+      summary["fault"].is_null() ? "no protective stop"
+                                 : summary["fault"].get<std::string>().c_str(),
+      load_before.c_str(), load_after.c_str(), stolen);
   return code;
 } catch (const std::exception& error) {
   std::fprintf(stderr, "realtime_bench: %s\n", error.what());

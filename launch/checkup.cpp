@@ -11,11 +11,14 @@
 #include <cstdlib>
 #include <exception>
 #include <fstream>
+#include <iterator>
 #include <map>
+#include <numeric>
 #include <sstream>
 #include <system_error>
 
-#include "app/process_options.h"
+#include "app/format.h"
+#include "app/options.h"
 #include "bus/isolate.h"
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
@@ -132,6 +135,11 @@ Finding check_clock() {
   return judge_clock_source(source);
 }
 
+Finding check_stolen_time() {
+  std::ifstream file("/proc/stat");
+  return judge_stolen_time(std::string(std::istreambuf_iterator<char>(file), {}));
+}
+
 Finding check_gnuplot() {
   std::istringstream path(std::getenv("PATH") == nullptr ? "" : std::getenv("PATH"));
   for (std::string directory; std::getline(path, directory, ':');) {
@@ -183,6 +191,31 @@ Finding judge_clock_source(const std::string& source) {
   return {"clock source", true, source, {}};
 }
 
+Finding judge_stolen_time(const std::string& proc_stat) {
+  constexpr double harmless = 0.001;
+  // user, nice, system, idle, iowait, irq, softirq, steal: what follows is contained in them.
+  constexpr std::size_t num_shares = 8;
+  std::istringstream words(proc_stat);
+  std::string label;
+  std::array<double, num_shares> ticks{};
+  words >> label;
+  for (double& each : ticks) words >> each;
+  if (!words || label != "cpu") return {"stolen time", true, "the kernel does not tell", {}};
+  const double share = ticks.back() / std::accumulate(ticks.begin(), ticks.end(), 0.0);
+  Finding finding{
+      "stolen time",
+      share <= harmless,
+      app::format("the host took %.2f %% of this machine's time since it started", 100 * share),
+      {}};
+  if (!finding.ok) {
+    finding.what += "; --mode realtime may end in protective stops";
+    finding.remedy =
+        "tachless run SCENARIO --mode realtime --set loop.max_missed=100 (for the emulator; a real "
+        "robot wants a machine of its own)";
+  }
+  return finding;
+}
+
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory) {
   Finding finding{"disk",
                   free_bytes >= useful_disk_bytes,
@@ -214,6 +247,7 @@ std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem:
   findings.push_back(check_real_time());
   findings.push_back(check_locked_memory());
   findings.push_back(check_clock());
+  findings.push_back(check_stolen_time());
   findings.push_back(judge_disk(std::filesystem::space(directory).available, directory));
   findings.push_back(check_gnuplot());
   return findings;

@@ -28,6 +28,8 @@ std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem:
 Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface);
 Finding judge_receive_buffer(long rmem_max_bytes);
 Finding judge_clock_source(const std::string& source);
+/// @param proc_stat the content of /proc/stat
+Finding judge_stolen_time(const std::string& proc_stat);
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory);
 
 }  // namespace launch

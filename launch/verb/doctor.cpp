@@ -4,7 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "app/process_options.h"
+#include "app/options.h"
 #include "launch/checkup.h"
 #include "launch/verb.h"
 
@@ -40,9 +40,7 @@ void print_json(const std::vector<Finding>& findings) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("--lcm-url", options->lcm_url, "The bus")
-      ->envname("LCM_DEFAULT_URL")
-      ->capture_default_str();
+  app::add_lcm_url(command, options->lcm_url);
   command.add_flag("--json", options->json, "As JSON");
   return [options] {
     const std::vector<Finding> findings = check_up(options->lcm_url, ".");

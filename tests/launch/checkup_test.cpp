@@ -44,6 +44,16 @@ TEST(CheckUp, WarnsOfSlowClocks) {
   EXPECT_TRUE(judge_clock_source("kvm-clock").ok);
 }
 
+TEST(CheckUp, WarnsOfAHostThatTakesTimeAway) {
+  // user nice system idle iowait irq softirq steal guest guest_nice
+  const Finding shared = judge_stolen_time("cpu  500 100 100 260 0 0 30 10 70 7\ncpu0 1 2 3\n");
+  EXPECT_FALSE(shared.ok);
+  EXPECT_THAT(shared.what, HasSubstr("took 1.00 %"));
+  EXPECT_THAT(*shared.remedy, HasSubstr("loop.max_missed=100"));
+  EXPECT_TRUE(judge_stolen_time("cpu  500 100 100 2600 0 0 30 0 0 0\n").ok);
+  EXPECT_TRUE(judge_stolen_time("").ok);
+}
+
 TEST(CheckUp, WantsAGibibyteOfDisk) {
   EXPECT_FALSE(judge_disk(1'000'000'000, ".").ok);
   EXPECT_TRUE(judge_disk(1'100'000'000, ".").ok);
