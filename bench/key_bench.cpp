@@ -22,7 +22,7 @@
 namespace {
 
 double ticks_per_s(const std::string& scenario, bool with_key) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string key = directory / "key";
   std::ofstream(key) << std::string(64, '5');
   chmod(key.c_str(), 0600);

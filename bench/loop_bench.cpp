@@ -21,7 +21,7 @@ struct Figures {
 };
 
 Figures measure(const std::string& scenario) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   play(scenario, {}, directory);
   const auto stats = [&](const std::string& role) {
     return nlohmann::json::parse(std::ifstream(directory / role));

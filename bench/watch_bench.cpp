@@ -18,14 +18,14 @@
 namespace {
 
 double ticks_per_s(const std::string& scenario) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   play(scenario, {}, directory);
   return ticks_per_s(directory);
 }
 
 /// @param lost grows by what the watching program was too slow for
 double ticks_per_s_watched(const std::string& scenario, double& lost) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program watch("tachless", {"watch", "--json"}, directory.path());
   const double rate = ticks_per_s(scenario);
   watch.signal(SIGINT);

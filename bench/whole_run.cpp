@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 void play(const std::string& scenario, const std::vector<std::string>& options,
-          const Directory& directory) {
+          const TemporaryDirectory& directory) {
   std::vector<std::unique_ptr<Program>> programs;
   for (const std::string role : {"logger", "controller", "reference", "plant"}) {
     std::vector<std::string> arguments{scenario, "--stats", directory / role};
@@ -21,7 +21,7 @@ void play(const std::string& scenario, const std::vector<std::string>& options,
   }
 }
 
-double ticks_per_s(const Directory& directory) {
+double ticks_per_s(const TemporaryDirectory& directory) {
   const auto plant = nlohmann::json::parse(std::ifstream(directory / "plant"));
   return plant["ticks"].get<double>() / plant["wall_s"].get<double>();
 }

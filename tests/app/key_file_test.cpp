@@ -4,12 +4,12 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "app/exit_code.h"
+#include "tests/temporary_directory.h"
 
 namespace {
 
@@ -19,14 +19,6 @@ using ::testing::Not;
 
 class AKeyFile : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = testing::TempDir() + "key-XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    directory = pattern;
-    path = directory / "key";
-  }
-  void TearDown() override { std::filesystem::remove_all(directory); }
-
   void write(const std::string& content, mode_t mode = 0600) {
     std::ofstream(path, std::ios::binary) << content;
     ASSERT_EQ(chmod(path.c_str(), mode), 0);
@@ -42,8 +34,8 @@ class AKeyFile : public testing::Test {
     return "accepted";
   }
 
-  std::filesystem::path directory;
-  std::filesystem::path path;
+  TemporaryDirectory directory;
+  std::filesystem::path path = directory / "key";
   const std::string digits = "000102030405060708090a0b0c0d0e0f101112131415161718191A1B1C1D1E1F";
 };
 

@@ -7,6 +7,8 @@
 #include <fstream>
 #include <random>
 
+#include "tests/temporary_directory.h"
+
 namespace app {
 namespace {
 
@@ -679,12 +681,9 @@ TEST(Scenario, AComplaintNamesLineOrOverrideOfTheKeyOrOfTheMapItIsMissingFrom) {
 class ScenarioFile : public ::testing::Test {
  protected:
   void SetUp() override {
-    char pattern[] = "/tmp/tachless_scenario_XXXXXX";
-    directory_ = mkdtemp(pattern);
     write("two.urdf", urdf);
     write("a.yaml", minimal);
   }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
 
   void write(const std::string& name, const std::string& text) {
     std::ofstream(directory_ / name, std::ios::binary) << text;
@@ -694,7 +693,7 @@ class ScenarioFile : public ::testing::Test {
     return refusal([&] { load_scenario(directory_ / name, overrides); });
   }
 
-  std::filesystem::path directory_;
+  TemporaryDirectory directory_;
 };
 
 TEST_F(ScenarioFile, NamesItsUrdfRelativeToItself) {
@@ -708,7 +707,7 @@ TEST_F(ScenarioFile, NamesItsUrdfRelativeToItself) {
 }
 
 TEST_F(ScenarioFile, ThatCannotBeReadIsRefused) {
-  const std::string here = directory_.string();
+  const std::string here = directory_.path().string();
   EXPECT_EQ(refusal_of_file("none.yaml"), here + "/none.yaml: no such file");
   std::filesystem::create_directory(directory_ / "d.yaml");
   EXPECT_THAT(refusal_of_file("d.yaml"), StartsWith(here + "/d.yaml: is a directory"));

@@ -9,6 +9,7 @@
 
 #include "launch/gnuplot.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace launch {
 namespace {
@@ -16,7 +17,7 @@ namespace {
 using ::testing::HasSubstr;
 
 std::string drawn(const Chart& chart) {
-  const logger::TemporaryDirectory directory;
+  const TemporaryDirectory directory;
   draw(chart_commands({chart}, directory.path()), directory.path() / "script");
   return logger::read_file(directory.path() / (chart.name + ".svg"));
 }
@@ -73,7 +74,7 @@ TEST(Chart, SurvivesCurvesWithNothingToShow) {
 }
 
 TEST(Chart, StacksChartsInOneFile) {
-  const logger::TemporaryDirectory directory;
+  const TemporaryDirectory directory;
   const auto svg = directory.path() / "stack.svg";
   draw(stacked_chart_commands({swing(), swing()}, "two_swings & more", svg), svg);
   const std::string text = logger::read_file(svg);

@@ -4,13 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
 
 #include "tests/launch/shell.h"
+#include "tests/temporary_directory.h"
 
 namespace {
 
@@ -30,14 +30,7 @@ long lines(const std::string& text) { return std::count(text.begin(), text.end()
 
 class Command : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = ::testing::TempDir() + "command-XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    directory_ = pattern;
-  }
-  void TearDown() override { fs::remove_all(directory_); }
-
-  fs::path directory_;
+  TemporaryDirectory directory_;
 };
 
 TEST_F(Command, TellsItsVersion) {

@@ -13,6 +13,7 @@
 #include "launch/report_page.h"
 #include "tests/launch/in_process_log.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace launch {
 namespace {
@@ -53,7 +54,7 @@ class Damage : public ::testing::TestWithParam<std::pair<const char*, const char
     EXPECT_THAT(failure.what(), HasSubstr(path_.string()));
   }
 
-  logger::TemporaryDirectory directory_;
+  TemporaryDirectory directory_{logger::quick_place()};
   std::filesystem::path path_ = directory_.path() / "lcmlog";
   logger::SampleLog whole_;
   std::int64_t num_ticks_ = 0;

@@ -10,7 +10,8 @@
 /// `tachless run` of a scenario that goes on until it is interrupted, in directory/out.
 class EndlessRun {
  public:
-  explicit EndlessRun(const Directory& directory, const std::vector<std::string>& more = {},
+  explicit EndlessRun(const TemporaryDirectory& directory,
+                      const std::vector<std::string>& more = {},
                       const std::string& scenario = "practical_flexible")
       : log_(directory / "out/lcmlog"),
         program_("tachless", words(directory, more, scenario), directory.path()) {}
@@ -31,7 +32,7 @@ class EndlessRun {
   Program& program() { return program_; }
 
  private:
-  static std::vector<std::string> words(const Directory& directory,
+  static std::vector<std::string> words(const TemporaryDirectory& directory,
                                         const std::vector<std::string>& more,
                                         const std::string& scenario) {
     std::vector<std::string> all = {"run",

@@ -4,12 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <numbers>
 #include <sstream>
 
 #include "app/exit_code.h"
+#include "tests/temporary_directory.h"
 
 namespace launch {
 namespace {
@@ -19,15 +19,6 @@ using ::testing::Not;
 
 class Figure : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = ::testing::TempDir() + "figure-XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    directory_ = pattern;
-  }
-  void TearDown() override {
-    if (std::getenv("TACHLESS_KEEP_FIGURES") == nullptr) std::filesystem::remove_all(directory_);
-  }
-
   static Tracking run(int num_joints, bool flexible, int num_ticks = 40'000) {
     Tracking tracking(num_joints);
     robot::Vector q(num_joints), q_ref(num_joints), tau(num_joints), theta;
@@ -56,7 +47,7 @@ class Figure : public ::testing::Test {
     return text.str();
   }
 
-  std::filesystem::path directory_;
+  TemporaryDirectory directory_;
 };
 
 TEST_F(Figure, ShowsLinkReferenceErrorAndTorqueWithUnits) {
@@ -100,7 +91,7 @@ TEST_F(Figure, CutsTheTorqueAxisAtAKickAndSaysSo) {
 
 TEST_F(Figure, LeavesNothingBesideThePicture) {
   drawn(run(1, false, 100), "one");
-  const auto files = std::distance(std::filesystem::directory_iterator(directory_),
+  const auto files = std::distance(std::filesystem::directory_iterator(directory_.path()),
                                    std::filesystem::directory_iterator());
   EXPECT_EQ(files, 1);
 }

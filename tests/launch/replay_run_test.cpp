@@ -12,6 +12,7 @@
 #include "logger/log_file.h"
 #include "tests/launch/shell.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace {
 
@@ -48,7 +49,7 @@ class ReplayOfARun : public ::testing::Test {
     return out / "lcmlog";
   }
 
-  logger::TemporaryDirectory directory_;
+  TemporaryDirectory directory_;
 };
 
 TEST_F(ReplayOfARun, IsTheSameBitForBit) {

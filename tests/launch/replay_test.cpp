@@ -9,6 +9,7 @@
 #include "app/exit_code.h"
 #include "tests/launch/in_process_log.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace launch {
 namespace {
@@ -41,7 +42,7 @@ class ReplayTest : public ::testing::Test {
     return replay(log, log.scenario());
   }
 
-  logger::TemporaryDirectory directory_;
+  TemporaryDirectory directory_;
 };
 
 TEST_F(ReplayTest, GivesEveryLawsCommandsAgain) {

@@ -17,6 +17,7 @@
 #include "launch/report.h"
 #include "tests/launch/in_process_log.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace launch {
 namespace {
@@ -216,7 +217,7 @@ document.querySelector('iframe').onload = (event) => {
     return read_recorded_run(log);
   }
 
-  logger::TemporaryDirectory profile_;
+  TemporaryDirectory profile_;
   int opened_ = 0;
 };
 

@@ -11,6 +11,7 @@
 #include "launch/report_page.h"
 #include "tests/launch/in_process_log.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace launch {
 namespace {
@@ -37,7 +38,7 @@ class Report : public ::testing::Test {
     return report_page(runs, report_sections(runs), {});
   }
 
-  logger::TemporaryDirectory directory_;
+  TemporaryDirectory directory_;
 };
 
 std::size_t count(const std::string& text, const std::string& what) {

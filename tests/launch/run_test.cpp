@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "logger/run_log.h"
+#include "tests/temporary_directory.h"
 
 namespace {
 
@@ -35,17 +36,11 @@ std::string text_of(const fs::path& file) {
 
 class Run : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = ::testing::TempDir() + "run-XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    directory_ = pattern;
-  }
   void TearDown() override {
     if (launcher_ > 0) {
       kill(launcher_, SIGKILL);
       waitpid(launcher_, nullptr, 0);
     }
-    fs::remove_all(directory_);
   }
 
   void start(std::vector<std::string> arguments) {
@@ -105,7 +100,7 @@ class Run : public ::testing::Test {
     return nlohmann::json::parse(text_of(out() / "summary.json"));
   }
 
-  fs::path directory_;
+  TemporaryDirectory directory_;
   pid_t launcher_ = -1;
 };
 

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "tests/launch/shell.h"
+#include "tests/temporary_directory.h"
 
 namespace {
 
@@ -25,10 +26,6 @@ using ::testing::Not;
 class Script : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = ::testing::TempDir() + "script-XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    root_ = fs::path(pattern) / "tree";
-    tools_ = fs::path(pattern) / "tools";
     fs::create_directories(root_);
     fs::create_directories(tools_);
     fs::copy(TACHLESS_SOURCE_DIR "/tachless", root_ / "tachless");
@@ -50,7 +47,6 @@ class Script : public ::testing::Test {
     tool("unshare", "shift; while [ \"$1\" = true ]; do exit 0; done; exec \"$@\"");
     tool("ip", "exit 0");
   }
-  void TearDown() override { fs::remove_all(root_.parent_path()); }
 
   void tool(const std::string& name, const std::string& body) {
     const fs::path path = tools_ / name;
@@ -74,8 +70,9 @@ class Script : public ::testing::Test {
     return text.str();
   }
 
-  fs::path root_;
-  fs::path tools_;
+  TemporaryDirectory directory_;
+  fs::path root_ = directory_ / "tree";
+  fs::path tools_ = directory_ / "tools";
 };
 
 TEST_F(Script, BuildsOnceAndHandsOver) {

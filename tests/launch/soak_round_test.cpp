@@ -40,7 +40,7 @@ class ASoakRound : public ::testing::Test {
   }
 
  private:
-  Directory directory_;
+  TemporaryDirectory directory_;
   std::atomic<bool> interrupted_ = false;
 };
 

@@ -15,7 +15,7 @@ namespace {
 using ::testing::HasSubstr;
 
 TEST(Soak, GoesThroughAllFaultsAndFindsThatAllIsKept) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string out = directory / "out";
   Program soak(
       "tachless",
@@ -38,7 +38,7 @@ TEST(Soak, GoesThroughAllFaultsAndFindsThatAllIsKept) {
 }
 
 TEST(Soak, EndsWithItsReportOnCtrlC) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program soak("tachless", {"soak", "--minutes", "100", "--out", directory / "out"},
                directory.path());
   soak.wait_for("round 1, seed 1");
@@ -48,7 +48,7 @@ TEST(Soak, EndsWithItsReportOnCtrlC) {
 }
 
 TEST(Soak, WantsToKnowHowLong) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program soak("tachless", {"soak"}, directory.path());
   EXPECT_EQ(soak.wait(), 2);
   EXPECT_THAT(soak.errors(), HasSubstr("--minutes 30"));

@@ -153,7 +153,7 @@ std::string letters(const std::string& text) {
 }
 
 TEST(Spy, DecodesEveryChannelAndShowsTheFieldsOfOne) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
   Program spy("tachless", {"spy"}, directory.path());
   std::optional<std::string> window;
@@ -237,7 +237,7 @@ TEST(Spy, DecodesEveryChannelAndShowsTheFieldsOfOne) {
 class SpyWithoutDisplay : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(SpyWithoutDisplay, SaysSoAndEnds) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   setenv("DISPLAY", GetParam(), 1);
   Program spy("tachless", {"spy"}, directory.path());
   EXPECT_EQ(spy.wait(), 2);
@@ -251,7 +251,7 @@ INSTANTIATE_TEST_SUITE_P(Displays, SpyWithoutDisplay,
                                            "host:"));
 
 TEST(Spy, SaysWhichPackageIsMissing) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
   const std::string path = getenv("PATH");
   fs::create_directories(directory / "jre/bin");

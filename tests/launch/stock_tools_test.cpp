@@ -35,12 +35,12 @@ using Bytes = std::vector<std::byte>;
 const std::string scenario = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
 
 /// The stdout of a tachless command that succeeds.
-std::string tachless(const std::vector<std::string>& words, const Directory& directory) {
+std::string tachless(const std::vector<std::string>& words, const TemporaryDirectory& directory) {
   return output_of("tachless", words, directory);
 }
 
 /// Records a lockstep run of some hundred ticks with run id 7.
-std::string record(const Directory& directory) {
+std::string record(const TemporaryDirectory& directory) {
   tachless({"run", scenario, "--duration", "0.3", "--run-id", "7", "--quiet", "--out",
             directory / "out"},
            directory);
@@ -64,7 +64,7 @@ std::map<std::string, std::map<std::int64_t, Bytes>> messages_of(const std::stri
 }
 
 TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string stock = directory / "stock.log";
   Program recorder("lcm-logger",
                    {"--lcm-url=udpm://239.255.76.67:7667?ttl=0", "--flush-interval=10", stock},
@@ -117,7 +117,7 @@ TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
 }
 
 TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string log = record(directory);
   Program watch("tachless", {"watch", "--json"}, directory.path());
   // It prints what it has heard once a second: with the first line it is listening.
@@ -148,7 +148,7 @@ TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
 /// A controller that follows run 7, listening.
 class Follower {
  public:
-  explicit Follower(const Directory& directory, const std::vector<std::string>& more = {})
+  explicit Follower(const TemporaryDirectory& directory, const std::vector<std::string>& more = {})
       : program_("tachless-controller", words(more), directory.path()) {
     program_.wait_for("following run");
   }
@@ -164,7 +164,7 @@ class Follower {
 };
 
 TEST(StockTools, AControllerAnswersWhatLcmLogplayerPlaysBackWithTheSameCommandsBitForBit) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string log = record(directory);
   auto recorded = messages_of(log);
   bus::UdpTransport listener;
@@ -187,7 +187,7 @@ TEST(StockTools, AControllerAnswersWhatLcmLogplayerPlaysBackWithTheSameCommandsB
 }
 
 TEST(StockTools, AControllerNamesTheTickThatARecordingLacks) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string log = record(directory);
   const std::string cut = directory / "cut";
   {
@@ -209,14 +209,14 @@ TEST(StockTools, AControllerNamesTheTickThatARecordingLacks) {
 }
 
 TEST(StockTools, AControllerThatFollowsARunNobodyPlaysSaysSo) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Follower follower(directory, {"--wait-s", "0.3"});
   EXPECT_EQ(follower.program().wait(), 3);
   EXPECT_THAT(follower.program().errors(), HasSubstr("no measurement of run 7"));
 }
 
 TEST(StockTools, AControllerThatFollowsEndsOnCtrlC) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Follower follower(directory);
   follower.program().signal(SIGINT);
   EXPECT_EQ(follower.program().wait(), 130);

@@ -23,7 +23,8 @@ std::vector<std::string> options_of_server(const std::vector<std::string>& more)
 
 }  // namespace
 
-VirtualDisplay::VirtualDisplay(const Directory& directory, const std::vector<std::string>& more)
+VirtualDisplay::VirtualDisplay(const TemporaryDirectory& directory,
+                               const std::vector<std::string>& more)
     : directory_(directory), server_("Xvfb", options_of_server(more), directory.path()) {
   wait_until("the X server's display number", [&] {
     if (!server_.running()) throw std::runtime_error("Xvfb: " + server_.errors());
@@ -56,13 +57,13 @@ void VirtualDisplay::double_click(const std::string& window, int x, int y) const
 }
 
 std::string output_of(const std::string& program, const std::vector<std::string>& arguments,
-                      const Directory& directory) {
+                      const TemporaryDirectory& directory) {
   Program tool(program, arguments, directory.path());
   if (tool.wait() != 0) throw std::runtime_error(program + ": " + tool.errors());
   return tool.output();
 }
 
-std::string letters_in(const std::filesystem::path& picture, const Directory& directory) {
+std::string letters_in(const std::filesystem::path& picture, const TemporaryDirectory& directory) {
   const std::string large = directory / "large.png";
   output_of("convert",
             {picture, "-colorspace", "Gray", "-auto-level", "-resize", "400%", "-bordercolor",

@@ -15,7 +15,8 @@
 class VirtualDisplay {
  public:
   /// @param more options of Xvfb
-  explicit VirtualDisplay(const Directory& directory, const std::vector<std::string>& more = {});
+  explicit VirtualDisplay(const TemporaryDirectory& directory,
+                          const std::vector<std::string>& more = {});
 
   /// The visible window of exactly that title, if there is one.
   [[nodiscard]] std::optional<std::string> window(const std::string& title) const;
@@ -27,16 +28,16 @@ class VirtualDisplay {
   void double_click(const std::string& window, int x, int y) const;
 
  private:
-  const Directory& directory_;
+  const TemporaryDirectory& directory_;
   Program server_;
 };
 
 /// The stdout of a program. @throw std::runtime_error with its stderr when it fails.
 std::string output_of(const std::string& program, const std::vector<std::string>& arguments,
-                      const Directory& directory);
+                      const TemporaryDirectory& directory);
 
 /// The text in a picture, every character that is neither letter nor digit left out.
-std::string letters_in(const std::filesystem::path& picture, const Directory& directory);
+std::string letters_in(const std::filesystem::path& picture, const TemporaryDirectory& directory);
 
 /// A grey picture in memory.
 struct Picture {

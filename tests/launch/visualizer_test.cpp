@@ -39,7 +39,7 @@ fs::path screenshot(const std::string& name) {
   return folder / name;
 }
 
-std::vector<std::string> run_of(const Directory& directory, const std::string& scenario,
+std::vector<std::string> run_of(const TemporaryDirectory& directory, const std::string& scenario,
                                 const std::vector<std::string>& more) {
   std::vector<std::string> words = {"run", TACHLESS_SOURCE_DIR "/scenarios/" + scenario + ".yaml",
                                     "--out", directory / "out"};
@@ -47,11 +47,17 @@ std::vector<std::string> run_of(const Directory& directory, const std::string& s
   return words;
 }
 
+/// A realtime run that no busy machine ends.
+std::vector<std::string> on_the_wall_clock(const std::string& duration_s) {
+  return {"--mode", "realtime", "--duration", duration_s, "--set", "loop.max_missed=1000",
+          "--quiet"};
+}
+
 /// A run with its window.
 class Visualized {
  public:
-  Visualized(const Directory& directory, const VirtualDisplay& display, const std::string& scenario,
-             std::vector<std::string> more)
+  Visualized(const TemporaryDirectory& directory, const VirtualDisplay& display,
+             const std::string& scenario, std::vector<std::string> more)
       : title_("tachless: " + scenario),
         display_(display),
         program_("tachless", (more.push_back("--visualize"), run_of(directory, scenario, more)),
@@ -89,7 +95,7 @@ struct Links {
   std::vector<bool> mask;
   int count = 0;
 };
-Links links_in(const fs::path& picture, const Directory& directory) {
+Links links_in(const fs::path& picture, const TemporaryDirectory& directory) {
   const fs::path raw = directory / "links.rgb";
   // Below the line with the time, which is orange too.
   output_of("convert",
@@ -114,7 +120,7 @@ int differing(const Links& a, const Links& b) {
 }
 
 /// The simulated time that a picture shows [s].
-double time_in(const fs::path& picture, const Directory& directory) {
+double time_in(const fs::path& picture, const TemporaryDirectory& directory) {
   const fs::path part = directory / "time.png";
   output_of("convert", {picture, "-crop", "190x36+0+0", "+repage", part}, directory);
   const std::string letters = letters_in(part, directory);
@@ -125,7 +131,7 @@ double time_in(const fs::path& picture, const Directory& directory) {
 class ShowsARobot : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(ShowsARobot, MovingAtTheSimulatedPaceToTheEnd) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
   const auto begun = Clock::now();
   const auto elapsed_s = [&] {
@@ -164,7 +170,7 @@ INSTANTIATE_TEST_SUITE_P(Robots, ShowsARobot,
                          [](const auto& robot) { return std::string(robot.param); });
 
 TEST(Visualize, LeavesTheRunAlone) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
   std::ofstream(directory / "key") << std::string(32, 'k');
   fs::permissions(directory / "key", fs::perms::owner_read);
@@ -181,10 +187,9 @@ TEST(Visualize, LeavesTheRunAlone) {
 }
 
 TEST(Visualize, ClosingTheWindowDoesNotEndTheRun) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
-  Visualized run(directory, display, "practical_rigid",
-                 {"--mode", "realtime", "--duration", "3", "--quiet"});
+  Visualized run(directory, display, "practical_rigid", on_the_wall_clock("3"));
   wait_until("the run to begin", [&] { return run.process("tachless-plant") != 0; });
   output_of("xdotool", {"windowkill", run.window()}, directory);
   run.program().wait_for("the window was closed; the run goes on");
@@ -195,10 +200,9 @@ TEST(Visualize, ClosingTheWindowDoesNotEndTheRun) {
 }
 
 TEST(Visualize, ACrashOfTheWindowsProgramDoesNotEndTheRun) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
-  Visualized run(directory, display, "practical_rigid",
-                 {"--mode", "realtime", "--duration", "3", "--quiet"});
+  Visualized run(directory, display, "practical_rigid", on_the_wall_clock("3"));
   wait_until("the run to begin", [&] { return run.process("tachless-plant") != 0; });
   kill(run.process("tachless-visualizer"), SIGKILL);
   run.program().wait_for("the window is gone: tachless-visualizer was killed by signal 9");
@@ -208,7 +212,7 @@ TEST(Visualize, ACrashOfTheWindowsProgramDoesNotEndTheRun) {
 }
 
 TEST(Visualize, CtrlCClosesTheWindowOfARunThatIsOver) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
   Visualized run(directory, display, "practical_rigid", {"--duration", "100"});
   run.program().wait_for("the window shows the run to its end", seconds(120));
@@ -218,10 +222,9 @@ TEST(Visualize, CtrlCClosesTheWindowOfARunThatIsOver) {
 }
 
 TEST(Visualize, CtrlCEndsTheRunAndItsWindow) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const VirtualDisplay display(directory);
-  Visualized run(directory, display, "practical_rigid",
-                 {"--mode", "realtime", "--duration", "100"});
+  Visualized run(directory, display, "practical_rigid", on_the_wall_clock("100"));
   wait_until("the run to begin", [&] { return run.process("tachless-plant") != 0; });
   run.program().signal(SIGINT);
   EXPECT_EQ(run.program().wait(seconds(20)), 130);
@@ -244,7 +247,7 @@ class VisualizeRefused : public ::testing::Test {
     return errors;
   }
 
-  Directory directory_;
+  TemporaryDirectory directory_;
 };
 
 TEST_F(VisualizeRefused, WithoutADisplay) {
@@ -261,7 +264,7 @@ TEST_F(VisualizeRefused, OnADisplayWithoutOpenGL) {
 }
 
 TEST(Visualizer, RefusesABadCommandLine) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program program("tachless-visualizer", {"nowhere.yaml"}, directory.path());
   EXPECT_EQ(program.wait(), 2);
   EXPECT_THAT(program.errors(), HasSubstr("nowhere.yaml"));

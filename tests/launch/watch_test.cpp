@@ -38,7 +38,7 @@ std::map<std::string, nlohmann::json> channels_of(const nlohmann::json& heard) {
 }
 
 TEST(Watch, DecodesEveryChannelOfARunAndLeavesItAlone) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   EndlessRun run(directory);
   wait_until("the run to get going", [&] { return run.under_way(); });
   Program watch("tachless", {"watch", "--once", "--json", "--seconds", "1"}, directory.path());
@@ -74,7 +74,7 @@ TEST(Watch, DecodesEveryChannelOfARunAndLeavesItAlone) {
 }
 
 TEST(Watch, CountsWhatASenderLeftOutAndWhatCannotBeDecoded) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   // The first of these messages may come before the program listens, hence again and again.
   Program watch("tachless", {"watch", "--once", "--json", "--seconds", "3"}, directory.path());
   bus::UdpTransport transport;
@@ -96,7 +96,7 @@ TEST(Watch, CountsWhatASenderLeftOutAndWhatCannotBeDecoded) {
 }
 
 TEST(Watch, RefusesABusThatIsNone) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program watch("tachless", {"watch", "--once", "--lcm-url", "udp://nowhere"}, directory.path());
   EXPECT_EQ(watch.wait(), 2);
   EXPECT_THAT(watch.errors(), HasSubstr("--lcm-url"));

@@ -10,6 +10,7 @@
 #include "logger/run_log.h"
 #include "tests/logger/damaged_log.h"
 #include "tests/logger/recorded_run.h"
+#include "tests/temporary_directory.h"
 
 namespace logger {
 namespace {
@@ -18,7 +19,7 @@ namespace {
 /// through.
 class Damage : public testing::Test {
  protected:
-  TemporaryDirectory directory_;
+  TemporaryDirectory directory_{quick_place()};
   std::filesystem::path path_ = directory_.path() / "lcmlog";
   std::filesystem::path csv_ = directory_.path() / "run.csv";
   std::filesystem::path h5_ = directory_.path() / "run.h5";

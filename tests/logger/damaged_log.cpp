@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <stdexcept>
@@ -39,17 +38,11 @@ void replace(DamagedLog& damaged, const SampleLog& log, std::size_t begin, std::
 
 }  // namespace
 
-TemporaryDirectory::TemporaryDirectory() {
-  // In memory where there is such a place: tens of thousands of files are written.
+std::filesystem::path quick_place() {
   const std::filesystem::path in_memory = "/dev/shm";
   const bool usable = access(in_memory.c_str(), W_OK | X_OK) == 0;
-  const auto parent = usable ? in_memory : std::filesystem::temp_directory_path();
-  std::string name = (parent / "tachless_XXXXXX").string();
-  if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("cannot create " + name);
-  path_ = name;
+  return usable ? in_memory : std::filesystem::temp_directory_path();
 }
-
-TemporaryDirectory::~TemporaryDirectory() { std::filesystem::remove_all(path_); }
 
 std::string read_file(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);

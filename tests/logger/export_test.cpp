@@ -14,6 +14,7 @@
 #include "app/exit_code.h"
 #include "tests/logger/damaged_log.h"
 #include "tests/logger/recorded_run.h"
+#include "tests/temporary_directory.h"
 
 namespace logger {
 namespace {

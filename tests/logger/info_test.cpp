@@ -7,6 +7,7 @@
 
 #include "tests/logger/damaged_log.h"
 #include "tests/logger/recorded_run.h"
+#include "tests/temporary_directory.h"
 
 namespace logger {
 namespace {

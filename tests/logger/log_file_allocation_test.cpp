@@ -7,6 +7,7 @@
 #include "logger/log_file.h"
 #include "tests/bus/counting_new.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace logger {
 namespace {

@@ -15,6 +15,7 @@
 
 #include "app/exit_code.h"
 #include "tests/logger/damaged_log.h"
+#include "tests/temporary_directory.h"
 
 namespace logger {
 namespace {

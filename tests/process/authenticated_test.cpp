@@ -29,7 +29,7 @@ struct Said {
   std::vector<std::byte> payload;
 };
 
-std::string key_file(const Directory& directory, char digit) {
+std::string key_file(const TemporaryDirectory& directory, char digit) {
   const std::string path = directory / (std::string("key") + digit);
   std::ofstream(path) << std::string(64, digit);
   chmod(path.c_str(), 0600);
@@ -65,7 +65,7 @@ class WholeRun {
 };
 
 TEST(AKey, ChangesNothingInTheLogAndKeepsStrangersAndEarlierSessionsOut) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::vector<std::string> keyed = {"--key-file", key_file(directory, '5')};
 
   WholeRun plain({});
@@ -108,7 +108,7 @@ TEST(AKey, ChangesNothingInTheLogAndKeepsStrangersAndEarlierSessionsOut) {
 }
 
 TEST(AKey, KeepsForgedCommandsFromARobotOnTheWallClock) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   WholeRun run({"--key-file", key_file(directory, '5')});
   // Whatever a busy machine makes the controller miss.
   run.programs.settings = {"--set", "loop.duration_s=2",   "--set", "loop.mode=realtime",
@@ -148,7 +148,7 @@ TEST(WithoutAKey, TheSameForgedCommandEndsTheRun) {
 }
 
 TEST(AKey, ThatIsAnotherOrMissingIsRefusedOnBothSides) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string scenario = scenarios + "practical_rigid.yaml";
   const std::string five = key_file(directory, '5');
   const std::string six = key_file(directory, '6');
@@ -179,7 +179,7 @@ TEST(AKey, ThatIsAnotherOrMissingIsRefusedOnBothSides) {
 }
 
 TEST(AKey, ThatCannotBeReadIsRefusedAtOnce) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program plant("tachless-plant",
                 {scenarios + "practical_rigid.yaml", "--key-file", directory / "nowhere"},
                 directory.path());

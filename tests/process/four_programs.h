@@ -53,7 +53,7 @@ class FourPrograms {
     const auto size = std::filesystem::file_size(log_path(), absent);
     return absent ? 0 : size;
   }
-  [[nodiscard]] const Directory& directory() const { return directory_; }
+  [[nodiscard]] const TemporaryDirectory& directory() const { return directory_; }
 
   void expect_all_done() {
     for (const char* role : roles) {
@@ -66,7 +66,7 @@ class FourPrograms {
   std::vector<std::string> settings{"--set", "loop.duration_s=0.02"};  // 400 ticks of paper_rigid
 
  private:
-  Directory directory_;
+  TemporaryDirectory directory_;
   std::string scenario_;
   std::vector<std::string> plant_options_;
   std::map<std::string, std::unique_ptr<Program>> programs_;

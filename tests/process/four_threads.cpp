@@ -17,12 +17,6 @@ namespace {
 
 using bus::Role;
 
-std::filesystem::path new_directory() {
-  std::string path = (std::filesystem::temp_directory_path() / "tachless_XXXXXX").string();
-  if (mkdtemp(path.data()) == nullptr) throw std::runtime_error("mkdtemp failed");
-  return path;
-}
-
 void play(Role role, const app::Scenario& scenario, bus::Transport& transport,
           app::Session& session, const std::filesystem::path& log_path) {
   switch (role) {
@@ -50,12 +44,11 @@ std::string RunResult::complaints() const {
 }
 
 FourThreads::FourThreads(const app::Scenario& scenario, const bus::NetworkFaults& faults)
-    : scenario_(scenario), network_(faults), directory_(new_directory()) {}
+    : scenario_(scenario), network_(faults) {}
 
 FourThreads::~FourThreads() {
   for (auto& flag : interrupted_) flag = true;
   wait();
-  std::filesystem::remove_all(directory_);
 }
 
 std::filesystem::path FourThreads::log_path() const { return directory_ / "lcmlog"; }

@@ -17,6 +17,7 @@
 #include "bus/in_memory.h"
 #include "bus/key.h"
 #include "bus/wire.h"
+#include "tests/temporary_directory.h"
 
 /// The four real nodes in four threads on an in-memory bus.
 namespace process_test {
@@ -65,7 +66,7 @@ class FourThreads {
   app::Scenario scenario_;
   std::map<bus::Role, app::Scenario> own_;
   bus::InMemoryNetwork network_;
-  std::filesystem::path directory_;
+  TemporaryDirectory directory_;
   Wrapper wrapper_;
   std::optional<bus::Key> key_;
   std::array<std::atomic<bool>, bus::num_roles> interrupted_{};

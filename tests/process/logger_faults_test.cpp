@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <deque>
@@ -14,10 +15,12 @@
 
 #include "bus/truth/truth_wire.h"
 #include "bus/udp_transport.h"
+#include "launch/process_tree.h"
 #include "logger/run_log.h"
 #include "tests/bus/private_network.h"
 #include "tests/process/everyone_else.h"
 #include "tests/process/four_programs.h"
+#include "tests/process/oversleep.h"
 #include "tests/process/small_disk.h"
 
 namespace {
@@ -41,14 +44,13 @@ std::int64_t last_tick_of(const std::string& path) {
     if (record.truth) last = record.tick;
   }
   EXPECT_FALSE(log.damage().any());
-  // The log ends anywhere: within a tick k, after its TICK, to which the reference has answered
-  // with that of k + 1 perhaps before TRUTH(k) came.
-  EXPECT_LE(log.summary().last_tick - last, 2);
-  EXPECT_LE(log.summary().of(logger::Piece::truth).missing, 2U);
+  // The log ends anywhere: within a tick k, after its TICK, perhaps before TRUTH(k) came.
+  EXPECT_LE(log.summary().last_tick - last, 1);
+  EXPECT_LE(log.summary().of(logger::Piece::truth).missing, 1U);
   return last;
 }
 
-void expect_replays(const std::string& log, const Directory& directory) {
+void expect_replays(const std::string& log, const TemporaryDirectory& directory) {
   Program replay("tachless", {"replay", log}, directory.path());
   EXPECT_EQ(replay.wait(), 0) << replay.errors();
 }
@@ -86,15 +88,22 @@ TEST_P(AFullDisk, EndsTheFourProgramsWithinTwoSecondsAndKeepsWhatHasRoom) {
 
 TEST_P(AFullDisk, EndsTachlessRunWithinTwoSecondsAndKeepsWhatHasRoom) {
   const SmallDisk disk(1'024);
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program run("tachless",
               {"run", practical_rigid, "--quiet", "--duration", "1000", "--mode", GetParam(),
                "--set", patient, "--out", disk / "out"},
               directory.path());
   run.wait_for("cannot write the log");
   const auto told = Clock::now();
-  EXPECT_EQ(run.wait(), 2);
+  // The four programs; the log's figures are drawn after them.
+  const auto are_there = [&] {
+    return std::ranges::any_of(launch::children_of(run.pid()), [](pid_t pid) {
+      return launch::program_of(pid).starts_with("tachless-");
+    });
+  };
+  while (are_there()) std::this_thread::sleep_for(5ms);
   EXPECT_LT(Clock::now() - told, 2s);
+  EXPECT_EQ(run.wait(), 2);
   EXPECT_THAT(run.errors(),
               AllOf(HasSubstr("tachless: logger ended with exit code 2"),
                     HasSubstr("No space left on device"), HasSubstr("free some space")));
@@ -107,7 +116,7 @@ INSTANTIATE_TEST_SUITE_P(In, AFullDisk, ::testing::Values("lockstep", "realtime"
                          [](const auto& mode) { return mode.param; });
 
 TEST(ALimitOnFileSizes, EndsTheRunAndKeepsWhatItAllows) {
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program run("prlimit",
               {"--fsize=1000000", TACHLESS_BINARY_DIR "/bin/tachless", "run", practical_rigid,
                "--quiet", "--duration", "1000", "--out", directory / "out"},
@@ -123,7 +132,7 @@ TEST(ALimitOnFileSizes, EndsTheRunAndKeepsWhatItAllows) {
 TEST(ADirectoryThatCannotBeWritten, IsRefusedAtOnce) {
   SmallDisk disk(1'024);
   disk.make_read_only();
-  const Directory directory;
+  const TemporaryDirectory directory;
   Program logger("tachless-logger", {practical_rigid, "--out-log", disk / "lcmlog"},
                  directory.path());
   EXPECT_EQ(logger.wait(), 2);
@@ -145,7 +154,7 @@ TEST(ASmallReceiveBuffer, HoldsABurstOfAThousandMessagesWhileTheLoggerStandsStil
   const std::vector<std::string> overrides = {
       "loop.mode=realtime", "loop.duration_s=" + std::to_string(1e-3 * bursts * ticks_in_one)};
   const app::Scenario scenario = app::load_scenario(practical_rigid, overrides);
-  const Directory directory;
+  const TemporaryDirectory directory;
   const std::string log_path = directory / "lcmlog";
   Program logger("tachless-logger",
                  {practical_rigid, "--set", overrides[0], "--set", overrides[1], "--lcm-url", url,
@@ -182,6 +191,7 @@ TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
   bus::UdpTransport bus;
   bus.subscribe("ARM_TRUTH");
   run.start_all();
+  const Oversleep oversleep;
   const bus::Codec<bus::truth::PlantTruth> codec(
       {.num_joints = 2, .num_motors = 0, .num_filters = 0});
   std::deque<std::pair<std::int64_t, Clock::time_point>> heard;  // tick, when
@@ -199,7 +209,11 @@ TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
   run["plant"].signal(SIGINT);
   for (const char* role : {"plant", "reference", "controller"}) run[role].wait();
 
-  while (heard.back().second > killed - promised) heard.pop_back();
+  // Where the machine stood still, the logger did too.
+  const auto due = killed - promised - oversleep.longest();
+  while (!heard.empty() && heard.back().second > due) heard.pop_back();
+  ASSERT_FALSE(heard.empty()) << "stood still for "
+                              << std::chrono::duration<double>(oversleep.longest()).count() << " s";
   EXPECT_GE(last_tick_of(run.log_path()), heard.back().first)
       << "of truth that was sent longer ago than promised, something is lost";
   expect_replays(run.log_path(), run.directory());

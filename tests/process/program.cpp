@@ -8,7 +8,6 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -89,19 +88,6 @@ void Program::wait_for(const std::string& text, std::chrono::seconds limit) {
     }
     poll(&end, 1, 10);
   }
-}
-
-Directory::Directory() {
-  std::string pattern = (std::filesystem::temp_directory_path() / "tachless-XXXXXX").string();
-  if (mkdtemp(pattern.data()) == nullptr) {
-    throw std::system_error(errno, std::generic_category(), pattern);
-  }
-  path_ = pattern;
-}
-
-Directory::~Directory() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
 }
 
 std::string contents(const std::filesystem::path& path) {

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/temporary_directory.h"
+
 /// A program, started as a user would start it, with stdout and stderr in files of its own. Ended
 /// with the object, by its id, should it still run.
 class Program {
@@ -40,22 +42,6 @@ class Program {
   int pidfd_ = -1;
   bool running_ = true;
   int exit_code_ = -1;
-};
-
-/// A new empty directory, removed with the object.
-class Directory {
- public:
-  Directory();
-  ~Directory();
-  Directory(const Directory&) = delete;
-  Directory& operator=(const Directory&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-  [[nodiscard]] std::filesystem::path operator/(const std::string& name) const {
-    return path_ / name;
-  }
-
- private:
-  std::filesystem::path path_;
 };
 
 std::string contents(const std::filesystem::path& path);

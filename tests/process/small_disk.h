@@ -36,5 +36,5 @@ class SmallDisk {
     }
   }
 
-  Directory directory_;
+  TemporaryDirectory directory_;
 };
