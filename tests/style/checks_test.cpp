@@ -1,0 +1,74 @@
+// The checks of style find what they are there to find.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "tests/launch/shell.h"
+#include "tests/temporary_directory.h"
+
+namespace {
+
+using launch_test::Outcome;
+using ::testing::HasSubstr;
+
+const std::string root = TACHLESS_SOURCE_DIR;
+
+/// A source tree of one file under this project's rules, and what its build leaves behind.
+class AFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    std::filesystem::create_directories(directory_ / "app");
+    for (const char* rules : {".clang-tidy", ".clang-format"}) {
+      std::filesystem::copy(root + "/" + rules, directory_ / rules);
+    }
+    std::filesystem::create_directories(directory_ / "build");
+    write("build/build.ninja", "");
+    write("build/compile_commands.json", R"([{"directory": ")" + directory_.path().string() +
+                                             R"(", "command": "c++ -std=c++20 -c app/a.cpp", )" +
+                                             R"("file": "app/a.cpp"}])");
+  }
+
+  void write(const std::string& name, const std::string& text) {
+    std::ofstream(directory_ / name) << text;
+  }
+  [[nodiscard]] Outcome clang_tidy() const {
+    return launch_test::shell(root + "/tests/style/clang_tidy.sh " + directory_.path().string() +
+                              " " + (directory_ / "build").string());
+  }
+  [[nodiscard]] Outcome clang_format() const {
+    return launch_test::shell(root + "/tests/style/clang_format.sh " + directory_.path().string());
+  }
+
+ private:
+  TemporaryDirectory directory_;
+};
+
+TEST_F(AFile, ThatClangTidyObjectsToFailsEveryTime) {
+  write("app/a.cpp", "int BadlyNamed() { return 1; }\nint wellNamed = 2;\n");
+  for (int i = 0; i < 2; ++i) {
+    const Outcome outcome = clang_tidy();
+    EXPECT_NE(outcome.exit_code, 0);
+    EXPECT_THAT(outcome.output, HasSubstr("invalid case style for variable 'wellNamed'"));
+    EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to app/a.cpp"));
+  }
+}
+
+TEST_F(AFile, ThatPassedIsLookedAtAgainOnceItChanges) {
+  write("app/a.cpp", "int well_named = 2;\n");
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(clang_tidy().exit_code, 0) << clang_tidy().output;
+  write("app/a.cpp", "int wellNamed = 2;\n");
+  EXPECT_NE(clang_tidy().exit_code, 0);
+}
+
+TEST_F(AFile, ThatClangFormatWouldWriteDifferentlyFails) {
+  write("app/a.cpp", "int well_named = 2;\n");
+  EXPECT_EQ(clang_format().exit_code, 0) << clang_format().output;
+  write("app/a.cpp", "int  well_named=2;\n");
+  EXPECT_NE(clang_format().exit_code, 0);
+}
+
+}  // namespace
