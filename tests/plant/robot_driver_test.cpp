@@ -134,6 +134,21 @@ TEST_F(AFailingRobot, IsStoppedWhenItsTorqueWasHeldForTooLong) {
   expect_stopped(robot_);
 }
 
+TEST_F(AFailingRobot, SaysThatCommandsWereMissingWhenItsTorqueWasHeldForTooLongBecauseOfThatToo) {
+  peers_.on_measurement = [this](std::int64_t k) {
+    if (k < 10) peers_.command(k, torque_of(k));
+  };
+  robot_.at = 20;
+  robot_.fault = [] { std::this_thread::sleep_for(15ms); };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("torque has been held for "));
+  EXPECT_THAT(outcome.fault,
+              HasSubstr("commands in a row did not come in time from the controller"));
+  EXPECT_THAT(outcome.fault, HasSubstr(", and this process, or the driver's read, did not get on"));
+  expect_stopped(robot_);
+}
+
 TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
   robot_.fault = [this] {
     robot_.state.v << 0.5, 0.5;

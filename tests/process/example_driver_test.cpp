@@ -70,7 +70,10 @@ TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
   run["controller"].signal(SIGKILL);
   for (const char* role : {"plant", "reference", "logger"}) {
     EXPECT_EQ(run[role].wait(), 5) << run[role].errors();
-    EXPECT_THAT(run[role].errors(), HasSubstr("51 commands in a row")) << role;
+    // 51, or fewer when a busy machine makes the held torque's age come first.
+    EXPECT_THAT(run[role].errors(), HasSubstr("commands in a row did not come in time from the "
+                                              "controller"))
+        << role;
   }
   bus::truth::PlantTruth last;
   for (const auto& each : ticks()) {
