@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <string>
 #include <system_error>
 
 namespace launch {
@@ -18,6 +19,17 @@ std::vector<pid_t> children_of(pid_t pid) {
   std::vector<pid_t> children;
   for (pid_t child = 0; file >> child;) children.push_back(child);
   return children;
+}
+
+std::vector<pid_t> threads_of(pid_t pid) {
+  namespace fs = std::filesystem;
+  std::vector<pid_t> threads;
+  std::error_code gone;
+  for (fs::directory_iterator each(directory_of(pid) / "task", gone), end; each != end;
+       each.increment(gone)) {
+    threads.push_back(static_cast<pid_t>(std::stol(each->path().filename().string())));
+  }
+  return threads;
 }
 
 std::string program_of(pid_t pid) {

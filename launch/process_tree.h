@@ -12,6 +12,9 @@ namespace launch {
 /// Processes that `pid`'s main thread has started and not yet waited for; none when it is gone.
 std::vector<pid_t> children_of(pid_t pid);
 
+/// Its threads; none when it is gone.
+std::vector<pid_t> threads_of(pid_t pid);
+
 /// File name of the program that it runs ("tachless-plant"); empty when it is gone.
 std::string program_of(pid_t pid);
 

@@ -2,11 +2,15 @@
 
 #include <sched.h>
 
+#include "launch/process_tree.h"
+
 namespace launch {
 
-void step_aside() {
+void step_aside(pid_t process) {
   const sched_param none{};
-  [[maybe_unused]] const int refused = sched_setscheduler(0, SCHED_IDLE, &none);
+  for (const pid_t thread : threads_of(process)) {
+    [[maybe_unused]] const int refused = sched_setscheduler(thread, SCHED_IDLE, &none);
+  }
 }
 
 }  // namespace launch

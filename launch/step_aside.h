@@ -1,9 +1,11 @@
 #pragma once
 
+#include <sys/types.h>
+
 namespace launch {
 
-/// From now on this process, and every child it starts, runs only when nobody else wants the
-/// processor. Where that is refused, nothing is lost but politeness.
-void step_aside();
+/// From now on all threads of that process, and every child they start, run only when nobody else
+/// wants the processor. Where that is refused, nothing is lost but politeness.
+void step_aside(pid_t process);
 
 }  // namespace launch

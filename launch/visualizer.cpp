@@ -16,6 +16,7 @@
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "app/interruption.h"
@@ -137,12 +138,15 @@ class Viewer {
     return was_connected_ && !connected;
   }
 
+  [[nodiscard]] pid_t pid() const { return pid_; }
+
  private:
   [[nodiscard]] bool is_connected() const {
-    std::error_code error;
-    for (const auto& entry :
-         std::filesystem::directory_iterator("/proc/" + std::to_string(pid_) + "/fd", error)) {
-      const std::string what = std::filesystem::read_symlink(entry.path(), error).string();
+    namespace fs = std::filesystem;
+    std::error_code gone;
+    for (fs::directory_iterator each("/proc/" + std::to_string(pid_) + "/fd", gone), end;
+         each != end; each.increment(gone)) {
+      const std::string what = fs::read_symlink(each->path(), gone).string();
       if (what.starts_with("socket:")) return true;
     }
     return false;
@@ -169,7 +173,6 @@ app::ExitCode show(const Options& options) {
   handle(SIGUSR1, note_end_of_run);
   handle(SIGPIPE, SIG_IGN);
   TruthListener listener = listener_on(options, scenario);
-  step_aside();
   std::optional<plant::ArmWindow> window;
   open(window, model, initial, "tachless: " + scenario.name);
   Viewer viewer;  // ended before the window
@@ -179,10 +182,18 @@ app::ExitCode show(const Options& options) {
   PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);
   Clock::time_point next_frame{}, next_redraw{}, close_at = Clock::time_point::max();
   std::optional<double> shown_s;
+  bool run_has_begun = false;
   while (!interrupted) {
     // Looked at before what has come: what was sent before the end is shown.
     const bool over = run_is_over;
-    listener.drain([&](double t_s, const robot::Vector& q) { player.add(t_s, q, Clock::now()); });
+    listener.drain([&](double t_s, const robot::Vector& q) {
+      // Not before: on a busy machine the window would not open.
+      if (!std::exchange(run_has_begun, true)) {
+        step_aside(getpid());
+        step_aside(viewer.pid());
+      }
+      player.add(t_s, q, Clock::now());
+    });
     if (over) player.end();
     if (viewer.window_is_closed()) return app::ExitCode::done;
     const Clock::time_point now = Clock::now();

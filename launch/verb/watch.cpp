@@ -159,7 +159,7 @@ app::ExitCode watch_bus(const Options& options) {
   const std::atomic<bool>& interrupted = app::catch_interruptions();
   bus::UdpTransport transport = join(options.lcm_url);
   const std::string url = transport.url().text();
-  step_aside();
+  step_aside(getpid());
   transport.subscribe_all();
   BusMonitor monitor;
   Listener listener(transport, monitor, interrupted);

@@ -10,6 +10,7 @@ namespace launch {
 namespace {
 
 using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 using ::testing::Not;
 
@@ -21,6 +22,7 @@ TEST(ProcessTree, KnowsAChildAndWhatItRunsUntilItIsGone) {
     _exit(0);
   }
   EXPECT_THAT(children_of(getpid()), Contains(child));
+  EXPECT_THAT(threads_of(child), ElementsAre(child));
   EXPECT_EQ(program_of(child), "test_launch");
   ASSERT_TRUE(resident_kib(child).has_value());
   EXPECT_GT(*resident_kib(child), 100);
@@ -28,6 +30,7 @@ TEST(ProcessTree, KnowsAChildAndWhatItRunsUntilItIsGone) {
   ASSERT_EQ(waitpid(child, nullptr, 0), child);
   EXPECT_THAT(children_of(getpid()), Not(Contains(child)));
   EXPECT_THAT(children_of(child), IsEmpty());
+  EXPECT_THAT(threads_of(child), IsEmpty());
   EXPECT_EQ(program_of(child), "");
   EXPECT_FALSE(resident_kib(child).has_value());
 }
