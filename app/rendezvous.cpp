@@ -93,13 +93,13 @@ void Rendezvous::hear(const bus::Stamp& stamp, const bus::Participant& peer,
 
   const bool differs = peer.scenario_digest != self_.digest;
   if (gone) {
+    const bool refused = peer.state == ParticipantState::fault &&
+                         peer.fault_code == static_cast<int>(ExitCode::bad_usage);
     // One that refused us says so while it leaves.
-    if (peer.role != self_.role && differs && !running() && peer.state == ParticipantState::fault &&
-        peer.fault_code == static_cast<int>(ExitCode::bad_usage)) {
+    if (refused && peer.role != self_.role && differs && !running()) {
       return refuse(note(stamp, peer, sender, now), now);
     }
-    if (self_.role == Role::plant && peer.state == ParticipantState::fault &&
-        peer.fault_code == static_cast<int>(ExitCode::bad_usage) && would_succeed(stamp, peer)) {
+    if (refused && self_.role == Role::plant && would_succeed(stamp, peer)) {
       failed_successor_ = because_of({peer, stamp.run, stamp.tick, std::string(sender), now, now});
     }
     if (cast_[index(peer.role)] != peer.instance) {

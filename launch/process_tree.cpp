@@ -1,5 +1,6 @@
 #include "launch/process_tree.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -12,6 +13,17 @@ std::filesystem::path directory_of(pid_t pid) {
   return std::filesystem::path("/proc") / std::to_string(pid);
 }
 
+/// What is in a directory; nothing more from where it is gone.
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& directory) {
+  std::vector<std::filesystem::path> entries;
+  std::error_code gone;
+  for (std::filesystem::directory_iterator each(directory, gone), end; each != end;
+       each.increment(gone)) {
+    entries.push_back(each->path());
+  }
+  return entries;
+}
+
 }  // namespace
 
 std::vector<pid_t> children_of(pid_t pid) {
@@ -22,14 +34,19 @@ std::vector<pid_t> children_of(pid_t pid) {
 }
 
 std::vector<pid_t> threads_of(pid_t pid) {
-  namespace fs = std::filesystem;
   std::vector<pid_t> threads;
-  std::error_code gone;
-  for (fs::directory_iterator each(directory_of(pid) / "task", gone), end; each != end;
-       each.increment(gone)) {
-    threads.push_back(static_cast<pid_t>(std::stol(each->path().filename().string())));
+  for (const auto& each : entries_of(directory_of(pid) / "task")) {
+    threads.push_back(static_cast<pid_t>(std::stol(each.filename().string())));
   }
   return threads;
+}
+
+bool has_socket(pid_t pid) {
+  const auto descriptors = entries_of(directory_of(pid) / "fd");
+  return std::any_of(descriptors.begin(), descriptors.end(), [](const auto& each) {
+    std::error_code gone;
+    return std::filesystem::read_symlink(each, gone).string().starts_with("socket:");
+  });
 }
 
 std::string program_of(pid_t pid) {

@@ -15,6 +15,9 @@ std::vector<pid_t> children_of(pid_t pid);
 /// Its threads; none when it is gone.
 std::vector<pid_t> threads_of(pid_t pid);
 
+/// Whether it holds a socket; no when it is gone.
+bool has_socket(pid_t pid);
+
 /// File name of the program that it runs ("tachless-plant"); empty when it is gone.
 std::string program_of(pid_t pid);
 

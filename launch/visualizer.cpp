@@ -133,7 +133,7 @@ class Viewer {
       pid_ = 0;
       return true;
     }
-    const bool connected = is_connected();
+    const bool connected = has_socket(pid_);
     was_connected_ = was_connected_ || connected;
     return was_connected_ && !connected;
   }
@@ -141,17 +141,6 @@ class Viewer {
   [[nodiscard]] pid_t pid() const { return pid_; }
 
  private:
-  [[nodiscard]] bool is_connected() const {
-    namespace fs = std::filesystem;
-    std::error_code gone;
-    for (fs::directory_iterator each("/proc/" + std::to_string(pid_) + "/fd", gone), end;
-         each != end; each.increment(gone)) {
-      const std::string what = fs::read_symlink(each->path(), gone).string();
-      if (what.starts_with("socket:")) return true;
-    }
-    return false;
-  }
-
   pid_t pid_ = 0;
   bool was_connected_ = false;
 };

@@ -139,16 +139,14 @@ void RealtimeLoop::require_recent_torque(Clock::time_point now) const {
   // before this.
   const auto held_for = now - commanded_at_;
   if (held_for <= nanoseconds(scenario_.loop.period_s * (scenario_.loop.max_missed + 2))) return;
-  throw app::Failure(
-      app::ExitCode::protective_stop,
-      app::format("protective stop at tick %lld: the robot's torque has been held for %.1f ms, "
-                  "longer than loop.max_missed (%d) allows: ",
-                  static_cast<long long>(tick_),
+  throw protective_stop(
+      app::format("the robot's torque has been held for %.1f ms, longer than loop.max_missed (%d) "
+                  "allows: ",
                   std::chrono::duration<double, std::milli>(held_for).count(),
                   scenario_.loop.max_missed) +
-          (watch_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : "") +
-          "this process, or the driver's read, did not get on; start a new run on a machine that "
-          "is quiet (tachless doctor), with a read that does not wait");
+      (watch_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : "") +
+      "this process, or the driver's read, did not get on; start a new run on a machine that is "
+      "quiet (tachless doctor), with a read that does not wait");
 }
 
 void RealtimeLoop::begin_tick() {
@@ -238,11 +236,14 @@ void RealtimeLoop::end_tick() {
   statistics.ticks = tick_ + 1;
   session_.progressed(tick_);
   if (watch_.too_many()) {
-    throw app::Failure(app::ExitCode::protective_stop,
-                       "protective stop at tick " + std::to_string(tick_) + ": " +
-                           what_is_missing() + ", more than loop.max_missed (" +
-                           std::to_string(scenario_.loop.max_missed) + ")" + what_to_mend());
+    throw protective_stop(what_is_missing() + ", more than loop.max_missed (" +
+                          std::to_string(scenario_.loop.max_missed) + ")" + what_to_mend());
   }
+}
+
+app::Failure RealtimeLoop::protective_stop(const std::string& why) const {
+  return {app::ExitCode::protective_stop,
+          "protective stop at tick " + std::to_string(tick_) + ": " + why};
 }
 
 std::string RealtimeLoop::what_is_missing() const {

@@ -44,6 +44,7 @@ class RealtimeLoop {
   void take(const bus::Datagram& datagram);
   void on_command(const bus::Datagram& datagram);
   void end_tick();
+  [[nodiscard]] app::Failure protective_stop(const std::string& why) const;
   [[nodiscard]] std::string what_is_missing() const;
   [[nodiscard]] std::string what_to_mend() const;
   void come_to_rest(const app::Failure& failure);
