@@ -12,12 +12,12 @@
 #include <fstream>
 #include <functional>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <system_error>
 #include <thread>
 #include <vector>
 
+#include "launch/process_tree.h"
 #include "tests/bus/private_network.h"
 #include "tests/launch/virtual_display.h"
 #include "tests/process/program.h"
@@ -80,6 +80,8 @@ class Visualized {
     program_.signal(SIGINT);
     EXPECT_EQ(program_.wait(seconds(20)), 130) << program_.errors();
     EXPECT_THAT(program_.errors(), HasSubstr("tachless: interrupted"));
+    EXPECT_THAT(contents(log_.parent_path() / "summary.json"),
+                HasSubstr("\"fault\": \"interrupted\""));
   }
 
   void wait_for_the_run() {
@@ -92,11 +94,8 @@ class Visualized {
 
   /// The process of that name among the run's; 0 when there is none.
   [[nodiscard]] pid_t process(const std::string& name) const {
-    const std::string own = std::to_string(program_.pid());
-    std::istringstream pids(contents("/proc/" + own + "/task/" + own + "/children"));
-    for (pid_t pid = 0; pids >> pid;) {
-      const std::string command = contents("/proc/" + std::to_string(pid) + "/cmdline");
-      if (command.substr(0, command.find('\0')).ends_with("/" + name)) return pid;
+    for (const pid_t pid : launch::children_of(program_.pid())) {
+      if (launch::program_of(pid) == name) return pid;
     }
     return 0;
   }

@@ -10,11 +10,11 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "launch/process_tree.h"
 #include "logger/run_log.h"
 #include "tests/bus/private_network.h"
 #include "tests/process/four_programs.h"
@@ -26,6 +26,7 @@ namespace fs = std::filesystem;
 using process_test::FourPrograms;
 using process_test::scenarios;
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 std::uintmax_t size_of(const fs::path& file) {
@@ -75,13 +76,8 @@ class Launched {
 
   /// The launcher's child that runs this program; 0: none.
   [[nodiscard]] pid_t find(const std::string& program) const {
-    const std::string launcher = std::to_string(run_.pid());
-    std::istringstream pids(contents("/proc/" + launcher + "/task/" + launcher + "/children"));
-    for (pid_t pid = 0; pids >> pid;) {
-      if (contents("/proc/" + std::to_string(pid) + "/cmdline").find("bin/" + program) !=
-          std::string::npos) {
-        return pid;
-      }
+    for (const pid_t pid : launch::children_of(run_.pid())) {
+      if (launch::program_of(pid) == program) return pid;
     }
     return 0;
   }
@@ -231,6 +227,7 @@ TEST_F(ByHand, SaysSoWhenTheLogCannotBeResumedFromAndMarksTheEndInIt) {
   EXPECT_FALSE(log.damage().any());
   ASSERT_EQ(log.summary().faults.size(), 1U);
   // Of the controller, or of the plant that ended because of it.
+  EXPECT_THAT(log.summary().faults[0].role, AnyOf(bus::Role::controller, bus::Role::plant));
   EXPECT_THAT(log.summary().faults[0].text, HasSubstr("cannot resume run 7"));
 }
 
