@@ -22,12 +22,14 @@
 #include <string>
 #include <vector>
 
-#include "bus/isolate.h"
 #include "bus/udp_transport.h"
+#include "process/isolate.h"
+
+using namespace tachless;
 
 namespace {
 
-using bus::Clock;
+using loop::Clock;
 using std::chrono::microseconds;
 using std::chrono::seconds;
 
@@ -141,7 +143,7 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
 
 int main(int argc, char** argv) {
   const int round_trips = argc > 1 ? std::atoi(argv[1]) : 20'000;
-  bus::enter_private_network();
+  process::enter_private_network();
   const MakeSide own = [](const auto& out, const auto& in) {
     return std::make_unique<OwnSide>(out, in);
   };

@@ -16,8 +16,10 @@
 #include "bench/whole_run.h"
 #include "bus/authenticated.h"
 #include "bus/in_memory.h"
-#include "bus/isolate.h"
-#include "tests/process/program.h"
+#include "process/isolate.h"
+#include "tests/support/program.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -41,7 +43,7 @@ double us_per_message(bus::Transport& sender, bus::Transport& receiver) {
   const auto begin = std::chrono::steady_clock::now();
   for (int i = 0; i < messages; ++i) {
     sender.publish(channel, payload);
-    if (!receiver.receive(bus::Clock::time_point::min())) throw std::runtime_error("not heard");
+    if (!receiver.receive(loop::Clock::time_point::min())) throw std::runtime_error("not heard");
   }
   const std::chrono::duration<double, std::micro> taken = std::chrono::steady_clock::now() - begin;
   return taken.count() / messages;
@@ -69,7 +71,7 @@ int main(int argc, char** argv) try {
       argc > 1 ? argv[1] : TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml";
   const int pairs = argc > 2 ? std::atoi(argv[2]) : 9;
   measure_messages();
-  bus::enter_private_network();
+  process::enter_private_network();
   std::vector<double> without, with, ratios;
   for (int i = 0; i < pairs; ++i) {
     without.push_back(ticks_per_s(scenario, false));

@@ -17,12 +17,14 @@
 #include <thread>
 #include <vector>
 
-#include "app/options.h"
-#include "app/scenario.h"
-#include "bus/isolate.h"
+#include "experiment/scenario.h"
 #include "logger/log_file.h"
-#include "tests/process/everyone_else.h"
-#include "tests/process/program.h"
+#include "node/options.h"
+#include "process/isolate.h"
+#include "tests/support/program.h"
+#include "tests/system/everyone_else.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -96,15 +98,15 @@ void sleep_until(std::chrono::steady_clock::time_point deadline) {
 
 int main(int argc, char** argv) try {
   const std::int64_t seconds = argc > 1 ? std::atoll(argv[1]) : 60;
-  const std::string url = std::string(app::default_lcm_url) +
+  const std::string url = std::string(node::default_lcm_url) +
                           (argc > 2 ? std::string("&recv_buf_size=") + argv[2] : "");
-  bus::enter_private_network();
+  process::enter_private_network();
   const std::int64_t steady_ticks = 1000 * seconds;
   const std::int64_t ticks = steady_ticks + bursts * ticks_in_burst;
   const std::vector<std::string> overrides = {
       "loop.mode=realtime", "loop.duration_s=" + std::to_string(1e-3 * static_cast<double>(ticks))};
   const std::string path = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
-  const app::Scenario scenario = app::load_scenario(path, overrides);
+  const experiment::Scenario scenario = experiment::load_scenario(path, overrides);
 
   const TemporaryDirectory directory;
   Program stock("lcm-logger", {"-q", "--lcm-url=" + url, directory / "stock"}, directory.path());
@@ -120,11 +122,11 @@ int main(int argc, char** argv) try {
     const auto start = std::chrono::steady_clock::now();
     for (std::int64_t k = 0; k < ticks;) {
       sleep_until(start + k * 1ms);
-      if (k % 100 == 0 || k >= steady_ticks) others.announce(bus::ParticipantState::running);
+      if (k % 100 == 0 || k >= steady_ticks) others.announce(loop::ParticipantState::running);
       const std::int64_t end = k < steady_ticks ? k + 1 : k + ticks_in_burst;
       while (k < end) others.say(k++);
     }
-    others.announce(bus::ParticipantState::finished);
+    others.announce(loop::ParticipantState::finished);
     if (ours.wait() != 0) throw std::runtime_error(ours.errors());
     stock.signal(SIGINT);
     stock.wait();

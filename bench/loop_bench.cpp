@@ -11,8 +11,10 @@
 #include <vector>
 
 #include "bench/whole_run.h"
-#include "bus/isolate.h"
-#include "tests/process/program.h"
+#include "process/isolate.h"
+#include "tests/support/program.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -45,7 +47,7 @@ int main(int argc, char** argv) try {
   const std::string scenario =
       argc > 1 ? argv[1] : TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml";
   const int repeats = argc > 2 ? std::stoi(argv[2]) : 5;
-  bus::enter_private_network();
+  process::enter_private_network();
   std::vector<Figures> runs;
   for (int i = 0; i < repeats; ++i) {
     runs.push_back(measure(scenario));

@@ -10,6 +10,8 @@
 #include "plant/arm.h"
 #include "robot/mass_matrix.h"
 
+using namespace tachless;
+
 /// What a tick costs the plant, for each integrator, at 2 and 7 joints, with the torque jumping
 /// every tick: `Tick/<integrator>/<joints>/<-log10 accuracy>/<period in us>`. At 50 us (the period
 /// of paper_rigid) and 1000 us (practical_rigid).

@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "tests/process/program.h"
+#include "tests/support/program.h"
 
 namespace {
 

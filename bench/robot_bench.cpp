@@ -13,6 +13,8 @@
 #include "robot/mass_matrix.h"
 #include "robot/model.h"
 
+using namespace tachless;
+
 namespace {
 
 using robot::Jet2;

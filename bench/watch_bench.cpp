@@ -12,8 +12,10 @@
 #include <vector>
 
 #include "bench/whole_run.h"
-#include "bus/isolate.h"
-#include "tests/process/program.h"
+#include "process/isolate.h"
+#include "tests/support/program.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -46,7 +48,7 @@ int main(int argc, char** argv) try {
   const std::string scenario =
       argc > 1 ? argv[1] : TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml";
   const int pairs = argc > 2 ? std::atoi(argv[2]) : 9;
-  bus::enter_private_network();
+  process::enter_private_network();
   std::vector<double> without, with, ratios;
   double lost = 0;
   for (int i = 0; i < pairs; ++i) {

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/process/program.h"
+#include "tests/support/program.h"
 
 /// Plays the four programs on a scenario, to the end; each leaves its counters in
 /// `directory`/ROLE, as JSON. `options`: for all four.

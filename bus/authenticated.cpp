@@ -8,7 +8,7 @@
 
 #include "bus/lcm_packet.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 constexpr std::string_view for_participants = "tachless participants";
@@ -16,7 +16,7 @@ constexpr std::string_view for_session = "tachless session";
 constexpr int most_dropped = 64;  // in one call
 
 bool is_announcement(std::string_view channel) {
-  constexpr std::string_view suffix = ChannelOf<Participant>::suffix;
+  constexpr std::string_view suffix = loop::ChannelOf<loop::Participant>::suffix;
   return channel.size() > suffix.size() && channel.ends_with(suffix) &&
          channel[channel.size() - suffix.size() - 1] == '_';
 }
@@ -47,8 +47,9 @@ Key ready(const Key& key) {
 Key::~Key() { sodium_memzero(bytes.data(), bytes.size()); }
 
 std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
-                                           const Codec<Participant>& codec, Participant& who) {
-  Stamp stamp;
+                                           const Codec<loop::Participant>& codec,
+                                           loop::Participant& who) {
+  loop::Stamp stamp;
   if (codec.decode(payload, stamp, who) == Rejection::none) return Foreign::untagged;
   if (payload.size() > tag_size &&
       codec.decode(payload.first(payload.size() - tag_size), stamp, who) == Rejection::none) {
@@ -62,7 +63,7 @@ Authenticated::Authenticated(Transport& inner, const Key& key)
       base_(ready(key)),
       participants_(derived(key, for_participants, {})),
       tagged_(lcm_packet::max_short_size),
-      codec_(Layout{}) {}
+      codec_(loop::Layout{}) {}
 
 void Authenticated::enter(std::int64_t run, std::int64_t plant_instance) {
   std::array<unsigned char, 16> context{};
@@ -110,7 +111,7 @@ void Authenticated::publish(std::string_view channel, std::span<const std::byte>
   inner_.publish(channel, std::span(tagged_).first(payload.size() + tag_size));
 }
 
-std::optional<Datagram> Authenticated::receive(Clock::time_point deadline) {
+std::optional<Datagram> Authenticated::receive(loop::Clock::time_point deadline) {
   for (int dropped = 0; dropped < most_dropped; ++dropped) {
     auto datagram = inner_.receive(deadline);
     if (!datagram || verify(*datagram)) return datagram;
@@ -147,4 +148,4 @@ std::optional<Authenticated::Stranger> Authenticated::take_stranger() {
   return std::exchange(stranger_, std::nullopt);
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -13,7 +13,7 @@
 #include "bus/transport.h"
 #include "bus/wire.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// Bytes of the tag at the end of every authenticated payload.
 inline constexpr std::size_t tag_size = 16;
@@ -27,7 +27,8 @@ enum class Foreign {
 /// Whether `payload`, which did not pass the check of whoever asks, is a participant's
 /// announcement of another kind of bus, and whose.
 std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
-                                           const Codec<Participant>& codec, Participant& who);
+                                           const Codec<loop::Participant>& codec,
+                                           loop::Participant& who);
 
 /// A bus on which only holders of the key are heard. Every payload carries a tag of 16 bytes at its
 /// end, keyed BLAKE2b over channel and payload: announcements (…_PARTICIPANT) under a key derived
@@ -47,7 +48,7 @@ class Authenticated final : public Transport {
   void subscribe(const std::string& channel) override { inner_.subscribe(channel); }
   /// @throw std::length_error when payload and tag do not fit one datagram
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
-  std::optional<Datagram> receive(Clock::time_point deadline) override;
+  std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
   /// Datagrams dropped because they did not verify.
   [[nodiscard]] std::int64_t dropped() const { return dropped_; }
@@ -55,7 +56,7 @@ class Authenticated final : public Transport {
   /// An announcement that was dropped since the last call though it is no garbage.
   struct Stranger {
     Foreign kind = Foreign::untagged;
-    Participant who;
+    loop::Participant who;
     std::string sender;
   };
   std::optional<Stranger> take_stranger();
@@ -75,8 +76,8 @@ class Authenticated final : public Transport {
   std::optional<Key> session_;
   std::vector<std::byte> tagged_;
   std::int64_t dropped_ = 0;
-  Codec<Participant> codec_;
+  Codec<loop::Participant> codec_;
   std::optional<Stranger> stranger_;
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

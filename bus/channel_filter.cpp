@@ -6,7 +6,7 @@
 
 #include "bus/lcm_packet.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 // What a filter of a UDP socket sees begins with the UDP header.
@@ -89,4 +89,4 @@ std::vector<sock_filter> channel_filter(std::vector<std::string> channels) {
   return program;
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

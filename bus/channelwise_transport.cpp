@@ -6,7 +6,7 @@
 
 #include "bus/poll_until.h"
 
-namespace bus {
+namespace tachless::bus {
 
 void ChannelwiseTransport::subscribe(const std::string& channel) {
   if (std::ranges::find(boxes_, channel, &Box::channel) != boxes_.end()) return;
@@ -20,22 +20,23 @@ void ChannelwiseTransport::subscribe(const std::string& channel) {
   descriptors_.resize(boxes_.size());
 }
 
-std::optional<Datagram> ChannelwiseTransport::receive(Clock::time_point deadline) {
+std::optional<Datagram> ChannelwiseTransport::receive(loop::Clock::time_point deadline) {
   if (yielded_ != nullptr) yielded_->first.reset();
   yielded_ = nullptr;
   for (;;) {
     const bool none = oldest() == nullptr;
-    const Wake wake = look_into_empty_boxes(none ? deadline : Clock::time_point::min());
+    const Wake wake = look_into_empty_boxes(none ? deadline : loop::Clock::time_point::min());
     if (oldest() != nullptr) break;
     if (wake != Wake::looked) return std::nullopt;
   }
   // While the last box was looked into, older messages may have come into the first.
-  look_into_empty_boxes(Clock::time_point::min());
+  look_into_empty_boxes(loop::Clock::time_point::min());
   yielded_ = oldest();
   return yielded_->first->datagram;
 }
 
-ChannelwiseTransport::Wake ChannelwiseTransport::look_into_empty_boxes(Clock::time_point deadline) {
+ChannelwiseTransport::Wake ChannelwiseTransport::look_into_empty_boxes(
+    loop::Clock::time_point deadline) {
   nfds_t empty = 0;
   for (const Box& box : boxes_) {
     if (!box.first) descriptors_[empty++] = {box.transport->descriptor(), POLLIN, 0};
@@ -49,7 +50,7 @@ ChannelwiseTransport::Wake ChannelwiseTransport::look_into_empty_boxes(Clock::ti
     const auto box = std::ranges::find_if(boxes_, [&](const Box& each) {
       return each.transport->descriptor() == descriptors_[i].fd;
     });
-    box->first = box->transport->receive_raw(Clock::time_point::min());
+    box->first = box->transport->receive_raw(loop::Clock::time_point::min());
   }
   return Wake::looked;
 }
@@ -63,4 +64,4 @@ ChannelwiseTransport::Box* ChannelwiseTransport::oldest() {
   return oldest;
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -11,7 +11,7 @@
 #include "bus/transport.h"
 #include "bus/udp_transport.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// A bus that is heard through one socket per channel, so that the receive buffer which the kernel
 /// grants is granted once for each: for who must not lose bursts where `net.core.rmem_max` is
@@ -27,7 +27,7 @@ class ChannelwiseTransport final : public Transport {
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     sender_.publish(channel, payload);
   }
-  std::optional<Datagram> receive(Clock::time_point deadline) override;
+  std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
  private:
   struct Box {
@@ -37,7 +37,7 @@ class ChannelwiseTransport final : public Transport {
   };
   enum class Wake { looked, deadline, signal };
 
-  Wake look_into_empty_boxes(Clock::time_point deadline);
+  Wake look_into_empty_boxes(loop::Clock::time_point deadline);
   Box* oldest();
 
   UdpTransport& sender_;
@@ -46,4 +46,4 @@ class ChannelwiseTransport final : public Transport {
   Box* yielded_ = nullptr;  ///< whose message is in the caller's hands
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -10,7 +10,7 @@
 
 /// The members of `Codec`, for the two files that instantiate it (wire.cpp, truth/truth_wire.cpp).
 /// Nobody else includes this.
-namespace bus {
+namespace tachless::bus {
 
 /// How a value becomes a generated message and back; specialised beside each instantiation:
 ///   using Message = …;
@@ -24,15 +24,15 @@ struct Translation;
 
 template <class Value>
 struct Codec<Value>::Scratch {
-  Layout layout;
+  loop::Layout layout;
   MessageShape shape;
   typename Translation<Value>::Message message;
   std::vector<std::byte> bytes;
 };
 
-inline void require_joints(const Layout& layout) {
+inline void require_joints(const loop::Layout& layout) {
   const bool motors_ok = layout.num_motors == 0 || layout.num_motors == layout.num_joints;
-  const bool filters_ok = layout.num_filters >= 0 && layout.num_filters <= robot::max_filters;
+  const bool filters_ok = layout.num_filters >= 0 && layout.num_filters <= loop::max_filters;
   if (layout.num_joints < 1 || layout.num_joints > robot::max_joints || !motors_ok || !filters_ok) {
     throw std::logic_error("bus::Codec: impossible layout: num_joints " +
                            std::to_string(layout.num_joints) + ", num_motors " +
@@ -57,7 +57,7 @@ inline void get(const std::vector<double>& from, robot::Vector& to) {
 }
 
 template <class Value>
-Codec<Value>::Codec(const Layout& layout)
+Codec<Value>::Codec(const loop::Layout& layout)
     : scratch_(new Scratch{layout, Translation<Value>::shape(layout), {}, {}}) {
   Translation<Value>::size(layout, scratch_->message);
   scratch_->bytes.resize(scratch_->shape.max_size());
@@ -71,11 +71,11 @@ template <class Value>
 Codec<Value>& Codec<Value>::operator=(Codec&&) noexcept = default;
 
 template <class Value>
-std::span<const std::byte> Codec<Value>::encode(const Stamp& stamp, const Value& value) {
+std::span<const std::byte> Codec<Value>::encode(const loop::Stamp& stamp, const Value& value) {
   auto& [layout, shape, message, bytes] = *scratch_;
   if (!all_finite(value)) {
     throw std::domain_error("bus::Codec: NaN or infinity in a message for channel …_" +
-                            std::string(ChannelOf<Value>::suffix));
+                            std::string(loop::ChannelOf<Value>::suffix));
   }
   Translation<Value>::write(value, layout, message);
   message.utime = stamp.utime;
@@ -83,9 +83,9 @@ std::span<const std::byte> Codec<Value>::encode(const Stamp& stamp, const Value&
   message.tick = stamp.tick;
   const auto size = static_cast<std::size_t>(message.getEncodedSize());
   if (size > bytes.size()) {
-    throw std::length_error("bus::Codec: message for channel …_" +
-                            std::string(ChannelOf<Value>::suffix) + " has " + std::to_string(size) +
-                            " bytes, allowed are " + std::to_string(bytes.size()));
+    throw std::length_error(
+        "bus::Codec: message for channel …_" + std::string(loop::ChannelOf<Value>::suffix) +
+        " has " + std::to_string(size) + " bytes, allowed are " + std::to_string(bytes.size()));
   }
   if (message.encode(bytes.data(), 0, static_cast<int>(size)) != static_cast<int>(size)) {
     throw std::logic_error("bus::Codec: the generated encoder failed");
@@ -99,7 +99,7 @@ std::size_t Codec<Value>::longest() const {
 }
 
 template <class Value>
-Rejection Codec<Value>::decode(std::span<const std::byte> payload, Stamp& stamp,
+Rejection Codec<Value>::decode(std::span<const std::byte> payload, loop::Stamp& stamp,
                                Value& value) const {
   const Rejection rejection = scratch_->shape.check(payload);
   if (rejection != Rejection::none) return rejection;
@@ -115,4 +115,4 @@ Rejection Codec<Value>::decode(std::span<const std::byte> payload, Stamp& stamp,
   return Rejection::none;
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

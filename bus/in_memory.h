@@ -14,7 +14,7 @@
 
 #include "bus/transport.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// What a network does to messages, each copy to each receiver on its own.
 struct NetworkFaults {
@@ -62,4 +62,4 @@ class InMemoryNetwork {
   std::vector<Endpoint*> endpoints_;
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

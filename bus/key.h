@@ -3,7 +3,7 @@
 #include <array>
 #include <cstddef>
 
-namespace bus {
+namespace tachless::bus {
 
 /// What all participants of a bus share and nobody else knows. Wiped when it goes.
 struct Key {
@@ -15,4 +15,4 @@ struct Key {
   std::array<unsigned char, size> bytes{};
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -8,7 +8,7 @@
 ///   fragment:       magic, sequence number, message size, fragment offset (32 bits each),
 ///                   fragment number, number of fragments (16 bits each);
 ///                   in fragment 0 then channel, NUL; payload
-namespace bus::lcm_packet {
+namespace tachless::bus::lcm_packet {
 
 inline constexpr std::uint32_t short_magic = 0x4c433032;     // "LC02"
 inline constexpr std::uint32_t fragment_magic = 0x4c433033;  // "LC03"
@@ -18,4 +18,4 @@ inline constexpr std::size_t fragment_header_size = 20;
 inline constexpr std::size_t max_channel_size = 63;    // without the NUL
 inline constexpr std::size_t max_short_size = 65'499;  // channel, NUL and payload
 
-}  // namespace bus::lcm_packet
+}  // namespace tachless::bus::lcm_packet

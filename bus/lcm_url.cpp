@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string_view>
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 constexpr std::string_view provider = "udpm://";
@@ -100,4 +100,4 @@ LcmUrl parse_lcm_url(const std::string& text) {
   return Reader(url).read();
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

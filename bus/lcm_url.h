@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string>
 
-namespace bus {
+namespace tachless::bus {
 
 /// Where a bus is: what an LCM URL of the provider udpm says.
 struct LcmUrl {
@@ -20,4 +20,4 @@ struct LcmUrl {
 /// @throw std::invalid_argument naming the URL, what is wrong with it and what is allowed
 LcmUrl parse_lcm_url(const std::string& text);
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <utility>
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 constexpr std::size_t header_size = 4 * sizeof(std::int64_t);  // fingerprint, utime, run, tick
@@ -115,4 +115,4 @@ Rejection MessageShape::check(std::span<const std::byte> payload) const {
   return at == end ? Rejection::none : Rejection::wrong_size;
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -7,7 +7,7 @@
 
 #include "bus/wire.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// One field of a message as it lies in the datagram, in the order of its .lcm file.
 struct Field {
@@ -46,4 +46,4 @@ class MessageShape {
   std::size_t max_size_;
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -17,10 +17,10 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "bus/file_descriptor.h"
 #include "bus/udp_transport.h"
+#include "process/file_descriptor.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using std::chrono::milliseconds;
@@ -34,7 +34,7 @@ constexpr milliseconds patience{250};  // per attempt; loopback takes far less t
 
 /// Flags of an interface; nothing if it does not exist.
 std::optional<short> interface_flags(const std::string& name) {
-  const FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const process::FileDescriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (socket.get() < 0) fail("cannot open a socket");
   ifreq request{};
   name.copy(request.ifr_name, IFNAMSIZ - 1);
@@ -59,7 +59,8 @@ int outgoing_interface(const LcmUrl& url) {
   question.attribute.rta_len = RTA_LENGTH(sizeof question.destination);
   inet_pton(AF_INET, url.group.c_str(), &question.destination);
 
-  const FileDescriptor netlink(::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE));
+  const process::FileDescriptor netlink(
+      ::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE));
   alignas(nlmsghdr) std::array<char, 8192> answer{};
   if (netlink.get() < 0 || ::send(netlink.get(), &question, sizeof question, 0) < 0) {
     fail("cannot ask for the route");
@@ -108,7 +109,7 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
   const auto payload = std::as_bytes(std::span(channel));
   for (int i = 0; i < attempts; ++i) {
     sender.publish(channel, payload);
-    if (receiver.receive(Clock::now() + patience)) return std::nullopt;
+    if (receiver.receive(loop::Clock::now() + patience)) return std::nullopt;
   }
   const std::string port = std::to_string(url.port);
   const bool refused = sender.statistics().unsent > 0;
@@ -153,4 +154,4 @@ long receive_buffer_limit_bytes() {
   return bytes;
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

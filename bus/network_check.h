@@ -5,7 +5,7 @@
 
 #include "bus/lcm_url.h"
 
-namespace bus {
+namespace tachless::bus {
 
 struct NetworkProblem {
   std::string what;    ///< one line
@@ -32,4 +32,4 @@ std::optional<MulticastRoute> multicast_route(const LcmUrl& url);
 /// @throw std::runtime_error if it cannot be read
 long receive_buffer_limit_bytes();
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -4,12 +4,13 @@
 
 #include <chrono>
 
-namespace bus {
+namespace tachless::bus {
 
-int poll_until(std::span<pollfd> descriptors, Clock::time_point deadline) {
+int poll_until(std::span<pollfd> descriptors, loop::Clock::time_point deadline) {
   // Compared before subtracted: time_point::min() minus now would overflow into the far future.
-  const Clock::time_point now = Clock::now();
-  const Clock::duration left = deadline > now ? deadline - now : Clock::duration::zero();
+  const loop::Clock::time_point now = loop::Clock::now();
+  const loop::Clock::duration left =
+      deadline > now ? deadline - now : loop::Clock::duration::zero();
   const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
   const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
   sigset_t mask;
@@ -19,4 +20,4 @@ int poll_until(std::span<pollfd> descriptors, Clock::time_point deadline) {
   return ::ppoll(descriptors.data(), descriptors.size(), &timeout, &mask);
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -4,13 +4,13 @@
 
 #include <span>
 
-#include "bus/clock.h"
+#include "loop/clock.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// Waits until one of the descriptors is ready, `deadline` has come, or SIGINT or SIGTERM has been
 /// handled, which are let through for as long as it waits.
 /// @return as ppoll: how many are ready; 0 at the deadline; -1 with errno, EINTR for a signal
-int poll_until(std::span<pollfd> descriptors, Clock::time_point deadline);
+int poll_until(std::span<pollfd> descriptors, loop::Clock::time_point deadline);
 
-}  // namespace bus
+}  // namespace tachless::bus

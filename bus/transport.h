@@ -6,9 +6,9 @@
 #include <string>
 #include <string_view>
 
-#include "bus/clock.h"
+#include "loop/clock.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// One message as it came from the bus. Views stay valid until the next `receive`.
 struct Datagram {
@@ -33,7 +33,7 @@ class Transport {
 
   /// The next message of a subscribed channel; nothing if `deadline` passes first or a signal
   /// interrupts the wait. A deadline in the past polls.
-  virtual std::optional<Datagram> receive(Clock::time_point deadline) = 0;
+  virtual std::optional<Datagram> receive(loop::Clock::time_point deadline) = 0;
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -20,7 +20,7 @@
 #include "bus/lcm_packet.h"
 #include "bus/poll_until.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 constexpr std::size_t max_datagram = 65'536;
@@ -62,8 +62,8 @@ sockaddr_in address_of(const LcmUrl& url) {
   return address;
 }
 
-FileDescriptor open_socket(const LcmUrl& url) {
-  FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+process::FileDescriptor open_socket(const LcmUrl& url) {
+  process::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   if (fd.get() < 0) fail(url, "cannot open a UDP socket", remedy_for(errno));
   return fd;
 }
@@ -74,8 +74,8 @@ void install_filter(const LcmUrl& url, int fd, const std::vector<std::string>& c
   set(url, fd, SOL_SOCKET, SO_ATTACH_FILTER, handle, "cannot install the channel filter");
 }
 
-FileDescriptor open_receiver(const LcmUrl& url) {
-  FileDescriptor fd = open_socket(url);
+process::FileDescriptor open_receiver(const LcmUrl& url) {
+  process::FileDescriptor fd = open_socket(url);
   install_filter(url, fd.get(), {});  // nothing may queue before the first subscription
   const int on = 1;
   const int off = 0;
@@ -98,8 +98,8 @@ FileDescriptor open_receiver(const LcmUrl& url) {
   return fd;
 }
 
-FileDescriptor open_sender(const LcmUrl& url) {
-  FileDescriptor fd = open_socket(url);
+process::FileDescriptor open_sender(const LcmUrl& url) {
+  process::FileDescriptor fd = open_socket(url);
   const auto ttl = static_cast<unsigned char>(url.ttl);
   const unsigned char loop = 1;
   set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl, "cannot set the ttl");
@@ -208,18 +208,18 @@ void UdpTransport::publish(std::string_view channel, std::span<const std::byte> 
   }
 }
 
-std::optional<Datagram> UdpTransport::receive(Clock::time_point deadline) {
+std::optional<Datagram> UdpTransport::receive(loop::Clock::time_point deadline) {
   const std::optional<RawDatagram> raw = next(deadline);
   if (!raw) return std::nullopt;
   return raw->datagram;
 }
 
-std::optional<RawDatagram> UdpTransport::receive_raw(Clock::time_point deadline) {
+std::optional<RawDatagram> UdpTransport::receive_raw(loop::Clock::time_point deadline) {
   if (!stamped_) throw std::logic_error("bus::UdpTransport: receive_raw needs stamp_arrivals");
   return next(deadline);
 }
 
-UdpTransport::Wake UdpTransport::wait(Clock::time_point deadline, bool for_datagram) {
+UdpTransport::Wake UdpTransport::wait(loop::Clock::time_point deadline, bool for_datagram) {
   reads_since_wait_ = 0;
   pollfd descriptor{receiver_.get(), POLLIN, 0};
   const int ready = poll_until({&descriptor, for_datagram ? 1U : 0U}, deadline);
@@ -228,12 +228,12 @@ UdpTransport::Wake UdpTransport::wait(Clock::time_point deadline, bool for_datag
   return ready > 0 ? Wake::datagram : Wake::deadline;
 }
 
-std::optional<RawDatagram> UdpTransport::next(Clock::time_point deadline) {
+std::optional<RawDatagram> UdpTransport::next(loop::Clock::time_point deadline) {
   for (int passed_over = 0;;) {
     if (reads_since_wait_ >= max_reads_between_waits) {
       // While datagrams are ready, ppoll delivers no signal: ask without the socket.
-      const bool outstayed = passed_over > 0 && Clock::now() >= deadline;
-      if (wait(Clock::time_point(), false) == Wake::signal || outstayed) return std::nullopt;
+      const bool outstayed = passed_over > 0 && loop::Clock::now() >= deadline;
+      if (wait(loop::Clock::time_point(), false) == Wake::signal || outstayed) return std::nullopt;
     }
     sockaddr_in from{};
     iovec part{buffer_.data(), buffer_.size()};
@@ -359,4 +359,4 @@ int UdpTransport::receive_buffer_bytes() const {
   return size / 2;  // the kernel doubles what is asked for, to have room for its own records
 }
 
-}  // namespace bus
+}  // namespace tachless::bus

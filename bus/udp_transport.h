@@ -11,11 +11,11 @@
 #include <string_view>
 #include <vector>
 
-#include "bus/file_descriptor.h"
 #include "bus/lcm_url.h"
 #include "bus/transport.h"
+#include "process/file_descriptor.h"
 
-namespace bus {
+namespace tachless::bus {
 
 /// What a monitor of the bus wants to know of a datagram besides.
 struct RawDatagram {
@@ -67,14 +67,14 @@ class UdpTransport final : public Transport {
   /// @throw std::invalid_argument for a channel name as above
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
 
-  std::optional<Datagram> receive(Clock::time_point deadline) override;
+  std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
   /// From now on the kernel stamps what arrives.
   void stamp_arrivals();
 
   /// As `receive`, with sequence number and time. Precondition: `subscribe_all` or `stamp_arrivals`
   /// was called.
-  std::optional<RawDatagram> receive_raw(Clock::time_point deadline);
+  std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline);
 
   /// What `other` sends is passed over, as if it were this one's own.
   void regard_as_own(const UdpTransport& other) { own_address_ = other.own_address_; }
@@ -97,15 +97,15 @@ class UdpTransport final : public Transport {
 
   enum class Wake { datagram, deadline, signal };
 
-  Wake wait(Clock::time_point deadline, bool for_datagram);
-  std::optional<RawDatagram> next(Clock::time_point deadline);
+  Wake wait(loop::Clock::time_point deadline, bool for_datagram);
+  std::optional<RawDatagram> next(loop::Clock::time_point deadline);
   std::optional<RawDatagram> parse(std::size_t size, const sockaddr_in& from);
   std::string_view name_of(const sockaddr_in& from);
   [[nodiscard]] std::uint64_t socket_drops() const;
 
   LcmUrl url_;
-  FileDescriptor receiver_;
-  FileDescriptor sender_;
+  process::FileDescriptor receiver_;
+  process::FileDescriptor sender_;
   sockaddr_in own_address_{};
   std::vector<std::string> channels_;
   bool all_ = false;
@@ -120,4 +120,4 @@ class UdpTransport final : public Transport {
   std::uint64_t host_overflowed_before_ = 0;
 };
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -17,17 +17,15 @@
 
 #include "bus/codec.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using Kind = Field::Kind;
 
-constexpr std::array<std::string_view, num_roles> role_names = {"plant", "reference", "controller",
-                                                                "logger"};
-
-std::optional<Role> role_named(std::string_view text) {
-  for (std::size_t i = 0; i < role_names.size(); ++i) {
-    if (role_names[i] == text) return static_cast<Role>(i);
+std::optional<loop::Role> role_named(std::string_view text) {
+  for (int i = 0; i < loop::num_roles; ++i) {
+    const auto role = static_cast<loop::Role>(i);
+    if (name(role) == text) return role;
   }
   return std::nullopt;
 }
@@ -65,7 +63,7 @@ std::string_view name(Rejection rejection) {
   throw std::logic_error("bus::name: no such rejection");
 }
 
-Stamp stamp_of(std::span<const std::byte> payload) {
+loop::Stamp stamp_of(std::span<const std::byte> payload) {
   std::array<std::int64_t, 3> values{};
   constexpr std::size_t fingerprint_size = stamp_end - sizeof values;
   if (payload.size() < stamp_end) {
@@ -81,111 +79,109 @@ Stamp stamp_of(std::span<const std::byte> payload) {
   return {values[0], values[1], values[2]};
 }
 
-std::string_view name(Role role) { return role_names.at(static_cast<std::size_t>(role)); }
-
-bool all_finite(const Tick&) { return true; }
-bool all_finite(const robot::PositionMeasurement& value) { return value.q.allFinite(); }
-bool all_finite(const robot::MotorPositionMeasurement& value) { return value.theta.allFinite(); }
-bool all_finite(const robot::LinkStateMeasurement& value) {
+bool all_finite(const loop::Tick&) { return true; }
+bool all_finite(const loop::PositionMeasurement& value) { return value.q.allFinite(); }
+bool all_finite(const loop::MotorPositionMeasurement& value) { return value.theta.allFinite(); }
+bool all_finite(const loop::LinkStateMeasurement& value) {
   return value.q.allFinite() && value.v.allFinite() && value.theta.allFinite();
 }
-bool all_finite(const robot::StateMeasurement& value) {
+bool all_finite(const loop::StateMeasurement& value) {
   return value.q.allFinite() && value.v.allFinite() && value.theta.allFinite() &&
          value.thetadot.allFinite();
 }
-bool all_finite(const robot::ReferencePoint& value) {
+bool all_finite(const loop::ReferencePoint& value) {
   return value.q_ref.allFinite() && value.v_ref.allFinite() && value.a_ref.allFinite() &&
          value.jerk_ref.allFinite() && value.snap_ref.allFinite();
 }
-bool all_finite(const robot::TorqueCommand& value) { return value.tau.allFinite(); }
-bool all_finite(const robot::ControllerState& value) {
-  for (int i = 0; i < robot::max_filters; ++i) {
+bool all_finite(const loop::TorqueCommand& value) { return value.tau.allFinite(); }
+bool all_finite(const loop::ControllerState& value) {
+  for (int i = 0; i < loop::max_filters; ++i) {
     if (!value.error[i].allFinite() || !value.nu[i].allFinite()) return false;
   }
   return true;
 }
-bool all_finite(const Participant& value) { return std::isfinite(value.error_norm); }
-bool all_finite(const RunInfo& value) { return std::isfinite(value.period_s); }
-bool all_finite(const LogAck&) { return true; }
+bool all_finite(const loop::Participant& value) { return std::isfinite(value.error_norm); }
+bool all_finite(const loop::RunInfo& value) { return std::isfinite(value.period_s); }
+bool all_finite(const loop::LogAck&) { return true; }
 
 template <>
-struct Translation<Tick> {
+struct Translation<loop::Tick> {
   using Message = tachless::tick_t;
-  static MessageShape shape(const Layout&) { return {Message::getHash(), {{Kind::boolean}}}; }
-  static void size(const Layout&, Message&) {}
-  static void write(const Tick& value, const Layout&, Message& message) {
+  static MessageShape shape(const loop::Layout&) { return {Message::getHash(), {{Kind::boolean}}}; }
+  static void size(const loop::Layout&, Message&) {}
+  static void write(const loop::Tick& value, const loop::Layout&, Message& message) {
     message.last = value.last ? 1 : 0;
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, Tick& value) { value.last = message.last != 0; }
+  static void read(const Message& message, loop::Tick& value) { value.last = message.last != 0; }
 };
 
 template <>
-struct Translation<robot::PositionMeasurement> {
+struct Translation<loop::PositionMeasurement> {
   using Message = tachless::position_measurement_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     return {Message::getHash(), {{Kind::count, n}, {Kind::real, n}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.position.resize(layout.num_joints);
   }
-  static void write(const robot::PositionMeasurement& value, const Layout& layout,
+  static void write(const loop::PositionMeasurement& value, const loop::Layout& layout,
                     Message& message) {
     put(value.q, layout.num_joints, "q", message.position);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::PositionMeasurement& value) {
+  static void read(const Message& message, loop::PositionMeasurement& value) {
     get(message.position, value.q);
   }
 };
 
 template <>
-struct Translation<robot::MotorPositionMeasurement> {
+struct Translation<loop::MotorPositionMeasurement> {
   using Message = tachless::motor_position_measurement_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     return {Message::getHash(), {{Kind::count, n}, {Kind::real, n}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.motor_position.resize(layout.num_joints);
   }
-  static void write(const robot::MotorPositionMeasurement& value, const Layout& layout,
+  static void write(const loop::MotorPositionMeasurement& value, const loop::Layout& layout,
                     Message& message) {
     put(value.theta, layout.num_joints, "theta", message.motor_position);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::MotorPositionMeasurement& value) {
+  static void read(const Message& message, loop::MotorPositionMeasurement& value) {
     get(message.motor_position, value.theta);
   }
 };
 
 template <>
-struct Translation<robot::LinkStateMeasurement> {
+struct Translation<loop::LinkStateMeasurement> {
   using Message = tachless::link_state_measurement_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     return {Message::getHash(), {{Kind::count, n}, {Kind::real, 3 * n}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.position.resize(layout.num_joints);
     message.velocity.resize(layout.num_joints);
     message.motor_position.resize(layout.num_joints);
   }
-  static void write(const robot::LinkStateMeasurement& value, const Layout& layout,
+  static void write(const loop::LinkStateMeasurement& value, const loop::Layout& layout,
                     Message& message) {
     put(value.q, layout.num_joints, "q", message.position);
     put(value.v, layout.num_joints, "v", message.velocity);
     put(value.theta, layout.num_joints, "theta", message.motor_position);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::LinkStateMeasurement& value) {
+  static void read(const Message& message, loop::LinkStateMeasurement& value) {
     get(message.position, value.q);
     get(message.velocity, value.v);
     get(message.motor_position, value.theta);
@@ -193,15 +189,15 @@ struct Translation<robot::LinkStateMeasurement> {
 };
 
 template <>
-struct Translation<robot::StateMeasurement> {
+struct Translation<loop::StateMeasurement> {
   using Message = tachless::state_measurement_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     const int m = layout.num_motors;
     return {Message::getHash(), {{Kind::count, n}, {Kind::count, m}, {Kind::real, 2 * n + 2 * m}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.num_motors = layout.num_motors;
     message.position.resize(layout.num_joints);
@@ -209,14 +205,15 @@ struct Translation<robot::StateMeasurement> {
     message.motor_position.resize(layout.num_motors);
     message.motor_velocity.resize(layout.num_motors);
   }
-  static void write(const robot::StateMeasurement& value, const Layout& layout, Message& message) {
+  static void write(const loop::StateMeasurement& value, const loop::Layout& layout,
+                    Message& message) {
     put(value.q, layout.num_joints, "q", message.position);
     put(value.v, layout.num_joints, "v", message.velocity);
     put(value.theta, layout.num_motors, "theta", message.motor_position);
     put(value.thetadot, layout.num_motors, "thetadot", message.motor_velocity);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::StateMeasurement& value) {
+  static void read(const Message& message, loop::StateMeasurement& value) {
     get(message.position, value.q);
     get(message.velocity, value.v);
     get(message.motor_position, value.theta);
@@ -225,14 +222,14 @@ struct Translation<robot::StateMeasurement> {
 };
 
 template <>
-struct Translation<robot::ReferencePoint> {
+struct Translation<loop::ReferencePoint> {
   using Message = tachless::reference_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     return {Message::getHash(), {{Kind::count, n}, {Kind::real, 5 * n}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.position.resize(layout.num_joints);
     message.velocity.resize(layout.num_joints);
@@ -240,7 +237,8 @@ struct Translation<robot::ReferencePoint> {
     message.jerk.resize(layout.num_joints);
     message.snap.resize(layout.num_joints);
   }
-  static void write(const robot::ReferencePoint& value, const Layout& layout, Message& message) {
+  static void write(const loop::ReferencePoint& value, const loop::Layout& layout,
+                    Message& message) {
     put(value.q_ref, layout.num_joints, "q_ref", message.position);
     put(value.v_ref, layout.num_joints, "v_ref", message.velocity);
     put(value.a_ref, layout.num_joints, "a_ref", message.acceleration);
@@ -248,7 +246,7 @@ struct Translation<robot::ReferencePoint> {
     put(value.snap_ref, layout.num_joints, "snap_ref", message.snap);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::ReferencePoint& value) {
+  static void read(const Message& message, loop::ReferencePoint& value) {
     get(message.position, value.q_ref);
     get(message.velocity, value.v_ref);
     get(message.acceleration, value.a_ref);
@@ -258,43 +256,45 @@ struct Translation<robot::ReferencePoint> {
 };
 
 template <>
-struct Translation<robot::TorqueCommand> {
+struct Translation<loop::TorqueCommand> {
   using Message = tachless::torque_command_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     return {Message::getHash(), {{Kind::count, n}, {Kind::real, n}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.torque.resize(layout.num_joints);
   }
-  static void write(const robot::TorqueCommand& value, const Layout& layout, Message& message) {
+  static void write(const loop::TorqueCommand& value, const loop::Layout& layout,
+                    Message& message) {
     put(value.tau, layout.num_joints, "tau", message.torque);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::TorqueCommand& value) {
+  static void read(const Message& message, loop::TorqueCommand& value) {
     get(message.torque, value.tau);
   }
 };
 
 template <>
-struct Translation<robot::ControllerState> {
+struct Translation<loop::ControllerState> {
   using Message = tachless::controller_state_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
     const int filters = layout.num_filters;
     return {Message::getHash(),
             {{Kind::count, filters}, {Kind::count, n}, {Kind::real, 2 * filters * n}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_filters = layout.num_filters;
     message.num_joints = layout.num_joints;
     message.error.assign(layout.num_filters, std::vector<double>(layout.num_joints));
     message.nu = message.error;
   }
-  static void write(const robot::ControllerState& value, const Layout& layout, Message& message) {
+  static void write(const loop::ControllerState& value, const loop::Layout& layout,
+                    Message& message) {
     if (value.num_filters != layout.num_filters) {
       throw std::logic_error("bus::Codec: controller state of " +
                              std::to_string(value.num_filters) + " filters, the layout says " +
@@ -306,9 +306,9 @@ struct Translation<robot::ControllerState> {
     }
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, robot::ControllerState& value) {
+  static void read(const Message& message, loop::ControllerState& value) {
     value.num_filters = message.num_filters;
-    for (int i = 0; i < robot::max_filters; ++i) {
+    for (int i = 0; i < loop::max_filters; ++i) {
       value.error[i].resize(0);
       value.nu[i].resize(0);
     }
@@ -320,10 +320,10 @@ struct Translation<robot::ControllerState> {
 };
 
 template <>
-struct Translation<Participant> {
+struct Translation<loop::Participant> {
   using Message = tachless::participant_t;
-  static MessageShape shape(const Layout&) {
-    const Field text{Kind::text, max_participant_text};
+  static MessageShape shape(const loop::Layout&) {
+    const Field text{Kind::text, loop::max_participant_text};
     return {Message::getHash(),
             {{Kind::int64, 2},
              {Kind::int32},
@@ -335,12 +335,12 @@ struct Translation<Participant> {
              text,
              text}};
   }
-  static void size(const Layout&, Message&) {}
-  static void write(const Participant& value, const Layout&, Message& message) {
-    require_text(value.host, max_participant_text, "host");
-    require_text(value.scenario, max_participant_text, "scenario");
-    require_text(value.measurement, max_participant_text, "measurement");
-    require_text(value.fault, max_participant_text, "fault");
+  static void size(const loop::Layout&, Message&) {}
+  static void write(const loop::Participant& value, const loop::Layout&, Message& message) {
+    require_text(value.host, loop::max_participant_text, "host");
+    require_text(value.scenario, loop::max_participant_text, "scenario");
+    require_text(value.measurement, loop::max_participant_text, "measurement");
+    require_text(value.fault, loop::max_participant_text, "fault");
     if (value.fault_code < 0 || value.fault_code > 255) {
       throw std::logic_error("bus::Codec: fault code " + std::to_string(value.fault_code) +
                              " is not an exit code, 0 to 255");
@@ -361,16 +361,16 @@ struct Translation<Participant> {
     }
   }
   static Rejection check(const Message& message) {
-    const bool state_ok =
-        message.state >= 0 && message.state <= static_cast<std::int8_t>(ParticipantState::fault);
+    const bool state_ok = message.state >= 0 &&
+                          message.state <= static_cast<std::int8_t>(loop::ParticipantState::fault);
     return state_ok && message.error_norm >= 0 && role_named(message.role) ? Rejection::none
                                                                            : Rejection::bad_value;
   }
-  static void read(const Message& message, Participant& value) {
+  static void read(const Message& message, loop::Participant& value) {
     value.instance = message.instance;
     value.scenario_digest = message.scenario_digest;
     value.pid = message.pid;
-    value.state = static_cast<ParticipantState>(message.state);
+    value.state = static_cast<loop::ParticipantState>(message.state);
     value.fault_code = static_cast<std::uint8_t>(message.fault_code);
     value.error_norm = message.error_norm;
     value.role = *role_named(message.role);
@@ -382,21 +382,21 @@ struct Translation<Participant> {
 };
 
 template <>
-struct Translation<RunInfo> {
+struct Translation<loop::RunInfo> {
   using Message = tachless::run_info_t;
-  static MessageShape shape(const Layout&) {
-    const Field text{Kind::text, max_run_info_size};
+  static MessageShape shape(const loop::Layout&) {
+    const Field text{Kind::text, loop::max_run_info_size};
     return {Message::getHash(),
             {{Kind::int64}, {Kind::real}, text, text, text, text, text},
-            max_run_info_size};
+            loop::max_run_info_size};
   }
-  static void size(const Layout&, Message&) {}
-  static void write(const RunInfo& value, const Layout&, Message& message) {
-    require_text(value.version, max_run_info_size, "version");
-    require_text(value.robot, max_run_info_size, "robot");
-    require_text(value.measurement, max_run_info_size, "measurement");
-    require_text(value.scenario, max_run_info_size, "scenario");
-    require_text(value.robot_description, max_run_info_size, "robot_description");
+  static void size(const loop::Layout&, Message&) {}
+  static void write(const loop::RunInfo& value, const loop::Layout&, Message& message) {
+    require_text(value.version, loop::max_run_info_size, "version");
+    require_text(value.robot, loop::max_run_info_size, "robot");
+    require_text(value.measurement, loop::max_run_info_size, "measurement");
+    require_text(value.scenario, loop::max_run_info_size, "scenario");
+    require_text(value.robot_description, loop::max_run_info_size, "robot_description");
     message.num_ticks = value.num_ticks;
     message.period_s = value.period_s;
     message.version = value.version;
@@ -411,7 +411,7 @@ struct Translation<RunInfo> {
   static Rejection check(const Message& message) {
     return message.num_ticks > 0 && message.period_s > 0 ? Rejection::none : Rejection::bad_value;
   }
-  static void read(const Message& message, RunInfo& value) {
+  static void read(const Message& message, loop::RunInfo& value) {
     value.num_ticks = message.num_ticks;
     value.period_s = message.period_s;
     value.version = message.version;
@@ -423,29 +423,29 @@ struct Translation<RunInfo> {
 };
 
 template <>
-struct Translation<LogAck> {
+struct Translation<loop::LogAck> {
   using Message = tachless::log_ack_t;
-  static MessageShape shape(const Layout&) { return {Message::getHash(), {{Kind::int64}}}; }
-  static void size(const Layout&, Message&) {}
-  static void write(const LogAck& value, const Layout&, Message& message) {
+  static MessageShape shape(const loop::Layout&) { return {Message::getHash(), {{Kind::int64}}}; }
+  static void size(const loop::Layout&, Message&) {}
+  static void write(const loop::LogAck& value, const loop::Layout&, Message& message) {
     message.missing = static_cast<std::int64_t>(value.missing);
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, LogAck& value) {
+  static void read(const Message& message, loop::LogAck& value) {
     value.missing = static_cast<std::uint64_t>(message.missing);
   }
 };
 
-template class Codec<Tick>;
-template class Codec<robot::PositionMeasurement>;
-template class Codec<robot::MotorPositionMeasurement>;
-template class Codec<robot::LinkStateMeasurement>;
-template class Codec<robot::StateMeasurement>;
-template class Codec<robot::ReferencePoint>;
-template class Codec<robot::TorqueCommand>;
-template class Codec<robot::ControllerState>;
-template class Codec<Participant>;
-template class Codec<RunInfo>;
-template class Codec<LogAck>;
+template class Codec<loop::Tick>;
+template class Codec<loop::PositionMeasurement>;
+template class Codec<loop::MotorPositionMeasurement>;
+template class Codec<loop::LinkStateMeasurement>;
+template class Codec<loop::StateMeasurement>;
+template class Codec<loop::ReferencePoint>;
+template class Codec<loop::TorqueCommand>;
+template class Codec<loop::ControllerState>;
+template class Codec<loop::Participant>;
+template class Codec<loop::RunInfo>;
+template class Codec<loop::LogAck>;
 
-}  // namespace bus
+}  // namespace tachless::bus

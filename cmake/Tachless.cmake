@@ -1,5 +1,14 @@
 # What every target of ours has in common. Targets, never directory-wide variables.
 
+# The rooms, from the one list of them.
+file(STRINGS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt rows REGEX "^[a-z]+ ")
+set(TACHLESS_ROOMS)
+foreach(row IN LISTS rows)
+  string(REGEX REPLACE " .*" "" room ${row})
+  list(APPEND TACHLESS_ROOMS ${room})
+endforeach()
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
+
 add_library(tachless_options INTERFACE)
 target_include_directories(tachless_options INTERFACE ${PROJECT_SOURCE_DIR})
 # Without contraction, every machine rounds alike and a log replays bit for bit.

@@ -8,7 +8,7 @@
 
 #include "bus/wire.h"
 
-namespace controller {
+namespace tachless::controller {
 namespace {
 
 /// What a measurement holds decides which encoders the robot must have.
@@ -25,7 +25,7 @@ template <class L>
 LawFacts facts_of() {
   LawFacts facts;
   facts.name = L::name;
-  facts.measurement = bus::ChannelOf<typename L::Measurement>::suffix;
+  facts.measurement = loop::ChannelOf<typename L::Measurement>::suffix;
   facts.num_filters = L::num_filters;
   facts.filter_labels = L::num_filters == 1 ? std::vector<std::string_view>{""}
                                             : std::vector<std::string_view>{"1", "2"};
@@ -92,7 +92,7 @@ std::string shown(const robot::Vector& value) {
 
 std::string gain_key(std::string_view gain) { return "controller.gains." + std::string(gain); }
 
-void require_known_gains(const app::Scenario& scenario, const LawFacts& facts) {
+void require_known_gains(const experiment::Scenario& scenario, const LawFacts& facts) {
   std::vector<std::string_view> known;
   for (const LawFacts& law : laws()) {
     known.insert(known.end(), law.gains.begin(), law.gains.end());
@@ -107,25 +107,25 @@ void require_known_gains(const app::Scenario& scenario, const LawFacts& facts) {
   }
 }
 
-std::string_view name(app::EncoderSide side) {
+std::string_view name(experiment::EncoderSide side) {
   switch (side) {
-    case app::EncoderSide::link:
+    case experiment::EncoderSide::link:
       return "link";
-    case app::EncoderSide::motor:
+    case experiment::EncoderSide::motor:
       return "motor";
-    case app::EncoderSide::both:
+    case experiment::EncoderSide::both:
       return "both";
   }
   throw std::logic_error("catalogue: no such encoder side");
 }
 
-void require_encoders(const app::Scenario& scenario, const LawFacts& law) {
+void require_encoders(const experiment::Scenario& scenario, const LawFacts& law) {
   if (!scenario.robot.flexible) {
     return;  // a rigid robot has one angle per joint, whatever side it is read on
   }
-  const app::EncoderSide side = scenario.plant.encoder.side;
-  if ((law.reads_links && side == app::EncoderSide::motor) ||
-      (law.reads_motors && side == app::EncoderSide::link)) {
+  const experiment::EncoderSide side = scenario.plant.encoder.side;
+  if ((law.reads_links && side == experiment::EncoderSide::motor) ||
+      (law.reads_motors && side == experiment::EncoderSide::link)) {
     std::string allowed = "both";
     if (!law.reads_links) {
       allowed += " or motor";
@@ -148,7 +148,7 @@ std::vector<std::string_view> laws_for_rigid_joints() {
   return names;
 }
 
-robot::Model urdf_model(const app::Scenario& scenario) {
+robot::Model urdf_model(const experiment::Scenario& scenario) {
   try {
     robot::Model model = robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path);
     model.gravity = {0, 0, -scenario.robot.gravity_m_per_s2};
@@ -158,15 +158,15 @@ robot::Model urdf_model(const app::Scenario& scenario) {
   }
 }
 
-law::Discretisation discretisation(app::FilterKind kind) {
+law::Discretisation discretisation(experiment::FilterKind kind) {
   switch (kind) {
-    case app::FilterKind::first_order_hold:
+    case experiment::FilterKind::first_order_hold:
       return law::Discretisation::first_order_hold;
-    case app::FilterKind::tustin:
+    case experiment::FilterKind::tustin:
       return law::Discretisation::tustin;
-    case app::FilterKind::backward_euler:
+    case experiment::FilterKind::backward_euler:
       return law::Discretisation::backward_euler;
-    case app::FilterKind::zero_order_hold:
+    case experiment::FilterKind::zero_order_hold:
       return law::Discretisation::zero_order_hold;
   }
   throw std::logic_error("catalogue: no such filter");
@@ -200,14 +200,14 @@ std::string_view measurement_suffix(std::string_view name) { return law_facts(na
 
 int num_filters(std::string_view name) { return law_facts(name).num_filters; }
 
-robot::Model rigid_model(const app::Scenario& scenario) {
+robot::Model rigid_model(const experiment::Scenario& scenario) {
   robot::Model model = urdf_model(scenario);
   model.rotor_inertia = scenario.robot.flexible ? scenario.robot.flexible->rotor_inertia_kgm2
                                                 : scenario.robot.rigid_rotor_inertia_kgm2;
   return model;
 }
 
-law::FlexibleRobot flexible_robot(const app::Scenario& scenario) {
+law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario) {
   if (!scenario.robot.flexible) {
     throw scenario.complaint("robot.joints", "rigid; needed: flexible");
   }
@@ -215,24 +215,24 @@ law::FlexibleRobot flexible_robot(const app::Scenario& scenario) {
           scenario.robot.flexible->rotor_inertia_kgm2};
 }
 
-law::Settings law_settings(const app::Scenario& scenario, int ticks) {
+law::Settings law_settings(const experiment::Scenario& scenario, int ticks) {
   law::Settings settings;
   settings.period_s = ticks * scenario.loop.period_s;
   settings.filter = discretisation(scenario.controller.filter);
-  settings.filter_start = scenario.controller.filter_start == app::FilterStart::zero
+  settings.filter_start = scenario.controller.filter_start == experiment::FilterStart::zero
                               ? law::FilterStart::zero
                               : law::FilterStart::at_error;
-  if (scenario.controller.feedforward_lead == app::FeedforwardLead::half_tick_plus_delay) {
+  if (scenario.controller.feedforward_lead == experiment::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
   return settings;
 }
 
-app::Failure unknown_law(const app::Scenario& scenario) {
+diagnostics::Failure unknown_law(const experiment::Scenario& scenario) {
   return scenario.complaint("controller.law", no_such_law(scenario.controller.law));
 }
 
-void require_compatible(const app::Scenario& scenario, const LawFacts& law) {
+void require_compatible(const experiment::Scenario& scenario, const LawFacts& law) {
   const std::string law_name(law.name);
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
     throw scenario.complaint("controller.law",
@@ -241,13 +241,13 @@ void require_compatible(const app::Scenario& scenario, const LawFacts& law) {
                                  "allowed on rigid joints: " +
                                  joined(laws_for_rigid_joints()));
   }
-  if (law.regulation_only && !std::holds_alternative<app::Hold>(scenario.reference)) {
+  if (law.regulation_only && !std::holds_alternative<experiment::Hold>(scenario.reference)) {
     throw scenario.complaint(
         "controller.law",
         law_name + " regulates, and the reference moves; allowed reference: hold");
   }
   if (!law.has_feedforward_lead &&
-      scenario.controller.feedforward_lead != app::FeedforwardLead::none) {
+      scenario.controller.feedforward_lead != experiment::FeedforwardLead::none) {
     throw scenario.complaint(
         "controller.feedforward_lead",
         "half_tick_plus_delay, but " + law_name +
@@ -258,7 +258,7 @@ void require_compatible(const app::Scenario& scenario, const LawFacts& law) {
   require_known_gains(scenario, law);
 }
 
-robot::Vector required_gain(const app::Scenario& scenario, const LawFacts& law,
+robot::Vector required_gain(const experiment::Scenario& scenario, const LawFacts& law,
                             std::string_view gain) {
   const auto found = scenario.controller.gains.find(std::string(gain));
   if (found == scenario.controller.gains.end()) {
@@ -281,4 +281,4 @@ robot::Vector required_gain(const app::Scenario& scenario, const LawFacts& law,
   return value;
 }
 
-}  // namespace controller
+}  // namespace tachless::controller

@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "app/scenario.h"
 #include "controller/law/flexible_robot.h"
 #include "controller/law/kelly_flexible.h"
 #include "controller/law/kelly_regulation.h"
@@ -17,10 +16,11 @@
 #include "controller/law/slotine_li.h"
 #include "controller/law/slotine_li_flexible.h"
 #include "controller/law/wen_bayard.h"
+#include "experiment/scenario.h"
 #include "robot/model.h"
 
 /// From a scenario to a control law.
-namespace controller {
+namespace tachless::controller {
 
 template <class... L>
 struct LawList {};
@@ -33,7 +33,7 @@ using Laws = LawList<law::LoriaOrtegaRigid, law::LoriaOrtegaFlexible, law::Kelly
 struct LawFacts {
   std::string_view name;
   std::string_view measurement;  ///< suffix of the channel that it is fed from
-  int num_filters = 0;           ///< rows of its `robot::ControllerState`
+  int num_filters = 0;           ///< rows of its `loop::ControllerState`
   /// One per row, for the names of columns: "" when there is one row, "1" (link), "2" (motor) when
   /// there are two.
   std::vector<std::string_view> filter_labels;
@@ -60,32 +60,32 @@ int num_filters(std::string_view name);
 
 /// The model that laws for rigid joints get: URDF and gravity of the scenario, rotor inertia
 /// added (M = M_l + J); on a flexible robot too, which they take for rigid. The payload is not in
-/// it. @throw app::Failure(bad_usage) when the URDF is not a robot.
-robot::Model rigid_model(const app::Scenario& scenario);
+/// it. @throw diagnostics::Failure(bad_usage) when the URDF is not a robot.
+robot::Model rigid_model(const experiment::Scenario& scenario);
 
 /// The model that laws for flexible joints get: M_l without rotors, K and J.
-/// @throw app::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
-law::FlexibleRobot flexible_robot(const app::Scenario& scenario);
+/// @throw diagnostics::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
+law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario);
 
 /// Sampling, filter and lead of the scenario, for a law whose steps are `ticks` periods apart. (The
 /// lead is that of one period in any case: it makes up for the torque's age, not for the filter's.)
-law::Settings law_settings(const app::Scenario& scenario, int ticks = 1);
+law::Settings law_settings(const experiment::Scenario& scenario, int ticks = 1);
 
 /// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead, gains
-/// that no law has. @throw app::Failure(bad_usage).
-void require_compatible(const app::Scenario& scenario, const LawFacts& law);
+/// that no law has. @throw diagnostics::Failure(bad_usage).
+void require_compatible(const experiment::Scenario& scenario, const LawFacts& law);
 
-/// The gain of that name. @throw app::Failure(bad_usage) when it is missing, of the wrong length or
-/// not positive in every entry.
-robot::Vector required_gain(const app::Scenario& scenario, const LawFacts& law,
+/// The gain of that name. @throw diagnostics::Failure(bad_usage) when it is missing, of the wrong
+/// length or not positive in every entry.
+robot::Vector required_gain(const experiment::Scenario& scenario, const LawFacts& law,
                             std::string_view gain);
 
 /// The law L with the scenario's robot, gains and settings. Gains that only other laws have are
 /// left alone, so that one scenario can be run under several laws. `ticks`: see `law_settings`.
-/// @throw app::Failure(bad_usage), one line with file, line, key, value and allowed range, as the
-/// two functions above.
+/// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
+/// as the two functions above.
 template <class L>
-L make_law(const app::Scenario& scenario, int ticks = 1) {
+L make_law(const experiment::Scenario& scenario, int ticks = 1) {
   const LawFacts& law = law_facts(L::name);
   require_compatible(scenario, law);
   typename L::Gains gains;
@@ -104,12 +104,12 @@ L make_law(const app::Scenario& scenario, int ticks = 1) {
 }
 
 /// @return what to throw when the scenario's law is none of `Laws`: the nearest and the list.
-app::Failure unknown_law(const app::Scenario& scenario);
+diagnostics::Failure unknown_law(const experiment::Scenario& scenario);
 
 namespace detail {
 
 template <class Visitor, class L, class... Rest>
-auto with_law(const app::Scenario& scenario, Visitor& visitor, LawList<L, Rest...> /*laws*/)
+auto with_law(const experiment::Scenario& scenario, Visitor& visitor, LawList<L, Rest...> /*laws*/)
     -> std::invoke_result_t<Visitor&, const L&> {
   if (scenario.controller.law == L::name) {
     const L chosen = make_law<L>(scenario);
@@ -126,10 +126,10 @@ auto with_law(const app::Scenario& scenario, Visitor& visitor, LawList<L, Rest..
 
 /// Builds the law that the scenario names and hands it to `visitor(const L&)`; returns what that
 /// returns. The visitor is compiled once per law.
-/// @throw app::Failure(bad_usage) as `make_law`, or when there is no such law.
+/// @throw diagnostics::Failure(bad_usage) as `make_law`, or when there is no such law.
 template <class Visitor>
-auto with_law(const app::Scenario& scenario, Visitor&& visitor) {
+auto with_law(const experiment::Scenario& scenario, Visitor&& visitor) {
   return detail::with_law(scenario, visitor, Laws{});
 }
 
-}  // namespace controller
+}  // namespace tachless::controller

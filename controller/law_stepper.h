@@ -6,11 +6,11 @@
 #include <stdexcept>
 #include <vector>
 
-#include "app/scenario.h"
 #include "controller/catalogue.h"
 #include "controller/law/law.h"
+#include "experiment/scenario.h"
 
-namespace controller {
+namespace tachless::controller {
 
 /// A law over the ticks of one run, its memory included: what the node does, and what a replay of
 /// its log has to do. In realtime ticks may be passed over, and a filter that took two periods for
@@ -32,9 +32,9 @@ class LawStepper {
     bool restarted = false;    ///< too many: the memory began anew
   };
 
-  /// @throw app::Failure(bad_usage) as `make_law`.
-  explicit LawStepper(const app::Scenario& scenario) {
-    const bool realtime = scenario.loop.mode == app::Mode::realtime;
+  /// @throw diagnostics::Failure(bad_usage) as `make_law`.
+  explicit LawStepper(const experiment::Scenario& scenario) {
+    const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
     const int count = realtime ? std::min(scenario.loop.max_missed + 1, most_laws) : 1;
     laws_.reserve(static_cast<std::size_t>(count));
     for (int ticks = 1; ticks <= count; ++ticks) laws_.push_back(make_law<L>(scenario, ticks));
@@ -45,7 +45,7 @@ class LawStepper {
   /// The step of `tick`. Nothing is remembered before `keep`, so a step may be thrown away.
   /// @throw std::logic_error unless `tick` is later than the one kept last.
   [[nodiscard]] Outcome step(std::int64_t tick, const Measurement& measurement,
-                             const robot::ReferencePoint& reference) const {
+                             const loop::ReferencePoint& reference) const {
     const L& usual = laws_.front();
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::LawStepper: ticks go forward");
@@ -68,4 +68,4 @@ class LawStepper {
   std::optional<typename L::Memory> memory_;  ///< nothing before the first step
 };
 
-}  // namespace controller
+}  // namespace tachless::controller

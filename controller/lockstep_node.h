@@ -5,22 +5,23 @@
 #include <optional>
 #include <string>
 
-#include "app/logging.h"
-#include "app/scenario.h"
-#include "app/session.h"
-#include "bus/lockstep/command_answerer.h"
 #include "bus/transport.h"
 #include "controller/law/law.h"
 #include "controller/law_on_bus.h"
 #include "controller/recorded_inputs.h"
+#include "diagnostics/logging.h"
+#include "experiment/scenario.h"
+#include "node/session.h"
+#include "protocol/lockstep/command_answerer.h"
 
-namespace controller {
+namespace tachless::controller {
 
 /// The loop around one law in lockstep: every tick once, in order.
 template <law::Law L>
 class LockstepNode {
  public:
-  LockstepNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session)
       : transport_(transport),
         session_(session),
         law_(scenario, transport, session),
@@ -32,7 +33,7 @@ class LockstepNode {
     session_.meet(law_.needs());
     if (log) resume(*log);
     while (!session_.plant_finished()) {
-      session_.attend(bus::Clock::now());
+      session_.attend(loop::Clock::now());
       const auto datagram = transport_.receive(session_.next_attention());
       if (!datagram || session_.take(*datagram)) continue;
       if (datagram->channel == law_.measurement_channel()) {
@@ -45,8 +46,8 @@ class LockstepNode {
   }
 
  private:
-  using Answerer = bus::lockstep::CommandAnswerer;
-  using Verdict = bus::lockstep::Verdict;
+  using Answerer = protocol::lockstep::CommandAnswerer;
+  using Verdict = protocol::lockstep::Verdict;
 
   /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
   /// asks again.
@@ -62,7 +63,7 @@ class LockstepNode {
       if (tick->tick % ticks_alone == 0) session_.stay_in_touch();
     }
     session_.stay_in_touch();
-    const std::int64_t begun = session_.tick_of(bus::Role::plant) + 1;
+    const std::int64_t begun = session_.tick_of(loop::Role::plant) + 1;
     if (begun >= inputs.next_tick() + Answerer::reach) {
       throw inputs.unusable("it ends before tick " + std::to_string(inputs.next_tick()) +
                             ", the run is at tick " + std::to_string(begun) +
@@ -70,12 +71,12 @@ class LockstepNode {
                             " ticks can be asked again");
     }
     answerer_.resume(inputs.next_tick());
-    app::log_info("resumed run " + std::to_string(session_.run()) + " at tick " +
-                  std::to_string(inputs.next_tick()));
+    diagnostics::log_info("resumed run " + std::to_string(session_.run()) + " at tick " +
+                          std::to_string(inputs.next_tick()));
   }
 
   void on_measurement(const bus::Datagram& datagram) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (!law_.accept_measurement(datagram, stamp)) return;
     const auto answer = answerer_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
@@ -83,13 +84,13 @@ class LockstepNode {
     }
     law_.count(answer.verdict);
     if (answer.verdict == Verdict::fresh || answer.verdict == Verdict::repeated) {
-      session_.started(bus::Clock::now());
+      session_.started(loop::Clock::now());
     }
     act(answer.action, stamp.tick);
   }
 
   void on_reference(const bus::Datagram& datagram) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (!law_.accept_reference(datagram, stamp)) return;
     const auto answer = answerer_.on_reference(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
@@ -115,9 +116,9 @@ class LockstepNode {
   }
 
   bus::Transport& transport_;
-  app::Session& session_;
+  node::Session& session_;
   LawOnBus<L> law_;
   Answerer answerer_;
 };
 
-}  // namespace controller
+}  // namespace tachless::controller

@@ -1,14 +1,16 @@
-#include "app/process_options.h"
-#include "app/take_part.h"
 #include "controller/node.h"
+#include "node/process_options.h"
+#include "node/take_part.h"
+
+using namespace tachless;
 
 int main(int argc, char** argv) {
-  constexpr auto role = bus::Role::controller;
-  return app::run_process(role, argc, argv, [](const app::ProcessOptions& options) {
-    return app::take_part(
-        role, options,
-        [&](const app::Scenario& scenario, bus::Transport& transport, app::Session& session) {
-          controller::run_node(scenario, transport, session, options.resume);
-        });
+  constexpr auto role = loop::Role::controller;
+  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
+    return node::take_part(role, options,
+                           [&](const experiment::Scenario& scenario, bus::Transport& transport,
+                               node::Session& session) {
+                             controller::run_node(scenario, transport, session, options.resume);
+                           });
   });
 }

@@ -4,12 +4,12 @@
 #include "controller/lockstep_node.h"
 #include "controller/realtime_node.h"
 
-namespace controller {
+namespace tachless::controller {
 
-void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-              const std::optional<std::filesystem::path>& resume) {
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
+              node::Session& session, const std::optional<std::filesystem::path>& resume) {
   with_law(scenario, [&]<class L>(const L& /*law*/) {
-    if (scenario.loop.mode == app::Mode::realtime) {
+    if (scenario.loop.mode == experiment::Mode::realtime) {
       RealtimeNode<L>(scenario, transport, session).run();
     } else {
       LockstepNode<L>(scenario, transport, session).run(resume);
@@ -17,4 +17,4 @@ void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Ses
   });
 }
 
-}  // namespace controller
+}  // namespace tachless::controller

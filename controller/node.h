@@ -3,19 +3,19 @@
 #include <filesystem>
 #include <optional>
 
-#include "app/scenario.h"
-#include "app/session.h"
 #include "bus/transport.h"
+#include "experiment/scenario.h"
+#include "node/session.h"
 
-namespace controller {
+namespace tachless::controller {
 
 /// The controller process: runs the law that the scenario names, one step per tick, on the
 /// measurements of the channel that belongs to the law's measurement type and on no other.
 /// `resume`: the log of a lockstep run under way, whose controller has died: the law's memory is
 /// rebuilt from the inputs it holds, and the run goes on as if nothing had happened.
-/// @throw app::Failure bad_usage (scenario, law, log), protocol_violated (two plants or
+/// @throw diagnostics::Failure bad_usage (scenario, law, log), protocol_violated (two plants or
 /// references), protective_stop (a torque that is not finite), and whatever the session says.
-void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-              const std::optional<std::filesystem::path>& resume = {});
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
+              node::Session& session, const std::optional<std::filesystem::path>& resume = {});
 
-}  // namespace controller
+}  // namespace tachless::controller

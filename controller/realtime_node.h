@@ -4,16 +4,16 @@
 #include <cstdint>
 #include <string>
 
-#include "app/logging.h"
-#include "app/scenario.h"
-#include "app/session.h"
-#include "bus/realtime/command_picker.h"
-#include "bus/realtime/pace.h"
 #include "bus/transport.h"
 #include "controller/law/law.h"
 #include "controller/law_on_bus.h"
+#include "diagnostics/logging.h"
+#include "experiment/scenario.h"
+#include "node/session.h"
+#include "protocol/realtime/command_picker.h"
+#include "protocol/realtime/pace.h"
 
-namespace controller {
+namespace tachless::controller {
 
 /// The loop around one law in realtime: acts on the newest measurement whose reference is there.
 /// What was lost is passed over, and the law told so (`LawStepper`); never silently: gaps are
@@ -21,7 +21,8 @@ namespace controller {
 template <law::Law L>
 class RealtimeNode {
  public:
-  RealtimeNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session)
       : transport_(transport),
         session_(session),
         law_(scenario, transport, session),
@@ -33,7 +34,7 @@ class RealtimeNode {
     session_.meet(law_.needs());
     try {
       while (!session_.plant_finished()) {
-        session_.attend(bus::Clock::now());
+        session_.attend(loop::Clock::now());
         const auto datagram = transport_.receive(session_.next_attention());
         if (!datagram || session_.take(*datagram)) continue;
         if (datagram->channel == law_.measurement_channel()) {
@@ -42,7 +43,7 @@ class RealtimeNode {
           on_reference(*datagram);
         }
       }
-    } catch (const app::Failure&) {
+    } catch (const diagnostics::Failure&) {
       tell_gaps();
       throw;
     }
@@ -52,12 +53,12 @@ class RealtimeNode {
   }
 
  private:
-  using Verdict = bus::lockstep::Verdict;
+  using Verdict = protocol::lockstep::Verdict;
 
   void on_measurement(const bus::Datagram& datagram) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (!law_.accept_measurement(datagram, stamp)) return;
-    const auto now = bus::Clock::now();
+    const auto now = loop::Clock::now();
     if (!pace_.possible(stamp.tick, now) && !session_.knows(datagram.sender)) {
       return law_.count(Verdict::not_asked);
     }
@@ -72,10 +73,10 @@ class RealtimeNode {
   }
 
   void on_reference(const bus::Datagram& datagram) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (!law_.accept_reference(datagram, stamp)) return;
     // A reference is a tick ahead.
-    if (!pace_.possible(std::max<std::int64_t>(stamp.tick - 1, 0), bus::Clock::now()) &&
+    if (!pace_.possible(std::max<std::int64_t>(stamp.tick - 1, 0), loop::Clock::now()) &&
         !session_.knows(datagram.sender)) {
       return law_.count(Verdict::not_asked);
     }
@@ -94,7 +95,7 @@ class RealtimeNode {
     const auto result = law_.step(*due, picker_.measurement(*due), picker_.reference(*due));
     picker_.acted(*due);
     acted_ = *due;
-    app::Statistics& statistics = session_.statistics();
+    node::Statistics& statistics = session_.statistics();
     statistics.gaps += result.skipped > 0 ? 1 : 0;
     statistics.skipped_ticks += result.skipped;
     statistics.restarts += result.restarted ? 1 : 0;
@@ -108,9 +109,9 @@ class RealtimeNode {
   }
 
   void tell_gaps() const {
-    const app::Statistics& statistics = session_.statistics();
+    const node::Statistics& statistics = session_.statistics();
     if (statistics.gaps == 0) return;
-    app::log_warning(
+    diagnostics::log_warning(
         std::to_string(statistics.skipped_ticks) + " ticks in " + std::to_string(statistics.gaps) +
         " gaps were passed over, for their measurement or reference came late or not at all" +
         (statistics.restarts == 0 ? ""
@@ -119,12 +120,12 @@ class RealtimeNode {
   }
 
   bus::Transport& transport_;
-  app::Session& session_;
+  node::Session& session_;
   LawOnBus<L> law_;
-  bus::realtime::CommandPicker picker_;
-  bus::realtime::Pace pace_;
+  protocol::realtime::CommandPicker picker_;
+  protocol::realtime::Pace pace_;
   std::int64_t num_ticks_;
   std::int64_t acted_ = -1;  ///< newest tick commanded
 };
 
-}  // namespace controller
+}  // namespace tachless::controller

@@ -4,7 +4,7 @@
 
 #include "bus/wire.h"
 
-namespace controller {
+namespace tachless::controller {
 
 RecordedInputs::RecordedInputs(const std::filesystem::path& log, std::string measurement_channel,
                                std::string reference_channel, std::int64_t run)
@@ -19,7 +19,7 @@ std::optional<RecordedInputs::Tick> RecordedInputs::next() {
     const bool measured = event->channel == measurement_channel_;
     if (!measured && event->channel != reference_channel_) continue;
     if (event->data.size() < bus::stamp_end) return {};
-    const bus::Stamp stamp = bus::stamp_of(event->data);
+    const loop::Stamp stamp = bus::stamp_of(event->data);
     if (stamp.run != run_) throw unusable("it is of run " + std::to_string(stamp.run));
     if (stamp.tick != next_) return {};
     (measured ? tick.measurement : tick.reference) = event->data;
@@ -30,9 +30,10 @@ std::optional<RecordedInputs::Tick> RecordedInputs::next() {
   return {};
 }
 
-app::Failure RecordedInputs::unusable(const std::string& why) const {
-  return {app::ExitCode::bad_usage, "cannot resume run " + std::to_string(run_) + " from " +
-                                        log_.path().string() + ": " + why + "; start a new run"};
+diagnostics::Failure RecordedInputs::unusable(const std::string& why) const {
+  return {diagnostics::ExitCode::bad_usage, "cannot resume run " + std::to_string(run_) + " from " +
+                                                log_.path().string() + ": " + why +
+                                                "; start a new run"};
 }
 
-}  // namespace controller
+}  // namespace tachless::controller

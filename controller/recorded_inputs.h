@@ -7,10 +7,10 @@
 #include <span>
 #include <string>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 #include "logger/log_file.h"
 
-namespace controller {
+namespace tachless::controller {
 
 /// What one lockstep run's controller was given, tick by tick from 0 on, out of the run's log.
 /// Reads its two channels and no other: what else the log holds, truth too, is passed over unread.
@@ -22,7 +22,7 @@ class RecordedInputs {
     std::span<const std::byte> reference;
   };
 
-  /// @throw app::Failure(bad_usage) when the log cannot be read.
+  /// @throw diagnostics::Failure(bad_usage) when the log cannot be read.
   RecordedInputs(const std::filesystem::path& log, std::string measurement_channel,
                  std::string reference_channel, std::int64_t run);
 
@@ -33,7 +33,7 @@ class RecordedInputs {
   [[nodiscard]] std::int64_t next_tick() const { return next_; }
 
   /// Why the run cannot be resumed from this log.
-  [[nodiscard]] app::Failure unusable(const std::string& why) const;
+  [[nodiscard]] diagnostics::Failure unusable(const std::string& why) const;
 
  private:
   logger::LogReader log_;
@@ -43,4 +43,4 @@ class RecordedInputs {
   std::int64_t next_ = 0;
 };
 
-}  // namespace controller
+}  // namespace tachless::controller

@@ -17,13 +17,13 @@
 #include <sstream>
 #include <system_error>
 
-#include "app/format.h"
-#include "app/options.h"
-#include "bus/isolate.h"
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
+#include "diagnostics/format.h"
+#include "node/options.h"
+#include "process/isolate.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 constexpr std::chrono::milliseconds listening_time{300};
@@ -61,8 +61,8 @@ Finding check_other_publishers(const bus::LcmUrl& url) {
   bus::UdpTransport transport(url);
   transport.subscribe_all();
   std::map<std::string, std::string> senders;
-  const bus::Clock::time_point until = bus::Clock::now() + listening_time;
-  while (bus::Clock::now() < until) {
+  const loop::Clock::time_point until = loop::Clock::now() + listening_time;
+  while (loop::Clock::now() < until) {
     const auto datagram = transport.receive(until);
     if (datagram && senders.size() < 8) {
       senders.emplace(std::string(datagram->channel), std::string(datagram->sender));
@@ -91,7 +91,7 @@ bool works_in_a_child(bool (*attempt)()) {
 Finding check_private_network() {
   const bool works = works_in_a_child([] {
     try {
-      bus::enter_private_network();
+      process::enter_private_network();
       return true;
     } catch (const std::exception&) {
       return false;
@@ -202,11 +202,11 @@ Finding judge_stolen_time(const std::string& proc_stat) {
   for (double& each : ticks) words >> each;
   if (!words || label != "cpu") return {"stolen time", true, "the kernel does not tell", {}};
   const double share = ticks.back() / std::accumulate(ticks.begin(), ticks.end(), 0.0);
-  Finding finding{
-      "stolen time",
-      share <= harmless,
-      app::format("the host took %.2f %% of this machine's time since it started", 100 * share),
-      {}};
+  Finding finding{"stolen time",
+                  share <= harmless,
+                  diagnostics::format(
+                      "the host took %.2f %% of this machine's time since it started", 100 * share),
+                  {}};
   if (!finding.ok) {
     finding.what += "; --mode realtime may end in protective stops";
     finding.remedy =
@@ -233,7 +233,7 @@ std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem:
     url = bus::parse_lcm_url(lcm_url);
   } catch (const std::invalid_argument& error) {
     findings.push_back({"multicast", false, error.what(),
-                        std::string("export LCM_DEFAULT_URL='") + app::default_lcm_url + "'"});
+                        std::string("export LCM_DEFAULT_URL='") + node::default_lcm_url + "'"});
   }
   if (findings.empty()) {
     findings.push_back(check_bus(url));
@@ -253,4 +253,4 @@ std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem:
   return findings;
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

@@ -8,7 +8,7 @@
 
 #include "bus/lcm_url.h"
 
-namespace launch {
+namespace tachless::launch {
 
 /// One line of `doctor`.
 struct Finding {
@@ -32,4 +32,4 @@ Finding judge_clock_source(const std::string& source);
 Finding judge_stolen_time(const std::string& proc_stat);
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory);
 
-}  // namespace launch
+}  // namespace tachless::launch

@@ -6,12 +6,12 @@
 #include <iostream>
 #include <string>
 
-#include "app/interruption.h"
-#include "app/logging.h"
-#include "app/version.h"
+#include "diagnostics/logging.h"
+#include "diagnostics/version.h"
 #include "launch/verb.h"
+#include "process/interruption.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace verb {
 #define TACHLESS_VERB(name) extern const Verb name;
 #include "launch/verbs.inc"
@@ -49,17 +49,17 @@ void require_verb(const std::string& word) {
     if (verb->name == word) return;
     names += (names.empty() ? "" : ", ") + std::string(verb->name);
   }
-  throw app::Failure(app::ExitCode::bad_usage,
-                     "there is no verb '" + word + "'; there are " + names);
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                             "there is no verb '" + word + "'; there are " + names);
 }
 
-app::ExitCode run(int argc, const char* const* argv) {
+diagnostics::ExitCode run(int argc, const char* const* argv) {
   CLI::App cli("Robot joints tracked from positions alone.", "tachless");
   cli.footer(footer);
-  cli.set_version_flag("--version", "tachless " + std::string(app::version),
+  cli.set_version_flag("--version", "tachless " + std::string(diagnostics::version),
                        "Print the version and exit");
   cli.require_subcommand(1);
-  app::ExitCode result = app::ExitCode::done;
+  diagnostics::ExitCode result = diagnostics::ExitCode::done;
   for (const Verb* verb : verbs()) {
     CLI::App* command = cli.add_subcommand(std::string(verb->name), std::string(verb->does));
     command->footer("Examples:\n" + std::string(verb->examples));
@@ -67,7 +67,8 @@ app::ExitCode run(int argc, const char* const* argv) {
   }
   if (argc < 2) {
     std::cerr << cli.help();
-    throw app::Failure(app::ExitCode::bad_usage, "name a verb, for example: tachless doctor");
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               "name a verb, for example: tachless doctor");
   }
   if (argv[1][0] != '-') require_verb(argv[1]);
   try {
@@ -75,12 +76,12 @@ app::ExitCode run(int argc, const char* const* argv) {
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) {
       cli.exit(error, std::cout, std::cerr);
-      return app::ExitCode::done;
+      return diagnostics::ExitCode::done;
     }
     const std::string verb = argv[1][0] == '-' ? "" : std::string(argv[1]) + ": ";
-    throw app::Failure(app::ExitCode::bad_usage,
-                       verb + error.what() + "; see tachless " +
-                           (verb.empty() ? "" : std::string(argv[1]) + " ") + "--help");
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               verb + error.what() + "; see tachless " +
+                                   (verb.empty() ? "" : std::string(argv[1]) + " ") + "--help");
   }
   return result;
 }
@@ -88,18 +89,18 @@ app::ExitCode run(int argc, const char* const* argv) {
 }  // namespace
 
 int tachless(int argc, const char* const* argv) {
-  app::start_logging("tachless", app::Verbosity::normal);
-  app::survive_file_size_limit();
+  diagnostics::start_logging("tachless", diagnostics::Verbosity::normal);
+  process::survive_file_size_limit();
   try {
     return static_cast<int>(run(argc, argv));
-  } catch (const app::Failure& failure) {
-    app::log_error(one_line(failure.what()));
+  } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_error(one_line(failure.what()));
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {
-    app::log_error("internal error: " + one_line(error.what()) +
-                   "; please report it with the command line");
-    return static_cast<int>(app::ExitCode::protocol_violated);
+    diagnostics::log_error("internal error: " + one_line(error.what()) +
+                           "; please report it with the command line");
+    return static_cast<int>(diagnostics::ExitCode::protocol_violated);
   }
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

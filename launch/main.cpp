@@ -1,3 +1,5 @@
 #include "launch/command.h"
 
+using namespace tachless;
+
 int main(int argc, char** argv) { return launch::tachless(argc, argv); }

@@ -1,27 +1,17 @@
 #include "launch/progress.h"
 
+#include "report/summary.h"
+
 #include <algorithm>
 #include <cstdio>
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 constexpr int bar_width = 20;
 constexpr std::chrono::milliseconds rate_window{500};
 
 }  // namespace
-
-std::string short_rate(double per_s) {
-  char text[32];
-  if (per_s >= 1e6) {
-    std::snprintf(text, sizeof text, "%.1f M", per_s / 1e6);
-  } else if (per_s >= 1e3) {
-    std::snprintf(text, sizeof text, "%.1f k", per_s / 1e3);
-  } else {
-    std::snprintf(text, sizeof text, "%.0f", per_s);
-  }
-  return text;
-}
 
 Progress::Progress(std::int64_t num_ticks, double period_s)
     : num_ticks_(num_ticks), period_s_(period_s) {}
@@ -51,9 +41,9 @@ std::string Progress::line() const {
   std::snprintf(text, sizeof text, "%.3f of %g s  [%s]", static_cast<double>(done) * period_s_,
                 static_cast<double>(num_ticks_) * period_s_, bar.c_str());
   std::string line = text;
-  if (ticks_per_s_) line += "  " + short_rate(*ticks_per_s_) + " ticks/s";
+  if (ticks_per_s_) line += "  " + report::short_rate(*ticks_per_s_) + " ticks/s";
   std::snprintf(text, sizeof text, "  |e| %.1e rad", error_norm_);
   return line + text;
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-namespace launch {
+namespace tachless::launch {
 
 /// What a running loop looks like in one line, from the controller's heartbeats:
 /// "0.842 of 2 s  [========>           ]  9.3 k ticks/s  |e| 3.2e-04 rad". Prints nothing itself.
@@ -33,7 +33,4 @@ class Progress {
   std::optional<double> ticks_per_s_;
 };
 
-/// "9.3 k", "412": a rate for people.
-std::string short_rate(double per_s);
-
-}  // namespace launch
+}  // namespace tachless::launch

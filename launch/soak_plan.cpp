@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 constexpr std::array lockstep_scenarios = {"paper_rigid",         "practical_rigid",
@@ -27,8 +27,8 @@ SoakRound plan_soak_round(std::uint64_t seed) {
                                     : lockstep_scenarios[scenario % lockstep_scenarios.size()];
   round.moment = 0.1 + 0.01 * static_cast<double>(random() % 41);
   round.loss_percent = 1 + static_cast<int>(random() % 15);
-  round.victim = static_cast<bus::Role>(random() % bus::num_roles);
-  if (round.fault == SoakFault::restart) round.victim = bus::Role::controller;
+  round.victim = static_cast<loop::Role>(random() % loop::num_roles);
+  if (round.fault == SoakFault::restart) round.victim = loop::Role::controller;
   round.pause = std::chrono::milliseconds(50 + random() % 951);
   return round;
 }
@@ -60,7 +60,7 @@ std::string name_of(SoakFault fault) {
 }
 
 std::string describe(const SoakRound& round) {
-  const std::string victim(bus::name(round.victim));
+  const std::string victim(loop::name(round.victim));
   const std::string when =
       " after " + std::to_string(std::lround(100 * round.moment)) + " % of the run";
   switch (round.fault) {
@@ -88,4 +88,4 @@ std::string describe(const SoakRound& round) {
   return "";
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

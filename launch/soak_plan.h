@@ -6,7 +6,7 @@
 
 #include "bus/wire.h"
 
-namespace launch {
+namespace tachless::launch {
 
 /// What a round of `tachless soak` does to a run.
 enum class SoakFault {
@@ -30,7 +30,7 @@ struct SoakRound {
   std::string scenario;  ///< name of a file in scenarios/
   double moment = 0;     ///< of kill, pause and interrupt: share of the run's ticks before it
   int loss_percent = 0;
-  bus::Role victim = bus::Role::plant;  ///< of kill and pause
+  loop::Role victim = loop::Role::plant;  ///< of kill and pause
   std::chrono::milliseconds pause{0};
 
   [[nodiscard]] bool realtime() const {
@@ -46,4 +46,4 @@ std::string name_of(SoakFault fault);
 /// "controller killed after 43 %": what the round does.
 std::string describe(const SoakRound& round);
 
-}  // namespace launch
+}  // namespace tachless::launch

@@ -14,18 +14,18 @@
 #include <system_error>
 #include <utility>
 
-#include "app/options.h"
-#include "app/process_options.h"
-#include "app/scenario.h"
 #include "bus/authenticated.h"
 #include "bus/udp_transport.h"
-#include "launch/process_tree.h"
+#include "experiment/scenario.h"
 #include "launch/storm.h"
 #include "launch/supervise.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
+#include "node/options.h"
+#include "node/process_options.h"
+#include "process/process_tree.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 namespace fs = std::filesystem;
@@ -46,11 +46,14 @@ fs::path nft() {
   for (const char* path : {"/usr/sbin/nft", "/sbin/nft", "/usr/bin/nft"}) {
     if (access(path, X_OK) == 0) return path;
   }
-  throw app::Failure(app::ExitCode::bad_usage,
-                     "packets are lost by nft, which is not there: apt-get install nftables");
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::bad_usage,
+      "packets are lost by nft, which is not there: apt-get install nftables");
 }
 
-[[noreturn]] void give_way() { throw app::Failure(app::ExitCode::interrupted, "interrupted"); }
+[[noreturn]] void give_way() {
+  throw diagnostics::Failure(diagnostics::ExitCode::interrupted, "interrupted");
+}
 
 /// Runs it to its end. @return what it said when it fails, else nothing
 std::optional<std::string> failure_of(const std::vector<std::string>& command) {
@@ -64,9 +67,10 @@ void make_directory(const fs::path& path) {
   std::error_code error;
   fs::create_directories(path, error);
   if (error || access(path.c_str(), W_OK | X_OK) != 0) {
-    throw app::Failure(app::ExitCode::bad_usage, "--out " + path.string() +
-                                                     ": cannot be written to; choose another "
-                                                     "directory");
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               "--out " + path.string() +
+                                   ": cannot be written to; choose another "
+                                   "directory");
   }
 }
 
@@ -120,8 +124,8 @@ class Loss {
   static void order(std::vector<std::string> words) {
     words.insert(words.begin(), nft().string());
     if (const auto failure = failure_of(words)) {
-      throw app::Failure(app::ExitCode::bad_usage,
-                         "cannot make the network lose packets: " + *failure);
+      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                                 "cannot make the network lose packets: " + *failure);
     }
   }
 };
@@ -147,9 +151,9 @@ class SoakRunner::Play {
         out_(std::move(out)),
         scenario_path_((runner.scenarios_ / (round.scenario + ".yaml")).string()),
         overrides_(overrides()),
-        scenario_(app::load_scenario(scenario_path_, overrides_)),
-        tick_channel_(bus::channel<bus::Tick>(scenario_.robot.channel_prefix)),
-        codec_(bus::Layout{}) {
+        scenario_(experiment::load_scenario(scenario_path_, overrides_)),
+        tick_channel_(loop::channel<loop::Tick>(scenario_.robot.channel_prefix)),
+        codec_(loop::Layout{}) {
     fs::remove_all(out_);
     make_directory(out_);
     bus_.subscribe(tick_channel_);
@@ -190,14 +194,14 @@ class SoakRunner::Play {
       // is to be missed shall be, so that the robot is at rest in time.
       const bool commands_end =
           round_.fault == SoakFault::realtime_kill &&
-          (round_.victim == bus::Role::controller || round_.victim == bus::Role::reference);
+          (round_.victim == loop::Role::controller || round_.victim == loop::Role::reference);
       all.emplace_back(commands_end ? "loop.max_missed=300" : "loop.max_missed=1000");
       all.emplace_back("loop.give_up_s=1");
       share = realtime_share;
     } else {
       all.emplace_back("loop.give_up_s=60");
     }
-    const double period_s = app::load_scenario(scenario_path_).loop.period_s;
+    const double period_s = experiment::load_scenario(scenario_path_).loop.period_s;
     all.push_back("loop.duration_s=" +
                   std::to_string(share * static_cast<double>(runner_.num_ticks_) * period_s));
     return all;
@@ -211,7 +215,7 @@ class SoakRunner::Play {
                                       "--out",
                                       out_.string(),
                                       "--lcm-url",
-                                      app::default_lcm_url,
+                                      node::default_lcm_url,
                                       "--run-id",
                                       std::to_string(run_id)};
     for (const std::string& value : overrides_) words.insert(words.end(), {"--set", value});
@@ -243,13 +247,13 @@ class SoakRunner::Play {
 
   void look_at_processes() {
     if (launcher_ == 0) {
-      const std::vector<pid_t> own = children_of(getpid());
+      const std::vector<pid_t> own = process::children_of(getpid());
       if (own.empty()) return;
       launcher_ = own.front();
     }
     std::map<std::string, pid_t> now;
-    for (const pid_t pid : children_of(launcher_)) {
-      const std::string program = program_of(pid);
+    for (const pid_t pid : process::children_of(launcher_)) {
+      const std::string program = process::program_of(pid);
       if (program.starts_with("tachless-")) now[program] = pid;
     }
     if (now.empty() && acted_ && !gone_at_) gone_at_ = Clock::now();
@@ -258,7 +262,7 @@ class SoakRunner::Play {
     for (const auto& [program, pid] : processes_) first_pids_.try_emplace(program, pid);
     if (tick_ < scenario_.loop.num_ticks / 10) return;
     for (const auto& [program, pid] : processes_) {
-      const auto kib = resident_kib(pid);
+      const auto kib = process::resident_kib(pid);
       if (!kib || first_pids_.at(program) != pid) continue;
       SoakMemory& memory = outcome_.memory[program];
       if (memory.early == 0) memory.early = *kib;
@@ -278,8 +282,8 @@ class SoakRunner::Play {
       storm_->hear(datagram.channel, datagram.payload);
     }
     if (datagram.channel != tick_channel_) return;
-    bus::Stamp stamp;
-    bus::Tick tick;
+    loop::Stamp stamp;
+    loop::Tick tick;
     std::span<const std::byte> payload = datagram.payload;
     if (round_.fault == SoakFault::key && payload.size() > bus::tag_size) {
       payload = payload.first(payload.size() - bus::tag_size);
@@ -303,7 +307,7 @@ class SoakRunner::Play {
     const bool due =
         static_cast<double>(tick_) >= round_.moment * static_cast<double>(scenario_.loop.num_ticks);
     if (acted_ || !due) return;
-    const auto victim = processes_.find(app::program_name(round_.victim));
+    const auto victim = processes_.find(node::program_name(round_.victim));
     switch (round_.fault) {
       case SoakFault::kill:
       case SoakFault::restart:
@@ -338,17 +342,18 @@ class SoakRunner::Play {
   [[nodiscard]] int promised_exit_code() const {
     switch (round_.fault) {
       case SoakFault::kill:
-        return static_cast<int>(app::ExitCode::peer_lost);
+        return static_cast<int>(diagnostics::ExitCode::peer_lost);
       case SoakFault::realtime_kill: {
         // Without these there are no commands, and the robot is stopped for that.
         const bool stops =
-            round_.victim == bus::Role::controller || round_.victim == bus::Role::reference;
-        return static_cast<int>(stops ? app::ExitCode::protective_stop : app::ExitCode::peer_lost);
+            round_.victim == loop::Role::controller || round_.victim == loop::Role::reference;
+        return static_cast<int>(stops ? diagnostics::ExitCode::protective_stop
+                                      : diagnostics::ExitCode::peer_lost);
       }
       case SoakFault::interrupt:
-        return static_cast<int>(app::ExitCode::interrupted);
+        return static_cast<int>(diagnostics::ExitCode::interrupted);
       default:
-        return static_cast<int>(app::ExitCode::done);
+        return static_cast<int>(diagnostics::ExitCode::done);
     }
   }
 
@@ -371,9 +376,9 @@ class SoakRunner::Play {
 
   /// Whoever has lost his parent becomes this process's child.
   void check_nobody_is_left() {
-    for (const pid_t pid : children_of(getpid())) {
+    for (const pid_t pid : process::children_of(getpid())) {
       if (waitpid(pid, nullptr, WNOHANG) == pid) continue;  // had ended by itself
-      problem("left behind: process " + std::to_string(pid) + ", " + program_of(pid));
+      problem("left behind: process " + std::to_string(pid) + ", " + process::program_of(pid));
       kill(pid, SIGKILL);
       waitpid(pid, nullptr, 0);
     }
@@ -404,7 +409,7 @@ class SoakRunner::Play {
       while (log.next(record)) continue;
       if (log.damage().any()) problem("the log is damaged");
       check_ticks(log.summary());
-    } catch (const app::Failure& failure) {
+    } catch (const diagnostics::Failure& failure) {
       return problem(failure.what());
     }
     if (clean) {
@@ -446,10 +451,10 @@ class SoakRunner::Play {
   fs::path out_;
   std::string scenario_path_;
   std::vector<std::string> overrides_;
-  app::Scenario scenario_;
+  experiment::Scenario scenario_;
   std::string tick_channel_;
-  bus::Codec<bus::Tick> codec_;
-  bus::UdpTransport bus_{app::default_lcm_url};
+  bus::Codec<loop::Tick> codec_;
+  bus::UdpTransport bus_{node::default_lcm_url};
   std::optional<Storm> storm_;
   SoakOutcome outcome_;
   std::int64_t tick_ = -1;
@@ -508,4 +513,4 @@ void SoakRunner::clean_up() {
   }
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

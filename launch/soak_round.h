@@ -10,7 +10,7 @@
 
 #include "launch/soak_plan.h"
 
-namespace launch {
+namespace tachless::launch {
 
 /// Resident memory of one process in one round [KiB].
 struct SoakMemory {
@@ -39,13 +39,14 @@ class SoakRunner {
   /// @param scenarios directory of this project's scenarios
   /// @param num_ticks length of a lock-step run
   /// @param interrupted set when the user wants it to end
-  /// @throw app::Failure(bad_usage) when the directory or a program that is needed cannot be had
+  /// @throw diagnostics::Failure(bad_usage) when the directory or a program that is needed cannot
+  /// be had
   SoakRunner(std::filesystem::path program, std::filesystem::path directory,
              std::filesystem::path scenarios, std::int64_t num_ticks,
              const std::atomic<bool>& interrupted);
 
-  /// @throw app::Failure(interrupted) when the user ends it, (bad_usage) when the network cannot be
-  /// made to lose packets
+  /// @throw diagnostics::Failure(interrupted) when the user ends it, (bad_usage) when the network
+  /// cannot be made to lose packets
   SoakOutcome play(const SoakRound& round);
 
   /// Where the last round's files are. Replaced by the next.
@@ -63,4 +64,4 @@ class SoakRunner {
   std::int64_t num_ticks_;
 };
 
-}  // namespace launch
+}  // namespace tachless::launch

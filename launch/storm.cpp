@@ -12,7 +12,7 @@
 
 #include "bus/lcm_packet.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 constexpr std::size_t run_at = 16, tick_at = 24, body_at = 32;
@@ -34,8 +34,8 @@ std::size_t number_at(const std::string& channel, std::size_t size) {
   return size - 8;
 }
 
-bus::FileDescriptor multicast_socket() {
-  bus::FileDescriptor fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+process::FileDescriptor multicast_socket() {
+  process::FileDescriptor fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in to{};
   to.sin_family = AF_INET;
   to.sin_port = htons(Storm::port);
@@ -205,4 +205,4 @@ void Storm::blow() {
   send(channel, bytes);
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

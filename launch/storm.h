@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
-#include "bus/file_descriptor.h"
+#include "process/file_descriptor.h"
 
-namespace launch {
+namespace tachless::launch {
 
 /// A stranger on the bus who has heard the run and sends what he likes: seeded, from a socket of
 /// his own. Everything but a message that could have been the run's and is not: without keys that
@@ -71,11 +71,11 @@ class Storm {
   std::int64_t tick_ = 0;
   std::int64_t sent_ = 0;
   std::mt19937_64 random_;
-  bus::FileDescriptor socket_;
+  process::FileDescriptor socket_;
   std::string port_text_;  ///< ":41234"
   Bytes datagram_;
   std::vector<std::string> channels_;
   std::map<std::string, std::deque<Bytes>, std::less<>> heard_;
 };
 
-}  // namespace launch
+}  // namespace tachless::launch

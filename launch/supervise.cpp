@@ -16,7 +16,7 @@
 #include <system_error>
 #include <utility>
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -43,7 +43,7 @@ class Signals {
     struct sigaction count {};
     count.sa_handler = count_delivery;
     for (std::size_t i = 0; i < ending.size(); ++i) sigaction(ending[i], &count, &before_[i]);
-    fd_ = bus::FileDescriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+    fd_ = process::FileDescriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
     if (fd_.get() < 0) fail("signalfd");
   }
   Signals(const Signals&) = delete;
@@ -72,7 +72,7 @@ class Signals {
 
   sigset_t mask_before_{};
   std::array<struct sigaction, ending.size()> before_{};
-  bus::FileDescriptor fd_;
+  process::FileDescriptor fd_;
 };
 
 class Run {
@@ -84,7 +84,7 @@ class Run {
     for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
     try {
       for (const Process& process : processes) {
-        children_.push_back(start(process.command, signals_.mask_before()));
+        children_.push_back(process::start(process.command, signals_.mask_before()));
       }
     } catch (...) {
       kill_rest();
@@ -110,13 +110,13 @@ class Run {
  private:
   [[nodiscard]] bool any_running() const {
     return std::any_of(children_.begin(), children_.end(),
-                       [](const Child& child) { return child.running; });
+                       [](const process::Child& child) { return child.running; });
   }
 
   void wait() {
     std::vector<pollfd> fds;
     fds.push_back({signals_.fd(), POLLIN, 0});
-    for (const Child& child : children_) {
+    for (const process::Child& child : children_) {
       if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
     }
     poll(fds.data(), fds.size(), static_cast<int>(wake_interval.count()));
@@ -146,7 +146,7 @@ class Run {
 
   void reap() {
     for (std::size_t i = 0; i < children_.size(); ++i) {
-      Child& child = children_[i];
+      process::Child& child = children_[i];
       int status = 0;
       if (!child.running || waitpid(child.pid, &status, WNOHANG) != child.pid) continue;
       child.running = false;
@@ -175,7 +175,7 @@ class Run {
     fresh.name = end.name;
     fresh.restarts = end.restarts + 1;
     end = std::move(fresh);
-    children_[i] = start(processes_[i].restart, signals_.mask_before());
+    children_[i] = process::start(processes_[i].restart, signals_.mask_before());
     if (watch_.on_restart) watch_.on_restart(end.name, how);
   }
 
@@ -185,8 +185,9 @@ class Run {
     const Clock::time_point now = Clock::now();
     if (end.failed() && !ordered_) {
       const auto is_victim = [](const ProcessEnd& e) {
-        return e.signal == 0 && (e.exit_code == static_cast<int>(app::ExitCode::peer_lost) ||
-                                 e.last_line.find("ended because of ") != std::string::npos);
+        return e.signal == 0 &&
+               (e.exit_code == static_cast<int>(diagnostics::ExitCode::peer_lost) ||
+                e.last_line.find("ended because of ") != std::string::npos);
       };
       const bool first = !result_.culprit.has_value();
       if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
@@ -222,7 +223,7 @@ class Run {
 
   void order(int signal) {
     ordered_ = true;
-    for (const Child& child : children_) {
+    for (const process::Child& child : children_) {
       if (!child.running) continue;
       kill(child.pid, signal);
       if (signal == SIGKILL) kill(-child.pid, signal);
@@ -231,7 +232,7 @@ class Run {
   }
 
   void kill_rest() {
-    for (Child& child : children_) {
+    for (process::Child& child : children_) {
       if (!child.running) continue;
       kill(child.pid, SIGKILL);
       waitpid(child.pid, nullptr, 0);
@@ -242,7 +243,7 @@ class Run {
   const std::vector<Process>& processes_;
   const Watch& watch_;
   Signals signals_;
-  std::vector<Child> children_;
+  std::vector<process::Child> children_;
   Supervision result_;
   bool ordered_ = false;
   bool terminated_ = false;
@@ -280,17 +281,17 @@ std::string describe(const ProcessEnd& end) {
   return text;
 }
 
-app::ExitCode exit_code(const Supervision& supervision) {
-  if (supervision.interrupted) return app::ExitCode::interrupted;
-  if (!supervision.culprit) return app::ExitCode::done;
+diagnostics::ExitCode exit_code(const Supervision& supervision) {
+  if (supervision.interrupted) return diagnostics::ExitCode::interrupted;
+  if (!supervision.culprit) return diagnostics::ExitCode::done;
   const ProcessEnd& end = supervision.ends[*supervision.culprit];
   switch (end.signal == 0 ? end.exit_code : 0) {
-    case static_cast<int>(app::ExitCode::check_said_no):
-    case static_cast<int>(app::ExitCode::bad_usage):
-    case static_cast<int>(app::ExitCode::protocol_violated):
-    case static_cast<int>(app::ExitCode::protective_stop):
-    case static_cast<int>(app::ExitCode::interrupted):
-      return static_cast<app::ExitCode>(end.exit_code);
+    case static_cast<int>(diagnostics::ExitCode::check_said_no):
+    case static_cast<int>(diagnostics::ExitCode::bad_usage):
+    case static_cast<int>(diagnostics::ExitCode::protocol_violated):
+    case static_cast<int>(diagnostics::ExitCode::protective_stop):
+    case static_cast<int>(diagnostics::ExitCode::interrupted):
+      return static_cast<diagnostics::ExitCode>(end.exit_code);
     default:
       break;
   }
@@ -298,9 +299,9 @@ app::ExitCode exit_code(const Supervision& supervision) {
   const bool stopped =
       std::any_of(supervision.ends.begin(), supervision.ends.end(), [](const ProcessEnd& each) {
         return each.signal == 0 &&
-               each.exit_code == static_cast<int>(app::ExitCode::protective_stop);
+               each.exit_code == static_cast<int>(diagnostics::ExitCode::protective_stop);
       });
-  return stopped ? app::ExitCode::protective_stop : app::ExitCode::peer_lost;
+  return stopped ? diagnostics::ExitCode::protective_stop : diagnostics::ExitCode::peer_lost;
 }
 
-}  // namespace launch
+}  // namespace tachless::launch

@@ -8,10 +8,10 @@
 #include <string_view>
 #include <vector>
 
-#include "app/exit_code.h"
-#include "launch/child.h"
+#include "diagnostics/failure.h"
+#include "process/child.h"
 
-namespace launch {
+namespace tachless::launch {
 
 /// A process to start. Its stdout and stderr come line by line to `Watch::on_line`.
 struct Process {
@@ -57,7 +57,7 @@ struct Supervision {
 /// alone), and returns when all have ended. SIGINT, SIGTERM and SIGHUP are passed on once, as
 /// SIGINT; a second one kills. When one process fails, the others get `grace` to end by
 /// themselves, then SIGTERM, then SIGKILL. Should this process die, its children get SIGTERM.
-/// @throw app::Failure(bad_usage) naming the program that cannot be started; what had been
+/// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.
 Supervision supervise(const std::vector<Process>& processes, const Watch& watch);
 
@@ -66,6 +66,6 @@ std::string describe(const ProcessEnd& end);
 
 /// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal
 /// killed it, say) 5 if another brought the robot to a protective stop, else 3.
-app::ExitCode exit_code(const Supervision& supervision);
+diagnostics::ExitCode exit_code(const Supervision& supervision);
 
-}  // namespace launch
+}  // namespace tachless::launch

@@ -5,14 +5,14 @@
 #include <span>
 #include <string_view>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 
-namespace launch {
+namespace tachless::launch {
 
 /// One verb of the command. To add one: a line in verbs.inc, and a file in verb/ that defines a
 /// `const Verb` of that name in the namespace `launch::verb`.
 struct Verb {
-  using Action = std::function<app::ExitCode()>;
+  using Action = std::function<diagnostics::ExitCode()>;
 
   std::string_view name;      ///< as typed
   std::string_view does;      ///< one line
@@ -24,4 +24,4 @@ struct Verb {
 /// In the order of --help.
 std::span<const Verb* const> verbs();
 
-}  // namespace launch
+}  // namespace tachless::launch

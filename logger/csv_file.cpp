@@ -5,9 +5,9 @@
 #include <system_error>
 #include <utility>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 void append_number(std::string& line, double value) {
@@ -64,10 +64,11 @@ void CsvFile::close() {
 }
 
 void CsvFile::fail(int error) const {
-  throw app::Failure(app::ExitCode::bad_usage,
-                     path_.string() + ": cannot write: " + std::generic_category().message(error) +
-                         (error == ENOSPC ? "; free some space, or name a file on another disk"
-                                          : "; name another file"));
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::bad_usage,
+      path_.string() + ": cannot write: " + std::generic_category().message(error) +
+          (error == ENOSPC ? "; free some space, or name a file on another disk"
+                           : "; name another file"));
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

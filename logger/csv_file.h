@@ -7,14 +7,14 @@
 
 #include "logger/table.h"
 
-namespace logger {
+namespace tachless::logger {
 
 /// Comma-separated values: a header line, then a line per tick. Numbers are written so that they
 /// read back the same (%.17g); what is missing is an empty cell.
 class CsvFile {
  public:
   /// Overwrites `path`.
-  /// @throw app::Failure(bad_usage) when it cannot be written, here and below
+  /// @throw diagnostics::Failure(bad_usage) when it cannot be written, here and below
   CsvFile(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
           double period_s);
   CsvFile(const CsvFile&) = delete;
@@ -35,4 +35,4 @@ class CsvFile {
   std::string line_;
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

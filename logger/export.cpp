@@ -5,12 +5,12 @@
 #include <system_error>
 #include <utility>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 #include "logger/csv_file.h"
 #include "logger/hdf5_file.h"
 #include "logger/table.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 /// The name under which a file is written until it is whole.
@@ -48,7 +48,7 @@ class Unfinished {
 
  private:
   [[noreturn]] void refuse(const std::string& problem) const {
-    throw app::Failure(app::ExitCode::bad_usage, path_.string() + ": " + problem);
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, path_.string() + ": " + problem);
   }
 
   std::filesystem::path path_;
@@ -76,8 +76,9 @@ ExportFormat export_format_of(const std::filesystem::path& path) {
   const auto ending = path.extension();
   if (ending == ".csv") return ExportFormat::csv;
   if (ending == ".h5" || ending == ".hdf5") return ExportFormat::hdf5;
-  throw app::Failure(app::ExitCode::bad_usage,
-                     path.string() + ": unknown kind of file; end its name in .csv, .h5 or .hdf5");
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::bad_usage,
+      path.string() + ": unknown kind of file; end its name in .csv, .h5 or .hdf5");
 }
 
 std::string ExportResult::text() const {
@@ -107,8 +108,8 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFo
     write_rows(log, quantities, file, result);
   } else {
     if (unfinished.direct()) {
-      throw app::Failure(app::ExitCode::bad_usage,
-                         path.string() + ": HDF5 needs a regular file; name one");
+      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                                 path.string() + ": HDF5 needs a regular file; name one");
     }
     Hdf5File file(unfinished.name(), quantities, log);
     write_rows(log, quantities, file, result);
@@ -119,4 +120,4 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFo
   return result;
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

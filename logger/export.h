@@ -7,12 +7,12 @@
 #include "logger/run_log.h"
 
 /// A run as a table: one row per tick. docs/log.md lists the columns.
-namespace logger {
+namespace tachless::logger {
 
 enum class ExportFormat { csv, hdf5 };
 
 /// By the ending: .csv; .h5, .hdf5.
-/// @throw app::Failure(bad_usage) for any other.
+/// @throw diagnostics::Failure(bad_usage) for any other.
 ExportFormat export_format_of(const std::filesystem::path& path);
 
 struct ExportResult {
@@ -28,9 +28,9 @@ struct ExportResult {
 /// Writes the run in `log` from its start to `path`, front to back in bounded memory. A value that
 /// the log lacks is an empty cell in CSV, and masked out in HDF5. The file appears under its name
 /// only when it is whole; what is in its place stays there until then.
-/// @throw app::Failure(bad_usage) when `path` exists (without `force`), cannot be written, or the
-/// disk is full.
+/// @throw diagnostics::Failure(bad_usage) when `path` exists (without `force`), cannot be written,
+/// or the disk is full.
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFormat format,
                         bool force = false);
 
-}  // namespace logger
+}  // namespace tachless::logger

@@ -7,9 +7,9 @@
 #include <string>
 #include <utility>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 constexpr hsize_t chunk_rows = 4096;
@@ -108,12 +108,13 @@ class Hdf5File::Impl {
     struct statvfs disk {};
     const auto directory = path_.has_parent_path() ? path_.parent_path() : ".";
     const bool full = statvfs(directory.c_str(), &disk) == 0 && disk.f_bavail == 0;
-    throw app::Failure(app::ExitCode::bad_usage,
-                       path_.string() + ": cannot write: " +
-                           (full ? "No space left on device; free some space, or name a file on "
-                                   "another disk"
-                                 : "the file system refused; check directory, rights and limits, "
-                                   "or name another file"));
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        path_.string() + ": cannot write: " +
+            (full ? "No space left on device; free some space, or name a file on "
+                    "another disk"
+                  : "the file system refused; check directory, rights and limits, "
+                    "or name another file"));
   }
 
   void attribute(hid_t object, const char* name, const std::string& text) const {
@@ -213,4 +214,4 @@ Hdf5File::~Hdf5File() = default;
 void Hdf5File::append(const TickRecord& record) { impl_->append(record); }
 void Hdf5File::close() { impl_->close(); }
 
-}  // namespace logger
+}  // namespace tachless::logger

@@ -9,7 +9,7 @@
 #include "logger/run_log.h"
 #include "logger/table.h"
 
-namespace logger {
+namespace tachless::logger {
 
 /// One HDF5 dataset per quantity, ticks x joints, with attributes `unit`, `description` and
 /// `present`: the path of the mask (ticks, 0 or 1) that tells in which rows it has values. Rows
@@ -18,7 +18,7 @@ namespace logger {
 class Hdf5File {
  public:
   /// Overwrites `path`.
-  /// @throw app::Failure(bad_usage) when it cannot be written, here and below
+  /// @throw diagnostics::Failure(bad_usage) when it cannot be written, here and below
   Hdf5File(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
            const RunLog& log);
   Hdf5File(const Hdf5File&) = delete;
@@ -33,4 +33,4 @@ class Hdf5File {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

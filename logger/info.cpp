@@ -8,14 +8,14 @@
 #include <nlohmann/json.hpp>
 #include <string_view>
 
-#include "app/exit_code.h"
-#include "app/format.h"
+#include "diagnostics/failure.h"
+#include "diagnostics/format.h"
 #include "logger/message_types.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
-using app::format;
+using diagnostics::format;
 
 /// b - a for time stamps that may be anything.
 std::int64_t difference(std::int64_t b, std::int64_t a) {
@@ -55,7 +55,7 @@ RunFacts facts_of(RunLog log) {
   facts.robot = printable(log.info().robot);
   facts.law = printable(scenario.controller.law);
   facts.measurement = printable(log.info().measurement);
-  facts.mode = scenario.loop.mode == app::Mode::lockstep ? "lockstep" : "realtime";
+  facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
   facts.version = printable(log.info().version);
   facts.period_s = log.info().period_s;
   facts.num_ticks = log.info().num_ticks;
@@ -119,7 +119,7 @@ std::string run_text(const RunFacts& run) {
   line(summary.foreign_messages, "of other runs");
   for (const auto& fault : summary.faults) {
     text += format("fault     %s at tick %" PRId64 ": %s\n",
-                   std::string(bus::name(fault.role)).c_str(), fault.tick, fault.text.c_str());
+                   std::string(loop::name(fault.role)).c_str(), fault.tick, fault.text.c_str());
   }
   return text;
 }
@@ -188,7 +188,7 @@ LogInfo read_info(const std::filesystem::path& path) {
   }
   try {
     info.run = facts_of(RunLog::open(path));
-  } catch (const app::Failure& failure) {
+  } catch (const diagnostics::Failure& failure) {
     info.run_problem = printable(failure.what());
   }
   return info;
@@ -301,7 +301,8 @@ nlohmann::json to_json(const LogInfo& info) {
   }
   json faults = json::array();
   for (const auto& fault : summary.faults) {
-    faults.push_back({{"role", bus::name(fault.role)}, {"tick", fault.tick}, {"text", fault.text}});
+    faults.push_back(
+        {{"role", loop::name(fault.role)}, {"tick", fault.tick}, {"text", fault.text}});
   }
   json foreign = json::object();
   for (const auto& [id, count] : summary.foreign_runs) foreign[std::to_string(id)] = count;
@@ -330,4 +331,4 @@ nlohmann::json to_json(const LogInfo& info) {
   return result;
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

@@ -13,7 +13,7 @@
 #include "logger/run_log.h"
 
 /// What is in a log, at a glance: any LCM log, ours or not, damaged or not.
-namespace logger {
+namespace tachless::logger {
 
 struct ChannelInfo {
   std::string name;
@@ -60,7 +60,7 @@ struct LogInfo {
   std::string run_problem;  ///< why there is no `run`
 };
 
-/// @throw app::Failure(bad_usage) when `path` is not a readable file.
+/// @throw diagnostics::Failure(bad_usage) when `path` is not a readable file.
 LogInfo read_info(const std::filesystem::path& path);
 
 /// For people: a few lines and a table.
@@ -73,4 +73,4 @@ nlohmann::json to_json(const LogInfo& info);
 /// not UTF-8) replaced by question marks.
 std::string printable(std::string_view text);
 
-}  // namespace logger
+}  // namespace tachless::logger

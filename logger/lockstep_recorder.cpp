@@ -2,18 +2,18 @@
 
 #include <stdexcept>
 
-namespace logger {
+namespace tachless::logger {
 
-using bus::Clock;
-using bus::lockstep::Verdict;
+using loop::Clock;
+using protocol::lockstep::Verdict;
 
-LockstepRecorder::LockstepRecorder(const app::Scenario& scenario, bus::Transport& transport,
-                                   app::Session& session, const std::filesystem::path& log_path)
+LockstepRecorder::LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                                   node::Session& session, const std::filesystem::path& log_path)
     : Recorder(scenario, transport, session, log_path),
       window_(scenario.loop.num_ticks, messages().longest()),
-      participant_codec_(bus::Layout{}) {}
+      participant_codec_(loop::Layout{}) {}
 
-void LockstepRecorder::on_message(Slot slot, const bus::Stamp& stamp,
+void LockstepRecorder::on_message(Slot slot, const loop::Stamp& stamp,
                                   const bus::Datagram& datagram) {
   const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
   const bool contradicts = verdict == Verdict::conflicting;
@@ -29,12 +29,12 @@ void LockstepRecorder::after_message() {
 void LockstepRecorder::write_complete_ticks() {
   while (const auto tick = window_.complete_tick()) {
     const auto begin = Clock::now();
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (messages().check(Slot::tick, window_.bytes(*tick, Slot::tick), stamp) !=
         bus::Rejection::none) {
       throw std::logic_error("a kept message has changed");
     }
-    for (int slot = 0; slot < bus::lockstep::num_slots; ++slot) {
+    for (int slot = 0; slot < protocol::lockstep::num_slots; ++slot) {
       append(stamp.utime, messages().channel(static_cast<Slot>(slot)),
              window_.bytes(*tick, static_cast<Slot>(slot)));
     }
@@ -48,12 +48,12 @@ void LockstepRecorder::write_complete_ticks() {
 }
 
 void LockstepRecorder::on_participant(const bus::Datagram& datagram) {
-  bus::Stamp stamp;
-  bus::Participant who;
+  loop::Stamp stamp;
+  loop::Participant who;
   // The last one before the session ends is the one it ends for; others' follow from that.
   if (concluding_ ||
       participant_codec_.decode(datagram.payload, stamp, who) != bus::Rejection::none ||
-      stamp.run != session().run() || who.state != bus::ParticipantState::fault) {
+      stamp.run != session().run() || who.state != loop::ParticipantState::fault) {
     return;
   }
   fault_channel_ = datagram.channel;
@@ -69,4 +69,4 @@ void LockstepRecorder::conclude(bool well) {
   if (!fault_.empty()) append(utime_, fault_channel_, fault_);
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

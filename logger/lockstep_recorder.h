@@ -6,34 +6,34 @@
 #include <string>
 #include <vector>
 
-#include "bus/lockstep/log_window.h"
 #include "logger/recorder.h"
+#include "protocol/lockstep/log_window.h"
 
-namespace logger {
+namespace tachless::logger {
 
 /// Records tick by tick, each whole and once, stamped with simulation time; acknowledges, and has
 /// what it misses repeated. Heartbeats stay out; but behind the last tick of a run that has failed
 /// stands the fault, as the one who failed announced it.
 class LockstepRecorder final : public Recorder {
  public:
-  LockstepRecorder(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-                   const std::filesystem::path& log_path);
+  LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                   node::Session& session, const std::filesystem::path& log_path);
 
  private:
-  bus::lockstep::Verdict on_run_info(bool same) override { return window_.on_run_info(same); }
-  void on_message(Slot slot, const bus::Stamp& stamp, const bus::Datagram& datagram) override;
+  protocol::lockstep::Verdict on_run_info(bool same) override { return window_.on_run_info(same); }
+  void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override;
   void on_participant(const bus::Datagram& datagram) override;
   void after_message() override;
   void conclude(bool well) override;
 
   void write_complete_ticks();
 
-  bus::lockstep::LogWindow window_;
-  bus::Codec<bus::Participant> participant_codec_;
+  protocol::lockstep::LogWindow window_;
+  bus::Codec<loop::Participant> participant_codec_;
   std::int64_t utime_ = 0;  ///< of the last tick written
   bool concluding_ = false;
   std::string fault_channel_;
   std::vector<std::byte> fault_;  ///< the last announced one; empty: none
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

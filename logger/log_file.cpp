@@ -15,9 +15,9 @@
 #include <system_error>
 #include <utility>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 constexpr std::uint32_t sync_word = 0xEDA1DA01;
@@ -102,8 +102,9 @@ LogWriter::LogWriter(std::filesystem::path path, Existing existing)
       default:
         remedy = "name another file";
     }
-    throw app::Failure(app::ExitCode::bad_usage, path_.string() + ": cannot create the log: " +
-                                                     text_of(error) + "; " + remedy);
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        path_.string() + ": cannot create the log: " + text_of(error) + "; " + remedy);
   }
   buffer_.resize(buffer_bytes);  // touches every page, so that none is missing later
 }
@@ -119,7 +120,7 @@ LogWriter::~LogWriter() {
 }
 
 void LogWriter::require_usable() const {
-  if (!failure_.empty()) throw app::Failure(app::ExitCode::bad_usage, failure_);
+  if (!failure_.empty()) throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
   if (file_ < 0) throw std::logic_error("logger::LogWriter: used after close");
 }
 
@@ -202,13 +203,13 @@ void LogWriter::fail(int error) {
                                         : "check that disk, or name a log on another one";
   failure_ = path_.string() + ": cannot write the log: " + text_of(error) + "; the first " +
              std::to_string(whole_) + " bytes are kept, all whole events; " + remedy;
-  throw app::Failure(app::ExitCode::bad_usage, failure_);
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
 }
 
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
   const auto refuse = [&](const std::string& problem) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       path.string() + ": cannot read the log: " + problem);
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               path.string() + ": cannot read the log: " + problem);
   };
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) refuse(text_of(errno) + "; name an LCM log");
@@ -405,4 +406,4 @@ void LogReader::release_behind() {
   }
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

@@ -13,7 +13,7 @@
 /// LCM's event-log format, as liblcm's own LogFile writes and reads it: events back to back, each
 /// sync word 0xEDA1DA01, event number (int64), time stamp [us] (int64), channel length (int32),
 /// data length (int32), channel, data; big-endian.
-namespace logger {
+namespace tachless::logger {
 
 inline constexpr std::size_t event_header_bytes = 28;
 
@@ -30,8 +30,8 @@ class LogWriter {
   /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
   static constexpr std::chrono::milliseconds flush_interval{50};
 
-  /// @throw app::Failure(bad_usage) when the file exists (and `existing` is `refuse`), or the
-  /// directory is missing or not writable.
+  /// @throw diagnostics::Failure(bad_usage) when the file exists (and `existing` is `refuse`), or
+  /// the directory is missing or not writable.
   explicit LogWriter(std::filesystem::path path, Existing existing = Existing::refuse);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
@@ -39,8 +39,8 @@ class LogWriter {
   ~LogWriter();
 
   /// @param utime time stamp [us]
-  /// @throw app::Failure when the disk refuses; std::logic_error after `close` or when the channel
-  /// is empty or longer than `max_channel_bytes`.
+  /// @throw diagnostics::Failure when the disk refuses; std::logic_error after `close` or when the
+  /// channel is empty or longer than `max_channel_bytes`.
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data);
 
   /// Hands everything to the operating system: it survives the death of this process.
@@ -116,7 +116,7 @@ struct Damage {
 /// followed.
 class LogReader {
  public:
-  /// @throw app::Failure(bad_usage) when `path` is not a readable regular file.
+  /// @throw diagnostics::Failure(bad_usage) when `path` is not a readable regular file.
   explicit LogReader(const std::filesystem::path& path);
   LogReader(const LogReader&) = delete;
   LogReader& operator=(const LogReader&) = delete;
@@ -161,4 +161,4 @@ class LogReader {
   Damage damage_;
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

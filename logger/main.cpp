@@ -1,12 +1,15 @@
-#include "app/process_options.h"
-#include "app/take_part.h"
 #include "logger/node.h"
+#include "node/process_options.h"
+#include "node/take_part.h"
+
+using namespace tachless;
 
 int main(int argc, char** argv) {
-  constexpr auto role = bus::Role::logger;
-  return app::run_process(role, argc, argv, [](const app::ProcessOptions& options) {
-    return app::take_part(role, options, [&](const auto& scenario, auto& transport, auto& session) {
-      logger::run_node(scenario, transport, session, options.log_path);
-    });
+  constexpr auto role = loop::Role::logger;
+  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
+    return node::take_part(role, options,
+                           [&](const auto& scenario, auto& transport, auto& session) {
+                             logger::run_node(scenario, transport, session, options.log_path);
+                           });
   });
 }

@@ -7,7 +7,7 @@
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 struct TypeName {
@@ -17,7 +17,7 @@ struct TypeName {
 
 template <class Value>
 TypeName entry(std::string_view name, const Value& value) {
-  bus::Codec<Value> codec(bus::Layout{1, 0, 0});
+  bus::Codec<Value> codec(loop::Layout{1, 0, 0});
   const auto bytes = codec.encode({}, value);
   TypeName type{{}, name};
   std::copy_n(bytes.begin(), type.fingerprint.size(), type.fingerprint.begin());
@@ -28,19 +28,19 @@ TypeName entry(std::string_view name, const Value& value) {
 std::vector<TypeName> read_off() {
   const robot::Vector x = robot::Vector::Zero(1);
   const robot::Vector none;
-  bus::truth::PlantTruth truth;
+  loop::truth::PlantTruth truth;
   truth.q = truth.v = truth.tau = x;
-  return {entry("tachless.tick_t", bus::Tick{}),
-          entry("tachless.position_measurement_t", robot::PositionMeasurement{x}),
-          entry("tachless.motor_position_measurement_t", robot::MotorPositionMeasurement{x}),
-          entry("tachless.link_state_measurement_t", robot::LinkStateMeasurement{x, x, x}),
-          entry("tachless.state_measurement_t", robot::StateMeasurement{x, x, none, none}),
-          entry("tachless.reference_t", robot::ReferencePoint{x, x, x, x, x}),
-          entry("tachless.torque_command_t", robot::TorqueCommand{x}),
-          entry("tachless.controller_state_t", robot::ControllerState{}),
-          entry("tachless.participant_t", bus::Participant{}),
-          entry("tachless.run_info_t", bus::RunInfo{1, 1.0, {}, {}, {}, {}, {}}),
-          entry("tachless.log_ack_t", bus::LogAck{}),
+  return {entry("tachless.tick_t", loop::Tick{}),
+          entry("tachless.position_measurement_t", loop::PositionMeasurement{x}),
+          entry("tachless.motor_position_measurement_t", loop::MotorPositionMeasurement{x}),
+          entry("tachless.link_state_measurement_t", loop::LinkStateMeasurement{x, x, x}),
+          entry("tachless.state_measurement_t", loop::StateMeasurement{x, x, none, none}),
+          entry("tachless.reference_t", loop::ReferencePoint{x, x, x, x, x}),
+          entry("tachless.torque_command_t", loop::TorqueCommand{x}),
+          entry("tachless.controller_state_t", loop::ControllerState{}),
+          entry("tachless.participant_t", loop::Participant{}),
+          entry("tachless.run_info_t", loop::RunInfo{1, 1.0, {}, {}, {}, {}, {}}),
+          entry("tachless.log_ack_t", loop::LogAck{}),
           entry("tachless_truth.plant_truth_t", truth)};
 }
 
@@ -57,4 +57,4 @@ std::string_view type_name(std::span<const std::byte> message) {
   return {};
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

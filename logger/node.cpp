@@ -3,15 +3,15 @@
 #include "logger/lockstep_recorder.h"
 #include "logger/realtime_recorder.h"
 
-namespace logger {
+namespace tachless::logger {
 
-void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-              const std::filesystem::path& log_path) {
-  if (scenario.loop.mode == app::Mode::realtime) {
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
+              node::Session& session, const std::filesystem::path& log_path) {
+  if (scenario.loop.mode == experiment::Mode::realtime) {
     RealtimeRecorder(scenario, transport, session, log_path).run();
   } else {
     LockstepRecorder(scenario, transport, session, log_path).run();
   }
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

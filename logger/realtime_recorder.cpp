@@ -4,9 +4,9 @@
 #include <chrono>
 #include <utility>
 
-#include "app/logging.h"
+#include "diagnostics/logging.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 using namespace std::chrono_literals;
@@ -19,11 +19,11 @@ constexpr auto longest_conclusion = 1500ms;
 
 }  // namespace
 
-using bus::Clock;
-using bus::lockstep::Verdict;
+using loop::Clock;
+using protocol::lockstep::Verdict;
 
-RealtimeRecorder::RealtimeRecorder(const app::Scenario& scenario, bus::Transport& transport,
-                                   app::Session& session, const std::filesystem::path& log_path)
+RealtimeRecorder::RealtimeRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                                   node::Session& session, const std::filesystem::path& log_path)
     : Recorder(scenario, transport, session, log_path),
       num_ticks_(scenario.loop.num_ticks),
       pace_(scenario.loop.period_s),
@@ -40,7 +40,7 @@ std::int64_t RealtimeRecorder::since_start(Clock::time_point now) const {
   return start_ && now > *start_ ? (now - *start_) / 1us : 0;
 }
 
-void RealtimeRecorder::on_message(Slot slot, const bus::Stamp& stamp,
+void RealtimeRecorder::on_message(Slot slot, const loop::Stamp& stamp,
                                   const bus::Datagram& datagram) {
   const auto begin = Clock::now();
   const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
@@ -55,7 +55,7 @@ void RealtimeRecorder::on_message(Slot slot, const bus::Stamp& stamp,
   }
   if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
   append(since_start(begin), datagram.channel, datagram.payload);
-  app::Statistics& statistics = session().statistics();
+  node::Statistics& statistics = session().statistics();
   session().progressed(tally_.newest());
   statistics.ticks = tally_.newest() + 1;
   statistics.work.add(Clock::now() - begin);
@@ -88,14 +88,15 @@ void RealtimeRecorder::conclude(bool well) {
 }
 
 void RealtimeRecorder::tell_what_is_missing() {
-  for (int i = 0; i < bus::lockstep::num_slots; ++i) {
+  for (int i = 0; i < protocol::lockstep::num_slots; ++i) {
     const auto slot = static_cast<Slot>(i);
     const auto& missing = tally_.missing(slot);
     if (missing.count == 0) continue;
-    app::log_warning(std::to_string(missing.count) + " of " +
-                     std::to_string(tally_.complete() + tally_.incomplete()) + " ticks have no " +
-                     messages().channel(slot) + ": " + text_of(missing));
+    diagnostics::log_warning(std::to_string(missing.count) + " of " +
+                             std::to_string(tally_.complete() + tally_.incomplete()) +
+                             " ticks have no " + messages().channel(slot) + ": " +
+                             text_of(missing));
   }
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

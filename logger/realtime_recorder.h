@@ -5,37 +5,37 @@
 #include <optional>
 #include <string>
 
-#include "bus/realtime/pace.h"
 #include "logger/recorder.h"
 #include "logger/tick_tally.h"
+#include "protocol/realtime/pace.h"
 
-namespace logger {
+namespace tachless::logger {
 
 /// Records in order of arrival, each message once, PARTICIPANT included, stamped with the time of
 /// arrival since the first tick. Nothing is repeated for it; what never came is counted at the end,
 /// by channel and tick.
 class RealtimeRecorder final : public Recorder {
  public:
-  RealtimeRecorder(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-                   const std::filesystem::path& log_path);
+  RealtimeRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                   node::Session& session, const std::filesystem::path& log_path);
 
  private:
-  bus::lockstep::Verdict on_run_info(bool same) override;
-  void on_message(Slot slot, const bus::Stamp& stamp, const bus::Datagram& datagram) override;
+  protocol::lockstep::Verdict on_run_info(bool same) override;
+  void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override;
   void on_participant(const bus::Datagram& datagram) override;
   void after_message() override;
   void conclude(bool well) override;
 
-  [[nodiscard]] std::int64_t since_start(bus::Clock::time_point now) const;
+  [[nodiscard]] std::int64_t since_start(loop::Clock::time_point now) const;
   void tell_what_is_missing();
 
   std::int64_t num_ticks_;
   bool introduced_ = false;
   bool acknowledgement_due_ = false;
-  bus::realtime::Pace pace_;
+  protocol::realtime::Pace pace_;
   TickTally tally_;
-  std::optional<bus::Clock::time_point> start_;  ///< of tick 0, as seen from here
-  bus::Clock::time_point heard_;                 ///< the last message of a tick
+  std::optional<loop::Clock::time_point> start_;  ///< of tick 0, as seen from here
+  loop::Clock::time_point heard_;                 ///< the last message of a tick
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

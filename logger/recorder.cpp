@@ -2,20 +2,20 @@
 
 #include <algorithm>
 
-#include "app/logging.h"
+#include "diagnostics/logging.h"
 
-namespace logger {
+namespace tachless::logger {
 
-using bus::Clock;
-using bus::lockstep::Verdict;
+using loop::Clock;
+using protocol::lockstep::Verdict;
 
-Recorder::Recorder(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-                   const std::filesystem::path& log_path)
+Recorder::Recorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                   node::Session& session, const std::filesystem::path& log_path)
     : transport_(transport),
       session_(session),
       messages_(scenario),
-      run_info_channel_(bus::channel<bus::RunInfo>(scenario.robot.channel_prefix)),
-      ack_channel_(bus::channel<bus::LogAck>(scenario.robot.channel_prefix)),
+      run_info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)),
+      ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
       run_info_codec_(layout(scenario, 0)),
       ack_codec_(layout(scenario, 0)),
       file_(log_path) {
@@ -23,7 +23,7 @@ Recorder::Recorder(const app::Scenario& scenario, bus::Transport& transport, app
   for (const std::string& each : messages_.channels()) {
     if (!each.empty()) transport_.subscribe(each);
   }
-  session_.statistics().log = app::Statistics::Log{log_path.string(), 0, 0, 0};
+  session_.statistics().log = node::Statistics::Log{log_path.string(), 0, 0, 0};
 }
 
 void Recorder::run() {
@@ -36,7 +36,7 @@ void Recorder::run() {
       // A flush is due soon after what is in the buffer now.
       receive(std::min(session_.next_attention(), now + LogWriter::flush_interval / 2));
     }
-  } catch (const app::Failure& failure) {
+  } catch (const diagnostics::Failure& failure) {
     save_the_rest(failure);
     throw;
   }
@@ -59,32 +59,32 @@ void Recorder::take(const bus::Datagram& datagram) {
     const auto found = std::ranges::find(messages_.channels(), datagram.channel);
     if (found == messages_.channels().end()) return;
     const auto slot = static_cast<Slot>(found - messages_.channels().begin());
-    bus::Stamp stamp;
-    app::Statistics& statistics = session_.statistics();
+    loop::Stamp stamp;
+    node::Statistics& statistics = session_.statistics();
     const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
     if (rejection != bus::Rejection::none) return statistics.rejected.add(rejection);
-    if (stamp.run != session_.run()) return statistics.rejected.add(app::Unusable::other_run);
+    if (stamp.run != session_.run()) return statistics.rejected.add(node::Unusable::other_run);
     on_message(slot, stamp, datagram);
   }
   after_message();
 }
 
 void Recorder::hear_run_info(const bus::Datagram& datagram) {
-  bus::Stamp stamp;
-  bus::RunInfo info;
-  app::Statistics& statistics = session_.statistics();
+  loop::Stamp stamp;
+  loop::RunInfo info;
+  node::Statistics& statistics = session_.statistics();
   if (!session_.accept(run_info_codec_, datagram, stamp, info)) return;
-  if (stamp.tick != -1) return statistics.rejected.add(app::Unusable::not_asked);
+  if (stamp.tick != -1) return statistics.rejected.add(node::Unusable::not_asked);
   const bool first = run_info_.empty();
   if (first && !messages_.select_measurement(info.measurement)) {
     return statistics.rejected.add(bus::Rejection::bad_value);
   }
   const bool same = std::ranges::equal(run_info_, datagram.payload);
   if (on_run_info(first || same) == Verdict::conflicting) {
-    throw app::Failure(app::ExitCode::protocol_violated,
-                       "two plants drive run " + std::to_string(stamp.run) + ": " +
-                           run_info_sender_ + " and " + std::string(datagram.sender) +
-                           " describe it differently; end one of them");
+    throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
+                               "two plants drive run " + std::to_string(stamp.run) + ": " +
+                                   run_info_sender_ + " and " + std::string(datagram.sender) +
+                                   " describe it differently; end one of them");
   }
   if (!first) {
     ++statistics.duplicates;
@@ -106,12 +106,12 @@ void Recorder::append(std::int64_t utime, std::string_view channel,
 
 void Recorder::acknowledge(std::int64_t tick, std::uint64_t missing) {
   transport_.publish(ack_channel_,
-                     ack_codec_.encode({0, session_.run(), tick}, bus::LogAck{missing}));
+                     ack_codec_.encode({0, session_.run(), tick}, loop::LogAck{missing}));
 }
 
 void Recorder::count(Verdict verdict, Slot slot, std::int64_t tick, std::string_view first,
                      std::string_view second) {
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   switch (verdict) {
     case Verdict::fresh:
       return;
@@ -119,29 +119,30 @@ void Recorder::count(Verdict verdict, Slot slot, std::int64_t tick, std::string_
       ++statistics.duplicates;
       return;
     case Verdict::not_asked:
-      return statistics.rejected.add(app::Unusable::not_asked);
+      return statistics.rejected.add(node::Unusable::not_asked);
     case Verdict::too_old:
-      return statistics.rejected.add(app::Unusable::too_old);
+      return statistics.rejected.add(node::Unusable::too_old);
     case Verdict::conflicting:
-      throw app::Failure(app::ExitCode::protocol_violated,
-                         "two processes play one role in run " + std::to_string(session_.run()) +
-                             ": " + std::string(first) + " and " + std::string(second) +
-                             " sent different " + messages_.channel(slot) + " messages for tick " +
-                             std::to_string(tick) + "; end one of them");
+      throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
+                                 "two processes play one role in run " +
+                                     std::to_string(session_.run()) + ": " + std::string(first) +
+                                     " and " + std::string(second) + " sent different " +
+                                     messages_.channel(slot) + " messages for tick " +
+                                     std::to_string(tick) + "; end one of them");
   }
 }
 
-void Recorder::save_the_rest(const app::Failure& cause) {
+void Recorder::save_the_rest(const diagnostics::Failure& cause) {
   try {
     conclude(false);
-  } catch (const app::Failure&) {
+  } catch (const diagnostics::Failure&) {
     // The first failure is the one to tell.
   }
   try {
     file_.close();
-  } catch (const app::Failure& failure) {
-    if (std::string_view(failure.what()) != cause.what()) app::log_warning(failure.what());
+  } catch (const diagnostics::Failure& failure) {
+    if (std::string_view(failure.what()) != cause.what()) diagnostics::log_warning(failure.what());
   }
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

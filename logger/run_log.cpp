@@ -9,10 +9,10 @@
 #include <type_traits>
 #include <utility>
 
-#include "app/exit_code.h"
 #include "bus/truth/truth_wire.h"
+#include "diagnostics/failure.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 // Fingerprint, utime, run, tick: what every message of ours begins with.
@@ -26,7 +26,7 @@ constexpr std::size_t max_ahead = 64;
 constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
 [[noreturn]] void refuse(const std::filesystem::path& path, const std::string& problem) {
-  throw app::Failure(app::ExitCode::bad_usage, path.string() + ": " + problem);
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, path.string() + ": " + problem);
 }
 
 std::int64_t big_endian_int64(std::span<const std::byte> from, std::size_t at) {
@@ -36,38 +36,36 @@ std::int64_t big_endian_int64(std::span<const std::byte> from, std::size_t at) {
   return static_cast<std::int64_t>(value);
 }
 
-bool same(const bus::Tick& a, const bus::Tick& b) { return a.last == b.last; }
+bool same(const loop::Tick& a, const loop::Tick& b) { return a.last == b.last; }
 bool same(const robot::Vector& a, const robot::Vector& b) {
   return a.size() == b.size() &&
          std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
-bool same(const robot::PositionMeasurement& a, const robot::PositionMeasurement& b) {
+bool same(const loop::PositionMeasurement& a, const loop::PositionMeasurement& b) {
   return same(a.q, b.q);
 }
-bool same(const robot::MotorPositionMeasurement& a, const robot::MotorPositionMeasurement& b) {
+bool same(const loop::MotorPositionMeasurement& a, const loop::MotorPositionMeasurement& b) {
   return same(a.theta, b.theta);
 }
-bool same(const robot::LinkStateMeasurement& a, const robot::LinkStateMeasurement& b) {
+bool same(const loop::LinkStateMeasurement& a, const loop::LinkStateMeasurement& b) {
   return same(a.q, b.q) && same(a.v, b.v) && same(a.theta, b.theta);
 }
-bool same(const robot::StateMeasurement& a, const robot::StateMeasurement& b) {
+bool same(const loop::StateMeasurement& a, const loop::StateMeasurement& b) {
   return same(a.q, b.q) && same(a.v, b.v) && same(a.theta, b.theta) && same(a.thetadot, b.thetadot);
 }
-bool same(const robot::ReferencePoint& a, const robot::ReferencePoint& b) {
+bool same(const loop::ReferencePoint& a, const loop::ReferencePoint& b) {
   return same(a.q_ref, b.q_ref) && same(a.v_ref, b.v_ref) && same(a.a_ref, b.a_ref) &&
          same(a.jerk_ref, b.jerk_ref) && same(a.snap_ref, b.snap_ref);
 }
-bool same(const robot::TorqueCommand& a, const robot::TorqueCommand& b) {
-  return same(a.tau, b.tau);
-}
-bool same(const robot::ControllerState& a, const robot::ControllerState& b) {
+bool same(const loop::TorqueCommand& a, const loop::TorqueCommand& b) { return same(a.tau, b.tau); }
+bool same(const loop::ControllerState& a, const loop::ControllerState& b) {
   if (a.num_filters != b.num_filters) return false;
   for (std::size_t i = 0; i < static_cast<std::size_t>(a.num_filters); ++i) {
     if (!same(a.error[i], b.error[i]) || !same(a.nu[i], b.nu[i])) return false;
   }
   return true;
 }
-bool same(const bus::truth::PlantTruth& a, const bus::truth::PlantTruth& b) {
+bool same(const loop::truth::PlantTruth& a, const loop::truth::PlantTruth& b) {
   return same(a.q, b.q) && same(a.v, b.v) && same(a.theta, b.theta) &&
          same(a.thetadot, b.thetadot) && same(a.tau, b.tau) && a.saturated == b.saturated &&
          a.fault == b.fault;
@@ -188,9 +186,9 @@ class RunLog::Impl {
 
   [[nodiscard]] const LogReader& reader() const { return reader_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
-  [[nodiscard]] const bus::RunInfo& info() const { return info_; }
-  [[nodiscard]] const app::Scenario& scenario() const { return scenario_; }
-  [[nodiscard]] const bus::Layout& layout() const { return layout_; }
+  [[nodiscard]] const loop::RunInfo& info() const { return info_; }
+  [[nodiscard]] const experiment::Scenario& scenario() const { return scenario_; }
+  [[nodiscard]] const loop::Layout& layout() const { return layout_; }
   [[nodiscard]] const RunSummary& summary() const { return summary_; }
 
  private:
@@ -202,14 +200,14 @@ class RunLog::Impl {
   };
 
   void find_run_info(std::optional<std::int64_t> wanted) {
-    const bus::Codec<bus::RunInfo> codec(bus::Layout{1, 0, 0});
+    const bus::Codec<loop::RunInfo> codec(loop::Layout{1, 0, 0});
     std::string problem;
     std::uint64_t events = 0;
-    std::optional<std::tuple<bus::RunInfo, app::Scenario, std::int64_t>> fallback;
+    std::optional<std::tuple<loop::RunInfo, experiment::Scenario, std::int64_t>> fallback;
     while (const auto event = reader_.next()) {
       ++events;
       if (!event->channel.ends_with(run_info_suffix)) continue;
-      bus::Stamp stamp;
+      loop::Stamp stamp;
       const auto rejection = codec.decode(event->data, stamp, info_);
       const auto complain = [&](const std::string& what) {
         if (problem.empty()) {
@@ -228,9 +226,9 @@ class RunLog::Impl {
       const std::string prefix(
           event->channel.substr(0, event->channel.size() - run_info_suffix.size()));
       try {
-        scenario_ = app::parse_scenario(info_.scenario, info_.robot_description,
-                                        reader_.path().string() + " (RUN_INFO)");
-      } catch (const app::Failure& failure) {
+        scenario_ = experiment::parse_scenario(info_.scenario, info_.robot_description,
+                                               reader_.path().string() + " (RUN_INFO)");
+      } catch (const diagnostics::Failure& failure) {
         complain(std::string("cannot be used: ") + failure.what());
         continue;
       }
@@ -279,21 +277,21 @@ class RunLog::Impl {
   }
 
   [[nodiscard]] bool known_measurement() const {
-    return info_.measurement == bus::ChannelOf<robot::PositionMeasurement>::suffix ||
-           info_.measurement == bus::ChannelOf<robot::MotorPositionMeasurement>::suffix ||
-           info_.measurement == bus::ChannelOf<robot::LinkStateMeasurement>::suffix ||
-           info_.measurement == bus::ChannelOf<robot::StateMeasurement>::suffix;
+    return info_.measurement == loop::ChannelOf<loop::PositionMeasurement>::suffix ||
+           info_.measurement == loop::ChannelOf<loop::MotorPositionMeasurement>::suffix ||
+           info_.measurement == loop::ChannelOf<loop::LinkStateMeasurement>::suffix ||
+           info_.measurement == loop::ChannelOf<loop::StateMeasurement>::suffix;
   }
 
   template <class Value>
   void make(Channel<Value>& channel) {
-    channel.name = bus::channel<Value>(info_.robot);
+    channel.name = loop::channel<Value>(info_.robot);
     channel.codec.emplace(layout_);
   }
 
   template <class Value>
   void make_measurement(Channel<Value>& channel) {
-    if (info_.measurement == bus::ChannelOf<Value>::suffix) make(channel);
+    if (info_.measurement == loop::ChannelOf<Value>::suffix) make(channel);
   }
 
   void make_codecs() {
@@ -312,15 +310,15 @@ class RunLog::Impl {
 
   /// The law's number of filters is in no field of RUN_INFO: the first state tells.
   void find_num_filters() {
-    std::vector<bus::Codec<robot::ControllerState>> codecs;
-    for (int n = 0; n <= robot::max_filters; ++n) {
-      codecs.emplace_back(bus::Layout{layout_.num_joints, layout_.num_motors, n});
+    std::vector<bus::Codec<loop::ControllerState>> codecs;
+    for (int n = 0; n <= loop::max_filters; ++n) {
+      codecs.emplace_back(loop::Layout{layout_.num_joints, layout_.num_motors, n});
     }
     reader_.rewind();
     while (const auto event = reader_.next()) {
       if (event->channel != controller_state_.name) continue;
-      bus::Stamp stamp;
-      for (int n = 0; n <= robot::max_filters; ++n) {
+      loop::Stamp stamp;
+      for (int n = 0; n <= loop::max_filters; ++n) {
         const auto rejection = codecs[static_cast<std::size_t>(n)].decode(
             event->data, stamp, controller_state_.scratch);
         if (rejection == bus::Rejection::none && stamp.run == run_) {
@@ -395,7 +393,7 @@ class RunLog::Impl {
     } else if (channel == participant_.name) {
       take_participant(event);
     } else if (channel == run_info_.name) {
-      bus::Stamp stamp;
+      loop::Stamp stamp;
       if (decoded(event, run_info_, stamp)) ++summary_.run_infos;
     } else {
       ++summary_.other_messages;
@@ -403,12 +401,12 @@ class RunLog::Impl {
   }
 
   template <class Value>
-  bool decoded(const LogEvent& event, Channel<Value>& channel, bus::Stamp& stamp) {
+  bool decoded(const LogEvent& event, Channel<Value>& channel, loop::Stamp& stamp) {
     const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
     // Another run may have another number of joints: look at the run even where the size is wrong.
     const bool stamped = event.data.size() >= stamp_bytes;
     const std::int64_t run = stamped ? big_endian_int64(event.data, run_at) : run_;
-    const bool participant = std::is_same_v<Value, bus::Participant> && run == 0;
+    const bool participant = std::is_same_v<Value, loop::Participant> && run == 0;
     if (run != run_ && !participant) {
       ++summary_.foreign_messages;
       if (summary_.foreign_runs.size() < RunSummary::max_listed ||
@@ -426,11 +424,11 @@ class RunLog::Impl {
 
   template <class Value, class Slot>
   void take(const LogEvent& event, Channel<Value>& channel, Piece piece, Slot TickRecord::*member) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (!decoded(event, channel, stamp)) return;
     // The reference answers one tick ahead, so that one may lie just past the end of the run.
     const bool past_end =
-        std::is_same_v<Value, robot::ReferencePoint> && stamp.tick == info_.num_ticks;
+        std::is_same_v<Value, loop::ReferencePoint> && stamp.tick == info_.num_ticks;
     if (stamp.tick < 0 || stamp.tick > info_.num_ticks ||
         (stamp.tick == info_.num_ticks && !past_end) || !time_agrees(stamp)) {
       ++summary_.wrong_tick;
@@ -459,8 +457,8 @@ class RunLog::Impl {
   }
 
   /// In lockstep, time is the tick's: a number that was damaged gives itself away.
-  [[nodiscard]] bool time_agrees(const bus::Stamp& stamp) const {
-    if (scenario_.loop.mode != app::Mode::lockstep) return true;
+  [[nodiscard]] bool time_agrees(const loop::Stamp& stamp) const {
+    if (scenario_.loop.mode != experiment::Mode::lockstep) return true;
     const double t_us = static_cast<double>(stamp.tick) * info_.period_s * 1e6;
     return std::abs(static_cast<double>(stamp.utime) - t_us) <= 1;
   }
@@ -492,10 +490,10 @@ class RunLog::Impl {
   }
 
   void take_participant(const LogEvent& event) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (!decoded(event, participant_, stamp)) return;
-    const bus::Participant& who = participant_.scratch;
-    if (who.state != bus::ParticipantState::fault ||
+    const loop::Participant& who = participant_.scratch;
+    if (who.state != loop::ParticipantState::fault ||
         summary_.faults.size() >= RunSummary::max_listed) {
       return;
     }
@@ -538,22 +536,22 @@ class RunLog::Impl {
 
   LogReader reader_;
   std::int64_t run_ = 0;
-  bus::RunInfo info_;
-  app::Scenario scenario_;
-  bus::Layout layout_;
+  loop::RunInfo info_;
+  experiment::Scenario scenario_;
+  loop::Layout layout_;
   RunSummary summary_;
 
-  Channel<bus::Tick> clock_;
-  Channel<robot::PositionMeasurement> position_;
-  Channel<robot::MotorPositionMeasurement> motor_position_;
-  Channel<robot::LinkStateMeasurement> link_state_;
-  Channel<robot::StateMeasurement> state_;
-  Channel<robot::ReferencePoint> reference_;
-  Channel<robot::TorqueCommand> command_;
-  Channel<robot::ControllerState> controller_state_;
-  Channel<bus::truth::PlantTruth> truth_;
-  Channel<bus::Participant> participant_;
-  Channel<bus::RunInfo> run_info_;
+  Channel<loop::Tick> clock_;
+  Channel<loop::PositionMeasurement> position_;
+  Channel<loop::MotorPositionMeasurement> motor_position_;
+  Channel<loop::LinkStateMeasurement> link_state_;
+  Channel<loop::StateMeasurement> state_;
+  Channel<loop::ReferencePoint> reference_;
+  Channel<loop::TorqueCommand> command_;
+  Channel<loop::ControllerState> controller_state_;
+  Channel<loop::truth::PlantTruth> truth_;
+  Channel<loop::Participant> participant_;
+  Channel<loop::RunInfo> run_info_;
 
   std::vector<TickRecord> slots_;
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
@@ -576,12 +574,12 @@ RunLog RunLog::open(const std::filesystem::path& path, std::optional<std::int64_
 
 const std::filesystem::path& RunLog::path() const { return impl_->reader().path(); }
 std::int64_t RunLog::run() const { return impl_->run(); }
-const bus::RunInfo& RunLog::info() const { return impl_->info(); }
-const app::Scenario& RunLog::scenario() const { return impl_->scenario(); }
-const bus::Layout& RunLog::layout() const { return impl_->layout(); }
+const loop::RunInfo& RunLog::info() const { return impl_->info(); }
+const experiment::Scenario& RunLog::scenario() const { return impl_->scenario(); }
+const loop::Layout& RunLog::layout() const { return impl_->layout(); }
 bool RunLog::next(TickRecord& record) { return impl_->next(record); }
 void RunLog::rewind() { impl_->rewind(); }
 const RunSummary& RunLog::summary() const { return impl_->summary(); }
 const Damage& RunLog::damage() const { return impl_->reader().damage(); }
 
-}  // namespace logger
+}  // namespace tachless::logger

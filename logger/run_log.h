@@ -11,28 +11,28 @@
 #include <variant>
 #include <vector>
 
-#include "app/scenario.h"
-#include "bus/truth/plant_truth.h"
 #include "bus/wire.h"
+#include "experiment/scenario.h"
 #include "logger/log_file.h"
-#include "robot/signals.h"
+#include "loop/signals.h"
+#include "loop/truth/plant_truth.h"
 
 /// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
-namespace logger {
+namespace tachless::logger {
 
 using Measurement =
-    std::variant<std::monostate, robot::PositionMeasurement, robot::MotorPositionMeasurement,
-                 robot::LinkStateMeasurement, robot::StateMeasurement>;
+    std::variant<std::monostate, loop::PositionMeasurement, loop::MotorPositionMeasurement,
+                 loop::LinkStateMeasurement, loop::StateMeasurement>;
 
 /// What a log holds of one tick.
 struct TickRecord {
   std::int64_t tick = 0;
-  std::optional<bus::Tick> clock;
+  std::optional<loop::Tick> clock;
   Measurement measurement;  ///< of the kind that RUN_INFO names; monostate when missing
-  std::optional<robot::ReferencePoint> reference;
-  std::optional<robot::TorqueCommand> command;
-  std::optional<robot::ControllerState> controller_state;
-  std::optional<bus::truth::PlantTruth> truth;
+  std::optional<loop::ReferencePoint> reference;
+  std::optional<loop::TorqueCommand> command;
+  std::optional<loop::ControllerState> controller_state;
+  std::optional<loop::truth::PlantTruth> truth;
 };
 
 /// The pieces a TickRecord consists of.
@@ -64,7 +64,7 @@ struct PieceSummary {
 };
 
 struct ParticipantFault {
-  bus::Role role = bus::Role::plant;
+  loop::Role role = loop::Role::plant;
   std::int64_t tick = 0;
   std::string text;
 };
@@ -104,18 +104,18 @@ class RunLog {
 
   /// Finds RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the first
   /// otherwise.
-  /// @throw app::Failure(bad_usage) when the file cannot be read, holds no readable RUN_INFO (of
-  /// that run), or the scenario in it is not valid.
+  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read, holds no readable
+  /// RUN_INFO (of that run), or the scenario in it is not valid.
   static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {});
   RunLog(RunLog&&) noexcept;
   ~RunLog();
 
   [[nodiscard]] const std::filesystem::path& path() const;
   [[nodiscard]] std::int64_t run() const;
-  [[nodiscard]] const bus::RunInfo& info() const;
-  [[nodiscard]] const app::Scenario& scenario() const;
+  [[nodiscard]] const loop::RunInfo& info() const;
+  [[nodiscard]] const experiment::Scenario& scenario() const;
   /// `num_filters` is that of the first controller state in the log, 0 when there is none.
-  [[nodiscard]] const bus::Layout& layout() const;
+  [[nodiscard]] const loop::Layout& layout() const;
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);
@@ -132,4 +132,4 @@ class RunLog {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

@@ -10,19 +10,19 @@
 #include <tuple>
 #include <vector>
 
-#include "app/scenario.h"
-#include "bus/lockstep/log_window.h"
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
+#include "experiment/scenario.h"
+#include "protocol/lockstep/log_window.h"
 
-namespace logger {
+namespace tachless::logger {
 
 /// Checks messages of one type; what they say is of no interest here.
 template <class Value>
 class Checker {
  public:
-  explicit Checker(const bus::Layout& layout) : codec_(layout) {}
-  bus::Rejection check(std::span<const std::byte> payload, bus::Stamp& stamp) {
+  explicit Checker(const loop::Layout& layout) : codec_(layout) {}
+  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
     return codec_.decode(payload, stamp, value_);
   }
   [[nodiscard]] std::size_t longest() const { return codec_.longest(); }
@@ -32,7 +32,7 @@ class Checker {
   Value value_;
 };
 
-inline bus::Layout layout(const app::Scenario& scenario, int num_filters) {
+inline loop::Layout layout(const experiment::Scenario& scenario, int num_filters) {
   return {.num_joints = scenario.num_joints,
           .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
           .num_filters = num_filters};
@@ -41,25 +41,25 @@ inline bus::Layout layout(const app::Scenario& scenario, int num_filters) {
 /// Whichever measurement the controller is fed with.
 class MeasurementChecker {
  public:
-  explicit MeasurementChecker(const bus::Layout& layout)
-      : checkers_(Checker<robot::PositionMeasurement>(layout),
-                  Checker<robot::MotorPositionMeasurement>(layout),
-                  Checker<robot::LinkStateMeasurement>(layout),
-                  Checker<robot::StateMeasurement>(layout)) {}
+  explicit MeasurementChecker(const loop::Layout& layout)
+      : checkers_(Checker<loop::PositionMeasurement>(layout),
+                  Checker<loop::MotorPositionMeasurement>(layout),
+                  Checker<loop::LinkStateMeasurement>(layout),
+                  Checker<loop::StateMeasurement>(layout)) {}
 
   /// @return whether there is such a measurement
   bool select(std::string_view suffix) {
-    const std::array suffixes = {bus::ChannelOf<robot::PositionMeasurement>::suffix,
-                                 bus::ChannelOf<robot::MotorPositionMeasurement>::suffix,
-                                 bus::ChannelOf<robot::LinkStateMeasurement>::suffix,
-                                 bus::ChannelOf<robot::StateMeasurement>::suffix};
+    const std::array suffixes = {loop::ChannelOf<loop::PositionMeasurement>::suffix,
+                                 loop::ChannelOf<loop::MotorPositionMeasurement>::suffix,
+                                 loop::ChannelOf<loop::LinkStateMeasurement>::suffix,
+                                 loop::ChannelOf<loop::StateMeasurement>::suffix};
     const auto found = std::ranges::find(suffixes, suffix);
     if (found == suffixes.end()) return false;
     selected_ = found - suffixes.begin();
     return true;
   }
 
-  bus::Rejection check(std::span<const std::byte> payload, bus::Stamp& stamp) {
+  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
     switch (selected_) {
       case 0:
         return std::get<0>(checkers_).check(payload, stamp);
@@ -79,8 +79,8 @@ class MeasurementChecker {
   }
 
  private:
-  std::tuple<Checker<robot::PositionMeasurement>, Checker<robot::MotorPositionMeasurement>,
-             Checker<robot::LinkStateMeasurement>, Checker<robot::StateMeasurement>>
+  std::tuple<Checker<loop::PositionMeasurement>, Checker<loop::MotorPositionMeasurement>,
+             Checker<loop::LinkStateMeasurement>, Checker<loop::StateMeasurement>>
       checkers_;
   std::ptrdiff_t selected_ = -1;
 };
@@ -88,12 +88,12 @@ class MeasurementChecker {
 /// The logger does not know laws: a controller's state may have any number of filters.
 class StateChecker {
  public:
-  explicit StateChecker(const app::Scenario& scenario) {
-    for (int filters = 0; filters <= robot::max_filters; ++filters) {
+  explicit StateChecker(const experiment::Scenario& scenario) {
+    for (int filters = 0; filters <= loop::max_filters; ++filters) {
       checkers_.emplace_back(layout(scenario, filters));
     }
   }
-  bus::Rejection check(std::span<const std::byte> payload, bus::Stamp& stamp) {
+  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
     for (auto& checker : checkers_) {
       const bus::Rejection rejection = checker.check(payload, stamp);
       if (rejection != bus::Rejection::wrong_size) return rejection;
@@ -103,15 +103,15 @@ class StateChecker {
   [[nodiscard]] std::size_t longest() const { return checkers_.back().longest(); }
 
  private:
-  std::vector<Checker<robot::ControllerState>> checkers_;
+  std::vector<Checker<loop::ControllerState>> checkers_;
 };
 
 /// The six messages of a tick, by slot: their channels, and whether one is sound.
 class RunMessages {
  public:
-  using Slot = bus::lockstep::Slot;
+  using Slot = protocol::lockstep::Slot;
 
-  explicit RunMessages(const app::Scenario& scenario)
+  explicit RunMessages(const experiment::Scenario& scenario)
       : robot_(scenario.robot.channel_prefix),
         tick_(layout(scenario, 0)),
         measurement_(layout(scenario, 0)),
@@ -119,11 +119,11 @@ class RunMessages {
         command_(layout(scenario, 0)),
         state_(scenario),
         truth_(layout(scenario, 0)) {
-    name(Slot::tick) = bus::channel<bus::Tick>(robot_);
-    name(Slot::reference) = bus::channel<robot::ReferencePoint>(robot_);
-    name(Slot::command) = bus::channel<robot::TorqueCommand>(robot_);
-    name(Slot::controller_state) = bus::channel<robot::ControllerState>(robot_);
-    name(Slot::truth) = bus::channel<bus::truth::PlantTruth>(robot_);
+    name(Slot::tick) = loop::channel<loop::Tick>(robot_);
+    name(Slot::reference) = loop::channel<loop::ReferencePoint>(robot_);
+    name(Slot::command) = loop::channel<loop::TorqueCommand>(robot_);
+    name(Slot::controller_state) = loop::channel<loop::ControllerState>(robot_);
+    name(Slot::truth) = loop::channel<loop::truth::PlantTruth>(robot_);
   }
 
   /// Chooses the measurement of this run. @return whether there is such a one.
@@ -137,17 +137,17 @@ class RunMessages {
   [[nodiscard]] const std::string& channel(Slot slot) const {
     return channels_[static_cast<std::size_t>(slot)];
   }
-  [[nodiscard]] const std::array<std::string, bus::lockstep::num_slots>& channels() const {
+  [[nodiscard]] const std::array<std::string, protocol::lockstep::num_slots>& channels() const {
     return channels_;
   }
 
   /// Longest messages, by slot [bytes].
-  [[nodiscard]] std::array<std::size_t, bus::lockstep::num_slots> longest() const {
+  [[nodiscard]] std::array<std::size_t, protocol::lockstep::num_slots> longest() const {
     return {tick_.longest(),    measurement_.longest(), reference_.longest(),
             command_.longest(), state_.longest(),       truth_.longest()};
   }
 
-  bus::Rejection check(Slot slot, std::span<const std::byte> payload, bus::Stamp& stamp) {
+  bus::Rejection check(Slot slot, std::span<const std::byte> payload, loop::Stamp& stamp) {
     switch (slot) {
       case Slot::tick:
         return tick_.check(payload, stamp);
@@ -169,13 +169,13 @@ class RunMessages {
   std::string& name(Slot slot) { return channels_[static_cast<std::size_t>(slot)]; }
 
   std::string robot_;
-  std::array<std::string, bus::lockstep::num_slots> channels_;
-  Checker<bus::Tick> tick_;
+  std::array<std::string, protocol::lockstep::num_slots> channels_;
+  Checker<loop::Tick> tick_;
   MeasurementChecker measurement_;
-  Checker<robot::ReferencePoint> reference_;
-  Checker<robot::TorqueCommand> command_;
+  Checker<loop::ReferencePoint> reference_;
+  Checker<loop::TorqueCommand> command_;
   StateChecker state_;
-  Checker<bus::truth::PlantTruth> truth_;
+  Checker<loop::truth::PlantTruth> truth_;
 };
 
-}  // namespace logger
+}  // namespace tachless::logger

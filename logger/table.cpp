@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <utility>
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 using robot::Vector;
@@ -69,11 +69,11 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   }
 
   const auto truth = [&](const char* name, const char* revolute, const char* prismatic,
-                         const char* description, Vector bus::truth::PlantTruth::*member) {
+                         const char* description, Vector loop::truth::PlantTruth::*member) {
     to.add(name, revolute, prismatic, Piece::truth, description,
            [member](const TickRecord& r) -> const Vector& { return (*r.truth).*member; });
   };
-  using bus::truth::PlantTruth;
+  using loop::truth::PlantTruth;
   truth("q", "rad", "m", "link position, true", &PlantTruth::q);
   truth("v", "rad_per_s", "m_per_s", "link velocity, true", &PlantTruth::v);
   if (flexible) {
@@ -83,11 +83,11 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   }
 
   const auto reference = [&](const char* name, const std::string& per, const char* description,
-                             Vector robot::ReferencePoint::*member) {
+                             Vector loop::ReferencePoint::*member) {
     to.add(name, "rad" + per, "m" + per, Piece::reference, description,
            [member](const TickRecord& r) -> const Vector& { return (*r.reference).*member; });
   };
-  using robot::ReferencePoint;
+  using loop::ReferencePoint;
   reference("q_ref", "", "reference position", &ReferencePoint::q_ref);
   reference("v_ref", "_per_s", "reference velocity", &ReferencePoint::v_ref);
   reference("a_ref", "_per_s2", "reference acceleration", &ReferencePoint::a_ref);
@@ -114,21 +114,21 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   constexpr auto v_text = "link velocity as measured";
   constexpr auto theta_text = "motor position as measured";
   constexpr auto thetadot_text = "motor velocity as measured";
-  if (is(bus::ChannelOf<robot::PositionMeasurement>::suffix)) {
-    to.add_measured("q", "rad", "m", q_text, &robot::PositionMeasurement::q);
-  } else if (is(bus::ChannelOf<robot::MotorPositionMeasurement>::suffix)) {
-    to.add_measured("theta", "rad", "m", theta_text, &robot::MotorPositionMeasurement::theta);
-  } else if (is(bus::ChannelOf<robot::LinkStateMeasurement>::suffix)) {
-    to.add_measured("q", "rad", "m", q_text, &robot::LinkStateMeasurement::q);
-    to.add_measured("v", "rad_per_s", "m_per_s", v_text, &robot::LinkStateMeasurement::v);
-    to.add_measured("theta", "rad", "m", theta_text, &robot::LinkStateMeasurement::theta);
+  if (is(loop::ChannelOf<loop::PositionMeasurement>::suffix)) {
+    to.add_measured("q", "rad", "m", q_text, &loop::PositionMeasurement::q);
+  } else if (is(loop::ChannelOf<loop::MotorPositionMeasurement>::suffix)) {
+    to.add_measured("theta", "rad", "m", theta_text, &loop::MotorPositionMeasurement::theta);
+  } else if (is(loop::ChannelOf<loop::LinkStateMeasurement>::suffix)) {
+    to.add_measured("q", "rad", "m", q_text, &loop::LinkStateMeasurement::q);
+    to.add_measured("v", "rad_per_s", "m_per_s", v_text, &loop::LinkStateMeasurement::v);
+    to.add_measured("theta", "rad", "m", theta_text, &loop::LinkStateMeasurement::theta);
   } else {
-    to.add_measured("q", "rad", "m", q_text, &robot::StateMeasurement::q);
-    to.add_measured("v", "rad_per_s", "m_per_s", v_text, &robot::StateMeasurement::v);
+    to.add_measured("q", "rad", "m", q_text, &loop::StateMeasurement::q);
+    to.add_measured("v", "rad_per_s", "m_per_s", v_text, &loop::StateMeasurement::v);
     if (flexible) {
-      to.add_measured("theta", "rad", "m", theta_text, &robot::StateMeasurement::theta);
+      to.add_measured("theta", "rad", "m", theta_text, &loop::StateMeasurement::theta);
       to.add_measured("thetadot", "rad_per_s", "m_per_s", thetadot_text,
-                      &robot::StateMeasurement::thetadot);
+                      &loop::StateMeasurement::thetadot);
     }
   }
 
@@ -153,4 +153,4 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   return std::move(to.quantities);
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

@@ -8,7 +8,7 @@
 #include "robot/model.h"
 
 /// The columns of an export: which quantities a run has, by name, unit and place in a TickRecord.
-namespace logger {
+namespace tachless::logger {
 
 /// One vector or number per tick.
 struct Quantity {
@@ -31,4 +31,4 @@ struct Quantity {
 /// and what the drives did.
 std::vector<Quantity> quantities_of(const RunLog& log);
 
-}  // namespace logger
+}  // namespace tachless::logger

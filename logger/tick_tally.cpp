@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
-using bus::lockstep::num_slots;
-using bus::lockstep::Verdict;
+using protocol::lockstep::num_slots;
+using protocol::lockstep::Verdict;
 
 /// FNV-1a: tells a copy from a contradiction.
 std::uint64_t digest_of(std::span<const std::byte> bytes) {
@@ -79,4 +79,4 @@ std::string text_of(const TickTally::Missing& missing) {
   return text;
 }
 
-}  // namespace logger
+}  // namespace tachless::logger

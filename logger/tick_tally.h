@@ -7,15 +7,15 @@
 #include <string>
 #include <vector>
 
-#include "bus/lockstep/log_window.h"
+#include "protocol/lockstep/log_window.h"
 
-namespace logger {
+namespace tachless::logger {
 
 /// Keeps account of what has been recorded in order of arrival: which pieces each tick has, which
 /// come again, which never came. Bounded memory; all of it taken at construction.
 class TickTally {
  public:
-  using Slot = bus::lockstep::Slot;
+  using Slot = protocol::lockstep::Slot;
 
   /// Pieces may come this many ticks out of order; what comes later still is too old.
   static constexpr std::int64_t window = 1024;
@@ -24,7 +24,8 @@ class TickTally {
   explicit TickTally(std::int64_t num_ticks);
 
   /// Whether the message is to be recorded (`fresh`), or what else it is.
-  bus::lockstep::Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes);
+  protocol::lockstep::Verdict on_message(Slot slot, std::int64_t tick,
+                                         std::span<const std::byte> bytes);
 
   /// The run is over: `last` is the last tick that may be asked of the log.
   void finish(std::int64_t last);
@@ -52,8 +53,8 @@ class TickTally {
  private:
   struct Entry {
     std::int64_t tick = -1;
-    std::array<bool, bus::lockstep::num_slots> has{};
-    std::array<std::uint64_t, bus::lockstep::num_slots> digest{};
+    std::array<bool, protocol::lockstep::num_slots> has{};
+    std::array<std::uint64_t, protocol::lockstep::num_slots> digest{};
   };
 
   void settle_before(std::int64_t tick);
@@ -65,10 +66,10 @@ class TickTally {
   std::int64_t settled_ = 0;  ///< all ticks before are
   std::int64_t complete_ = 0;
   std::int64_t incomplete_ = 0;
-  std::array<Missing, bus::lockstep::num_slots> missing_;
+  std::array<Missing, protocol::lockstep::num_slots> missing_;
 };
 
 /// "12, 40-55 and 3 more": where pieces are missing.
 std::string text_of(const TickTally::Missing& missing);
 
-}  // namespace logger
+}  // namespace tachless::logger

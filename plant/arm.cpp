@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 SimTK::Vec3 vec3(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z()}; }
@@ -435,4 +435,4 @@ ArmAcceleration Arm::acceleration(const robot::Vector& tau) const {
 void Arm::advance(const robot::Vector& tau, double time_s) { impl_->advance(tau, time_s); }
 void Arm::brake(const robot::Vector& damping) { impl_->brake(damping); }
 
-}  // namespace plant
+}  // namespace tachless::plant

@@ -7,7 +7,7 @@
 #include "robot/quantities.h"
 
 /// Simbody behind a wall: no SimTK type here, C++17-clean.
-namespace plant {
+namespace tachless::plant {
 
 struct ArmState {
   robot::Vector q;         ///< link position [rad; m if prismatic]
@@ -76,4 +76,4 @@ class Arm {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace plant
+}  // namespace tachless::plant

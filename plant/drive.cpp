@@ -3,7 +3,7 @@
 #include <cmath>
 #include <stdexcept>
 
-namespace plant {
+namespace tachless::plant {
 
 Drive::Drive(const robot::Vector& limit, int command_delay)
     : limit_(limit), command_delay_(command_delay) {
@@ -17,7 +17,7 @@ Drive::Drive(const robot::Vector& limit, int command_delay)
   accepted_ = applied_;
 }
 
-bool Drive::accept(const robot::TorqueCommand& command) {
+bool Drive::accept(const loop::TorqueCommand& command) {
   if (command.tau.size() != limit_.size()) {
     throw std::logic_error("plant::Drive: command has the wrong number of joints");
   }
@@ -42,4 +42,4 @@ void Drive::stop() {
   accepted_ = applied_;
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

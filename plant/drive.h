@@ -2,10 +2,10 @@
 
 #include <array>
 
+#include "loop/signals.h"
 #include "robot/quantities.h"
-#include "robot/signals.h"
 
-namespace plant {
+namespace tachless::plant {
 
 /// What the drives do over one tick.
 struct AppliedTorque {
@@ -28,7 +28,7 @@ class Drive {
   /// Takes the command of this tick. Returns false, and changes nothing, if a torque is not
   /// finite: the caller owes a protective stop.
   /// @throw std::logic_error if the command has the wrong number of joints.
-  [[nodiscard]] bool accept(const robot::TorqueCommand& command);
+  [[nodiscard]] bool accept(const loop::TorqueCommand& command);
 
   /// Torque held over this tick.
   [[nodiscard]] const AppliedTorque& applied() const { return applied_; }
@@ -46,4 +46,4 @@ class Drive {
   AppliedTorque accepted_;
 };
 
-}  // namespace plant
+}  // namespace tachless::plant

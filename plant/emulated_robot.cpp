@@ -2,9 +2,9 @@
 
 #include "plant/plant_model.h"
 
-namespace plant {
+namespace tachless::plant {
 
-EmulatedRobot::EmulatedRobot(const app::Scenario& scenario, const robot::Model& model)
+EmulatedRobot::EmulatedRobot(const experiment::Scenario& scenario, const robot::Model& model)
     : scenario_(scenario), model_(model), arm_(make_arm(scenario, model)) {}
 
 void EmulatedRobot::stop() {
@@ -15,4 +15,4 @@ void EmulatedRobot::rest(double until_s) {
   arm_.advance(robot::Vector::Zero(model_.num_joints), until_s);
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

@@ -1,17 +1,17 @@
 #pragma once
 
-#include "app/scenario.h"
+#include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/robot_driver.h"
 #include "robot/model.h"
 
-namespace plant {
+namespace tachless::plant {
 
 /// Simbody's arm in a robot's place. It stops by viscous braking (`protective_stop_damping`).
 class EmulatedRobot final : public RobotDriver {
  public:
   /// @param model `plant_model(scenario)`. Both outlive this.
-  EmulatedRobot(const app::Scenario& scenario, const robot::Model& model);
+  EmulatedRobot(const experiment::Scenario& scenario, const robot::Model& model);
 
   [[nodiscard]] bool measures_velocity() const override { return true; }
   void start() override {}
@@ -22,9 +22,9 @@ class EmulatedRobot final : public RobotDriver {
   void rest(double until_s) override;
 
  private:
-  const app::Scenario& scenario_;
+  const experiment::Scenario& scenario_;
   const robot::Model& model_;
   Arm arm_;
 };
 
-}  // namespace plant
+}  // namespace tachless::plant

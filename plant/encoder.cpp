@@ -5,7 +5,7 @@
 #include <numbers>
 #include <string>
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using Block = std::array<std::uint32_t, 4>;
@@ -32,20 +32,21 @@ double uniform(std::uint32_t high, std::uint32_t low) {
   return (static_cast<double>(bits) + 0.5) * 0x1p-53;
 }
 
-void require_link_side(const app::Scenario& scenario) {
+void require_link_side(const experiment::Scenario& scenario) {
   // A rigid joint has one position, whichever side its encoder sits on.
-  if (!scenario.robot.flexible || scenario.plant.encoder.side != app::EncoderSide::motor) return;
+  if (!scenario.robot.flexible || scenario.plant.encoder.side != experiment::EncoderSide::motor)
+    return;
   throw scenario.complaint("plant.encoder.side",
                            "motor, but law " + scenario.controller.law +
                                " measures link positions; allowed: link, both");
 }
 
-void require_motor_side(const app::Scenario& scenario) {
+void require_motor_side(const experiment::Scenario& scenario) {
   if (!scenario.robot.flexible) {
     throw scenario.complaint("robot.joints", "rigid, but law " + scenario.controller.law +
                                                  " measures motor positions; allowed: flexible");
   }
-  if (scenario.plant.encoder.side != app::EncoderSide::link) return;
+  if (scenario.plant.encoder.side != experiment::EncoderSide::link) return;
   throw scenario.complaint("plant.encoder.side",
                            "link, but law " + scenario.controller.law +
                                " measures motor positions; allowed: motor, both");
@@ -62,7 +63,7 @@ double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t chan
          std::cos(2 * std::numbers::pi * uniform(random[2], random[3]));
 }
 
-Encoder::Encoder(const app::Scenario& scenario, const robot::Model& model)
+Encoder::Encoder(const experiment::Scenario& scenario, const robot::Model& model)
     : count_(robot::Vector::Zero(model.num_joints)),
       position_noise_(scenario.plant.encoder.noise_std_rad),
       velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
@@ -112,24 +113,24 @@ robot::Vector Encoder::velocity(const robot::Vector& exact, Channel channel,
 }
 
 template <>
-robot::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
+loop::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
   return {position(state.q, Channel::link_position, tick)};
 }
 
 template <>
-robot::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
+loop::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
   return {position(state.theta, Channel::motor_position, tick)};
 }
 
 template <>
-robot::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
+loop::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
   return {position(state.q, Channel::link_position, tick),
           velocity(state.v, Channel::link_velocity, tick),
           position(state.theta, Channel::motor_position, tick)};
 }
 
 template <>
-robot::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
+loop::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
   return {position(state.q, Channel::link_position, tick),
           velocity(state.v, Channel::link_velocity, tick),
           position(state.theta, Channel::motor_position, tick),
@@ -137,25 +138,25 @@ robot::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tic
 }
 
 template <>
-void require_encoders<robot::PositionMeasurement>(const app::Scenario& scenario) {
+void require_encoders<loop::PositionMeasurement>(const experiment::Scenario& scenario) {
   require_link_side(scenario);
 }
 
 template <>
-void require_encoders<robot::MotorPositionMeasurement>(const app::Scenario& scenario) {
+void require_encoders<loop::MotorPositionMeasurement>(const experiment::Scenario& scenario) {
   require_motor_side(scenario);
 }
 
 template <>
-void require_encoders<robot::LinkStateMeasurement>(const app::Scenario& scenario) {
+void require_encoders<loop::LinkStateMeasurement>(const experiment::Scenario& scenario) {
   require_link_side(scenario);
   require_motor_side(scenario);
 }
 
 template <>
-void require_encoders<robot::StateMeasurement>(const app::Scenario& scenario) {
+void require_encoders<loop::StateMeasurement>(const experiment::Scenario& scenario) {
   require_link_side(scenario);
   if (scenario.robot.flexible) require_motor_side(scenario);
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

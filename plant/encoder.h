@@ -2,12 +2,12 @@
 
 #include <cstdint>
 
-#include "app/scenario.h"
+#include "experiment/scenario.h"
+#include "loop/signals.h"
 #include "plant/arm.h"
 #include "robot/model.h"
-#include "robot/signals.h"
 
-namespace plant {
+namespace tachless::plant {
 
 /// The position encoders of all joints (and the tachometers, for laws that measure velocity):
 /// true state in, measurement out. A measurement is a function of (scenario, state, tick) alone:
@@ -19,8 +19,8 @@ namespace plant {
 /// noise only. On a rigid robot a motor encoder reads the link's position.
 class Encoder {
  public:
-  /// @throw app::Failure(bad_usage) when a prismatic joint has a resolution but no range.
-  Encoder(const app::Scenario& scenario, const robot::Model& model);
+  /// @throw diagnostics::Failure(bad_usage) when a prismatic joint has a resolution but no range.
+  Encoder(const experiment::Scenario& scenario, const robot::Model& model);
 
   /// The measurement of tick `tick`. Precondition: `require_encoders<Measurement>` passes.
   /// `Measurement` is one of the four of robot/signals.h.
@@ -50,27 +50,27 @@ class Encoder {
 };
 
 template <>
-robot::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+loop::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
 template <>
-robot::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+loop::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
 template <>
-robot::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+loop::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
 template <>
-robot::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
+loop::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
 
 /// Checks that the scenario's robot has what `Measurement` (one of the four of robot/signals.h)
 /// needs.
-/// @throw app::Failure(bad_usage) naming the key and the missing encoder.
+/// @throw diagnostics::Failure(bad_usage) naming the key and the missing encoder.
 template <class Measurement>
-void require_encoders(const app::Scenario& scenario);
+void require_encoders(const experiment::Scenario& scenario);
 template <>
-void require_encoders<robot::PositionMeasurement>(const app::Scenario& scenario);
+void require_encoders<loop::PositionMeasurement>(const experiment::Scenario& scenario);
 template <>
-void require_encoders<robot::MotorPositionMeasurement>(const app::Scenario& scenario);
+void require_encoders<loop::MotorPositionMeasurement>(const experiment::Scenario& scenario);
 template <>
-void require_encoders<robot::LinkStateMeasurement>(const app::Scenario& scenario);
+void require_encoders<loop::LinkStateMeasurement>(const experiment::Scenario& scenario);
 template <>
-void require_encoders<robot::StateMeasurement>(const app::Scenario& scenario);
+void require_encoders<loop::StateMeasurement>(const experiment::Scenario& scenario);
 
 /// Standard normal number belonging to (seed, tick, channel, joint): Philox4x32-10 (Salmon et al.,
 /// "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform, spelled out
@@ -78,4 +78,4 @@ void require_encoders<robot::StateMeasurement>(const app::Scenario& scenario);
 double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t channel,
                        std::uint32_t joint);
 
-}  // namespace plant
+}  // namespace tachless::plant

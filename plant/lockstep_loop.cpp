@@ -6,19 +6,19 @@
 #include <cstdio>
 #include <string>
 
-#include "app/logging.h"
+#include "diagnostics/logging.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
-using bus::Clock;
-using bus::lockstep::MessageRing;
-using bus::lockstep::Requester;
-using bus::lockstep::Verdict;
+using loop::Clock;
+using protocol::lockstep::MessageRing;
+using protocol::lockstep::Requester;
+using protocol::lockstep::Verdict;
 
 enum Kind : int { tick_kind, measurement_kind, truth_kind };
 
-Requester::Config requester_config(const app::Scenario& scenario) {
+Requester::Config requester_config(const experiment::Scenario& scenario) {
   Requester::Config config;
   config.num_ticks = scenario.loop.num_ticks;
   config.give_up = std::chrono::duration_cast<std::chrono::nanoseconds>(
@@ -28,8 +28,8 @@ Requester::Config requester_config(const app::Scenario& scenario) {
 
 }  // namespace
 
-LockstepLoop::LockstepLoop(const app::Scenario& scenario, bus::Transport& transport,
-                           app::Session& session)
+LockstepLoop::LockstepLoop(const experiment::Scenario& scenario, bus::Transport& transport,
+                           node::Session& session)
     : scenario_(scenario),
       transport_(transport),
       session_(session),
@@ -68,16 +68,17 @@ void LockstepLoop::introduce() {
 /// A controller that has died may be succeeded by one that rebuilds its memory and has to hear
 /// again what the log does not hold yet.
 void LockstepLoop::help_successor(Clock::time_point now) {
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   if (session_.successions() > statistics.successions) {
     statistics.successions = session_.successions();
     requester_.replaced(now);
-    app::log_warning(session_.describe(bus::Role::controller) +
-                     " has taken the place of one that is silent, before the command for tick " +
-                     std::to_string(requester_.next_tick()));
+    diagnostics::log_warning(
+        session_.describe(loop::Role::controller) +
+        " has taken the place of one that is silent, before the command for tick " +
+        std::to_string(requester_.next_tick()));
   }
   if (requester_.catching_up()) {
-    requester_.successor_at(session_.tick_of(bus::Role::controller), now);
+    requester_.successor_at(session_.tick_of(loop::Role::controller), now);
   }
 }
 
@@ -104,9 +105,9 @@ void LockstepLoop::receive(Clock::time_point deadline) {
 }
 
 void LockstepLoop::on_command(const bus::Datagram& datagram) {
-  bus::Stamp stamp;
+  loop::Stamp stamp;
   if (!robot_.hear_command(datagram, stamp)) return;
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   switch (requester_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now())) {
     case Verdict::fresh:
       statistics.round_trip.add(requester_.round_trip());
@@ -115,28 +116,28 @@ void LockstepLoop::on_command(const bus::Datagram& datagram) {
       ++statistics.duplicates;
       return;
     case Verdict::not_asked:
-      return statistics.rejected.add(app::Unusable::not_asked);
+      return statistics.rejected.add(node::Unusable::not_asked);
     case Verdict::too_old:
-      return statistics.rejected.add(app::Unusable::too_old);
+      return statistics.rejected.add(node::Unusable::too_old);
     case Verdict::conflicting:
       throw robot_.two_commanders(stamp.tick, requester_.commander(stamp.tick), datagram.sender);
   }
 }
 
 void LockstepLoop::on_ack(const bus::Datagram& datagram) {
-  bus::Stamp stamp;
-  bus::LogAck ack;
+  loop::Stamp stamp;
+  loop::LogAck ack;
   if (!robot_.hear_ack(datagram, stamp, ack)) return;
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   const Verdict verdict = requester_.on_ack(stamp.tick, ack.missing, Clock::now());
-  if (verdict == Verdict::not_asked) statistics.rejected.add(app::Unusable::not_asked);
-  if (verdict == Verdict::too_old) statistics.rejected.add(app::Unusable::too_old);
+  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Unusable::not_asked);
+  if (verdict == Verdict::too_old) statistics.rejected.add(node::Unusable::too_old);
 }
 
 void LockstepLoop::end_tick() {
   const std::int64_t k = requester_.next_tick();
   robot_.drive();
-  const auto truth = robot_.truth(k, bus::truth::DriveFault::none);
+  const auto truth = robot_.truth(k, loop::truth::DriveFault::none);
   transport_.publish(robot_.truth_channel(), truth);
   sent_->put(k, truth_kind, truth);
   robot_.advance(k);
@@ -147,7 +148,7 @@ void LockstepLoop::end_tick() {
 }
 
 void LockstepLoop::repeat(Clock::time_point now) {
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   while (const auto repeat = requester_.next_repeat(now)) {
     if (repeat->what == Requester::Repeat::What::run_info) {
       transport_.publish(robot_.run_info_channel(), robot_.run_info());
@@ -166,7 +167,7 @@ void LockstepLoop::repeat(Clock::time_point now) {
 }
 
 void LockstepLoop::give_up_if_lost(Clock::time_point now) const {
-  using bus::Role;
+  using loop::Role;
   if (!requester_.given_up(now)) return;
   std::string who;
   std::string what;
@@ -191,8 +192,9 @@ void LockstepLoop::give_up_if_lost(Clock::time_point now) const {
   }
   std::array<char, 32> duration{};
   std::snprintf(duration.data(), duration.size(), "%.3g s", scenario_.loop.give_up_s);
-  throw app::Failure(app::ExitCode::peer_lost, what + " for " + duration.data() + ": lost is " +
-                                                   who + "; see its output (loop.give_up_s)");
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::peer_lost,
+      what + " for " + duration.data() + ": lost is " + who + "; see its output (loop.give_up_s)");
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

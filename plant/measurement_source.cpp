@@ -1,27 +1,28 @@
 #include "plant/measurement_source.h"
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 template <class Measurement>
 class Source : public MeasurementSource {
  public:
-  Source(const app::Scenario& scenario, const Encoder& encoder, const bus::Layout& layout)
-      : channel_(bus::channel<Measurement>(scenario.robot.channel_prefix)),
+  Source(const experiment::Scenario& scenario, const Encoder& encoder, const loop::Layout& layout)
+      : channel_(loop::channel<Measurement>(scenario.robot.channel_prefix)),
         encoder_(encoder),
         codec_(layout) {
     require_encoders<Measurement>(scenario);
   }
 
-  std::span<const std::byte> measure(const ArmState& state, const bus::Stamp& stamp) override {
+  std::span<const std::byte> measure(const ArmState& state, const loop::Stamp& stamp) override {
     const Measurement measurement = encoder_.template measure<Measurement>(state, stamp.tick);
     if (!bus::all_finite(measurement)) {
-      throw app::Failure(app::ExitCode::protective_stop,
-                         "the plant's state at tick " + std::to_string(stamp.tick) +
-                             " is not finite: the loop is unstable; shorten loop.period_s or "
-                             "soften the gains (docs/laws tells the limit)");
+      throw diagnostics::Failure(
+          diagnostics::ExitCode::protective_stop,
+          "the plant's state at tick " + std::to_string(stamp.tick) +
+              " is not finite: the loop is unstable; shorten loop.period_s or "
+              "soften the gains (docs/laws tells the limit)");
     }
     return codec_.encode(stamp, measurement);
   }
@@ -37,12 +38,12 @@ class Source : public MeasurementSource {
 
 template <class... Measurement>
 std::unique_ptr<MeasurementSource> first_that_is_called(std::string_view suffix,
-                                                        const app::Scenario& scenario,
+                                                        const experiment::Scenario& scenario,
                                                         const Encoder& encoder,
-                                                        const bus::Layout& layout) {
+                                                        const loop::Layout& layout) {
   std::unique_ptr<MeasurementSource> result;
   const auto consider = [&]<class M>(std::type_identity<M>) {
-    if (bus::ChannelOf<M>::suffix == suffix) {
+    if (loop::ChannelOf<M>::suffix == suffix) {
       result = std::make_unique<Source<M>>(scenario, encoder, layout);
     }
   };
@@ -53,18 +54,19 @@ std::unique_ptr<MeasurementSource> first_that_is_called(std::string_view suffix,
 }  // namespace
 
 std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suffix,
-                                                           const app::Scenario& scenario,
+                                                           const experiment::Scenario& scenario,
                                                            const Encoder& encoder,
-                                                           const bus::Layout& layout) {
-  auto source = first_that_is_called<robot::PositionMeasurement, robot::MotorPositionMeasurement,
-                                     robot::LinkStateMeasurement, robot::StateMeasurement>(
+                                                           const loop::Layout& layout) {
+  auto source = first_that_is_called<loop::PositionMeasurement, loop::MotorPositionMeasurement,
+                                     loop::LinkStateMeasurement, loop::StateMeasurement>(
       suffix, scenario, encoder, layout);
   if (!source) {
-    throw app::Failure(app::ExitCode::protocol_violated,
-                       "the controller asks for the measurement '" + std::string(suffix) +
-                           "'; the plant has POSITION, MOTOR_POSITION, LINK_STATE and STATE");
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::protocol_violated,
+        "the controller asks for the measurement '" + std::string(suffix) +
+            "'; the plant has POSITION, MOTOR_POSITION, LINK_STATE and STATE");
   }
   return source;
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

@@ -7,12 +7,12 @@
 #include <string>
 #include <string_view>
 
-#include "app/scenario.h"
 #include "bus/wire.h"
+#include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/encoder.h"
 
-namespace plant {
+namespace tachless::plant {
 
 /// The measurement that the controller of this run needs, as message bytes: one of the four of
 /// robot/signals.h, chosen once at the start.
@@ -21,19 +21,19 @@ class MeasurementSource {
   virtual ~MeasurementSource() = default;
 
   /// Reads the encoders; the bytes are valid until the next call.
-  /// @throw app::Failure(protective_stop) when the state is not finite.
-  virtual std::span<const std::byte> measure(const ArmState& state, const bus::Stamp& stamp) = 0;
+  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
+  virtual std::span<const std::byte> measure(const ArmState& state, const loop::Stamp& stamp) = 0;
 
   [[nodiscard]] virtual std::string channel() const = 0;
   [[nodiscard]] virtual std::size_t longest() const = 0;  ///< of its messages [bytes]
 };
 
 /// @param suffix of the channel that the controller asked for
-/// @throw app::Failure: bad_usage when the robot lacks the encoders, protocol_violated when there
-/// is no such measurement.
+/// @throw diagnostics::Failure: bad_usage when the robot lacks the encoders, protocol_violated when
+/// there is no such measurement.
 std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suffix,
-                                                           const app::Scenario& scenario,
+                                                           const experiment::Scenario& scenario,
                                                            const Encoder& encoder,
-                                                           const bus::Layout& layout);
+                                                           const loop::Layout& layout);
 
-}  // namespace plant
+}  // namespace tachless::plant

@@ -7,30 +7,30 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
-Integrator integrator(app::IntegratorMethod method) {
+Integrator integrator(experiment::IntegratorMethod method) {
   switch (method) {
-    case app::IntegratorMethod::runge_kutta_merson:
+    case experiment::IntegratorMethod::runge_kutta_merson:
       return Integrator::runge_kutta_merson;
-    case app::IntegratorMethod::runge_kutta_3:
+    case experiment::IntegratorMethod::runge_kutta_3:
       return Integrator::runge_kutta_3;
-    case app::IntegratorMethod::runge_kutta_feldberg:
+    case experiment::IntegratorMethod::runge_kutta_feldberg:
       return Integrator::runge_kutta_feldberg;
-    case app::IntegratorMethod::semi_explicit_euler_2:
+    case experiment::IntegratorMethod::semi_explicit_euler_2:
       return Integrator::semi_explicit_euler_2;
-    case app::IntegratorMethod::verlet:
+    case experiment::IntegratorMethod::verlet:
       return Integrator::verlet;
-    case app::IntegratorMethod::cpodes:
+    case experiment::IntegratorMethod::cpodes:
       return Integrator::cpodes;
   }
   throw std::logic_error("plant: unknown integrator");
 }
 
-std::optional<FlexibleDrive> flexible_drive(const app::Scenario& scenario) {
+std::optional<FlexibleDrive> flexible_drive(const experiment::Scenario& scenario) {
   if (!scenario.robot.flexible) return std::nullopt;
-  const app::FlexibleJoints& joints = *scenario.robot.flexible;
+  const experiment::FlexibleJoints& joints = *scenario.robot.flexible;
   return FlexibleDrive{joints.stiffness_Nm_per_rad, joints.rotor_inertia_kgm2,
                        joints.motor_damping_Nms_per_rad};
 }
@@ -41,7 +41,7 @@ robot::Vector or_zero(const robot::Vector& x, int size) {
 
 }  // namespace
 
-robot::Model plant_model(const app::Scenario& scenario) {
+robot::Model plant_model(const experiment::Scenario& scenario) {
   robot::Model model;
   try {
     model = robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path);
@@ -52,7 +52,7 @@ robot::Model plant_model(const app::Scenario& scenario) {
   if (!scenario.robot.flexible) {
     model.rotor_inertia = or_zero(scenario.robot.rigid_rotor_inertia_kgm2, model.num_joints);
   }
-  const app::PayloadSpec& payload = scenario.plant.payload;
+  const experiment::PayloadSpec& payload = scenario.plant.payload;
   if (payload.mass_kg > 0) {
     try {
       model = robot::with_payload(std::move(model), payload.mass_kg, payload.link);
@@ -63,8 +63,8 @@ robot::Model plant_model(const app::Scenario& scenario) {
   return model;
 }
 
-ArmState initial_state(const app::Scenario& scenario, const robot::Model& model) {
-  const app::InitialState& initial = scenario.plant.initial;
+ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model) {
+  const experiment::InitialState& initial = scenario.plant.initial;
   ArmState state;
   state.q = or_zero(initial.position_rad, model.num_joints);
   state.v = or_zero(initial.velocity_rad_per_s, model.num_joints);
@@ -81,7 +81,7 @@ ArmState initial_state(const app::Scenario& scenario, const robot::Model& model)
   return state;
 }
 
-Arm make_arm(const app::Scenario& scenario, const robot::Model& model) {
+Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model) {
   const std::optional<FlexibleDrive> drive = flexible_drive(scenario);
   ArmOptions options;
   options.flexible = drive ? &*drive : nullptr;
@@ -91,22 +91,22 @@ Arm make_arm(const app::Scenario& scenario, const robot::Model& model) {
   return Arm(model, options, initial_state(scenario, model));
 }
 
-Drive make_drive(const app::Scenario& scenario, const robot::Model& model) {
+Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model) {
   const robot::Vector unlimited =
       robot::Vector::Constant(model.num_joints, robot::Model::unlimited);
   return Drive(scenario.plant.drive.torque_limit_Nm.value_or(unlimited),
                scenario.loop.command_delay);
 }
 
-robot::Vector protective_stop_damping(const app::Scenario& scenario, const robot::Model& model,
-                                      const robot::Vector& q) {
+robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
+                                      const robot::Model& model, const robot::Vector& q) {
   constexpr double time_constant_s = 0.1;
   robot::Vector inertia = robot::mass_matrix(model, q).diagonal();
   if (scenario.robot.flexible) inertia += scenario.robot.flexible->rotor_inertia_kgm2;
   return inertia / time_constant_s;
 }
 
-double integrator_steps_per_tick(const app::Scenario& scenario, const robot::Model& model) {
+double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model) {
   const std::optional<FlexibleDrive> drive = flexible_drive(scenario);
   const double rate =
       fastest_rate(robot::mass_matrix(model, initial_state(scenario, model).q),
@@ -115,4 +115,4 @@ double integrator_steps_per_tick(const app::Scenario& scenario, const robot::Mod
                           scenario.loop.period_s);
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

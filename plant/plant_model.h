@@ -1,36 +1,36 @@
 #pragma once
 
-#include "app/scenario.h"
+#include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/drive.h"
 #include "robot/model.h"
 
 /// What a scenario means for the plant.
-namespace plant {
+namespace tachless::plant {
 
 /// The true robot: URDF, gravity, rotor inertia of rigid joints, and the payload that the
 /// controller does not know.
-/// @throw app::Failure(bad_usage) naming the key.
-robot::Model plant_model(const app::Scenario& scenario);
+/// @throw diagnostics::Failure(bad_usage) naming the key.
+robot::Model plant_model(const experiment::Scenario& scenario);
 
 /// Where the run starts. Motors start, unless given, at rest in static balance:
 /// theta = q + K^-1 g(q).
-ArmState initial_state(const app::Scenario& scenario, const robot::Model& model);
+ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model);
 
 /// The Simbody arm of the scenario at its initial state. `model` is `plant_model(scenario)`.
-Arm make_arm(const app::Scenario& scenario, const robot::Model& model);
+Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model);
 
 /// The drives: the scenario's torque limit (which defaults to the URDF's) and command delay.
-Drive make_drive(const app::Scenario& scenario, const robot::Model& model);
+Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model);
 
 /// Viscous braking of the protective stop [N m s/rad]: each joint's inertia at `q` (seen by its
 /// drive) over 0.1 s, so that the joint comes to rest in some tenths of a second.
-robot::Vector protective_stop_damping(const app::Scenario& scenario, const robot::Model& model,
-                                      const robot::Vector& q);
+robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
+                                      const robot::Model& model, const robot::Vector& q);
 
 /// Integrator steps that one tick of this scenario takes for stability alone, from its fastest
 /// mode at the initial state; see plant/stiffness.h. Worth a warning from about 100 on:
 /// "stiffness … at period … needs about N integrator steps a tick".
-double integrator_steps_per_tick(const app::Scenario& scenario, const robot::Model& model);
+double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model);
 
-}  // namespace plant
+}  // namespace tachless::plant

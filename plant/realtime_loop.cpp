@@ -5,15 +5,15 @@
 #include <exception>
 #include <string>
 
-#include "app/format.h"
+#include "diagnostics/format.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
-using bus::Clock;
-using bus::realtime::CommandWatch;
-using bus::truth::DriveFault;
+using loop::Clock;
+using loop::truth::DriveFault;
+using protocol::realtime::CommandWatch;
 
 constexpr auto introduction_period = 20ms;
 // From the logger's word that it is ready to the first tick.
@@ -28,8 +28,8 @@ std::chrono::nanoseconds nanoseconds(double seconds) {
 
 }  // namespace
 
-RealtimeLoop::RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport,
-                           app::Session& session, RobotDriver* driver)
+RealtimeLoop::RealtimeLoop(const experiment::Scenario& scenario, bus::Transport& transport,
+                           node::Session& session, RobotDriver* driver)
     : scenario_(scenario),
       transport_(transport),
       session_(session),
@@ -56,11 +56,11 @@ void RealtimeLoop::run() {
     robot_.start();
     start();
     keep_time();
-  } catch (const app::Failure& failure) {
+  } catch (const diagnostics::Failure& failure) {
     come_to_rest(failure);
     throw;
   } catch (const std::exception& problem) {
-    come_to_rest(app::Failure(app::ExitCode::protocol_violated, problem.what()));
+    come_to_rest(diagnostics::Failure(diagnostics::ExitCode::protocol_violated, problem.what()));
     throw;
   }
   robot_.stop();
@@ -69,11 +69,11 @@ void RealtimeLoop::run() {
 
 void RealtimeLoop::refuse_early(const bus::Datagram& datagram) {
   if (datagram.channel != robot_.command_channel() || !robot_.is_command(datagram.payload)) return;
-  throw app::Failure(app::ExitCode::protocol_violated,
-                     "a command came on " + robot_.command_channel() + " before the start, from " +
-                         std::string(datagram.sender) + " (run " +
-                         std::to_string(bus::stamp_of(datagram.payload).run) +
-                         "): an old controller is still there; end it first");
+  throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
+                             "a command came on " + robot_.command_channel() +
+                                 " before the start, from " + std::string(datagram.sender) +
+                                 " (run " + std::to_string(bus::stamp_of(datagram.payload).run) +
+                                 "): an old controller is still there; end it first");
 }
 
 void RealtimeLoop::introduce() {
@@ -85,9 +85,10 @@ void RealtimeLoop::introduce() {
     const auto now = Clock::now();
     session_.attend(now);
     if (now >= give_up_at) {
-      throw app::Failure(app::ExitCode::peer_lost,
-                         session_.describe(bus::Role::logger) +
-                             " does not acknowledge RUN_INFO; see its output (loop.give_up_s)");
+      throw diagnostics::Failure(
+          diagnostics::ExitCode::peer_lost,
+          session_.describe(loop::Role::logger) +
+              " does not acknowledge RUN_INFO; see its output (loop.give_up_s)");
     }
     if (now >= repeat_at) {
       transport_.publish(robot_.run_info_channel(), robot_.run_info());
@@ -97,8 +98,8 @@ void RealtimeLoop::introduce() {
     const auto datagram = transport_.receive(std::min(repeat_at, session_.next_attention()));
     if (!datagram || session_.take(*datagram)) continue;
     refuse_early(*datagram);
-    bus::Stamp stamp;
-    bus::LogAck ack;
+    loop::Stamp stamp;
+    loop::LogAck ack;
     if (datagram->channel == robot_.ack_channel() && robot_.hear_ack(*datagram, stamp, ack)) return;
   }
 }
@@ -122,7 +123,7 @@ void RealtimeLoop::keep_time() {
 
 void RealtimeLoop::note_wake_up(Clock::time_point now) {
   const auto late = now - deadline(tick_);
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   statistics.wake_up_jitter.add(late);
   if (watch_.missed_in_a_row() == 0) longest_delay_ = 0ns;
   longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
@@ -140,10 +141,10 @@ void RealtimeLoop::require_recent_torque(Clock::time_point now) const {
   const auto held_for = now - commanded_at_;
   if (held_for <= nanoseconds(scenario_.loop.period_s * (scenario_.loop.max_missed + 2))) return;
   throw protective_stop(
-      app::format("the robot's torque has been held for %.1f ms, longer than loop.max_missed (%d) "
-                  "allows: ",
-                  std::chrono::duration<double, std::milli>(held_for).count(),
-                  scenario_.loop.max_missed) +
+      diagnostics::format(
+          "the robot's torque has been held for %.1f ms, longer than loop.max_missed (%d) "
+          "allows: ",
+          std::chrono::duration<double, std::milli>(held_for).count(), scenario_.loop.max_missed) +
       (watch_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : "") +
       "this process, or the driver's read, did not get on; start a new run on a machine that is "
       "quiet (tachless doctor), with a read that does not wait");
@@ -164,7 +165,7 @@ void RealtimeLoop::publish_question(Clock::time_point now) {
   const auto measurement = robot_.measurement(tick_);
   asked_ = Clock::now();
   transport_.publish(robot_.measurement_channel(), measurement);
-  bus::Stamp stamp = robot_.stamp(tick_);
+  loop::Stamp stamp = robot_.stamp(tick_);
   stamp.utime = (now - start_) / 1us;
   transport_.publish(robot_.tick_channel(), robot_.tick(stamp));
 }
@@ -200,9 +201,9 @@ void RealtimeLoop::take(const bus::Datagram& datagram) {
 }
 
 void RealtimeLoop::on_command(const bus::Datagram& datagram) {
-  bus::Stamp stamp;
+  loop::Stamp stamp;
   if (!robot_.hear_command(datagram, stamp)) return;
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   switch (watch_.on_command(stamp.tick, datagram.payload, datagram.sender)) {
     case CommandWatch::Verdict::fresh:
       statistics.command_age.add(Clock::now() - asked_);
@@ -216,7 +217,7 @@ void RealtimeLoop::on_command(const bus::Datagram& datagram) {
       ++statistics.late_commands;
       return;
     case CommandWatch::Verdict::not_asked:
-      return statistics.rejected.add(app::Unusable::not_asked);
+      return statistics.rejected.add(node::Unusable::not_asked);
     case CommandWatch::Verdict::conflicting:
       throw robot_.two_commanders(stamp.tick, watch_.commander(stamp.tick), datagram.sender);
   }
@@ -230,7 +231,7 @@ void RealtimeLoop::end_tick() {
   begun_ = false;
   acted_ = false;
 
-  app::Statistics& statistics = session_.statistics();
+  node::Statistics& statistics = session_.statistics();
   statistics.missed_commands = watch_.missed();
   statistics.longest_command_miss = watch_.longest_miss();
   statistics.ticks = tick_ + 1;
@@ -241,15 +242,15 @@ void RealtimeLoop::end_tick() {
   }
 }
 
-app::Failure RealtimeLoop::protective_stop(const std::string& why) const {
-  return {app::ExitCode::protective_stop,
+diagnostics::Failure RealtimeLoop::protective_stop(const std::string& why) const {
+  return {diagnostics::ExitCode::protective_stop,
           "protective stop at tick " + std::to_string(tick_) + ": " + why};
 }
 
 std::string RealtimeLoop::what_is_missing() const {
   return std::to_string(watch_.missed_in_a_row()) +
          " commands in a row did not come in time from " +
-         session_.silent_among({bus::Role::controller, bus::Role::reference});
+         session_.silent_among({loop::Role::controller, loop::Role::reference});
 }
 
 std::string RealtimeLoop::what_to_mend() const {
@@ -257,13 +258,13 @@ std::string RealtimeLoop::what_to_mend() const {
     return "; mend that and start a new run";
   }
   // Then it need not be the others who are to blame.
-  return app::format(
+  return diagnostics::format(
       ". The plant itself woke up to %.1f ms late: this machine stood still or is too busy "
       "(tachless doctor); start a new run on a quieter one",
       std::chrono::duration<double, std::milli>(longest_delay_).count());
 }
 
-void RealtimeLoop::come_to_rest(const app::Failure& failure) {
+void RealtimeLoop::come_to_rest(const diagnostics::Failure& failure) {
   session_.stopping(failure, Clock::now());
   try {
     robot_.stop();
@@ -289,4 +290,4 @@ void RealtimeLoop::come_to_rest(const app::Failure& failure) {
   }
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

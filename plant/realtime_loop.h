@@ -4,13 +4,13 @@
 #include <cstdint>
 #include <string>
 
-#include "app/scenario.h"
-#include "app/session.h"
-#include "bus/realtime/command_watch.h"
 #include "bus/transport.h"
+#include "experiment/scenario.h"
+#include "node/session.h"
 #include "plant/robot_on_bus.h"
+#include "protocol/realtime/command_watch.h"
 
-namespace plant {
+namespace tachless::plant {
 
 /// The plant on the wall clock: tick k begins at the absolute deadline start + k h, whether its
 /// command has come or not. Ticks that it is late for are caught up with, none is left out, and
@@ -22,43 +22,43 @@ class RealtimeLoop {
   static constexpr std::chrono::milliseconds longest_stop{500};
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  RealtimeLoop(const app::Scenario& scenario, bus::Transport& transport, app::Session& session,
-               RobotDriver* driver = nullptr);
+  RealtimeLoop(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session, RobotDriver* driver = nullptr);
 
   /// Meets the others, keeps time over all ticks, parts.
   void run();
 
  private:
-  [[nodiscard]] bus::Clock::time_point deadline(std::int64_t tick) const;
-  [[nodiscard]] bus::Clock::time_point end_of_tick() const;
+  [[nodiscard]] loop::Clock::time_point deadline(std::int64_t tick) const;
+  [[nodiscard]] loop::Clock::time_point end_of_tick() const;
   void refuse_early(const bus::Datagram& datagram);
   void introduce();
   void start();
   void keep_time();
   void begin_tick();
-  void note_wake_up(bus::Clock::time_point now);
-  void require_recent_torque(bus::Clock::time_point now) const;
-  void publish_question(bus::Clock::time_point now);
-  void act(bus::truth::DriveFault fault);
-  void receive_until(bus::Clock::time_point deadline);
+  void note_wake_up(loop::Clock::time_point now);
+  void require_recent_torque(loop::Clock::time_point now) const;
+  void publish_question(loop::Clock::time_point now);
+  void act(loop::truth::DriveFault fault);
+  void receive_until(loop::Clock::time_point deadline);
   void take(const bus::Datagram& datagram);
   void on_command(const bus::Datagram& datagram);
   void end_tick();
-  [[nodiscard]] app::Failure protective_stop(const std::string& why) const;
+  [[nodiscard]] diagnostics::Failure protective_stop(const std::string& why) const;
   [[nodiscard]] std::string what_is_missing() const;
   [[nodiscard]] std::string what_to_mend() const;
-  void come_to_rest(const app::Failure& failure);
+  void come_to_rest(const diagnostics::Failure& failure);
 
-  const app::Scenario& scenario_;
+  const experiment::Scenario& scenario_;
   bus::Transport& transport_;
-  app::Session& session_;
+  node::Session& session_;
   RobotOnBus robot_;
-  bus::realtime::CommandWatch watch_;
+  protocol::realtime::CommandWatch watch_;
 
-  bus::Clock::time_point start_;
-  bus::Clock::time_point tick_began_;    ///< tick_ did, on time or late
-  bus::Clock::time_point asked_;         ///< when the measurement of tick_ was published
-  bus::Clock::time_point commanded_at_;  ///< when the drives last got a torque that had come
+  loop::Clock::time_point start_;
+  loop::Clock::time_point tick_began_;    ///< tick_ did, on time or late
+  loop::Clock::time_point asked_;         ///< when the measurement of tick_ was published
+  loop::Clock::time_point commanded_at_;  ///< when the drives last got a torque that had come
   std::int64_t tick_ = -1;
   bool begun_ = false;  ///< the question of tick_ has been published
   bool acted_ = false;  ///< the torque over tick_ is decided, and its TRUTH published
@@ -67,4 +67,4 @@ class RealtimeLoop {
   std::chrono::nanoseconds longest_delay_{};  ///< of own wake-ups since the last command
 };
 
-}  // namespace plant
+}  // namespace tachless::plant

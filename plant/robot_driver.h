@@ -3,15 +3,15 @@
 #include "plant/arm.h"
 #include "robot/quantities.h"
 
-namespace plant {
+namespace tachless::plant {
 
 /// A robot as the loop needs it: the emulator, or the driver of a real one (docs/real_robot.md).
 /// Called from one thread, in this order: `start` once; then, tick by tick, `read` and `hold`;
 /// `stop` once, at the end of every run, good or bad, that came as far as `start`.
 ///
-/// What a driver cannot do it says by an app::Failure(protective_stop), whose text the user reads;
-/// anything it throws brings the robot to rest. No call but `start` may take long: it is the loop's
-/// time, and `read` and `hold` allocate nothing.
+/// What a driver cannot do it says by an diagnostics::Failure(protective_stop), whose text the user
+/// reads; anything it throws brings the robot to rest. No call but `start` may take long: it is the
+/// loop's time, and `read` and `hold` allocate nothing.
 class RobotDriver {
  public:
   virtual ~RobotDriver() = default;
@@ -39,4 +39,4 @@ class RobotDriver {
   virtual void rest(double until_s) { static_cast<void>(until_s); }
 };
 
-}  // namespace plant
+}  // namespace tachless::plant

@@ -5,16 +5,16 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "app/version.h"
+#include "diagnostics/version.h"
 #include "plant/emulated_robot.h"
 #include "plant/plant_model.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
-using bus::Clock;
+using loop::Clock;
 
-bus::Layout layout_of(const app::Scenario& scenario) {
+loop::Layout layout_of(const experiment::Scenario& scenario) {
   return {.num_joints = scenario.num_joints,
           .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
           .num_filters = 0};
@@ -23,8 +23,8 @@ bus::Layout layout_of(const app::Scenario& scenario) {
 }  // namespace
 
 /// What the emulator adds to its readings, a real robot's have already.
-app::Scenario with_ideal_encoders(app::Scenario scenario) {
-  const app::EncoderSide side = scenario.plant.encoder.side;
+experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
+  const experiment::EncoderSide side = scenario.plant.encoder.side;
   scenario.plant.encoder = {};
   scenario.plant.encoder.side = side;
   return scenario;
@@ -41,7 +41,8 @@ std::string number(double value) {
   return text.data();
 }
 
-RobotOnBus::RobotOnBus(const app::Scenario& scenario, app::Session& session, RobotDriver* driver)
+RobotOnBus::RobotOnBus(const experiment::Scenario& scenario, node::Session& session,
+                       RobotDriver* driver)
     : scenario_(scenario),
       session_(session),
       model_(plant_model(scenario)),
@@ -50,11 +51,11 @@ RobotOnBus::RobotOnBus(const app::Scenario& scenario, app::Session& session, Rob
       encoder_(driver == nullptr ? scenario : with_ideal_encoders(scenario), model_),
       drive_(make_drive(scenario, model_)),
       layout_(layout_of(scenario)),
-      tick_channel_(bus::channel<bus::Tick>(scenario.robot.channel_prefix)),
-      command_channel_(bus::channel<robot::TorqueCommand>(scenario.robot.channel_prefix)),
-      truth_channel_(bus::channel<bus::truth::PlantTruth>(scenario.robot.channel_prefix)),
-      run_info_channel_(bus::channel<bus::RunInfo>(scenario.robot.channel_prefix)),
-      ack_channel_(bus::channel<bus::LogAck>(scenario.robot.channel_prefix)),
+      tick_channel_(loop::channel<loop::Tick>(scenario.robot.channel_prefix)),
+      command_channel_(loop::channel<loop::TorqueCommand>(scenario.robot.channel_prefix)),
+      truth_channel_(loop::channel<loop::truth::PlantTruth>(scenario.robot.channel_prefix)),
+      run_info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)),
+      ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
       tick_codec_(layout_),
       command_codec_(layout_),
       truth_codec_(layout_),
@@ -69,8 +70,8 @@ RobotOnBus::RobotOnBus(const app::Scenario& scenario, app::Session& session, Rob
 
 void RobotOnBus::prepare() {
   if (!driver_.measures_velocity() &&
-      (session_.measurement() == bus::ChannelOf<robot::LinkStateMeasurement>::suffix ||
-       session_.measurement() == bus::ChannelOf<robot::StateMeasurement>::suffix)) {
+      (session_.measurement() == loop::ChannelOf<loop::LinkStateMeasurement>::suffix ||
+       session_.measurement() == loop::ChannelOf<loop::StateMeasurement>::suffix)) {
     throw scenario_.complaint("controller.law", scenario_.controller.law +
                                                     " measures velocity, this robot does not; "
                                                     "take a law that is fed with positions");
@@ -78,29 +79,30 @@ void RobotOnBus::prepare() {
   measurement_ = make_measurement_source(session_.measurement(), scenario_, encoder_, layout_);
   measurement_channel_ = measurement_->channel();
 
-  bus::RunInfo info;
+  loop::RunInfo info;
   info.num_ticks = scenario_.loop.num_ticks;
   info.period_s = scenario_.loop.period_s;
-  info.version = app::version;
+  info.version = diagnostics::version;
   info.robot = scenario_.robot.channel_prefix;
   info.measurement = session_.measurement();
   info.scenario = scenario_.text;
   info.robot_description = scenario_.robot.urdf_text;
   try {
-    bus::Codec<bus::RunInfo> codec(layout_);
+    bus::Codec<loop::RunInfo> codec(layout_);
     const auto bytes = codec.encode({0, session_.run(), -1}, info);
     run_info_.assign(bytes.begin(), bytes.end());
   } catch (const std::length_error&) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       scenario_.source + ": scenario and URDF have " +
-                           std::to_string(info.scenario.size() + info.robot_description.size()) +
-                           " characters together; allowed: about " +
-                           std::to_string(bus::max_run_info_size - 200) +
-                           ", for a log holds them in one message");
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        scenario_.source + ": scenario and URDF have " +
+            std::to_string(info.scenario.size() + info.robot_description.size()) +
+            " characters together; allowed: about " +
+            std::to_string(loop::max_run_info_size - 200) +
+            ", for a log holds them in one message");
   }
 }
 
-bus::Stamp RobotOnBus::stamp(std::int64_t tick) const {
+loop::Stamp RobotOnBus::stamp(std::int64_t tick) const {
   const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
   return {std::llround(time_s * 1e6), session_.run(), tick};
 }
@@ -133,18 +135,18 @@ void RobotOnBus::read(std::int64_t tick) {
     return tick < 0 ? std::string("before the start") : "at tick " + std::to_string(tick);
   };
   if (!all_finite(state_)) {
-    throw app::Failure(
-        app::ExitCode::protective_stop,
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::protective_stop,
         "the robot's driver read a number that is not finite " + when() + "; see its encoders");
   }
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     if (state_.q[i] >= model_.lower[i] && state_.q[i] <= model_.upper[i]) continue;
-    throw app::Failure(app::ExitCode::protective_stop,
-                       "joint " + std::to_string(i + 1) + " (" +
-                           model_.joint_names[static_cast<std::size_t>(i)] + ") is at " +
-                           number(state_.q[i]) + " " + when() + ", outside of its range " +
-                           number(model_.lower[i]) + " to " + number(model_.upper[i]) + " in " +
-                           scenario_.robot.urdf_path);
+    throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
+                               "joint " + std::to_string(i + 1) + " (" +
+                                   model_.joint_names[static_cast<std::size_t>(i)] + ") is at " +
+                                   number(state_.q[i]) + " " + when() + ", outside of its range " +
+                                   number(model_.lower[i]) + " to " + number(model_.upper[i]) +
+                                   " in " + scenario_.robot.urdf_path);
   }
 }
 
@@ -153,11 +155,11 @@ std::span<const std::byte> RobotOnBus::measurement(std::int64_t tick) {
   return measurement_->measure(state_, stamp(tick));
 }
 
-std::span<const std::byte> RobotOnBus::tick(const bus::Stamp& stamp) {
+std::span<const std::byte> RobotOnBus::tick(const loop::Stamp& stamp) {
   return tick_codec_.encode(stamp, {.last = stamp.tick + 1 == scenario_.loop.num_ticks});
 }
 
-std::span<const std::byte> RobotOnBus::truth(std::int64_t tick, bus::truth::DriveFault fault) {
+std::span<const std::byte> RobotOnBus::truth(std::int64_t tick, loop::truth::DriveFault fault) {
   const AppliedTorque& applied = drive_.applied();
   truth_.q = state_.q;
   truth_.v = state_.v;
@@ -170,46 +172,47 @@ std::span<const std::byte> RobotOnBus::truth(std::int64_t tick, bus::truth::Driv
     const auto joint = static_cast<std::size_t>(i);
     session_.statistics().saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
   }
-  if (!bus::truth::all_finite(truth_)) {
-    throw app::Failure(app::ExitCode::protective_stop,
-                       "the plant's state at tick " + std::to_string(tick) +
-                           " is not finite: the loop is unstable; compare its period with the "
-                           "limit in docs/laws for these gains");
+  if (!bus::all_finite(truth_)) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::protective_stop,
+        "the plant's state at tick " + std::to_string(tick) +
+            " is not finite: the loop is unstable; compare its period with the "
+            "limit in docs/laws for these gains");
   }
   return truth_codec_.encode(stamp(tick), truth_);
 }
 
-bool RobotOnBus::hear_command(const bus::Datagram& datagram, bus::Stamp& stamp) {
+bool RobotOnBus::hear_command(const bus::Datagram& datagram, loop::Stamp& stamp) {
   const bus::Rejection rejection = command_codec_.decode(datagram.payload, stamp, command_);
   if (rejection == bus::Rejection::non_finite) {
-    const bus::Stamp heard = bus::stamp_of(datagram.payload);
-    if (heard.run == session_.run() && session_.is_from(bus::Role::controller, datagram.sender)) {
+    const loop::Stamp heard = bus::stamp_of(datagram.payload);
+    if (heard.run == session_.run() && session_.is_from(loop::Role::controller, datagram.sender)) {
       session_.statistics().rejected.add(rejection);
-      throw app::Failure(app::ExitCode::protective_stop,
-                         session_.describe(bus::Role::controller) +
-                             " commanded a torque that is not finite for tick " +
-                             std::to_string(heard.tick) +
-                             ": the loop is unstable, or the controller is broken; shorten "
-                             "loop.period_s or soften the gains (docs/laws tells the limit)");
+      throw diagnostics::Failure(
+          diagnostics::ExitCode::protective_stop,
+          session_.describe(loop::Role::controller) +
+              " commanded a torque that is not finite for tick " + std::to_string(heard.tick) +
+              ": the loop is unstable, or the controller is broken; shorten "
+              "loop.period_s or soften the gains (docs/laws tells the limit)");
     }
   }
   if (rejection != bus::Rejection::none) {
     session_.statistics().rejected.add(rejection);
   } else if (stamp.run != session_.run()) {
-    session_.statistics().rejected.add(app::Unusable::other_run);
+    session_.statistics().rejected.add(node::Unusable::other_run);
   } else {
     return true;
   }
   return false;
 }
 
-bool RobotOnBus::hear_ack(const bus::Datagram& datagram, bus::Stamp& stamp, bus::LogAck& ack) {
+bool RobotOnBus::hear_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack) {
   return session_.accept(ack_codec_, datagram, stamp, ack);
 }
 
 bool RobotOnBus::is_command(std::span<const std::byte> payload) const {
-  bus::Stamp stamp;
-  robot::TorqueCommand command;
+  loop::Stamp stamp;
+  loop::TorqueCommand command;
   const bus::Rejection rejection = command_codec_.decode(payload, stamp, command);
   return rejection == bus::Rejection::none || rejection == bus::Rejection::non_finite;
 }
@@ -229,12 +232,12 @@ void RobotOnBus::advance(std::int64_t tick) {
     } else {
       driver_.hold(drive_.applied().tau, end_s);
     }
-  } catch (const app::Failure&) {
+  } catch (const diagnostics::Failure&) {
     throw;
   } catch (const std::runtime_error& problem) {
     if (!emulator_) throw;
-    throw app::Failure(
-        app::ExitCode::protective_stop,
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::protective_stop,
         "the simulation failed at tick " + std::to_string(tick) + ": " + problem.what() +
             "; a loop that is unstable at this period ends like this (docs/laws tells "
             "the limit)");
@@ -255,14 +258,14 @@ bool RobotOnBus::at_rest() const {
          (state_.thetadot.array().abs() < standstill).all();
 }
 
-app::Failure RobotOnBus::two_commanders(std::int64_t tick, std::string_view first,
-                                        std::string_view second) const {
-  return {app::ExitCode::protocol_violated,
+diagnostics::Failure RobotOnBus::two_commanders(std::int64_t tick, std::string_view first,
+                                                std::string_view second) const {
+  return {diagnostics::ExitCode::protocol_violated,
           "two processes command run " + std::to_string(session_.run()) + ": " +
               std::string(first) + " and " + std::string(second) +
               " sent different commands for tick " + std::to_string(tick) +
-              "; this run's controller is " + session_.describe(bus::Role::controller) +
+              "; this run's controller is " + session_.describe(loop::Role::controller) +
               ", end the other"};
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

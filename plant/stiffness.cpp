@@ -6,7 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
-namespace plant {
+namespace tachless::plant {
 
 double fastest_rate(const robot::Matrix& M, const FlexibleDrive* flexible,
                     const robot::Vector& viscous_friction) {
@@ -52,4 +52,4 @@ double integrator_steps(Integrator method, double rate, double interval_s) {
   throw std::logic_error("plant: unknown integrator");
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

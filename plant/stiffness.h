@@ -4,7 +4,7 @@
 #include "robot/quantities.h"
 
 /// How many steps a tick must cost an integrator because something in the plant is fast.
-namespace plant {
+namespace tachless::plant {
 
 /// Magnitude of the fastest eigenvalue [rad/s] of the arm linearised about rest, gravity left out:
 /// springs, rotors and viscous friction. `M` is the links' inertia matrix (rotors of rigid joints
@@ -17,4 +17,4 @@ double fastest_rate(const robot::Matrix& M, const FlexibleDrive* flexible,
 /// Accuracy may ask for more. 1 for cpodes, whose implicit formulas have no such bound.
 double integrator_steps(Integrator method, double rate, double interval_s);
 
-}  // namespace plant
+}  // namespace tachless::plant

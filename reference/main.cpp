@@ -1,10 +1,12 @@
-#include "app/process_options.h"
-#include "app/take_part.h"
+#include "node/process_options.h"
+#include "node/take_part.h"
 #include "reference/node.h"
 
+using namespace tachless;
+
 int main(int argc, char** argv) {
-  constexpr auto role = bus::Role::reference;
-  return app::run_process(role, argc, argv, [](const app::ProcessOptions& options) {
-    return app::take_part(role, options, reference::run_node);
+  constexpr auto role = loop::Role::reference;
+  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
+    return node::take_part(role, options, reference::run_node);
   });
 }

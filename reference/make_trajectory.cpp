@@ -7,10 +7,10 @@
 
 #include "robot/model.h"
 
-namespace reference {
+namespace tachless::reference {
 namespace {
 
-void require_one_per_joint(const app::Scenario& scenario, const std::string& key,
+void require_one_per_joint(const experiment::Scenario& scenario, const std::string& key,
                            const robot::Vector& value) {
   if (value.size() != scenario.num_joints) {
     std::ostringstream problem;
@@ -21,20 +21,20 @@ void require_one_per_joint(const app::Scenario& scenario, const std::string& key
 
 /// Builds each kind; `key` is where it stands in the scenario.
 struct Maker {
-  const app::Scenario& scenario;
+  const experiment::Scenario& scenario;
   std::string key;
 
-  Trajectory::Shape operator()(const app::Hold& spec) const {
+  Trajectory::Shape operator()(const experiment::Hold& spec) const {
     require_one_per_joint(scenario, key + ".position_rad", spec.position_rad);
     return trajectory::Hold{spec.position_rad};
   }
 
-  Trajectory::Shape operator()(const app::Sinusoid& spec) const {
+  Trajectory::Shape operator()(const experiment::Sinusoid& spec) const {
     require_one_per_joint(scenario, key + ".offset_rad", spec.offset_rad);
     return trajectory::MultiSine{spec.offset_rad, {sine(key, spec)}};
   }
 
-  Trajectory::Shape operator()(const app::MultiSine& spec) const {
+  Trajectory::Shape operator()(const experiment::MultiSine& spec) const {
     require_one_per_joint(scenario, key + ".offset_rad", spec.offset_rad);
     trajectory::MultiSine made{spec.offset_rad, {}};
     for (std::size_t i = 0; i < spec.terms.size(); ++i) {
@@ -46,7 +46,7 @@ struct Maker {
     return made;
   }
 
-  Trajectory::Shape operator()(const app::PointToPoint& spec) const {
+  Trajectory::Shape operator()(const experiment::PointToPoint& spec) const {
     require_one_per_joint(scenario, key + ".from_rad", spec.from_rad);
     require_one_per_joint(scenario, key + ".to_rad", spec.to_rad);
     if (!(spec.duration_s > 0)) {
@@ -57,7 +57,7 @@ struct Maker {
     return trajectory::PointToPoint{spec.from_rad, spec.to_rad, spec.start_s, spec.duration_s};
   }
 
-  Trajectory::Shape operator()(const app::Waypoints& spec) const {
+  Trajectory::Shape operator()(const experiment::Waypoints& spec) const {
     for (const robot::Vector& position : spec.position_rad) {
       require_one_per_joint(scenario, key + ".position_rad", position);
     }
@@ -68,7 +68,8 @@ struct Maker {
     }
   }
 
-  [[nodiscard]] trajectory::Sine sine(const std::string& at, const app::Sinusoid& spec) const {
+  [[nodiscard]] trajectory::Sine sine(const std::string& at,
+                                      const experiment::Sinusoid& spec) const {
     require_one_per_joint(scenario, at + ".amplitude_rad", spec.amplitude_rad);
     require_one_per_joint(scenario, at + ".frequency_hz", spec.frequency_hz);
     require_one_per_joint(scenario, at + ".phase_rad", spec.phase_rad);
@@ -76,13 +77,15 @@ struct Maker {
   }
 };
 
-std::string key_of(const app::ReferenceSpec& spec) {
+std::string key_of(const experiment::ReferenceSpec& spec) {
   struct Name {
-    std::string operator()(const app::Hold&) const { return "reference.hold"; }
-    std::string operator()(const app::Sinusoid&) const { return "reference.sinusoid"; }
-    std::string operator()(const app::MultiSine&) const { return "reference.multi_sine"; }
-    std::string operator()(const app::PointToPoint&) const { return "reference.point_to_point"; }
-    std::string operator()(const app::Waypoints&) const { return "reference.waypoints"; }
+    std::string operator()(const experiment::Hold&) const { return "reference.hold"; }
+    std::string operator()(const experiment::Sinusoid&) const { return "reference.sinusoid"; }
+    std::string operator()(const experiment::MultiSine&) const { return "reference.multi_sine"; }
+    std::string operator()(const experiment::PointToPoint&) const {
+      return "reference.point_to_point";
+    }
+    std::string operator()(const experiment::Waypoints&) const { return "reference.waypoints"; }
   };
   return std::visit(Name{}, spec);
 }
@@ -91,7 +94,7 @@ std::string key_of(const app::ReferenceSpec& spec) {
 /// these instants is passed by next to nothing.
 constexpr int num_instants = 2000;
 
-void require_within_limits(const app::Scenario& scenario, const std::string& key,
+void require_within_limits(const experiment::Scenario& scenario, const std::string& key,
                            const Trajectory& trajectory) {
   const robot::Model model =
       robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path);
@@ -112,11 +115,11 @@ void require_within_limits(const app::Scenario& scenario, const std::string& key
 
 }  // namespace
 
-Trajectory make_trajectory(const app::Scenario& scenario) {
+Trajectory make_trajectory(const experiment::Scenario& scenario) {
   const std::string key = key_of(scenario.reference);
   Trajectory made(std::visit(Maker{scenario, key}, scenario.reference));
   require_within_limits(scenario, key, made);
   return made;
 }
 
-}  // namespace reference
+}  // namespace tachless::reference

@@ -7,17 +7,17 @@
 #include <string>
 #include <string_view>
 
-#include "bus/lockstep/reference_answerer.h"
-#include "bus/realtime/pace.h"
-#include "bus/realtime/reference_answerer.h"
 #include "bus/wire.h"
+#include "protocol/lockstep/reference_answerer.h"
+#include "protocol/realtime/pace.h"
+#include "protocol/realtime/reference_answerer.h"
 #include "reference/make_trajectory.h"
 
-namespace reference {
+namespace tachless::reference {
 namespace {
 
-using bus::Clock;
-using bus::lockstep::Verdict;
+using loop::Clock;
+using protocol::lockstep::Verdict;
 
 /// What both modes share: hears TICK, publishes references.
 class Node {
@@ -38,24 +38,24 @@ class Node {
   }
 
  protected:
-  Node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+  Node(const experiment::Scenario& scenario, bus::Transport& transport, node::Session& session)
       : transport_(transport),
         session_(session),
         period_s_(scenario.loop.period_s),
         trajectory_(make_trajectory(scenario)),
-        tick_channel_(bus::channel<bus::Tick>(scenario.robot.channel_prefix)),
-        reference_channel_(bus::channel<robot::ReferencePoint>(scenario.robot.channel_prefix)),
+        tick_channel_(loop::channel<loop::Tick>(scenario.robot.channel_prefix)),
+        reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
         tick_codec_(layout(scenario)),
         reference_codec_(layout(scenario)) {
     transport_.subscribe(tick_channel_);
   }
 
   /// A TICK of this run.
-  virtual void on_tick(const bus::Stamp& stamp, const bus::Datagram& datagram) = 0;
+  virtual void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
 
   [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
   [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
-  app::Session& session() { return session_; }
+  node::Session& session() { return session_; }
 
   void publish(std::span<const std::byte> reference) {
     transport_.publish(reference_channel_, reference);
@@ -65,14 +65,14 @@ class Node {
   std::span<const std::byte> compute(std::int64_t k) {
     const auto begin = Clock::now();
     const double time_s = static_cast<double>(k) * period_s_;
-    const robot::ReferencePoint reference = trajectory_.at(time_s);
+    const loop::ReferencePoint reference = trajectory_.at(time_s);
     if (!bus::all_finite(reference)) {
-      throw app::Failure(app::ExitCode::protective_stop,
-                         "the reference at t = " + std::to_string(time_s) + " s (tick " +
-                             std::to_string(k) +
-                             ") is not finite; see `reference` in the scenario");
+      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
+                                 "the reference at t = " + std::to_string(time_s) + " s (tick " +
+                                     std::to_string(k) +
+                                     ") is not finite; see `reference` in the scenario");
     }
-    const bus::Stamp stamp{std::llround(time_s * 1e6), session_.run(), k};
+    const loop::Stamp stamp{std::llround(time_s * 1e6), session_.run(), k};
     const auto bytes = reference_codec_.encode(stamp, reference);
     publish(bytes);
     session_.statistics().work.add(Clock::now() - begin);
@@ -81,50 +81,51 @@ class Node {
 
   /// Whether the message is to be answered; counts it if it is not new.
   bool count(Verdict verdict) {
-    app::Statistics& statistics = session_.statistics();
+    node::Statistics& statistics = session_.statistics();
     if (verdict == Verdict::repeated) ++statistics.duplicates;
-    if (verdict == Verdict::not_asked) statistics.rejected.add(app::Unusable::not_asked);
-    if (verdict == Verdict::too_old) statistics.rejected.add(app::Unusable::too_old);
+    if (verdict == Verdict::not_asked) statistics.rejected.add(node::Unusable::not_asked);
+    if (verdict == Verdict::too_old) statistics.rejected.add(node::Unusable::too_old);
     return verdict == Verdict::fresh || verdict == Verdict::repeated;
   }
 
-  [[nodiscard]] app::Failure two_plants(std::int64_t tick, std::string_view first,
-                                        std::string_view second) const {
-    return {app::ExitCode::protocol_violated,
+  [[nodiscard]] diagnostics::Failure two_plants(std::int64_t tick, std::string_view first,
+                                                std::string_view second) const {
+    return {diagnostics::ExitCode::protocol_violated,
             "two plants drive run " + std::to_string(session_.run()) + ": " + std::string(first) +
                 " and " + std::string(second) + " sent different messages for tick " +
                 std::to_string(tick) + "; end one of them"};
   }
 
  private:
-  static bus::Layout layout(const app::Scenario& scenario) {
+  static loop::Layout layout(const experiment::Scenario& scenario) {
     return {.num_joints = scenario.num_joints, .num_motors = 0, .num_filters = 0};
   }
 
   void on_tick(const bus::Datagram& datagram) {
-    bus::Stamp stamp;
-    bus::Tick tick;
+    loop::Stamp stamp;
+    loop::Tick tick;
     if (session_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp, datagram);
   }
 
   bus::Transport& transport_;
-  app::Session& session_;
+  node::Session& session_;
   double period_s_;
   Trajectory trajectory_;
   std::string tick_channel_;
   std::string reference_channel_;
-  bus::Codec<bus::Tick> tick_codec_;
-  bus::Codec<robot::ReferencePoint> reference_codec_;
+  bus::Codec<loop::Tick> tick_codec_;
+  bus::Codec<loop::ReferencePoint> reference_codec_;
 };
 
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session)
       : Node(scenario, transport, session),
         answerer_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
 
  private:
-  void on_tick(const bus::Stamp& stamp, const bus::Datagram& datagram) override {
+  void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) override {
     const auto answer = answerer_.on_tick(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
       throw two_plants(stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
@@ -142,18 +143,19 @@ class LockstepNode final : public Node {
     session().statistics().ticks = answerer_.newest() + 1;
   }
 
-  bus::lockstep::ReferenceAnswerer answerer_;
+  protocol::lockstep::ReferenceAnswerer answerer_;
 };
 
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const app::Scenario& scenario, bus::Transport& transport, app::Session& session)
+  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session)
       : Node(scenario, transport, session),
         answerer_(scenario.loop.num_ticks, longest_tick()),
         pace_(scenario.loop.period_s) {}
 
  private:
-  void on_tick(const bus::Stamp& stamp, const bus::Datagram& datagram) override {
+  void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) override {
     const auto now = Clock::now();
     if (!pace_.possible(stamp.tick, now) && !session().knows(datagram.sender)) {
       count(Verdict::not_asked);
@@ -170,18 +172,19 @@ class RealtimeNode final : public Node {
     session().statistics().ticks = answerer_.newest() + 1;
   }
 
-  bus::realtime::ReferenceAnswerer answerer_;
-  bus::realtime::Pace pace_;
+  protocol::realtime::ReferenceAnswerer answerer_;
+  protocol::realtime::Pace pace_;
 };
 
 }  // namespace
 
-void run_node(const app::Scenario& scenario, bus::Transport& transport, app::Session& session) {
-  if (scenario.loop.mode == app::Mode::realtime) {
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
+              node::Session& session) {
+  if (scenario.loop.mode == experiment::Mode::realtime) {
     RealtimeNode(scenario, transport, session).run();
   } else {
     LockstepNode(scenario, transport, session).run();
   }
 }
 
-}  // namespace reference
+}  // namespace tachless::reference

@@ -2,7 +2,7 @@
 
 #include "robot/quantities.h"
 
-namespace robot {
+namespace tachless::robot {
 
 /// M = L D L' in place: D on the diagonal, unit L below it; the upper triangle is neither read nor
 /// written. Eigen's own factorisation knows no jets and may allocate from 32 rows up.
@@ -43,4 +43,4 @@ void solve_in_place(const MatrixOf<Scalar>& LD, VectorOf<Scalar>& x) {
   }
 }
 
-}  // namespace robot
+}  // namespace tachless::robot

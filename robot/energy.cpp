@@ -2,7 +2,7 @@
 
 #include "robot/kinematics.h"
 
-namespace robot {
+namespace tachless::robot {
 
 template <class Scalar>
 Scalar kinetic_energy(const Model& model, const VectorOf<Scalar>& q, const VectorOf<Scalar>& v) {
@@ -65,4 +65,4 @@ template Jet2 kinetic_energy(const Model&, const VectorOf<Jet2>&, const VectorOf
 template double potential_energy(const Model&, const VectorOf<double>&);
 template Jet2 potential_energy(const Model&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -4,7 +4,7 @@
 #include "robot/model.h"
 
 /// Mechanical energy, body by body: independent of the mass matrix. Scalars: double and Jet2.
-namespace robot {
+namespace tachless::robot {
 
 /// v' M(q) v / 2 [J], rotor inertia included.
 template <class Scalar>
@@ -21,4 +21,4 @@ extern template Jet2 kinetic_energy(const Model&, const VectorOf<Jet2>&, const V
 extern template double potential_energy(const Model&, const VectorOf<double>&);
 extern template Jet2 potential_energy(const Model&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -7,7 +7,7 @@
 #include "robot/kinematics.h"
 #include "robot/mass_matrix.h"
 
-namespace robot {
+namespace tachless::robot {
 
 template <class Scalar>
 VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
@@ -32,4 +32,4 @@ template VectorOf<double> forward_dynamics(const Model&, const VectorOf<double>&
 template VectorOf<Jet2> forward_dynamics(const Model&, const VectorOf<Jet2>&, const VectorOf<Jet2>&,
                                          const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -3,7 +3,7 @@
 #include "robot/jet.h"
 #include "robot/model.h"
 
-namespace robot {
+namespace tachless::robot {
 
 /// Acceleration [rad/s2; m/s2] that torque `tau` [N m; N] gives at (q, v): M(q)^-1 (tau - C(q,v) v
 /// - g(q)) (paper, eq. 2). Scalars: double and Jet2. Nothing is allocated.
@@ -18,4 +18,4 @@ extern template VectorOf<double> forward_dynamics(const Model&, const VectorOf<d
 extern template VectorOf<Jet2> forward_dynamics(const Model&, const VectorOf<Jet2>&,
                                                 const VectorOf<Jet2>&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -2,7 +2,7 @@
 
 #include "robot/kinematics.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 /// What the recursion keeps of each body, in the body's own frame. Left uninitialised: only the
@@ -167,4 +167,4 @@ MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
 TACHLESS_INVERSE_DYNAMICS(, double)
 TACHLESS_INVERSE_DYNAMICS(, Jet2)
 
-}  // namespace robot
+}  // namespace tachless::robot

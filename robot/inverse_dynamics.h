@@ -12,7 +12,7 @@
 ///
 /// A vector whose size is not the model's `num_joints` is a caller's broken promise:
 /// std::logic_error.
-namespace robot {
+namespace tachless::robot {
 
 /// M(q) a + C(q,v) v + g(q) [N m; N] (paper, eq. 2), rotor inertia included.
 /// @param q [rad; m]  @param v [rad/s; m/s]  @param a [rad/s2; m/s2]
@@ -54,4 +54,4 @@ MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
 TACHLESS_INVERSE_DYNAMICS(extern, double)
 TACHLESS_INVERSE_DYNAMICS(extern, Jet2)
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -7,7 +7,7 @@
 
 #include "robot/quantities.h"
 
-namespace robot {
+namespace tachless::robot {
 
 /// Second-order truncated Taylor arithmetic in time: a value with its first and second time
 /// derivative (the derivatives themselves, not Taylor coefficients). What a templated formula
@@ -169,15 +169,15 @@ inline std::ostream& operator<<(std::ostream& out, const Jet2& x) {
   return out << '{' << x.value << ", " << x.first << ", " << x.second << '}';
 }
 
-}  // namespace robot
+}  // namespace tachless::robot
 
 namespace Eigen {
 
 template <>
-struct NumTraits<robot::Jet2> : GenericNumTraits<double> {
-  using Real = robot::Jet2;
-  using NonInteger = robot::Jet2;
-  using Nested = robot::Jet2;
+struct NumTraits<tachless::robot::Jet2> : GenericNumTraits<double> {
+  using Real = tachless::robot::Jet2;
+  using NonInteger = tachless::robot::Jet2;
+  using Nested = tachless::robot::Jet2;
   using Literal = double;
   static Real epsilon() { return NumTraits<double>::epsilon(); }
   static Real dummy_precision() { return NumTraits<double>::dummy_precision(); }
@@ -196,17 +196,17 @@ struct NumTraits<robot::Jet2> : GenericNumTraits<double> {
 };
 
 template <class BinaryOp>
-struct ScalarBinaryOpTraits<robot::Jet2, double, BinaryOp> {
-  using ReturnType = robot::Jet2;
+struct ScalarBinaryOpTraits<tachless::robot::Jet2, double, BinaryOp> {
+  using ReturnType = tachless::robot::Jet2;
 };
 template <class BinaryOp>
-struct ScalarBinaryOpTraits<double, robot::Jet2, BinaryOp> {
-  using ReturnType = robot::Jet2;
+struct ScalarBinaryOpTraits<double, tachless::robot::Jet2, BinaryOp> {
+  using ReturnType = tachless::robot::Jet2;
 };
 
 }  // namespace Eigen
 
-namespace robot {
+namespace tachless::robot {
 
 using JetVector = VectorOf<Jet2>;
 
@@ -233,4 +233,4 @@ inline Vector second_derivative(const JetVector& x) {
   return out;
 }
 
-}  // namespace robot
+}  // namespace tachless::robot

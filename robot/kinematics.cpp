@@ -2,7 +2,7 @@
 
 #include <stdexcept>
 
-namespace robot {
+namespace tachless::robot {
 
 void require_size(const Model& model, Eigen::Index size, const char* what) {
   if (size != model.num_joints) {
@@ -41,4 +41,4 @@ template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf<Jet2>&
 template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);
 template Pose<Jet2> frame_pose(const Model&, const std::string&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

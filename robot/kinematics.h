@@ -7,7 +7,7 @@
 #include "robot/model.h"
 
 /// Forward kinematics, templated on the scalar (double or Jet2).
-namespace robot {
+namespace tachless::robot {
 
 template <class Scalar>
 using Vector3Of = Eigen::Matrix<Scalar, 3, 1>;
@@ -83,4 +83,4 @@ extern template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf
 extern template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);
 extern template Pose<Jet2> frame_pose(const Model&, const std::string&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -4,7 +4,7 @@
 
 #include "robot/kinematics.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 /// A body with all that hangs on it, frozen; about and in the body's frame.
@@ -105,4 +105,4 @@ MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
 template MatrixOf<double> mass_matrix(const Model&, const VectorOf<double>&);
 template MatrixOf<Jet2> mass_matrix(const Model&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

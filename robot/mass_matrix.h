@@ -3,7 +3,7 @@
 #include "robot/jet.h"
 #include "robot/model.h"
 
-namespace robot {
+namespace tachless::robot {
 
 /// M(q) [kg m2; kg m; kg] by composite bodies, rotor inertia on the diagonal included. Symmetric
 /// to the last bit. Scalars: double and Jet2. Nothing is allocated.
@@ -14,4 +14,4 @@ MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q);
 extern template MatrixOf<double> mass_matrix(const Model&, const VectorOf<double>&);
 extern template MatrixOf<Jet2> mass_matrix(const Model&, const VectorOf<Jet2>&);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -5,7 +5,7 @@
 #include <locale>
 #include <sstream>
 
-namespace robot {
+namespace tachless::robot {
 
 MassProperties combine(const MassProperties& a, const MassProperties& b) {
   if (a.mass == 0) return b;  // exactly: no rounding where nothing is added
@@ -46,4 +46,4 @@ std::string why_not_physical(const MassProperties& body) {
   return out.str();
 }
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <string>
 
-namespace robot {
+namespace tachless::robot {
 
 /// Mass, centre of mass and inertia of something rigid, in one frame.
 struct MassProperties {
@@ -19,4 +19,4 @@ MassProperties combine(const MassProperties& a, const MassProperties& b);
 /// the remedy. Allowed for rounding in what people print: 1e-6 of the largest principal moment.
 std::string why_not_physical(const MassProperties& body);
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -7,7 +7,7 @@
 
 #include "robot/mass_properties.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 /// How far a frame is from the root: moving joints, then metres along the joints' origins.
@@ -80,4 +80,4 @@ Model with_payload(Model model, double mass, const std::string& link) {
   return model;
 }
 
-}  // namespace robot
+}  // namespace tachless::robot

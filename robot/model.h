@@ -8,7 +8,7 @@
 
 #include "robot/quantities.h"
 
-namespace robot {
+namespace tachless::robot {
 
 enum class JointType { revolute, prismatic };
 
@@ -83,4 +83,4 @@ Model model_from_urdf(const std::string& text, const std::string& source);
 /// it does not move, or the default is ambiguous.
 Model with_payload(Model model, double mass, const std::string& link = {});
 
-}  // namespace robot
+}  // namespace tachless::robot

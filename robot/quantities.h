@@ -4,7 +4,7 @@
 
 /// Vocabulary shared by every room. This header and robot/model.h stay C++17-clean: the Simbody
 /// translation unit includes them.
-namespace robot {
+namespace tachless::robot {
 
 /// Most joints a robot may have. Vectors and matrices reserve room for that many in place, so
 /// that nothing allocates once a run has begun.
@@ -19,4 +19,4 @@ using MatrixOf =
 using Vector = VectorOf<double>;
 using Matrix = MatrixOf<double>;
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -19,7 +19,7 @@
 #include "robot/mass_properties.h"
 #include "robot/model.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 /// Composes "<source>: <thing> '<name>': <problem>" and throws it, on one line.
@@ -486,4 +486,4 @@ Model model_from_urdf(const std::string& text, const std::string& source) {
   return Loader(text, source).load();
 }
 
-}  // namespace robot
+}  // namespace tachless::robot

@@ -9,15 +9,15 @@
 #include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
 
-namespace study {
+namespace tachless::study {
 namespace {
 
-app::Failure protective_stop(std::int64_t tick, const std::string& cause) {
-  return {app::ExitCode::protective_stop, "tick " + std::to_string(tick) + ": " + cause};
+diagnostics::Failure protective_stop(std::int64_t tick, const std::string& cause) {
+  return {diagnostics::ExitCode::protective_stop, "tick " + std::to_string(tick) + ": " + cause};
 }
 
 template <class L>
-plant::ArmState run(const app::Scenario& scenario, const L& law,
+plant::ArmState run(const experiment::Scenario& scenario, const L& law,
                     const std::function<bool(const TickRecord&)>& on_tick) {
   using Measurement = typename L::Measurement;
   const robot::Model model = plant::plant_model(scenario);
@@ -63,10 +63,10 @@ plant::ArmState run(const app::Scenario& scenario, const L& law,
 
 }  // namespace
 
-plant::ArmState run_in_process(const app::Scenario& scenario,
+plant::ArmState run_in_process(const experiment::Scenario& scenario,
                                const std::function<bool(const TickRecord&)>& on_tick) {
   return controller::with_law(scenario,
                               [&](const auto& law) { return run(scenario, law, on_tick); });
 }
 
-}  // namespace study
+}  // namespace tachless::study

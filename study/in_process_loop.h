@@ -4,15 +4,15 @@
 #include <functional>
 #include <variant>
 
-#include "app/scenario.h"
+#include "experiment/scenario.h"
+#include "loop/signals.h"
 #include "plant/arm.h"
 #include "plant/drive.h"
-#include "robot/signals.h"
 
-namespace study {
+namespace tachless::study {
 
-using AnyMeasurement = std::variant<robot::PositionMeasurement, robot::MotorPositionMeasurement,
-                                    robot::LinkStateMeasurement, robot::StateMeasurement>;
+using AnyMeasurement = std::variant<loop::PositionMeasurement, loop::MotorPositionMeasurement,
+                                    loop::LinkStateMeasurement, loop::StateMeasurement>;
 
 /// All that happened in one tick.
 struct TickRecord {
@@ -20,9 +20,9 @@ struct TickRecord {
   double time_s = 0;      ///< tick times period
   plant::ArmState truth;  ///< exact state at time_s
   AnyMeasurement measurement;
-  robot::ReferencePoint reference;
-  robot::TorqueCommand command;
-  robot::ControllerState controller;
+  loop::ReferencePoint reference;
+  loop::TorqueCommand command;
+  loop::ControllerState controller;
   plant::AppliedTorque applied;  ///< over this tick: delayed and limited
 };
 
@@ -32,9 +32,10 @@ struct TickRecord {
 ///
 /// Calls `on_tick` for ticks 0 to num_ticks - 1, with a record that is valid during the call; the
 /// run ends early when it returns false. Returns the state at the end of the last tick run.
-/// @throw app::Failure(bad_usage) for a scenario that makes no sense, app::Failure(protective_stop)
-/// naming tick and cause when a torque is not finite or the plant cannot be integrated on.
-plant::ArmState run_in_process(const app::Scenario& scenario,
+/// @throw diagnostics::Failure(bad_usage) for a scenario that makes no sense,
+/// diagnostics::Failure(protective_stop) naming tick and cause when a torque is not finite or the
+/// plant cannot be integrated on.
+plant::ArmState run_in_process(const experiment::Scenario& scenario,
                                const std::function<bool(const TickRecord&)>& on_tick);
 
-}  // namespace study
+}  // namespace tachless::study

@@ -4,17 +4,17 @@
 
 #include "bus/codec.h"
 
-namespace bus {
+namespace tachless::bus {
 
-bool truth::all_finite(const PlantTruth& value) {
+bool all_finite(const loop::truth::PlantTruth& value) {
   return value.q.allFinite() && value.v.allFinite() && value.theta.allFinite() &&
          value.thetadot.allFinite() && value.tau.allFinite();
 }
 
 template <>
-struct Translation<truth::PlantTruth> {
+struct Translation<loop::truth::PlantTruth> {
   using Message = tachless_truth::plant_truth_t;
-  static MessageShape shape(const Layout& layout) {
+  static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     using Kind = Field::Kind;
     const int n = layout.num_joints;
@@ -26,7 +26,7 @@ struct Translation<truth::PlantTruth> {
              {Kind::boolean, n},
              {Kind::int8}}};
   }
-  static void size(const Layout& layout, Message& message) {
+  static void size(const loop::Layout& layout, Message& message) {
     message.num_joints = layout.num_joints;
     message.num_motors = layout.num_motors;
     message.position.resize(layout.num_joints);
@@ -36,7 +36,8 @@ struct Translation<truth::PlantTruth> {
     message.torque.resize(layout.num_joints);
     message.saturated.resize(layout.num_joints);
   }
-  static void write(const truth::PlantTruth& value, const Layout& layout, Message& message) {
+  static void write(const loop::truth::PlantTruth& value, const loop::Layout& layout,
+                    Message& message) {
     put(value.q, layout.num_joints, "q", message.position);
     put(value.v, layout.num_joints, "v", message.velocity);
     put(value.theta, layout.num_motors, "theta", message.motor_position);
@@ -47,10 +48,10 @@ struct Translation<truth::PlantTruth> {
     if (check(message) != Rejection::none) throw std::logic_error("bus::Codec: no such fault");
   }
   static Rejection check(const Message& message) {
-    const auto last = static_cast<std::int8_t>(truth::DriveFault::protective_stop);
+    const auto last = static_cast<std::int8_t>(loop::truth::DriveFault::protective_stop);
     return message.fault >= 0 && message.fault <= last ? Rejection::none : Rejection::bad_value;
   }
-  static void read(const Message& message, truth::PlantTruth& value) {
+  static void read(const Message& message, loop::truth::PlantTruth& value) {
     get(message.position, value.q);
     get(message.velocity, value.v);
     get(message.motor_position, value.theta);
@@ -58,10 +59,10 @@ struct Translation<truth::PlantTruth> {
     get(message.torque, value.tau);
     value.saturated.fill(false);
     for (int i = 0; i < message.num_joints; ++i) value.saturated[i] = message.saturated[i] != 0;
-    value.fault = static_cast<truth::DriveFault>(message.fault);
+    value.fault = static_cast<loop::truth::DriveFault>(message.fault);
   }
 };
 
-template class Codec<truth::PlantTruth>;
+template class Codec<loop::truth::PlantTruth>;
 
-}  // namespace bus
+}  // namespace tachless::bus

@@ -1,22 +1,23 @@
 #pragma once
 
-#include "bus/truth/plant_truth.h"
 #include "bus/wire.h"
+#include "loop/truth/plant_truth.h"
 
-/// Ground truth on the wire: `Codec<truth::PlantTruth>`. A target of its own; no target of
+/// Ground truth on the wire: `Codec<loop::truth::PlantTruth>`. A target of its own; no target of
 /// controller/ links to it.
-namespace bus {
-
-namespace truth {
-/// True when no number in the value is NaN or infinite.
-bool all_finite(const PlantTruth& value);
-}  // namespace truth
+namespace tachless {
 
 template <>
-struct ChannelOf<truth::PlantTruth> {
+struct loop::ChannelOf<loop::truth::PlantTruth> {
   static constexpr std::string_view suffix = "TRUTH";
 };
 
-extern template class Codec<truth::PlantTruth>;
+namespace bus {
+
+/// True when no number in the value is NaN or infinite.
+bool all_finite(const loop::truth::PlantTruth& value);
+
+extern template class Codec<loop::truth::PlantTruth>;
 
 }  // namespace bus
+}  // namespace tachless

@@ -5,7 +5,7 @@
 
 #include "robot/quantities.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// How the continuous filter is carried over to sampled positions. Each is of the form
 /// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}).
@@ -101,4 +101,4 @@ class Filter {
   FilterStart start_;
 };
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

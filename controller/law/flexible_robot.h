@@ -3,7 +3,7 @@
 #include "robot/model.h"
 #include "robot/quantities.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// What a law knows of a robot with motors behind springs (paper, eq. 1; Spong's simplified
 /// model): M_l(q) vdot + C(q,v) v + g(q) = K (theta - q), J thetaddot + K (theta - q) = tau.
@@ -20,4 +20,4 @@ struct FlexibleRobot {
   }
 };
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -10,7 +10,7 @@
 #include "controller/law/settings.h"
 #include "robot/inverse_dynamics.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Regulation of a robot with flexible joints from motor positions alone: R. Kelly, R. Ortega,
 /// A. Ailon and A. Loria, "Global regulation of flexible joint robots using approximate
@@ -30,7 +30,7 @@ class KellyFlexible {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = FlexibleRobot;
-  using Measurement = robot::MotorPositionMeasurement;
+  using Measurement = loop::MotorPositionMeasurement;
   using Memory = Filter::Memory;
 
   struct Gains {
@@ -49,12 +49,12 @@ class KellyFlexible {
         filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s) {}
 
   [[nodiscard]] Memory start(const Measurement& measurement,
-                             const robot::ReferencePoint& reference) const {
+                             const loop::ReferencePoint& reference) const {
     return filter_.start(measurement.theta - theta_ref(reference, gravity(reference)));
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector g = gravity(reference);
     const robot::Vector e = measurement.theta - theta_ref(reference, g);
     Step<Memory> result{filter_.step(memory, e), {}, {}};
@@ -67,11 +67,11 @@ class KellyFlexible {
   }
 
  private:
-  [[nodiscard]] robot::Vector gravity(const robot::ReferencePoint& reference) const {
+  [[nodiscard]] robot::Vector gravity(const loop::ReferencePoint& reference) const {
     return robot::gravity_torque(robot_.links, reference.q_ref);
   }
 
-  [[nodiscard]] robot::Vector theta_ref(const robot::ReferencePoint& reference,
+  [[nodiscard]] robot::Vector theta_ref(const loop::ReferencePoint& reference,
                                         const robot::Vector& g) const {
     return reference.q_ref + g.cwiseQuotient(robot_.stiffness);
   }
@@ -83,4 +83,4 @@ class KellyFlexible {
 
 static_assert(OutputFeedbackLaw<KellyFlexible>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -10,7 +10,7 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/model.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Regulation of a rigid robot from link positions alone: R. Kelly, R. Ortega, A. Ailon and
 /// A. Loria, "Global regulation of flexible joint robots using approximate differentiation", IEEE
@@ -30,7 +30,7 @@ class KellyRegulation {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;
-  using Measurement = robot::PositionMeasurement;
+  using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
 
   struct Gains {
@@ -49,12 +49,12 @@ class KellyRegulation {
         filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s) {}
 
   [[nodiscard]] Memory start(const Measurement& measurement,
-                             const robot::ReferencePoint& reference) const {
+                             const loop::ReferencePoint& reference) const {
     return filter_.start(measurement.q - reference.q_ref);
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector e = measurement.q - reference.q_ref;
     Step<Memory> result{filter_.step(memory, e), {}, {}};
     const robot::Vector& nu = result.memory.nu;
@@ -74,4 +74,4 @@ class KellyRegulation {
 
 static_assert(OutputFeedbackLaw<KellyRegulation>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

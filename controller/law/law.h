@@ -3,16 +3,16 @@
 #include <concepts>
 #include <string_view>
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// What one step of a law returns: its next memory, its command, and what it wants logged.
 template <class Memory>
 struct Step {
   Memory memory;
-  robot::TorqueCommand command;
-  robot::ControllerState state;
+  loop::TorqueCommand command;
+  loop::ControllerState state;
 };
 
 /// A law is a value: gains and model are constants, its memory is a value that the node keeps.
@@ -21,7 +21,7 @@ struct Step {
 template <class L>
 concept Law = requires(const L& law, const typename L::Memory& memory,
                        const typename L::Measurement& measurement,
-                       const robot::ReferencePoint& reference) {
+                       const loop::ReferencePoint& reference) {
   { L::name } -> std::convertible_to<std::string_view>;
   { L::num_filters } -> std::convertible_to<int>;
   { law.start(measurement, reference) } -> std::same_as<typename L::Memory>;
@@ -30,10 +30,10 @@ concept Law = requires(const L& law, const typename L::Memory& memory,
 
 /// Lock on velocity: the measurement is exactly a type that holds positions and nothing else.
 template <class Measurement>
-concept PositionOnly = std::same_as<Measurement, robot::PositionMeasurement> ||
-    std::same_as<Measurement, robot::MotorPositionMeasurement>;
+concept PositionOnly = std::same_as<Measurement, loop::PositionMeasurement> ||
+    std::same_as<Measurement, loop::MotorPositionMeasurement>;
 
 template <class L>
 concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -12,7 +12,7 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Tracking of a robot with flexible joints without link jerk: A. Loria and R. Ortega, "On
 /// tracking control of rigid and flexible joint robots", Appl. Math. and Comp. Sci. 5(2), 1995,
@@ -38,7 +38,7 @@ class LoriaOrtegaFlexible {
   static constexpr bool has_feedforward_lead = false;
 
   using Robot = FlexibleRobot;
-  using Measurement = robot::LinkStateMeasurement;
+  using Measurement = loop::LinkStateMeasurement;
   struct Memory {
     Filter::Memory link;
     Filter::Memory motor;
@@ -80,7 +80,7 @@ class LoriaOrtegaFlexible {
                       settings.period_s) {}
 
   [[nodiscard]] Memory start(const Measurement& measurement,
-                             const robot::ReferencePoint& reference) const {
+                             const loop::ReferencePoint& reference) const {
     const robot::Vector e1 = measurement.q - reference.q_ref;
     const Filter::Memory link = link_filter_.start(e1);
     const MotorReference motor =
@@ -89,7 +89,7 @@ class LoriaOrtegaFlexible {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector e1 = measurement.q - reference.q_ref;
     Step<Memory> result;
     result.memory.link = link_filter_.step(memory.link, e1);
@@ -108,7 +108,7 @@ class LoriaOrtegaFlexible {
 
   /// Eq. 10 and its second time derivative, with nu1 [rad/s] the link filter's output.
   [[nodiscard]] MotorReference motor_reference(const Measurement& measurement,
-                                               const robot::ReferencePoint& reference,
+                                               const loop::ReferencePoint& reference,
                                                const robot::Vector& nu1) const {
     const robot::Vector& q = measurement.q;
     const robot::Vector& v = measurement.v;
@@ -144,6 +144,6 @@ class LoriaOrtegaFlexible {
 };
 
 static_assert(Law<LoriaOrtegaFlexible>);
-static_assert(std::same_as<LoriaOrtegaFlexible::Measurement, robot::LinkStateMeasurement>);
+static_assert(std::same_as<LoriaOrtegaFlexible::Measurement, loop::LinkStateMeasurement>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -11,7 +11,7 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/model.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Tracking of a rigid robot from link positions alone: A. Loria and R. Ortega, "On tracking
 /// control of rigid and flexible joint robots", Appl. Math. and Comp. Sci. 5(2), 1995, eq. 4-5,
@@ -31,7 +31,7 @@ class LoriaOrtegaRigid {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
-  using Measurement = robot::PositionMeasurement;
+  using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
 
   struct Gains {
@@ -51,12 +51,12 @@ class LoriaOrtegaRigid {
         lead_s_(settings.feedforward_lead_s) {}
 
   [[nodiscard]] Memory start(const Measurement& measurement,
-                             const robot::ReferencePoint& reference) const {
+                             const loop::ReferencePoint& reference) const {
     return filter_.start(measurement.q - reference.q_ref);
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector e = measurement.q - reference.q_ref;
     Step<Memory> result{filter_.step(memory, e), {}, {}};
     const robot::Vector& nu = result.memory.nu;
@@ -78,4 +78,4 @@ class LoriaOrtegaRigid {
 
 static_assert(OutputFeedbackLaw<LoriaOrtegaRigid>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -5,7 +5,7 @@
 #include "controller/law/filter.h"
 #include "robot/quantities.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// What does not belong to one law: sampling.
 struct Settings {
@@ -23,4 +23,4 @@ struct GainName {
   robot::Vector Gains::*value;
 };
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

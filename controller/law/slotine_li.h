@@ -10,7 +10,7 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/model.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Tracking of a rigid robot with measured velocity and known parameters: J.-J. E. Slotine and
 /// W. Li, "Adaptive manipulator control: a case study", IEEE Trans. Automatic Control 33(11), 1988,
@@ -29,7 +29,7 @@ class SlotineLi {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
-  using Measurement = robot::StateMeasurement;
+  using Measurement = loop::StateMeasurement;
   struct Memory {};
 
   struct Gains {
@@ -44,12 +44,12 @@ class SlotineLi {
       : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}
 
   [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const robot::ReferencePoint& /*reference*/) const {
+                             const loop::ReferencePoint& /*reference*/) const {
     return {};
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector e = measurement.q - reference.q_ref;
     const robot::Vector edot = measurement.v - reference.v_ref;
     const robot::Vector s = edot + gains_.lambda.cwiseProduct(e);
@@ -75,4 +75,4 @@ class SlotineLi {
 static_assert(Law<SlotineLi>);
 static_assert(!OutputFeedbackLaw<SlotineLi>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -12,7 +12,7 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Tracking of a robot with flexible joints with the full state and link jerk: the passivity-based
 /// law of Lozano and Brogliato (1992-1995), in the form implemented here,
@@ -34,7 +34,7 @@ class SlotineLiFlexible {
   static constexpr bool has_feedforward_lead = false;
 
   using Robot = FlexibleRobot;
-  using Measurement = robot::StateMeasurement;
+  using Measurement = loop::StateMeasurement;
   struct Memory {};
 
   struct Gains {
@@ -56,12 +56,12 @@ class SlotineLiFlexible {
   }
 
   [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const robot::ReferencePoint& /*reference*/) const {
+                             const loop::ReferencePoint& /*reference*/) const {
     return {};
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector& v = measurement.v;
     const robot::JetVector theta_ref = motor_reference(measurement, reference);
     const robot::Vector e2 = measurement.theta - robot::value(theta_ref);
@@ -98,7 +98,7 @@ class SlotineLiFlexible {
 
   /// theta_ref [rad] with its first and second time derivative.
   [[nodiscard]] robot::JetVector motor_reference(const Measurement& measurement,
-                                                 const robot::ReferencePoint& reference) const {
+                                                 const loop::ReferencePoint& reference) const {
     const robot::Vector& q = measurement.q;
     const robot::Vector& v = measurement.v;
     const robot::Vector vdot =
@@ -132,4 +132,4 @@ class SlotineLiFlexible {
 static_assert(Law<SlotineLiFlexible>);
 static_assert(!OutputFeedbackLaw<SlotineLiFlexible>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

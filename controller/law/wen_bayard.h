@@ -10,7 +10,7 @@
 #include "robot/inverse_dynamics.h"
 #include "robot/model.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 
 /// Tracking of a rigid robot with measured velocity: J. T. Wen and D. S. Bayard, "New class of
 /// control laws for robotic manipulators", Int. J. of Control 47(5), 1988, eq. 4.2,
@@ -30,7 +30,7 @@ class WenBayard {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
-  using Measurement = robot::StateMeasurement;
+  using Measurement = loop::StateMeasurement;
   struct Memory {};
 
   struct Gains {
@@ -44,12 +44,12 @@ class WenBayard {
       : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}
 
   [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const robot::ReferencePoint& /*reference*/) const {
+                             const loop::ReferencePoint& /*reference*/) const {
     return {};
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
-                                  const robot::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference) const {
     const robot::Vector e = measurement.q - reference.q_ref;
     const robot::Vector edot = measurement.v - reference.v_ref;
     const Feedforward ahead = feedforward_ahead(reference, lead_s_);
@@ -71,4 +71,4 @@ class WenBayard {
 static_assert(Law<WenBayard>);
 static_assert(!OutputFeedbackLaw<WenBayard>);
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

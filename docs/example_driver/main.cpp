@@ -2,12 +2,14 @@
 
 #include <chrono>
 
-#include "app/process_options.h"
-#include "app/take_part.h"
 #include "docs/example_driver/rig.h"
+#include "node/process_options.h"
+#include "node/take_part.h"
 #include "plant/node.h"
 #include "plant/plant_model.h"
 #include "plant/robot_driver.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -22,8 +24,8 @@ class RigDriver final : public plant::RobotDriver {
 
   plant::ArmState read() override {
     if (rig_.watchdog_has_tripped()) {
-      throw app::Failure(app::ExitCode::protective_stop,
-                         "the rig's drives had no torque for 100 ms and have braked");
+      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
+                                 "the rig's drives had no torque for 100 ms and have braked");
     }
     const auto now = std::chrono::steady_clock::now();
     plant::ArmState state;
@@ -50,9 +52,9 @@ class RigDriver final : public plant::RobotDriver {
 }  // namespace
 
 int main(int argc, char** argv) {
-  constexpr auto role = bus::Role::plant;
-  return app::run_process(role, argc, argv, [](const app::ProcessOptions& options) {
-    return app::take_part(role, options, [](const auto& scenario, auto& transport, auto& session) {
+  constexpr auto role = loop::Role::plant;
+  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
+    return node::take_part(role, options, [](const auto& scenario, auto& transport, auto& session) {
       example_driver::Rig rig(plant::plant_model(scenario));
       RigDriver driver(rig);
       plant::run_driver(scenario, transport, session, driver);

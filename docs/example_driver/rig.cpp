@@ -6,7 +6,7 @@
 
 #include "robot/forward_dynamics.h"
 
-namespace example_driver {
+namespace tachless::example_driver {
 namespace {
 
 constexpr double step_s = 1e-4;
@@ -68,4 +68,4 @@ bool Rig::watchdog_has_tripped() {
   return tripped_;
 }
 
-}  // namespace example_driver
+}  // namespace tachless::example_driver

@@ -4,15 +4,15 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "app/options.h"
 #include "launch/checkup.h"
 #include "launch/verb.h"
+#include "node/options.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 struct Options {
-  std::string lcm_url = app::default_lcm_url;
+  std::string lcm_url = node::default_lcm_url;
   bool json = false;
 };
 
@@ -40,7 +40,7 @@ void print_json(const std::vector<Finding>& findings) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  app::add_lcm_url(command, options->lcm_url);
+  node::add_lcm_url(command, options->lcm_url);
   command.add_flag("--json", options->json, "As JSON");
   return [options] {
     const std::vector<Finding> findings = check_up(options->lcm_url, ".");
@@ -51,7 +51,7 @@ Verb::Action declare(CLI::App& command) {
     }
     const bool well = std::all_of(findings.begin(), findings.end(),
                                   [](const Finding& finding) { return finding.ok; });
-    return well ? app::ExitCode::done : app::ExitCode::check_said_no;
+    return well ? diagnostics::ExitCode::done : diagnostics::ExitCode::check_said_no;
   };
 }
 
@@ -65,4 +65,4 @@ const Verb doctor = {"doctor", "Is this machine fit? Each line says ok, or what 
                      "Exit code 0 when all is well, 1 when a line says what to type.",
                      declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

@@ -5,7 +5,7 @@
 #include "launch/verb.h"
 #include "logger/export.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 struct Options {
@@ -15,13 +15,13 @@ struct Options {
   bool force = false;
 };
 
-app::ExitCode export_to(const Options& options) {
+diagnostics::ExitCode export_to(const Options& options) {
   const logger::ExportFormat format = logger::export_format_of(options.out);
   logger::RunLog log = logger::RunLog::open(
       options.log, options.run == 0 ? std::nullopt : std::optional(options.run));
   const logger::ExportResult result = logger::export_run(log, options.out, format, options.force);
   std::cout << options.out.string() << ": " << result.text() << "\n";
-  return app::ExitCode::done;
+  return diagnostics::ExitCode::done;
 }
 
 Verb::Action declare(CLI::App& command) {
@@ -41,4 +41,4 @@ const Verb export_log = {"export", "A run as a table for other programs: one row
                          "  tachless export out/paper_rigid/lcmlog -o run.h5 --force",
                          declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

@@ -6,7 +6,7 @@
 
 #include "launch/verb.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 struct Options {
@@ -21,7 +21,7 @@ Verb::Action declare(CLI::App& command) {
   return [options] {
     const logger::LogInfo info = logger::read_info(options->log);
     std::cout << (options->json ? logger::to_json(info).dump(2) + "\n" : logger::to_text(info));
-    return app::ExitCode::done;
+    return diagnostics::ExitCode::done;
   };
 }
 
@@ -33,4 +33,4 @@ const Verb info = {"info", "What is in a log: channels, rates, the run's facts, 
                    "  tachless info lcmlog-2024-05-01.00 --json",
                    declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

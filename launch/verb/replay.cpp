@@ -1,4 +1,4 @@
-#include "launch/replay.h"
+#include "replay/replay.h"
 
 #include <chrono>
 #include <cstdio>
@@ -6,14 +6,14 @@
 #include <memory>
 #include <optional>
 
-#include "app/logging.h"
 #include "controller/catalogue.h"
-#include "launch/gnuplot.h"
-#include "launch/joint_units.h"
+#include "diagnostics/logging.h"
 #include "launch/verb.h"
-#include "launch/what_if.h"
+#include "replay/what_if.h"
+#include "report/gnuplot.h"
+#include "report/joint_units.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 struct Options {
@@ -33,7 +33,8 @@ std::string with_unit(double value, const std::string& unit) {
   return text;
 }
 
-std::string describe(const Mismatch& first, double period_s, const JointUnits& units) {
+std::string describe(const replay::Mismatch& first, double period_s,
+                     const report::JointUnits& units) {
   const std::string& unit = units.effort[static_cast<std::size_t>(first.joint)];
   char text[128];
   std::snprintf(text, sizeof text,
@@ -49,7 +50,7 @@ std::string describe(const Mismatch& first, double period_s, const JointUnits& u
 }
 
 /// What hinders a full verdict; empty when nothing does.
-std::string gap(const Replay& replay, const logger::RunLog& log) {
+std::string gap(const replay::Replay& replay, const logger::RunLog& log) {
   if (!replay.stopped_by.empty()) {
     return "cannot verify beyond " +
            (replay.compared > 0 ? "tick " + std::to_string(replay.last_compared) : "the start") +
@@ -66,10 +67,10 @@ std::string gap(const Replay& replay, const logger::RunLog& log) {
 
 void tell_damage(const logger::RunLog& log) {
   if (!log.damage().any()) return;
-  app::log_warning(log.path().string() +
-                   " is damaged: " + std::to_string(log.damage().bytes_skipped) + " bytes at " +
-                   std::to_string(log.damage().stretches) +
-                   " places are no events; see tachless info");
+  diagnostics::log_warning(log.path().string() +
+                           " is damaged: " + std::to_string(log.damage().bytes_skipped) +
+                           " bytes at " + std::to_string(log.damage().stretches) +
+                           " places are no events; see tachless info");
 }
 
 /// Of the keys of a scenario, those that a controller's commands depend on.
@@ -79,16 +80,18 @@ void require_of_controller(const std::vector<std::string>& overrides) {
         setting.starts_with("loop.command_delay")) {
       continue;
     }
-    throw app::Failure(app::ExitCode::bad_usage,
-                       "--set " + setting +
-                           ": has no effect on a replay, which takes measurements and references "
-                           "from the log; allowed: controller.…, robot.…, loop.command_delay");
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        "--set " + setting +
+            ": has no effect on a replay, which takes measurements and references "
+            "from the log; allowed: controller.…, robot.…, loop.command_delay");
   }
 }
 
-app::ExitCode verdict(const Options& options, logger::RunLog& log, const JointUnits& units) {
+diagnostics::ExitCode verdict(const Options& options, logger::RunLog& log,
+                              const report::JointUnits& units) {
   const auto begun = std::chrono::steady_clock::now();
-  const Replay result = launch::replay(log, log.scenario());
+  const replay::Replay result = replay::replay(log, log.scenario());
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   const double period_s = log.info().period_s;
@@ -105,16 +108,16 @@ app::ExitCode verdict(const Options& options, logger::RunLog& log, const JointUn
     std::cout << json.dump(2) << "\n";
   }
   if (result.different != 0) {
-    app::log_error(log.path().string() + ": " + std::to_string(result.different) + " of " +
-                   std::to_string(result.compared) + " commands differ, " +
-                   describe(*result.first, period_s, units) +
-                   (hindrance.empty() ? "" : "; " + hindrance));
-    return app::ExitCode::check_said_no;
+    diagnostics::log_error(log.path().string() + ": " + std::to_string(result.different) + " of " +
+                           std::to_string(result.compared) + " commands differ, " +
+                           describe(*result.first, period_s, units) +
+                           (hindrance.empty() ? "" : "; " + hindrance));
+    return diagnostics::ExitCode::check_said_no;
   }
   if (!hindrance.empty()) {
-    app::log_error(log.path().string() + ": " + hindrance + "; the " +
-                   std::to_string(result.compared) + " commands verified are the same");
-    return app::ExitCode::check_said_no;
+    diagnostics::log_error(log.path().string() + ": " + hindrance + "; the " +
+                           std::to_string(result.compared) + " commands verified are the same");
+    return diagnostics::ExitCode::check_said_no;
   }
   if (!options.json) {
     std::printf("%s: run %lld, law %s\n", log.path().c_str(), static_cast<long long>(log.run()),
@@ -131,16 +134,17 @@ app::ExitCode verdict(const Options& options, logger::RunLog& log, const JointUn
     std::printf("\n%.4g s of the robot's time in %.3g s: %.0f times as fast\n", recorded_s, wall_s,
                 recorded_s / wall_s);
   }
-  return app::ExitCode::done;
+  return diagnostics::ExitCode::done;
 }
 
-app::ExitCode what_if(const Options& options, logger::RunLog& log, const JointUnits& units) {
+diagnostics::ExitCode what_if(const Options& options, logger::RunLog& log,
+                              const report::JointUnits& units) {
   require_of_controller(options.overrides);
   std::vector<std::string> overrides = options.overrides;
   if (!options.law.empty()) overrides.push_back("controller.law=" + options.law);
-  const app::Scenario scenario =
-      app::parse_scenario(log.info().scenario, log.info().robot_description,
-                          log.path().string() + " (RUN_INFO)", overrides);
+  const experiment::Scenario scenario =
+      experiment::parse_scenario(log.info().scenario, log.info().robot_description,
+                                 log.path().string() + " (RUN_INFO)", overrides);
   const double period_s = log.info().period_s;
   const std::filesystem::path out = options.out.empty() ? log.path().parent_path() : options.out;
   std::error_code error;
@@ -149,8 +153,8 @@ app::ExitCode what_if(const Options& options, logger::RunLog& log, const JointUn
   const std::filesystem::path svg = out / "replay.svg";
 
   controller::with_law(scenario, [](const auto& /*law*/) {});  // complains before files are made
-  WhatIf comparison(csv, period_s, units.effort);
-  const Replay result = launch::replay(
+  replay::WhatIf comparison(csv, period_s, units.effort);
+  const replay::Replay result = replay::replay(
       log, scenario, [&](std::int64_t tick, const auto& recorded, const auto& replayed) {
         comparison.add(tick, recorded, replayed);
       });
@@ -160,10 +164,10 @@ app::ExitCode what_if(const Options& options, logger::RunLog& log, const JointUn
                             (scenario.controller.law == log.scenario().controller.law
                                  ? ", replayed with other settings"
                                  : ", replayed under " + scenario.controller.law);
-  if (result.compared > 0) draw(comparison.figure(title, svg), svg);
+  if (result.compared > 0) report::draw(comparison.figure(title, svg), svg);
   tell_damage(log);
   const std::string hindrance = gap(result, log);
-  if (!hindrance.empty()) app::log_warning(log.path().string() + ": " + hindrance);
+  if (!hindrance.empty()) diagnostics::log_warning(log.path().string() + ": " + hindrance);
 
   if (options.json) {
     nlohmann::ordered_json json = {{"log", log.path().string()},
@@ -175,19 +179,19 @@ app::ExitCode what_if(const Options& options, logger::RunLog& log, const JointUn
     json["figure"] = result.compared > 0 ? nlohmann::json(svg.string()) : nlohmann::json();
     std::cout << json.dump(2) << "\n";
   } else if (result.compared > 0) {
-    std::printf("%s\n%lld ticks, %lld of them with another command\n\n%s\n  %s\n  %s\n",
-                title.c_str(), static_cast<long long>(result.compared),
-                static_cast<long long>(result.different),
-                what_if_table(result, units.effort, period_s).c_str(), svg.c_str(), csv.c_str());
+    std::printf(
+        "%s\n%lld ticks, %lld of them with another command\n\n%s\n  %s\n  %s\n", title.c_str(),
+        static_cast<long long>(result.compared), static_cast<long long>(result.different),
+        replay::what_if_table(result, units.effort, period_s).c_str(), svg.c_str(), csv.c_str());
   }
-  if (result.not_finite) return app::ExitCode::protective_stop;
-  return result.compared > 0 ? app::ExitCode::done : app::ExitCode::check_said_no;
+  if (result.not_finite) return diagnostics::ExitCode::protective_stop;
+  return result.compared > 0 ? diagnostics::ExitCode::done : diagnostics::ExitCode::check_said_no;
 }
 
-app::ExitCode run_replay(const Options& options) {
+diagnostics::ExitCode run_replay(const Options& options) {
   logger::RunLog log = logger::RunLog::open(
       options.log, options.run == 0 ? std::nullopt : std::optional(options.run));
-  const JointUnits units = joint_units(controller::rigid_model(log.scenario()));
+  const report::JointUnits units = report::joint_units(controller::rigid_model(log.scenario()));
   return options.what_if() ? what_if(options, log, units) : verdict(options, log, units);
 }
 
@@ -217,4 +221,4 @@ const Verb replay = {
     "  tachless replay out/practical_rigid/lcmlog --law slotine_li --out out/what_if",
     declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

@@ -1,4 +1,4 @@
-#include "launch/report.h"
+#include "report/report.h"
 
 #include <iostream>
 #include <memory>
@@ -6,7 +6,7 @@
 
 #include "launch/verb.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 struct Options {
@@ -15,18 +15,18 @@ struct Options {
   std::int64_t run = 0;
 };
 
-app::ExitCode report_on(const Options& options) {
-  std::vector<RecordedRun> runs;
+diagnostics::ExitCode report_on(const Options& options) {
+  std::vector<report::RecordedRun> runs;
   for (const auto& log : options.logs) {
-    runs.push_back(
-        read_recorded_run(log, options.run == 0 ? std::nullopt : std::optional(options.run)));
+    runs.push_back(report::read_recorded_run(
+        log, options.run == 0 ? std::nullopt : std::optional(options.run)));
   }
   label(runs);
   const std::filesystem::path out =
       options.out.empty() ? options.logs.front().parent_path() / "report.html" : options.out;
-  write_report(runs, out);
+  report::write_report(runs, out);
   std::cout << out.string() << "\n";
-  return app::ExitCode::done;
+  return diagnostics::ExitCode::done;
 }
 
 Verb::Action declare(CLI::App& command) {
@@ -46,4 +46,4 @@ const Verb report = {"report", "One HTML page with plots; several logs are overl
                      "  tachless report out/a/lcmlog out/b/lcmlog -o compare.html",
                      declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

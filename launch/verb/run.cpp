@@ -14,41 +14,41 @@
 #include <system_error>
 #include <thread>
 
-#include "app/interruption.h"
-#include "app/key_file.h"
-#include "app/logging.h"
-#include "app/options.h"
-#include "app/process_options.h"
-#include "app/scenario.h"
 #include "bus/authenticated.h"
-#include "bus/isolate.h"
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "controller/catalogue.h"
-#include "launch/companion.h"
-#include "launch/figure.h"
-#include "launch/joint_units.h"
-#include "launch/log_tracking.h"
+#include "diagnostics/logging.h"
+#include "experiment/scenario.h"
 #include "launch/progress.h"
-#include "launch/report.h"
-#include "launch/summary.h"
 #include "launch/supervise.h"
 #include "launch/verb.h"
-#include "launch/visualizer.h"
+#include "node/key_file.h"
+#include "node/options.h"
+#include "node/process_options.h"
 #include "plant/plant_model.h"
 #include "plant/realtime_loop.h"
+#include "process/interruption.h"
+#include "process/isolate.h"
+#include "process/side_process.h"
 #include "reference/make_trajectory.h"
+#include "report/figure.h"
+#include "report/joint_units.h"
+#include "report/log_tracking.h"
+#include "report/report.h"
+#include "report/summary.h"
+#include "viewer/visualizer.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
-constexpr std::array roles = {bus::Role::logger, bus::Role::controller, bus::Role::reference,
-                              bus::Role::plant};
+constexpr std::array roles = {loop::Role::logger, loop::Role::controller, loop::Role::reference,
+                              loop::Role::plant};
 // Processes of one launcher meet at once or never.
 constexpr const char* rendezvous_s = "10";
 constexpr double many_integrator_steps = 100;
@@ -62,7 +62,7 @@ struct Options {
   std::vector<std::string> overrides;
   std::string mode;
   std::string duration_s;
-  std::string lcm_url = app::default_lcm_url;
+  std::string lcm_url = node::default_lcm_url;
   std::string key_file;
   std::string restart;
   bool isolate = false;
@@ -79,7 +79,7 @@ struct Options {
 };
 
 /// Everything that a process would refuse later is refused here, before any is started.
-robot::Model validate(const app::Scenario& scenario) {
+robot::Model validate(const experiment::Scenario& scenario) {
   reference::make_trajectory(scenario);
   controller::with_law(scenario, [](const auto& /*law*/) {});
   robot::Model model = plant::plant_model(scenario);
@@ -96,22 +96,22 @@ bool isolation_wanted(const Options& options) {
 
 void isolate() {
   try {
-    bus::enter_private_network();
+    process::enter_private_network();
   } catch (const std::system_error& error) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       std::string("cannot isolate the run: ") + error.what());
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               std::string("cannot isolate the run: ") + error.what());
   }
 }
 
 /// Returns whether the run is isolated.
 bool prepare_network(const Options& options) {
-  const bus::LcmUrl url = app::parse_lcm_url(options.lcm_url);
+  const bus::LcmUrl url = node::parse_lcm_url(options.lcm_url);
   if (isolation_wanted(options)) {
     isolate();
     return true;
   }
   if (const auto problem = bus::check_network(url)) {
-    app::log_warning(
+    diagnostics::log_warning(
         "this host has no usable multicast (" + problem->what +
         "): the run is isolated in a private network; to mend it, type: " + problem->remedy);
     isolate();
@@ -138,7 +138,7 @@ class Directory {
         refuse(std::string(file) + " there cannot be replaced: " + error.message());
       }
     }
-    for (const bus::Role role : roles) fs::remove(counters(role), error);
+    for (const loop::Role role : roles) fs::remove(counters(role), error);
   }
   Directory(const Directory&) = delete;
   Directory& operator=(const Directory&) = delete;
@@ -150,15 +150,16 @@ class Directory {
   [[nodiscard]] fs::path operator/(const std::string& file) const { return path_ / file; }
 
   /// Where a process leaves its counters, until they are in the summary.
-  [[nodiscard]] fs::path counters(bus::Role role) const {
-    return path_ / ("." + std::string(bus::name(role)) + ".json");
+  [[nodiscard]] fs::path counters(loop::Role role) const {
+    return path_ / ("." + std::string(loop::name(role)) + ".json");
   }
 
  private:
   [[noreturn]] void refuse(const std::string& why) {
     if (fd_ >= 0) ::close(fd_);
-    throw app::Failure(app::ExitCode::bad_usage,
-                       "--out " + path_.string() + ": " + why + "; choose another directory");
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        "--out " + path_.string() + ": " + why + "; choose another directory");
   }
 
   fs::path path_;
@@ -179,17 +180,17 @@ std::vector<std::string> command_of(const std::string& program, const Options& o
 
 std::vector<Process> processes(const Options& options, const Directory& out) {
   std::vector<Process> all;
-  for (const bus::Role role : roles) {
-    std::vector<std::string> command = command_of(app::program_name(role), options);
+  for (const loop::Role role : roles) {
+    std::vector<std::string> command = command_of(node::program_name(role), options);
     command.insert(command.end(),
                    {"--quiet", "--wait-s", rendezvous_s, "--stats", out.counters(role).string()});
-    if (role == bus::Role::plant) {
+    if (role == loop::Role::plant) {
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }
-    if (role == bus::Role::logger) {
+    if (role == loop::Role::logger) {
       command.insert(command.end(), {"--out-log", (out / "lcmlog").string()});
     }
-    Process process{std::string(bus::name(role)), std::move(command), {}};
+    Process process{std::string(loop::name(role)), std::move(command), {}};
     if (process.name == options.restart) {
       process.restart = process.command;
       process.restart.insert(process.restart.end(), {"--resume", (out / "lcmlog").string()});
@@ -199,13 +200,14 @@ std::vector<Process> processes(const Options& options, const Directory& out) {
   return all;
 }
 
-void require_restartable(const Options& options, const app::Scenario& scenario) {
+void require_restartable(const Options& options, const experiment::Scenario& scenario) {
   if (options.restart.empty()) return;
-  if (scenario.loop.mode != app::Mode::lockstep) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       "--restart " + options.restart +
-                           ": a realtime run does not wait for another controller: the robot is "
-                           "stopped; leave --restart out, or take --mode lockstep");
+  if (scenario.loop.mode != experiment::Mode::lockstep) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        "--restart " + options.restart +
+            ": a realtime run does not wait for another controller: the robot is "
+            "stopped; leave --restart out, or take --mode lockstep");
   }
   if (scenario.loop.give_up_s < succession_s) {
     char text[160];
@@ -214,7 +216,7 @@ void require_restartable(const Options& options, const app::Scenario& scenario) 
         "--restart %s: loop.give_up_s is %g s; allowed: %g s and more, for so long may it "
         "take until another one has taken its place",
         options.restart.c_str(), scenario.loop.give_up_s, succession_s);
-    throw app::Failure(app::ExitCode::bad_usage, text);
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, text);
   }
 }
 
@@ -222,22 +224,22 @@ void require_restartable(const Options& options, const app::Scenario& scenario) 
 class Heartbeats {
  public:
   Heartbeats(const std::string& lcm_url, const std::optional<bus::Key>& key,
-             const app::Scenario& scenario, std::int64_t run)
+             const experiment::Scenario& scenario, std::int64_t run)
       : transport_(lcm_url),
         codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
         run_(run) {
     if (key) authenticated_.emplace(transport_, *key);
-    transport_.subscribe(bus::channel<bus::Participant>(scenario.robot.channel_prefix));
+    transport_.subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
   }
 
   void read_into(Progress& progress) {
     bus::Transport& heard =
         authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
-    while (const auto datagram = heard.receive(bus::Clock::time_point{})) {
-      bus::Stamp stamp;
-      bus::Participant participant;
+    while (const auto datagram = heard.receive(loop::Clock::time_point{})) {
+      loop::Stamp stamp;
+      loop::Participant participant;
       if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
-          stamp.run == run_ && participant.role == bus::Role::controller) {
+          stamp.run == run_ && participant.role == loop::Role::controller) {
         progress.note(stamp.tick, participant.error_norm, Clock::now());
       }
     }
@@ -246,7 +248,7 @@ class Heartbeats {
  private:
   bus::UdpTransport transport_;
   std::optional<bus::Authenticated> authenticated_;
-  bus::Codec<bus::Participant> codec_;
+  bus::Codec<loop::Participant> codec_;
   std::int64_t run_;
 };
 
@@ -289,18 +291,19 @@ class Screen {
 /// Simbody's 3D window beside the run. Its end is said, and ends nothing.
 class Window {
  public:
-  /// @throw app::Failure(bad_usage) when none can be opened
+  /// @throw diagnostics::Failure(bad_usage) when none can be opened
   Window(const Options& options, bool isolated, Screen& screen) : screen_(screen) {
     std::vector<std::string> command = command_of("tachless-visualizer", options);
     command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     constexpr std::string_view itself = "tachless-visualizer: ";
     try {
-      program_.emplace("tachless-visualizer", command, window_is_open, std::chrono::seconds(30),
+      program_.emplace("tachless-visualizer", command, viewer::window_is_open,
+                       std::chrono::seconds(30),
                        [&](std::string_view line) { screen_.pass_on("visualizer", line); });
-    } catch (const app::Failure& failure) {
+    } catch (const diagnostics::Failure& failure) {
       std::string why = failure.what();
       if (why.starts_with(itself)) why.erase(0, itself.size());
-      throw app::Failure(
+      throw diagnostics::Failure(
           failure.code(),
           "--visualize: " + why + "; or leave out --visualize" +
               (isolated ? " (this run is isolated: it reaches no display over the network)" : ""));
@@ -313,8 +316,9 @@ class Window {
     if (program_->running()) return;
     const std::string& trouble = program_->trouble();
     screen_.clear();
-    app::log_warning("the window " + (trouble.empty() ? "was closed" : "is gone: " + trouble) +
-                     "; the run goes on");
+    diagnostics::log_warning("the window " +
+                             (trouble.empty() ? "was closed" : "is gone: " + trouble) +
+                             "; the run goes on");
   }
 
   /// The run is over: what is left to show will be shown.
@@ -322,10 +326,11 @@ class Window {
 
   /// Waits until the window has shown everything, is closed, or somebody is tired of it.
   void finish(bool quiet) {
-    const std::atomic<bool>& interrupted = app::catch_interruptions();
+    const std::atomic<bool>& interrupted = process::catch_interruptions();
     program_->attend();
     if (program_->running() && !quiet) {
-      app::log_info("the window shows the run to its end, at the simulated pace; Ctrl-C closes it");
+      diagnostics::log_info(
+          "the window shows the run to its end, at the simulated pace; Ctrl-C closes it");
     }
     while (program_->running() && !interrupted) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -336,12 +341,12 @@ class Window {
 
  private:
   Screen& screen_;
-  std::optional<Companion> program_;
+  std::optional<process::SideProcess> program_;
 };
 
 std::vector<nlohmann::json> take_counters(const Directory& out) {
   std::vector<nlohmann::json> counters;
-  for (const bus::Role role : roles) {
+  for (const loop::Role role : roles) {
     const fs::path path = out.counters(role);
     std::ifstream file(path);
     nlohmann::json counter = nlohmann::json::parse(file, nullptr, false);
@@ -358,18 +363,19 @@ std::optional<std::string> fault_of(const Supervision& supervision) {
   return {};
 }
 
-app::ExitCode run_scenario(Options options) {
-  const app::Scenario scenario = app::load_scenario(options.scenario, options.all_overrides());
+diagnostics::ExitCode run_scenario(Options options) {
+  const experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.all_overrides());
   const robot::Model model = validate(scenario);
   require_restartable(options, scenario);
   const double steps = plant::integrator_steps_per_tick(scenario, model);
   if (steps > many_integrator_steps && !options.quiet) {
-    app::log_warning("the joints are stiff for this period: about " +
-                     std::to_string(std::llround(steps)) +
-                     " integrator steps a tick; expect a slow run");
+    diagnostics::log_warning("the joints are stiff for this period: about " +
+                             std::to_string(std::llround(steps)) +
+                             " integrator steps a tick; expect a slow run");
   }
   std::optional<bus::Key> key;
-  if (!options.key_file.empty()) key = app::read_key_file(options.key_file);
+  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
   const bool isolated = prepare_network(options);
   if (options.run_id == 0) {
     options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
@@ -384,7 +390,7 @@ app::ExitCode run_scenario(Options options) {
   if (options.visualize) window.emplace(options, isolated, screen);
   const Directory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
   Watch watch;
-  if (scenario.loop.mode == app::Mode::realtime) {
+  if (scenario.loop.mode == experiment::Mode::realtime) {
     // The plant first brings the robot to rest, once it misses what was lost.
     const double noticed_s =
         std::min(scenario.loop.give_up_s, scenario.loop.period_s * (scenario.loop.max_missed + 1));
@@ -394,7 +400,8 @@ app::ExitCode run_scenario(Options options) {
   watch.on_line = [&](std::string_view name, std::string_view line) { screen.pass_on(name, line); };
   watch.on_restart = [&](std::string_view name, const std::string& how) {
     screen.clear();
-    app::log_warning(how + "; another " + std::string(name) + " has been started in its place");
+    diagnostics::log_warning(how + "; another " + std::string(name) +
+                             " has been started in its place");
   };
   watch.on_wake = [&] {
     heartbeats.read_into(progress);
@@ -406,42 +413,44 @@ app::ExitCode run_scenario(Options options) {
   if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
 
-  RunFacts facts;
+  report::RunFacts facts;
   facts.scenario = scenario.name;
   facts.run_id = options.run_id;
-  facts.mode = scenario.loop.mode == app::Mode::lockstep ? "lockstep" : "realtime";
+  facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
   facts.law = scenario.controller.law;
   facts.period_s = scenario.loop.period_s;
   facts.wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
   facts.log_path = (out / "lcmlog").string();
   facts.fault = fault_of(supervision);
-  if (facts.fault) app::log_error(*facts.fault);
+  if (facts.fault) diagnostics::log_error(*facts.fault);
 
-  Tracking tracking(scenario.num_joints);
+  report::Tracking tracking(scenario.num_joints);
   try {
     logger::RunLog log = logger::RunLog::open(facts.log_path, options.run_id);
-    tracking = track(log);
+    tracking = report::track(log);
     facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
     facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
-  } catch (const app::Failure& failure) {
-    app::log_warning(failure.what());
+  } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_warning(failure.what());
   }
 
   const nlohmann::ordered_json summary = summarise(facts, tracking, take_counters(out));
   const fs::path summary_path = out / "summary.json";
   if (!(std::ofstream(summary_path) << summary.dump(2) << "\n")) {
-    app::log_warning("cannot write " + summary_path.string() + ": " + std::strerror(errno));
+    diagnostics::log_warning("cannot write " + summary_path.string() + ": " + std::strerror(errno));
   }
-  const JointUnits units = joint_units(model);
-  FigureFacts figure{scenario.name + ": " + facts.law + ", h = " + short_period(facts.period_s),
-                     facts.period_s, units.length, units.effort};
+  const report::JointUnits units = report::joint_units(model);
+  report::FigureFacts figure{
+      scenario.name + ": " + facts.law + ", h = " + report::short_period(facts.period_s),
+      facts.period_s, units.length, units.effort};
   const fs::path figure_path = out / "tracking.svg";
   if (tracking.num_ticks() > 0) {
     try {
-      draw(tracking_figure(tracking, figure, figure_path), figure_path);
-      write_report({read_recorded_run(facts.log_path, options.run_id)}, out / "report.html");
-    } catch (const app::Failure& failure) {
-      app::log_warning(failure.what());
+      report::draw(report::tracking_figure(tracking, figure, figure_path), figure_path);
+      report::write_report({report::read_recorded_run(facts.log_path, options.run_id)},
+                           out / "report.html");
+    } catch (const diagnostics::Failure& failure) {
+      diagnostics::log_warning(failure.what());
     }
   }
 
@@ -450,7 +459,7 @@ app::ExitCode run_scenario(Options options) {
   } else if (!options.quiet) {
     std::cout << "\n"
               << figure.title << "\n\n"
-              << closing_table(summary, figure.length_units, figure.effort_units) << "\n";
+              << report::closing_table(summary, figure.length_units, figure.effort_units) << "\n";
     for (const char* file : our_files) {
       if (fs::exists(out / file)) std::cout << "  " << (out / file).string() << "\n";
     }
@@ -461,19 +470,19 @@ app::ExitCode run_scenario(Options options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  app::add_scenario(command, options->scenario, options->overrides);
+  node::add_scenario(command, options->scenario, options->overrides);
   command.add_option("--out", options->out,
                      "Where log, summary and figure go; default: out/<the scenario's name>. "
                      "Files of an earlier run are replaced");
-  app::add_run_id(command, "--run-id", options->run_id,
-                  "Positive number in every message of the run; default: the time");
+  node::add_run_id(command, "--run-id", options->run_id,
+                   "Positive number in every message of the run; default: the time");
   command
       .add_option("--mode", options->mode,
                   "lockstep: simulation time, as fast as it goes; realtime: the wall clock")
       ->check(CLI::IsMember({"lockstep", "realtime"}));
   command.add_option("--duration", options->duration_s, "Length of the run [s]");
-  app::add_lcm_url(command, options->lcm_url);
-  app::add_key_file(command, options->key_file);
+  node::add_lcm_url(command, options->lcm_url);
+  node::add_key_file(command, options->key_file);
   command
       .add_option(
           "--restart", options->restart,
@@ -503,4 +512,4 @@ const Verb run = {
     "  tachless run scenarios/iiwa_point_to_point.yaml --visualize",
     declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

@@ -15,15 +15,15 @@
 #include <system_error>
 #include <vector>
 
-#include "app/interruption.h"
-#include "app/logging.h"
-#include "bus/isolate.h"
-#include "launch/process_tree.h"
+#include "diagnostics/logging.h"
 #include "launch/soak_plan.h"
 #include "launch/soak_round.h"
 #include "launch/verb.h"
+#include "process/interruption.h"
+#include "process/isolate.h"
+#include "process/process_tree.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 namespace fs = std::filesystem;
@@ -109,10 +109,10 @@ class Report {
     entries_.push_back(std::move(entry));
     clear();
     for (const std::string& problem : outcome.problems) {
-      app::log_error("round " + std::to_string(rounds()) + " (" + round.scenario + ", " +
-                     describe(round) + "): " + problem + "; kept in " + kept.string() +
-                     "; the same again: tachless soak --rounds 1 --seed " +
-                     std::to_string(round.seed));
+      diagnostics::log_error("round " + std::to_string(rounds()) + " (" + round.scenario + ", " +
+                             describe(round) + "): " + problem + "; kept in " + kept.string() +
+                             "; the same again: tachless soak --rounds 1 --seed " +
+                             std::to_string(round.seed));
     }
   }
 
@@ -196,7 +196,7 @@ class Report {
   }
 
  private:
-  static std::int64_t own_kib() { return resident_kib(getpid()).value_or(0); }
+  static std::int64_t own_kib() { return process::resident_kib(getpid()).value_or(0); }
 
   const Options& options_;
   bool terminal_ = isatty(STDERR_FILENO) == 1;
@@ -205,17 +205,17 @@ class Report {
   nlohmann::ordered_json entries_ = nlohmann::ordered_json::array();
 };
 
-app::ExitCode soak_rounds(const Options& options) {
+diagnostics::ExitCode soak_rounds(const Options& options) {
   if (options.minutes == 0 && options.rounds == 0) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       "soak: say how long, for example --minutes 30 or --rounds 9");
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               "soak: say how long, for example --minutes 30 or --rounds 9");
   }
-  const std::atomic<bool>& interrupted = app::catch_interruptions();
+  const std::atomic<bool>& interrupted = process::catch_interruptions();
   try {
-    bus::enter_private_network();
+    process::enter_private_network();
   } catch (const std::system_error& error) {
-    throw app::Failure(app::ExitCode::bad_usage,
-                       std::string("cannot isolate the soak: ") + error.what());
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               std::string("cannot isolate the soak: ") + error.what());
   }
   SoakRunner runner(fs::read_symlink("/proc/self/exe"), options.out,
                     TACHLESS_SOURCE_DIR "/scenarios", options.num_ticks, interrupted);
@@ -233,8 +233,8 @@ app::ExitCode soak_rounds(const Options& options) {
     SoakOutcome outcome;
     try {
       outcome = runner.play(round);
-    } catch (const app::Failure& failure) {
-      if (failure.code() != app::ExitCode::interrupted) throw;
+    } catch (const diagnostics::Failure& failure) {
+      if (failure.code() != diagnostics::ExitCode::interrupted) throw;
       cut_short = true;
       break;
     }
@@ -251,15 +251,16 @@ app::ExitCode soak_rounds(const Options& options) {
   const nlohmann::ordered_json json = report.json(elapsed_s());
   const fs::path json_path = options.out / "soak.json";
   if (!(std::ofstream(json_path) << json.dump(2) << "\n")) {
-    app::log_warning("cannot write " + json_path.string());
+    diagnostics::log_warning("cannot write " + json_path.string());
   }
   if (options.json) {
     std::cout << json.dump(2) << "\n";
   } else {
     std::cout << report.table(elapsed_s()) << "  " << json_path.string() << "\n";
   }
-  if (interrupted || cut_short) return app::ExitCode::interrupted;
-  return report.held() == report.rounds() ? app::ExitCode::done : app::ExitCode::check_said_no;
+  if (interrupted || cut_short) return diagnostics::ExitCode::interrupted;
+  return report.held() == report.rounds() ? diagnostics::ExitCode::done
+                                          : diagnostics::ExitCode::check_said_no;
 }
 
 Verb::Action declare(CLI::App& command) {
@@ -297,4 +298,4 @@ const Verb soak = {"soak", "Runs and faults by turns, for long: does what is pro
                    "Always in a private network namespace. Exit code 1 when a round did not hold.",
                    declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

@@ -10,13 +10,13 @@
 #include <string>
 #include <vector>
 
-#include "app/options.h"
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
-#include "launch/display.h"
 #include "launch/verb.h"
+#include "node/options.h"
+#include "process/display.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 namespace fs = std::filesystem;
@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 constexpr const char* chart_jar = "/usr/share/java/jchart2d.jar";
 
 [[noreturn]] void refuse(const std::string& why) {
-  throw app::Failure(app::ExitCode::bad_usage, "spy: " + why);
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, "spy: " + why);
 }
 
 /// The java of the search path that can open windows.
@@ -58,9 +58,9 @@ std::string class_path() {
   return std::string(LCM_JAR) + ":" + chart_jar + ":" + types.string();
 }
 
-app::ExitCode spy_on(const std::string& lcm_url) {
-  const bus::LcmUrl url = app::parse_lcm_url(lcm_url);
-  if (const auto problem = display_problem()) {
+diagnostics::ExitCode spy_on(const std::string& lcm_url) {
+  const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
+  if (const auto problem = process::display_problem()) {
     refuse(*problem + ", or see the same in a terminal: tachless watch");
   }
   if (const auto problem = bus::check_network(url)) {
@@ -85,8 +85,8 @@ app::ExitCode spy_on(const std::string& lcm_url) {
 }
 
 Verb::Action declare(CLI::App& command) {
-  auto lcm_url = std::make_shared<std::string>(app::default_lcm_url);
-  app::add_lcm_url(command, *lcm_url);
+  auto lcm_url = std::make_shared<std::string>(node::default_lcm_url);
+  node::add_lcm_url(command, *lcm_url);
   return [lcm_url] { return spy_on(*lcm_url); };
 }
 
@@ -99,4 +99,4 @@ const Verb spy = {"spy",
                   "  tachless spy --lcm-url 'udpm://239.255.76.67:7700?ttl=0'",
                   declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

@@ -8,7 +8,7 @@
 
 #include "launch/verb.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
 struct Options {
@@ -18,7 +18,7 @@ struct Options {
 };
 
 // Building and testing need the source tree, so the script at its root does them.
-app::ExitCode hand_over(const Options& options) {
+diagnostics::ExitCode hand_over(const Options& options) {
   std::vector<std::string> words = {TACHLESS_SOURCE_DIR "/tachless", "test"};
   if (!options.preset.empty()) words.push_back("--preset=" + options.preset);
   if (!options.label.empty()) words.push_back("--label=" + options.label);
@@ -28,9 +28,9 @@ app::ExitCode hand_over(const Options& options) {
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   execv(argv[0], argv.data());
-  throw app::Failure(app::ExitCode::bad_usage, "cannot start " + words.front() + ": " +
-                                                   std::strerror(errno) +
-                                                   "; run `./tachless test` in the source tree");
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                             "cannot start " + words.front() + ": " + std::strerror(errno) +
+                                 "; run `./tachless test` in the source tree");
 }
 
 Verb::Action declare(CLI::App& command) {
@@ -54,4 +54,4 @@ const Verb test = {"test", "Build and test everything, in a private network name
                    "The last line says: N passed, N failed.",
                    declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

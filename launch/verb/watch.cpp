@@ -12,17 +12,17 @@
 #include <nlohmann/json.hpp>
 #include <system_error>
 
-#include "app/interruption.h"
-#include "app/options.h"
 #include "bus/udp_transport.h"
-#include "launch/bus_monitor.h"
-#include "launch/step_aside.h"
 #include "launch/verb.h"
+#include "monitor/bus_monitor.h"
+#include "node/options.h"
+#include "process/interruption.h"
+#include "process/step_aside.h"
 
-namespace launch::verb {
+namespace tachless::launch::verb {
 namespace {
 
-using bus::Clock;
+using loop::Clock;
 using namespace std::chrono_literals;
 
 constexpr double once_s = 2;
@@ -34,14 +34,14 @@ struct Options {
   bool once = false;
   bool json = false;
   double seconds = 0;  // 0: --once: `once_s`, else until interrupted
-  std::string lcm_url = app::default_lcm_url;
+  std::string lcm_url = node::default_lcm_url;
 };
 
 bus::UdpTransport join(const std::string& lcm_url) {
   try {
-    return bus::UdpTransport(app::parse_lcm_url(lcm_url));
+    return bus::UdpTransport(node::parse_lcm_url(lcm_url));
   } catch (const std::system_error& error) {
-    throw app::Failure(app::ExitCode::bad_usage, error.what());
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, error.what());
   }
 }
 
@@ -50,7 +50,8 @@ bus::UdpTransport join(const std::string& lcm_url) {
 /// surely holds what comes, and then takes it all.
 class Listener {
  public:
-  Listener(bus::UdpTransport& transport, BusMonitor& monitor, const std::atomic<bool>& interrupted)
+  Listener(bus::UdpTransport& transport, monitor::BusMonitor& monitor,
+           const std::atomic<bool>& interrupted)
       : transport_(transport), monitor_(monitor), interrupted_(interrupted) {}
 
   void listen_until(Clock::time_point end) {
@@ -106,7 +107,7 @@ class Listener {
   }
 
   bus::UdpTransport& transport_;
-  BusMonitor& monitor_;
+  monitor::BusMonitor& monitor_;
   const std::atomic<bool>& interrupted_;
   Clock::duration nap_ = shortest_nap;
   Clock::time_point last_drain_ = Clock::now();
@@ -125,7 +126,7 @@ class Screen {
     if (terminal_) std::cout << "\033[?25h" << std::flush;
   }
 
-  void show(BusMonitor& monitor) {
+  void show(monitor::BusMonitor& monitor) {
     winsize size{};
     if (!terminal_ || ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0) size = {};
     // The last row stays free, or the terminal would scroll.
@@ -149,19 +150,19 @@ double listen(Listener& listener, Clock::time_point begin, Clock::time_point end
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-nlohmann::ordered_json with_url(const std::string& url, BusMonitor& monitor) {
+nlohmann::ordered_json with_url(const std::string& url, monitor::BusMonitor& monitor) {
   nlohmann::ordered_json result = {{"lcm_url", url}};
   result.update(monitor.to_json());
   return result;
 }
 
-app::ExitCode watch_bus(const Options& options) {
-  const std::atomic<bool>& interrupted = app::catch_interruptions();
+diagnostics::ExitCode watch_bus(const Options& options) {
+  const std::atomic<bool>& interrupted = process::catch_interruptions();
   bus::UdpTransport transport = join(options.lcm_url);
   const std::string url = transport.url().text();
-  step_aside(getpid());
+  process::step_aside(getpid());
   transport.subscribe_all();
-  BusMonitor monitor;
+  monitor::BusMonitor monitor;
   Listener listener(transport, monitor, interrupted);
   const Clock::time_point begin = Clock::now();
   const double seconds = options.once && options.seconds == 0 ? once_s : options.seconds;
@@ -177,7 +178,7 @@ app::ExitCode watch_bus(const Options& options) {
       std::cout << url << "\n";
       for (const std::string& line : monitor.table()) std::cout << line << "\n";
     }
-    return app::ExitCode::done;
+    return diagnostics::ExitCode::done;
   }
   std::optional<Screen> screen;
   if (!options.json) {
@@ -195,7 +196,7 @@ app::ExitCode watch_bus(const Options& options) {
       std::cout << with_url(url, monitor).dump() << "\n" << std::flush;
     }
   }
-  return app::ExitCode::done;
+  return diagnostics::ExitCode::done;
 }
 
 Verb::Action declare(CLI::App& command) {
@@ -206,7 +207,7 @@ Verb::Action declare(CLI::App& command) {
                   "How long to listen [s]; default: --once 2, else until Ctrl-C")
       ->check(CLI::Range(0.01, 1e6));
   command.add_flag("--json", options->json, "As JSON; without --once one line per second");
-  app::add_lcm_url(command, options->lcm_url);
+  node::add_lcm_url(command, options->lcm_url);
   return [options] { return watch_bus(*options); };
 }
 
@@ -219,4 +220,4 @@ const Verb watch = {"watch", "What is on the bus: channels, rates, jitter, gaps,
                     "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'",
                     declare};
 
-}  // namespace launch::verb
+}  // namespace tachless::launch::verb

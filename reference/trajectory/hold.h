@@ -1,20 +1,20 @@
 #pragma once
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 
 /// A constant position: everything above it is zero.
 struct Hold {
   robot::Vector position;  ///< [rad; m if prismatic]
 
   /// The reference at any time.
-  [[nodiscard]] robot::ReferencePoint at(double t_s) const;
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
 };
 
-inline robot::ReferencePoint Hold::at(double /*t_s*/) const {
+inline loop::ReferencePoint Hold::at(double /*t_s*/) const {
   const robot::Vector zero = robot::Vector::Zero(position.size());
   return {position, zero, zero, zero, zero};
 }
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -3,11 +3,11 @@
 #include <cmath>
 #include <numbers>
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 
-robot::ReferencePoint MultiSine::at(double t_s) const {
+loop::ReferencePoint MultiSine::at(double t_s) const {
   const robot::Vector zero = robot::Vector::Zero(offset.size());
-  robot::ReferencePoint point{offset, zero, zero, zero, zero};
+  loop::ReferencePoint point{offset, zero, zero, zero, zero};
   for (const Sine& term : terms) {
     for (Eigen::Index i = 0; i < offset.size(); ++i) {
       const double w = 2 * std::numbers::pi * term.frequency_hz[i];
@@ -24,4 +24,4 @@ robot::ReferencePoint MultiSine::at(double t_s) const {
   return point;
 }
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 
 /// One sinusoid per joint; all vectors have one entry per joint.
 struct Sine {
@@ -20,7 +20,7 @@ struct MultiSine {
   std::vector<Sine> terms;
 
   /// Position to snap at t [s], each differentiated in closed form.
-  [[nodiscard]] robot::ReferencePoint at(double t_s) const;
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
 };
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 namespace {
 
 /// p(s) for s <= 1/2, where its terms do not cancel.
@@ -12,7 +12,7 @@ double rise(double s) {
 
 }  // namespace
 
-robot::ReferencePoint PointToPoint::at(double t_s) const {
+loop::ReferencePoint PointToPoint::at(double t_s) const {
   const double s = std::clamp((t_s - start_s) / duration_s, 0.0, 1.0);
   // p'(s) = 630 u^4 with u = s (1 - s); the rest follows with u' = 1 - 2 s, u'' = -2.
   const double u = s * (1 - s);
@@ -24,7 +24,7 @@ robot::ReferencePoint PointToPoint::at(double t_s) const {
   const double snap = 15120 * u * (1 - 7 * u) * u1 * rate * rate * rate * rate;
 
   const robot::Vector way = to - from;
-  robot::ReferencePoint point;
+  loop::ReferencePoint point;
   // p(s) = 1 - p(1 - s): each end is approached from itself, and reached exactly.
   if (s <= 0.5) {
     point.q_ref = from + rise(s) * way;
@@ -38,4 +38,4 @@ robot::ReferencePoint PointToPoint::at(double t_s) const {
   return point;
 }
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

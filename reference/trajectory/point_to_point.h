@@ -1,8 +1,8 @@
 #pragma once
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 
 /// From one position to another along p(s) = 126 s^5 - 420 s^6 + 540 s^7 - 315 s^8 + 70 s^9,
 /// s = (t - start) / duration: the one polynomial of degree 9 that is at rest through snap at both
@@ -14,7 +14,7 @@ struct PointToPoint {
   double duration_s = 1;  ///< > 0
 
   /// Position to snap at t [s], each in closed form.
-  [[nodiscard]] robot::ReferencePoint at(double t_s) const;
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
 };
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

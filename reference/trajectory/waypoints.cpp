@@ -6,7 +6,7 @@
 #include <sstream>
 #include <stdexcept>
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 namespace {
 
 enum class Kind { first, inner, last, only };
@@ -194,7 +194,7 @@ Waypoints::Waypoints(std::vector<double> time_s, const std::vector<robot::Vector
   }
 }
 
-robot::ReferencePoint Waypoints::at(double t_s) const {
+loop::ReferencePoint Waypoints::at(double t_s) const {
   const robot::Vector zero = robot::Vector::Zero(first_.size());
   if (t_s <= time_s_.front()) {
     return {first_, zero, zero, zero, zero};
@@ -208,7 +208,7 @@ robot::ReferencePoint Waypoints::at(double t_s) const {
   const double x = (p.mirrored ? time_s_[i + 1] - t_s : t_s - time_s_[i]) / p.duration_s;
   const double rate = (p.mirrored ? -1 : 1) / p.duration_s;
 
-  robot::ReferencePoint point{zero, zero, zero, zero, zero};
+  loop::ReferencePoint point{zero, zero, zero, zero, zero};
   // Horner's scheme for the polynomial and its first four derivatives divided by their factorials.
   for (int k = p.num_coefficients - 1; k >= 0; --k) {
     point.snap_ref = point.snap_ref * x + point.jerk_ref;
@@ -224,4 +224,4 @@ robot::ReferencePoint Waypoints::at(double t_s) const {
   return point;
 }
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

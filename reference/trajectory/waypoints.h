@@ -3,9 +3,9 @@
 #include <array>
 #include <vector>
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 
 /// A C4 spline through positions at given times, at rest through snap at both ends. Inner pieces
 /// are quintic; the first and the last are of degree 7, which is what the extra end conditions
@@ -19,7 +19,7 @@ class Waypoints {
   Waypoints(std::vector<double> time_s, const std::vector<robot::Vector>& position);
 
   /// Position to snap at t [s], each differentiated in closed form.
-  [[nodiscard]] robot::ReferencePoint at(double t_s) const;
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
 
  private:
   static constexpr int max_coefficients = 10;
@@ -37,4 +37,4 @@ class Waypoints {
   std::vector<Piece> pieces_;
 };
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -11,6 +11,8 @@
 
 #include "bus/in_memory.h"
 
+using namespace tachless;
+
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -24,11 +26,11 @@ bus::Key key_of(unsigned char seed) {
 }
 
 Bytes announcement() {
-  bus::Participant who;
+  loop::Participant who;
   who.instance = 5;
-  who.role = bus::Role::controller;
+  who.role = loop::Role::controller;
   who.host = "arm-1";
-  bus::Codec<bus::Participant> codec(bus::Layout{});
+  bus::Codec<loop::Participant> codec(loop::Layout{});
   const auto bytes = codec.encode({0, 7, -1}, who);
   return {bytes.begin(), bytes.end()};
 }
@@ -47,7 +49,7 @@ class AnAuthenticatedBus : public testing::Test {
   }
 
   static std::optional<Bytes> heard(bus::Transport& by) {
-    const auto datagram = by.receive(bus::Clock::time_point::min());
+    const auto datagram = by.receive(loop::Clock::time_point::min());
     if (!datagram) return std::nullopt;
     return Bytes(datagram->payload.begin(), datagram->payload.end());
   }

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "bus/file_descriptor.h"
+#include "process/file_descriptor.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 const std::string nul(1, '\0');
@@ -29,8 +29,8 @@ class Filtered {
   explicit Filtered(const std::vector<std::string>& channels) {
     std::array<int, 2> ends{};
     EXPECT_EQ(::socketpair(AF_UNIX, SOCK_DGRAM | SOCK_NONBLOCK, 0, ends.data()), 0);
-    in_ = FileDescriptor(ends[0]);
-    out_ = FileDescriptor(ends[1]);
+    in_ = process::FileDescriptor(ends[0]);
+    out_ = process::FileDescriptor(ends[1]);
     std::vector<sock_filter> program = channel_filter(channels);
     const sock_fprog handle{static_cast<unsigned short>(program.size()), program.data()};
     EXPECT_EQ(::setsockopt(out_.get(), SOL_SOCKET, SO_ATTACH_FILTER, &handle, sizeof handle), 0);
@@ -53,8 +53,8 @@ class Filtered {
   }
 
  private:
-  FileDescriptor in_;
-  FileDescriptor out_;
+  process::FileDescriptor in_;
+  process::FileDescriptor out_;
 };
 
 TEST(ChannelFilter, PassesNothingWithoutChannels) {
@@ -116,4 +116,4 @@ TEST(ChannelFilter, DropsWhatIsNotLcm) {
 }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

@@ -9,15 +9,15 @@
 #include <string>
 #include <thread>
 
-#include "tests/bus/counting_new.h"
-#include "tests/bus/private_network.h"
+#include "tests/support/counting_new.h"
+#include "tests/support/private_network.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using namespace std::chrono_literals;
 
-Clock::time_point soon() { return Clock::now() + 5s; }
+loop::Clock::time_point soon() { return loop::Clock::now() + 5s; }
 
 constexpr std::array channels = {"A", "B", "C", "D", "E", "F"};
 
@@ -85,13 +85,13 @@ TEST(ChannelwiseTransport, HoldsTwoThousandMessagesInSmallBuffersAndYieldsThemIn
   Talker talker(small);
   talker.say(2'000);
   for (std::uint32_t i = 0; i < 2'000; ++i) {
-    const auto datagram = listener->receive(Clock::now());
+    const auto datagram = listener->receive(loop::Clock::now());
     ASSERT_TRUE(datagram) << i;
     ASSERT_EQ(number_in(*datagram), i);
   }
-  EXPECT_FALSE(listener->receive(Clock::now()));
+  EXPECT_FALSE(listener->receive(loop::Clock::now()));
   int in_one_socket = 0;
-  while (one_socket.receive(Clock::now())) ++in_one_socket;
+  while (one_socket.receive(loop::Clock::now())) ++in_one_socket;
   EXPECT_LT(in_one_socket, 2'000) << "else there is no need for this class";
 }
 
@@ -116,9 +116,9 @@ TEST(ChannelwiseTransport, YieldsInOrderWhatComesWhileItListens) {
 
 TEST(ChannelwiseTransport, WaitsUntilTheDeadlineAndNoLonger) {
   Listener listener(small);
-  const auto begin = Clock::now();
+  const auto begin = loop::Clock::now();
   EXPECT_FALSE(listener->receive(begin + 20ms));
-  EXPECT_GE(Clock::now() - begin, 20ms);
+  EXPECT_GE(loop::Clock::now() - begin, 20ms);
 }
 
 TEST(ChannelwiseTransport, DoesNotHearItselfButIsHeard) {
@@ -127,7 +127,7 @@ TEST(ChannelwiseTransport, DoesNotHearItselfButIsHeard) {
   other.subscribe("A");
   const std::array payload = {std::byte{5}};
   listener->publish("A", payload);
-  EXPECT_FALSE(listener->receive(Clock::now() + 20ms));
+  EXPECT_FALSE(listener->receive(loop::Clock::now() + 20ms));
   EXPECT_TRUE(other.receive(soon()));
 }
 
@@ -135,11 +135,11 @@ TEST(ChannelwiseTransport, AllocatesNothingPerMessage) {
   Listener listener(small);
   Talker talker(small);
   talker.say(300);
-  for (int i = 0; i < 100; ++i) ASSERT_TRUE(listener->receive(Clock::now()));
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(listener->receive(loop::Clock::now()));
   const std::size_t before = allocations;
-  for (int i = 0; i < 200; ++i) ASSERT_TRUE(listener->receive(Clock::now()));
+  for (int i = 0; i < 200; ++i) ASSERT_TRUE(listener->receive(loop::Clock::now()));
   EXPECT_EQ(allocations, before);
 }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

@@ -14,12 +14,12 @@
 
 /// Checks that every codec must pass, whatever it carries. A test describes its type by a struct:
 ///   using Value, Message (as lcm-gen generates it);
-///   static Message message(const bus::Layout&, Random&);  // filled at random, all legal
+///   static Message message(const loop::Layout&, Random&);  // filled at random, all legal
 /// Equality of values is equality of the bytes that a second codec makes of them.
-namespace codec_checks {
+namespace tachless::codec_checks {
 
 using Bytes = std::vector<std::byte>;
-constexpr bus::Stamp stamp{50, 0x0123456789abcdef, 7};
+constexpr loop::Stamp stamp{50, 0x0123456789abcdef, 7};
 
 class Random {
  public:
@@ -35,8 +35,8 @@ class Random {
   std::mt19937_64 engine_{20240229};
 };
 
-inline std::vector<bus::Layout> layouts() {
-  std::vector<bus::Layout> all;
+inline std::vector<loop::Layout> layouts() {
+  std::vector<loop::Layout> all;
   for (const int n : {1, 2, 7, 64}) {
     all.push_back({n, 0, 1});
     all.push_back({n, n, 2});
@@ -53,7 +53,7 @@ Bytes lcm_bytes(const Message& message) {
 }
 
 template <class Type>
-Bytes sample(const bus::Layout& layout) {
+Bytes sample(const loop::Layout& layout) {
   Random random;
   auto message = Type::message(layout, random);
   message.utime = stamp.utime;
@@ -64,8 +64,8 @@ Bytes sample(const bus::Layout& layout) {
 
 /// What the codec makes of a generated message.
 template <class Value, class Message>
-Value decoded(const bus::Layout& layout, const Message& message) {
-  bus::Stamp got;
+Value decoded(const loop::Layout& layout, const Message& message) {
+  loop::Stamp got;
   Value value;
   EXPECT_EQ(bus::Codec<Value>(layout).decode(lcm_bytes(message), got, value), bus::Rejection::none);
   return value;
@@ -76,9 +76,9 @@ inline std::vector<double> reals_of(const robot::Vector& vector) {
 }
 
 template <class Type>
-bus::Rejection verdict(const bus::Layout& layout, std::span<const std::byte> bytes) {
+bus::Rejection verdict(const loop::Layout& layout, std::span<const std::byte> bytes) {
   const bus::Codec<typename Type::Value> codec(layout);
-  bus::Stamp got;
+  loop::Stamp got;
   typename Type::Value value;
   return codec.decode(bytes, got, value);
 }
@@ -100,11 +100,11 @@ inline void overwrite_real(Bytes& bytes, std::size_t offset, double value) {
 /// What liblcm encodes we decode, and encode again to the very same bytes.
 template <class Type>
 void agrees_with_generated_code() {
-  for (const bus::Layout& layout : layouts()) {
+  for (const loop::Layout& layout : layouts()) {
     const Bytes bytes = sample<Type>(layout);
     const bus::Codec<typename Type::Value> reader(layout);
     bus::Codec<typename Type::Value> writer(layout);
-    bus::Stamp got;
+    loop::Stamp got;
     typename Type::Value value;
     ASSERT_EQ(reader.decode(bytes, got, value), bus::Rejection::none);
     EXPECT_EQ(got.utime, stamp.utime);
@@ -120,11 +120,11 @@ void agrees_with_generated_code() {
 template <class Type>
 void survives_damage() {
   using bus::all_finite;
-  for (const bus::Layout& layout : layouts()) {
+  for (const loop::Layout& layout : layouts()) {
     const bus::Codec<typename Type::Value> codec(layout);
     bus::Codec<typename Type::Value> writer(layout);
     const Bytes whole = sample<Type>(layout);
-    bus::Stamp got;
+    loop::Stamp got;
     typename Type::Value value;
     ASSERT_EQ(codec.decode(whole, got, value), bus::Rejection::none);
     const auto untouched = [&] {
@@ -145,7 +145,7 @@ void survives_damage() {
     for (std::size_t bit = 0; bit < 8 * whole.size(); ++bit) {
       Bytes flipped = whole;
       flipped[bit / 8] ^= static_cast<std::byte>(1U << bit % 8);
-      bus::Stamp flipped_stamp = got;
+      loop::Stamp flipped_stamp = got;
       typename Type::Value flipped_value = value;
       if (codec.decode(flipped, flipped_stamp, flipped_value) == bus::Rejection::none) {
         ASSERT_TRUE(all_finite(flipped_value)) << "bit " << bit;
@@ -156,7 +156,7 @@ void survives_damage() {
 
 /// Every real of the message, set to each of the non-finite values, is found.
 template <class Type>
-void rejects_non_finite(std::size_t first_real, std::size_t num_reals, const bus::Layout& layout) {
+void rejects_non_finite(std::size_t first_real, std::size_t num_reals, const loop::Layout& layout) {
   for (std::size_t i = 0; i < num_reals; ++i) {
     for (const double bad :
          {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::signaling_NaN(),
@@ -170,7 +170,7 @@ void rejects_non_finite(std::size_t first_real, std::size_t num_reals, const bus
 
 /// A count that contradicts the layout is found, whatever it would make of the length.
 template <class Type>
-void rejects_counts(std::size_t offset, const bus::Layout& layout) {
+void rejects_counts(std::size_t offset, const loop::Layout& layout) {
   for (const std::int32_t count : {0x20000000, 0x7fffffff, -1, -0x7fffffff - 1, 3, 65}) {
     Bytes bytes = sample<Type>(layout);
     overwrite_int32(bytes, offset, count);
@@ -180,10 +180,10 @@ void rejects_counts(std::size_t offset, const bus::Layout& layout) {
 
 template <class Type>
 void rejects_other_fingerprint() {
-  const bus::Layout layout{2, 2, 2};
+  const loop::Layout layout{2, 2, 2};
   Bytes bytes = sample<Type>(layout);
   bytes[0] ^= std::byte{1};
   EXPECT_EQ(verdict<Type>(layout, bytes), bus::Rejection::wrong_type);
 }
 
-}  // namespace codec_checks
+}  // namespace tachless::codec_checks

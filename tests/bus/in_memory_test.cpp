@@ -7,7 +7,7 @@
 #include <map>
 #include <thread>
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -100,11 +100,11 @@ TEST(AnInMemoryNetwork, YieldsNothingAfterTheDeadlineAndWakesOnArrival) {
   const auto a = network.connect("a");
   const auto b = network.connect("b");
   b->subscribe("X");
-  EXPECT_FALSE(b->receive(Clock::now() + 1ms));
+  EXPECT_FALSE(b->receive(loop::Clock::now() + 1ms));
   std::thread sender([&] { a->publish("X", bytes(1)); });
-  EXPECT_TRUE(b->receive(Clock::now() + 60s));
+  EXPECT_TRUE(b->receive(loop::Clock::now() + 60s));
   sender.join();
 }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

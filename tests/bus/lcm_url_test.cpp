@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <stdexcept>
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using testing::HasSubstr;
@@ -77,4 +77,4 @@ TEST_F(LcmUrlTest, RefusesWhatIsMalformedAndNamesValueAndRange) {
 }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

@@ -8,11 +8,11 @@
 #include <chrono>
 #include <cstdlib>
 
-#include "bus/file_descriptor.h"
 #include "bus/transport.h"
-#include "tests/bus/private_network.h"
+#include "process/file_descriptor.h"
+#include "tests/support/private_network.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using testing::HasSubstr;
@@ -20,7 +20,7 @@ using testing::HasSubstr;
 /// Every test starts in a network of its own that works, and breaks it.
 class NetworkCheck : public testing::Test {
  protected:
-  void SetUp() override { enter_private_network(); }
+  void SetUp() override { process::enter_private_network(); }
 
   static void shell(const std::string& command) {
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
@@ -28,9 +28,9 @@ class NetworkCheck : public testing::Test {
 
   /// The check, and that it holds its promise of a second.
   static std::optional<NetworkProblem> check() {
-    const auto start = Clock::now();
+    const auto start = loop::Clock::now();
     const auto problem = check_network(url);
-    EXPECT_LT(Clock::now() - start, std::chrono::seconds(1));
+    EXPECT_LT(loop::Clock::now() - start, std::chrono::seconds(1));
     return problem;
   }
 
@@ -90,7 +90,7 @@ TEST_F(NetworkCheck, NamesAFirewallThatDropsOnTheWayOut) {
   EXPECT_THAT(problem->remedy, HasSubstr("OUTPUT"));
 }
 TEST_F(NetworkCheck, NamesAPortThatIsTaken) {
-  const FileDescriptor selfish(::socket(AF_INET, SOCK_DGRAM, 0));
+  const process::FileDescriptor selfish(::socket(AF_INET, SOCK_DGRAM, 0));
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(url.port);
@@ -115,4 +115,4 @@ TEST_F(NetworkCheck, KnowsTheWayOut) {
 TEST_F(NetworkCheck, KnowsTheBufferLimit) { EXPECT_GE(receive_buffer_limit_bytes(), 4096); }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

@@ -14,10 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "tests/bus/counting_new.h"
-#include "tests/bus/private_network.h"
+#include "tests/support/counting_new.h"
+#include "tests/support/private_network.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using namespace std::chrono_literals;
@@ -30,9 +30,9 @@ std::string text(const Datagram& datagram) {
 }
 
 /// For what must come: loopback delivers before `sendmsg` returns, the rest is for a busy machine.
-Clock::time_point soon() { return Clock::now() + 5s; }
+loop::Clock::time_point soon() { return loop::Clock::now() + 5s; }
 /// For what must not come, because it was delivered (or dropped) before we look.
-Clock::time_point now() { return Clock::now(); }
+loop::Clock::time_point now() { return loop::Clock::now(); }
 
 /// Sends any bytes to a bus.
 class Raw {
@@ -50,7 +50,7 @@ class Raw {
   }
 
  private:
-  FileDescriptor fd_;
+  process::FileDescriptor fd_;
 };
 
 TEST(UdpTransport, CarriesAMessageToAnother) {
@@ -92,7 +92,7 @@ TEST(UdpTransport, YieldsSubscribedChannelsOnly) {
 }
 TEST(UdpTransport, SendsWithTheTtlOfItsUrl) {
   UdpTransport listener;  // keeps the group joined
-  const FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM, 0));
+  const process::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM, 0));
   const int on = 1;
   ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEPORT, &on, sizeof on);
@@ -155,11 +155,11 @@ TEST(UdpTransport, TellsSendersApart) {
 TEST(UdpTransport, KeepsToItsDeadline) {
   UdpTransport a;
   a.subscribe("C");
-  const auto start = Clock::now();
+  const auto start = loop::Clock::now();
   EXPECT_FALSE(a.receive(start + 30ms));
-  EXPECT_GE(Clock::now(), start + 30ms);
+  EXPECT_GE(loop::Clock::now(), start + 30ms);
   EXPECT_FALSE(a.receive(start - 1h));
-  EXPECT_FALSE(a.receive(Clock::time_point::min()));
+  EXPECT_FALSE(a.receive(loop::Clock::time_point::min()));
 }
 TEST(UdpTransport, KeepsGroupsOnOnePortApart) {
   UdpTransport a("udpm://239.1.1.1:7700");
@@ -310,10 +310,10 @@ TEST_P(UdpTransportAndSignals, EndsAWaitThatWasYetToBegin) {
   a.subscribe("C");
   ::kill(::getpid(), GetParam());
   ASSERT_EQ(signals, 0);
-  const auto start = Clock::now();
+  const auto start = loop::Clock::now();
   EXPECT_FALSE(a.receive(start + 60s));
   EXPECT_EQ(signals, 1);
-  EXPECT_LT(Clock::now() - start, 30s);
+  EXPECT_LT(loop::Clock::now() - start, 30s);
 }
 TEST_P(UdpTransportAndSignals, GetThroughWhenTheSocketNeverRunsDry) {
   UdpTransport a;
@@ -340,13 +340,13 @@ TEST(UdpTransport, DoesNotAllocatePerMessage) {
   b.subscribe("ARM_POSITION");
   const auto exchange = [&] {
     a.publish("ARM_POSITION", bytes("payload"));
-    return b.receive(Clock::now() + 5s).has_value();
+    return b.receive(loop::Clock::now() + 5s).has_value();
   };
   ASSERT_TRUE(exchange());
   const std::size_t before = allocations;
   for (int i = 0; i < 100; ++i) {
     if (!exchange()) FAIL();
-    if (b.receive(Clock::now())) FAIL();
+    if (b.receive(loop::Clock::now())) FAIL();
   }
   EXPECT_EQ(allocations, before);
 }
@@ -407,4 +407,4 @@ TEST(Interoperation, CountsLiblcmsFragmentedMessagesOnce) {
 }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

@@ -18,9 +18,9 @@
 #include <tachless/torque_command_t.hpp>
 
 #include "tests/bus/codec_checks.h"
-#include "tests/bus/counting_new.h"
+#include "tests/support/counting_new.h"
 
-namespace bus {
+namespace tachless::bus {
 namespace {
 
 using codec_checks::Bytes;
@@ -33,18 +33,18 @@ constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 struct TickType {
-  using Value = Tick;
+  using Value = loop::Tick;
   using Message = tachless::tick_t;
-  static Message message(const Layout&, Random&) {
+  static Message message(const loop::Layout&, Random&) {
     Message m{};
     m.last = 1;
     return m;
   }
 };
 struct PositionType {
-  using Value = robot::PositionMeasurement;
+  using Value = loop::PositionMeasurement;
   using Message = tachless::position_measurement_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.position = random.reals(layout.num_joints);
@@ -52,9 +52,9 @@ struct PositionType {
   }
 };
 struct MotorPositionType {
-  using Value = robot::MotorPositionMeasurement;
+  using Value = loop::MotorPositionMeasurement;
   using Message = tachless::motor_position_measurement_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.motor_position = random.reals(layout.num_joints);
@@ -62,9 +62,9 @@ struct MotorPositionType {
   }
 };
 struct LinkStateType {
-  using Value = robot::LinkStateMeasurement;
+  using Value = loop::LinkStateMeasurement;
   using Message = tachless::link_state_measurement_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.position = random.reals(layout.num_joints);
@@ -74,9 +74,9 @@ struct LinkStateType {
   }
 };
 struct StateType {
-  using Value = robot::StateMeasurement;
+  using Value = loop::StateMeasurement;
   using Message = tachless::state_measurement_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.num_motors = layout.num_motors;
@@ -88,9 +88,9 @@ struct StateType {
   }
 };
 struct ReferenceType {
-  using Value = robot::ReferencePoint;
+  using Value = loop::ReferencePoint;
   using Message = tachless::reference_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.position = random.reals(layout.num_joints);
@@ -102,9 +102,9 @@ struct ReferenceType {
   }
 };
 struct CommandType {
-  using Value = robot::TorqueCommand;
+  using Value = loop::TorqueCommand;
   using Message = tachless::torque_command_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.torque = random.reals(layout.num_joints);
@@ -112,9 +112,9 @@ struct CommandType {
   }
 };
 struct ControllerStateType {
-  using Value = robot::ControllerState;
+  using Value = loop::ControllerState;
   using Message = tachless::controller_state_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_filters = layout.num_filters;
     m.num_joints = layout.num_joints;
@@ -126,9 +126,9 @@ struct ControllerStateType {
   }
 };
 struct ParticipantType {
-  using Value = Participant;
+  using Value = loop::Participant;
   using Message = tachless::participant_t;
-  static Message message(const Layout&, Random& random) {
+  static Message message(const loop::Layout&, Random& random) {
     Message m{};
     m.instance = -5;
     m.scenario_digest = 0x7edcba9876543210;
@@ -145,9 +145,9 @@ struct ParticipantType {
   }
 };
 struct RunInfoType {
-  using Value = RunInfo;
+  using Value = loop::RunInfo;
   using Message = tachless::run_info_t;
-  static Message message(const Layout&, Random&) {
+  static Message message(const loop::Layout&, Random&) {
     Message m{};
     m.num_ticks = 40000;
     m.period_s = 5.0e-5;
@@ -160,9 +160,9 @@ struct RunInfoType {
   }
 };
 struct LogAckType {
-  using Value = LogAck;
+  using Value = loop::LogAck;
   using Message = tachless::log_ack_t;
-  static Message message(const Layout&, Random&) {
+  static Message message(const loop::Layout&, Random&) {
     Message m{};
     m.missing = -0x7fffffffffffffff;
     return m;
@@ -192,7 +192,7 @@ TYPED_TEST(EveryCodec, RejectsAnEmptyDatagram) {
 // The bytes agree also if two fields are mixed up on the way in and on the way out again: each
 // field must land in its own member.
 template <class Type>
-auto random_message(const Layout& layout) {
+auto random_message(const loop::Layout& layout) {
   Random random;
   return Type::message(layout, random);
 }
@@ -200,17 +200,17 @@ auto random_message(const Layout& layout) {
 TEST(EveryField, LandsInItsOwnMember) {
   using codec_checks::decoded;
   using codec_checks::reals_of;
-  const Layout layout{2, 2, 2};
+  const loop::Layout layout{2, 2, 2};
   {
     const auto message = random_message<LinkStateType>(layout);
-    const auto value = decoded<robot::LinkStateMeasurement>(layout, message);
+    const auto value = decoded<loop::LinkStateMeasurement>(layout, message);
     EXPECT_EQ(reals_of(value.q), message.position);
     EXPECT_EQ(reals_of(value.v), message.velocity);
     EXPECT_EQ(reals_of(value.theta), message.motor_position);
   }
   {
     const auto message = random_message<StateType>(layout);
-    const auto value = decoded<robot::StateMeasurement>(layout, message);
+    const auto value = decoded<loop::StateMeasurement>(layout, message);
     EXPECT_EQ(reals_of(value.q), message.position);
     EXPECT_EQ(reals_of(value.v), message.velocity);
     EXPECT_EQ(reals_of(value.theta), message.motor_position);
@@ -218,7 +218,7 @@ TEST(EveryField, LandsInItsOwnMember) {
   }
   {
     const auto message = random_message<ReferenceType>(layout);
-    const auto value = decoded<robot::ReferencePoint>(layout, message);
+    const auto value = decoded<loop::ReferencePoint>(layout, message);
     EXPECT_EQ(reals_of(value.q_ref), message.position);
     EXPECT_EQ(reals_of(value.v_ref), message.velocity);
     EXPECT_EQ(reals_of(value.a_ref), message.acceleration);
@@ -227,7 +227,7 @@ TEST(EveryField, LandsInItsOwnMember) {
   }
   {
     const auto message = random_message<ControllerStateType>(layout);
-    const auto value = decoded<robot::ControllerState>(layout, message);
+    const auto value = decoded<loop::ControllerState>(layout, message);
     ASSERT_EQ(value.num_filters, 2);
     for (int i = 0; i < 2; ++i) {
       EXPECT_EQ(reals_of(value.error[i]), message.error[i]);
@@ -237,14 +237,14 @@ TEST(EveryField, LandsInItsOwnMember) {
   {
     auto message = random_message<ParticipantType>(layout);
     message.fault = "drive 2 is hot";
-    const auto value = decoded<Participant>(layout, message);
+    const auto value = decoded<loop::Participant>(layout, message);
     EXPECT_EQ(value.instance, message.instance);
     EXPECT_EQ(value.scenario_digest, message.scenario_digest);
     EXPECT_EQ(value.pid, message.pid);
-    EXPECT_EQ(value.state, ParticipantState::fault);
+    EXPECT_EQ(value.state, loop::ParticipantState::fault);
     EXPECT_EQ(value.fault_code, 130);
     EXPECT_EQ(value.error_norm, message.error_norm);
-    EXPECT_EQ(value.role, Role::controller);
+    EXPECT_EQ(value.role, loop::Role::controller);
     EXPECT_EQ(value.host, message.host);
     EXPECT_EQ(value.scenario, message.scenario);
     EXPECT_EQ(value.measurement, message.measurement);
@@ -252,7 +252,7 @@ TEST(EveryField, LandsInItsOwnMember) {
   }
   {
     const auto message = random_message<RunInfoType>(layout);
-    const auto value = decoded<RunInfo>(layout, message);
+    const auto value = decoded<loop::RunInfo>(layout, message);
     EXPECT_EQ(value.num_ticks, message.num_ticks);
     EXPECT_EQ(value.period_s, message.period_s);
     EXPECT_EQ(value.version, message.version);
@@ -271,10 +271,10 @@ using FixedSizeTypes =
 TYPED_TEST_SUITE(CodecOfFixedSize, FixedSizeTypes);
 
 TYPED_TEST(CodecOfFixedSize, DoesNotAllocateOnceConstructed) {
-  for (const Layout& layout : codec_checks::layouts()) {
+  for (const loop::Layout& layout : codec_checks::layouts()) {
     const Bytes bytes = sample<TypeParam>(layout);
     Codec<typename TypeParam::Value> codec(layout);
-    Stamp stamp;
+    loop::Stamp stamp;
     typename TypeParam::Value value;
     const std::size_t before = allocations;
     for (int i = 0; i < 3; ++i) {
@@ -301,7 +301,7 @@ TYPED_TEST(CodecOfArrays, RejectsAMessageOfAnotherJointCount) {
   EXPECT_EQ(verdict<TypeParam>({3, 3, 2}, sample<TypeParam>({2, 2, 2})), Rejection::wrong_size);
 }
 TYPED_TEST(CodecOfArrays, RejectsNonFiniteReals) {
-  const Layout layout{3, 3, 2};
+  const loop::Layout layout{3, 3, 2};
   const Bytes bytes = sample<TypeParam>(layout);
   const std::size_t counts = (bytes.size() - body) % 8 == 0 ? 8 : 4;
   codec_checks::rejects_non_finite<TypeParam>(body + counts, (bytes.size() - body - counts) / 8,
@@ -318,7 +318,7 @@ TYPED_TEST(CodecOfArrays, RefusesImpossibleLayouts) {
 }
 TYPED_TEST(CodecOfArrays, RefusesToEncodeSizesThatDisagreeWithTheLayout) {
   using Value = typename TypeParam::Value;
-  Stamp stamp;
+  loop::Stamp stamp;
   Value of_three;
   ASSERT_EQ(Codec<Value>({3, 3, 2}).decode(sample<TypeParam>({3, 3, 2}), stamp, of_three),
             Rejection::none);
@@ -334,13 +334,13 @@ TEST(StateCodec, RejectsHostileMotorCounts) {
   codec_checks::rejects_counts<StateType>(body + 4, {2, 0, 1});
 }
 TEST(StateCodec, LeavesNoMotorsOfAnEarlierMessageBehind) {
-  Stamp stamp;
-  robot::StateMeasurement value;
+  loop::Stamp stamp;
+  loop::StateMeasurement value;
   ASSERT_EQ(
-      Codec<robot::StateMeasurement>({2, 2, 1}).decode(sample<StateType>({2, 2, 1}), stamp, value),
+      Codec<loop::StateMeasurement>({2, 2, 1}).decode(sample<StateType>({2, 2, 1}), stamp, value),
       Rejection::none);
   ASSERT_EQ(
-      Codec<robot::StateMeasurement>({2, 0, 1}).decode(sample<StateType>({2, 0, 1}), stamp, value),
+      Codec<loop::StateMeasurement>({2, 0, 1}).decode(sample<StateType>({2, 0, 1}), stamp, value),
       Rejection::none);
   EXPECT_EQ(value.theta.size(), 0);
   EXPECT_EQ(value.thetadot.size(), 0);
@@ -349,30 +349,30 @@ TEST(ControllerStateCodec, RejectsHostileJointCounts) {
   codec_checks::rejects_counts<ControllerStateType>(body + 4, {2, 0, 2});
 }
 TEST(ControllerStateCodec, LeavesNoFilterOfAnEarlierMessageBehind) {
-  Stamp stamp;
-  robot::ControllerState value;
-  ASSERT_EQ(Codec<robot::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
-                                                            stamp, value),
+  loop::Stamp stamp;
+  loop::ControllerState value;
+  ASSERT_EQ(Codec<loop::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
+                                                           stamp, value),
             Rejection::none);
-  ASSERT_EQ(Codec<robot::ControllerState>({2, 0, 1}).decode(sample<ControllerStateType>({2, 0, 1}),
-                                                            stamp, value),
+  ASSERT_EQ(Codec<loop::ControllerState>({2, 0, 1}).decode(sample<ControllerStateType>({2, 0, 1}),
+                                                           stamp, value),
             Rejection::none);
   EXPECT_EQ(value.num_filters, 1);
   EXPECT_EQ(value.error[1].size(), 0);
   EXPECT_EQ(value.nu[1].size(), 0);
 }
 TEST(ControllerStateCodec, RefusesAnotherNumberOfFilters) {
-  Stamp stamp;
-  robot::ControllerState value;
-  ASSERT_EQ(Codec<robot::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
-                                                            stamp, value),
+  loop::Stamp stamp;
+  loop::ControllerState value;
+  ASSERT_EQ(Codec<loop::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
+                                                           stamp, value),
             Rejection::none);
-  EXPECT_THROW(Codec<robot::ControllerState>({2, 0, 1}).encode(stamp, value), std::logic_error);
+  EXPECT_THROW(Codec<loop::ControllerState>({2, 0, 1}).encode(stamp, value), std::logic_error);
 }
 
 TEST(CommandCodec, RefusesToEncodeWhatIsNotFinite) {
-  Codec<robot::TorqueCommand> codec({2, 0, 1});
-  robot::TorqueCommand command{robot::Vector::Constant(2, 1.0)};
+  Codec<loop::TorqueCommand> codec({2, 0, 1});
+  loop::TorqueCommand command{robot::Vector::Constant(2, 1.0)};
   EXPECT_TRUE(all_finite(command));
   EXPECT_NO_THROW(codec.encode({}, command));
   command.tau[1] = nan;
@@ -384,26 +384,26 @@ TEST(CommandCodec, RefusesToEncodeWhatIsNotFinite) {
 TEST(AllFinite, LooksAtEveryMemberOfEveryValue) {
   const robot::Vector good = robot::Vector::Zero(2);
   const robot::Vector bad = robot::Vector::Constant(2, nan);
-  EXPECT_FALSE(all_finite(robot::PositionMeasurement{bad}));
-  EXPECT_FALSE(all_finite(robot::MotorPositionMeasurement{bad}));
-  EXPECT_FALSE(all_finite(robot::LinkStateMeasurement{bad, good, good}));
-  EXPECT_FALSE(all_finite(robot::LinkStateMeasurement{good, bad, good}));
-  EXPECT_FALSE(all_finite(robot::LinkStateMeasurement{good, good, bad}));
-  EXPECT_FALSE(all_finite(robot::StateMeasurement{bad, good, good, good}));
-  EXPECT_FALSE(all_finite(robot::StateMeasurement{good, bad, good, good}));
-  EXPECT_FALSE(all_finite(robot::StateMeasurement{good, good, bad, good}));
-  EXPECT_FALSE(all_finite(robot::StateMeasurement{good, good, good, bad}));
-  EXPECT_FALSE(all_finite(robot::ReferencePoint{bad, good, good, good, good}));
-  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, bad, good, good, good}));
-  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, good, bad, good, good}));
-  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, good, good, bad, good}));
-  EXPECT_FALSE(all_finite(robot::ReferencePoint{good, good, good, good, bad}));
-  EXPECT_FALSE(all_finite(robot::ControllerState{1, {bad, {}}, {good, {}}}));
-  EXPECT_FALSE(all_finite(robot::ControllerState{2, {good, good}, {good, bad}}));
-  Participant participant;
+  EXPECT_FALSE(all_finite(loop::PositionMeasurement{bad}));
+  EXPECT_FALSE(all_finite(loop::MotorPositionMeasurement{bad}));
+  EXPECT_FALSE(all_finite(loop::LinkStateMeasurement{bad, good, good}));
+  EXPECT_FALSE(all_finite(loop::LinkStateMeasurement{good, bad, good}));
+  EXPECT_FALSE(all_finite(loop::LinkStateMeasurement{good, good, bad}));
+  EXPECT_FALSE(all_finite(loop::StateMeasurement{bad, good, good, good}));
+  EXPECT_FALSE(all_finite(loop::StateMeasurement{good, bad, good, good}));
+  EXPECT_FALSE(all_finite(loop::StateMeasurement{good, good, bad, good}));
+  EXPECT_FALSE(all_finite(loop::StateMeasurement{good, good, good, bad}));
+  EXPECT_FALSE(all_finite(loop::ReferencePoint{bad, good, good, good, good}));
+  EXPECT_FALSE(all_finite(loop::ReferencePoint{good, bad, good, good, good}));
+  EXPECT_FALSE(all_finite(loop::ReferencePoint{good, good, bad, good, good}));
+  EXPECT_FALSE(all_finite(loop::ReferencePoint{good, good, good, bad, good}));
+  EXPECT_FALSE(all_finite(loop::ReferencePoint{good, good, good, good, bad}));
+  EXPECT_FALSE(all_finite(loop::ControllerState{1, {bad, {}}, {good, {}}}));
+  EXPECT_FALSE(all_finite(loop::ControllerState{2, {good, good}, {good, bad}}));
+  loop::Participant participant;
   participant.error_norm = nan;
   EXPECT_FALSE(all_finite(participant));
-  RunInfo info;
+  loop::RunInfo info;
   info.period_s = nan;
   EXPECT_FALSE(all_finite(info));
 }
@@ -454,14 +454,14 @@ TEST(ParticipantCodec, RejectsATextWithoutNulAndOneWithNulInside) {
   EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_text);
 }
 TEST(ParticipantCodec, CarriesTextsOfTheGreatestLengthAndRefusesLongerOnes) {
-  Codec<Participant> codec({});
-  Participant value;
-  value.host = std::string(max_participant_text, 'h');
-  value.scenario = std::string(max_participant_text, 's');
-  value.measurement = std::string(max_participant_text, 'm');
-  value.fault = std::string(max_participant_text, 'f');
-  Stamp stamp;
-  Participant got;
+  Codec<loop::Participant> codec({});
+  loop::Participant value;
+  value.host = std::string(loop::max_participant_text, 'h');
+  value.scenario = std::string(loop::max_participant_text, 's');
+  value.measurement = std::string(loop::max_participant_text, 'm');
+  value.fault = std::string(loop::max_participant_text, 'f');
+  loop::Stamp stamp;
+  loop::Participant got;
   ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
   EXPECT_EQ(got.host, value.host);
   EXPECT_EQ(got.scenario, value.scenario);
@@ -476,8 +476,8 @@ TEST(ParticipantCodec, CarriesTextsOfTheGreatestLengthAndRefusesLongerOnes) {
   EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
 }
 TEST(ParticipantCodec, RefusesToEncodeWhatItWouldNotDecode) {
-  Codec<Participant> codec({});
-  Participant value;
+  Codec<loop::Participant> codec({});
+  loop::Participant value;
   EXPECT_NO_THROW(codec.encode({}, value));
   value.host = std::string("a\0b", 3);
   EXPECT_THROW(codec.encode({}, value), std::logic_error);
@@ -491,23 +491,23 @@ TEST(ParticipantCodec, RefusesToEncodeWhatItWouldNotDecode) {
   EXPECT_THROW(codec.encode({}, value), std::logic_error);
 }
 TEST(ParticipantCodec, CarriesEveryExitCode) {
-  Codec<Participant> codec({});
+  Codec<loop::Participant> codec({});
   for (int code = 0; code < 256; ++code) {
-    Participant value;
+    loop::Participant value;
     value.fault_code = code;
-    Stamp stamp;
-    Participant got;
+    loop::Stamp stamp;
+    loop::Participant got;
     ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
     EXPECT_EQ(got.fault_code, code);
   }
 }
 TEST(ParticipantCodec, CarriesEveryRole) {
-  Codec<Participant> codec({});
-  for (int i = 0; i < num_roles; ++i) {
-    Participant value;
-    value.role = static_cast<Role>(i);
-    Stamp stamp;
-    Participant got;
+  Codec<loop::Participant> codec({});
+  for (int i = 0; i < loop::num_roles; ++i) {
+    loop::Participant value;
+    value.role = static_cast<loop::Role>(i);
+    loop::Stamp stamp;
+    loop::Participant got;
     ASSERT_EQ(codec.decode(codec.encode({}, value), stamp, got), Rejection::none);
     EXPECT_EQ(got.role, value.role);
   }
@@ -532,12 +532,12 @@ TEST(RunInfoCodec, RejectsTextLengthsThatAreHostile) {
   }
 }
 TEST(RunInfoCodec, FitsOneDatagramOrIsRefused) {
-  Codec<RunInfo> codec({});
-  RunInfo value;
+  Codec<loop::RunInfo> codec({});
+  loop::RunInfo value;
   value.num_ticks = 1;
   value.period_s = 1e-3;
-  value.robot_description = std::string(max_run_info_size - body - 16 - 5 * 5, 'x');
-  EXPECT_EQ(codec.encode({}, value).size(), static_cast<std::size_t>(max_run_info_size));
+  value.robot_description = std::string(loop::max_run_info_size - body - 16 - 5 * 5, 'x');
+  EXPECT_EQ(codec.encode({}, value).size(), static_cast<std::size_t>(loop::max_run_info_size));
   value.scenario.push_back('y');
   EXPECT_THROW(codec.encode({}, value), std::length_error);
 
@@ -555,15 +555,15 @@ TEST(Names, OfRejectionsAndRolesAreWhatTheHeaderSays) {
   EXPECT_EQ(name(Rejection::non_finite), "non_finite");
   EXPECT_EQ(name(Rejection::bad_text), "bad_text");
   EXPECT_EQ(name(Rejection::bad_value), "bad_value");
-  EXPECT_EQ(name(Role::plant), "plant");
-  EXPECT_EQ(name(Role::reference), "reference");
-  EXPECT_EQ(name(Role::controller), "controller");
-  EXPECT_EQ(name(Role::logger), "logger");
+  EXPECT_EQ(name(loop::Role::plant), "plant");
+  EXPECT_EQ(name(loop::Role::reference), "reference");
+  EXPECT_EQ(name(loop::Role::controller), "controller");
+  EXPECT_EQ(name(loop::Role::logger), "logger");
 }
 TEST(Channels, AreUpperSnakeWithTheRobotsName) {
-  EXPECT_EQ(channel<robot::PositionMeasurement>("ARM"), "ARM_POSITION");
-  EXPECT_EQ(channel<RunInfo>("ARM"), "ARM_RUN_INFO");
+  EXPECT_EQ(loop::channel<loop::PositionMeasurement>("ARM"), "ARM_POSITION");
+  EXPECT_EQ(loop::channel<loop::RunInfo>("ARM"), "ARM_RUN_INFO");
 }
 
 }  // namespace
-}  // namespace bus
+}  // namespace tachless::bus

@@ -35,7 +35,7 @@ extern "C" void* malloc(std::size_t size) {
 }
 #endif
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 template <class L>
@@ -56,13 +56,13 @@ L example() {
   return L(arm<L>(), gains, Settings{});
 }
 
-void measure(robot::PositionMeasurement& m) { m.q = vector(0.1, 0.2); }
-void measure(robot::MotorPositionMeasurement& m) { m.theta = vector(0.1, 0.2); }
-void measure(robot::LinkStateMeasurement& m) {
+void measure(loop::PositionMeasurement& m) { m.q = vector(0.1, 0.2); }
+void measure(loop::MotorPositionMeasurement& m) { m.theta = vector(0.1, 0.2); }
+void measure(loop::LinkStateMeasurement& m) {
   m.q = m.theta = vector(0.1, 0.2);
   m.v = vector(1, 2);
 }
-void measure(robot::StateMeasurement& m) {
+void measure(loop::StateMeasurement& m) {
   m.q = m.theta = vector(0.1, 0.2);
   m.v = m.thetadot = vector(1, 2);
 }
@@ -77,7 +77,7 @@ TYPED_TEST_SUITE(Allocation, AllLaws);
 TYPED_TEST(Allocation, NoneInStartAndSteps) {
   const TypeParam law = example<TypeParam>();
   const robot::Vector r = vector(0.3, 0.4);
-  const robot::ReferencePoint ref{r, r, r, r, r};
+  const loop::ReferencePoint ref{r, r, r, r, r};
   typename TypeParam::Measurement measured;
   measure(measured);
 
@@ -103,4 +103,4 @@ TEST(AllocationCount, SeesWhatIsAllocated) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

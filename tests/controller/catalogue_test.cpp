@@ -8,7 +8,7 @@
 
 #include "robot/mass_matrix.h"
 
-namespace controller {
+namespace tachless::controller {
 namespace {
 
 using ::testing::AllOf;
@@ -28,24 +28,24 @@ std::string two_link_urdf() {
   return text.str();
 }
 
-app::Scenario rigid_scenario() {
-  app::Scenario scenario;
+experiment::Scenario rigid_scenario() {
+  experiment::Scenario scenario;
   scenario.source = "arm.yaml";
   scenario.line = {{"controller.law", 20}, {"controller.gains", 21}, {"controller.gains.kp", 22}};
   scenario.num_joints = 2;
   scenario.robot.urdf_text = two_link_urdf();
   scenario.robot.urdf_path = "two_link.urdf";
   scenario.robot.rigid_rotor_inertia_kgm2 = pair(0, 0);
-  scenario.reference = app::Sinusoid{pair(1, 1), pair(1, 1), pair(0, 0), pair(0, 0)};
+  scenario.reference = experiment::Sinusoid{pair(1, 1), pair(1, 1), pair(0, 0), pair(0, 0)};
   scenario.controller.law = "loria_ortega_rigid";
   scenario.controller.gains = {
       {"kp", pair(5, 6)}, {"kd", pair(7, 8)}, {"a", pair(9, 10)}, {"b", pair(11, 12)}};
   return scenario;
 }
 
-app::Scenario flexible_scenario(const std::string& law) {
-  app::Scenario scenario = rigid_scenario();
-  scenario.robot.flexible = app::FlexibleJoints{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
+experiment::Scenario flexible_scenario(const std::string& law) {
+  experiment::Scenario scenario = rigid_scenario();
+  scenario.robot.flexible = experiment::FlexibleJoints{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
   scenario.controller.law = law;
   for (const auto& facts : laws()) {
     for (const std::string_view gain : facts.gains) {
@@ -56,11 +56,11 @@ app::Scenario flexible_scenario(const std::string& law) {
 }
 
 /// The one line with which a scenario is refused.
-std::string refusal(const app::Scenario& scenario) {
+std::string refusal(const experiment::Scenario& scenario) {
   try {
     with_law(scenario, [](const auto&) {});
-  } catch (const app::Failure& failure) {
-    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     const std::string text = failure.what();
     EXPECT_EQ(text.find('\n'), std::string::npos) << text;
     return text;
@@ -70,8 +70,8 @@ std::string refusal(const app::Scenario& scenario) {
 
 TEST(Catalogue, HandsEveryLawToTheVisitorByItsName) {
   for (const std::string_view name : law_names()) {
-    app::Scenario scenario = flexible_scenario(std::string(name));
-    scenario.reference = app::Hold{pair(0, 0)};
+    experiment::Scenario scenario = flexible_scenario(std::string(name));
+    scenario.reference = experiment::Hold{pair(0, 0)};
     EXPECT_EQ(with_law(scenario, [](const auto& law) { return law.name; }), name);
   }
 }
@@ -96,21 +96,21 @@ TEST(Catalogue, NamesFiltersAndGains) {
 }
 
 TEST(Catalogue, GivesTheLawItsGainsAndSampling) {
-  app::Scenario scenario = rigid_scenario();
+  experiment::Scenario scenario = rigid_scenario();
   scenario.loop.period_s = 2e-3;
   scenario.loop.command_delay = 1;
-  scenario.controller.filter = app::FilterKind::tustin;
-  scenario.controller.filter_start = app::FilterStart::zero;
-  scenario.controller.feedforward_lead = app::FeedforwardLead::half_tick_plus_delay;
+  scenario.controller.filter = experiment::FilterKind::tustin;
+  scenario.controller.filter_start = experiment::FilterStart::zero;
+  scenario.controller.feedforward_lead = experiment::FeedforwardLead::half_tick_plus_delay;
   const law::Settings settings = law_settings(scenario);
   EXPECT_EQ(settings.period_s, 2e-3);
   EXPECT_EQ(settings.filter, law::Discretisation::tustin);
   EXPECT_EQ(settings.filter_start, law::FilterStart::zero);
   EXPECT_EQ(settings.feedforward_lead_s, 1.5 * 2e-3);
 
-  const robot::PositionMeasurement measured{pair(0.3, -0.4)};
+  const loop::PositionMeasurement measured{pair(0.3, -0.4)};
   const robot::Vector zero = pair(0, 0);
-  const robot::ReferencePoint ref{zero, pair(1, 2), pair(3, 4), pair(5, 6), pair(7, 8)};
+  const loop::ReferencePoint ref{zero, pair(1, 2), pair(3, 4), pair(5, 6), pair(7, 8)};
   const law::LoriaOrtegaRigid expected(
       rigid_model(scenario), {pair(5, 6), pair(7, 8), pair(9, 10), pair(11, 12)}, settings);
   const robot::Vector tau = with_law(scenario, [&](const auto& law) -> robot::Vector {
@@ -124,7 +124,7 @@ TEST(Catalogue, GivesTheLawItsGainsAndSampling) {
 }
 
 TEST(Catalogue, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
-  app::Scenario scenario = flexible_scenario("loria_ortega_rigid");
+  experiment::Scenario scenario = flexible_scenario("loria_ortega_rigid");
   scenario.robot.gravity_m_per_s2 = 1.62;
   const robot::Vector q = pair(0.4, 0.7);
   const robot::Model rigid = rigid_model(scenario);
@@ -146,7 +146,7 @@ TEST(Catalogue, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
 }
 
 TEST(Catalogue, DoesNotTellTheControllerOfThePayload) {
-  app::Scenario loaded = rigid_scenario();
+  experiment::Scenario loaded = rigid_scenario();
   loaded.plant.payload.mass_kg = 3;
   const robot::Vector q = pair(0.4, 0.7);
   EXPECT_EQ(robot::mass_matrix(rigid_model(loaded), q),
@@ -154,7 +154,7 @@ TEST(Catalogue, DoesNotTellTheControllerOfThePayload) {
 }
 
 TEST(Catalogue, RefusesAnUnknownLawNamingTheNearest) {
-  app::Scenario scenario = rigid_scenario();
+  experiment::Scenario scenario = rigid_scenario();
   scenario.controller.law = "loria_ortega_ridgid";
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("arm.yaml:20: controller.law:"), HasSubstr("loria_ortega_ridgid"),
@@ -163,7 +163,7 @@ TEST(Catalogue, RefusesAnUnknownLawNamingTheNearest) {
 }
 
 TEST(Catalogue, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
-  app::Scenario scenario = rigid_scenario();
+  experiment::Scenario scenario = rigid_scenario();
   scenario.controller.gains.erase("kd");
   EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("arm.yaml:21: controller.gains:"),
                                        HasSubstr("kd is missing"), HasSubstr("kp, kd, a, b")));
@@ -189,15 +189,15 @@ TEST(Catalogue, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
 }
 
 TEST(Catalogue, LeavesGainsOfOtherLawsAloneSoThatLawsCanBeCompared) {
-  app::Scenario scenario = rigid_scenario();
+  experiment::Scenario scenario = rigid_scenario();
   scenario.controller.law = "wen_bayard";  // has no a and b
   EXPECT_EQ(refusal(scenario), "accepted");
 }
 
 TEST(Catalogue, RefusesFlexibleLawsOnRigidJoints) {
   for (const char* law : {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible"}) {
-    app::Scenario scenario = flexible_scenario(law);
-    scenario.reference = app::Hold{pair(0, 0)};
+    experiment::Scenario scenario = flexible_scenario(law);
+    scenario.reference = experiment::Hold{pair(0, 0)};
     EXPECT_EQ(refusal(scenario), "accepted");
     scenario.robot.flexible.reset();
     EXPECT_THAT(refusal(scenario),
@@ -214,17 +214,17 @@ TEST(Catalogue, RefusesRegulatorsWithAMovingReference) {
 }
 
 TEST(Catalogue, RefusesALeadThatTheLawDoesNotHave) {
-  app::Scenario scenario = flexible_scenario("loria_ortega_flexible");
-  scenario.controller.feedforward_lead = app::FeedforwardLead::half_tick_plus_delay;
+  experiment::Scenario scenario = flexible_scenario("loria_ortega_flexible");
+  scenario.controller.feedforward_lead = experiment::FeedforwardLead::half_tick_plus_delay;
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("controller.feedforward_lead"), HasSubstr("allowed: none")));
 }
 
 TEST(Catalogue, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
-  using app::EncoderSide;
+  using experiment::EncoderSide;
   const auto with_side = [](const char* law, EncoderSide side) {
-    app::Scenario scenario = flexible_scenario(law);
-    scenario.reference = app::Hold{pair(0, 0)};
+    experiment::Scenario scenario = flexible_scenario(law);
+    scenario.reference = experiment::Hold{pair(0, 0)};
     scenario.plant.encoder.side = side;
     return refusal(scenario);
   };
@@ -238,10 +238,10 @@ TEST(Catalogue, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
 }
 
 TEST(Catalogue, RefusesWhatTheLawItselfRefuses) {
-  app::Scenario scenario = flexible_scenario("slotine_li_flexible");
+  experiment::Scenario scenario = flexible_scenario("slotine_li_flexible");
   scenario.controller.gains["lambda"] = pair(1, 2);
   EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains"), HasSubstr("lambda differs")));
 }
 
 }  // namespace
-}  // namespace controller
+}  // namespace tachless::controller

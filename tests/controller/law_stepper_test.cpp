@@ -4,25 +4,25 @@
 
 #include "controller/law/loria_ortega_rigid.h"
 
-namespace controller {
+namespace tachless::controller {
 namespace {
 
 using law::LoriaOrtegaRigid;
 
-app::Scenario scenario(std::vector<std::string> overrides) {
+experiment::Scenario scenario(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(), "loop.mode=realtime");
-  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml",
-                            overrides);
+  return experiment::load_scenario(
+      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
-robot::ReferencePoint at_zero() {
+loop::ReferencePoint at_zero() {
   const robot::Vector zero = robot::Vector::Zero(2);
   return {zero, zero, zero, zero, zero};
 }
 
 /// An error that is a ramp in time: what a first-order hold takes every error for.
-robot::PositionMeasurement ramp(std::int64_t tick) {
-  robot::PositionMeasurement measurement;
+loop::PositionMeasurement ramp(std::int64_t tick) {
+  loop::PositionMeasurement measurement;
   measurement.q.resize(2);
   measurement.q << 1e-3 * static_cast<double>(tick), 0.1 - 4e-3 * static_cast<double>(tick);
   return measurement;
@@ -37,7 +37,7 @@ auto take(Stepper& stepper, std::int64_t tick) {
 
 TEST(LawStepper, AGapDoesNotCheatTheFilter) {
   // Exact for the first-order hold, so to rounding: nu is of order 1, and takes at most 20 steps.
-  const app::Scenario s = scenario({"controller.filter=first_order_hold"});
+  const experiment::Scenario s = scenario({"controller.filter=first_order_hold"});
   for (const std::int64_t gap : {2, 3, 7, 21}) {
     LawStepper<LoriaOrtegaRigid> every(s);
     LawStepper<LoriaOrtegaRigid> gapped(s);
@@ -57,7 +57,7 @@ TEST(LawStepper, AGapDoesNotCheatTheFilter) {
 }
 
 TEST(LawStepper, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
-  const app::Scenario s = scenario({"controller.filter=first_order_hold"});
+  const experiment::Scenario s = scenario({"controller.filter=first_order_hold"});
   const auto usual = make_law<LoriaOrtegaRigid>(s);
   LawStepper<LoriaOrtegaRigid> stepper(s);
   for (std::int64_t k = 0; k <= 20; ++k) take(stepper, k);
@@ -73,7 +73,7 @@ TEST(LawStepper, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
 }
 
 TEST(LawStepper, BeginsAnewAfterTooLongAGapAndSaysSo) {
-  const app::Scenario s = scenario({"loop.max_missed=4"});
+  const experiment::Scenario s = scenario({"loop.max_missed=4"});
   LawStepper<LoriaOrtegaRigid> stepper(s);
   EXPECT_EQ(stepper.longest_gap(), 5);
   for (std::int64_t k = 0; k <= 20; ++k) take(stepper, k);
@@ -86,7 +86,7 @@ TEST(LawStepper, BeginsAnewAfterTooLongAGapAndSaysSo) {
 
 TEST(LawStepper, WithoutGapsIsTheLawItselfBitForBit) {
   for (const auto* mode : {"loop.mode=realtime", "loop.mode=lockstep"}) {
-    const app::Scenario s = scenario({mode});
+    const experiment::Scenario s = scenario({mode});
     const auto law = make_law<LoriaOrtegaRigid>(s);
     LawStepper<LoriaOrtegaRigid> stepper(s);
     auto memory = law.start(ramp(0), at_zero());
@@ -113,4 +113,4 @@ TEST(LawStepper, RefusesToGoBack) {
 }
 
 }  // namespace
-}  // namespace controller
+}  // namespace tachless::controller

@@ -11,7 +11,7 @@
 
 #include "bus/wire.h"
 
-namespace controller {
+namespace tachless::controller {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,7 +28,7 @@ class InputsInALog : public ::testing::Test {
                 measurement_.encode({tick, run, tick}, {robot::Vector::Constant(2, 0.25)}));
   }
   void referred(std::int64_t tick, std::int64_t run = 7) {
-    robot::ReferencePoint reference;
+    loop::ReferencePoint reference;
     for (auto* each : {&reference.q_ref, &reference.v_ref, &reference.a_ref, &reference.jerk_ref,
                        &reference.snap_ref}) {
       *each = robot::Vector::Zero(2);
@@ -54,9 +54,9 @@ class InputsInALog : public ::testing::Test {
   fs::path path_ =
       fs::path(::testing::TempDir()) / ("inputs-" + std::to_string(getpid()) + "-lcmlog");
   logger::LogWriter log_{path_, logger::Existing::overwrite};
-  bus::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
-  bus::Codec<robot::PositionMeasurement> measurement_{layout_};
-  bus::Codec<robot::ReferencePoint> reference_{layout_};
+  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
+  bus::Codec<loop::PositionMeasurement> measurement_{layout_};
+  bus::Codec<loop::ReferencePoint> reference_{layout_};
   std::optional<RecordedInputs> inputs_;
 };
 
@@ -98,8 +98,8 @@ TEST_F(InputsInALog, AreNotTakenFromAnotherRun) {
   try {
     ticks();
     FAIL() << "accepted";
-  } catch (const app::Failure& failure) {
-    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("cannot resume run 7"));
     EXPECT_THAT(failure.what(), HasSubstr("it is of run 8"));
   }
@@ -113,4 +113,4 @@ TEST_F(InputsInALog, EndAtAMessageTooShortForAStamp) {
 }
 
 }  // namespace
-}  // namespace controller
+}  // namespace tachless::controller

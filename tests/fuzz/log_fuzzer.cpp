@@ -8,9 +8,11 @@
 #include <cstdlib>
 #include <string>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -40,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       if (record.tick <= last) std::abort();
       last = record.tick;
     }
-  } catch (const app::Failure&) {
+  } catch (const diagnostics::Failure&) {
     // No run in it; said in one line.
   }
   return 0;

@@ -12,9 +12,11 @@
 #include "bus/wire.h"
 #include "logger/log_file.h"
 
+using namespace tachless;
+
 namespace {
 
-constexpr bus::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 1};
+constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 1};
 constexpr std::int64_t num_ticks = 3;
 
 struct Message {
@@ -29,7 +31,7 @@ void add(std::vector<Message>& messages, int type, const Value& value, std::int6
   bus::Codec<Value> codec(layout);
   const std::int64_t utime = tick < 0 ? 0 : tick * 1000;
   const auto bytes = codec.encode({utime, 7, tick}, value);
-  messages.push_back({type, bus::channel<Value>("ARM"), {bytes.begin(), bytes.end()}, utime});
+  messages.push_back({type, loop::channel<Value>("ARM"), {bytes.begin(), bytes.end()}, utime});
 }
 
 std::string contents(const std::filesystem::path& path) {
@@ -40,7 +42,7 @@ std::string contents(const std::filesystem::path& path) {
 /// Of one run; those of the log first, in its order.
 std::vector<Message> messages() {
   std::vector<Message> all;
-  bus::RunInfo info{num_ticks, 1e-3, "1.0", "ARM", "POSITION", {}, {}};
+  loop::RunInfo info{num_ticks, 1e-3, "1.0", "ARM", "POSITION", {}, {}};
   info.scenario = contents(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml");
   info.scenario += "  # as it is in a log: with what the command line gave\n";
   const std::string duration = "duration_s: 5.0";
@@ -49,26 +51,26 @@ std::vector<Message> messages() {
   add(all, 9, info, -1);
   const robot::Vector x = robot::Vector::Constant(2, 0.5);
   for (std::int64_t k = 0; k < num_ticks; ++k) {
-    add(all, 0, bus::Tick{k + 1 == num_ticks}, k);
-    add(all, 1, robot::PositionMeasurement{x}, k);
-    add(all, 5, robot::ReferencePoint{x, x, x, x, x}, k);
-    add(all, 6, robot::TorqueCommand{x}, k);
-    robot::ControllerState state;
+    add(all, 0, loop::Tick{k + 1 == num_ticks}, k);
+    add(all, 1, loop::PositionMeasurement{x}, k);
+    add(all, 5, loop::ReferencePoint{x, x, x, x, x}, k);
+    add(all, 6, loop::TorqueCommand{x}, k);
+    loop::ControllerState state;
     state.num_filters = 1;
     state.error[0] = state.nu[0] = x;
     add(all, 7, state, k);
-    bus::truth::PlantTruth truth;
+    loop::truth::PlantTruth truth;
     truth.q = truth.v = truth.tau = x;
     add(all, 11, truth, k);
   }
-  bus::Participant participant;
+  loop::Participant participant;
   participant.instance = 5;
   participant.host = "host";
   participant.scenario = "practical_rigid";
   participant.measurement = "POSITION";
   participant.fault = "fault";
   add(all, 8, participant, 2);
-  add(all, 10, bus::LogAck{5}, 2);
+  add(all, 10, loop::LogAck{5}, 2);
   return all;
 }
 

@@ -12,25 +12,26 @@
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 
+using namespace tachless;
+
 namespace {
 
 using bus::all_finite;
-using bus::truth::all_finite;
 
 template <class Value>
 struct Subject {
-  explicit Subject(const bus::Layout& layout) : codec(layout), second(layout) {}
+  explicit Subject(const loop::Layout& layout) : codec(layout), second(layout) {}
   bus::Codec<Value> codec;
   bus::Codec<Value> second;
   Value value{};
 
   void decode(std::span<const std::byte> payload) {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (codec.decode(payload, stamp, value) != bus::Rejection::none) return;
     if (!all_finite(value)) std::abort();
     const auto again = second.encode(stamp, value);
     Value copy{};
-    bus::Stamp stamp_again;
+    loop::Stamp stamp_again;
     if (codec.decode(again, stamp_again, copy) != bus::Rejection::none ||
         stamp_again.run != stamp.run || stamp_again.tick != stamp.tick ||
         stamp_again.utime != stamp.utime || again.size() != payload.size()) {
@@ -40,16 +41,16 @@ struct Subject {
 };
 
 using Subjects =
-    std::tuple<Subject<bus::Tick>, Subject<robot::PositionMeasurement>,
-               Subject<robot::MotorPositionMeasurement>, Subject<robot::LinkStateMeasurement>,
-               Subject<robot::StateMeasurement>, Subject<robot::ReferencePoint>,
-               Subject<robot::TorqueCommand>, Subject<robot::ControllerState>,
-               Subject<bus::Participant>, Subject<bus::RunInfo>, Subject<bus::LogAck>,
-               Subject<bus::truth::PlantTruth>>;
+    std::tuple<Subject<loop::Tick>, Subject<loop::PositionMeasurement>,
+               Subject<loop::MotorPositionMeasurement>, Subject<loop::LinkStateMeasurement>,
+               Subject<loop::StateMeasurement>, Subject<loop::ReferencePoint>,
+               Subject<loop::TorqueCommand>, Subject<loop::ControllerState>,
+               Subject<loop::Participant>, Subject<loop::RunInfo>, Subject<loop::LogAck>,
+               Subject<loop::truth::PlantTruth>>;
 constexpr std::size_t num_subjects = std::tuple_size_v<Subjects>;
 
 template <std::size_t... I>
-Subjects make(const bus::Layout& layout, std::index_sequence<I...>) {
+Subjects make(const loop::Layout& layout, std::index_sequence<I...>) {
   return Subjects(std::tuple_element_t<I, Subjects>(layout)...);
 }
 

@@ -8,9 +8,9 @@
 
 #include <algorithm>
 
-#include "bus/isolate.h"
+#include "process/isolate.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 using ::testing::HasSubstr;
@@ -70,7 +70,7 @@ TEST(CheckUp, FindsAPrivateNetworkFitAndEmpty) {
   const pid_t child = fork();
   ASSERT_GE(child, 0);
   if (child == 0) {
-    bus::enter_private_network();
+    process::enter_private_network();
     const std::vector<Finding> findings = check_up("udpm://239.255.76.67:7667?ttl=0", ".");
     const auto ok = [&](const char* subject) {
       return std::any_of(findings.begin(), findings.end(), [&](const Finding& finding) {
@@ -92,4 +92,4 @@ TEST(CheckUp, TellsWhatToTypeExactlyWhereSomethingIsWrong) {
 }
 
 }  // namespace
-}  // namespace launch
+}  // namespace tachless::launch

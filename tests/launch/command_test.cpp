@@ -9,14 +9,14 @@
 #include <string>
 #include <vector>
 
-#include "tests/launch/shell.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/shell.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
 namespace fs = std::filesystem;
-using launch_test::Outcome;
-using launch_test::shell;
+using tachless::support::Outcome;
+using tachless::support::shell;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::StartsWith;

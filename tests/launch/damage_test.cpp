@@ -6,16 +6,16 @@
 
 #include <random>
 
-#include "app/exit_code.h"
-#include "launch/recorded_run.h"
-#include "launch/replay.h"
-#include "launch/report.h"
-#include "launch/report_page.h"
-#include "tests/launch/in_process_log.h"
-#include "tests/logger/damaged_log.h"
-#include "tests/temporary_directory.h"
+#include "diagnostics/failure.h"
+#include "replay/replay.h"
+#include "report/recorded_run.h"
+#include "report/report.h"
+#include "report/report_page.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/in_process_log.h"
+#include "tests/support/temporary_directory.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 using ::testing::HasSubstr;
@@ -25,7 +25,7 @@ class Damage : public ::testing::TestWithParam<std::pair<const char*, const char
  protected:
   void SetUp() override {
     const auto& [file, duration_s] = GetParam();
-    auto messages = in_process_log(shortened(file, duration_s));
+    auto messages = support::in_process_log(support::shortened(file, duration_s));
     num_ticks_ = static_cast<std::int64_t>(messages.size() - 1) / 6;
     messages.push_back(messages[0]);  // a second RUN_INFO, so that most logs stay readable
     whole_ = logger::index_of(logger::log_of(messages));
@@ -49,8 +49,8 @@ class Damage : public ::testing::TestWithParam<std::pair<const char*, const char
     logger::write_file(path_, bytes);
   }
 
-  void expect_names_the_log(const app::Failure& failure) const {
-    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+  void expect_names_the_log(const diagnostics::Failure& failure) const {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr(path_.string()));
   }
 
@@ -70,7 +70,7 @@ TEST_P(Damage, ReplaySurvives) {
     seed % 5 == 0 ? write_with_wild_numbers(seed) : write_damaged(seed);
     try {
       auto log = logger::RunLog::open(path_);
-      const Replay result = replay(log, log.scenario());
+      const replay::Replay result = replay::replay(log, log.scenario());
       ++replayed;
       ASSERT_LE(result.compared, num_ticks_);
       ASSERT_EQ(result.different != 0, result.first.has_value());
@@ -78,7 +78,7 @@ TEST_P(Damage, ReplaySurvives) {
         const bool told = !result.complete() || log.summary().gaps() != 0;
         ASSERT_TRUE(told) << "ticks were left out in silence";
       }
-    } catch (const app::Failure& failure) {
+    } catch (const diagnostics::Failure& failure) {
       expect_names_the_log(failure);
     }
   }
@@ -92,17 +92,18 @@ TEST_P(Damage, ReportSurvives) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     seed % 5 == 0 ? write_with_wild_numbers(seed) : write_damaged(seed);
     try {
-      std::vector<RecordedRun> runs;
-      runs.push_back(read_recorded_run(path_));
+      std::vector<report::RecordedRun> runs;
+      runs.push_back(report::read_recorded_run(path_));
       label(runs);
-      const auto sections = report_sections(runs);
-      ASSERT_FALSE(chart_commands(drawn_charts(sections), directory_.path()).empty());
-      ASSERT_THAT(report_page(runs, sections, {}), HasSubstr("</html>"));
+      const auto sections = report::report_sections(runs);
+      ASSERT_FALSE(
+          report::chart_commands(report::drawn_charts(sections), directory_.path()).empty());
+      ASSERT_THAT(report::report_page(runs, sections, {}), HasSubstr("</html>"));
       ++reported;
       // gnuplot, a process of its own, on some of them: it draws, or says why it does not.
-      if (seed % 100 == 0) write_report(runs, directory_.path() / "report.html");
-    } catch (const app::Failure& failure) {
-      ASSERT_EQ(failure.code(), app::ExitCode::bad_usage);
+      if (seed % 100 == 0) report::write_report(runs, directory_.path() / "report.html");
+    } catch (const diagnostics::Failure& failure) {
+      ASSERT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       ASSERT_THAT(failure.what(), Not(HasSubstr("gnuplot")));
       expect_names_the_log(failure);
     }
@@ -119,4 +120,4 @@ INSTANTIATE_TEST_SUITE_P(Robots, Damage,
                          });
 
 }  // namespace
-}  // namespace launch
+}  // namespace tachless::launch

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/process/program.h"
+#include "tests/support/program.h"
 
 /// `tachless run` of a scenario that goes on until it is interrupted, in directory/out.
 class EndlessRun {

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 using std::chrono::milliseconds;
@@ -52,4 +52,4 @@ TEST(Progress, FillsItsBarAtTheLastTickOnly) {
 }
 
 }  // namespace
-}  // namespace launch
+}  // namespace tachless::launch

@@ -18,7 +18,9 @@
 #include <vector>
 
 #include "logger/run_log.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/temporary_directory.h"
+
+using namespace tachless;
 
 namespace {
 

@@ -10,14 +10,14 @@
 #include <sstream>
 #include <string>
 
-#include "tests/launch/shell.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/shell.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
 namespace fs = std::filesystem;
-using launch_test::Outcome;
-using launch_test::shell;
+using tachless::support::Outcome;
+using tachless::support::shell;
 using ::testing::AllOf;
 using ::testing::EndsWith;
 using ::testing::HasSubstr;

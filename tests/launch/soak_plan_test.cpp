@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <set>
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 TEST(SoakPlan, FollowsFromTheSeed) {
@@ -30,7 +30,7 @@ TEST(SoakPlan, GoesThroughAllFaultsInSeedsInARow) {
 }
 
 TEST(SoakPlan, HasRoomAfterEachFaultAndNamesScenariosThatExist) {
-  std::set<bus::Role> killed;
+  std::set<loop::Role> killed;
   for (std::uint64_t seed = 0; seed < 1'000; ++seed) {
     const SoakRound round = plan_soak_round(seed);
     EXPECT_TRUE(
@@ -42,8 +42,8 @@ TEST(SoakPlan, HasRoomAfterEachFaultAndNamesScenariosThatExist) {
     EXPECT_LE(round.loss_percent, 15);
     if (round.fault == SoakFault::kill) killed.insert(round.victim);
   }
-  EXPECT_EQ(killed.size(), std::size_t{bus::num_roles});
+  EXPECT_EQ(killed.size(), std::size_t{loop::num_roles});
 }
 
 }  // namespace
-}  // namespace launch
+}  // namespace tachless::launch

@@ -9,11 +9,11 @@
 #include <atomic>
 #include <fstream>
 
-#include "launch/process_tree.h"
-#include "tests/bus/private_network.h"
-#include "tests/process/program.h"
+#include "process/process_tree.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 using ::testing::AllOf;
@@ -76,8 +76,8 @@ TEST_F(ASoakRound, NoticesAProcessThatIsLeftBehindAndEndsIt) {
       after("sleep 1000 > /dev/null 2>&1 & until [[ $(< /proc/$!/comm) == sleep ]]; do :; done");
   EXPECT_THAT(outcome.problems,
               ElementsAre(AllOf(HasSubstr("left behind: process"), HasSubstr("sleep"))));
-  EXPECT_THAT(children_of(getpid()), IsEmpty());
+  EXPECT_THAT(process::children_of(getpid()), IsEmpty());
 }
 
 }  // namespace
-}  // namespace launch
+}  // namespace tachless::launch

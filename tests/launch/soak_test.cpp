@@ -8,7 +8,7 @@
 #include <set>
 #include <string>
 
-#include "tests/process/program.h"
+#include "tests/support/program.h"
 
 namespace {
 

@@ -22,10 +22,12 @@
 
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
-#include "tests/bus/private_network.h"
 #include "tests/launch/endless_run.h"
-#include "tests/launch/virtual_display.h"
-#include "tests/process/program.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
+#include "tests/support/virtual_display.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -55,10 +57,10 @@ class Strangers {
  private:
   void send() {
     const robot::Vector x = robot::Vector::Constant(3, 0.5);
-    const bus::Layout layout{3, 3, 0};
-    bus::Codec<robot::PositionMeasurement> position(layout);
-    bus::Codec<robot::MotorPositionMeasurement> motor_position(layout);
-    bus::Codec<robot::StateMeasurement> state(layout);
+    const loop::Layout layout{3, 3, 0};
+    bus::Codec<loop::PositionMeasurement> position(layout);
+    bus::Codec<loop::MotorPositionMeasurement> motor_position(layout);
+    bus::Codec<loop::StateMeasurement> state(layout);
     bus::UdpTransport transport;
     for (std::int64_t k = 0; !done_; ++k) {
       transport.publish("OTHER_POSITION", position.encode({k, 1, k}, {x}));

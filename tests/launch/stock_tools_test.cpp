@@ -19,9 +19,11 @@
 
 #include "bus/udp_transport.h"
 #include "logger/log_file.h"
-#include "tests/bus/private_network.h"
-#include "tests/launch/virtual_display.h"
-#include "tests/process/program.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
+#include "tests/support/virtual_display.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -174,7 +176,7 @@ TEST(StockTools, AControllerAnswersWhatLcmLogplayerPlaysBackWithTheSameCommandsB
   output_of("lcm-logplayer", {"--regexp=ARM_(POSITION|REFERENCE)", log}, directory);
   EXPECT_EQ(follower.program().wait(), 0) << follower.program().errors();
   std::map<std::string, std::vector<Bytes>> heard;
-  while (const auto datagram = listener.receive(bus::Clock::time_point::min())) {
+  while (const auto datagram = listener.receive(loop::Clock::time_point::min())) {
     heard[std::string(datagram->channel)].emplace_back(datagram->payload.begin(),
                                                        datagram->payload.end());
   }

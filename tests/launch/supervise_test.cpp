@@ -10,7 +10,7 @@
 #include <array>
 #include <map>
 
-namespace launch {
+namespace tachless::launch {
 namespace {
 
 using std::chrono::milliseconds;
@@ -60,7 +60,7 @@ TEST(Supervise, ReturnsWhenAllHaveEndedWell) {
   const Result result = watch({shell("plant", "echo one; echo two >&2; exit 0"),
                                shell("controller", "printf 'no newline'")});
   EXPECT_FALSE(result.supervision.culprit.has_value());
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::done);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::done);
   EXPECT_THAT(result.lines.at("plant"), ElementsAre("one", "two"));
   EXPECT_THAT(result.lines.at("controller"), ElementsAre("no newline"));
 }
@@ -84,7 +84,7 @@ TEST(Supervise, RestartsNobodyWhoSaysWhyItEnds) {
   Process controller = shell("controller", "echo 'cannot go on'; exit 5");
   controller.restart = {"/bin/sh", "-c", "exit 0"};
   const Result result = watch({shell("plant", obedient), controller});
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protective_stop);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::protective_stop);
   EXPECT_EQ(result.supervision.ends[1].restarts, 0);
 }
 
@@ -93,7 +93,7 @@ TEST(Supervise, GivesUpOnAProcessThatIsKilledAgainAndAgain) {
   controller.restart = controller.command;
   const Result result = watch({shell("plant", obedient), controller});
   ASSERT_EQ(result.supervision.culprit, 1U);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::peer_lost);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
   EXPECT_EQ(describe(result.supervision.ends[1]),
             "controller was killed by signal 9 (Killed), after 5 restarts");
 }
@@ -104,7 +104,7 @@ TEST(Supervise, EndsTheRunWithinTwoSecondsWhenOneIsKilled) {
              shell("logger", obedient)});
   EXPECT_LT(result.took, seconds(2));
   ASSERT_EQ(result.supervision.culprit, 1U);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::peer_lost);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
   EXPECT_EQ(describe(result.supervision.ends[1]),
             "controller was killed by signal 9 (Killed): ready");
   EXPECT_EQ(result.supervision.ends[0].signal, SIGKILL);
@@ -115,7 +115,7 @@ TEST(Supervise, PassesOnTheCulpritsExitCodeAndLastWords) {
   const Result result =
       watch({shell("plant", "echo 'tau_1 is not finite' >&2; exit 5"), shell("logger", obedient)});
   ASSERT_EQ(result.supervision.culprit, 0U);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protective_stop);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::protective_stop);
   EXPECT_EQ(describe(result.supervision.ends[0]),
             "plant ended with exit code 5: tau_1 is not finite");
 }
@@ -128,7 +128,7 @@ TEST(Supervise, TellsOfAProtectiveStopWhoeverWasLost) {
              shell("logger", "exec sleep 0.3")},
             {}, options);
   ASSERT_EQ(result.supervision.culprit, 1U) << "the cause is still the one that was lost";
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protective_stop);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::protective_stop);
 }
 
 TEST(Supervise, BlamesTheCauseNotThePeerThatMissedIt) {
@@ -137,7 +137,7 @@ TEST(Supervise, BlamesTheCauseNotThePeerThatMissedIt) {
   const Result result =
       watch({shell("plant", "exit 3"), shell("controller", "sleep 0.1; exit 4")}, {}, options);
   ASSERT_EQ(result.supervision.culprit, 1U);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::protocol_violated);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::protocol_violated);
 }
 
 TEST(Supervise, GivesTheOthersTimeToEndByThemselves) {
@@ -155,7 +155,7 @@ TEST(Supervise, PassesCtrlCOnOnceAndEndsWith130) {
         kill(getpid(), SIGINT);
       });
   EXPECT_TRUE(result.supervision.interrupted);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::interrupted);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::interrupted);
   EXPECT_THAT(result.lines.at("plant"), ElementsAre("up", "closing"));
   EXPECT_EQ(result.supervision.ends[0].exit_code, 130);
   EXPECT_EQ(result.supervision.ends[1].exit_code, 130);
@@ -170,7 +170,7 @@ TEST(Supervise, KillsTheDeafAfterASecondCtrlC) {
   });
   EXPECT_LT(result.took, seconds(2));
   EXPECT_EQ(result.supervision.ends[0].signal, SIGKILL);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::interrupted);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::interrupted);
 }
 
 TEST(Supervise, StopsWhoGoesOnLongAfterTheOthersHaveEnded) {
@@ -179,7 +179,7 @@ TEST(Supervise, StopsWhoGoesOnLongAfterTheOthersHaveEnded) {
   const Result result =
       watch({shell("plant", "exit 0"), shell("controller", obedient)}, {}, options);
   ASSERT_EQ(result.supervision.culprit, 1U);
-  EXPECT_EQ(exit_code(result.supervision), app::ExitCode::peer_lost);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
   EXPECT_THAT(describe(result.supervision.ends[1]), HasSubstr("went on after the others"));
 }
 
@@ -201,8 +201,8 @@ TEST(Supervise, NamesAProgramThatCannotBeStarted) {
     supervise({shell("plant", "echo $$; sleep 60"), {"logger", {"/nowhere/tachless-logger"}}},
               options);
     FAIL() << "started a program that is not there";
-  } catch (const app::Failure& failure) {
-    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("cannot start /nowhere/tachless-logger"));
   }
   EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child was left behind";
@@ -241,4 +241,4 @@ TEST(Supervise, LeavesSignalsAsTheyWere) {
 }
 
 }  // namespace
-}  // namespace launch
+}  // namespace tachless::launch

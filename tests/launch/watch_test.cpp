@@ -18,10 +18,12 @@
 
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
-#include "tests/bus/private_network.h"
 #include "tests/launch/endless_run.h"
-#include "tests/launch/virtual_display.h"
-#include "tests/process/program.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
+#include "tests/support/virtual_display.h"
+
+using namespace tachless;
 
 namespace {
 
@@ -78,7 +80,7 @@ TEST(Watch, CountsWhatASenderLeftOutAndWhatCannotBeDecoded) {
   // The first of these messages may come before the program listens, hence again and again.
   Program watch("tachless", {"watch", "--once", "--json", "--seconds", "3"}, directory.path());
   bus::UdpTransport transport;
-  bus::Codec<bus::Tick> codec(bus::Layout{});
+  bus::Codec<loop::Tick> codec(loop::Layout{});
   for (std::int64_t k = 0; watch.running(); k += 2) {
     transport.publish("ARM_TICK", codec.encode({k, 1, k}, {}));
     transport.publish("ARM_TICK", std::as_bytes(std::span("garbage")));

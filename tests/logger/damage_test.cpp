@@ -4,15 +4,15 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "app/exit_code.h"
+#include "diagnostics/failure.h"
 #include "logger/export.h"
 #include "logger/info.h"
 #include "logger/run_log.h"
-#include "tests/logger/damaged_log.h"
-#include "tests/logger/recorded_run.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/temporary_directory.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 /// Everything that reads logs, on damaged ones: nothing crashes or loops, and what is intact comes
@@ -68,8 +68,8 @@ TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
       export_run(run_log, csv_, ExportFormat::csv, true);
       // HDF5 sees the same records; every day a twentieth of the logs is enough for it.
       if (plan.thorough || seed % 20 == 0) export_run(run_log, h5_, ExportFormat::hdf5, true);
-    } catch (const app::Failure& failure) {
-      ASSERT_EQ(failure.code(), app::ExitCode::bad_usage);
+    } catch (const diagnostics::Failure& failure) {
+      ASSERT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       ASSERT_NE(std::string(failure.what()).find(path_.string()), std::string::npos)
           << failure.what();
     }
@@ -79,4 +79,4 @@ TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

@@ -11,12 +11,12 @@
 #include <cstdlib>
 #include <sstream>
 
-#include "app/exit_code.h"
-#include "tests/logger/damaged_log.h"
-#include "tests/logger/recorded_run.h"
-#include "tests/temporary_directory.h"
+#include "diagnostics/failure.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/temporary_directory.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 using testing::AllOf;
@@ -96,8 +96,8 @@ class Export : public testing::Test {
   std::string failure_of(Call call) {
     try {
       call();
-    } catch (const app::Failure& failure) {
-      EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       return failure.what();
     }
     return "no failure";
@@ -148,7 +148,7 @@ TEST_F(Export, CsvHoldsEveryNumberInFull) {
   expect_column("nu1_1_rad_per_s", [](Tick t) { return t.controller_state->nu[0](0); });
   expect_column("nu2_2_rad_per_s", [](Tick t) { return t.controller_state->nu[1](1); });
   expect_column("error2_1_rad", [](Tick t) { return t.controller_state->error[1](0); });
-  const auto measured = [](Tick t) { return std::get<robot::LinkStateMeasurement>(t.measurement); };
+  const auto measured = [](Tick t) { return std::get<loop::LinkStateMeasurement>(t.measurement); };
   expect_column("q_measured_1_rad", [&](Tick t) { return measured(t).q(0); });
   expect_column("v_measured_2_rad_per_s", [&](Tick t) { return measured(t).v(1); });
   expect_column("theta_measured_2_rad", [&](Tick t) { return measured(t).theta(1); });
@@ -185,8 +185,8 @@ TEST_F(Export, PrismaticJointsAreInMetresAndNewtons) {
   urdf.replace(at, elbow.size(), R"(<joint name="elbow" type="prismatic">
     <limit lower="-1" upper="1" effort="0" velocity="0"/>)");
   recorded.info.robot_description = urdf;
-  bus::Codec<bus::RunInfo> codec(bus::Layout{1, 0, 0});
-  const auto bytes = codec.encode(bus::Stamp{0, recorded.run, -1}, recorded.info);
+  bus::Codec<loop::RunInfo> codec(loop::Layout{1, 0, 0});
+  const auto bytes = codec.encode(loop::Stamp{0, recorded.run, -1}, recorded.info);
   recorded.messages[0].data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   run(recorded.bytes(), csv_);
   EXPECT_THAT(table(csv_).columns,
@@ -291,4 +291,4 @@ TEST_F(Export, CsvGoesToAPipeAsItIs) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

@@ -5,11 +5,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/logger/damaged_log.h"
-#include "tests/logger/recorded_run.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/temporary_directory.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 using testing::AllOf;
@@ -118,4 +118,4 @@ TEST(Printable, KeepsUtf8AndReplacesTheRest) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

@@ -5,11 +5,11 @@
 #include <cstddef>
 
 #include "logger/log_file.h"
-#include "tests/bus/counting_new.h"
-#include "tests/logger/damaged_log.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/counting_new.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/temporary_directory.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 TEST(LogFileAllocation, WritingAndReadingAnEventAllocatesNothing) {
@@ -33,4 +33,4 @@ TEST(LogFileAllocation, WritingAndReadingAnEventAllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

@@ -13,11 +13,11 @@
 #include <random>
 #include <set>
 
-#include "app/exit_code.h"
-#include "tests/logger/damaged_log.h"
-#include "tests/temporary_directory.h"
+#include "diagnostics/failure.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/temporary_directory.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 using testing::HasSubstr;
@@ -45,8 +45,8 @@ class LogFile : public testing::Test {
   std::string failure_of(Call call) {
     try {
       call();
-    } catch (const app::Failure& failure) {
-      EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       return failure.what();
     }
     return "no failure";
@@ -367,4 +367,4 @@ TEST_F(LogFile, StaysLinearOnALogMadeToBeSlow) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

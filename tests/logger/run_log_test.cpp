@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <random>
 
-#include "app/exit_code.h"
-#include "tests/logger/damaged_log.h"
-#include "tests/logger/recorded_run.h"
-#include "tests/temporary_directory.h"
+#include "diagnostics/failure.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/recorded_run.h"
+#include "tests/support/temporary_directory.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
 using testing::HasSubstr;
@@ -32,7 +32,7 @@ void expect_equal(const TickRecord& a, const TickRecord& b) {
   if (a.command) expect_equal(a.command->tau, b.command->tau);
   if (a.controller_state) {
     EXPECT_EQ(a.controller_state->num_filters, b.controller_state->num_filters);
-    for (std::size_t i = 0; i < robot::max_filters; ++i) {
+    for (std::size_t i = 0; i < loop::max_filters; ++i) {
       expect_equal(a.controller_state->error[i], b.controller_state->error[i]);
       expect_equal(a.controller_state->nu[i], b.controller_state->nu[i]);
     }
@@ -44,11 +44,11 @@ void expect_equal(const TickRecord& a, const TickRecord& b) {
     EXPECT_EQ(a.truth->fault, b.truth->fault);
   }
   EXPECT_EQ(a.measurement.index(), b.measurement.index());
-  if (const auto* x = std::get_if<robot::PositionMeasurement>(&a.measurement)) {
-    expect_equal(x->q, std::get<robot::PositionMeasurement>(b.measurement).q);
+  if (const auto* x = std::get_if<loop::PositionMeasurement>(&a.measurement)) {
+    expect_equal(x->q, std::get<loop::PositionMeasurement>(b.measurement).q);
   }
-  if (const auto* x = std::get_if<robot::LinkStateMeasurement>(&a.measurement)) {
-    expect_equal(x->theta, std::get<robot::LinkStateMeasurement>(b.measurement).theta);
+  if (const auto* x = std::get_if<loop::LinkStateMeasurement>(&a.measurement)) {
+    expect_equal(x->theta, std::get<loop::LinkStateMeasurement>(b.measurement).theta);
   }
 }
 
@@ -79,8 +79,8 @@ class RunLogTest : public testing::Test {
   std::string failure_of(const std::vector<Recorded>& messages) {
     try {
       open(messages);
-    } catch (const app::Failure& failure) {
-      EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       return failure.what();
     }
     return "no failure";
@@ -145,7 +145,7 @@ TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
   EXPECT_EQ(duplicates, copies);
   ASSERT_EQ(log.summary().faults.size(), 1u);
   EXPECT_EQ(log.summary().faults[0].text, "encoder lost");
-  EXPECT_EQ(log.summary().faults[0].role, bus::Role::controller);
+  EXPECT_EQ(log.summary().faults[0].role, loop::Role::controller);
   EXPECT_EQ(log.summary().faults[0].tick, 17);
 }
 
@@ -319,4 +319,4 @@ TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

@@ -4,13 +4,13 @@
 
 #include <cstring>
 
-#include "tests/bus/lockstep/bytes_of.h"
+#include "tests/protocol/lockstep/bytes_of.h"
 
-namespace logger {
+namespace tachless::logger {
 namespace {
 
-using bus::lockstep::num_slots;
-using bus::lockstep::Verdict;
+using protocol::lockstep::num_slots;
+using protocol::lockstep::Verdict;
 using Slot = TickTally::Slot;
 
 void record_all(TickTally& tally, std::int64_t tick) {
@@ -86,4 +86,4 @@ TEST(TickTally, AReferenceAheadIsNoTickYet) {
 }
 
 }  // namespace
-}  // namespace logger
+}  // namespace tachless::logger

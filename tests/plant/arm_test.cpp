@@ -14,7 +14,7 @@
 #include "robot/mass_matrix.h"
 #include "tests/plant/arms.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using robot::Vector;
@@ -367,4 +367,4 @@ TEST(Arm, RefusesAWrongNumberOfJoints) {
 }
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

@@ -8,7 +8,7 @@
 #include "tests/robot/robots.h"
 
 /// Robots, states and an independent integration that the tests of this room share.
-namespace plant::testing {
+namespace tachless::plant::testing {
 
 class Random {
  public:
@@ -104,4 +104,4 @@ Eigen::VectorXd runge_kutta_4(const Rate& rate, Eigen::VectorXd y, double interv
   return y;
 }
 
-}  // namespace plant::testing
+}  // namespace tachless::plant::testing

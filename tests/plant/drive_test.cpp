@@ -7,10 +7,10 @@
 
 #include "robot/model.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
-using robot::TorqueCommand;
+using loop::TorqueCommand;
 using robot::Vector;
 
 TorqueCommand command(double first, double second) { return {Eigen::Vector2d(first, second)}; }
@@ -85,4 +85,4 @@ TEST(Drive, RefusesWhatMakesNoSense) {
 }
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

@@ -8,17 +8,17 @@
 
 #include "tests/plant/arms.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using robot::Vector;
 using ::testing::HasSubstr;
 
-app::Scenario scenario(bool flexible = false) {
-  app::Scenario s;
+experiment::Scenario scenario(bool flexible = false) {
+  experiment::Scenario s;
   s.source = "test.yaml";
   s.controller.law = "a_law";
-  if (flexible) s.robot.flexible = app::FlexibleJoints{};
+  if (flexible) s.robot.flexible = experiment::FlexibleJoints{};
   return s;
 }
 
@@ -45,13 +45,13 @@ ArmState state(double first, double second) {
 TEST(Encoder, IsExactByDefault) {
   const Encoder encoder(scenario(true), revolute_and_prismatic());
   const ArmState s = state(1.234567890123, -0.2);
-  EXPECT_EQ(encoder.measure<robot::PositionMeasurement>(s, 5).q, s.q);
-  EXPECT_EQ(encoder.measure<robot::MotorPositionMeasurement>(s, 5).theta, s.theta);
-  const auto link = encoder.measure<robot::LinkStateMeasurement>(s, 5);
+  EXPECT_EQ(encoder.measure<loop::PositionMeasurement>(s, 5).q, s.q);
+  EXPECT_EQ(encoder.measure<loop::MotorPositionMeasurement>(s, 5).theta, s.theta);
+  const auto link = encoder.measure<loop::LinkStateMeasurement>(s, 5);
   EXPECT_EQ(link.q, s.q);
   EXPECT_EQ(link.v, s.v);
   EXPECT_EQ(link.theta, s.theta);
-  const auto all = encoder.measure<robot::StateMeasurement>(s, 5);
+  const auto all = encoder.measure<loop::StateMeasurement>(s, 5);
   EXPECT_EQ(all.q, s.q);
   EXPECT_EQ(all.v, s.v);
   EXPECT_EQ(all.theta, s.theta);
@@ -59,21 +59,21 @@ TEST(Encoder, IsExactByDefault) {
 }
 
 TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
-  app::Scenario s = scenario();
+  experiment::Scenario s = scenario();
   s.plant.encoder.resolution_bits = 10;
   const Encoder encoder(s, revolute_and_prismatic());
   const double turn = 2 * std::numbers::pi / 1024, slide = 2.0 / 1024;
   EXPECT_EQ(encoder.count()[0], turn);
   EXPECT_EQ(encoder.count()[1], slide);
   const auto measured = [&](double first, double second) {
-    return encoder.measure<robot::PositionMeasurement>(state(first, second), 0).q;
+    return encoder.measure<loop::PositionMeasurement>(state(first, second), 0).q;
   };
   EXPECT_EQ(measured(7.4 * turn, -3.6 * slide), Vector(Eigen::Vector2d(7 * turn, -4 * slide)));
   EXPECT_EQ(measured(-7.6 * turn, 3.4 * slide), Vector(Eigen::Vector2d(-8 * turn, 3 * slide)));
 }
 
 TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
-  app::Scenario s = scenario();
+  experiment::Scenario s = scenario();
   s.plant.encoder.resolution_bits = 12;
   const Encoder encoder(s, revolute_and_prismatic());
   const double count = encoder.count()[0];
@@ -82,7 +82,7 @@ TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
   constexpr int n = 20000;
   for (int k = 0; k < n; ++k) {
     const ArmState exact = state(random(-4, 4), 0);
-    const double error = encoder.measure<robot::PositionMeasurement>(exact, k).q[0] - exact.q[0];
+    const double error = encoder.measure<loop::PositionMeasurement>(exact, k).q[0] - exact.q[0];
     sum_of_squares += error * error;
     largest = std::max(largest, std::abs(error));
   }
@@ -92,7 +92,7 @@ TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
 }
 
 TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
-  app::Scenario s = scenario();
+  experiment::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
   s.plant.encoder.velocity_noise_std_rad_per_s = 0.3;
   const Encoder encoder(s, revolute_and_prismatic());
@@ -100,7 +100,7 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
   constexpr int n = 40000;
   double mean[4] = {}, square[4] = {}, fourth = 0, product = 0, beside = 0, last = 0;
   for (int k = 0; k < n; ++k) {
-    const auto measured = encoder.measure<robot::StateMeasurement>(exact, k);
+    const auto measured = encoder.measure<loop::StateMeasurement>(exact, k);
     const double x[4] = {(measured.q[0] - exact.q[0]) / 0.01, (measured.q[1] - exact.q[1]) / 0.01,
                          (measured.v[0] - exact.v[0]) / 0.3, (measured.v[1] - exact.v[1]) / 0.3};
     for (int i = 0; i < 4; ++i) {
@@ -123,26 +123,26 @@ TEST(Encoder, AddsGaussianNoiseOfTheStandardDeviationAsked) {
 }
 
 TEST(Encoder, RepeatsTheNoiseOfARepeatedTick) {
-  app::Scenario s = scenario();
+  experiment::Scenario s = scenario();
   s.plant.encoder.noise_std_rad = 0.01;
   const Encoder encoder(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
-  const Vector first = encoder.measure<robot::PositionMeasurement>(exact, 7).q;
-  EXPECT_NE(encoder.measure<robot::PositionMeasurement>(exact, 8).q, first);
-  EXPECT_EQ(encoder.measure<robot::PositionMeasurement>(exact, 7).q, first);
+  const Vector first = encoder.measure<loop::PositionMeasurement>(exact, 7).q;
+  EXPECT_NE(encoder.measure<loop::PositionMeasurement>(exact, 8).q, first);
+  EXPECT_EQ(encoder.measure<loop::PositionMeasurement>(exact, 7).q, first);
   s.plant.encoder.seed = 2;
-  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<robot::PositionMeasurement>(exact, 7).q,
+  EXPECT_NE(Encoder(s, revolute_and_prismatic()).measure<loop::PositionMeasurement>(exact, 7).q,
             first);
 }
 
 TEST(Encoder, GivesTheSameNoiseToEveryKindOfMeasurement) {
-  app::Scenario s = scenario(true);
+  experiment::Scenario s = scenario(true);
   s.plant.encoder.noise_std_rad = 0.01;
   const Encoder encoder(s, revolute_and_prismatic());
   const ArmState exact = state(1, 0.5);
-  const auto all = encoder.measure<robot::StateMeasurement>(exact, 3);
-  EXPECT_EQ(encoder.measure<robot::PositionMeasurement>(exact, 3).q, all.q);
-  EXPECT_EQ(encoder.measure<robot::MotorPositionMeasurement>(exact, 3).theta, all.theta);
+  const auto all = encoder.measure<loop::StateMeasurement>(exact, 3);
+  EXPECT_EQ(encoder.measure<loop::PositionMeasurement>(exact, 3).q, all.q);
+  EXPECT_EQ(encoder.measure<loop::MotorPositionMeasurement>(exact, 3).theta, all.theta);
   EXPECT_NE(Vector(all.q - exact.q), Vector(all.theta - exact.theta));
 }
 
@@ -158,48 +158,48 @@ TEST(StandardNormal, ComesFromTheKnownAnswerOfPhilox) {
 }
 
 TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
-  app::Scenario s = scenario();
+  experiment::Scenario s = scenario();
   s.plant.encoder.resolution_bits = 10;
   robot::Model model = revolute_and_prismatic();
   model.upper[1] = robot::Model::unlimited;
   try {
     const Encoder encoder(s, model);
     FAIL();
-  } catch (const app::Failure& failure) {
-    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("plant.encoder.resolution_bits"));
     EXPECT_THAT(failure.what(), HasSubstr("\"slide\""));
   }
 }
 
 TEST(Encoder, RefusesAMeasurementWhoseSideTheRobotHasNot) {
-  app::Scenario flexible = scenario(true);
-  flexible.plant.encoder.side = app::EncoderSide::motor;
-  EXPECT_NO_THROW(require_encoders<robot::MotorPositionMeasurement>(flexible));
-  EXPECT_THROW(require_encoders<robot::PositionMeasurement>(flexible), app::Failure);
-  EXPECT_THROW(require_encoders<robot::LinkStateMeasurement>(flexible), app::Failure);
-  EXPECT_THROW(require_encoders<robot::StateMeasurement>(flexible), app::Failure);
-  flexible.plant.encoder.side = app::EncoderSide::link;
-  EXPECT_NO_THROW(require_encoders<robot::PositionMeasurement>(flexible));
-  EXPECT_THROW(require_encoders<robot::MotorPositionMeasurement>(flexible), app::Failure);
-  EXPECT_THROW(require_encoders<robot::LinkStateMeasurement>(flexible), app::Failure);
-  EXPECT_THROW(require_encoders<robot::StateMeasurement>(flexible), app::Failure);
-  flexible.plant.encoder.side = app::EncoderSide::both;
-  EXPECT_NO_THROW(require_encoders<robot::LinkStateMeasurement>(flexible));
-  EXPECT_NO_THROW(require_encoders<robot::StateMeasurement>(flexible));
+  experiment::Scenario flexible = scenario(true);
+  flexible.plant.encoder.side = experiment::EncoderSide::motor;
+  EXPECT_NO_THROW(require_encoders<loop::MotorPositionMeasurement>(flexible));
+  EXPECT_THROW(require_encoders<loop::PositionMeasurement>(flexible), diagnostics::Failure);
+  EXPECT_THROW(require_encoders<loop::LinkStateMeasurement>(flexible), diagnostics::Failure);
+  EXPECT_THROW(require_encoders<loop::StateMeasurement>(flexible), diagnostics::Failure);
+  flexible.plant.encoder.side = experiment::EncoderSide::link;
+  EXPECT_NO_THROW(require_encoders<loop::PositionMeasurement>(flexible));
+  EXPECT_THROW(require_encoders<loop::MotorPositionMeasurement>(flexible), diagnostics::Failure);
+  EXPECT_THROW(require_encoders<loop::LinkStateMeasurement>(flexible), diagnostics::Failure);
+  EXPECT_THROW(require_encoders<loop::StateMeasurement>(flexible), diagnostics::Failure);
+  flexible.plant.encoder.side = experiment::EncoderSide::both;
+  EXPECT_NO_THROW(require_encoders<loop::LinkStateMeasurement>(flexible));
+  EXPECT_NO_THROW(require_encoders<loop::StateMeasurement>(flexible));
 }
 
 TEST(Encoder, OfARigidRobotReadsTheLinkFromEitherSide) {
-  app::Scenario rigid = scenario();
-  for (const auto side :
-       {app::EncoderSide::link, app::EncoderSide::motor, app::EncoderSide::both}) {
+  experiment::Scenario rigid = scenario();
+  for (const auto side : {experiment::EncoderSide::link, experiment::EncoderSide::motor,
+                          experiment::EncoderSide::both}) {
     rigid.plant.encoder.side = side;
-    EXPECT_NO_THROW(require_encoders<robot::PositionMeasurement>(rigid));
-    EXPECT_NO_THROW(require_encoders<robot::StateMeasurement>(rigid));
-    EXPECT_THROW(require_encoders<robot::MotorPositionMeasurement>(rigid), app::Failure);
-    EXPECT_THROW(require_encoders<robot::LinkStateMeasurement>(rigid), app::Failure);
+    EXPECT_NO_THROW(require_encoders<loop::PositionMeasurement>(rigid));
+    EXPECT_NO_THROW(require_encoders<loop::StateMeasurement>(rigid));
+    EXPECT_THROW(require_encoders<loop::MotorPositionMeasurement>(rigid), diagnostics::Failure);
+    EXPECT_THROW(require_encoders<loop::LinkStateMeasurement>(rigid), diagnostics::Failure);
   }
 }
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

@@ -15,21 +15,21 @@
 #include <utility>
 #include <vector>
 
-#include "app/session.h"
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
+#include "node/session.h"
 #include "plant/node.h"
 
-namespace plant {
+namespace tachless::plant {
 
 inline constexpr auto controllers_address = "controller's address";
 
-inline app::Scenario scenario(std::vector<std::string> overrides) {
+inline experiment::Scenario scenario(std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(),
                    {"loop.mode=realtime", "loop.duration_s=0.03", "robot.gravity_m_per_s2=0",
                     "plant.encoder.resolution_bits=null"});
-  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml",
-                            overrides);
+  return experiment::load_scenario(
+      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", overrides);
 }
 
 /// A torque that tells its tick.
@@ -42,7 +42,7 @@ inline robot::Vector torque_of(std::int64_t tick) {
 /// Reference, controller and logger as the plant sees them, on a bus of their own.
 class Peers : public bus::Transport {
  public:
-  explicit Peers(const app::Scenario& scenario) : digest_(scenario.digest) {
+  explicit Peers(const experiment::Scenario& scenario) : digest_(scenario.digest) {
     // The controller answers at once, until a test says otherwise.
     on_measurement = [this](std::int64_t tick) { command(tick, torque_of(tick)); };
   }
@@ -53,18 +53,18 @@ class Peers : public bus::Transport {
 
   std::string measurement = "POSITION";  ///< what the controller asks for
 
-  std::vector<bus::truth::PlantTruth> truths;
+  std::vector<loop::truth::PlantTruth> truths;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
-  std::vector<bus::Participant> heard_plant;
+  std::vector<loop::Participant> heard_plant;
 
   void command(std::int64_t tick, const robot::Vector& tau,
                std::string sender = controllers_address, std::int64_t run = 0) {
-    bus::Codec<robot::TorqueCommand> codec(layout_);
+    bus::Codec<loop::TorqueCommand> codec(layout_);
     queue("ARM_COMMAND", codec.encode({0, run != 0 ? run : run_, tick}, {tau}), std::move(sender));
   }
   /// The same with NaN for the last torque.
   void non_finite_command(std::int64_t tick, std::string sender) {
-    bus::Codec<robot::TorqueCommand> codec(layout_);
+    bus::Codec<loop::TorqueCommand> codec(layout_);
     const auto sound = codec.encode({0, run_, tick}, {torque_of(tick)});
     std::vector<std::byte> bytes(sound.begin(), sound.end());
     std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
@@ -74,7 +74,7 @@ class Peers : public bus::Transport {
   std::chrono::microseconds answering_time{0};
 
   void queue(std::string channel, std::span<const std::byte> bytes, std::string sender) {
-    const auto at = bus::Clock::now() +
+    const auto at = loop::Clock::now() +
                     (channel == "ARM_COMMAND" ? answering_time : std::chrono::microseconds(0));
     messages_.push_back({std::move(channel), {bytes.begin(), bytes.end()}, std::move(sender), at});
   }
@@ -82,25 +82,26 @@ class Peers : public bus::Transport {
   void subscribe(const std::string& /*channel*/) override {}
 
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
-    bus::Stamp stamp;
+    loop::Stamp stamp;
     if (channel == "ARM_PARTICIPANT") {
-      bus::Participant plant;
+      loop::Participant plant;
       ASSERT_EQ(participants_.decode(payload, stamp, plant), bus::Rejection::none);
       run_ = stamp.run;
       if (heard_plant.empty()) on_first_announcement();
       heard_plant.push_back(plant);
-      for (const bus::Role role : {bus::Role::reference, bus::Role::controller, bus::Role::logger})
+      for (const loop::Role role :
+           {loop::Role::reference, loop::Role::controller, loop::Role::logger})
         announce(role);
     } else if (channel == "ARM_RUN_INFO") {
       on_run_info();
-      bus::Codec<bus::LogAck> codec(layout_);
+      bus::Codec<loop::LogAck> codec(layout_);
       queue("ARM_LOG_ACK", codec.encode({0, run_, -1}, {}), "logger's address");
     } else if (channel == "ARM_POSITION") {
-      robot::PositionMeasurement position;
+      loop::PositionMeasurement position;
       ASSERT_EQ(positions_.decode(payload, stamp, position), bus::Rejection::none);
       on_measurement(stamp.tick);
     } else if (channel == "ARM_TICK") {
-      bus::Tick tick;
+      loop::Tick tick;
       ASSERT_EQ(ticks_.decode(payload, stamp, tick), bus::Rejection::none);
       ticks.push_back(stamp.tick);
       tick_utimes.push_back(stamp.utime);
@@ -111,10 +112,10 @@ class Peers : public bus::Transport {
     }
   }
 
-  std::optional<bus::Datagram> receive(bus::Clock::time_point deadline) override {
+  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override {
     const bool any = !messages_.empty();
     std::this_thread::sleep_until(any ? std::min(deadline, messages_.front().at) : deadline);
-    if (!any || messages_.front().at > bus::Clock::now()) return std::nullopt;
+    if (!any || messages_.front().at > loop::Clock::now()) return std::nullopt;
     current_ = std::move(messages_.front());
     messages_.pop_front();
     return bus::Datagram{current_.channel, current_.payload, current_.sender};
@@ -125,48 +126,49 @@ class Peers : public bus::Transport {
     std::string channel;
     std::vector<std::byte> payload;
     std::string sender;
-    bus::Clock::time_point at;  ///< it arrives then
+    loop::Clock::time_point at;  ///< it arrives then
   };
 
-  void announce(bus::Role role) {
-    bus::Participant self;
+  void announce(loop::Role role) {
+    loop::Participant self;
     self.instance = 100 + static_cast<int>(role);
     self.scenario_digest = digest_;
     const auto plants = heard_plant.back().state;
-    self.state = plants == bus::ParticipantState::finished ? plants : bus::ParticipantState::ready;
+    self.state =
+        plants == loop::ParticipantState::finished ? plants : loop::ParticipantState::ready;
     self.role = role;
-    if (role == bus::Role::controller) self.measurement = measurement;
+    if (role == loop::Role::controller) self.measurement = measurement;
     queue("ARM_PARTICIPANT", participants_.encode({0, run_, -1}, self),
-          std::string(bus::name(role)) + "'s address");
+          std::string(loop::name(role)) + "'s address");
   }
 
   std::int64_t digest_;
   std::int64_t run_ = 0;
-  bus::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
-  bus::Codec<bus::Participant> participants_{layout_};
-  bus::Codec<robot::PositionMeasurement> positions_{layout_};
-  bus::Codec<bus::Tick> ticks_{layout_};
-  bus::Codec<bus::truth::PlantTruth> truths_{layout_};
+  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
+  bus::Codec<loop::Participant> participants_{layout_};
+  bus::Codec<loop::PositionMeasurement> positions_{layout_};
+  bus::Codec<loop::Tick> ticks_{layout_};
+  bus::Codec<loop::truth::PlantTruth> truths_{layout_};
   std::list<Message> messages_;
   Message current_;
 };
 
 struct Outcome {
-  app::ExitCode code = app::ExitCode::done;
+  diagnostics::ExitCode code = diagnostics::ExitCode::done;
   std::string fault;
-  app::Statistics statistics;
+  node::Statistics statistics;
 };
 
 /// The plant's part; `driver`: of the robot in the emulator's place.
-inline Outcome run(const app::Scenario& scenario, Peers& peers,
+inline Outcome run(const experiment::Scenario& scenario, Peers& peers,
                    const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
-  app::Session session(scenario, peers,
-                       {.role = bus::Role::plant,
-                        .run_id = 7,
-                        .wait_s = 10,
-                        .interrupted = interrupted,
-                        .instance = 1,
-                        .follow = {}});
+  node::Session session(scenario, peers,
+                        {.role = loop::Role::plant,
+                         .run_id = 7,
+                         .wait_s = 10,
+                         .interrupted = interrupted,
+                         .instance = 1,
+                         .follow = {}});
   Outcome outcome;
   try {
     session.play([&] {
@@ -176,7 +178,7 @@ inline Outcome run(const app::Scenario& scenario, Peers& peers,
         run_node(scenario, peers, session);
       }
     });
-  } catch (const app::Failure& failure) {
+  } catch (const diagnostics::Failure& failure) {
     outcome.code = failure.code();
     outcome.fault = failure.what();
   }
@@ -184,4 +186,4 @@ inline Outcome run(const app::Scenario& scenario, Peers& peers,
   return outcome;
 }
 
-}  // namespace plant
+}  // namespace tachless::plant

@@ -10,15 +10,16 @@
 #include "robot/mass_matrix.h"
 #include "tests/plant/arms.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using robot::Vector;
 using ::testing::HasSubstr;
 
-app::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides = {}) {
-  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/" + name + ".yaml",
-                            overrides);
+experiment::Scenario scenario(const std::string& name,
+                              const std::vector<std::string>& overrides = {}) {
+  return experiment::load_scenario(
+      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/" + name + ".yaml", overrides);
 }
 
 TEST(PlantModel, HasTheScenariosGravityPayloadAndRotorInertia) {
@@ -35,20 +36,20 @@ TEST(PlantModel, HasTheScenariosGravityPayloadAndRotorInertia) {
 }
 
 TEST(PlantModel, NamesAPayloadLinkThatIsNotThere) {
-  app::Scenario s = scenario("paper_rigid", {"plant.payload.mass_kg=0.5"});
+  experiment::Scenario s = scenario("paper_rigid", {"plant.payload.mass_kg=0.5"});
   s.plant.payload.link = "elbow_pad";
   try {
     (void)plant_model(s);
     FAIL();
-  } catch (const app::Failure& failure) {
-    EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("plant.payload"));
     EXPECT_THAT(failure.what(), HasSubstr("elbow_pad"));
   }
 }
 
 TEST(InitialState, PutsMotorsInStaticBalance) {
-  const app::Scenario s = scenario(
+  const experiment::Scenario s = scenario(
       "paper_flexible", {"plant.initial.position_rad=[0.8, -0.3]", "plant.payload.mass_kg=0.5"});
   const robot::Model model = plant_model(s);
   const Arm arm = make_arm(s, model);
@@ -60,7 +61,7 @@ TEST(InitialState, PutsMotorsInStaticBalance) {
 }
 
 TEST(InitialState, TakesMotorsAsGiven) {
-  const app::Scenario s =
+  const experiment::Scenario s =
       scenario("paper_flexible", {"plant.initial.motor_position_rad=[0.1, 0.2]",
                                   "plant.initial.motor_velocity_rad_per_s=[3, 4]"});
   const ArmState state = initial_state(s, plant_model(s));
@@ -70,7 +71,7 @@ TEST(InitialState, TakesMotorsAsGiven) {
 
 TEST(MakeDrive, LimitsAsTheScenarioSays) {
   const auto applied = [](const std::vector<std::string>& overrides) {
-    const app::Scenario s = scenario("paper_rigid", overrides);
+    const experiment::Scenario s = scenario("paper_rigid", overrides);
     Drive drive = make_drive(s, plant_model(s));
     EXPECT_TRUE(drive.accept({Eigen::Vector2d(1e5, -1e5)}));
     return drive.applied().tau;
@@ -81,7 +82,7 @@ TEST(MakeDrive, LimitsAsTheScenarioSays) {
 
 TEST(ProtectiveStop, BringsARobotToRest) {
   for (const char* name : {"paper_rigid", "paper_flexible"}) {
-    const app::Scenario s =
+    const experiment::Scenario s =
         scenario(name, {"plant.initial.velocity_rad_per_s=[2, -3]", "robot.gravity_m_per_s2=0"});
     const robot::Model model = plant_model(s);
     Arm arm = make_arm(s, model);
@@ -96,7 +97,7 @@ TEST(IntegratorStepsPerTick, WarnOfAnAbsurdStiffness) {
   EXPECT_EQ(integrator_steps_per_tick(scenario("paper_flexible", ordinary),
                                       plant_model(scenario("paper_flexible", ordinary))),
             1);
-  const app::Scenario stiff =
+  const experiment::Scenario stiff =
       scenario("paper_flexible",
                {"loop.period_s=1e-3", "robot.joints.flexible.stiffness_Nm_per_rad=[1e12, 1e12]"});
   // sqrt(1e12 (1/J + largest eigenvalue of M^-1, 2.2)) = 3.5e6 rad/s, 3.4 of them a step.
@@ -104,4 +105,4 @@ TEST(IntegratorStepsPerTick, WarnOfAnAbsurdStiffness) {
 }
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

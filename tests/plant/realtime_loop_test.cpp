@@ -12,12 +12,12 @@
 
 #include "tests/plant/peers.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
-using app::ExitCode;
-using bus::truth::DriveFault;
+using diagnostics::ExitCode;
+using loop::truth::DriveFault;
 using testing::HasSubstr;
 
 std::vector<double> first_torques(const Peers& peers) {
@@ -27,7 +27,7 @@ std::vector<double> first_torques(const Peers& peers) {
 }
 
 TEST(RealtimeLoop, AppliesEachCommandOverTheNextTickAndNothingOverTheFirst) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   ASSERT_EQ(s.loop.command_delay, 1);
   Peers peers(s);
   const Outcome outcome = run(s, peers);
@@ -44,8 +44,8 @@ TEST(RealtimeLoop, AppliesEachCommandOverTheNextTickAndNothingOverTheFirst) {
 }
 
 TEST(RealtimeLoop, DelayShiftsTheTorquesByExactlyOneTick) {
-  const app::Scenario late = scenario({});
-  const app::Scenario prompt = scenario({"loop.command_delay=0"});
+  const experiment::Scenario late = scenario({});
+  const experiment::Scenario prompt = scenario({"loop.command_delay=0"});
   Peers late_peers(late);
   Peers prompt_peers(prompt);
   ASSERT_EQ(run(late, late_peers).fault, "");
@@ -61,7 +61,7 @@ TEST(RealtimeLoop, DelayShiftsTheTorquesByExactlyOneTick) {
 TEST(RealtimeLoop, HoldsTheLastTorqueWhenCommandsAreMissed) {
   for (const std::int64_t delay : {0, 1}) {
     SCOPED_TRACE(delay);
-    const app::Scenario s = scenario({"loop.command_delay=" + std::to_string(delay)});
+    const experiment::Scenario s = scenario({"loop.command_delay=" + std::to_string(delay)});
     Peers peers(s);
     peers.on_measurement = [&](std::int64_t k) {
       if (k < 5 || k > 7) peers.command(k, torque_of(k));
@@ -82,7 +82,7 @@ TEST(RealtimeLoop, HoldsTheLastTorqueWhenCommandsAreMissed) {
 }
 
 TEST(RealtimeLoop, CountsALateCommandAndDoesNotApplyIt) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     if (k == 6) peers.command(5, torque_of(5));
@@ -97,7 +97,7 @@ TEST(RealtimeLoop, CountsALateCommandAndDoesNotApplyIt) {
 }
 
 TEST(RealtimeLoop, IgnoresACommandOfATickThatHasNotBegun) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     peers.command(k + 1, robot::Vector::Constant(2, 1e6));
@@ -110,7 +110,7 @@ TEST(RealtimeLoop, IgnoresACommandOfATickThatHasNotBegun) {
 }
 
 TEST(RealtimeLoop, BeginsNoTickBeforeItsDeadlineAndNumbersThemAll) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   ASSERT_EQ(run(s, peers).fault, "");
   ASSERT_EQ(peers.ticks.size(), 30u);
@@ -121,7 +121,7 @@ TEST(RealtimeLoop, BeginsNoTickBeforeItsDeadlineAndNumbersThemAll) {
 }
 
 TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     peers.command(k, torque_of(k));
@@ -138,7 +138,7 @@ TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
 }
 
 TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
-  const app::Scenario s = scenario({"loop.duration_s=0.1"});
+  const experiment::Scenario s = scenario({"loop.duration_s=0.1"});
   ASSERT_EQ(s.loop.max_missed, 20);
   Peers peers(s);
   peers.answering_time = 200us;
@@ -162,7 +162,7 @@ TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
 
 class Stopping : public testing::Test {
  protected:
-  const app::Scenario s_ = scenario(
+  const experiment::Scenario s_ = scenario(
       {"loop.duration_s=2", "loop.max_missed=3", "plant.initial.velocity_rad_per_s=[1.5, -2]"});
   Peers peers_{s_};
 };
@@ -203,11 +203,11 @@ TEST_F(Stopping, TellsTheOthersAtOnceAndEndsWhenTheRobotIsAtRest) {
   const Outcome outcome = run(s_, peers_);
   ASSERT_EQ(outcome.code, ExitCode::protective_stop);
   const auto told = std::ranges::find_if(
-      peers_.heard_plant, [](const bus::Participant& each) { return !each.fault.empty(); });
+      peers_.heard_plant, [](const loop::Participant& each) { return !each.fault.empty(); });
   ASSERT_NE(told, peers_.heard_plant.end());
-  EXPECT_EQ(told->state, bus::ParticipantState::running) << "it still has to brake";
+  EXPECT_EQ(told->state, loop::ParticipantState::running) << "it still has to brake";
   EXPECT_EQ(told->fault_code, 5);
-  EXPECT_EQ(peers_.heard_plant.back().state, bus::ParticipantState::fault);
+  EXPECT_EQ(peers_.heard_plant.back().state, loop::ParticipantState::fault);
   EXPECT_EQ(peers_.heard_plant.back().fault, outcome.fault);
 }
 
@@ -223,7 +223,7 @@ TEST_F(Stopping, StopsAtATorqueThatIsNotFinite) {
 }
 
 TEST_F(Stopping, DropsAStrangersTorqueThatIsNotFinite) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   peers.on_measurement = [&](std::int64_t k) {
     peers.non_finite_command(k, "a stranger's address");
@@ -270,7 +270,7 @@ TEST_F(Stopping, BrakesBeforeItEndsWhenInterrupted) {
 }
 
 TEST(RealtimeStart, IsRefusedWhenACommandComesDuringTheRendezvous) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   peers.on_first_announcement = [&] { peers.command(812, torque_of(1), "10.0.0.9:4000", 3); };
   const Outcome outcome = run(s, peers);
@@ -281,7 +281,7 @@ TEST(RealtimeStart, IsRefusedWhenACommandComesDuringTheRendezvous) {
 }
 
 TEST(RealtimeStart, IsRefusedWhenACommandComesBeforeTheFirstTick) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   peers.on_run_info = [&] { peers.command(0, torque_of(0)); };
   const Outcome outcome = run(s, peers);
@@ -291,7 +291,7 @@ TEST(RealtimeStart, IsRefusedWhenACommandComesBeforeTheFirstTick) {
 }
 
 TEST(RealtimeStart, IsNotStoppedByNoiseOnTheCommandChannel) {
-  const app::Scenario s = scenario({});
+  const experiment::Scenario s = scenario({});
   Peers peers(s);
   const std::vector<std::byte> noise(57, std::byte{0x5a});
   peers.on_first_announcement = [&] { peers.queue("ARM_COMMAND", noise, "10.0.0.9:4000"); };
@@ -299,7 +299,7 @@ TEST(RealtimeStart, IsNotStoppedByNoiseOnTheCommandChannel) {
 }
 
 TEST(RealtimeLoop, FlagsAndCountsSaturationPerJoint) {
-  const app::Scenario s = scenario({"plant.drive.torque_limit_Nm=[4, 1000]"});
+  const experiment::Scenario s = scenario({"plant.drive.torque_limit_Nm=[4, 1000]"});
   Peers peers(s);
   const Outcome outcome = run(s, peers);
   ASSERT_EQ(outcome.fault, "");
@@ -315,4 +315,4 @@ TEST(RealtimeLoop, FlagsAndCountsSaturationPerJoint) {
 }
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

@@ -11,15 +11,15 @@
 #include <string>
 #include <vector>
 
-#include "tests/bus/counting_new.h"
 #include "tests/plant/peers.h"
+#include "tests/support/counting_new.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
-using app::ExitCode;
-using bus::truth::DriveFault;
+using diagnostics::ExitCode;
+using loop::truth::DriveFault;
 using testing::HasSubstr;
 
 /// A robot that stands where it is put and writes down what is done to it.
@@ -51,14 +51,14 @@ class Recording : public RobotDriver {
   std::vector<double> ends;
 };
 
-app::Scenario limited(std::vector<std::string> overrides = {}) {
+experiment::Scenario limited(std::vector<std::string> overrides = {}) {
   overrides.insert(overrides.begin(), {"plant.drive.torque_limit_Nm=[4, 1000]",
                                        // What belongs to the emulator changes nothing.
                                        "plant.encoder.noise_std_rad=1", "plant.payload.mass_kg=3"});
   return scenario(std::move(overrides));
 }
 
-Outcome drive(const app::Scenario& scenario, Recording& robot) {
+Outcome drive(const experiment::Scenario& scenario, Recording& robot) {
   Peers peers(scenario);
   return run(scenario, peers, nullptr, &robot);
 }
@@ -71,7 +71,7 @@ void expect_stopped(const Recording& robot) {
 }
 
 TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
-  const app::Scenario s = limited();
+  const experiment::Scenario s = limited();
   Peers peers(s);
   Recording robot;
   robot.state.q << 0.004, -0.003;
@@ -96,13 +96,15 @@ class AFailingRobot : public testing::Test {
   AFailingRobot() { robot_.at = 10; }
   Outcome run_it() { return run(s_, peers_, nullptr, &robot_); }
 
-  const app::Scenario s_ = limited({"loop.duration_s=2"});
+  const experiment::Scenario s_ = limited({"loop.duration_s=2"});
   Peers peers_{s_};
   Recording robot_;
 };
 
 TEST_F(AFailingRobot, IsStoppedAndSaysWhy) {
-  robot_.fault = [] { throw app::Failure(ExitCode::protective_stop, "drive 2 is too hot"); };
+  robot_.fault = [] {
+    throw diagnostics::Failure(ExitCode::protective_stop, "drive 2 is too hot");
+  };
   const Outcome outcome = run_it();
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("drive 2 is too hot"));
@@ -153,7 +155,7 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
   robot_.fault = [this] {
     robot_.state.v << 0.5, 0.5;
     robot_.at = -1;
-    throw app::Failure(ExitCode::protective_stop, "drive 2 is too hot");
+    throw diagnostics::Failure(ExitCode::protective_stop, "drive 2 is too hot");
   };
   EXPECT_EQ(run_it().code, ExitCode::protective_stop);
   expect_stopped(robot_);
@@ -164,13 +166,13 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
 }
 
 TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
-  const app::Scenario unbounded = limited();
+  const experiment::Scenario unbounded = limited();
   std::string urdf = unbounded.robot.urdf_text;
   const std::string elbow = R"(<joint name="elbow" type="continuous">)";
   urdf.replace(urdf.find(elbow), elbow.size(),
                R"(<joint name="elbow" type="revolute">
                   <limit lower="-1.5" upper="2" effort="100" velocity="10"/>)");
-  const app::Scenario s = app::parse_scenario(unbounded.text, urdf, "bounded.yaml");
+  const experiment::Scenario s = experiment::parse_scenario(unbounded.text, urdf, "bounded.yaml");
   Recording robot;
   robot.at = 10;
   robot.fault = [&robot] { robot.state.q[1] = 3; };
@@ -203,7 +205,7 @@ TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
     ArmState state_{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}};
     std::size_t before_ = 0;
   };
-  const app::Scenario s = limited({"loop.max_missed=1000"});
+  const experiment::Scenario s = limited({"loop.max_missed=1000"});
   Peers peers(s);
   peers.on_measurement = [](std::int64_t) {};
   peers.truths.reserve(100);
@@ -237,7 +239,7 @@ TEST(RobotDriver, IsRefusedInLockstepAndWithoutTorqueLimits) {
 }
 
 TEST(RobotDriver, ThatMeasuresNoVelocityIsRefusedByALawThatNeedsIt) {
-  const app::Scenario s = limited();
+  const experiment::Scenario s = limited();
   for (const bool measured : {false, true}) {
     Recording robot;
     robot.velocity = measured;
@@ -255,4 +257,4 @@ TEST(RobotDriver, ThatMeasuresNoVelocityIsRefusedByALawThatNeedsIt) {
 }
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

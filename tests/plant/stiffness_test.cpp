@@ -7,7 +7,7 @@
 #include "robot/mass_matrix.h"
 #include "tests/plant/arms.h"
 
-namespace plant {
+namespace tachless::plant {
 namespace {
 
 using robot::Vector;
@@ -69,4 +69,4 @@ INSTANTIATE_TEST_SUITE_P(, StiffArm,
                                            Integrator::semi_explicit_euler_2, Integrator::verlet));
 
 }  // namespace
-}  // namespace plant
+}  // namespace tachless::plant

@@ -7,7 +7,7 @@
 #include "robot/mass_matrix.h"
 #include "tests/robot/robots.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using testing::Random;
@@ -73,4 +73,4 @@ TEST_P(Energy, IsConservedToTheOrderOfTheIntegrator) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

@@ -24,7 +24,7 @@ extern "C" void* malloc(std::size_t size) {
 }
 #endif
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using testing::Random;
@@ -111,4 +111,4 @@ TEST(ForwardDynamicsOfAMasslessRobot, IsABrokenPromise) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

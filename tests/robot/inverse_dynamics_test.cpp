@@ -10,7 +10,7 @@
 #include "robot/mass_matrix.h"
 #include "tests/robot/robots.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using testing::Random;
@@ -241,4 +241,4 @@ TEST_P(AnyRobot, RefusesAVectorOfWrongSize) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

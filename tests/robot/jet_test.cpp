@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 constexpr double eps = 2.220446049250313e-16;
@@ -167,4 +167,4 @@ TEST(Jet2, PacksAndUnpacksVectors) {
 static_assert(Jet2(2, 1, 0) * Jet2(3, 0, 1) == Jet2(6, 3, 2), "usable in constant expressions");
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

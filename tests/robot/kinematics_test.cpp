@@ -7,7 +7,7 @@
 #include "robot/energy.h"
 #include "tests/robot/robots.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using testing::Random;
@@ -81,4 +81,4 @@ TEST(FramePose, RefusesAnUnknownLink) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

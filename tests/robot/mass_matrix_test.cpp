@@ -7,7 +7,7 @@
 #include "robot/inverse_dynamics.h"
 #include "tests/robot/robots.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using testing::Random;
@@ -67,4 +67,4 @@ TEST(MassMatrixOfTheTwoLinkArm, HasTheExtremeEigenvaluesOfTheLiterature) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

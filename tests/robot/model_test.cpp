@@ -8,7 +8,7 @@
 
 #include "tests/robot/robots.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using ::testing::HasSubstr;
@@ -77,4 +77,4 @@ TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

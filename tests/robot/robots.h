@@ -10,7 +10,7 @@
 #include "robot/model.h"
 
 /// Robots and random states that the tests of this room share.
-namespace robot::testing {
+namespace tachless::robot::testing {
 
 inline std::string read_text(const std::string& path) {
   std::ifstream in(path);
@@ -106,4 +106,4 @@ class Random {
   std::mt19937 engine_;
 };
 
-}  // namespace robot::testing
+}  // namespace tachless::robot::testing

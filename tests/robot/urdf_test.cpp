@@ -11,7 +11,7 @@
 #include "robot/model.h"
 #include "tests/robot/robots.h"
 
-namespace robot {
+namespace tachless::robot {
 namespace {
 
 using ::testing::AllOf;
@@ -414,4 +414,4 @@ TEST(Urdf, RefusesMoreJointsAndBodiesThanThereIsRoomFor) {
 }
 
 }  // namespace
-}  // namespace robot
+}  // namespace tachless::robot

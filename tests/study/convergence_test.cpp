@@ -9,7 +9,7 @@
 
 /// The sampled loop approaches the paper's continuous one as h goes to 0, with the first order that
 /// a torque held over the tick implies.
-namespace study {
+namespace tachless::study {
 namespace {
 
 using robot::Vector;
@@ -54,7 +54,7 @@ INSTANTIATE_TEST_SUITE_P(, ContinuousTable,
                                            Case{"flexible_continuous_practical_rest", 2.5e-4, 1}));
 
 /// Largest |e| of both joints from `from_s` on.
-Vector steady_error(const app::Scenario& scenario, double from_s) {
+Vector steady_error(const experiment::Scenario& scenario, double from_s) {
   Vector peak = Vector::Zero(2);
   run_in_process(scenario, [&](const TickRecord& record) {
     if (record.time_s >= from_s) peak = peak.cwiseMax(record.controller.error[0].cwiseAbs());
@@ -102,4 +102,4 @@ TEST(SlowPole, OfThePapersRigidGainsIsThatOfTheTable) {
 }
 
 }  // namespace
-}  // namespace study
+}  // namespace tachless::study

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "app/scenario.h"
+#include "experiment/scenario.h"
 #include "study/in_process_loop.h"
 
 /// The tables of tests/golden and the scenarios that they were computed for.
-namespace study::testing {
+namespace tachless::study::testing {
 
 class Golden {
  public:
@@ -64,7 +64,8 @@ inline bool contains(const std::string& name, const std::string& part) {
 
 /// The scenario of a table, by the parts of its name, at period `h_s` [s] for `duration_s` and one
 /// tick more, so that the row at the end has a record.
-inline app::Scenario golden_scenario(const std::string& name, double h_s, double duration_s) {
+inline experiment::Scenario golden_scenario(const std::string& name, double h_s,
+                                            double duration_s) {
   const bool flexible = contains(name, "flexible");
   const bool paper = contains(name, "paper");
   std::ostringstream yaml;
@@ -114,13 +115,13 @@ inline app::Scenario golden_scenario(const std::string& name, double h_s, double
   std::ifstream urdf(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf");
   std::ostringstream urdf_text;
   urdf_text << urdf.rdbuf();
-  return app::parse_scenario(yaml.str(), urdf_text.str(), name);
+  return experiment::parse_scenario(yaml.str(), urdf_text.str(), name);
 }
 
 /// Steps the table's scenario and calls `visit(row, record)` at the tick of each row up to
 /// `duration_s`.
 template <class Visit>
-void walk_rows(const Golden& golden, const app::Scenario& scenario, double duration_s,
+void walk_rows(const Golden& golden, const experiment::Scenario& scenario, double duration_s,
                const Visit& visit) {
   std::size_t row = 0;
   run_in_process(scenario, [&](const TickRecord& record) {
@@ -136,4 +137,4 @@ void walk_rows(const Golden& golden, const app::Scenario& scenario, double durat
   }
 }
 
-}  // namespace study::testing
+}  // namespace tachless::study::testing

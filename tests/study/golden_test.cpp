@@ -7,7 +7,7 @@
 #include "tests/study/golden.h"
 
 /// The sampled-data tables of tests/golden, tick for tick.
-namespace study {
+namespace tachless::study {
 namespace {
 
 using robot::Vector;
@@ -104,4 +104,4 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{"flexible_practical_tustin_h1e-3_d1_rest", 1e-3, 2}));
 
 }  // namespace
-}  // namespace study
+}  // namespace tachless::study

@@ -9,20 +9,20 @@
 
 #include "controller/catalogue.h"
 
-namespace study {
+namespace tachless::study {
 namespace {
 
 using robot::Vector;
 using ::testing::HasSubstr;
 
-app::Scenario practical(const std::vector<std::string>& overrides = {}) {
+experiment::Scenario practical(const std::vector<std::string>& overrides = {}) {
   std::vector<std::string> all = {"loop.duration_s=0.2"};
   all.insert(all.end(), overrides.begin(), overrides.end());
-  return app::load_scenario(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml",
-                            all);
+  return experiment::load_scenario(
+      std::string(TACHLESS_SOURCE_DIR) + "/scenarios/practical_rigid.yaml", all);
 }
 
-std::vector<TickRecord> records(const app::Scenario& scenario) {
+std::vector<TickRecord> records(const experiment::Scenario& scenario) {
   std::vector<TickRecord> all;
   run_in_process(scenario, [&](const TickRecord& record) {
     all.push_back(record);
@@ -37,7 +37,7 @@ bool same_bits(const Vector& a, const Vector& b) {
 }
 
 TEST(InProcessLoop, IsAFunctionOfItsScenario) {
-  const app::Scenario scenario = practical({"plant.encoder.noise_std_rad=1e-5"});
+  const experiment::Scenario scenario = practical({"plant.encoder.noise_std_rad=1e-5"});
   const auto once = records(scenario), again = records(scenario);
   ASSERT_EQ(once.size(), 200U);
   ASSERT_EQ(again.size(), 200U);
@@ -64,14 +64,14 @@ TEST(InProcessLoop, AppliesACommandOneTickLateWithDelayOne) {
 }
 
 TEST(InProcessLoop, RecordsWhatMakesTheLawRepeatItself) {
-  const app::Scenario scenario = practical();
+  const experiment::Scenario scenario = practical();
   const auto all = records(scenario);
   const auto law = controller::make_law<controller::law::LoriaOrtegaRigid>(scenario);
   auto memory =
-      law.start(std::get<robot::PositionMeasurement>(all[0].measurement), all[0].reference);
+      law.start(std::get<loop::PositionMeasurement>(all[0].measurement), all[0].reference);
   for (const TickRecord& record : all) {
-    const auto step = law.step(memory, std::get<robot::PositionMeasurement>(record.measurement),
-                               record.reference);
+    const auto step =
+        law.step(memory, std::get<loop::PositionMeasurement>(record.measurement), record.reference);
     memory = step.memory;
     EXPECT_TRUE(same_bits(step.command.tau, record.command.tau));
   }
@@ -95,8 +95,8 @@ TEST(InProcessLoop, SaysInWhichTickAnUnstableLoopEnds) {
         practical({"loop.period_s=0.05", "loop.duration_s=40", "plant.integrator.accuracy=1e-3"}),
         [](const TickRecord&) { return true; });
     FAIL() << "a loop far beyond its largest stable period ran to its end";
-  } catch (const app::Failure& failure) {
-    EXPECT_EQ(failure.code(), app::ExitCode::protective_stop);
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
     EXPECT_THAT(failure.what(), HasSubstr("tick "));
   }
 }
@@ -104,20 +104,21 @@ TEST(InProcessLoop, SaysInWhichTickAnUnstableLoopEnds) {
 TEST(InProcessLoop, RefusesALawWhoseEncodersAreMissing) {
   const auto path = std::string(TACHLESS_SOURCE_DIR) + "/scenarios/paper_flexible.yaml";
   const auto run = [&](const std::string& side) {
-    run_in_process(app::load_scenario(path, {"loop.duration_s=1e-4", "plant.encoder.side=" + side}),
-                   [](const TickRecord&) { return true; });
+    run_in_process(
+        experiment::load_scenario(path, {"loop.duration_s=1e-4", "plant.encoder.side=" + side}),
+        [](const TickRecord&) { return true; });
   };
   EXPECT_NO_THROW(run("both"));
   for (const char* side : {"link", "motor"}) {
     try {
       run(side);
       FAIL() << side;
-    } catch (const app::Failure& failure) {
-      EXPECT_EQ(failure.code(), app::ExitCode::bad_usage);
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       EXPECT_THAT(failure.what(), HasSubstr("plant.encoder.side"));
     }
   }
 }
 
 }  // namespace
-}  // namespace study
+}  // namespace tachless::study

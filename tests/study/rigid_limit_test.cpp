@@ -11,17 +11,17 @@
 /// With K to infinity, eq. 9-12 of the paper become eq. 4-5 for the rigid robot M = M_l + J with
 /// summed gains: theta_ref to q_ref, K (theta_ref - q_ref) stays, and with equal filters
 /// tau = ID(q, v_ref, a_ref) - (Kp1 + Kp2) e - (Kd1 + Kd2) nu.
-namespace study {
+namespace tachless::study {
 namespace {
 
 using robot::Vector;
 
-app::Scenario scenario(const std::string& joints, const std::string& law_and_gains) {
+experiment::Scenario scenario(const std::string& joints, const std::string& law_and_gains) {
   std::ifstream urdf(std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf");
   std::ostringstream urdf_text;
   urdf_text << urdf.rdbuf();
   // The payload, unknown to the controller, keeps the error away from zero.
-  return app::parse_scenario(
+  return experiment::parse_scenario(
       "name: limit\n"
       "robot: {urdf: two_link.urdf, joints: " +
           joints +
@@ -36,7 +36,7 @@ app::Scenario scenario(const std::string& joints, const std::string& law_and_gai
       urdf_text.str(), "rigid_limit");
 }
 
-std::vector<Vector> link_positions(const app::Scenario& s) {
+std::vector<Vector> link_positions(const experiment::Scenario& s) {
   std::vector<Vector> q;
   run_in_process(s, [&](const TickRecord& record) {
     q.push_back(record.truth.q);
@@ -73,4 +73,4 @@ TEST(RigidLimit, IsApproachedWithOrderOneInTheCompliance) {
 }
 
 }  // namespace
-}  // namespace study
+}  // namespace tachless::study

@@ -7,12 +7,12 @@
 #include <fstream>
 #include <string>
 
-#include "tests/launch/shell.h"
-#include "tests/temporary_directory.h"
+#include "tests/support/shell.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
-using launch_test::Outcome;
+using tachless::support::Outcome;
 using ::testing::HasSubstr;
 
 const std::string root = TACHLESS_SOURCE_DIR;
@@ -21,26 +21,30 @@ const std::string root = TACHLESS_SOURCE_DIR;
 class AFile : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::filesystem::create_directories(directory_ / "app");
+    std::filesystem::create_directories(directory_ / "robot");
     for (const char* rules : {".clang-tidy", ".clang-format"}) {
       std::filesystem::copy(root + "/" + rules, directory_ / rules);
     }
     std::filesystem::create_directories(directory_ / "build");
+    std::filesystem::create_directories(directory_ / "cmake");
+    write("cmake/rooms.txt", "robot  a room\n");
     write("build/build.ninja", "");
     write("build/compile_commands.json", R"([{"directory": ")" + directory_.path().string() +
-                                             R"(", "command": "c++ -std=c++20 -c app/a.cpp", )" +
-                                             R"("file": "app/a.cpp"}])");
+                                             R"(", "command": "c++ -std=c++20 -c robot/a.cpp", )" +
+                                             R"("file": "robot/a.cpp"}])");
   }
 
   void write(const std::string& name, const std::string& text) {
     std::ofstream(directory_ / name) << text;
   }
   [[nodiscard]] Outcome clang_tidy() const {
-    return launch_test::shell(root + "/tests/style/clang_tidy.sh " + directory_.path().string() +
-                              " " + (directory_ / "build").string());
+    return tachless::support::shell(root + "/tests/style/clang_tidy.sh " +
+                                    directory_.path().string() + " " +
+                                    (directory_ / "build").string());
   }
   [[nodiscard]] Outcome clang_format() const {
-    return launch_test::shell(root + "/tests/style/clang_format.sh " + directory_.path().string());
+    return tachless::support::shell(root + "/tests/style/clang_format.sh " +
+                                    directory_.path().string());
   }
 
  private:
@@ -48,26 +52,26 @@ class AFile : public ::testing::Test {
 };
 
 TEST_F(AFile, ThatClangTidyObjectsToFailsEveryTime) {
-  write("app/a.cpp", "int BadlyNamed() { return 1; }\nint wellNamed = 2;\n");
+  write("robot/a.cpp", "int BadlyNamed() { return 1; }\nint wellNamed = 2;\n");
   for (int i = 0; i < 2; ++i) {
     const Outcome outcome = clang_tidy();
     EXPECT_NE(outcome.exit_code, 0);
     EXPECT_THAT(outcome.output, HasSubstr("invalid case style for variable 'wellNamed'"));
-    EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to app/a.cpp"));
+    EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to robot/a.cpp"));
   }
 }
 
 TEST_F(AFile, ThatPassedIsLookedAtAgainOnceItChanges) {
-  write("app/a.cpp", "int well_named = 2;\n");
+  write("robot/a.cpp", "int well_named = 2;\n");
   for (int i = 0; i < 2; ++i) EXPECT_EQ(clang_tidy().exit_code, 0) << clang_tidy().output;
-  write("app/a.cpp", "int wellNamed = 2;\n");
+  write("robot/a.cpp", "int wellNamed = 2;\n");
   EXPECT_NE(clang_tidy().exit_code, 0);
 }
 
 TEST_F(AFile, ThatClangFormatWouldWriteDifferentlyFails) {
-  write("app/a.cpp", "int well_named = 2;\n");
+  write("robot/a.cpp", "int well_named = 2;\n");
   EXPECT_EQ(clang_format().exit_code, 0) << clang_format().output;
-  write("app/a.cpp", "int  well_named=2;\n");
+  write("robot/a.cpp", "int  well_named=2;\n");
   EXPECT_NE(clang_format().exit_code, 0);
 }
 

@@ -2,9 +2,9 @@
 # Every source file is as clang-format writes it.
 set -euo pipefail
 cd "${1:?usage: clang_format.sh SOURCE_DIR}"
-rooms=()
-for room in robot bus app plant reference controller logger study launch tests bench docs; do
-  [[ -d $room ]] && rooms+=("$room")
+mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
+for other in tests bench docs; do
+  [[ -d $other ]] && rooms+=("$other")
 done
 find "${rooms[@]}" \
   \( -name '*.cpp' -o -name '*.h' \) -print0 |

@@ -21,7 +21,7 @@ check() {
     grep "^$source_dir/" | sort -u || true)
   hash=$(cat .clang-tidy "$file" $inputs | sha256sum | cut -d' ' -f1)
   [[ -e $passed/$hash ]] && return
-  if ! said=$(clang-tidy -p "$build_dir" --quiet "$file" 2>&1); then
+  if ! said=$(clang-tidy -p "$build_dir" --header-filter="$headers" --quiet "$file" 2>&1); then
     echo "$said"
     echo "clang-tidy objects to $file"
     return 1
@@ -31,9 +31,9 @@ check() {
 export -f check
 export source_dir build_dir passed dependencies
 
-rooms=()
-for room in robot bus app plant reference controller logger study launch docs; do
-  [[ -d $room ]] && rooms+=("$room")
-done
+mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
+headers="/($(IFS='|'; echo "${rooms[*]}"))/([^/]*/)*[^/]*\.h\$"
+export headers
+[[ ! -d docs ]] || rooms+=(docs)
 find "${rooms[@]}" -name '*.cpp' -print0 |
   xargs -0 -n 1 -P 2 bash -c 'set -euo pipefail; check "$1"' bash

@@ -6,9 +6,9 @@
 #include <tachless_truth/plant_truth_t.hpp>
 
 #include "tests/bus/codec_checks.h"
-#include "tests/bus/counting_new.h"
+#include "tests/support/counting_new.h"
 
-namespace bus::truth {
+namespace tachless::bus::truth {
 namespace {
 
 using codec_checks::Bytes;
@@ -20,9 +20,9 @@ constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr std::size_t reals = body + 8;
 
 struct TruthType {
-  using Value = PlantTruth;
+  using Value = loop::truth::PlantTruth;
   using Message = tachless_truth::plant_truth_t;
-  static Message message(const Layout& layout, Random& random) {
+  static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
     m.num_joints = layout.num_joints;
     m.num_motors = layout.num_motors;
@@ -42,17 +42,17 @@ TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
 }
 TEST(TruthCodec, PutsEveryFieldInItsOwnMember) {
   using codec_checks::reals_of;
-  const Layout layout{7, 7, 1};
+  const loop::Layout layout{7, 7, 1};
   Random random;
   const auto message = TruthType::message(layout, random);
-  const auto value = codec_checks::decoded<PlantTruth>(layout, message);
+  const auto value = codec_checks::decoded<loop::truth::PlantTruth>(layout, message);
   EXPECT_EQ(reals_of(value.q), message.position);
   EXPECT_EQ(reals_of(value.v), message.velocity);
   EXPECT_EQ(reals_of(value.theta), message.motor_position);
   EXPECT_EQ(reals_of(value.thetadot), message.motor_velocity);
   EXPECT_EQ(reals_of(value.tau), message.torque);
   for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(value.saturated[i], message.saturated[i] == 1);
-  EXPECT_EQ(value.fault, DriveFault::protective_stop);
+  EXPECT_EQ(value.fault, loop::truth::DriveFault::protective_stop);
 }
 TEST(TruthCodec, SurvivesEveryCutAndEveryFlippedBit) { codec_checks::survives_damage<TruthType>(); }
 TEST(TruthCodec, RejectsAnotherTypesFingerprint) {
@@ -67,7 +67,7 @@ TEST(TruthCodec, RejectsNonFiniteReals) {
   codec_checks::rejects_non_finite<TruthType>(reals, 15, {3, 3, 1});
 }
 TEST(TruthCodec, RejectsAFlagThatIsNeitherZeroNorOneAndAFaultThatIsNone) {
-  const Layout layout{3, 0, 1};
+  const loop::Layout layout{3, 0, 1};
   Bytes bytes = sample<TruthType>(layout);
   bytes.at(reals + 8 * 9 + 2) = std::byte{2};
   EXPECT_EQ(verdict<TruthType>(layout, bytes), Rejection::bad_value);
@@ -78,11 +78,11 @@ TEST(TruthCodec, RejectsAFlagThatIsNeitherZeroNorOneAndAFaultThatIsNone) {
   }
 }
 TEST(TruthCodec, DoesNotAllocateOnceConstructed) {
-  for (const Layout& layout : codec_checks::layouts()) {
+  for (const loop::Layout& layout : codec_checks::layouts()) {
     const Bytes bytes = sample<TruthType>(layout);
-    Codec<PlantTruth> codec(layout);
-    Stamp stamp;
-    PlantTruth value;
+    Codec<loop::truth::PlantTruth> codec(layout);
+    loop::Stamp stamp;
+    loop::truth::PlantTruth value;
     const std::size_t before = allocations;
     for (int i = 0; i < 3; ++i) {
       ASSERT_EQ(codec.decode(bytes, stamp, value), Rejection::none);
@@ -92,30 +92,33 @@ TEST(TruthCodec, DoesNotAllocateOnceConstructed) {
   }
 }
 TEST(TruthCodec, LeavesNothingOfAnEarlierMessageBehind) {
-  Stamp stamp;
-  PlantTruth value;
+  loop::Stamp stamp;
+  loop::truth::PlantTruth value;
   value.saturated.fill(true);
-  const Layout flexible{2, 2, 1};
-  const Layout rigid{2, 0, 1};
-  ASSERT_EQ(Codec<PlantTruth>(flexible).decode(sample<TruthType>(flexible), stamp, value),
-            Rejection::none);
-  ASSERT_EQ(Codec<PlantTruth>(rigid).decode(sample<TruthType>(rigid), stamp, value),
+  const loop::Layout flexible{2, 2, 1};
+  const loop::Layout rigid{2, 0, 1};
+  ASSERT_EQ(
+      Codec<loop::truth::PlantTruth>(flexible).decode(sample<TruthType>(flexible), stamp, value),
+      Rejection::none);
+  ASSERT_EQ(Codec<loop::truth::PlantTruth>(rigid).decode(sample<TruthType>(rigid), stamp, value),
             Rejection::none);
   EXPECT_EQ(value.theta.size(), 0);
   EXPECT_EQ(value.thetadot.size(), 0);
   for (std::size_t i = 2; i < value.saturated.size(); ++i) EXPECT_FALSE(value.saturated[i]);
 }
 TEST(TruthCodec, RefusesToEncodeWhatIsNotFiniteOrOfAnotherSize) {
-  Codec<PlantTruth> codec({2, 0, 1});
+  Codec<loop::truth::PlantTruth> codec({2, 0, 1});
   const robot::Vector zero = robot::Vector::Zero(2);
-  PlantTruth value{zero, zero, {}, {}, zero};
+  loop::truth::PlantTruth value{zero, zero, {}, {}, zero};
   EXPECT_NO_THROW(codec.encode({}, value));
-  EXPECT_THROW(Codec<PlantTruth>({2, 2, 1}).encode({}, value), std::logic_error);
+  EXPECT_THROW(Codec<loop::truth::PlantTruth>({2, 2, 1}).encode({}, value), std::logic_error);
   value.v[0] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_FALSE(all_finite(value));
   EXPECT_THROW(codec.encode({}, value), std::domain_error);
 }
-TEST(TruthChannel, IsItsOwn) { EXPECT_EQ(channel<PlantTruth>("ARM"), "ARM_TRUTH"); }
+TEST(TruthChannel, IsItsOwn) {
+  EXPECT_EQ(loop::channel<loop::truth::PlantTruth>("ARM"), "ARM_TRUTH");
+}
 
 }  // namespace
-}  // namespace bus::truth
+}  // namespace tachless::bus::truth

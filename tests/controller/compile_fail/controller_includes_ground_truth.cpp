@@ -4,8 +4,10 @@
 #include "controller/law/loria_ortega_rigid.h"
 #ifdef FORBIDDEN
 #include "tachless_truth/plant_truth_t.hpp"
+
+using namespace tachless;
 #endif
 
 std::string_view channel_of(const controller::law::LoriaOrtegaRigid& /*law*/) {
-  return bus::ChannelOf<controller::law::LoriaOrtegaRigid::Measurement>::suffix;
+  return loop::ChannelOf<controller::law::LoriaOrtegaRigid::Measurement>::suffix;
 }

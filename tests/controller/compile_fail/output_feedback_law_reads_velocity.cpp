@@ -1,12 +1,14 @@
 // A law that is fed positions cannot read velocity: its measurement has none.
 #include "controller/law/law.h"
 
+using namespace tachless;
+
 namespace {
 
 struct Peeking {
-  using Measurement = robot::PositionMeasurement;
+  using Measurement = loop::PositionMeasurement;
 
-  [[nodiscard]] robot::TorqueCommand act(const Measurement& measurement) const {
+  [[nodiscard]] loop::TorqueCommand act(const Measurement& measurement) const {
 #ifdef FORBIDDEN
     return {-measurement.q - measurement.v};
 #else
@@ -17,6 +19,6 @@ struct Peeking {
 
 }  // namespace
 
-robot::TorqueCommand act(const robot::PositionMeasurement& measurement) {
+loop::TorqueCommand act(const loop::PositionMeasurement& measurement) {
   return Peeking{}.act(measurement);
 }

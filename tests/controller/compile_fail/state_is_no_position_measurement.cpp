@@ -1,14 +1,16 @@
 // The full state cannot be handed to a law that is fed positions: there is no conversion.
 #include "controller/law/loria_ortega_rigid.h"
 
+using namespace tachless;
+
 using Law = controller::law::LoriaOrtegaRigid;
 
 controller::law::Step<Law::Memory> step(const Law& law, const Law::Memory& memory,
-                                        const robot::StateMeasurement& state,
-                                        const robot::ReferencePoint& reference) {
+                                        const loop::StateMeasurement& state,
+                                        const loop::ReferencePoint& reference) {
 #ifdef FORBIDDEN
   return law.step(memory, state, reference);
 #else
-  return law.step(memory, robot::PositionMeasurement{state.q}, reference);
+  return law.step(memory, loop::PositionMeasurement{state.q}, reference);
 #endif
 }

@@ -1,12 +1,14 @@
 // A law that measures the state is no output-feedback law, whatever it says of itself.
 #include "controller/law/law.h"
 
+using namespace tachless;
+
 namespace {
 
 #ifdef FORBIDDEN
-using Measured = robot::StateMeasurement;
+using Measured = loop::StateMeasurement;
 #else
-using Measured = robot::PositionMeasurement;
+using Measured = loop::PositionMeasurement;
 #endif
 
 struct Claiming {
@@ -15,12 +17,12 @@ struct Claiming {
   using Measurement = Measured;
   struct Memory {};
   [[nodiscard]] Memory start(const Measurement& /*measured*/,
-                             const robot::ReferencePoint& /*reference*/) const {
+                             const loop::ReferencePoint& /*reference*/) const {
     return {};
   }
   [[nodiscard]] controller::law::Step<Memory> step(
       const Memory& memory, const Measurement& measured,
-      const robot::ReferencePoint& /*reference*/) const {
+      const loop::ReferencePoint& /*reference*/) const {
     return {memory, {-measured.q}, {}};
   }
 };

@@ -8,7 +8,7 @@
 #include <limits>
 #include <stdexcept>
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 constexpr double eps = std::numeric_limits<double>::epsilon();
@@ -166,4 +166,4 @@ TEST(Filter, RefusesWhatIsNotPositive) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

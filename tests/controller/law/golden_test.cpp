@@ -12,7 +12,7 @@
 #include "controller/law/loria_ortega_rigid.h"
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 using Row = std::vector<double>;
@@ -39,7 +39,7 @@ std::vector<Row> rows_of(const std::string& name) {
 robot::Vector two(const Row& row, int column) { return vector(row[column], row[column + 1]); }
 
 /// Both joints: sin(10 pi t) / (10 pi).
-robot::ReferencePoint papers_reference(double t) {
+loop::ReferencePoint papers_reference(double t) {
   const double w = 10 * std::numbers::pi, s = std::sin(w * t), c = std::cos(w * t);
   const auto both = [](double x) { return vector(x, x); };
   return {both(s / w), both(c), both(-w * s), both(-w * w * c), both(w * w * w * s)};
@@ -75,8 +75,8 @@ TEST_P(GoldenRigid, GivesTheRecordedTorqueForEachRecordedState) {
   const std::vector<Row> rows = rows_of(c.file);
   ASSERT_GT(rows.size(), 50U);
   for (const Row& row : rows) {
-    const robot::PositionMeasurement measured{two(row, 1)};
-    const robot::ReferencePoint ref = papers_reference(row[0]);
+    const loop::PositionMeasurement measured{two(row, 1)};
+    const loop::ReferencePoint ref = papers_reference(row[0]);
     const auto step =
         law.step(memory_before(two(row, 5), measured.q - ref.q_ref, filter), measured, ref);
     ASSERT_LE((step.command.tau - two(row, 7)).norm(), c.torque_tolerance_Nm) << row[0];
@@ -124,8 +124,8 @@ TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
   const std::vector<Row> rows = rows_of(c.file);
   ASSERT_GT(rows.size(), 50U);
   for (const Row& row : rows) {
-    const robot::LinkStateMeasurement measured{two(row, 1), two(row, 3), two(row, 5)};
-    const robot::ReferencePoint ref = papers_reference(row[0]);
+    const loop::LinkStateMeasurement measured{two(row, 1), two(row, 3), two(row, 5)};
+    const loop::ReferencePoint ref = papers_reference(row[0]);
     const robot::Vector theta_ref = two(row, 15);
     const auto step = law.step({memory_before(two(row, 9), measured.q - ref.q_ref, link),
                                 memory_before(two(row, 11), measured.theta - theta_ref, motor)},
@@ -146,4 +146,4 @@ INSTANTIATE_TEST_SUITE_P(
                          Discretisation::first_order_hold, 1e-5, true, 0, 1e-8}));
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 const robot::Vector stiffness = vector(1e4, 8e3);
@@ -16,7 +16,7 @@ KellyFlexible law_at(double h) {
           {h, Discretisation::tustin}};
 }
 
-robot::ReferencePoint goal_at(const robot::Vector& q_ref) {
+loop::ReferencePoint goal_at(const robot::Vector& q_ref) {
   const robot::Vector zero = robot::Vector::Zero(q_ref.size());
   return {q_ref, zero, zero, zero, zero};
 }
@@ -27,9 +27,9 @@ TEST(KellyFlexible, BalancesGravityAtItsGoal) {
   const KellyFlexible law = law_at(1e-3);
   Random random(1);
   for (int i = 0; i < 100; ++i) {
-    const robot::ReferencePoint goal = goal_at(random.pair(3));
+    const loop::ReferencePoint goal = goal_at(random.pair(3));
     const Pair g = arm.g(goal.q_ref);
-    const robot::MotorPositionMeasurement measured{goal.q_ref + g.cwiseQuotient(stiffness)};
+    const loop::MotorPositionMeasurement measured{goal.q_ref + g.cwiseQuotient(stiffness)};
     const auto step = law.step(law.start(measured, goal), measured, goal);
     EXPECT_LE((step.command.tau - g).norm(), 1e-11);  // Kp times one rounding of theta
     EXPECT_LE(step.state.error[0].norm(), 1e-14);
@@ -42,8 +42,8 @@ TEST(KellyFlexible, IsItsFormulaAwayFromTheGoal) {
   const KellyFlexible law = law_at(h);
   Random random(2);
   for (int i = 0; i < 100; ++i) {
-    const robot::ReferencePoint goal = goal_at(random.pair(3));
-    const robot::MotorPositionMeasurement measured{random.pair(3)};
+    const loop::ReferencePoint goal = goal_at(random.pair(3));
+    const loop::MotorPositionMeasurement measured{random.pair(3)};
     const KellyFlexible::Memory memory{random.pair(2), random.pair(2)};
     const auto step = law.step(memory, measured, goal);
     const Pair g = arm.g(goal.q_ref);
@@ -59,4 +59,4 @@ TEST(KellyFlexible, IsItsFormulaAwayFromTheGoal) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

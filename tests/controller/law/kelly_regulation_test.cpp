@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 TEST(KellyRegulation, IsGravityLessProportionalAndFilteredError) {
@@ -18,8 +18,8 @@ TEST(KellyRegulation, IsGravityLessProportionalAndFilteredError) {
   Random random(1);
   const robot::Vector zero = robot::Vector::Zero(2);
   for (int i = 0; i < 200; ++i) {
-    const robot::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
-    const robot::PositionMeasurement measured{random.pair(2)};
+    const loop::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
+    const loop::PositionMeasurement measured{random.pair(2)};
     const KellyRegulation::Memory memory{random.pair(2), random.pair(2)};
     const auto step = law.step(memory, measured, goal);
     const Pair e = measured.q - goal.q_ref;
@@ -35,4 +35,4 @@ TEST(KellyRegulation, IsGravityLessProportionalAndFilteredError) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 using Long = long double;
@@ -20,8 +20,8 @@ struct Draw {
   LoriaOrtegaFlexible::Gains gains;
   LoriaOrtegaFlexible law;
   LoriaOrtegaFlexible::Memory memory;
-  robot::LinkStateMeasurement measured;
-  robot::ReferencePoint ref;
+  loop::LinkStateMeasurement measured;
+  loop::ReferencePoint ref;
 
   explicit Draw(Random& random)
       : gains{random.positive(100, 10000), random.positive(10, 9000),  random.positive(100, 1000),
@@ -154,7 +154,7 @@ TEST(LoriaOrtegaFlexible, MeasuresLinkStateAndMotorPositionAndNoMore) {
   using Measurement = LoriaOrtegaFlexible::Measurement;
   static_assert(!HoldsMoreThanLinkStateAndMotorPosition<Measurement>);
   static_assert(sizeof(Measurement) == 3 * sizeof(robot::Vector));
-  static_assert(!std::is_convertible_v<robot::StateMeasurement, Measurement>);
+  static_assert(!std::is_convertible_v<loop::StateMeasurement, Measurement>);
 }
 
 TEST(LoriaOrtegaFlexible, TorqueDoesNotDependOnWhatIsNotMeasured) {
@@ -185,10 +185,10 @@ TEST(LoriaOrtegaFlexible, AtRestOnItsGoalItBalancesGravity) {
   for (int i = 0; i < 20; ++i) {
     const Draw draw(random);
     const robot::Vector zero = robot::Vector::Zero(2);
-    const robot::ReferencePoint goal{draw.ref.q_ref, zero, zero, zero, zero};
+    const loop::ReferencePoint goal{draw.ref.q_ref, zero, zero, zero, zero};
     const Pair g = arm.g(goal.q_ref);
-    const robot::LinkStateMeasurement measured{goal.q_ref, zero,
-                                               goal.q_ref + g.cwiseQuotient(stiffness)};
+    const loop::LinkStateMeasurement measured{goal.q_ref, zero,
+                                              goal.q_ref + g.cwiseQuotient(stiffness)};
     const auto step = draw.law.step(draw.law.start(measured, goal), measured, goal);
     // theta's rounding, times K / M of the forward dynamics, times Kp1 + Kd1 B1 on its way to tau:
     // 4e-16 * 8e3 / 0.45 * 9e6 * 0.2 / 8e3.
@@ -197,4 +197,4 @@ TEST(LoriaOrtegaFlexible, AtRestOnItsGoalItBalancesGravity) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -7,7 +7,7 @@
 #include "controller/law/kelly_regulation.h"
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 constexpr double eps = std::numeric_limits<double>::epsilon();
@@ -27,8 +27,8 @@ TEST(LoriaOrtegaRigid, IsThePapersLawOnItsArm) {
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
     const LoriaOrtegaRigid::Memory memory{random.pair(10), random.pair(1)};
-    const robot::PositionMeasurement measured{random.pair(3)};
-    const robot::ReferencePoint ref = random.reference();
+    const loop::PositionMeasurement measured{random.pair(3)};
+    const loop::ReferencePoint ref = random.reference();
     const auto step = law.step(memory, measured, ref);
 
     const Pair e = measured.q - ref.q_ref;
@@ -55,8 +55,8 @@ TEST(LoriaOrtegaRigid, AtRestIsKellysRegulator) {
         two_link_model(),
         {vector(5000, 6000), vector(7000, 8800), vector(1000, 1000), vector(1000, 1000)}, settings);
     const robot::Vector zero = robot::Vector::Zero(2);
-    const robot::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
-    robot::PositionMeasurement measured{random.pair(2)};
+    const loop::ReferencePoint goal{random.pair(2), zero, zero, zero, zero};
+    loop::PositionMeasurement measured{random.pair(2)};
     auto one = tracking.start(measured, goal);
     auto other = regulation.start(measured, goal);
     for (int k = 0; k < 100; ++k) {
@@ -75,8 +75,8 @@ TEST(LoriaOrtegaRigid, AtRestIsKellysRegulator) {
 TEST(LoriaOrtegaRigid, StartsWithoutAKick) {
   const LoriaOrtegaRigid law(two_link_model(), papers_gains(), {5e-5});
   const robot::Vector zero = robot::Vector::Zero(2);
-  const robot::ReferencePoint goal{zero, zero, zero, zero, zero};
-  const robot::PositionMeasurement measured{vector(0.5, -0.5)};
+  const loop::ReferencePoint goal{zero, zero, zero, zero, zero};
+  const loop::PositionMeasurement measured{vector(0.5, -0.5)};
   const auto step = law.step(law.start(measured, goal), measured, goal);
   EXPECT_EQ(step.state.nu[0], zero);
 }
@@ -85,8 +85,8 @@ TEST(LoriaOrtegaRigid, KicksWithTheRawTransferFunction) {
   const LoriaOrtegaRigid law(two_link_model(), papers_gains(),
                              {5e-5, Discretisation::first_order_hold, FilterStart::zero, 0});
   const robot::Vector zero = robot::Vector::Zero(2);
-  const robot::ReferencePoint goal{zero, zero, zero, zero, zero};
-  const robot::PositionMeasurement measured{vector(0.5, -0.5)};
+  const loop::ReferencePoint goal{zero, zero, zero, zero, zero};
+  const loop::PositionMeasurement measured{vector(0.5, -0.5)};
   const auto step = law.step(law.start(measured, goal), measured, goal);
   // Kd B e(0) = 7000 * 1000 * 0.5 N m on joint 1: millions.
   EXPECT_NEAR(step.command.tau[0], -3.5e6, 3000);
@@ -101,8 +101,8 @@ TEST(LoriaOrtegaRigid, LeadMovesTheFeedForwardAndNothingElse) {
       {1e-3, Discretisation::first_order_hold, FilterStart::at_error, lead});
   Random random(3);
   for (int i = 0; i < 100; ++i) {
-    const robot::PositionMeasurement measured{random.pair(2)};
-    const robot::ReferencePoint ref = random.reference();
+    const loop::PositionMeasurement measured{random.pair(2)};
+    const loop::ReferencePoint ref = random.reference();
     const LoriaOrtegaRigid::Memory memory{random.pair(1), random.pair(1)};
     const auto one = now.step(memory, measured, ref);
     const auto other = ahead.step(memory, measured, ref);
@@ -125,8 +125,8 @@ TEST(FeedforwardAhead, IsTheTaylorExpansionOfASmoothReference) {
   const auto at = [&](double x) {
     const double s = std::sin(w * x) / w, c = std::cos(w * x);
     const robot::Vector one = robot::Vector::Ones(1);
-    return robot::ReferencePoint{s * one, c * one, -w * w * s * one, -w * w * c * one,
-                                 w * w * w * w * s * one};
+    return loop::ReferencePoint{s * one, c * one, -w * w * s * one, -w * w * c * one,
+                                w * w * w * w * s * one};
   };
   const Feedforward ahead = feedforward_ahead(at(t), lead);
   EXPECT_NEAR(ahead.v_ref[0], at(t + lead).v_ref[0], std::pow(w * lead, 4) / 24);
@@ -135,4 +135,4 @@ TEST(FeedforwardAhead, IsTheTaylorExpansionOfASmoothReference) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 using Long = long double;
@@ -35,12 +35,12 @@ TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
   const LongPair ks1 = lengthen(vector(80, 20)), ks2 = lengthen(vector(12, 16));
   Random random(1);
   for (int i = 0; i < 300; ++i) {
-    robot::StateMeasurement measured;
+    loop::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(3);
     measured.theta = measured.q + random.pair(0.05);
     measured.thetadot = measured.v + random.pair(2);
-    const robot::ReferencePoint ref = random.reference();
+    const loop::ReferencePoint ref = random.reference();
     const auto step = law.step({}, measured, ref);
 
     const LongPair q0 = lengthen(measured.q), v0 = lengthen(measured.v),
@@ -99,8 +99,8 @@ TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
 TEST(SlotineLiFlexible, NeedsMotorVelocityForTheLinkJerkUnlikeThePapersLaw) {
   const SlotineLiFlexible law = example();
   Random random(2);
-  robot::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1), random.pair(1)};
-  const robot::ReferencePoint ref = random.reference();
+  loop::StateMeasurement measured{random.pair(1), random.pair(1), random.pair(1), random.pair(1)};
+  const loop::ReferencePoint ref = random.reference();
   const robot::Vector before = robot::second_derivative(law.motor_reference(measured, ref));
   measured.thetadot += vector(1, 0);
   const robot::Vector after = robot::second_derivative(law.motor_reference(measured, ref));
@@ -114,4 +114,4 @@ TEST(SlotineLiFlexible, RefusesADifferentLambdaPerJoint) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -4,7 +4,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 TEST(SlotineLi, LeavesAPassiveErrorEquation) {
@@ -14,10 +14,10 @@ TEST(SlotineLi, LeavesAPassiveErrorEquation) {
   const SlotineLi law(two_link_model(), gains, {1e-3});
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
-    robot::StateMeasurement measured;
+    loop::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(5);
-    const robot::ReferencePoint ref = random.reference();
+    const loop::ReferencePoint ref = random.reference();
     const auto step = law.step({}, measured, ref);
     const Pair tau = step.command.tau;
     const Pair q = measured.q, v = measured.v;
@@ -32,4 +32,4 @@ TEST(SlotineLi, LeavesAPassiveErrorEquation) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

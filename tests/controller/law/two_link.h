@@ -8,12 +8,12 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "loop/signals.h"
 #include "robot/model.h"
-#include "robot/signals.h"
 
 /// The paper's two-link arm (Berghuis and Nijmeijer 1992) in closed form, written apart from
 /// robot/: what the laws are checked against.
-namespace controller::law {
+namespace tachless::controller::law {
 
 template <class Scalar>
 struct TwoLink {
@@ -90,10 +90,10 @@ class Random {
   double between(double least, double most) {
     return std::uniform_real_distribution<double>(least, most)(engine_);
   }
-  robot::ReferencePoint reference() { return {pair(2), pair(2), pair(20), pair(100), pair(1000)}; }
+  loop::ReferencePoint reference() { return {pair(2), pair(2), pair(20), pair(100), pair(1000)}; }
 
  private:
   std::mt19937 engine_;
 };
 
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -6,7 +6,7 @@
 
 #include "tests/controller/law/two_link.h"
 
-namespace controller::law {
+namespace tachless::controller::law {
 namespace {
 
 TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
@@ -16,10 +16,10 @@ TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
   const WenBayard law(two_link_model(), gains, {1e-3});
   Random random(1);
   for (int i = 0; i < 1000; ++i) {
-    robot::StateMeasurement measured;
+    loop::StateMeasurement measured;
     measured.q = random.pair(3);
     measured.v = random.pair(5);
-    const robot::ReferencePoint ref = random.reference();
+    const loop::ReferencePoint ref = random.reference();
     const auto step = law.step({}, measured, ref);
     const Pair tau = step.command.tau;
     const Pair q = measured.q, v = measured.v, v_ref = ref.v_ref;
@@ -35,4 +35,4 @@ TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
 }
 
 }  // namespace
-}  // namespace controller::law
+}  // namespace tachless::controller::law

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <limits>
 
-#include "robot/signals.h"
+#include "loop/signals.h"
 
 /// Checks of what every trajectory promises.
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 
-inline std::array<robot::Vector, 5> orders(const robot::ReferencePoint& p) {
+inline std::array<robot::Vector, 5> orders(const loop::ReferencePoint& p) {
   return {p.q_ref, p.v_ref, p.a_ref, p.jerk_ref, p.snap_ref};
 }
 
@@ -46,11 +46,11 @@ void expect_derivatives_of_each_other(const Shape& shape, double t, double step,
   }
 }
 
-inline void expect_at_rest(const robot::ReferencePoint& p, double tolerance) {
+inline void expect_at_rest(const loop::ReferencePoint& p, double tolerance) {
   EXPECT_LE(p.v_ref.lpNorm<Eigen::Infinity>(), tolerance);
   EXPECT_LE(p.a_ref.lpNorm<Eigen::Infinity>(), tolerance);
   EXPECT_LE(p.jerk_ref.lpNorm<Eigen::Infinity>(), tolerance);
   EXPECT_LE(p.snap_ref.lpNorm<Eigen::Infinity>(), tolerance);
 }
 
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -2,7 +2,7 @@
 
 #include "tests/reference/trajectory/derivatives.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 namespace {
 
 TEST(Hold, StaysWhereItIsAtRestThroughSnap) {
@@ -15,4 +15,4 @@ TEST(Hold, StaysWhereItIsAtRestThroughSnap) {
 }
 
 }  // namespace
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -4,7 +4,7 @@
 
 #include "tests/reference/trajectory/derivatives.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 namespace {
 
 robot::Vector pair(double x, double y) {
@@ -20,7 +20,7 @@ MultiSine papers_reference() {
 
 TEST(MultiSine, IsThePapersReferenceWithOneTerm) {
   const MultiSine reference = papers_reference();
-  const robot::ReferencePoint start = reference.at(0);
+  const loop::ReferencePoint start = reference.at(0);
   EXPECT_EQ(start.q_ref, pair(0, 0));
   // sin(10 pi t) / (10 pi) has unit speed at t = 0; one rounding of the product.
   EXPECT_NEAR(start.v_ref[0], 1, 1e-15);
@@ -63,4 +63,4 @@ TEST(MultiSine, EachDerivativeIsThatOfTheOneBefore) {
 }
 
 }  // namespace
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

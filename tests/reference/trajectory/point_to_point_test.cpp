@@ -2,7 +2,7 @@
 
 #include "tests/reference/trajectory/derivatives.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 namespace {
 
 PointToPoint example() {
@@ -62,4 +62,4 @@ TEST(PointToPoint, IsSymmetricAboutItsMiddle) {
 }
 
 }  // namespace
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

@@ -6,7 +6,7 @@
 #include "reference/trajectory/point_to_point.h"
 #include "tests/reference/trajectory/derivatives.h"
 
-namespace reference::trajectory {
+namespace tachless::reference::trajectory {
 namespace {
 
 struct Points {
@@ -130,4 +130,4 @@ TEST(Waypoints, RefusesTimesOutOfOrderAndNamesThem) {
 }
 
 }  // namespace
-}  // namespace reference::trajectory
+}  // namespace tachless::reference::trajectory

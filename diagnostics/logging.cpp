@@ -1,0 +1,28 @@
+#include "diagnostics/logging.h"
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <memory>
+#include <string>
+
+namespace tachless::diagnostics {
+
+void start_logging(std::string_view program, Verbosity verbosity) {
+  auto logger = std::make_shared<spdlog::logger>(std::string(program),
+                                                 std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  logger->set_pattern("%n: %v");
+  logger->set_level(verbosity == Verbosity::quiet    ? spdlog::level::warn
+                    : verbosity == Verbosity::normal ? spdlog::level::info
+                                                     : spdlog::level::debug);
+  logger->flush_on(spdlog::level::debug);
+  spdlog::set_default_logger(std::move(logger));
+}
+
+// "{}" keeps a brace in a line from being read as a format.
+void log_detail(std::string_view line) { spdlog::debug("{}", line); }
+void log_info(std::string_view line) { spdlog::info("{}", line); }
+void log_warning(std::string_view line) { spdlog::warn("{}", line); }
+void log_error(std::string_view line) { spdlog::error("{}", line); }
+
+}  // namespace tachless::diagnostics

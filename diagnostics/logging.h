@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string_view>
+
+/// Lines for people, on stderr: "tachless-plant: waiting for controller". Never called from the
+/// code that runs once per tick: writing may block and allocates.
+namespace tachless::diagnostics {
+
+enum class Verbosity { quiet, normal, verbose };
+
+/// Sets the program's name and what is shown: quiet = warnings and errors, normal = also what
+/// happens once per run, verbose = also details. To be called once, before the first line.
+void start_logging(std::string_view program, Verbosity verbosity);
+
+void log_detail(std::string_view line);  ///< shown with --verbose
+void log_info(std::string_view line);
+void log_warning(std::string_view line);
+void log_error(std::string_view line);
+
+}  // namespace tachless::diagnostics

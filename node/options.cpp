@@ -1,0 +1,52 @@
+#include "node/options.h"
+
+#include <CLI/CLI.hpp>
+#include <stdexcept>
+
+#include "diagnostics/failure.h"
+
+namespace tachless::node {
+
+void add_scenario(CLI::App& command, std::filesystem::path& path,
+                  std::vector<std::string>& overrides) {
+  command.add_option("SCENARIO", path, "The experiment, a YAML file")->required();
+  command
+      .add_option("--set", overrides,
+                  "key.path=value, in place of the scenario's value; may be repeated")
+      ->allow_extra_args(false);
+}
+
+void add_lcm_url(CLI::App& command, std::string& url) {
+  command.add_option("--lcm-url", url, "The bus")
+      ->envname("LCM_DEFAULT_URL")
+      ->capture_default_str();
+}
+
+bus::LcmUrl parse_lcm_url(const std::string& url) {
+  try {
+    return bus::parse_lcm_url(url);
+  } catch (const std::invalid_argument& problem) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               std::string("--lcm-url: ") + problem.what());
+  }
+}
+
+void add_key_file(CLI::App& command, std::string& path) {
+  command
+      .add_option("--key-file", path,
+                  "Key of the bus, the same for all: 32 random bytes or 64 hexadecimal digits; "
+                  "only who has it is heard")
+      ->envname("TACHLESS_KEY_FILE")
+      ->check([](const std::string& value) {
+        return value.empty() ? "empty; name the key's file, or leave --key-file out"
+                             : std::string();
+      });
+}
+
+CLI::Option* add_run_id(CLI::App& command, const std::string& name, std::int64_t& run_id,
+                        const std::string& description) {
+  return command.add_option(name, run_id, description)
+      ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+}
+
+}  // namespace tachless::node

@@ -1,0 +1,11 @@
+#pragma once
+
+#include <sys/types.h>
+
+namespace tachless::process {
+
+/// From now on all threads of that process, and every child they start, run only when nobody else
+/// wants the processor. Where that is refused, nothing is lost but politeness.
+void step_aside(pid_t process);
+
+}  // namespace tachless::process

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "protocol/lockstep/message_ring.h"
+#include "protocol/lockstep/verdict.h"
+
+namespace tachless::protocol::realtime {
+
+/// The controller's side: acts on the newest measurement whose reference is there, once. Ticks may
+/// be passed over, and none is returned to.
+class CommandPicker {
+ public:
+  CommandPicker(std::int64_t num_ticks, std::size_t longest_measurement,
+                std::size_t longest_reference);
+
+  lockstep::Verdict on_measurement(std::int64_t tick, std::span<const std::byte> bytes,
+                                   std::string_view sender);
+  lockstep::Verdict on_reference(std::int64_t tick, std::span<const std::byte> bytes,
+                                 std::string_view sender);
+
+  /// The tick to act on now; nothing when there is none that is newer than the last one.
+  [[nodiscard]] std::optional<std::int64_t> due() const;
+  /// `tick`, which was due, has been acted on.
+  void acted(std::int64_t tick);
+
+  [[nodiscard]] std::span<const std::byte> measurement(std::int64_t tick) const;
+  [[nodiscard]] std::span<const std::byte> reference(std::int64_t tick) const;
+  /// Who sent the measurement (reference) that is kept.
+  [[nodiscard]] std::string_view asker(std::int64_t tick) const;
+  [[nodiscard]] std::string_view referrer(std::int64_t tick) const;
+
+ private:
+  std::int64_t num_ticks_;
+  std::int64_t last_ = -1;    ///< newest tick acted on
+  std::int64_t newest_ = -1;  ///< newest measurement
+  lockstep::MessageRing ring_;
+};
+
+}  // namespace tachless::protocol::realtime

@@ -1,0 +1,252 @@
+#include "replay/replay.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <stdexcept>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "controller/catalogue.h"
+#include "controller/law_stepper.h"
+#include "diagnostics/failure.h"
+
+namespace tachless::replay {
+namespace {
+
+[[noreturn]] void refuse(const logger::RunLog& log, const std::string& problem) {
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                             log.path().string() + ": " + problem);
+}
+
+/// What the law measures, from what was measured: a state holds the lesser measurements too.
+template <class Wanted>
+std::optional<Wanted> measured(const logger::Measurement& measurement) {
+  return std::visit(
+      [](const auto& had) -> std::optional<Wanted> {
+        using Had = std::decay_t<decltype(had)>;
+        if constexpr (std::is_same_v<Had, Wanted>) {
+          return had;
+        } else if constexpr (std::is_same_v<Wanted, loop::PositionMeasurement> &&
+                             requires { had.q; }) {
+          return Wanted{had.q};
+        } else if constexpr (std::is_same_v<Wanted, loop::MotorPositionMeasurement> &&
+                             requires { had.theta; }) {
+          return Wanted{had.theta};
+        } else if constexpr (std::is_same_v<Wanted, loop::LinkStateMeasurement> &&
+                             std::is_same_v<Had, loop::StateMeasurement>) {
+          return Wanted{had.q, had.v, had.theta};
+        } else {
+          return {};
+        }
+      },
+      measurement);
+}
+
+/// Whether `measured` finds the second in the first; both are suffixes of channels.
+bool holds(std::string_view had, std::string_view wanted) {
+  using loop::ChannelOf;
+  constexpr auto state = ChannelOf<loop::StateMeasurement>::suffix;
+  constexpr auto link_state = ChannelOf<loop::LinkStateMeasurement>::suffix;
+  if (had == wanted || had == state) return true;
+  return had == link_state && wanted != state;
+}
+
+void require_fitting(const logger::RunLog& log, const experiment::Scenario& scenario) {
+  const experiment::Scenario& recorded = log.scenario();
+  if (scenario.num_joints != recorded.num_joints) {
+    refuse(log, "recorded with " + std::to_string(recorded.num_joints) + " joints, not " +
+                    std::to_string(scenario.num_joints));
+  }
+  if (scenario.loop.period_s != recorded.loop.period_s) {
+    refuse(log, "recorded with another loop.period_s; commands between its ticks cannot be had");
+  }
+  if (scenario.robot.flexible.has_value() != recorded.robot.flexible.has_value()) {
+    refuse(log, "recorded from a robot whose joints are " +
+                    std::string(recorded.robot.flexible ? "flexible" : "rigid") +
+                    "; robot.joints must stay so");
+  }
+  const auto& law = scenario.controller.law;
+  const auto names = controller::law_names();
+  if (std::find(names.begin(), names.end(), law) == names.end()) return;  // with_law complains
+  const std::string_view wanted = controller::measurement_suffix(law);
+  if (!holds(log.info().measurement, wanted)) {
+    refuse(log, "law " + law + " needs the measurement " + std::string(wanted) +
+                    ", which cannot be had from the recorded one, " + log.info().measurement);
+  }
+}
+
+class Comparison {
+ public:
+  Comparison(int num_joints, const OnCompared& on_compared)
+      : on_compared_(on_compared), sum_of_squares_(static_cast<std::size_t>(num_joints)) {
+    result_.joints.resize(static_cast<std::size_t>(num_joints));
+  }
+
+  void add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
+    // Ticks without a command are gaps only when a command follows.
+    result_.without_command += pending_;
+    if (pending_ != 0 && result_.first_without_command < 0) {
+      result_.first_without_command = first_pending_;
+    }
+    pending_ = 0;
+    result_.passed_over += std::exchange(pending_passed_over_, 0);
+    bool same = true;
+    for (int i = 0; i < static_cast<int>(recorded.size()); ++i) {
+      const std::uint64_t ulps = ulps_between(recorded[i], replayed[i]);
+      if (ulps != 0) {
+        same = false;
+        if (!result_.first) result_.first = {tick, i, recorded[i], replayed[i], ulps};
+      }
+      auto& joint = result_.joints[static_cast<std::size_t>(i)];
+      const double difference = std::abs(replayed[i] - recorded[i]);
+      if (difference > joint.max || joint.max_tick < 0) {
+        joint.max = difference;
+        joint.max_tick = tick;
+      }
+      sum_of_squares_[static_cast<std::size_t>(i)] += difference * difference;
+      joint.recorded_peak = std::max(joint.recorded_peak, std::abs(recorded[i]));
+      joint.replayed_peak = std::max(joint.replayed_peak, std::abs(replayed[i]));
+    }
+    ++result_.compared;
+    if (!same) ++result_.different;
+    result_.last_compared = tick;
+    if (on_compared_) on_compared_(tick, recorded, replayed);
+  }
+
+  void add_without_command(std::int64_t tick) {
+    if (pending_++ == 0) first_pending_ = tick;
+  }
+
+  void pass_over() { ++pending_passed_over_; }
+
+  void stop(const std::string& why) { result_.stopped_by = why; }
+  void stop_not_finite(std::int64_t tick) {
+    result_.not_finite = true;
+    stop("the law's torque at tick " + std::to_string(tick) + " is not finite");
+  }
+
+  Replay finish() {
+    for (std::size_t i = 0; i < result_.joints.size() && result_.compared > 0; ++i) {
+      result_.joints[i].rms = std::sqrt(sum_of_squares_[i] / static_cast<double>(result_.compared));
+    }
+    return std::move(result_);
+  }
+
+ private:
+  const OnCompared& on_compared_;
+  Replay result_;
+  std::vector<double> sum_of_squares_;
+  std::uint64_t pending_ = 0;
+  std::uint64_t pending_passed_over_ = 0;
+  std::int64_t first_pending_ = -1;
+};
+
+std::string missing(const logger::RunLog& log, std::int64_t tick, logger::Piece piece) {
+  return "tick " + std::to_string(tick) + " has no " + log.summary().of(piece).channel;
+}
+
+/// Whether any tick from the one in `record` on has a command.
+bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
+  do {
+    if (record.command) return true;
+  } while (log.next(record));
+  return false;
+}
+
+/// One law, tick by tick.
+template <class L>
+class Replayer {
+ public:
+  Replayer(logger::RunLog& log, const experiment::Scenario& scenario, Comparison& comparison)
+      : log_(log),
+        realtime_(scenario.loop.mode == experiment::Mode::realtime),
+        stepper_(scenario),
+        comparison_(comparison) {}
+
+  void run() {
+    logger::TickRecord record;
+    std::int64_t next = 0;
+    while (log_.next(record)) {
+      if (realtime_ && !record.command && !record.controller_state) {
+        comparison_.pass_over();
+        continue;
+      }
+      const auto measurement = measured<typename L::Measurement>(record.measurement);
+      // In lockstep every tick counts; in realtime those that the controller acted on.
+      const bool jump = !realtime_ && record.tick != next;
+      if (jump || !measurement || !record.reference) {
+        const bool no_reference = !jump && measurement && !record.reference;
+        const std::string gap =
+            missing(log_, jump ? next : record.tick,
+                    no_reference ? logger::Piece::reference : logger::Piece::measurement);
+        // The end of a run that was ended between two messages is no gap.
+        if (command_follows(log_, record)) comparison_.stop(gap);
+        break;
+      }
+      next = record.tick + 1;
+      if (!step(record, *measurement)) break;
+    }
+    // What the log has lost is counted to its end.
+    while (log_.next(record)) {
+    }
+  }
+
+ private:
+  /// Whether it can go on.
+  bool step(const logger::TickRecord& record, const typename L::Measurement& measurement) {
+    std::optional<typename controller::LawStepper<L>::Outcome> outcome;
+    try {
+      outcome = stepper_.step(record.tick, measurement, *record.reference);
+    } catch (const std::logic_error& error) {
+      // Damaged numbers can be anything, postures without an inertia matrix too.
+      comparison_.stop("the law cannot be evaluated at tick " + std::to_string(record.tick) + ": " +
+                       error.what());
+      return false;
+    }
+    const robot::Vector& tau = outcome->step.command.tau;
+    if (!tau.allFinite()) {
+      comparison_.stop_not_finite(record.tick);
+      return false;
+    }
+    stepper_.keep(record.tick, outcome->step.memory);
+    if (record.command) {
+      comparison_.add(record.tick, record.command->tau, tau);
+    } else {
+      comparison_.add_without_command(record.tick);
+    }
+    return true;
+  }
+
+  logger::RunLog& log_;
+  bool realtime_;
+  controller::LawStepper<L> stepper_;
+  Comparison& comparison_;
+};
+
+}  // namespace
+
+std::uint64_t ulps_between(double a, double b) {
+  // Doubles in their order, as integers: negative ones have it reversed.
+  const auto place = [](double x) {
+    const auto bits = std::bit_cast<std::uint64_t>(x);
+    constexpr std::uint64_t sign = std::uint64_t{1} << 63;
+    return (bits & sign) != 0 ? ~bits : bits | sign;
+  };
+  const std::uint64_t from = place(a), to = place(b);
+  return from < to ? to - from : from - to;
+}
+
+Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
+              const OnCompared& on_compared) {
+  require_fitting(log, scenario);
+  log.rewind();
+  return controller::with_law(scenario, [&](const auto& law) {
+    Comparison comparison(scenario.num_joints, on_compared);
+    Replayer<std::decay_t<decltype(law)>>(log, scenario, comparison).run();
+    return comparison.finish();
+  });
+}
+
+}  // namespace tachless::replay

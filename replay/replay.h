@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiment/scenario.h"
+#include "logger/run_log.h"
+
+namespace tachless::replay {
+
+/// Where a replayed command is not the recorded one.
+struct Mismatch {
+  std::int64_t tick = 0;
+  int joint = 0;  ///< counted from 0
+  double recorded = 0, replayed = 0;
+  std::uint64_t ulps = 0;  ///< doubles from one to the other
+};
+
+/// Replayed minus recorded torque of one joint, over the ticks compared [N m; N].
+struct TorqueDifference {
+  double max = 0;  ///< of the absolute value
+  std::int64_t max_tick = -1;
+  double rms = 0;
+  double recorded_peak = 0, replayed_peak = 0;
+};
+
+/// What came of a replay.
+struct Replay {
+  std::int64_t compared = 0;   ///< ticks whose command was computed again and compared
+  std::int64_t different = 0;  ///< those of them whose command is not the same bit for bit
+  std::int64_t last_compared = -1;
+  std::optional<Mismatch> first;  ///< the first difference
+  std::vector<TorqueDifference> joints;
+  std::uint64_t without_command = 0;  ///< ticks stepped through that have no command to compare
+  std::int64_t first_without_command = -1;
+  std::uint64_t passed_over = 0;  ///< realtime: ticks that the controller did not act on
+  /// Why nothing beyond `last_compared` could be computed; empty when the log was replayed to its
+  /// end.
+  std::string stopped_by;
+  bool not_finite = false;  ///< it was because the law's torque is not finite
+
+  /// Every recorded command was computed again: no gap lay in the way.
+  [[nodiscard]] bool complete() const { return stopped_by.empty() && without_command == 0; }
+};
+
+/// Doubles from `a` to `b`, 0 when their bits are the same.
+std::uint64_t ulps_between(double a, double b);
+
+using OnCompared = std::function<void(std::int64_t tick, const robot::Vector& recorded,
+                                      const robot::Vector& replayed)>;
+
+/// Steps the law of `scenario` through the log's own measurements and references, from tick 0 on,
+/// and compares its commands with the recorded ones. `scenario` is the log's, or the log's with
+/// another law or other gains. Reads `log` from its start to its end.
+///
+/// A law's memory holds all ticks before: a tick without measurement or reference ends what can
+/// be computed. A tick without a command is stepped through. Ticks after the last command are
+/// where the run was ended, no gap. In realtime the controller may have passed ticks over: those
+/// with neither its command nor its state are passed over likewise (controller::LawStepper).
+/// @throw diagnostics::Failure(bad_usage) when the scenario is not one for this log: another number
+/// of joints, another period, rigid for flexible joints, a law that needs more than was measured.
+Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
+              const OnCompared& on_compared = {});
+
+}  // namespace tachless::replay

@@ -1,0 +1,131 @@
+#include "replay/what_if.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "diagnostics/failure.h"
+#include "report/chart.h"
+#include "report/gnuplot.h"
+
+namespace tachless::replay {
+
+WhatIf::WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units)
+    : csv_path_(std::move(csv)),
+      csv_(csv_path_),
+      period_s_(period_s),
+      effort_units_(std::move(effort_units)),
+      joints_(effort_units_.size()) {
+  csv_ << "tick,t_s";
+  for (const char* name : {"tau", "tau_replayed"}) {
+    for (std::size_t i = 0; i < effort_units_.size(); ++i) {
+      csv_ << ',' << name << '_' << i + 1 << (effort_units_[i] == "N" ? "_N" : "_Nm");
+    }
+  }
+  csv_ << '\n';
+  if (!csv_) refuse();
+}
+
+void WhatIf::refuse() const {
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                             csv_path_.string() + ": cannot be written: " + std::strerror(errno) +
+                                 "; name another place with --out");
+}
+
+void WhatIf::add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
+  const double t_s = static_cast<double>(tick) * period_s_;
+  char cell[40];
+  std::snprintf(cell, sizeof cell, "%lld,%.17g", static_cast<long long>(tick), t_s);
+  csv_ << cell;
+  for (const auto* tau : {&recorded, &replayed}) {
+    for (const double value : *tau) {
+      std::snprintf(cell, sizeof cell, ",%.17g", value);
+      csv_ << cell;
+    }
+  }
+  csv_ << '\n';
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    const auto joint = static_cast<Eigen::Index>(i);
+    joints_[i].recorded.add(t_s, recorded[joint]);
+    joints_[i].replayed.add(t_s, replayed[joint]);
+    joints_[i].difference.add(t_s, replayed[joint] - recorded[joint]);
+  }
+}
+
+void WhatIf::finish() {
+  csv_.close();
+  if (!csv_) refuse();
+}
+
+std::string WhatIf::figure(const std::string& title, const std::filesystem::path& svg) const {
+  std::vector<report::Chart> charts;
+  for (std::size_t i = 0; i < joints_.size(); ++i) {
+    const std::string symbol = "{/:Italic τ}_{" + std::to_string(i + 1) + "}";
+    const std::string unit = "  [" + effort_units_[i] + "]";
+    report::Chart torque;
+    torque.height_px = 220;
+    torque.y_label = symbol + unit;
+    torque.curves = {{"recorded", joints_[i].recorded.points(), report::palette[5], 3.5, "", {}},
+                     {"replayed", joints_[i].replayed.points(), report::palette[1], 1.2, "", {}}};
+    charts.push_back(torque);
+    report::Chart difference;
+    difference.height_px = 170;
+    difference.y_label = "Δ" + symbol + unit;
+    difference.curves = {
+        {"replayed − recorded", joints_[i].difference.points(), report::palette[0], 1.2, "", {}}};
+    charts.push_back(difference);
+  }
+  return report::stacked_chart_commands(charts, title, svg);
+}
+
+std::string what_if_table(const Replay& replay, const std::vector<std::string>& effort_units,
+                          double period_s) {
+  char row[192];
+  std::snprintf(row, sizeof row, "  %5s  %37s   %25s\n  %5s  %12s %11s %12s   %12s %12s\n", "joint",
+                "replayed - recorded torque", "peak torque", "", "max", "at", "rms", "recorded",
+                "replayed");
+  std::string text = row;
+  for (std::size_t i = 0; i < replay.joints.size(); ++i) {
+    const TorqueDifference& joint = replay.joints[i];
+    std::snprintf(row, sizeof row, "  %5zu  %12.5g %9.4g s %12.5g   %12.5g %12.5g %s\n", i + 1,
+                  joint.max, static_cast<double>(joint.max_tick) * period_s, joint.rms,
+                  joint.recorded_peak, joint.replayed_peak, effort_units[i].c_str());
+    text += row;
+  }
+  return text;
+}
+
+nlohmann::ordered_json to_json(const Replay& replay) {
+  nlohmann::ordered_json json;
+  json["compared_ticks"] = replay.compared;
+  json["different_ticks"] = replay.different;
+  json["last_compared_tick"] =
+      replay.compared > 0 ? nlohmann::json(replay.last_compared) : nlohmann::json();
+  json["complete"] = replay.complete();
+  json["ticks_without_command"] = replay.without_command;
+  json["ticks_passed_over"] = replay.passed_over;
+  json["stopped_by"] =
+      replay.stopped_by.empty() ? nlohmann::json() : nlohmann::json(replay.stopped_by);
+  json["first_difference"] = nullptr;
+  if (const auto& first = replay.first) {
+    json["first_difference"] = {{"tick", first->tick},
+                                {"joint", first->joint + 1},
+                                {"recorded_Nm", first->recorded},
+                                {"replayed_Nm", first->replayed},
+                                {"difference_Nm", first->replayed - first->recorded},
+                                {"ulps", first->ulps}};
+  }
+  json["joints"] = nlohmann::ordered_json::array();
+  for (const TorqueDifference& joint : replay.joints) {
+    if (replay.compared == 0) break;
+    json["joints"].push_back({{"max_Nm", joint.max},
+                              {"max_tick", joint.max_tick},
+                              {"rms_Nm", joint.rms},
+                              {"recorded_peak_Nm", joint.recorded_peak},
+                              {"replayed_peak_Nm", joint.replayed_peak}});
+  }
+  return json;
+}
+
+}  // namespace tachless::replay

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "replay/replay.h"
+#include "report/envelope.h"
+
+namespace tachless::replay {
+
+/// What another law, or other gains, would have commanded: recorded and replayed torques side by
+/// side, as a CSV table and as a figure.
+class WhatIf {
+ public:
+  /// Starts the table `csv`: tick, t_s, then tau_1_Nm (recorded) and tau_replayed_1_Nm, … .
+  /// `effort_units`: per joint, "N m" or "N".
+  /// @throw diagnostics::Failure(bad_usage) when it cannot be written.
+  WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units);
+
+  void add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed);
+
+  /// @throw diagnostics::Failure(bad_usage) when the disk refused.
+  void finish();
+
+  /// gnuplot commands for the figure.
+  [[nodiscard]] std::string figure(const std::string& title,
+                                   const std::filesystem::path& svg) const;
+
+ private:
+  [[noreturn]] void refuse() const;
+
+  struct Joint {
+    report::Envelope recorded, replayed, difference;
+  };
+  std::filesystem::path csv_path_;
+  std::ofstream csv_;
+  double period_s_;
+  std::vector<std::string> effort_units_;
+  std::vector<Joint> joints_;
+};
+
+/// Largest and rms difference per joint.
+std::string what_if_table(const Replay& replay, const std::vector<std::string>& effort_units,
+                          double period_s);
+
+/// `{compared_ticks, different_ticks, last_compared_tick, complete, ticks_without_command,
+/// ticks_passed_over, stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm,
+/// difference_Nm, ulps}, joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm, replayed_peak_Nm}]}`;
+/// null where there is none. Joints count from 1.
+nlohmann::ordered_json to_json(const Replay& replay);
+
+}  // namespace tachless::replay

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "report/envelope.h"
+
+namespace tachless::report {
+
+enum class CurveStyle { line, steps, points };
+
+struct Curve {
+  std::string title;  ///< in the key; empty: not there. gnuplot's enhanced text
+  std::vector<Point> points;
+  std::string colour;  ///< "#0072B2"
+  double width = 1.4;  ///< [px]
+  std::string dash;    ///< gnuplot's dashtype, "(6,4)"; empty: solid
+  CurveStyle style = CurveStyle::line;
+};
+
+/// A stretch of the abscissa, marked by a bar at the top edge.
+struct Mark {
+  double from = 0, to = 0;
+  std::string colour;
+};
+
+/// One row of a chart whose ordinate is a list of names: bars where something was the case.
+struct Bars {
+  std::string name;
+  std::vector<std::pair<double, double>> stretches;
+  std::string colour;
+};
+
+/// One diagram: axes and what is drawn between them.
+struct Chart {
+  std::string name;     ///< of its file, without ending; letters, digits and -
+  std::string caption;  ///< what is to be seen, for who does not see it; plain text
+  std::string x_label = "time [s]";
+  std::string y_label;  ///< gnuplot's enhanced text
+  std::optional<std::pair<double, double>> x_range;
+  std::optional<std::pair<double, double>> y_range;
+  bool logarithmic_x = false;
+  bool logarithmic_y = false;
+  std::vector<Curve> curves;
+  std::vector<double> levels;  ///< horizontal lines
+  std::vector<Mark> marks;
+  std::vector<Bars> bars;  ///< in place of curves
+  std::string note;        ///< in the upper right corner; plain text
+  bool wide = false;       ///< over the whole width of a page
+  int height_px = 0;       ///< 0: as usual
+};
+
+/// gnuplot commands that draw each chart into DIRECTORY/name.svg.
+std::string chart_commands(const std::vector<Chart>& charts,
+                           const std::filesystem::path& directory);
+
+/// gnuplot commands that draw all charts under each other into one file, on one abscissa.
+std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::string& title,
+                                   const std::filesystem::path& svg);
+
+/// The lower end for a logarithmic ordinate: a curve that swings through zero dips without end, and
+/// the dips would squeeze everything else. Nothing when no value is positive.
+std::optional<double> logarithmic_floor(const std::vector<Curve>& curves);
+
+}  // namespace tachless::report

@@ -1,0 +1,144 @@
+#include "report/recorded_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <functional>
+#include <set>
+
+#include "certificate/lyapunov.h"
+#include "controller/catalogue.h"
+#include "report/log_tracking.h"
+
+namespace tachless::report {
+namespace {
+
+// V of a flexible robot takes microseconds, and is smooth.
+constexpr std::int64_t most_evaluations = 50'000;
+
+bool fits(const loop::ControllerState& state, const experiment::Scenario& scenario) {
+  return state.num_filters == controller::num_filters(scenario.controller.law);
+}
+
+nlohmann::json read_outcome(const RecordedRun& run) {
+  std::ifstream file(run.log.parent_path() / "summary.json");
+  nlohmann::json json = nlohmann::json::parse(file, nullptr, false);
+  const bool ours = json.is_object() && json.contains("run_id") &&
+                    json["run_id"].is_number_integer() &&
+                    json["run_id"].get<std::int64_t>() == run.run_id;
+  return ours ? json : nlohmann::json();
+}
+
+void add_controller_state(RecordedRun& run, const logger::TickRecord& record, double t_s) {
+  for (std::size_t filter = 0; filter < run.nu.size(); ++filter) {
+    for (std::size_t joint = 0; joint < run.nu[filter].size(); ++joint) {
+      run.nu[filter][joint].add(
+          t_s, record.controller_state->nu[filter][static_cast<Eigen::Index>(joint)]);
+    }
+  }
+}
+
+void add_drives(RecordedRun& run, const logger::TickRecord& record) {
+  for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
+    if (record.truth->saturated[joint]) run.saturated[joint].add(record.tick);
+  }
+  if (record.truth->fault == loop::truth::DriveFault::command_missed) {
+    run.command_missed.add(record.tick);
+  }
+  if (record.truth->fault == loop::truth::DriveFault::protective_stop) {
+    run.protective_stop.add(record.tick);
+  }
+}
+
+}  // namespace
+
+void Stretches::add(std::int64_t tick) {
+  ++ticks_;
+  if (tick == last_ + 1 && !listed_.empty() && !cut_) {
+    listed_.back().last = tick;
+  } else if (listed_.size() < max_listed) {
+    listed_.push_back({tick, tick});
+  } else {
+    cut_ = true;
+  }
+  last_ = tick;
+}
+
+RecordedRun read_recorded_run(const std::filesystem::path& path,
+                              std::optional<std::int64_t> wanted) {
+  logger::RunLog log = logger::RunLog::open(path, wanted);
+  const auto num_joints = static_cast<std::size_t>(log.layout().num_joints);
+  RecordedRun run(log.layout().num_joints);
+  run.log = path;
+  run.run_id = log.run();
+  run.info = log.info();
+  run.scenario = log.scenario();
+  const robot::Model model = controller::rigid_model(run.scenario);
+  run.units = joint_units(model);
+  run.joint_names = model.joint_names;
+  run.num_filters = log.layout().num_filters;
+  run.nu.assign(static_cast<std::size_t>(run.num_filters), std::vector<Envelope>(num_joints));
+  run.saturated.resize(num_joints);
+
+  const auto lyapunov = certificate::lyapunov_function(run.scenario);
+  const std::int64_t stride = std::max<std::int64_t>(1, run.info.num_ticks / most_evaluations);
+  const double period_s = run.info.period_s;
+  logger::TickRecord record;
+  while (log.next(record)) {
+    const double t_s = static_cast<double>(record.tick) * period_s;
+    add(run.tracking, record, period_s);
+    if (record.controller_state) add_controller_state(run, record, t_s);
+    if (record.truth) add_drives(run, record);
+    if (lyapunov && record.tick % stride == 0 && record.truth && record.reference &&
+        record.controller_state && fits(*record.controller_state, run.scenario)) {
+      const auto& truth = *record.truth;
+      try {
+        const double V =
+            lyapunov->at({truth.q, truth.v, truth.theta, truth.thetadot, *record.controller_state},
+                         *record.reference);
+        if (std::isfinite(V)) run.lyapunov.add(t_s, V);
+      } catch (const std::logic_error&) {
+        // A damaged posture without an inertia matrix has no V; the curve lacks a point there.
+      }
+    }
+  }
+  if (lyapunov) {
+    run.lyapunov_formula = lyapunov->formula;
+    run.lyapunov_epsilon = lyapunov->epsilon;
+    run.lyapunov_decay = fit_decay(run.lyapunov.points());
+  }
+  for (const JointTracking& joint : run.tracking.joints()) {
+    run.decay.push_back(fit_decay(joint.abs_error.points()));
+  }
+  run.summary = log.summary();
+  run.damage = log.damage();
+  run.outcome = read_outcome(run);
+  run.label = run.scenario.name;
+  return run;
+}
+
+void label(std::vector<RecordedRun>& runs) {
+  const std::vector<std::function<std::string(const RecordedRun&)>> names = {
+      [](const RecordedRun& run) { return run.scenario.name; },
+      [](const RecordedRun& run) { return run.scenario.controller.law; },
+      [](const RecordedRun& run) { return run.scenario.name + ", " + run.scenario.controller.law; },
+      [](const RecordedRun& run) {
+        const auto directory = run.log.parent_path().filename().string();
+        return directory.empty() ? run.log.filename().string() : directory;
+      },
+      [](const RecordedRun& run) { return run.log.string(); },
+      [](const RecordedRun& run) {
+        return run.log.string() + ", run " + std::to_string(run.run_id);
+      },
+  };
+  for (const auto& name : names) {
+    std::set<std::string> different;
+    for (RecordedRun& run : runs) {
+      run.label = name(run);
+      different.insert(run.label);
+    }
+    if (different.size() == runs.size()) return;
+  }
+}
+
+}  // namespace tachless::report

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "logger/run_log.h"
+#include "report/decay.h"
+#include "report/envelope.h"
+#include "report/joint_units.h"
+#include "report/tracking.h"
+
+namespace tachless::report {
+
+/// Ticks at which something was the case, as ranges.
+class Stretches {
+ public:
+  static constexpr std::size_t max_listed = 500;
+
+  /// `tick` is greater than the last one added.
+  void add(std::int64_t tick);
+
+  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
+  [[nodiscard]] const std::vector<logger::TickRange>& listed() const { return listed_; }
+  /// Some stretches are counted, but not listed.
+  [[nodiscard]] bool cut() const { return cut_; }
+
+ private:
+  std::vector<logger::TickRange> listed_;
+  std::int64_t ticks_ = 0;
+  std::int64_t last_ = -2;
+  bool cut_ = false;
+};
+
+/// All that a report shows of one run, in memory that does not grow with its length.
+struct RecordedRun {
+  std::filesystem::path log;
+  std::string label;  ///< in legends
+  std::int64_t run_id = 0;
+  loop::RunInfo info;
+  experiment::Scenario scenario;
+  JointUnits units;
+  std::vector<std::string> joint_names;
+
+  Tracking tracking;
+  std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors
+  int num_filters = 0;
+  std::vector<std::vector<Envelope>> nu;  ///< [filter][joint]
+
+  Envelope lyapunov;
+  std::string lyapunov_formula;  ///< empty: the law has none here
+  double lyapunov_epsilon = 0;
+  std::optional<Decay> lyapunov_decay;
+
+  std::vector<Stretches> saturated;  ///< per joint
+  Stretches command_missed;
+  Stretches protective_stop;
+  logger::RunSummary summary;
+  logger::Damage damage;
+  /// The run's summary.json beside the log, if it is of this run; null otherwise.
+  nlohmann::json outcome;
+
+  explicit RecordedRun(int num_joints) : tracking(num_joints) {}
+};
+
+/// Reads `log` from its start to its end. `run` chooses among several.
+/// @throw diagnostics::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
+/// log cannot be made.
+RecordedRun read_recorded_run(const std::filesystem::path& log,
+                              std::optional<std::int64_t> run = {});
+
+/// Gives each run a label that the others do not have: scenario, else law, else log.
+void label(std::vector<RecordedRun>& runs);
+
+}  // namespace tachless::report

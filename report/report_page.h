@@ -1,0 +1,24 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "report/recorded_run.h"
+#include "report/report_charts.h"
+
+namespace tachless::report {
+
+/// What gnuplot drew, by the name of its file without ending.
+using Drawings = std::map<std::string, std::string>;
+
+/// The charts as they are to be drawn: a wide one also narrow, for small screens.
+std::vector<Chart> drawn_charts(const std::vector<ReportSection>& sections);
+
+/// The report as one HTML page that refers to nothing outside of itself: facts and results as
+/// tables, the sections with their charts, each run's scenario. A chart without a drawing is
+/// replaced by its caption.
+std::string report_page(const std::vector<RecordedRun>& runs,
+                        const std::vector<ReportSection>& sections, const Drawings& drawings);
+
+}  // namespace tachless::report

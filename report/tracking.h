@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "report/envelope.h"
+#include "robot/quantities.h"
+
+namespace tachless::report {
+
+/// Peak, root mean square and last value of a signal.
+class Extent {
+ public:
+  void add(double value);
+
+  [[nodiscard]] double peak() const { return peak_; }  ///< of the absolute value
+  [[nodiscard]] double rms() const;
+  [[nodiscard]] double final() const { return final_; }
+
+ private:
+  double peak_ = 0;
+  double sum_of_squares_ = 0;
+  double final_ = 0;
+  std::int64_t count_ = 0;
+};
+
+/// How well one joint followed its reference.
+struct JointTracking {
+  Extent error;   ///< q - q_ref [rad; m if prismatic]
+  Extent torque;  ///< applied [N m; N if prismatic]
+  Envelope q, q_ref, theta, abs_error, tau;
+};
+
+/// What the closing table, the summary and the figure say about a run, gathered tick by tick.
+class Tracking {
+ public:
+  explicit Tracking(int num_joints);
+
+  /// One tick at time `t_s`. `theta` is empty on a robot with rigid joints.
+  /// @param tau torque applied over the tick
+  void add(double t_s, const robot::Vector& q, const robot::Vector& q_ref,
+           const robot::Vector& theta, const robot::Vector& tau);
+
+  [[nodiscard]] const std::vector<JointTracking>& joints() const { return joints_; }
+  [[nodiscard]] std::int64_t num_ticks() const { return num_ticks_; }
+  [[nodiscard]] bool has_motors() const { return has_motors_; }
+
+ private:
+  std::vector<JointTracking> joints_;
+  std::int64_t num_ticks_ = 0;
+  bool has_motors_ = false;
+};
+
+}  // namespace tachless::report

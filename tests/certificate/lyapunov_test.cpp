@@ -1,0 +1,151 @@
+#include "certificate/lyapunov.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <random>
+
+#include "controller/catalogue.h"
+#include "robot/mass_matrix.h"
+#include "study/in_process_loop.h"
+
+namespace tachless::certificate {
+namespace {
+
+using robot::Vector;
+
+experiment::Scenario scenario(const std::string& file,
+                              const std::vector<std::string>& overrides = {}) {
+  return experiment::load_scenario(std::string(TACHLESS_SOURCE_DIR "/scenarios/") + file,
+                                   overrides);
+}
+
+class Random {
+ public:
+  Vector vector(int n, double size) {
+    Vector x(n);
+    for (double& value : x) value = size * uniform_(random_);
+    return x;
+  }
+  loop::ReferencePoint reference(int n) {
+    return {vector(n, 1), vector(n, 1), vector(n, 10), vector(n, 50), vector(n, 100)};
+  }
+
+ private:
+  std::mt19937_64 random_{11};
+  std::uniform_real_distribution<double> uniform_{-1, 1};
+};
+
+LoopState rigid_state(Random& random) {
+  LoopState state{random.vector(2, 2), random.vector(2, 3), {}, {}, {}};
+  state.controller.num_filters = 1;
+  state.controller.nu[0] = random.vector(2, 5);
+  return state;
+}
+
+TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
+  const experiment::Scenario experiment = scenario("paper_rigid.yaml");
+  const auto V = lyapunov_function(experiment);
+  ASSERT_TRUE(V);
+  const robot::Model model = controller::rigid_model(experiment);
+  Random random;
+  for (int k = 0; k < 200; ++k) {
+    const LoopState x = rigid_state(random);
+    const loop::ReferencePoint r = random.reference(2);
+    // 1/2 z' P z with z = (edot, e, nu), P written out.
+    const Eigen::Matrix2d M = robot::mass_matrix(model, x.q);
+    Eigen::Matrix<double, 6, 6> P = Eigen::Matrix<double, 6, 6>::Zero();
+    P.block<2, 2>(0, 0) = M;
+    P.diagonal().tail<4>() << 5000, 6000, 7000.0 / 1000, 8800.0 / 1000;
+    P.block<2, 2>(0, 2) = P.block<2, 2>(2, 0) = V->epsilon * M;
+    P.block<2, 2>(0, 4) = P.block<2, 2>(4, 0) = -V->epsilon * M;
+    Eigen::Matrix<double, 6, 1> z;
+    z << x.v - r.v_ref, x.q - r.q_ref, x.controller.nu[0];
+    const double expected = 0.5 * z.dot(P * z);
+    EXPECT_NEAR(V->at(x, r), expected, 1e-13 * (P.norm() * z.squaredNorm()));  // rounding
+    // eps is below the bound of positive definiteness.
+    EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
+  }
+}
+
+TEST(Lyapunov, IsZeroOnTheReference) {
+  Random random;
+  for (const char* file : {"paper_rigid.yaml", "paper_flexible.yaml", "flexible_regulation.yaml"}) {
+    const experiment::Scenario experiment = scenario(file);
+    const auto V = lyapunov_function(experiment);
+    ASSERT_TRUE(V);
+    loop::ReferencePoint r = random.reference(2);
+    if (controller::law_facts(experiment.controller.law).regulation_only) {
+      for (Vector* derivative : {&r.v_ref, &r.a_ref, &r.jerk_ref, &r.snap_ref}) {
+        derivative->setZero();
+      }
+    }
+    LoopState x{r.q_ref, r.v_ref, {}, {}, {}};
+    x.controller.num_filters = 2;
+    x.controller.nu = {Vector::Zero(2), Vector::Zero(2)};
+    if (experiment.robot.flexible) {
+      // theta_ref = q_ref + K^-1 ID(q_ref, v_ref, a_ref) and its derivative by central differences
+      // along the reference's own Taylor series.
+      const auto robot = controller::flexible_robot(experiment);
+      const auto theta_ref = [&](double t) -> Vector {
+        const Vector q = r.q_ref + t * r.v_ref + t * t / 2 * r.a_ref;
+        const Vector v = r.v_ref + t * r.a_ref + t * t / 2 * r.jerk_ref;
+        const Vector a = r.a_ref + t * r.jerk_ref + t * t / 2 * r.snap_ref;
+        return q + robot::inverse_dynamics(robot.links, q, v, a).cwiseQuotient(robot.stiffness);
+      };
+      x.theta = theta_ref(0);
+      x.thetadot = (theta_ref(1e-4) - theta_ref(-1e-4)) / 2e-4;
+    }
+    // Central differences: error h^2/6 of third derivatives of some 1e3, squared with J = 0.1.
+    EXPECT_NEAR(V->at(x, r), 0, 1e-9) << file;
+  }
+}
+
+TEST(Lyapunov, FallsAlongThePapersLoop) {
+  for (const char* file : {"paper_rigid_offset.yaml", "paper_flexible.yaml"}) {
+    const experiment::Scenario experiment = scenario(file, {"loop.duration_s=0.05"});
+    const auto V = lyapunov_function(experiment);
+    ASSERT_TRUE(V);
+    double before = INFINITY;
+    std::vector<double> values;
+    study::run_in_process(experiment, [&](const study::TickRecord& record) {
+      values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
+                              record.truth.thetadot, record.controller},
+                             record.reference));
+      return true;
+    });
+    for (std::size_t k = 0; k < values.size(); k += values.size() / 10) {
+      EXPECT_GT(values[k], 0);
+      EXPECT_LT(values[k], before) << file << ", tick " << k;
+      before = values[k];
+    }
+  }
+}
+
+TEST(Lyapunov, OfKellysFlexibleLoopFalls) {
+  const experiment::Scenario experiment =
+      scenario("flexible_regulation.yaml", {"loop.duration_s=0.5"});
+  const auto V = lyapunov_function(experiment);
+  ASSERT_TRUE(V);
+  EXPECT_EQ(V->epsilon, 0);
+  std::vector<double> values;
+  study::run_in_process(experiment, [&](const study::TickRecord& record) {
+    values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
+                            record.truth.thetadot, record.controller},
+                           record.reference));
+    return true;
+  });
+  for (std::size_t k = 100; k < values.size(); k += 100) {
+    EXPECT_LT(values[k], values[k - 100]) << "tick " << k;
+    EXPECT_GT(values[k], 0);
+  }
+}
+
+TEST(Lyapunov, IsNotMadeUpForOtherLaws) {
+  EXPECT_FALSE(lyapunov_function(scenario(
+      "practical_rigid.yaml", {"controller.law=slotine_li", "controller.gains.lambda=[20, 20]",
+                               "controller.gains.ks=[50, 5]"})));
+}
+
+}  // namespace
+}  // namespace tachless::certificate

@@ -1,0 +1,756 @@
+#include "experiment/scenario.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <random>
+
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::experiment {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+// Two links; the second joint alone has limits and an effort limit.
+constexpr const char* urdf = R"(<robot name="two">
+<link name="base"/>
+<link name="upper"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><origin xyz="0.5 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="1 0 0"/>
+<axis xyz="0 1 0"/><limit lower="-2" upper="2.5" effort="30" velocity="4"/></joint>
+</robot>
+)";
+
+constexpr const char* minimal = R"(name: test
+robot:
+  urdf: two.urdf
+reference:
+  hold: {position_rad: [0.1, 0.2]}
+controller:
+  law: loria_ortega_rigid
+  gains: {kp: [1, 2], kd: 3}
+)";
+
+// Every line is the target of a mutation below.
+constexpr const char* full = R"(name: test
+robot:
+  name: arm
+  urdf: two.urdf
+  gravity_m_per_s2: 9.8
+  joints: rigid
+plant:
+  initial:
+    position_rad: [0.5, -0.5]
+    velocity_rad_per_s: 0
+  integrator:
+    method: verlet
+    accuracy: 1.0e-7
+  encoder:
+    resolution_bits: 16
+    noise_std_rad: 1.0e-5
+    velocity_noise_std_rad_per_s: 1.0e-3
+    seed: 7
+    side: link
+  drive:
+    torque_limit_Nm: [100, 50]
+    viscous_friction_Nms_per_rad: [0.1, 0]
+  payload:
+    mass_kg: 0.5
+    link: lower
+reference:
+  sinusoid:
+    amplitude_rad: [0.1, 0.2]
+    frequency_hz: 5
+    phase_rad: [0, 1]
+    offset_rad: 0
+controller:
+  law: loria_ortega_rigid
+  gains:
+    kp: [40, 20]
+    kd: [4, 2]
+  filter: tustin
+  filter_start: zero
+  feedforward_lead: half_tick_plus_delay
+loop:
+  mode: realtime
+  period_s: 1.0e-3
+  duration_s: 2.5
+  command_delay: 0
+  max_missed: 5
+  give_up_s: 2
+)";
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  if (at == std::string::npos) throw std::logic_error("the test's text has no " + from);
+  return text.replace(at, from.size(), to);
+}
+
+std::string refusal(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), Not(HasSubstr("\n")));
+    return failure.what();
+  }
+  return "accepted";
+}
+
+std::string refusal_of(const std::string& text, const std::vector<std::string>& overrides = {}) {
+  return refusal([&] { parse_scenario(text, urdf, "f.yaml", overrides); });
+}
+
+Scenario parsed(const std::string& text, const std::vector<std::string>& overrides = {}) {
+  return parse_scenario(text, urdf, "f.yaml", overrides);
+}
+
+std::vector<double> values(const robot::Vector& vector) {
+  return {vector.data(), vector.data() + vector.size()};
+}
+
+void expect_same(const Scenario& a, const Scenario& b) {
+  EXPECT_EQ(a.text, b.text);
+  EXPECT_EQ(a.digest, b.digest);
+  EXPECT_EQ(a.name, b.name);
+  EXPECT_EQ(a.robot.urdf_text, b.robot.urdf_text);
+  EXPECT_EQ(a.robot.gravity_m_per_s2, b.robot.gravity_m_per_s2);
+  EXPECT_EQ(a.plant.initial.position_rad, b.plant.initial.position_rad);
+  EXPECT_EQ(a.plant.integrator.accuracy, b.plant.integrator.accuracy);
+  EXPECT_EQ(a.plant.encoder.resolution_bits, b.plant.encoder.resolution_bits);
+  EXPECT_EQ(a.plant.drive.torque_limit_Nm.has_value(), b.plant.drive.torque_limit_Nm.has_value());
+  EXPECT_EQ(a.plant.payload.link, b.plant.payload.link);
+  EXPECT_EQ(a.reference.index(), b.reference.index());
+  EXPECT_EQ(a.controller.law, b.controller.law);
+  EXPECT_EQ(a.controller.gains, b.controller.gains);
+  EXPECT_EQ(a.controller.filter, b.controller.filter);
+  EXPECT_EQ(a.loop.period_s, b.loop.period_s);
+  EXPECT_EQ(a.loop.num_ticks, b.loop.num_ticks);
+  EXPECT_EQ(a.loop.command_delay, b.loop.command_delay);
+}
+
+TEST(Scenario, ReadsEveryKey) {
+  const Scenario s = parsed(full);
+  EXPECT_EQ(s.name, "test");
+  EXPECT_EQ(s.num_joints, 2);
+  EXPECT_EQ(s.robot.name, "arm");
+  EXPECT_EQ(s.robot.channel_prefix, "ARM");
+  EXPECT_EQ(s.robot.urdf_path, "two.urdf");
+  EXPECT_EQ(s.robot.urdf_text, urdf);
+  EXPECT_EQ(s.robot.gravity_m_per_s2, 9.8);
+  EXPECT_FALSE(s.robot.flexible);
+  EXPECT_THAT(values(s.plant.initial.position_rad), ElementsAre(0.5, -0.5));
+  EXPECT_THAT(values(s.plant.initial.velocity_rad_per_s), ElementsAre(0, 0));
+  EXPECT_EQ(s.plant.integrator.method, IntegratorMethod::verlet);
+  EXPECT_EQ(s.plant.integrator.accuracy, 1e-7);
+  EXPECT_EQ(s.plant.encoder.resolution_bits, 16);
+  EXPECT_EQ(s.plant.encoder.noise_std_rad, 1e-5);
+  EXPECT_EQ(s.plant.encoder.velocity_noise_std_rad_per_s, 1e-3);
+  EXPECT_EQ(s.plant.encoder.seed, 7U);
+  EXPECT_EQ(s.plant.encoder.side, EncoderSide::link);
+  EXPECT_THAT(values(s.plant.drive.torque_limit_Nm.value()), ElementsAre(100, 50));
+  EXPECT_THAT(values(s.plant.drive.viscous_friction_Nms_per_rad), ElementsAre(0.1, 0));
+  EXPECT_EQ(s.plant.payload.mass_kg, 0.5);
+  EXPECT_EQ(s.plant.payload.link, "lower");
+  const auto& sinusoid = std::get<Sinusoid>(s.reference);
+  EXPECT_THAT(values(sinusoid.amplitude_rad), ElementsAre(0.1, 0.2));
+  EXPECT_THAT(values(sinusoid.frequency_hz), ElementsAre(5, 5));
+  EXPECT_THAT(values(sinusoid.phase_rad), ElementsAre(0, 1));
+  EXPECT_THAT(values(sinusoid.offset_rad), ElementsAre(0, 0));
+  EXPECT_EQ(s.controller.law, "loria_ortega_rigid");
+  EXPECT_THAT(values(s.controller.gains.at("kp")), ElementsAre(40, 20));
+  EXPECT_THAT(values(s.controller.gains.at("kd")), ElementsAre(4, 2));
+  EXPECT_EQ(s.controller.filter, FilterKind::tustin);
+  EXPECT_EQ(s.controller.filter_start, FilterStart::zero);
+  EXPECT_EQ(s.controller.feedforward_lead, FeedforwardLead::half_tick_plus_delay);
+  EXPECT_EQ(s.loop.mode, Mode::realtime);
+  EXPECT_EQ(s.loop.period_s, 1e-3);
+  EXPECT_EQ(s.loop.duration_s, 2.5);
+  EXPECT_EQ(s.loop.num_ticks, 2500);
+  EXPECT_EQ(s.loop.command_delay, 0);
+  EXPECT_EQ(s.loop.max_missed, 5);
+  EXPECT_EQ(s.loop.give_up_s, 2);
+}
+
+TEST(Scenario, FillsInTheDocumentedDefaultsWhichAreThoseOfTheStruct) {
+  const Scenario s = parsed(minimal);
+  const Scenario d;
+  EXPECT_EQ(s.robot.name, d.robot.name);
+  EXPECT_EQ(s.robot.channel_prefix, d.robot.channel_prefix);
+  EXPECT_EQ(s.robot.gravity_m_per_s2, d.robot.gravity_m_per_s2);
+  EXPECT_FALSE(s.robot.flexible);
+  EXPECT_THAT(values(s.robot.rigid_rotor_inertia_kgm2), ElementsAre(0, 0));
+  EXPECT_THAT(values(s.plant.initial.position_rad), ElementsAre(0, 0));
+  EXPECT_THAT(values(s.plant.initial.velocity_rad_per_s), ElementsAre(0, 0));
+  EXPECT_FALSE(s.plant.initial.motor_position_rad);
+  EXPECT_FALSE(s.plant.initial.motor_velocity_rad_per_s);
+  EXPECT_EQ(s.plant.integrator.method, d.plant.integrator.method);
+  EXPECT_EQ(s.plant.integrator.accuracy, d.plant.integrator.accuracy);
+  EXPECT_FALSE(s.plant.encoder.resolution_bits);
+  EXPECT_EQ(s.plant.encoder.noise_std_rad, d.plant.encoder.noise_std_rad);
+  EXPECT_EQ(s.plant.encoder.velocity_noise_std_rad_per_s,
+            d.plant.encoder.velocity_noise_std_rad_per_s);
+  EXPECT_EQ(s.plant.encoder.seed, d.plant.encoder.seed);
+  EXPECT_EQ(s.plant.encoder.side, d.plant.encoder.side);
+  EXPECT_THAT(values(s.plant.drive.viscous_friction_Nms_per_rad), ElementsAre(0, 0));
+  EXPECT_EQ(s.plant.payload.mass_kg, d.plant.payload.mass_kg);
+  EXPECT_EQ(s.plant.payload.link, d.plant.payload.link);
+  EXPECT_EQ(s.controller.filter, d.controller.filter);
+  EXPECT_EQ(s.controller.filter_start, d.controller.filter_start);
+  EXPECT_EQ(s.controller.feedforward_lead, d.controller.feedforward_lead);
+  EXPECT_EQ(s.loop.mode, d.loop.mode);
+  EXPECT_EQ(s.loop.period_s, d.loop.period_s);
+  EXPECT_EQ(s.loop.duration_s, d.loop.duration_s);
+  EXPECT_EQ(s.loop.num_ticks, d.loop.num_ticks);
+  EXPECT_EQ(s.loop.command_delay, d.loop.command_delay);
+  EXPECT_EQ(s.loop.max_missed, d.loop.max_missed);
+  EXPECT_EQ(s.loop.give_up_s, d.loop.give_up_s);
+}
+
+TEST(Scenario, TakesOneNumberForEveryJoint) {
+  EXPECT_THAT(values(parsed(minimal).controller.gains.at("kd")), ElementsAre(3, 3));
+}
+
+TEST(Scenario, TorqueLimitIsTheUrdfsUnlessNullOrGiven) {
+  const double unlimited = std::numeric_limits<double>::infinity();
+  EXPECT_THAT(values(parsed(minimal).plant.drive.torque_limit_Nm.value()),
+              ElementsAre(unlimited, 30));
+  EXPECT_FALSE(parsed(minimal, {"plant.drive.torque_limit_Nm=null"}).plant.drive.torque_limit_Nm);
+  EXPECT_THAT(
+      values(
+          parsed(minimal, {"plant.drive.torque_limit_Nm=7"}).plant.drive.torque_limit_Nm.value()),
+      ElementsAre(7, 7));
+}
+
+TEST(Scenario, CommandDelayIsOneByDefaultInRealtime) {
+  EXPECT_EQ(parsed(minimal, {"loop.mode=realtime"}).loop.command_delay, 1);
+  EXPECT_EQ(parsed(minimal, {"loop.mode=lockstep"}).loop.command_delay, 0);
+}
+
+TEST(Scenario, ReadsFlexibleJoints) {
+  const Scenario s = parsed(
+      minimal, {"robot.joints={flexible: {stiffness_Nm_per_rad: [1e4, 2e4], rotor_inertia_kgm2: "
+                "0.1}}",
+                "plant.initial.motor_position_rad=[1, 2]",
+                "plant.initial.motor_velocity_rad_per_s=3", "plant.encoder.side=motor"});
+  ASSERT_TRUE(s.robot.flexible);
+  EXPECT_THAT(values(s.robot.flexible->stiffness_Nm_per_rad), ElementsAre(1e4, 2e4));
+  EXPECT_THAT(values(s.robot.flexible->rotor_inertia_kgm2), ElementsAre(0.1, 0.1));
+  EXPECT_THAT(values(s.robot.flexible->motor_damping_Nms_per_rad), ElementsAre(0, 0));
+  EXPECT_THAT(values(s.plant.initial.motor_position_rad.value()), ElementsAre(1, 2));
+  EXPECT_THAT(values(s.plant.initial.motor_velocity_rad_per_s.value()), ElementsAre(3, 3));
+  EXPECT_EQ(s.plant.encoder.side, EncoderSide::motor);
+}
+
+TEST(Scenario, ReadsRigidJointsWithRotors) {
+  EXPECT_THAT(values(parsed(minimal, {"robot.joints={rigid: {rotor_inertia_kgm2: [0.1, 0]}}"})
+                         .robot.rigid_rotor_inertia_kgm2),
+              ElementsAre(0.1, 0));
+  EXPECT_THAT(values(parsed(minimal, {"robot.joints={rigid: {}}"}).robot.rigid_rotor_inertia_kgm2),
+              ElementsAre(0, 0));
+}
+
+TEST(Scenario, ReadsEveryKindOfReference) {
+  EXPECT_THAT(values(std::get<Hold>(parsed(minimal).reference).position_rad),
+              ElementsAre(0.1, 0.2));
+  const auto multi_sine = std::get<MultiSine>(
+      parsed(minimal, {"reference={multi_sine: {offset_rad: 1, terms: [{amplitude_rad: 2, "
+                       "frequency_hz: [3, 4]}, {amplitude_rad: 5, frequency_hz: 6, phase_rad: "
+                       "7}]}}"})
+          .reference);
+  EXPECT_THAT(values(multi_sine.offset_rad), ElementsAre(1, 1));
+  ASSERT_EQ(multi_sine.terms.size(), 2U);
+  EXPECT_THAT(values(multi_sine.terms[0].frequency_hz), ElementsAre(3, 4));
+  EXPECT_THAT(values(multi_sine.terms[0].phase_rad), ElementsAre(0, 0));
+  EXPECT_THAT(values(multi_sine.terms[1].phase_rad), ElementsAre(7, 7));
+  EXPECT_THAT(values(multi_sine.terms[1].offset_rad), ElementsAre(0, 0));
+  const auto motion = std::get<PointToPoint>(
+      parsed(minimal, {"reference={point_to_point: {from_rad: 0, to_rad: [1, 2], start_s: 0.5}}"})
+          .reference);
+  EXPECT_THAT(values(motion.to_rad), ElementsAre(1, 2));
+  EXPECT_EQ(motion.start_s, 0.5);
+  EXPECT_EQ(motion.duration_s, 1);
+  const auto waypoints = std::get<Waypoints>(
+      parsed(minimal,
+             {"reference={waypoints: {time_s: [0, 1, 2.5], position_rad: [0, [1, 2], [3, 4]]}}"})
+          .reference);
+  EXPECT_THAT(waypoints.time_s, ElementsAre(0, 1, 2.5));
+  EXPECT_THAT(values(waypoints.position_rad[0]), ElementsAre(0, 0));
+  EXPECT_THAT(values(waypoints.position_rad[2]), ElementsAre(3, 4));
+}
+
+TEST(Scenario, NamesEveryChoiceOfEveryEnum) {
+  const auto method = [](const std::string& name) {
+    return parsed(minimal, {"plant.integrator.method=" + name}).plant.integrator.method;
+  };
+  EXPECT_EQ(method("runge_kutta_merson"), IntegratorMethod::runge_kutta_merson);
+  EXPECT_EQ(method("runge_kutta_3"), IntegratorMethod::runge_kutta_3);
+  EXPECT_EQ(method("runge_kutta_feldberg"), IntegratorMethod::runge_kutta_feldberg);
+  EXPECT_EQ(method("semi_explicit_euler_2"), IntegratorMethod::semi_explicit_euler_2);
+  EXPECT_EQ(method("verlet"), IntegratorMethod::verlet);
+  EXPECT_EQ(method("cpodes"), IntegratorMethod::cpodes);
+  const auto filter = [](const std::string& name) {
+    return parsed(minimal, {"controller.filter=" + name}).controller.filter;
+  };
+  EXPECT_EQ(filter("first_order_hold"), FilterKind::first_order_hold);
+  EXPECT_EQ(filter("tustin"), FilterKind::tustin);
+  EXPECT_EQ(filter("backward_euler"), FilterKind::backward_euler);
+  EXPECT_EQ(filter("zero_order_hold"), FilterKind::zero_order_hold);
+  EXPECT_EQ(parsed(minimal, {"controller.filter_start=at_error"}).controller.filter_start,
+            FilterStart::at_error);
+  EXPECT_EQ(parsed(minimal, {"controller.feedforward_lead=none"}).controller.feedforward_lead,
+            FeedforwardLead::none);
+  EXPECT_EQ(parsed(minimal, {"plant.encoder.side=link"}).plant.encoder.side, EncoderSide::link);
+}
+
+TEST(Scenario, AnAnchorIsWrittenOutInTheText) {
+  const Scenario s =
+      parsed(replaced(replaced(full, "amplitude_rad: [0.1, 0.2]", "amplitude_rad: &a [0.1, 0.2]"),
+                      "[40, 20]", "*a"));
+  EXPECT_THAT(values(s.controller.gains.at("kp")), ElementsAre(0.1, 0.2));
+  EXPECT_THAT(s.text, Not(HasSubstr("*a")));
+}
+
+// ---- what is refused -------------------------------------------------------------------------
+
+struct Mutation {
+  const char* from;  ///< in `full`
+  const char* to;
+  std::vector<const char*> fragments;  ///< of the message
+};
+
+TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
+  const std::vector<Mutation> mutations = {
+      // Unknown keys
+      {"period_s:",
+       "perod_s:",
+       {"f.yaml:42: loop.perod_s: unknown", "nearest known key is loop.period_s"}},
+      {"torque_limit_Nm:",
+       "torque_limit_nm:",
+       {"f.yaml:21: plant.drive.torque_limit_nm: unknown", "plant.drive.torque_limit_Nm"}},
+      {"plant:", "plnat:", {"f.yaml:7: plnat: unknown", "nearest known key is plant"}},
+      {"sinusoid:", "sinusiod:", {"f.yaml:27: reference.sinusiod: unknown", "reference.sinusoid"}},
+      {"  filter: tustin",
+       "  fitler: tustin",
+       {"f.yaml:37: controller.fitler: unknown", "controller.filter"}},
+      {"name: test", "name: test\nperiod_s: 1", {"f.yaml:2: period_s: unknown", "loop.period_s"}},
+      {"  joints: rigid",
+       "  joints: {rigid: {rotor_inertia: 1}}",
+       {"f.yaml:6: robot.joints.rigid.rotor_inertia: unknown",
+        "robot.joints.rigid.rotor_inertia_kgm2"}},
+      {"  joints: rigid",
+       "  joints: {flexible: {stiffness_Nm_per_rad: 1, rotor_inertia_kgm2: 1, damping: 0}}",
+       {"robot.joints.flexible.damping: unknown"}},
+      // Missing keys
+      {"name: test\n", "", {"f.yaml", "name: missing"}},
+      {"  urdf: two.urdf\n", "", {"f.yaml:2: robot.urdf: missing"}},
+      {"    amplitude_rad: [0.1, 0.2]\n",
+       "",
+       {"f.yaml:27: reference.sinusoid.amplitude_rad: missing", "one per joint"}},
+      {"  law: loria_ortega_rigid\n", "", {"f.yaml:32: controller.law: missing"}},
+      {"  gains:\n    kp: [40, 20]\n    kd: [4, 2]\n",
+       "",
+       {"f.yaml:32: controller.gains: missing", "a map"}},
+      {"  joints: rigid",
+       "  joints: {flexible: {rotor_inertia_kgm2: 1}}",
+       {"f.yaml:6: robot.joints.flexible.stiffness_Nm_per_rad: missing", "> 0"}},
+      // Given twice
+      {"  seed",
+       "  noise_std_rad: 1\n    seed",
+       {"f.yaml:18: plant.encoder.noise_std_rad: given twice", "line 16"}},
+      {"loop:", "loop: {}\nloop:", {"f.yaml:41: loop: given twice", "line 40"}},
+      // Types
+      {"  sinusoid:", "  sinusoid: 5\n  #", {"f.yaml", "not YAML"}},
+      {"period_s: 1.0e-3",
+       "period_s: fast",
+       {"f.yaml:42: loop.period_s: fast", "a finite number in (0, 1]"}},
+      {"period_s: 1.0e-3",
+       "period_s: \"0.001\"",
+       {"f.yaml:42: loop.period_s: \"0.001\"", "a finite number"}},
+      {"period_s: 1.0e-3", "period_s: 1e-3s", {"loop.period_s: 1e-3s"}},
+      {"period_s: 1.0e-3", "period_s: [1.0e-3]", {"loop.period_s: [1.0e-3]"}},
+      {"period_s: 1.0e-3", "period_s: null", {"f.yaml:42: loop.period_s: null"}},
+      {"period_s: 1.0e-3", "period_s:", {"f.yaml:42: loop.period_s: null"}},
+      {"name: test", "name: [a]", {"f.yaml:1: name: [a]", "allowed: text"}},
+      {"max_missed: 5", "max_missed: 5.5", {"f.yaml:45: loop.max_missed: 5.5", "a whole number"}},
+      {"kp: [40, 20]", "kp: {a: 1}", {"f.yaml:35: controller.gains.kp: {a: 1}", "one per joint"}},
+      {"  gains:\n    kp: [40, 20]\n    kd: [4, 2]\n",
+       "  gains: 5\n",
+       {"f.yaml:34: controller.gains: 5", "a map"}},
+      {"  payload:\n    mass_kg: 0.5\n    link: lower\n",
+       "  payload: 3\n",
+       {"f.yaml:23: plant.payload: 3", "a map"}},
+      {"  joints: rigid",
+       "  joints: flexible",
+       {"f.yaml:6: robot.joints: flexible", "exactly one of rigid, flexible"}},
+      {"  joints: rigid",
+       "  joints: {}",
+       {"f.yaml:6: robot.joints: no kind", "exactly one of rigid, flexible"}},
+      {"  joints: rigid",
+       "  joints: {rigid: {}, flexible: {stiffness_Nm_per_rad: 1, rotor_inertia_kgm2: 1}}",
+       {"f.yaml:6: robot.joints: both rigid and flexible"}},
+      {"method: verlet",
+       "method: euler",
+       {"f.yaml:12: plant.integrator.method: euler", "one of runge_kutta_merson, runge_kutta_3"}},
+      {"filter: tustin",
+       "filter: 1",
+       {"f.yaml:37: controller.filter: 1", "one of first_order_hold"}},
+      {"filter_start: zero",
+       "filter_start: none",
+       {"controller.filter_start: none", "one of at_error, zero"}},
+      {"half_tick_plus_delay",
+       "one_tick",
+       {"f.yaml:39: controller.feedforward_lead: one_tick", "none, half_tick_plus_delay"}},
+      {"mode: realtime", "mode: real", {"f.yaml:41: loop.mode: real", "one of lockstep, realtime"}},
+      {"side: link",
+       "side: both_of_them",
+       {"plant.encoder.side: both_of_them", "one of link, motor, both"}},
+      // Lengths
+      {"kp: [40, 20]",
+       "kp: [40, 20, 10]",
+       {"f.yaml:35: controller.gains.kp: [40, 20, 10] has length 3", "2 joints"}},
+      {"kp: [40, 20]", "kp: []", {"f.yaml:35: controller.gains.kp: [] has length 0", "2 joints"}},
+      {"position_rad: [0.5, -0.5]",
+       "position_rad: [0.5]",
+       {"f.yaml:9: plant.initial.position_rad: [0.5] has length 1"}},
+      // Ranges
+      {"period_s: 1.0e-3", "period_s: -1", {"f.yaml:42: loop.period_s: -1", "in (0, 1]"}},
+      {"period_s: 1.0e-3", "period_s: 0", {"f.yaml:42: loop.period_s: 0", "in (0, 1]"}},
+      {"period_s: 1.0e-3", "period_s: 1.5", {"loop.period_s: 1.5", "in (0, 1]"}},
+      {"period_s: 1.0e-3", "period_s: .nan", {"loop.period_s: .nan", "finite"}},
+      {"period_s: 1.0e-3", "period_s: nan", {"loop.period_s: nan", "finite"}},
+      {"duration_s: 2.5", "duration_s: .inf", {"f.yaml:43: loop.duration_s: .inf", "finite"}},
+      {"duration_s: 2.5", "duration_s: inf", {"f.yaml:43: loop.duration_s: inf", "finite"}},
+      {"duration_s: 2.5", "duration_s: 1e999", {"loop.duration_s: 1e999"}},
+      {"duration_s: 2.5", "duration_s: 0", {"loop.duration_s: 0", "> 0"}},
+      {"duration_s: 2.5",
+       "duration_s: 2.5004",
+       {"f.yaml:43: loop.duration_s: 2.5004", "nearest is 2.5"}},
+      {"duration_s: 2.5", "duration_s: 1e-6", {"loop.duration_s: ", "nearest is 0.001"}},
+      {"duration_s: 2.5",
+       "duration_s: 2e6",
+       {"f.yaml:43: loop.duration_s: 2e+09 ticks", "at most 1e+09 ticks"}},
+      {"kp: [40, 20]",
+       "kp: [40, .nan]",
+       {"f.yaml:35: controller.gains.kp: entry 2 of [40, .nan] is .nan", "finite"}},
+      {"kp: [40, 20]", "kp: [40, null]", {"controller.gains.kp: entry 2 of [40, null] is null"}},
+      {"kp: [40, 20]", "kp: [.inf, 1]", {"controller.gains.kp: entry 1"}},
+      {"command_delay: 0", "command_delay: 2", {"f.yaml:44: loop.command_delay: 2", "in [0, 1]"}},
+      {"max_missed: 5", "max_missed: -1", {"f.yaml:45: loop.max_missed: -1"}},
+      {"give_up_s: 2", "give_up_s: 0", {"f.yaml:46: loop.give_up_s: 0", "in (0, 3600]"}},
+      {"accuracy: 1.0e-7",
+       "accuracy: 1e-15",
+       {"f.yaml:13: plant.integrator.accuracy: 1e-15", "in [1e-14, 0.1]"}},
+      {"accuracy: 1.0e-7", "accuracy: 0.5", {"plant.integrator.accuracy: 0.5", "in [1e-14, 0.1]"}},
+      {"resolution_bits: 16",
+       "resolution_bits: 0",
+       {"f.yaml:15: plant.encoder.resolution_bits: 0", "in [1, 52]; or null"}},
+      {"resolution_bits: 16",
+       "resolution_bits: 53",
+       {"plant.encoder.resolution_bits: 53", "in [1, 52]"}},
+      {"noise_std_rad: 1.0e-5",
+       "noise_std_rad: -1.0e-5",
+       {"f.yaml:16: plant.encoder.noise_std_rad: -1.0e-5", ">= 0"}},
+      {"velocity_noise_std_rad_per_s: 1.0e-3",
+       "velocity_noise_std_rad_per_s: -1",
+       {"f.yaml:17: plant.encoder.velocity_noise_std_rad_per_s: -1", ">= 0"}},
+      {"seed: 7", "seed: -7", {"f.yaml:18: plant.encoder.seed: -7", "a whole number in [0, "}},
+      {"torque_limit_Nm: [100, 50]",
+       "torque_limit_Nm: [100, 0]",
+       {"f.yaml:21: plant.drive.torque_limit_Nm: entry 2 of [100, 0] is 0", "> 0; or null"}},
+      {"viscous_friction_Nms_per_rad: [0.1, 0]",
+       "viscous_friction_Nms_per_rad: -0.1",
+       {"f.yaml:22: plant.drive.viscous_friction_Nms_per_rad: -0.1", ">= 0"}},
+      {"mass_kg: 0.5", "mass_kg: -0.5", {"f.yaml:24: plant.payload.mass_kg: -0.5", ">= 0"}},
+      {"link: lower",
+       "link: hand",
+       {"f.yaml:25: plant.payload.link: \"hand\"", "allowed: base, lower, upper"}},
+      {"link: lower", "link: base", {"f.yaml:25: plant.payload.link: ", "ground"}},
+      {"gravity_m_per_s2: 9.8",
+       "gravity_m_per_s2: -9.8",
+       {"f.yaml:5: robot.gravity_m_per_s2: -9.8", "in [0, 1000]"}},
+      {"frequency_hz: 5",
+       "frequency_hz: -5",
+       {"f.yaml:29: reference.sinusoid.frequency_hz: -5", ">= 0"}},
+      {"position_rad: [0.5, -0.5]",
+       "position_rad: [0.5, -2.5]",
+       {"f.yaml:9: plant.initial.position_rad: -2.5 of joint elbow", "in [-2, 2.5]"}},
+      {"  joints: rigid",
+       "  joints: {flexible: {stiffness_Nm_per_rad: [1, 0], rotor_inertia_kgm2: 1}}",
+       {"f.yaml:6: robot.joints.flexible.stiffness_Nm_per_rad: entry 2 of [1, 0] is 0", "> 0"}},
+      {"  joints: rigid",
+       "  joints: {flexible: {stiffness_Nm_per_rad: 1, rotor_inertia_kgm2: -1}}",
+       {"robot.joints.flexible.rotor_inertia_kgm2: -1", "> 0"}},
+      {"  joints: rigid",
+       "  joints: {rigid: {rotor_inertia_kgm2: -1}}",
+       {"robot.joints.rigid.rotor_inertia_kgm2: -1", ">= 0"}},
+      // Names
+      {"name: test", "name: a/b", {"f.yaml:1: name: \"a/b\"", "letters"}},
+      {"name: test", "name: ..", {"f.yaml:1: name: \"..\""}},
+      {"name: test", "name: \"\"", {"f.yaml:1: name: \"\""}},
+      {"name: arm", "name: my-arm", {"f.yaml:3: robot.name: \"my-arm\"", "letters, digits and _"}},
+      {"law: loria_ortega_rigid",
+       "law: Loria Ortega",
+       {"f.yaml:33: controller.law: \"Loria Ortega\"", "lower-case"}},
+      {"kp: [40, 20]", "k p: [40, 20]", {"f.yaml:35: controller.gains.k p: not a gain's name"}},
+      // Keys that contradict each other
+      {"position_rad: [0.5, -0.5]",
+       "position_rad: 0\n    motor_position_rad: 0",
+       {"f.yaml:10: plant.initial.motor_position_rad: ", "rigid joints", "flexible"}},
+      {"position_rad: [0.5, -0.5]",
+       "position_rad: 0\n    motor_velocity_rad_per_s: 0",
+       {"f.yaml:10: plant.initial.motor_velocity_rad_per_s: ", "rigid joints"}},
+      {"side: link", "side: motor", {"f.yaml:19: plant.encoder.side: motor", "rigid joints"}},
+      {"  sinusoid:",
+       "  hold: {position_rad: 0}\n  sinusoid:",
+       {"f.yaml:26: reference: both hold and sinusoid"}},
+      {"  sinusoid:\n    amplitude_rad: [0.1, 0.2]\n    frequency_hz: 5\n    phase_rad: [0, 1]\n   "
+       " offset_rad: 0\n",
+       "  {}\n",
+       {"f.yaml:26: reference: no kind",
+        "exactly one of hold, sinusoid, multi_sine, point_to_point, waypoints"}},
+      {"reference:\n  sinusoid:\n    amplitude_rad: [0.1, 0.2]\n    frequency_hz: 5\n    "
+       "phase_rad: [0, 1]\n    offset_rad: 0\n",
+       "",
+       {"f.yaml: reference: no kind"}},
+      // Not a scenario at all
+      {full, "", {"f.yaml:1: empty"}},
+      {full, "# nothing\n", {"f.yaml:1: empty"}},
+      {full, "[1, 2]\n", {"f.yaml:1: [1, 2]; allowed: a map"}},
+      {full, "just words\n", {"f.yaml:1: just words; allowed: a map"}},
+      {"  mode: realtime", "\tmode: realtime", {"f.yaml:4", "not YAML"}},
+      {"kp: [40, 20]", "kp: [40, 20", {"f.yaml:3", "not YAML"}},
+      {"kp: [40, 20]", "kp: !!seq [40, 20]", {"f.yaml:35: controller.gains.kp: tag"}},
+      {"loop:", "---\nloop:", {"second document"}},
+  };
+  EXPECT_GE(mutations.size(), 45U);
+  for (const Mutation& mutation : mutations) {
+    const std::string message = refusal_of(replaced(full, mutation.from, mutation.to));
+    for (const char* fragment : mutation.fragments) {
+      EXPECT_THAT(message, HasSubstr(fragment)) << "for: " << mutation.to;
+    }
+  }
+}
+
+TEST(Scenario, MalformedReferencesAreRefused) {
+  const auto with = [](const std::string& reference) {
+    return refusal_of(minimal, {"reference=" + reference});
+  };
+  EXPECT_THAT(with("{multi_sine: {terms: []}}"),
+              HasSubstr("reference.multi_sine.terms: []; allowed: a list of maps, at least one"));
+  EXPECT_THAT(with("{multi_sine: {}}"), HasSubstr("reference.multi_sine.terms: missing"));
+  EXPECT_THAT(with("{multi_sine: {terms: [5]}}"),
+              HasSubstr("reference.multi_sine.terms[0]: 5; allowed: a map"));
+  EXPECT_THAT(with("{multi_sine: {terms: [{amplitude_rad: 1, frequency_hz: 1}, {amplitude_rad: 1, "
+                   "frequency_hz: -1}]}}"),
+              HasSubstr("reference.multi_sine.terms[1].frequency_hz: -1; allowed:"));
+  EXPECT_THAT(with("{multi_sine: {terms: [{amplitude: 1}]}}"),
+              HasSubstr("reference.multi_sine.terms[0].amplitude: unknown; nearest known key is "
+                        "reference.multi_sine.terms.amplitude_rad"));
+  EXPECT_THAT(with("{point_to_point: {from_rad: 0, to_rad: 1, duration_s: 0}}"),
+              AllOf(HasSubstr("reference.point_to_point.duration_s: 0"), HasSubstr("> 0")));
+  EXPECT_THAT(with("{waypoints: {time_s: [0], position_rad: [0]}}"),
+              HasSubstr("reference.waypoints.time_s: 1 times; allowed: at least 2"));
+  EXPECT_THAT(with("{waypoints: {time_s: [0, 1, 1], position_rad: [0, 0, 0]}}"),
+              HasSubstr("reference.waypoints.time_s: 1 after 1; allowed: increasing"));
+  EXPECT_THAT(with("{waypoints: {time_s: [0, 1], position_rad: [0]}}"),
+              HasSubstr("reference.waypoints.position_rad: 1 positions; allowed: 2"));
+  EXPECT_THAT(with("{waypoints: {time_s: [0, x], position_rad: [0, 1]}}"),
+              HasSubstr("reference.waypoints.time_s: entry 2 of [0, x] is x"));
+  EXPECT_THAT(with("{waypoints: {time_s: [0, 1], position_rad: [0, [1, 2, 3]]}}"),
+              HasSubstr("[1, 2, 3] has length 3"));
+  EXPECT_THAT(with("{hold: null}"), HasSubstr("reference.hold: null; allowed: a map"));
+}
+
+TEST(Scenario, ARandomlyDamagedOneIsReadOrRefusedAndNothingElse) {
+  std::mt19937 random(1);
+  int num_refused = 0;
+  for (int i = 0; i < 3000; ++i) {
+    std::string text = full;
+    for (int damage = 0; damage <= i % 4; ++damage) {
+      const std::size_t at = random() % text.size();
+      switch (random() % 4) {
+        case 0:
+          text[at] = static_cast<char>(random() % 256);
+          break;
+        case 1:
+          text.erase(at, random() % 20);
+          break;
+        case 2:
+          text.insert(at, std::string(1 + random() % 3, "[]{}:,&*#!|>-'\"%@` \n"[random() % 20]));
+          break;
+        default:
+          text.insert(at, text.substr(random() % text.size(), random() % 40));
+          break;
+      }
+    }
+    try {
+      const Scenario read = parsed(text);
+      expect_same(parse_scenario(read.text, urdf, "a log"), read);
+    } catch (const diagnostics::Failure& failure) {
+      ++num_refused;
+      EXPECT_THAT(failure.what(), StartsWith("f.yaml")) << text;
+    }
+  }
+  EXPECT_GT(num_refused, 1000);
+}
+
+// ---- overrides -------------------------------------------------------------------------------
+
+TEST(Scenario, AnOverrideTakesThePlaceOfTheFilesValue) {
+  const Scenario s = parsed(full, {"loop.period_s=5e-4", "controller.gains.kp=7",
+                                   "controller.gains.new=[1, 2]", "loop.period_s=2e-3"});
+  EXPECT_EQ(s.loop.period_s, 2e-3);
+  EXPECT_EQ(s.loop.num_ticks, 1250);
+  EXPECT_THAT(values(s.controller.gains.at("kp")), ElementsAre(7, 7));
+  EXPECT_THAT(values(s.controller.gains.at("new")), ElementsAre(1, 2));
+  EXPECT_TRUE(std::holds_alternative<Hold>(
+      parsed(full, {"reference={hold: {position_rad: 0}}"}).reference));
+}
+
+TEST(Scenario, AnOverrideIsNamedAsTheSourceOfItsError) {
+  EXPECT_THAT(refusal_of(full, {"loop.period_s=-1"}),
+              StartsWith("--set loop.period_s=-1: loop.period_s: -1; allowed: a finite number"));
+  EXPECT_THAT(refusal_of(full, {"loop.perod_s=1"}),
+              StartsWith("--set loop.perod_s=1: loop.perod_s: unknown; nearest known key is "
+                         "loop.period_s"));
+  EXPECT_THAT(refusal_of(full, {"reference={sinusoid: {amplitude_rad: 1}}"}),
+              AllOf(StartsWith("--set reference="), HasSubstr("frequency_hz: missing")));
+  EXPECT_THAT(refusal_of(full, {"reference.hold.position_rad=0"}),
+              HasSubstr("both hold and sinusoid"));
+  EXPECT_THAT(refusal_of(full, {"loop"}), HasSubstr("write key.path=value"));
+}
+
+// ---- text and digest -------------------------------------------------------------------------
+
+TEST(Scenario, ItsTextGivesTheSameScenarioAgain) {
+  for (const char* text : {minimal, full}) {
+    const Scenario first =
+        parsed(text, {"plant.integrator.accuracy=1.00000000000000005e-9", "robot.joints=rigid",
+                      "reference={multi_sine: {terms: [{amplitude_rad: 0.1, frequency_hz: 1}]}}"});
+    EXPECT_THAT(first.text, HasSubstr("1.00000000000000005e-9"));
+    expect_same(parse_scenario(first.text, first.robot.urdf_text, "a log"), first);
+  }
+}
+
+TEST(Scenario, DigestChangesWithAnyValueAndTheUrdfButNotWithComments) {
+  const Scenario base = parsed(full);
+  EXPECT_EQ(parsed("# a comment\n" + std::string(full)).digest, base.digest);
+  EXPECT_NE(parsed(full, {"loop.give_up_s=3"}).digest, base.digest);
+  EXPECT_NE(parsed(full, {"controller.gains.kd=[4, 2.0000001]"}).digest, base.digest);
+  EXPECT_NE(parse_scenario(full, std::string(urdf) + " ", "f.yaml").digest, base.digest);
+  EXPECT_EQ(parsed(full, {"loop.give_up_s=2"}).digest, base.digest);
+}
+
+TEST(Scenario, DigestIsFnv1a) {
+  // Two builds must agree: FNV-1a of text, a zero byte and the URDF, computed a second time.
+  const Scenario s = parsed(minimal);
+  std::uint64_t hash = 14695981039346656037ULL;
+  for (const unsigned char c : s.text + '\0' + s.robot.urdf_text) {
+    hash = (hash ^ c) * 1099511628211ULL;
+  }
+  EXPECT_EQ(static_cast<std::uint64_t>(s.digest), hash);
+}
+
+// ---- complaint -------------------------------------------------------------------------------
+
+TEST(Scenario, AComplaintNamesLineOrOverrideOfTheKeyOrOfTheMapItIsMissingFrom) {
+  const Scenario s = parsed(full, {"controller.gains.kp=7"});
+  EXPECT_STREQ(s.complaint("controller.gains.kd", "no").what(),
+               "f.yaml:36: controller.gains.kd: no");
+  EXPECT_STREQ(s.complaint("controller.gains.ki", "missing").what(),
+               "f.yaml:34: controller.gains.ki: missing");
+  EXPECT_STREQ(s.complaint("controller.gains.kp", "no").what(),
+               "--set controller.gains.kp=7: controller.gains.kp: no");
+  EXPECT_STREQ(s.complaint("elsewhere", "no").what(), "f.yaml: elsewhere: no");
+  EXPECT_EQ(s.complaint("name", "no").code(), diagnostics::ExitCode::bad_usage);
+}
+
+// ---- files -----------------------------------------------------------------------------------
+
+class ScenarioFile : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    write("two.urdf", urdf);
+    write("a.yaml", minimal);
+  }
+
+  void write(const std::string& name, const std::string& text) {
+    std::ofstream(directory_ / name, std::ios::binary) << text;
+  }
+  std::string refusal_of_file(const std::string& name,
+                              const std::vector<std::string>& overrides = {}) {
+    return refusal([&] { load_scenario(directory_ / name, overrides); });
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(ScenarioFile, NamesItsUrdfRelativeToItself) {
+  const Scenario s = load_scenario(directory_ / "a.yaml");
+  EXPECT_EQ(s.robot.urdf_text, urdf);
+  EXPECT_EQ(s.source, (directory_ / "a.yaml").string());
+  EXPECT_EQ(
+      load_scenario(directory_ / "a.yaml", {"robot.urdf=" + (directory_ / "two.urdf").string()})
+          .robot.urdf_text,
+      urdf);
+}
+
+TEST_F(ScenarioFile, ThatCannotBeReadIsRefused) {
+  const std::string here = directory_.path().string();
+  EXPECT_EQ(refusal_of_file("none.yaml"), here + "/none.yaml: no such file");
+  std::filesystem::create_directory(directory_ / "d.yaml");
+  EXPECT_THAT(refusal_of_file("d.yaml"), StartsWith(here + "/d.yaml: is a directory"));
+  write("huge.yaml", minimal + std::string(1'000'000, '#'));
+  EXPECT_THAT(refusal_of_file("huge.yaml"),
+              AllOf(StartsWith(here + "/huge.yaml: too large"), HasSubstr("1000000 bytes")));
+  write("empty.yaml", "");
+  EXPECT_THAT(refusal_of_file("empty.yaml"), StartsWith(here + "/empty.yaml:1: empty"));
+  write("binary.yaml", std::string("name: a\n\0\1\2", 11));
+  EXPECT_THAT(refusal_of_file("binary.yaml"), HasSubstr("binary.yaml:2: control character 0"));
+}
+
+TEST_F(ScenarioFile, WhoseUrdfIsMissingOrRefusedSaysSo) {
+  EXPECT_THAT(refusal_of_file("a.yaml", {"robot.urdf=none.urdf"}),
+              AllOf(StartsWith("--set robot.urdf=none.urdf: robot.urdf: "),
+                    HasSubstr("none.urdf: no such file")));
+  write("bad.urdf", "<robot name=\"x\"><link name=\"a\"/>");
+  write("b.yaml", replaced(minimal, "two.urdf", "bad.urdf"));
+  EXPECT_THAT(
+      refusal_of_file("b.yaml"),
+      AllOf(StartsWith((directory_ / "b.yaml:3: robot.urdf: ").string()), HasSubstr("bad.urdf")));
+  write("still.urdf", "<robot name=\"x\"><link name=\"a\"/></robot>");
+  EXPECT_THAT(refusal_of_file("a.yaml", {"robot.urdf=still.urdf"}), HasSubstr("still.urdf"));
+}
+
+TEST_F(ScenarioFile, ThatDoesNotFitOneMessageWithItsUrdfIsRefused) {
+  write("big.urdf", std::string(urdf) + "<!--" + std::string(60'000, ' ') + "-->");
+  EXPECT_THAT(refusal_of_file("a.yaml", {"robot.urdf=big.urdf"}),
+              AllOf(HasSubstr("robot.urdf: "), HasSubstr("60000 bytes"), HasSubstr("<visual>")));
+}
+
+TEST(ShippedScenarios, AreRead) {
+  int num_scenarios = 0;
+  for (const auto& file : std::filesystem::directory_iterator(TACHLESS_SOURCE_DIR "/scenarios")) {
+    if (file.path().extension() != ".yaml") continue;
+    ++num_scenarios;
+    SCOPED_TRACE(file.path());
+    const Scenario s = load_scenario(file.path());
+    EXPECT_EQ(s.name, file.path().stem().string());
+    expect_same(parse_scenario(s.text, s.robot.urdf_text, "a log"), s);
+  }
+  EXPECT_GE(num_scenarios, 8);
+}
+
+}  // namespace
+}  // namespace tachless::experiment

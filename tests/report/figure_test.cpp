@@ -1,0 +1,110 @@
+#include "report/figure.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <sstream>
+
+#include "diagnostics/failure.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::report {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class Figure : public ::testing::Test {
+ protected:
+  static Tracking run(int num_joints, bool flexible, int num_ticks = 40'000) {
+    Tracking tracking(num_joints);
+    robot::Vector q(num_joints), q_ref(num_joints), tau(num_joints), theta;
+    for (int k = 0; k < num_ticks; ++k) {
+      const double t_s = k * 2.0 / num_ticks;
+      for (int i = 0; i < num_joints; ++i) {
+        const double phase = 2 * std::numbers::pi * (5 + i) * t_s;
+        q_ref[i] = 0.03 * std::sin(phase);
+        q[i] = q_ref[i] + 1e-3 * std::exp(-9 * t_s) + 1e-6 * std::cos(phase);
+        tau[i] = 60.0 / (i + 1) * std::sin(phase + 0.4);
+      }
+      if (flexible) theta = q + 0.001 * tau;
+      tracking.add(t_s, q, q_ref, theta, tau);
+    }
+    return tracking;
+  }
+
+  std::string drawn(const Tracking& tracking, const std::string& title, double period_s = 5e-5) {
+    const auto n = tracking.joints().size();
+    const FigureFacts facts{title, period_s, std::vector<std::string>(n, "rad"),
+                            std::vector<std::string>(n, "N m")};
+    const std::filesystem::path svg = directory_ / "tracking.svg";
+    draw(tracking_figure(tracking, facts, svg), svg);
+    std::ostringstream text;
+    text << std::ifstream(svg).rdbuf();
+    return text.str();
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(Figure, ShowsLinkReferenceErrorAndTorqueWithUnits) {
+  const std::string svg = drawn(run(2, false), "paper_rigid: loria_ortega_rigid, h = 50 µs");
+  EXPECT_THAT(svg, HasSubstr("paper_rigid"));
+  EXPECT_THAT(svg, HasSubstr("time [s]"));
+  EXPECT_THAT(svg, HasSubstr("[rad]"));
+  EXPECT_THAT(svg, HasSubstr("[N m]"));
+  EXPECT_THAT(svg, HasSubstr("reference"));
+  EXPECT_THAT(svg, Not(HasSubstr("motor")));
+  EXPECT_THAT(svg, HasSubstr("</svg>"));
+}
+
+TEST_F(Figure, ShowsTheMotorsOfAFlexibleRobot) {
+  EXPECT_THAT(drawn(run(2, true), "flexible"), HasSubstr("motor"));
+}
+
+TEST_F(Figure, IsDrawnForSevenJoints) {
+  EXPECT_THAT(drawn(run(7, false, 5000), "seven", 4e-4), HasSubstr("</svg>"));
+}
+
+TEST_F(Figure, IsDrawnWhenTheErrorIsExactlyZero) {
+  Tracking tracking(1);
+  robot::Vector zero(1);
+  zero[0] = 0;
+  for (int k = 0; k < 10; ++k) tracking.add(k, zero, zero, {}, zero);
+  EXPECT_THAT(drawn(tracking, "it's at rest"), HasSubstr("</svg>"));
+}
+
+TEST_F(Figure, CutsTheTorqueAxisAtAKickAndSaysSo) {
+  Tracking tracking(1);
+  robot::Vector q(1), tau(1);
+  q[0] = 0.1;
+  for (int k = 0; k < 1000; ++k) {
+    tau[0] = k == 0 ? 5000 : 10 * std::sin(0.1 * k);
+    tracking.add(k * 1e-3, q, q, {}, tau);
+  }
+  EXPECT_THAT(drawn(tracking, "kick", 1e-3), HasSubstr("axis cut: peak 5000 N m"));
+  EXPECT_THAT(drawn(run(2, false), "calm"), Not(HasSubstr("axis cut")));
+}
+
+TEST_F(Figure, LeavesNothingBesideThePicture) {
+  drawn(run(1, false, 100), "one");
+  const auto files = std::distance(std::filesystem::directory_iterator(directory_.path()),
+                                   std::filesystem::directory_iterator());
+  EXPECT_EQ(files, 1);
+}
+
+TEST_F(Figure, SaysWhatGnuplotSaid) {
+  const std::filesystem::path svg = directory_ / "tracking.svg";
+  try {
+    draw("plot nonsense_(\n", svg);
+    FAIL() << "gnuplot accepted nonsense";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_THAT(failure.what(), HasSubstr("gnuplot did not draw"));
+  }
+}
+
+}  // namespace
+}  // namespace tachless::report

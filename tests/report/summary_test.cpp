@@ -1,0 +1,141 @@
+#include "report/summary.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace tachless::report {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+robot::Vector vector(std::initializer_list<double> values) {
+  robot::Vector v(static_cast<Eigen::Index>(values.size()));
+  std::copy(values.begin(), values.end(), v.data());
+  return v;
+}
+
+report::Tracking two_ticks() {
+  report::Tracking tracking(2);
+  tracking.add(0, vector({0.5, 0}), vector({0, 0}), {}, vector({3, 0}));
+  tracking.add(0.25, vector({-0.25, 0}), vector({0, 0}), {}, vector({-4, 0}));
+  return tracking;
+}
+
+RunFacts facts() {
+  RunFacts facts;
+  facts.scenario = "paper_rigid";
+  facts.run_id = 7;
+  facts.mode = "lockstep";
+  facts.law = "loria_ortega_rigid";
+  facts.period_s = 0.25;
+  facts.wall_s = 9;
+  facts.log_path = "out/lcmlog";
+  facts.log_ticks = 2;
+  return facts;
+}
+
+std::vector<nlohmann::json> counters() {
+  return {nlohmann::json::parse(R"({"role": "plant", "wall_s": 0.125, "resends": 3,
+            "duplicates": 1, "rejected": {"wrong_size": 2}, "missed_deadlines": 4,
+            "longest_miss": 2, "round_trip_us": {"p50": 80, "p99": 120, "p999": 200, "max": 950,
+            "histogram": [[80, 3]]}, "missed_commands": 7, "longest_command_miss": 6,
+            "late_commands": 5, "successions": 2, "saturated_ticks": [0, 9],
+            "command_age_us": {"p50": 51, "p99": 52, "p999": 53, "max": 54, "histogram": [[50, 1]]},
+            "wake_up_jitter_us": {"p50": 1, "p99": 2, "p999": 3, "max": 4, "histogram": []}})"),
+          nlohmann::json::parse(R"({"role": "controller", "resends": 1, "skipped_ticks": 8,
+            "rejected": {"wrong_size": 1, "non_finite": 5}})")};
+}
+
+TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
+  const nlohmann::ordered_json summary = summarise(facts(), two_ticks(), counters());
+  std::vector<std::string> keys;
+  for (const auto& [key, value] : summary.items()) keys.push_back(key);
+  EXPECT_THAT(
+      keys, ElementsAre("scenario", "run_id", "mode", "law", "ticks", "period_s", "duration_s",
+                        "wall_s", "ticks_per_s", "real_time_factor", "position_error_rad",
+                        "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected",
+                        "successions", "missed_deadlines", "longest_miss", "missed_commands",
+                        "longest_command_miss", "late_commands", "skipped_ticks",
+                        "wake_up_jitter_us", "command_age_us", "saturated_ticks", "log", "fault"));
+}
+
+TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {
+  const nlohmann::ordered_json summary = summarise(facts(), two_ticks(), counters());
+  EXPECT_EQ(summary["position_error_rad"]["peak"], (std::vector<double>{0.5, 0}));
+  EXPECT_EQ(summary["position_error_rad"]["final"], (std::vector<double>{-0.25, 0}));
+  EXPECT_EQ(summary["torque_Nm"]["peak"], (std::vector<double>{4, 0}));
+  EXPECT_DOUBLE_EQ(summary["torque_Nm"]["rms"][0].get<double>(), std::sqrt(12.5));
+  EXPECT_EQ(summary["ticks"], 2);
+  EXPECT_EQ(summary["duration_s"], 0.5);
+}
+
+TEST(Summary, AddsUpTheProcessesCounters) {
+  const nlohmann::ordered_json summary = summarise(facts(), two_ticks(), counters());
+  EXPECT_EQ(summary["resends"], 4);
+  EXPECT_EQ(summary["duplicates"], 1);
+  EXPECT_EQ(summary["rejected"], nlohmann::json::parse(R"({"non_finite": 5, "wrong_size": 3})"));
+  EXPECT_EQ(summary["round_trip_us"],
+            nlohmann::ordered_json::parse(
+                R"({"p50": 80, "p99": 120, "p999": 200, "max": 950, "histogram": [[80, 3]]})"));
+  EXPECT_EQ(summary["missed_deadlines"], 4);
+  EXPECT_EQ(summary["longest_miss"], 2);
+  EXPECT_EQ(summary["missed_commands"], 7);
+  EXPECT_EQ(summary["longest_command_miss"], 6);
+  EXPECT_EQ(summary["late_commands"], 5);
+  EXPECT_EQ(summary["successions"], 2);
+  EXPECT_EQ(summary["skipped_ticks"], 8);
+  EXPECT_EQ(summary["saturated_ticks"], (std::vector<int>{0, 9}));
+  EXPECT_EQ(summary["command_age_us"]["p999"], 53);
+  EXPECT_TRUE(summary["wake_up_jitter_us"]["p50"].is_null()) << "nothing was measured";
+  EXPECT_EQ(summary["wall_s"], 0.125);
+  EXPECT_EQ(summary["ticks_per_s"], 16);
+  EXPECT_EQ(summary["real_time_factor"], 4);
+  EXPECT_TRUE(summary["fault"].is_null());
+}
+
+TEST(Summary, OfARunThatNeverBeganSaysSo) {
+  RunFacts failed = facts();
+  failed.fault = "plant was killed by signal 9 (Killed)";
+  failed.log_ticks = 0;
+  const nlohmann::ordered_json summary = summarise(failed, report::Tracking(2), {});
+  EXPECT_EQ(summary["fault"], "plant was killed by signal 9 (Killed)");
+  EXPECT_EQ(summary["ticks"], 0);
+  EXPECT_TRUE(summary["position_error_rad"]["peak"].empty());
+  EXPECT_TRUE(summary["round_trip_us"]["p50"].is_null());
+  EXPECT_EQ(summary["wall_s"], 9);
+  EXPECT_THAT(closing_table(summary, {"rad", "rad"}, {"N m", "N m"}), HasSubstr("0 ticks"));
+}
+
+TEST(Summary, TableShowsEveryJointWithItsUnits) {
+  const std::string table =
+      closing_table(summarise(facts(), two_ticks(), counters()), {"rad", "m"}, {"N m", "N"});
+  EXPECT_THAT(table, HasSubstr("5.000e-01"));
+  EXPECT_THAT(table, HasSubstr("-2.500e-01 rad"));
+  EXPECT_THAT(table, HasSubstr("0 N\n"));
+  EXPECT_THAT(table, HasSubstr("16 ticks/s"));
+  EXPECT_THAT(table, HasSubstr("log gaps 0, resends 4, datagrams rejected 8"));
+  EXPECT_THAT(table, Not(HasSubstr("missed deadlines")));
+}
+
+TEST(Summary, TableOfARealtimeRunShowsMissedDeadlines) {
+  RunFacts realtime = facts();
+  realtime.mode = "realtime";
+  const std::string table =
+      closing_table(summarise(realtime, two_ticks(), counters()), {"rad", "rad"}, {"N m", "N m"});
+  EXPECT_THAT(table, HasSubstr("missed deadlines 4 (longest run of them 2)"));
+  EXPECT_THAT(table, HasSubstr("missed commands 7 (longest run of them 6)"));
+  EXPECT_THAT(table, HasSubstr("command age    51 µs (median)"));
+  EXPECT_THAT(table, HasSubstr("joint 2 at its torque limit in 9 ticks"));
+}
+
+TEST(Summary, GivesPeriodsInTheUnitPeopleUse) {
+  EXPECT_EQ(short_period(5e-5), "50 µs");
+  EXPECT_EQ(short_period(1.25e-4), "125 µs");
+  EXPECT_EQ(short_period(1e-3), "1 ms");
+  EXPECT_EQ(short_period(0.02), "20 ms");
+}
+
+}  // namespace
+}  // namespace tachless::report

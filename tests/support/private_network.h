@@ -1,0 +1,15 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "process/isolate.h"
+
+/// A test program that includes this runs in a network namespace of its own from its first test
+/// on, with a loopback interface and a multicast route: its traffic meets nobody's.
+class PrivateNetwork : public testing::Environment {
+ public:
+  void SetUp() override { tachless::process::enter_private_network(); }
+};
+
+inline testing::Environment* const private_network =
+    testing::AddGlobalTestEnvironment(new PrivateNetwork);

@@ -1,0 +1,131 @@
+#include "tests/support/recorded_run.h"
+
+#include <cmath>
+#include <random>
+
+#include "bus/truth/truth_wire.h"
+#include "tests/support/damaged_log.h"
+
+namespace tachless::logger {
+namespace {
+
+template <class Value>
+Recorded message(const loop::Layout& layout, const std::string& channel, const loop::Stamp& stamp,
+                 const Value& value) {
+  bus::Codec<Value> codec(layout);
+  const auto bytes = codec.encode(stamp, value);
+  return {stamp.utime, channel, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}};
+}
+
+}  // namespace
+
+std::string log_of(const std::vector<Recorded>& messages) {
+  std::string bytes;
+  std::int64_t number = 0;
+  for (const auto& message : messages) {
+    bytes += event_text(number++, message.utime, message.channel, message.data);
+  }
+  return bytes;
+}
+
+std::string RecordedRun::bytes() const { return log_of(messages); }
+
+RecordedRun recorded_run(const std::string& scenario, const std::vector<std::string>& overrides,
+                         const std::string& measurement, int num_filters, std::int64_t run,
+                         std::uint64_t seed) {
+  RecordedRun result;
+  result.run = run;
+  result.scenario = experiment::load_scenario(
+      std::string(TACHLESS_SOURCE_DIR "/scenarios/") + scenario, overrides);
+  const auto& robot = result.scenario.robot;
+  const int n = result.scenario.num_joints;
+  const loop::Layout layout{n, robot.flexible ? n : 0, num_filters};
+  result.info = {result.scenario.loop.num_ticks,
+                 result.scenario.loop.period_s,
+                 "0.1.0",
+                 robot.channel_prefix,
+                 measurement,
+                 result.scenario.text,
+                 robot.urdf_text};
+  const auto channel = [&](std::string_view suffix) {
+    return robot.channel_prefix + "_" + std::string(suffix);
+  };
+  result.messages.push_back(
+      message(layout, channel("RUN_INFO"), loop::Stamp{0, run, -1}, result.info));
+
+  std::mt19937_64 random(seed);
+  const auto vector = [&](int size) {
+    robot::Vector x(size);
+    for (double& value : x) value = std::ldexp(static_cast<double>(random()) - 9e18, -62);
+    return x;
+  };
+  for (std::int64_t tick = 0; tick < result.scenario.loop.num_ticks; ++tick) {
+    const auto utime = static_cast<std::int64_t>(
+        std::llround(static_cast<double>(tick) * result.info.period_s * 1e6));
+    const loop::Stamp stamp{utime, run, tick};
+    TickRecord record;
+    record.tick = tick;
+    const auto add = [&](std::string_view suffix, const auto& value) {
+      result.messages.push_back(message(layout, channel(suffix), stamp, value));
+    };
+    record.clock = loop::Tick{tick + 1 == result.scenario.loop.num_ticks};
+    add("TICK", *record.clock);
+    const auto measure = [&](const auto& value) {
+      record.measurement = value;
+      add(measurement, value);
+    };
+    const int m = layout.num_motors;
+    if (measurement == "POSITION") {
+      measure(loop::PositionMeasurement{vector(n)});
+    } else if (measurement == "MOTOR_POSITION") {
+      measure(loop::MotorPositionMeasurement{vector(n)});
+    } else if (measurement == "LINK_STATE") {
+      measure(loop::LinkStateMeasurement{vector(n), vector(n), vector(n)});
+    } else {
+      measure(loop::StateMeasurement{vector(n), vector(n), vector(m), vector(m)});
+    }
+    record.reference = loop::ReferencePoint{vector(n), vector(n), vector(n), vector(n), vector(n)};
+    add("REFERENCE", *record.reference);
+    record.command = loop::TorqueCommand{vector(n)};
+    add("COMMAND", *record.command);
+    loop::ControllerState state;
+    state.num_filters = num_filters;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(num_filters); ++i) {
+      state.error[i] = vector(n);
+      state.nu[i] = vector(n);
+    }
+    record.controller_state = state;
+    add("CONTROLLER_STATE", state);
+    loop::truth::PlantTruth truth;
+    truth.q = vector(n);
+    truth.v = vector(n);
+    truth.theta = vector(m);
+    truth.thetadot = vector(m);
+    truth.tau = vector(n);
+    truth.saturated[0] = random() % 2 == 0;
+    truth.fault = static_cast<loop::truth::DriveFault>(random() % 3);
+    record.truth = truth;
+    add("TRUTH", truth);
+    result.ticks.push_back(record);
+  }
+  return result;
+}
+
+RecordedRun short_rigid_run(std::int64_t run) {
+  return recorded_run("paper_rigid.yaml", {"loop.duration_s=0.002"}, "POSITION", 1, run);
+}
+
+RecordedRun short_flexible_run() {
+  return recorded_run("paper_flexible.yaml", {"loop.duration_s=0.0004"}, "LINK_STATE", 2);
+}
+
+Recorded fault_message(const RecordedRun& run, const std::string& text) {
+  loop::Participant who;
+  who.role = loop::Role::controller;
+  who.state = loop::ParticipantState::fault;
+  who.fault_code = 5;
+  who.fault = text;
+  return message({1, 0, 0}, run.info.robot + "_PARTICIPANT", loop::Stamp{123, run.run, 17}, who);
+}
+
+}  // namespace tachless::logger

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "bus/wire.h"
+#include "experiment/scenario.h"
+#include "logger/run_log.h"
+
+/// Logs as our logger writes them, of made-up numbers: value c of joint j of quantity i at tick k
+/// is any double, the same for the same seed.
+namespace tachless::logger {
+
+struct Recorded {
+  std::int64_t utime = 0;
+  std::string channel;
+  std::string data;
+};
+
+struct RecordedRun {
+  experiment::Scenario scenario;
+  loop::RunInfo info;
+  std::int64_t run = 0;
+  std::vector<TickRecord> ticks;
+  std::vector<Recorded> messages;  ///< RUN_INFO, then six per tick in canonical order
+
+  /// The log of `messages`.
+  [[nodiscard]] std::string bytes() const;
+};
+
+/// `scenario`: a file of scenarios/; `overrides` as for --set. `num_filters`: of the law.
+RecordedRun recorded_run(const std::string& scenario, const std::vector<std::string>& overrides,
+                         const std::string& measurement, int num_filters, std::int64_t run = 7,
+                         std::uint64_t seed = 1);
+
+/// 40 ticks of paper_rigid.
+RecordedRun short_rigid_run(std::int64_t run = 7);
+/// 40 ticks of paper_flexible.
+RecordedRun short_flexible_run();
+
+Recorded fault_message(const RecordedRun& run, const std::string& text);
+
+std::string log_of(const std::vector<Recorded>& messages);
+
+}  // namespace tachless::logger

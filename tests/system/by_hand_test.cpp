@@ -1,0 +1,166 @@
+// The four programs as a user starts them, on the real bus in a network of their own.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <csignal>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "bus/udp_transport.h"
+#include "bus/wire.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
+#include "tests/system/four_programs.h"
+
+using namespace tachless;
+
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+using process_test::FourPrograms;
+using process_test::roles;
+using process_test::scenarios;
+
+/// Waits until a participant of this role is heard: it is up and waits for the others.
+void hear(bus::Transport& bus, const std::string& role) {
+  const bus::Codec<loop::Participant> codec(loop::Layout{});
+  loop::Stamp stamp;
+  loop::Participant participant;
+  const auto deadline = loop::Clock::now() + std::chrono::seconds(30);
+  while (const auto datagram = bus.receive(deadline)) {
+    if (codec.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
+        loop::name(participant.role) == role) {
+      return;
+    }
+  }
+  throw std::runtime_error("no " + role + " heard in 30 s");
+}
+
+std::string log_of(const std::string& scenario, const std::vector<std::string>& settings) {
+  FourPrograms run(scenario);
+  run.settings = settings;
+  run.start_all();
+  run.expect_all_done();
+  return contents(run.log_path());
+}
+
+TEST(ByHand, AnyOfThe24OrdersOfStartingWorksAndGivesTheSameLog) {
+  std::vector<std::string> order(roles.begin(), roles.end());
+  std::sort(order.begin(), order.end());
+  std::string first;
+  int orders = 0;
+  do {
+    FourPrograms run("paper_rigid.yaml");
+    for (const std::string& role : order) {
+      // Each is up and waiting before the next one starts: the order is the one meant.
+      bus::UdpTransport bus;
+      bus.subscribe("ARM_PARTICIPANT");
+      run.start(role);
+      hear(bus, role);
+    }
+    run.expect_all_done();
+    const std::string log = contents(run.log_path());
+    ASSERT_FALSE(log.empty());
+    if (first.empty()) first = log;
+    EXPECT_TRUE(log == first) << "order " << orders;
+    ++orders;
+  } while (std::next_permutation(order.begin(), order.end()));
+  EXPECT_EQ(orders, 24);
+}
+
+class SameLog : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(SameLog, WithThirtyPercentOfAllPacketsLost) {
+  const std::vector<std::string> settings =
+      std::string(GetParam()).find("paper") == 0
+          ? std::vector<std::string>{"--set", "loop.duration_s=0.01"}
+          : std::vector<std::string>{"--set", "loop.duration_s=0.5"};
+  const std::string clean = log_of(GetParam(), settings);
+  ASSERT_FALSE(clean.empty());
+  EXPECT_TRUE(log_of(GetParam(), settings) == clean) << "not even without loss";
+  ASSERT_EQ(
+      std::system("nft add table ip lossy && "
+                  "nft 'add chain ip lossy in { type filter hook input priority 0; }' && "
+                  "nft add rule ip lossy in udp dport 7667 numgen random mod 100 \\< 30 drop"),
+      0);
+  const std::string lossy = log_of(GetParam(), settings);
+  ASSERT_EQ(std::system("nft delete table ip lossy"), 0);
+  EXPECT_TRUE(lossy == clean);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenarios, SameLog,
+                         ::testing::Values("paper_rigid.yaml", "practical_rigid.yaml",
+                                           "regulation.yaml", "paper_flexible.yaml",
+                                           "practical_flexible.yaml", "flexible_regulation.yaml"),
+                         [](const auto& each) {
+                           const std::string file = each.param;
+                           return file.substr(0, file.find('.'));
+                         });
+
+TEST(ByHand, RefusesASecondControllerAndFinishesWithTheFirst) {
+  FourPrograms run("paper_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=0.5"};
+  run.start("controller").wait_for("waiting for");
+  Program second("tachless-controller",
+                 {scenarios + "paper_rigid.yaml", "--set", "loop.duration_s=0.5"},
+                 run.directory().path());
+  EXPECT_EQ(second.wait(), 4);
+  EXPECT_THAT(second.errors(), HasSubstr("controller"));
+  for (const char* role : {"logger", "reference", "plant"}) run.start(role);
+  run.expect_all_done();
+}
+
+TEST(ByHand, PlantAndControllerWithDifferentScenariosRefuseEachOther) {
+  FourPrograms run("paper_rigid.yaml");
+  run.start("plant").wait_for("waiting for");
+  Program other("tachless-controller", {scenarios + "paper_rigid_offset.yaml", "--wait-s", "30"},
+                run.directory().path());
+  EXPECT_EQ(other.wait(), 2);
+  EXPECT_EQ(run["plant"].wait(), 2);
+  for (const std::string& errors : std::vector{other.errors(), run["plant"].errors()}) {
+    EXPECT_THAT(errors, AllOf(HasSubstr("paper_rigid"), HasSubstr("paper_rigid_offset")));
+  }
+}
+
+TEST(ByHand, InterruptedControllerEndsTheRunAndTheLogStaysReadable) {
+  FourPrograms run("paper_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=200"};
+  run.start_all();
+  // Some of the run must be on disk before it is interrupted.
+  while (run.log_size() < 100000) {
+    ASSERT_EQ(run["plant"].errors().find("lost"), std::string::npos) << run["plant"].errors();
+  }
+  run["controller"].signal(SIGINT);
+  EXPECT_EQ(run["controller"].wait(), 130);
+  EXPECT_THAT(run["controller"].errors(), HasSubstr("interrupted"));
+  for (const char* role : {"plant", "reference", "logger"}) {
+    EXPECT_EQ(run[role].wait(), 3) << run[role].errors();
+    EXPECT_THAT(run[role].errors(), AllOf(HasSubstr("controller"), HasSubstr("interrupted")));
+  }
+  EXPECT_GT(run.log_size(), 100000U);
+}
+
+TEST(ByHand, AKilledControllerIsNamedAfterTheTimeToGiveUp) {
+  FourPrograms run("paper_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=200", "--set", "loop.give_up_s=1"};
+  run.start_all();
+  while (run.log_size() < 100000) {
+    ASSERT_EQ(run["plant"].errors().find("lost"), std::string::npos) << run["plant"].errors();
+  }
+  run["controller"].signal(SIGKILL);
+  EXPECT_EQ(run["plant"].wait(), 3);
+  EXPECT_THAT(run["plant"].errors(), AllOf(HasSubstr("controller"), HasSubstr("1 s")));
+}
+
+}  // namespace

@@ -1,0 +1,117 @@
+// docs/example_driver in the plant's place, with the real reference, controller and logger.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "logger/run_log.h"
+#include "loop/truth/plant_truth.h"
+#include "tests/support/private_network.h"
+#include "tests/system/four_programs.h"
+
+using namespace tachless;
+
+namespace {
+
+using namespace std::chrono_literals;
+using loop::truth::DriveFault;
+using process_test::FourPrograms;
+using process_test::roles;
+using ::testing::AllOf;
+using ::testing::AnyOf;
+using ::testing::HasSubstr;
+
+class ExampleDriver : public testing::Test {
+ protected:
+  void play(const std::vector<std::string>& settings) {
+    run.plant = "tachless-example-driver";
+    run.settings = settings;
+    run.start_all();
+  }
+  void wait_until_it_moves() {
+    while (run.log_size() < 200'000) {
+      ASSERT_TRUE(run["plant"].running()) << run["plant"].errors();
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  std::vector<logger::TickRecord> ticks() {
+    std::vector<logger::TickRecord> result;
+    logger::RunLog log = logger::RunLog::open(run.log_path());
+    logger::TickRecord record;
+    while (log.next(record)) result.push_back(record);
+    return result;
+  }
+
+  FourPrograms run{"../docs/example_driver/rig.yaml"};
+};
+
+TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
+  play({"--set", "loop.max_missed=80"});  // no busy machine shall end this run
+  run.expect_all_done();
+  const auto record = ticks();
+  ASSERT_EQ(record.size(), 2000U);
+  const logger::TickRecord& last = record.back();
+  ASSERT_TRUE(last.truth);
+  // 1e-6 rad on a quiet machine; on a busy one it may just have missed some commands.
+  EXPECT_NEAR(last.truth->q[0], 0.3, 0.02);
+  EXPECT_NEAR(last.truth->q[1], -0.2, 0.02);
+  for (const logger::TickRecord& each : record) {
+    if (!each.truth) continue;
+    EXPECT_LE(std::abs(each.truth->tau[0]), 200);
+    EXPECT_LE(std::abs(each.truth->tau[1]), 40);
+  }
+}
+
+TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=50"});
+  wait_until_it_moves();
+  run["controller"].signal(SIGKILL);
+  for (const char* role : {"plant", "reference", "logger"}) {
+    EXPECT_EQ(run[role].wait(), 5) << run[role].errors();
+    // 51, or fewer when a busy machine makes the held torque's age come first.
+    EXPECT_THAT(run[role].errors(),
+                AllOf(HasSubstr("commands in a row did not come in time from the controller"),
+                      AnyOf(HasSubstr("51 commands in a row"),
+                            HasSubstr("longer than loop.max_missed (50) allows"))))
+        << role;
+  }
+  loop::truth::PlantTruth last;
+  for (const auto& each : ticks()) {
+    if (each.truth) last = *each.truth;
+  }
+  EXPECT_EQ(last.fault, DriveFault::protective_stop);
+  EXPECT_EQ(last.tau, robot::Vector::Zero(2));
+  EXPECT_LT(last.v.norm(), 0.01);
+}
+
+TEST_F(ExampleDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=1000"});
+  wait_until_it_moves();
+  // For longer than the rig's watchdog, and not so long that the others give up.
+  run["plant"].signal(SIGSTOP);
+  std::this_thread::sleep_for(300ms);
+  run["plant"].signal(SIGCONT);
+  for (const char* role : roles) {
+    EXPECT_EQ(run[role].wait(), 5) << run[role].errors();
+    EXPECT_THAT(run[role].errors(), HasSubstr("had no torque for 100 ms")) << role;
+  }
+}
+
+TEST_F(ExampleDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
+  play({"--set", "plant.initial.position_rad=[0.3, 0]"});
+  EXPECT_EQ(run["plant"].wait(), 2);
+  EXPECT_THAT(run["plant"].errors(),
+              HasSubstr("plant.initial.position_rad: 0.3 for joint 1, which is at 0"));
+  for (const char* role : {"reference", "controller", "logger"}) {
+    EXPECT_EQ(run[role].wait(), 3) << run[role].errors();
+    EXPECT_THAT(run[role].errors(), HasSubstr("move the robot")) << role;
+  }
+}
+
+}  // namespace

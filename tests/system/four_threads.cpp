@@ -1,0 +1,122 @@
+#include "tests/system/four_threads.h"
+
+#include <unistd.h>
+
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+
+#include "bus/authenticated.h"
+#include "controller/node.h"
+#include "logger/node.h"
+#include "plant/node.h"
+#include "reference/node.h"
+
+namespace tachless::process_test {
+namespace {
+
+using loop::Role;
+
+void play(Role role, const experiment::Scenario& scenario, bus::Transport& transport,
+          node::Session& session, const std::filesystem::path& log_path) {
+  switch (role) {
+    case Role::plant:
+      return plant::run_node(scenario, transport, session);
+    case Role::reference:
+      return reference::run_node(scenario, transport, session);
+    case Role::controller:
+      return controller::run_node(scenario, transport, session);
+    case Role::logger:
+      return logger::run_node(scenario, transport, session, log_path);
+  }
+}
+
+}  // namespace
+
+std::string RunResult::complaints() const {
+  std::string result;
+  for (const auto& [role, outcome] : of) {
+    if (outcome.code == diagnostics::ExitCode::done) continue;
+    result += std::string(loop::name(role)) + ": exit " +
+              std::to_string(static_cast<int>(outcome.code)) + ", " + outcome.fault + "\n";
+  }
+  return result;
+}
+
+FourThreads::FourThreads(const experiment::Scenario& scenario, const bus::NetworkFaults& faults)
+    : scenario_(scenario), network_(faults) {}
+
+FourThreads::~FourThreads() {
+  for (auto& flag : interrupted_) flag = true;
+  wait();
+}
+
+std::filesystem::path FourThreads::log_path() const { return directory_ / "lcmlog"; }
+
+void FourThreads::give(Role role, const experiment::Scenario& scenario) {
+  own_.insert_or_assign(role, scenario);
+}
+
+void FourThreads::start(Role role) {
+  const auto index = static_cast<std::size_t>(role);
+  const auto mine = own_.find(role);
+  const experiment::Scenario& scenario = mine != own_.end() ? mine->second : scenario_;
+  auto transport = network_.connect(std::string(loop::name(role)) + "'s endpoint");
+  if (wrapper_) transport = wrapper_(role, std::move(transport));
+  threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
+    Outcome& outcome = outcomes_.at(index);
+    std::optional<bus::Authenticated> authenticated;
+    if (key_) authenticated.emplace(*endpoint, *key_);
+    bus::Transport& heard =
+        authenticated ? static_cast<bus::Transport&>(*authenticated) : *endpoint;
+    node::Session session(
+        scenario, heard,
+        {.role = role,
+         .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
+         .wait_s = 60,
+         .interrupted = &interrupted_.at(index),
+         .instance = 0,
+         .authenticated = authenticated ? &*authenticated : nullptr});
+    try {
+      session.play([&] { play(role, scenario, heard, session, log_path()); });
+    } catch (const diagnostics::Failure& failure) {
+      outcome.code = failure.code();
+      outcome.fault = failure.what();
+    } catch (const std::exception& error) {
+      outcome.code = diagnostics::ExitCode::protocol_violated;
+      outcome.fault = std::string("internal error: ") + error.what();
+    }
+    outcome.statistics = session.statistics();
+  });
+}
+
+void FourThreads::wait() {
+  for (std::thread& thread : threads_) {
+    if (thread.joinable()) thread.join();
+  }
+}
+
+RunResult FourThreads::finish() {
+  RunResult result;
+  for (const Role role : all_roles) {
+    if (!threads_.at(static_cast<std::size_t>(role)).joinable()) start(role);
+  }
+  wait();
+  for (const Role role : all_roles) {
+    result.of[role] = outcomes_.at(static_cast<std::size_t>(role));
+  }
+  std::ifstream log(log_path(), std::ios::binary);
+  result.log = {std::istreambuf_iterator<char>(log), {}};
+  return result;
+}
+
+experiment::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides) {
+  return experiment::load_scenario(
+      std::filesystem::path(TACHLESS_SOURCE_DIR) / "scenarios" / (name + ".yaml"), overrides);
+}
+
+RunResult run(const experiment::Scenario& scenario, const bus::NetworkFaults& faults) {
+  return FourThreads(scenario, faults).finish();
+}
+
+}  // namespace tachless::process_test

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bus/in_memory.h"
+#include "bus/key.h"
+#include "bus/wire.h"
+#include "experiment/scenario.h"
+#include "node/session.h"
+#include "tests/support/temporary_directory.h"
+
+/// The four real nodes in four threads on an in-memory bus.
+namespace tachless::process_test {
+
+struct Outcome {
+  diagnostics::ExitCode code = diagnostics::ExitCode::done;
+  std::string fault;
+  node::Statistics statistics;
+};
+
+struct RunResult {
+  std::map<loop::Role, Outcome> of;
+  std::string log;  ///< the log file's bytes
+
+  /// "" when all four ended well, else who did not and why.
+  [[nodiscard]] std::string complaints() const;
+};
+
+/// Wraps a node's transport; takes the place of the network for that node.
+using Wrapper =
+    std::function<std::unique_ptr<bus::Transport>(loop::Role, std::unique_ptr<bus::Transport>)>;
+
+class FourThreads {
+ public:
+  explicit FourThreads(const experiment::Scenario& scenario, const bus::NetworkFaults& faults = {});
+  ~FourThreads();
+
+  bus::InMemoryNetwork& network() { return network_; }
+  void wrap(Wrapper wrapper) { wrapper_ = std::move(wrapper); }
+  /// All four have it.
+  void give_key(const bus::Key& key) { key_ = key; }
+  /// The scenario of one role alone.
+  void give(loop::Role role, const experiment::Scenario& scenario);
+  /// What a user's Ctrl-C in that process does.
+  void interrupt(loop::Role role) { interrupted_.at(static_cast<std::size_t>(role)) = true; }
+
+  void start(loop::Role role);
+  /// Waits for those that were started.
+  void wait();
+  /// Starts whoever is not running yet, waits for all and reads the log.
+  RunResult finish();
+
+  [[nodiscard]] std::filesystem::path log_path() const;
+
+ private:
+  experiment::Scenario scenario_;
+  std::map<loop::Role, experiment::Scenario> own_;
+  bus::InMemoryNetwork network_;
+  TemporaryDirectory directory_;
+  Wrapper wrapper_;
+  std::optional<bus::Key> key_;
+  std::array<std::atomic<bool>, loop::num_roles> interrupted_{};
+  std::array<Outcome, loop::num_roles> outcomes_;
+  std::array<std::thread, loop::num_roles> threads_;
+};
+
+inline constexpr std::array all_roles = {loop::Role::plant, loop::Role::reference,
+                                         loop::Role::controller, loop::Role::logger};
+
+/// scenarios/NAME.yaml with these overrides.
+experiment::Scenario scenario(const std::string& name, const std::vector<std::string>& overrides);
+
+/// One run from start to end.
+RunResult run(const experiment::Scenario& scenario, const bus::NetworkFaults& faults = {});
+
+}  // namespace tachless::process_test

@@ -1,0 +1,224 @@
+// A logger that cannot write, and one that is killed: what is said, what is kept, how the run ends.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <deque>
+#include <filesystem>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "bus/truth/truth_wire.h"
+#include "bus/udp_transport.h"
+#include "logger/run_log.h"
+#include "process/process_tree.h"
+#include "tests/support/private_network.h"
+#include "tests/system/everyone_else.h"
+#include "tests/system/four_programs.h"
+#include "tests/system/oversleep.h"
+#include "tests/system/small_disk.h"
+
+using namespace tachless;
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using loop::Clock;
+using process_test::FourPrograms;
+using process_test::scenarios;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+const std::string practical_rigid = scenarios + "practical_rigid.yaml";
+
+/// The last tick whose truth is in the log. Everything before is there, and nothing is damaged.
+std::int64_t last_tick_of(const std::string& path) {
+  logger::RunLog log = logger::RunLog::open(path);
+  logger::TickRecord record;
+  std::int64_t last = -1;
+  while (log.next(record)) {
+    if (record.truth) last = record.tick;
+  }
+  EXPECT_FALSE(log.damage().any());
+  // The log ends anywhere: within a tick k, after its TICK, perhaps before TRUTH(k) came.
+  EXPECT_LE(log.summary().last_tick - last, 1);
+  EXPECT_LE(log.summary().of(logger::Piece::truth).missing, 1U);
+  return last;
+}
+
+void expect_replays(const std::string& log, const TemporaryDirectory& directory) {
+  Program replay("tachless", {"replay", log}, directory.path());
+  EXPECT_EQ(replay.wait(), 0) << replay.errors();
+}
+
+/// No protective stop because this machine is busy: it is the disk that matters here.
+const std::string patient = "loop.max_missed=1000";
+
+class AFullDisk : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(AFullDisk, EndsTheFourProgramsWithinTwoSecondsAndKeepsWhatHasRoom) {
+  const SmallDisk disk(1'024);
+  FourPrograms run("practical_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=1000", "--set", "loop.mode=" + GetParam(), "--set",
+                  patient};
+  const std::string log = disk / "lcmlog";
+  run.log = log;
+  run.start_all();
+  EXPECT_EQ(run["logger"].wait(), 2);
+  const auto ended = Clock::now();
+  for (const char* role : {"plant", "reference", "controller"}) {
+    EXPECT_EQ(run[role].wait(), 3) << role << run[role].errors();
+  }
+  EXPECT_LT(Clock::now() - ended, 2s);
+  EXPECT_THAT(
+      run["logger"].errors(),
+      AllOf(HasSubstr(log + ": cannot write the log: No space left on device"),
+            HasSubstr("the first " + std::to_string(fs::file_size(log)) + " bytes are kept"),
+            HasSubstr("free some space on that disk")));
+  EXPECT_THAT(run["plant"].errors(), HasSubstr("ended because of the logger"));
+  // All the disk's room but for the last event, which had none.
+  EXPECT_GT(fs::file_size(log), 1'024U * 1'024 - 4'096);
+  EXPECT_GT(last_tick_of(log), 1'000);
+  expect_replays(log, run.directory());
+}
+
+TEST_P(AFullDisk, EndsTachlessRunWithinTwoSecondsAndKeepsWhatHasRoom) {
+  const SmallDisk disk(1'024);
+  const TemporaryDirectory directory;
+  Program run("tachless",
+              {"run", practical_rigid, "--quiet", "--duration", "1000", "--mode", GetParam(),
+               "--set", patient, "--out", disk / "out"},
+              directory.path());
+  run.wait_for("cannot write the log");
+  const auto told = Clock::now();
+  // The four programs; the log's figures are drawn after them.
+  const auto are_there = [&] {
+    return std::ranges::any_of(process::children_of(run.pid()), [](pid_t pid) {
+      return process::program_of(pid).starts_with("tachless-");
+    });
+  };
+  while (are_there()) std::this_thread::sleep_for(5ms);
+  EXPECT_LT(Clock::now() - told, 2s);
+  EXPECT_EQ(run.wait(), 2);
+  EXPECT_THAT(run.errors(),
+              AllOf(HasSubstr("tachless: logger ended with exit code 2"),
+                    HasSubstr("No space left on device"), HasSubstr("free some space")));
+  const std::string log = disk / "out/lcmlog";
+  EXPECT_GT(last_tick_of(log), 1'000);
+  expect_replays(log, directory);
+}
+
+INSTANTIATE_TEST_SUITE_P(In, AFullDisk, ::testing::Values("lockstep", "realtime"),
+                         [](const auto& mode) { return mode.param; });
+
+TEST(ALimitOnFileSizes, EndsTheRunAndKeepsWhatItAllows) {
+  const TemporaryDirectory directory;
+  Program run("prlimit",
+              {"--fsize=1000000", TACHLESS_BINARY_DIR "/bin/tachless", "run", practical_rigid,
+               "--quiet", "--duration", "1000", "--out", directory / "out"},
+              directory.path());
+  EXPECT_EQ(run.wait(), 2);
+  EXPECT_THAT(run.errors(), AllOf(HasSubstr("lcmlog: cannot write the log: File too large"),
+                                  HasSubstr("ulimit -f")));
+  EXPECT_GT(fs::file_size(directory / "out/lcmlog"), 1'000'000U - 4'096);
+  EXPECT_GT(last_tick_of(directory / "out/lcmlog"), 1'000);
+  expect_replays(directory / "out/lcmlog", directory);
+}
+
+TEST(ADirectoryThatCannotBeWritten, IsRefusedAtOnce) {
+  SmallDisk disk(1'024);
+  disk.make_read_only();
+  const TemporaryDirectory directory;
+  Program logger("tachless-logger", {practical_rigid, "--out-log", disk / "lcmlog"},
+                 directory.path());
+  EXPECT_EQ(logger.wait(), 2);
+  EXPECT_THAT(logger.errors(), AllOf(HasSubstr(disk / "lcmlog"), HasSubstr("cannot create the log"),
+                                     HasSubstr("Read-only file system"),
+                                     HasSubstr("name a file in a directory you may write to")));
+  Program run("tachless", {"run", practical_rigid, "--quiet", "--out", disk / "out"},
+              directory.path());
+  EXPECT_EQ(run.wait(), 2);
+  EXPECT_THAT(run.errors(),
+              AllOf(HasSubstr("--out " + (disk / "out")), HasSubstr("choose another directory")));
+}
+
+TEST(ASmallReceiveBuffer, HoldsABurstOfAThousandMessagesWhileTheLoggerStandsStill) {
+  // What a kernel grants that was never told otherwise; one socket's holds some five hundred.
+  const std::string url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=212992";
+  constexpr std::int64_t bursts = 5;
+  constexpr std::int64_t ticks_in_one = 167;  // six messages each: 1002
+  const std::vector<std::string> overrides = {
+      "loop.mode=realtime", "loop.duration_s=" + std::to_string(1e-3 * bursts * ticks_in_one)};
+  const experiment::Scenario scenario = experiment::load_scenario(practical_rigid, overrides);
+  const TemporaryDirectory directory;
+  const std::string log_path = directory / "lcmlog";
+  Program logger("tachless-logger",
+                 {practical_rigid, "--set", overrides[0], "--set", overrides[1], "--lcm-url", url,
+                  "--out-log", log_path},
+                 directory.path());
+  process_test::EveryoneElse others(scenario, url);
+  others.meet_the_logger();
+  for (std::int64_t burst = 0; burst < bursts; ++burst) {
+    logger.signal(SIGSTOP);
+    others.announce(loop::ParticipantState::running);
+    for (std::int64_t i = 0; i < ticks_in_one; ++i) others.say(burst * ticks_in_one + i);
+    logger.signal(SIGCONT);
+    // Until it has recorded that.
+    const auto wanted = static_cast<std::uintmax_t>(500 * ticks_in_one * (burst + 1));
+    const auto until = Clock::now() + 30s;
+    while (fs::file_size(log_path) < wanted && Clock::now() < until) {
+      std::this_thread::sleep_for(10ms);
+    }
+  }
+  others.announce(loop::ParticipantState::finished);
+  EXPECT_EQ(logger.wait(), 0) << logger.errors();
+  EXPECT_EQ(others.unsent(), 0U);
+  logger::RunLog log = logger::RunLog::open(log_path);
+  logger::TickRecord record;
+  while (log.next(record)) continue;
+  EXPECT_EQ(log.summary().ticks, static_cast<std::uint64_t>(bursts * ticks_in_one));
+  EXPECT_EQ(log.summary().gaps(), 0U);
+}
+
+TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
+  constexpr auto promised = 100ms;
+  FourPrograms run("practical_rigid.yaml");
+  run.settings = {"--set", "loop.duration_s=1000", "--set", "loop.mode=realtime", "--set", patient};
+  bus::UdpTransport bus;
+  bus.subscribe("ARM_TRUTH");
+  run.start_all();
+  const Oversleep oversleep;
+  const bus::Codec<loop::truth::PlantTruth> codec(
+      {.num_joints = 2, .num_motors = 0, .num_filters = 0});
+  std::deque<std::pair<std::int64_t, Clock::time_point>> heard;  // tick, when
+  while (heard.empty() || heard.back().first < 1'234) {
+    const auto datagram = bus.receive(Clock::now() + 30s);
+    ASSERT_TRUE(datagram) << run["plant"].errors();
+    loop::Stamp stamp;
+    loop::truth::PlantTruth truth;
+    ASSERT_EQ(codec.decode(datagram->payload, stamp, truth), bus::Rejection::none);
+    heard.emplace_back(stamp.tick, Clock::now());
+  }
+  const auto killed = Clock::now();
+  run["logger"].signal(SIGKILL);
+  EXPECT_EQ(run["logger"].wait(), 128 + SIGKILL);
+  run["plant"].signal(SIGINT);
+  for (const char* role : {"plant", "reference", "controller"}) run[role].wait();
+
+  // Where the machine stood still, the logger did too.
+  const auto due = killed - promised - oversleep.longest();
+  while (!heard.empty() && heard.back().second > due) heard.pop_back();
+  ASSERT_FALSE(heard.empty()) << "stood still for "
+                              << std::chrono::duration<double>(oversleep.longest()).count() << " s";
+  EXPECT_GE(last_tick_of(run.log_path()), heard.back().first)
+      << "of truth that was sent longer ago than promised, something is lost";
+  expect_replays(run.log_path(), run.directory());
+}
+
+}  // namespace

@@ -1,0 +1,409 @@
+// The four real nodes in four threads: the same log whatever the network does, and clean ends.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <random>
+
+#include "bus/truth/truth_wire.h"
+#include "logger/log_file.h"
+#include "protocol/lockstep/requester.h"
+#include "study/in_process_loop.h"
+#include "tests/system/four_threads.h"
+#include "tests/system/wrapped.h"
+
+namespace tachless::process_test {
+namespace {
+
+using namespace std::chrono_literals;
+using diagnostics::ExitCode;
+using loop::Clock;
+using loop::Role;
+using testing::HasSubstr;
+
+experiment::Scenario short_run() { return scenario("paper_rigid", {"loop.duration_s=0.015"}); }
+
+loop::Layout layout(const experiment::Scenario& scenario) {
+  return {.num_joints = scenario.num_joints,
+          .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
+          .num_filters = 1};
+}
+
+const std::string& clean_log() {
+  static const std::string log = [] {
+    const RunResult result = run(short_run());
+    EXPECT_EQ(result.complaints(), "");
+    return result.log;
+  }();
+  return log;
+}
+
+/// A thread of a test that listens or makes trouble until it is stopped.
+class Bystander {
+ public:
+  explicit Bystander(std::function<void(const std::atomic<bool>& stop)> act)
+      : thread_([this, act = std::move(act)] { act(stop_); }) {}
+  ~Bystander() {
+    stop_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> stop_{false};
+  std::thread thread_;
+};
+
+TEST(TheLoop, RecordsRunInfoAndThenSixMessagesATickInOrder) {
+  const experiment::Scenario scenario = short_run();
+  ASSERT_EQ(scenario.loop.num_ticks, 300);
+  FourThreads threads(scenario);
+  const RunResult result = threads.finish();
+  ASSERT_EQ(result.complaints(), "");
+  logger::LogReader log(threads.log_path());
+  const auto run_info = log.next();
+  ASSERT_TRUE(run_info);
+  EXPECT_EQ(run_info->channel, "ARM_RUN_INFO");
+  for (std::int64_t k = 0; k < 300; ++k) {
+    for (const auto* channel : {"ARM_TICK", "ARM_POSITION", "ARM_REFERENCE", "ARM_COMMAND",
+                                "ARM_CONTROLLER_STATE", "ARM_TRUTH"}) {
+      const auto event = log.next();
+      ASSERT_TRUE(event);
+      EXPECT_EQ(event->channel, channel) << k;
+      EXPECT_EQ(event->utime, 50 * k);
+    }
+  }
+  EXPECT_FALSE(log.next());
+  for (const Role role : all_roles) EXPECT_EQ(result.of.at(role).statistics.ticks, 300);
+}
+
+TEST(TheLoop, CommandsWhatTheInProcessLoopCommandsToTheLastBit) {
+  for (const std::string name :
+       {"paper_rigid", "practical_rigid", "paper_flexible", "flexible_regulation"}) {
+    SCOPED_TRACE(name);
+    experiment::Scenario whole = scenario(name, {});
+    const double duration_s = 200 * whole.loop.period_s;
+    const experiment::Scenario scenario =
+        process_test::scenario(name, {"loop.duration_s=" + std::to_string(duration_s)});
+    FourThreads threads(scenario, {.loss = 0.1, .seed = 4});
+    ASSERT_EQ(threads.finish().complaints(), "");
+
+    logger::LogReader log(threads.log_path());
+    std::vector<std::vector<std::byte>> recorded;
+    while (const auto event = log.next()) {
+      if (event->channel.ends_with("_COMMAND")) {
+        recorded.emplace_back(event->data.begin(), event->data.end());
+      }
+    }
+    bus::Codec<loop::TorqueCommand> codec(layout(scenario));
+    std::int64_t ticks = 0;
+    study::run_in_process(scenario, [&](const study::TickRecord& tick) {
+      loop::Stamp stamp;
+      loop::TorqueCommand command;
+      const auto& bytes = recorded.at(static_cast<std::size_t>(tick.tick));
+      EXPECT_EQ(codec.decode(bytes, stamp, command), bus::Rejection::none);
+      EXPECT_EQ(stamp.tick, tick.tick);
+      EXPECT_TRUE(command.tau == tick.command.tau) << tick.tick;
+      ++ticks;
+      return true;
+    });
+    EXPECT_EQ(ticks, scenario.loop.num_ticks);
+    EXPECT_EQ(recorded.size(), static_cast<std::size_t>(ticks));
+  }
+}
+
+TEST(TheLoop, GivesTheSameLogEachTime) {
+  const RunResult again = run(short_run());
+  ASSERT_EQ(again.complaints(), "");
+  EXPECT_TRUE(again.log == clean_log());
+}
+
+TEST(TheLoop, GivesTheSameLogUnderLossDuplicationAndReordering) {
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    SCOPED_TRACE(seed);
+    const RunResult result =
+        run(short_run(), {.loss = 0.3, .duplication = 0.1, .reordering = 0.2, .seed = seed});
+    ASSERT_EQ(result.complaints(), "");
+    EXPECT_TRUE(result.log == clean_log());
+    EXPECT_GT(result.of.at(Role::plant).statistics.resends, 0);
+    EXPECT_GT(result.of.at(Role::controller).statistics.resends, 0);
+  }
+}
+
+TEST(TheLoop, MeetsInEveryOrderOfStarting) {
+  const experiment::Scenario scenario =
+      process_test::scenario("paper_rigid", {"loop.duration_s=0.001"});
+  std::vector<Role> order(all_roles.begin(), all_roles.end());
+  std::string first;
+  do {
+    FourThreads threads(scenario);
+    for (const Role role : order) threads.start(role);
+    const RunResult result = threads.finish();
+    ASSERT_EQ(result.complaints(), "");
+    if (first.empty()) first = result.log;
+    EXPECT_TRUE(result.log == first);
+  } while (std::ranges::next_permutation(order).found);
+}
+
+TEST(TheController, CommandsTheSameWhenTruthIsGarbage) {
+  // Whatever is said, garbage is said as truth along with it.
+  class Vandal : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      for (std::byte& each : garbage_) each = static_cast<std::byte>(random_());
+      Wrapped::publish("ARM_TRUTH", std::span(garbage_).first(random_() % garbage_.size()));
+      Wrapped::publish(channel, payload);
+    }
+
+   private:
+    std::mt19937_64 random_{1};
+    std::vector<std::byte> garbage_ = std::vector<std::byte>(200);
+  };
+  FourThreads threads(short_run());
+  threads.wrap([](Role, std::unique_ptr<bus::Transport> inner) {
+    return std::unique_ptr<bus::Transport>(new Vandal(std::move(inner)));
+  });
+  const RunResult result = threads.finish();
+  ASSERT_EQ(result.complaints(), "");
+  EXPECT_TRUE(result.log == clean_log());
+  // One before each of the six messages of a tick.
+  EXPECT_GE(result.of.at(Role::logger).statistics.rejected.total(), 6 * 300);
+}
+
+TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
+  const experiment::Scenario scenario = short_run();
+  // A plant that keeps its truth for itself.
+  class Discreet : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      if (channel != "ARM_TRUTH") Wrapped::publish(channel, payload);
+    }
+  };
+  FourThreads threads(scenario);
+  threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role == Role::plant) return std::unique_ptr<bus::Transport>(new Discreet(std::move(inner)));
+    return inner;
+  });
+  // In the logger's place, one who acknowledges without truth and keeps the commands. The plant
+  // takes an acknowledgement of a tick only after that tick is over.
+  const auto endpoint = threads.network().connect("stand-in");
+  std::map<std::int64_t, std::vector<std::byte>> commands;
+  {
+    Bystander stand_in([&](const std::atomic<bool>& stop) {
+      node::Session session(scenario, *endpoint,
+                            {.role = Role::logger,
+                             .run_id = {},
+                             .wait_s = 60,
+                             .interrupted = nullptr,
+                             .instance = 0});
+      for (const auto* channel : {"ARM_RUN_INFO", "ARM_COMMAND", "ARM_TICK"}) {
+        endpoint->subscribe(channel);
+      }
+      session.play([&] {
+        session.meet();
+        bus::Codec<loop::LogAck> acks(layout(scenario));
+        bus::Codec<loop::TorqueCommand> codec(layout(scenario));
+        std::int64_t newest = -1;
+        while (!session.plant_finished() && !stop) {
+          session.attend(Clock::now());
+          const auto datagram = endpoint->receive(Clock::now() + 1ms);
+          if (datagram && session.take(*datagram)) continue;
+          if (datagram && datagram->channel == "ARM_COMMAND") {
+            loop::Stamp stamp;
+            loop::TorqueCommand command;
+            ASSERT_EQ(codec.decode(datagram->payload, stamp, command), bus::Rejection::none);
+            commands[stamp.tick] = {datagram->payload.begin(), datagram->payload.end()};
+            newest = stamp.tick;
+          }
+          const std::int64_t over =
+              newest == scenario.loop.num_ticks - 1 && !datagram ? newest : newest - 1;
+          endpoint->publish(
+              "ARM_LOG_ACK",
+              acks.encode({0, session.run(), std::max<std::int64_t>(over, -1)}, loop::LogAck{}));
+        }
+        session.finish();
+      });
+    });
+    threads.start(Role::plant);
+    threads.start(Role::reference);
+    threads.start(Role::controller);
+    threads.wait();
+  }
+  ASSERT_EQ(commands.size(), static_cast<std::size_t>(scenario.loop.num_ticks));
+
+  std::int64_t k = 0;
+  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / "clean_lcmlog";
+  std::ofstream(path, std::ios::binary) << clean_log();
+  logger::LogReader log(path);
+  while (const auto event = log.next()) {
+    if (event->channel != "ARM_COMMAND") continue;
+    EXPECT_TRUE(std::ranges::equal(event->data, commands.at(k))) << k;
+    ++k;
+  }
+  EXPECT_EQ(k, scenario.loop.num_ticks);
+  std::filesystem::remove(path);
+}
+
+TEST(TheLoop, IsNotDisturbedByAStormOfBadAndOldMessages) {
+  FourThreads threads(short_run());
+  const auto vandal = threads.network().connect("vandal");
+  for (const auto* suffix : {"TICK", "POSITION", "REFERENCE", "COMMAND", "CONTROLLER_STATE",
+                             "TRUTH", "RUN_INFO", "LOG_ACK", "PARTICIPANT"}) {
+    vandal->subscribe(std::string("ARM_") + suffix);
+  }
+  std::optional<Bystander> storm;
+  storm.emplace([&](const std::atomic<bool>& stop) {
+    std::mt19937_64 random(1);
+    while (!stop) {
+      const auto heard = vandal->receive(Clock::now() + 1ms);
+      if (!heard) continue;
+      const std::string channel(heard->channel);
+      const std::vector<std::byte> original(heard->payload.begin(), heard->payload.end());
+      vandal->publish(channel, original);  // replayed
+      auto changed = original;
+      changed.resize(random() % (original.size() + 20));
+      if (changed.size() != original.size()) vandal->publish(channel, changed);
+      if (channel.ends_with("PARTICIPANT")) continue;
+      changed = original;
+      changed[16 + random() % 8] ^= std::byte{0x10};  // the run's id
+      vandal->publish(channel, changed);
+      if (channel.ends_with("LOG_ACK")) continue;  // a false acknowledgement is a lie, not noise
+      changed = original;
+      changed[24 + random() % 6] ^= std::byte{0x01};  // a tick of the far future or of the past
+      vandal->publish(channel, changed);
+      changed = original;
+      std::fill(changed.end() - 8, changed.end(), std::byte{0xff});  // NaN, or no such value
+      if (!channel.ends_with("CONTROLLER_STATE")) vandal->publish(channel, changed);
+    }
+  });
+  const RunResult result = threads.finish();
+  storm.reset();
+  ASSERT_EQ(result.complaints(), "");
+  EXPECT_TRUE(result.log == clean_log());
+  std::map<std::string_view, std::int64_t> rejected;
+  for (const auto& [role, outcome] : result.of) {
+    for (const auto& entry : outcome.statistics.rejected.entries()) {
+      rejected[entry.reason] += entry.count;
+    }
+  }
+  for (const auto* reason : {"wrong_size", "other_run", "not_asked", "non_finite"}) {
+    EXPECT_GT(rejected[reason], 0) << reason;
+  }
+}
+
+TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
+  // Answers a measurement with a torque of its own.
+  FourThreads threads(scenario("paper_rigid", {}));
+  const auto second = threads.network().connect("second controller");
+  second->subscribe("ARM_COMMAND");
+  std::optional<Bystander> rival;
+  rival.emplace([&](const std::atomic<bool>& stop) {
+    bus::Codec<loop::TorqueCommand> codec(layout(short_run()));
+    while (!stop) {
+      const auto heard = second->receive(Clock::now() + 1ms);
+      loop::Stamp stamp;
+      loop::TorqueCommand command;
+      if (!heard || codec.decode(heard->payload, stamp, command) != bus::Rejection::none) continue;
+      command.tau[0] += 1;
+      second->publish("ARM_COMMAND", codec.encode(stamp, command));
+    }
+  });
+  const RunResult result = threads.finish();
+  rival.reset();
+  for (const Role role : all_roles) {
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+  }
+  const std::string all = result.complaints();
+  EXPECT_THAT(all, HasSubstr("controller's endpoint"));
+  EXPECT_THAT(all, HasSubstr("second controller"));
+}
+
+TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
+  for (const Role victim : all_roles) {
+    SCOPED_TRACE(loop::name(victim));
+    FourThreads threads(scenario("paper_rigid", {}));
+    for (const Role role : all_roles) threads.start(role);
+    const auto listener = threads.network().connect("listener");
+    listener->subscribe("ARM_LOG_ACK");
+    for (int acks = 0; acks < 4; ++acks) ASSERT_TRUE(listener->receive(Clock::now() + 60s));
+    threads.interrupt(victim);
+    const RunResult result = threads.finish();
+    for (const Role role : all_roles) {
+      const Outcome& outcome = result.of.at(role);
+      EXPECT_EQ(outcome.code, role == victim ? ExitCode::interrupted : ExitCode::peer_lost);
+      EXPECT_THAT(outcome.fault, HasSubstr("interrupted"));
+      if (role == victim) continue;
+      EXPECT_THAT(outcome.fault, HasSubstr(std::string(loop::name(victim))));
+    }
+    // Up to the interruption the log is readable and whole.
+    EXPECT_FALSE(result.log.empty());
+    // RUN_INFO, six messages a tick, and the fault, unless the logger was the one.
+    EXPECT_EQ(result.of.at(Role::logger).statistics.log->events,
+              1 + 6 * result.of.at(Role::logger).statistics.ticks + (victim != Role::logger));
+  }
+}
+
+TEST(TheLoop, EndsWithExitCode3WhenAPeerDiesWithoutAWord) {
+  /// Falls silent at its 40th message: nothing goes out any more, nothing comes in.
+  class Mortal : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      if (++published_ < 40) Wrapped::publish(channel, payload);
+    }
+    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+      auto datagram = Wrapped::receive(deadline);
+      if (published_ >= 40) return std::nullopt;
+      return datagram;
+    }
+
+   private:
+    int published_ = 0;
+  };
+  for (const Role victim : {Role::plant, Role::reference, Role::controller}) {
+    SCOPED_TRACE(loop::name(victim));
+    // Long against what a busy machine makes a thread wait: who is starved is not dead.
+    FourThreads threads(scenario("paper_rigid", {"loop.give_up_s=3"}));
+    threads.wrap([victim](Role role, std::unique_ptr<bus::Transport> inner) {
+      if (role != victim) return inner;
+      return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
+    });
+    const RunResult result = threads.finish();
+    for (const Role role : all_roles) {
+      const Outcome& outcome = result.of.at(role);
+      EXPECT_EQ(outcome.code, ExitCode::peer_lost) << loop::name(role);
+      if (role == victim) continue;
+      EXPECT_THAT(outcome.fault, HasSubstr(std::string(loop::name(victim))));
+    }
+  }
+}
+
+TEST(TheLoop, EndsForAllWithExitCode5WhenItIsUnstable) {
+  // The paper's gains at twenty times the period they are for.
+  const RunResult result =
+      run(scenario("paper_rigid", {"loop.period_s=1.0e-3", "plant.integrator.accuracy=1e-3"}));
+  for (const Role role : all_roles) {
+    const Outcome& outcome = result.of.at(role);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop) << loop::name(role);
+    EXPECT_THAT(outcome.fault, HasSubstr("unstable")) << loop::name(role);
+  }
+  EXPECT_FALSE(result.log.empty());
+}
+
+TEST(TheLoop, IsRefusedBeforeItStartsWhenTheScenariosDiffer) {
+  FourThreads threads(short_run());
+  threads.give(Role::controller, scenario("paper_rigid", {"loop.duration_s=0.02"}));
+  const RunResult result = threads.finish();
+  EXPECT_EQ(result.of.at(Role::plant).code, ExitCode::bad_usage);
+  EXPECT_EQ(result.of.at(Role::controller).code, ExitCode::bad_usage);
+  EXPECT_THAT(result.of.at(Role::plant).fault, HasSubstr("the controller"));
+  EXPECT_THAT(result.of.at(Role::plant).fault, HasSubstr("runs scenario 'paper_rigid'"));
+}
+
+}  // namespace
+}  // namespace tachless::process_test

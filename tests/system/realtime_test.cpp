@@ -1,0 +1,349 @@
+// Whole loops on the wall clock. The robot is at rest and shall stay there, and any number of
+// commands may be missed unless a test says otherwise: what is checked does not depend on how busy
+// the machine is.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "bus/udp_transport.h"
+#include "logger/run_log.h"
+#include "tests/support/counting_new.h"
+#include "tests/support/private_network.h"
+#include "tests/system/everyone_else.h"
+#include "tests/system/four_threads.h"
+#include "tests/system/wrapped.h"
+
+namespace tachless::process_test {
+namespace {
+
+using namespace std::chrono_literals;
+using diagnostics::ExitCode;
+using loop::Clock;
+using loop::Role;
+using loop::truth::DriveFault;
+using testing::HasSubstr;
+
+experiment::Scenario at_rest(std::vector<std::string> overrides) {
+  const std::vector<std::string> always = {"loop.mode=realtime",
+                                           "loop.duration_s=0.3",
+                                           "loop.max_missed=1000000",
+                                           "robot.gravity_m_per_s2=0",
+                                           "plant.encoder.resolution_bits=null",
+                                           "reference={hold: {position_rad: [0, 0]}}"};
+  overrides.insert(overrides.begin(), always.begin(), always.end());
+  return scenario("practical_rigid", overrides);
+}
+
+struct Recorded {
+  std::vector<logger::TickRecord> ticks;
+  logger::RunSummary summary;
+};
+
+Recorded recorded_by(const FourThreads& threads) {
+  Recorded result;
+  logger::RunLog log = logger::RunLog::open(threads.log_path());
+  logger::TickRecord record;
+  while (log.next(record)) result.ticks.push_back(record);
+  result.summary = log.summary();
+  return result;
+}
+
+TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
+  FourThreads threads(at_rest({}));
+  const RunResult result = threads.finish();
+  ASSERT_EQ(result.complaints(), "");
+
+  logger::LogReader log(threads.log_path());
+  std::set<std::pair<std::string, std::int64_t>> seen;
+  std::int64_t participants = 0;
+  std::int64_t utime = 0;
+  bool first = true;
+  while (const auto event = log.next()) {
+    EXPECT_EQ(event->channel == "ARM_RUN_INFO", first) << "it comes first and once";
+    first = false;
+    EXPECT_GE(event->utime, utime);
+    utime = event->utime;
+    if (event->channel == "ARM_PARTICIPANT") {
+      ++participants;
+      continue;
+    }
+    const loop::Stamp stamp = bus::stamp_of(event->data);
+    EXPECT_TRUE(seen.insert({std::string(event->channel), stamp.tick}).second)
+        << event->channel << " " << stamp.tick;
+  }
+  EXPECT_GE(participants, 4);
+  // From the first tick to the last, and not much of what was before.
+  EXPECT_GE(utime, 299'000);
+  for (std::int64_t k = 0; k < 300; ++k) {
+    for (const auto* channel : {"ARM_TICK", "ARM_POSITION", "ARM_REFERENCE", "ARM_TRUTH"}) {
+      EXPECT_TRUE(seen.contains({channel, k})) << channel << " " << k;
+    }
+  }
+  const node::Statistics& logger = result.of.at(Role::logger).statistics;
+  const node::Statistics& controller = result.of.at(Role::controller).statistics;
+  EXPECT_EQ(logger.log->ticks + logger.log->gaps, 300);
+  // This network loses nothing: only what a busy controller passed over is missing.
+  EXPECT_EQ(logger.log->gaps, controller.skipped_ticks);
+}
+
+TEST(RealtimeRun, TruthTellsWhatBecameOfEachCommand) {
+  FourThreads threads(at_rest({"plant.initial.position_rad=[0.001, 0]"}));
+  const RunResult result = threads.finish();
+  ASSERT_EQ(result.complaints(), "");
+  const Recorded log = recorded_by(threads);
+  ASSERT_EQ(log.ticks.size(), 300u);
+  ASSERT_EQ(log.ticks[0].truth->tau, robot::Vector::Zero(2));
+  std::int64_t held = 0;
+  for (std::size_t k = 1; k < 300; ++k) {
+    const auto& truth = *log.ticks[k].truth;
+    if (truth.fault == DriveFault::none) {
+      EXPECT_EQ(truth.tau, log.ticks[k - 1].command->tau) << k;
+    } else {
+      EXPECT_EQ(truth.fault, DriveFault::command_missed);
+      EXPECT_EQ(truth.tau, log.ticks[k - 1].truth->tau) << k;
+      ++held;
+    }
+  }
+  const auto missed = result.of.at(Role::plant).statistics.missed_commands;
+  EXPECT_TRUE(missed == held || missed == held + 1) << "the last tick's acts over no tick";
+}
+
+TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
+  FourThreads threads(at_rest({"loop.duration_s=0.5"}), {.loss = 0.05, .seed = 3});
+  const RunResult result = threads.finish();
+  ASSERT_EQ(result.complaints(), "");
+  const node::Statistics& plant = result.of.at(Role::plant).statistics;
+  const node::Statistics& controller = result.of.at(Role::controller).statistics;
+  const node::Statistics& logger = result.of.at(Role::logger).statistics;
+  EXPECT_EQ(plant.ticks, 500);
+  EXPECT_GT(plant.missed_commands, 0);
+  EXPECT_GT(controller.gaps, 0);
+  EXPECT_GE(controller.skipped_ticks, controller.gaps);
+  EXPECT_GT(logger.log->gaps, 0);
+  EXPECT_EQ(logger.log->ticks + logger.log->gaps, 500);
+  const Recorded log = recorded_by(threads);
+  EXPECT_GT(log.summary.of(logger::Piece::command).missing, 0u);
+}
+
+TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
+  /// Falls silent at its 60th message.
+  class Mortal : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      if (++published_ < 60) Wrapped::publish(channel, payload);
+    }
+    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+      auto datagram = Wrapped::receive(deadline);
+      if (published_ >= 60) return std::nullopt;
+      return datagram;
+    }
+
+   private:
+    int published_ = 0;
+  };
+  FourThreads threads(at_rest({"loop.duration_s=60", "loop.max_missed=20", "loop.give_up_s=2",
+                               "plant.initial.velocity_rad_per_s=[0.1, 0.1]"}));
+  threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role != Role::controller) return inner;
+    return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
+  });
+  const RunResult result = threads.finish();
+  for (const Role role : {Role::plant, Role::reference, Role::logger}) {
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protective_stop) << loop::name(role);
+    EXPECT_THAT(result.of.at(role).fault, HasSubstr("21 commands in a row"));
+  }
+  EXPECT_EQ(result.of.at(Role::controller).code, ExitCode::peer_lost);
+
+  const Recorded log = recorded_by(threads);
+  const auto last = std::find_if(log.ticks.rbegin(), log.ticks.rend(),
+                                 [](const logger::TickRecord& each) { return each.truth; });
+  ASSERT_NE(last, log.ticks.rend());
+  EXPECT_EQ(last->truth->fault, DriveFault::protective_stop);
+  EXPECT_EQ(last->truth->tau, robot::Vector::Zero(2));
+  // Braked from when the stop began: some tenths of a second, so a good part is in the log.
+  const auto braked = std::ranges::count_if(log.ticks, [](const logger::TickRecord& each) {
+    return each.truth && each.truth->fault == DriveFault::protective_stop;
+  });
+  EXPECT_GT(braked, 1);
+  ASSERT_FALSE(log.summary.faults.empty());
+  EXPECT_THAT(log.summary.faults.front().text, HasSubstr("21 commands in a row"));
+}
+
+/// Puts a node on the real bus.
+Wrapper on_the_network(const std::string& url) {
+  return [url](Role, std::unique_ptr<bus::Transport>) {
+    return std::unique_ptr<bus::Transport>(new bus::UdpTransport(url));
+  };
+}
+
+void run_both(FourThreads& one, FourThreads& other) {
+  for (const Role role : all_roles) {
+    one.start(role);
+    other.start(role);
+  }
+  EXPECT_EQ(one.finish().complaints(), "");
+  EXPECT_EQ(other.finish().complaints(), "");
+  for (const FourThreads* each : {&one, &other}) {
+    const Recorded log = recorded_by(*each);
+    EXPECT_EQ(log.ticks.size(), 300u);
+    EXPECT_EQ(log.summary.foreign_messages, 0u);
+    EXPECT_EQ(log.summary.other_messages, 0u);
+  }
+}
+
+TEST(TwoRealtimeSystems, DoNotDisturbEachOtherOnTwoPorts) {
+  FourThreads one(at_rest({}));
+  FourThreads other(at_rest({}));
+  one.wrap(on_the_network("udpm://239.255.76.67:7701?ttl=0"));
+  other.wrap(on_the_network("udpm://239.255.76.67:7702?ttl=0"));
+  run_both(one, other);
+}
+
+TEST(TwoRealtimeSystems, DoNotDisturbEachOtherOnOnePortWithTwoRobots) {
+  FourThreads one(at_rest({"robot.name=left"}));
+  FourThreads other(at_rest({"robot.name=right"}));
+  for (FourThreads* each : {&one, &other}) {
+    each->wrap(on_the_network("udpm://239.255.76.67:7703?ttl=0"));
+  }
+  run_both(one, other);
+}
+
+constexpr auto counting_url = "udpm://239.255.76.67:7704?ttl=0";
+
+/// Counts what a node allocates from its fifth message on `channel` to its last, but for what it
+/// does between a message on `not_after` and its next dealing with the bus.
+class Counting : public Wrapped {
+ public:
+  struct Count {
+    std::int64_t messages = 0;
+    std::size_t allocated = 0;
+  };
+
+  Counting(std::string channel, std::string not_after, Count& count)
+      : Wrapped(std::make_unique<bus::UdpTransport>(counting_url)),
+        channel_(std::move(channel)),
+        not_after_(std::move(not_after)),
+        count_(count) {}
+
+  void publish(std::string_view channel, std::span<const std::byte> payload) override {
+    const bool is_one = channel == channel_;
+    note();
+    Wrapped::publish(channel, payload);
+    excused_ = channel == not_after_;
+    if (is_one) {
+      count_.allocated += pending_;
+      if (++count_.messages <= 5) count_.allocated = 0;
+      pending_ = 0;
+    }
+    last_ = allocations;
+  }
+  std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+    note();
+    auto datagram = Wrapped::receive(deadline);
+    pending_ += allocations - last_;
+    last_ = allocations;
+    return datagram;
+  }
+
+ private:
+  void note() {
+    if (!excused_) pending_ += allocations - last_;
+    excused_ = false;
+    last_ = allocations;
+  }
+
+  std::string channel_;
+  std::string not_after_;
+  Count& count_;
+  std::size_t last_ = 0;
+  std::size_t pending_ = 0;
+  bool excused_ = false;
+};
+
+class ARealtimeRun : public testing::TestWithParam<bool> {};
+
+TEST_P(ARealtimeRun, AllocatesNothingAfterTheFirstTicks) {
+  FourThreads threads(at_rest({"loop.duration_s=1"}));
+  if (GetParam()) threads.give_key({});
+  // The logger is no part of the loop.
+  const std::map<Role, std::string> channels = {{Role::plant, "ARM_TICK"},
+                                                {Role::reference, "ARM_REFERENCE"},
+                                                {Role::controller, "ARM_COMMAND"}};
+  std::map<Role, Counting::Count> counts;
+  for (const auto& [role, channel] : channels) counts[role];
+  threads.wrap([&](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (!channels.contains(role)) return on_the_network(counting_url)(role, std::move(inner));
+    // Having said what it does the plant integrates, and Simbody's integrators allocate.
+    return std::unique_ptr<bus::Transport>(
+        new Counting(channels.at(role), role == Role::plant ? "ARM_TRUTH" : "", counts.at(role)));
+  });
+  ASSERT_EQ(threads.finish().complaints(), "");
+  for (const auto& [role, count] : counts) {
+    EXPECT_EQ(count.allocated, 0u) << loop::name(role);
+    EXPECT_GT(count.messages, 500) << loop::name(role);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(OnABus, ARealtimeRun, testing::Bool(), [](const auto& key) {
+  return std::string(key.param ? "WithAKey" : "WithoutAKey");
+});
+
+/// Spins on every core, and then some.
+class BusyMachine {
+ public:
+  BusyMachine() {
+    for (auto& thread : threads_) {
+      thread = std::thread([this] {
+        while (!stop_) {
+        }
+      });
+    }
+  }
+  ~BusyMachine() {
+    stop_ = true;
+    for (auto& thread : threads_) thread.join();
+  }
+
+ private:
+  std::atomic<bool> stop_ = false;
+  std::array<std::thread, 4> threads_;
+};
+
+TEST(TheLoggerUnderPressure, LosesNothingOfBurstsOfAThousandMessages) {
+  constexpr std::int64_t bursts = 10;
+  constexpr std::int64_t ticks_in_one = 167;  // six messages each: 1002
+  const experiment::Scenario scenario =
+      at_rest({"loop.duration_s=" + std::to_string(1e-3 * bursts * ticks_in_one)});
+  ASSERT_EQ(scenario.loop.num_ticks, bursts * ticks_in_one);
+  const std::string url = "udpm://239.255.76.67:7705?ttl=0";
+  FourThreads threads(scenario);
+  threads.wrap(on_the_network(url));
+  threads.start(Role::logger);
+
+  // In the others' place: one who says all they would have said, a thousand messages at once.
+  EveryoneElse others(scenario, url);
+  others.meet_the_logger();
+
+  {
+    const BusyMachine busy;
+    const auto start = Clock::now();
+    for (std::int64_t burst = 0; burst < bursts; ++burst) {
+      std::this_thread::sleep_until(start + burst * ticks_in_one * 1ms);
+      others.announce(loop::ParticipantState::running);
+      for (std::int64_t i = 0; i < ticks_in_one; ++i) others.say(burst * ticks_in_one + i);
+    }
+    others.announce(loop::ParticipantState::finished);
+    threads.wait();
+  }
+  EXPECT_EQ(others.unsent(), 0u);
+  const Recorded log = recorded_by(threads);
+  EXPECT_EQ(log.summary.gaps(), 0u);
+  EXPECT_EQ(log.ticks.size(), static_cast<std::size_t>(bursts * ticks_in_one));
+}
+
+}  // namespace
+}  // namespace tachless::process_test

@@ -1,0 +1,299 @@
+// `tachless run --visualize`, in a network and on a display of their own. The pictures stay in
+// build/…/artefacts/visualize.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <thread>
+#include <vector>
+
+#include "process/process_tree.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
+#include "tests/support/virtual_display.h"
+
+using namespace tachless;
+
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
+using Clock = std::chrono::steady_clock;
+
+namespace fs = std::filesystem;
+
+fs::path screenshot(const std::string& name) {
+  const fs::path folder = TACHLESS_BINARY_DIR "/artefacts/visualize";
+  fs::create_directories(folder);
+  return folder / name;
+}
+
+std::vector<std::string> run_of(const TemporaryDirectory& directory, const std::string& scenario,
+                                const std::vector<std::string>& more) {
+  std::vector<std::string> words = {"run", TACHLESS_SOURCE_DIR "/scenarios/" + scenario + ".yaml",
+                                    "--out", directory / "out"};
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+/// A realtime run that no busy machine ends.
+std::vector<std::string> on_the_wall_clock(const std::string& duration_s) {
+  return {"--mode", "realtime", "--duration", duration_s, "--set", "loop.max_missed=1000",
+          "--quiet"};
+}
+
+/// A run with its window.
+class Visualized {
+ public:
+  Visualized(const TemporaryDirectory& directory, const VirtualDisplay& display,
+             const std::string& scenario, std::vector<std::string> more)
+      : title_("tachless: " + scenario),
+        log_(directory / "out/lcmlog"),
+        display_(display),
+        program_("tachless", (more.push_back("--visualize"), run_of(directory, scenario, more)),
+                 directory.path()) {
+    wait_for("the window", [&] { return (window_ = display_.window(title_)).has_value(); });
+  }
+
+  /// Until Ctrl-C, which is all that ends it.
+  void expect_that_it_goes_on() {
+    const auto size = [&] {
+      std::error_code absent;
+      const auto bytes = fs::file_size(log_, absent);
+      return absent ? 0 : bytes;
+    };
+    const auto before = size();
+    wait_for("the log to grow", [&] { return size() > before + 200'000; });
+    program_.signal(SIGINT);
+    EXPECT_EQ(program_.wait(seconds(20)), 130) << program_.errors();
+    EXPECT_THAT(program_.errors(), HasSubstr("tachless: interrupted"));
+    EXPECT_THAT(contents(log_.parent_path() / "summary.json"),
+                HasSubstr("\"fault\": \"interrupted\""));
+  }
+
+  void wait_for_the_run() {
+    wait_for("the run to begin", [&] { return process("tachless-plant") != 0; });
+  }
+
+  Program& program() { return program_; }
+  [[nodiscard]] const std::string& window() const { return *window_; }
+  [[nodiscard]] bool shown() const { return display_.window(title_).has_value(); }
+
+  /// The process of that name among the run's; 0 when there is none.
+  [[nodiscard]] pid_t process(const std::string& name) const {
+    for (const pid_t pid : process::children_of(program_.pid())) {
+      if (process::program_of(pid) == name) return pid;
+    }
+    return 0;
+  }
+
+ private:
+  void wait_for(const std::string& what, const std::function<bool()>& is_so) {
+    wait_until(what, [&] {
+      if (!program_.running()) throw std::runtime_error(program_.errors() + program_.output());
+      return is_so();
+    });
+  }
+
+  std::string title_;
+  fs::path log_;
+  const VirtualDisplay& display_;
+  Program program_;
+  std::optional<std::string> window_;
+};
+
+/// Which pixels of a picture have the colour of the links.
+struct Links {
+  std::vector<bool> mask;
+  int count = 0;
+};
+Links links_in(const fs::path& picture, const TemporaryDirectory& directory) {
+  const fs::path raw = directory / "links.rgb";
+  // Below the line with the time, which is orange too.
+  output_of("convert",
+            {picture, "-gravity", "North", "-chop", "0x40", "-depth", "8", "rgb:" + raw.string()},
+            directory);
+  const std::string bytes = contents(raw);
+  Links links;
+  for (std::size_t i = 0; i + 2 < bytes.size(); i += 3) {
+    const auto red = static_cast<std::uint8_t>(bytes[i]);
+    const auto green = static_cast<std::uint8_t>(bytes[i + 1]);
+    const auto blue = static_cast<std::uint8_t>(bytes[i + 2]);
+    links.mask.push_back(red > 60 && red > 5 * blue && 4 * red > 5 * green);
+    links.count += links.mask.back() ? 1 : 0;
+  }
+  return links;
+}
+
+int differing(const Links& a, const Links& b) {
+  int count = 0;
+  for (std::size_t i = 0; i < a.mask.size(); ++i) count += a.mask[i] != b.mask[i] ? 1 : 0;
+  return count;
+}
+
+/// The simulated time that a picture shows [s].
+double time_in(const fs::path& picture, const TemporaryDirectory& directory) {
+  const fs::path part = directory / "time.png";
+  output_of("convert", {picture, "-crop", "190x36+0+0", "+repage", part}, directory);
+  const std::string letters = letters_in(part, directory);
+  if (letters.rfind("Time", 0) != 0) throw std::runtime_error("no time, but " + letters);
+  return std::stod(letters.substr(4)) * 1e-3;
+}
+
+class ShowsARobot : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(ShowsARobot, MovingAtTheSimulatedPaceToTheEnd) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  const auto begun = Clock::now();
+  const auto elapsed_s = [&] {
+    return std::chrono::duration<double>(Clock::now() - begun).count();
+  };
+  Visualized run(directory, display, GetParam(), {"--duration", "4"});
+  const fs::path early = screenshot(std::string(GetParam()) + "-early.png");
+  const fs::path late = screenshot(std::string(GetParam()) + "-late.png");
+  double early_s = 0;
+  wait_until("a picture of the robot", [&] {
+    display.picture(run.window(), early);
+    return links_in(early, directory).count > 2000;
+  });
+  early_s = time_in(early, directory);
+  EXPECT_LE(early_s, elapsed_s());
+
+  // Over, but not shown to its end.
+  run.program().wait_for("the window shows the run to its end");
+  double late_s = 0;
+  wait_until("the robot to move", [&] {
+    display.picture(run.window(), late);
+    late_s = time_in(late, directory);
+    return late_s > early_s + 0.5 &&
+           differing(links_in(early, directory), links_in(late, directory)) > 500;
+  });
+  // Not a second in less than a second, and 4 s take 4 s, plus what it takes to open and close.
+  EXPECT_LE(late_s, elapsed_s());
+  EXPECT_EQ(run.program().wait(), 0) << run.program().errors();
+  EXPECT_GT(elapsed_s(), 4);
+  EXPECT_LT(elapsed_s(), 30);
+  wait_until("the window to close", [&] { return !run.shown(); });
+}
+
+INSTANTIATE_TEST_SUITE_P(Robots, ShowsARobot,
+                         ::testing::Values("practical_rigid", "iiwa_point_to_point"),
+                         [](const auto& robot) { return std::string(robot.param); });
+
+TEST(Visualize, LeavesTheRunAlone) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  std::ofstream(directory / "key") << std::string(32, 'k');
+  fs::permissions(directory / "key", fs::perms::owner_read);
+  const std::vector<std::string> options = {"--run-id",   "7",   "--key-file", directory / "key",
+                                            "--duration", "0.5", "--quiet"};
+  Program alone("tachless", run_of(directory, "practical_flexible", options), directory.path());
+  ASSERT_EQ(alone.wait(), 0) << alone.errors();
+  const std::string log = contents(directory / "out/lcmlog");
+  Visualized run(directory, display, "practical_flexible", options);
+  // It hears a bus with a key, too: the robot's end is shown.
+  EXPECT_EQ(run.program().wait(), 0);
+  EXPECT_THAT(run.program().errors(), IsEmpty());
+  EXPECT_TRUE(contents(directory / "out/lcmlog") == log);
+}
+
+TEST(Visualize, ClosingTheWindowDoesNotEndTheRun) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid", on_the_wall_clock("1000"));
+  run.wait_for_the_run();
+  output_of("xdotool", {"windowkill", run.window()}, directory);
+  run.program().wait_for("the window was closed; the run goes on");
+  run.expect_that_it_goes_on();
+}
+
+TEST(Visualize, ACrashOfTheWindowsProgramDoesNotEndTheRun) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid", on_the_wall_clock("1000"));
+  run.wait_for_the_run();
+  kill(run.process("tachless-visualizer"), SIGKILL);
+  run.program().wait_for("the window is gone: tachless-visualizer was killed by signal 9");
+  wait_until("the window to close", [&] { return !run.shown(); });
+  run.expect_that_it_goes_on();
+}
+
+TEST(Visualize, CtrlCClosesTheWindowOfARunThatIsOver) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid", {"--duration", "100"});
+  run.program().wait_for("the window shows the run to its end", seconds(120));
+  run.program().signal(SIGINT);
+  EXPECT_EQ(run.program().wait(seconds(10)), 0);  // the run was done
+  wait_until("the window to close", [&] { return !run.shown(); });
+}
+
+TEST(Visualize, CtrlCEndsTheRunAndItsWindow) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  Visualized run(directory, display, "practical_rigid", on_the_wall_clock("100"));
+  run.wait_for_the_run();
+  run.program().signal(SIGINT);
+  EXPECT_EQ(run.program().wait(seconds(20)), 130);
+  wait_until("the window to close", [&] { return !run.shown(); });
+}
+
+class VisualizeRefused : public ::testing::Test {
+ protected:
+  /// What a run with a window says that cannot begin.
+  std::string refusal() {
+    Program run("tachless", run_of(directory_, "practical_rigid", {"--visualize"}),
+                directory_.path());
+    EXPECT_EQ(run.wait(), 2);
+    EXPECT_FALSE(fs::exists(directory_ / "out")) << "something was started";
+    EXPECT_THAT(run.output(), IsEmpty());
+    const std::string errors = run.errors();
+    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
+    EXPECT_THAT(errors, AllOf(StartsWith("tachless: --visualize: "),
+                              HasSubstr("; or leave out --visualize")));
+    return errors;
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(VisualizeRefused, WithoutADisplay) {
+  unsetenv("DISPLAY");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("no display: DISPLAY is not set; sit at a desktop"),
+                               Not(HasSubstr("watch"))));
+  setenv("DISPLAY", ":5000", 1);
+  EXPECT_THAT(refusal(), HasSubstr("no X server answers at DISPLAY=:5000"));
+}
+
+TEST_F(VisualizeRefused, OnADisplayWithoutOpenGL) {
+  const VirtualDisplay display(directory_, {"-extension", "GLX"});
+  EXPECT_THAT(refusal(), HasSubstr("apt-get install libgl1-mesa-dri"));
+}
+
+TEST(Visualizer, RefusesABadCommandLine) {
+  const TemporaryDirectory directory;
+  Program program("tachless-visualizer", {"nowhere.yaml"}, directory.path());
+  EXPECT_EQ(program.wait(), 2);
+  EXPECT_THAT(program.errors(), HasSubstr("nowhere.yaml"));
+  Program none("tachless-visualizer", {"--run-id", "0"}, directory.path());
+  EXPECT_EQ(none.wait(), 2);
+  EXPECT_THAT(none.errors(), HasSubstr("--run-id"));
+}
+
+}  // namespace

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "robot/model.h"
+#include "robot/quantities.h"
+
+namespace tachless::viewer {
+
+/// Simbody's 3D window of a robot in a given pose. Knows no bus, no time but what it is told, and
+/// no dynamics. Links are cylinders between the joints' frames, whatever the URDF shows.
+///
+/// The window belongs to a child process, simbody-visualizer. Simbody does not notice its end:
+/// while the constructor runs it then waits for good, and later it fills a pipe that nobody
+/// empties. Whoever opens a window looks after SIGCHLD.
+class ArmWindow {
+ public:
+  /// What there is to say when that process ends while the window is being opened.
+  static constexpr const char* viewer_ended =
+      "Simbody's window cannot be opened: simbody-visualizer ended at once; does this display have "
+      "OpenGL? As root, type: apt-get install libgl1-mesa-dri";
+
+  /// Opens the window. Needs a display with OpenGL. The view fits the robot as it is at `initial`.
+  /// @throw std::runtime_error saying what is missing
+  ArmWindow(const robot::Model& model, const robot::Vector& initial, const std::string& title);
+  ArmWindow(const ArmWindow&) = delete;
+  ArmWindow& operator=(const ArmWindow&) = delete;
+  /// Closes it.
+  ~ArmWindow();
+
+  /// Draws the robot with its links at `q` [rad; m], and the simulated time [s].
+  /// @throw std::runtime_error when it cannot be drawn
+  void show(double t_s, const robot::Vector& q);
+
+ private:
+  class Scene;
+  std::unique_ptr<Scene> scene_;
+};
+
+}  // namespace tachless::viewer

@@ -1,0 +1,224 @@
+#include "viewer/visualizer.h"
+
+#include <poll.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdint>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "diagnostics/logging.h"
+#include "diagnostics/version.h"
+#include "experiment/scenario.h"
+#include "node/key_file.h"
+#include "node/options.h"
+#include "plant/plant_model.h"
+#include "process/display.h"
+#include "process/interruption.h"
+#include "process/process_tree.h"
+#include "process/step_aside.h"
+#include "viewer/arm_window.h"
+#include "viewer/pose_player.h"
+#include "viewer/truth_listener.h"
+
+namespace tachless::viewer {
+namespace {
+
+using loop::Clock;
+using namespace std::chrono_literals;
+
+constexpr auto frame_period = 33ms;
+constexpr auto nap = 8ms;  // holds the socket's buffer easily at 20,000 ticks/s
+// A picture that does not change is drawn again, for a window that was covered.
+constexpr auto redraw_period = 500ms;
+constexpr auto last_picture_stays = 1s;
+
+struct Options {
+  std::filesystem::path scenario;
+  std::vector<std::string> overrides;
+  std::string lcm_url = node::default_lcm_url;
+  std::string key_file;
+  std::int64_t run_id = 0;
+};
+
+/// Nothing when --help or --version was asked for and has been answered.
+std::optional<Options> parse(int argc, const char* const* argv) {
+  Options options;
+  CLI::App cli("Shows the robot of a run, moving at the simulated pace, in a 3D window.",
+               "tachless-visualizer");
+  cli.footer(
+      "Examples:\n"
+      "  tachless run scenarios/practical_rigid.yaml --visualize\n"
+      "  tachless-visualizer scenarios/practical_rigid.yaml\n"
+      "Give it the run's scenario, with the same --set. It only listens, and may start at any "
+      "time.\n"
+      "Exit codes: 0 shown to the end or closed, 2 bad usage or no display, 130 interrupted.");
+  cli.set_version_flag("--version", std::string(diagnostics::version),
+                       "Print the version and exit");
+  node::add_scenario(cli, options.scenario, options.overrides);
+  node::add_lcm_url(cli, options.lcm_url);
+  node::add_key_file(cli, options.key_file);
+  node::add_run_id(cli, "--run-id", options.run_id,
+                   "The run to show; default: the first that is heard");
+  try {
+    cli.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      cli.exit(error, std::cout, std::cerr);
+      return std::nullopt;
+    }
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               std::string(error.what()) + "; see tachless-visualizer --help");
+  }
+  return options;
+}
+
+TruthListener listener_on(const Options& options, const experiment::Scenario& scenario) {
+  std::optional<bus::Key> key;
+  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
+  try {
+    return {node::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
+  } catch (const std::system_error& error) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               options.lcm_url + ": " + error.what());
+  }
+}
+
+std::atomic<bool> run_is_over{false};
+void note_end_of_run(int /*signal*/) { run_is_over = true; }
+
+void give_up_opening(int /*signal*/) {
+  const std::string_view words[] = {"tachless-visualizer: ", viewer::ArmWindow::viewer_ended, "\n"};
+  for (const std::string_view text : words) {
+    [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, text.data(), text.size());
+  }
+  _exit(static_cast<int>(diagnostics::ExitCode::bad_usage));
+}
+
+void handle(int signal, void (*handler)(int)) {
+  struct sigaction action {};
+  action.sa_handler = handler;
+  sigemptyset(&action.sa_mask);
+  sigaction(signal, &action, nullptr);
+}
+
+/// The process behind the window: the only child there is.
+class Viewer {
+ public:
+  Viewer() {
+    const std::vector<pid_t> children = process::children_of(getpid());
+    if (!children.empty()) pid_ = children.front();
+  }
+  Viewer(const Viewer&) = delete;
+  Viewer& operator=(const Viewer&) = delete;
+  /// Whatever state it is in: Simbody waits for its end without a limit.
+  ~Viewer() {
+    if (pid_ > 0) kill(pid_, SIGKILL);
+  }
+
+  /// It has ended, or has no connection to the display any more: one whose window was killed may
+  /// never get to its end, for it waits for its own threads while it exits.
+  bool window_is_closed() {
+    if (waitpid(-1, nullptr, WNOHANG) > 0) {
+      pid_ = 0;
+      return true;
+    }
+    const bool connected = process::has_socket(pid_);
+    was_connected_ = was_connected_ || connected;
+    return was_connected_ && !connected;
+  }
+
+  [[nodiscard]] pid_t pid() const { return pid_; }
+
+ private:
+  pid_t pid_ = 0;
+  bool was_connected_ = false;
+};
+
+void open(std::optional<viewer::ArmWindow>& window, const robot::Model& model,
+          const robot::Vector& initial, const std::string& title) {
+  handle(SIGCHLD, give_up_opening);
+  window.emplace(model, initial, title);
+  handle(SIGCHLD, SIG_DFL);
+}
+
+diagnostics::ExitCode show(const Options& options) {
+  const experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.overrides);
+  const robot::Model model = plant::plant_model(scenario);
+  const robot::Vector initial = plant::initial_state(scenario, model).q;
+  if (const auto problem = process::display_problem()) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, *problem);
+  }
+  handle(SIGUSR1, note_end_of_run);
+  handle(SIGPIPE, SIG_IGN);
+  TruthListener listener = listener_on(options, scenario);
+  std::optional<viewer::ArmWindow> window;
+  open(window, model, initial, "tachless: " + scenario.name);
+  Viewer viewer;  // ended before the window
+  const std::atomic<bool>& interrupted = process::catch_interruptions();
+  std::cout << window_is_open << std::endl;
+
+  PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);
+  Clock::time_point next_frame{}, next_redraw{}, close_at = Clock::time_point::max();
+  std::optional<double> shown_s;
+  bool run_has_begun = false;
+  while (!interrupted) {
+    // Looked at before what has come: what was sent before the end is shown.
+    const bool over = run_is_over;
+    listener.drain([&](double t_s, const robot::Vector& q) {
+      // Not before: on a busy machine the window would not open.
+      if (!std::exchange(run_has_begun, true)) {
+        process::step_aside(getpid());
+        process::step_aside(viewer.pid());
+      }
+      player.add(t_s, q, Clock::now());
+    });
+    if (over) player.end();
+    if (viewer.window_is_closed()) return diagnostics::ExitCode::done;
+    const Clock::time_point now = Clock::now();
+    if (now >= next_frame) {
+      next_frame = now + frame_period;
+      const auto pose = player.at(now);
+      if (pose && (pose->t_s != shown_s || now >= next_redraw)) {
+        window->show(pose->t_s, pose->q);
+        shown_s = pose->t_s;
+        next_redraw = now + redraw_period;
+      }
+      if (player.finished()) close_at = std::min(close_at, now + last_picture_stays);
+      if (now >= close_at) return diagnostics::ExitCode::done;
+    }
+    poll(nullptr, 0, static_cast<int>(nap.count()));
+  }
+  return diagnostics::ExitCode::interrupted;
+}
+
+}  // namespace
+
+int visualizer(int argc, const char* const* argv) {
+  diagnostics::start_logging("tachless-visualizer", diagnostics::Verbosity::normal);
+  try {
+    const std::optional<Options> options = parse(argc, argv);
+    return static_cast<int>(options ? show(*options) : diagnostics::ExitCode::done);
+  } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_error(failure.what());
+    return static_cast<int>(failure.code());
+  } catch (const std::runtime_error& error) {
+    diagnostics::log_error(error.what());
+    return static_cast<int>(diagnostics::ExitCode::bad_usage);
+  }
+}
+
+}  // namespace tachless::viewer
