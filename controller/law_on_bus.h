@@ -10,9 +10,9 @@
 #include "bus/wire.h"
 #include "controller/law/law.h"
 #include "controller/law_stepper.h"
-#include "protocol/lockstep/verdict.h"
 #include "experiment/scenario.h"
 #include "node/session.h"
+#include "protocol/lockstep/verdict.h"
 
 namespace tachless::controller {
 

@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "bus/transport.h"
-#include "bus/wire.h"
 #include "diagnostics/failure.h"
+#include "loop/clock.h"
+#include "loop/messages.h"
 
 namespace tachless::protocol {
 

@@ -81,10 +81,11 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/"},
      true},
-    {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5"}},
+    {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5"}, true},
 
     {"certificate/",
-     {"certificate/", "controller/catalogue.h", "controller/law/", "experiment/", "robot/"},
+     {"certificate/", "controller/catalogue.h", "controller/law/", "experiment/", "loop/signals.h",
+      "robot/"},
      {"Eigen/"}},
 
     {"study/",

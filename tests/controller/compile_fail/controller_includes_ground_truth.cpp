@@ -4,9 +4,9 @@
 #include "controller/law/loria_ortega_rigid.h"
 #ifdef FORBIDDEN
 #include "tachless_truth/plant_truth_t.hpp"
+#endif
 
 using namespace tachless;
-#endif
 
 std::string_view channel_of(const controller::law::LoriaOrtegaRigid& /*law*/) {
   return loop::ChannelOf<controller::law::LoriaOrtegaRigid::Measurement>::suffix;
