@@ -1,0 +1,90 @@
+#include "diagnostics/text.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <charconv>
+#include <numeric>
+
+namespace tachless::diagnostics {
+namespace {
+
+/// Insertions, deletions and replacements from one to the other (Levenshtein).
+std::size_t edit_distance(std::string_view from, std::string_view to) {
+  std::vector<std::size_t> row(to.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < to.size(); ++j) {
+      const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return result;
+}
+
+bool is_part(std::string_view word, std::string_view candidate) {
+  if (word.size() < 2 || word.size() > candidate.size()) return false;
+  if (candidate.starts_with(word)) return true;
+  return candidate.ends_with(word) && candidate[candidate.size() - word.size() - 1] == '.';
+}
+
+/// How unlike the two are; nothing when too unlike for one to be meant by the other.
+std::optional<std::size_t> unlikeness(const std::string& word, const std::string& candidate) {
+  if (word == candidate) return 0;
+  if (is_part(word, candidate)) return 1;
+  const std::size_t largest = std::max<std::size_t>(word.size() < 4 ? 1 : 2, word.size() / 3);
+  const std::size_t distance = edit_distance(word, candidate);
+  if (distance > largest) return {};
+  return 1 + distance;
+}
+
+}  // namespace
+
+std::string shortest(double value) {
+  std::array<char, 32> text;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
+}
+
+std::string one_line(std::string_view text) {
+  std::string line;
+  std::string gap;  // white space that may still be dropped
+  bool ended = true;
+  for (const char c : text) {
+    const bool control = static_cast<unsigned char>(c) < ' ' || c == '\x7F';
+    if (control || c == ' ') {
+      ended = ended || control;
+      gap += c;
+      continue;
+    }
+    if (!line.empty()) line += ended && !gap.empty() ? " " : gap;
+    line += c;
+    gap.clear();
+    ended = false;
+  }
+  return line;
+}
+
+std::optional<std::string> nearest_of(std::string_view word,
+                                      const std::vector<std::string_view>& candidates) {
+  const std::string wanted = lower(word);
+  std::optional<std::string> nearest;
+  std::size_t least = 0;
+  for (const std::string_view candidate : candidates) {
+    const auto unlike = unlikeness(wanted, lower(candidate));
+    if (!unlike || (nearest && *unlike >= least)) continue;
+    least = *unlike;
+    nearest = candidate;
+  }
+  return nearest;
+}
+
+}  // namespace tachless::diagnostics

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// Text helpers that fmt does not have: lists, numbers, suggestions for a misspelt name. No
+/// escaping for HTML or gnuplot (report/) and no YAML (experiment/).
+namespace tachless::diagnostics {
+
+/// The elements as fmt writes them, with `separator` between them: "link, motor".
+template <class Range>
+std::string joined(const Range& range, std::string_view separator = ", ") {
+  return fmt::format("{}", fmt::join(range, separator));
+}
+
+/// The fewest significant digits that give `value` back when they are read: "0.1", "1e-06", "nan".
+std::string shortest(double value);
+
+/// `text` on one line: line ends and other control characters become one space, together with the
+/// white space around them; white space at both ends goes.
+std::string one_line(std::string_view text);
+
+/// Which candidate was probably meant by a misspelt or shortened `word`; nothing when none is
+/// similar. Names may have parts, separated by dots. Similar is, best first:
+/// - the same but for upper and lower case;
+/// - `word` (two characters or more) is the beginning of the candidate, or its last parts:
+///   "loria" for "loria_ortega_rigid", "kp" for "controller.gains.kp";
+/// - at most a third of `word`'s characters (at least one; two from four characters on) have to be
+///   inserted, deleted or replaced.
+/// Of candidates that are equally similar the first one.
+std::optional<std::string> nearest_of(std::string_view word,
+                                      const std::vector<std::string_view>& candidates);
+
+/// The same for any range of strings.
+template <class Range>
+std::optional<std::string> nearest(std::string_view word, const Range& candidates) {
+  return nearest_of(word, {std::begin(candidates), std::end(candidates)});
+}
+
+}  // namespace tachless::diagnostics
