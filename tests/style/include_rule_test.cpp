@@ -29,6 +29,8 @@ const std::vector<std::string> anything = {""};
 const std::vector<Rule> rules = {
     {"diagnostics/", {"diagnostics/"}, {"spdlog/"}},
 
+    {"schema/", {"schema/", "robot/quantities.h"}, {"fmt/"}},
+
     {"robot/", {"robot/"}, {"Eigen/"}},
     {"robot/urdf.cpp", {"robot/"}, {"Eigen/", "urdf_parser/", "urdf_model/", "console_bridge/"}},
 

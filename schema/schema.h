@@ -1,0 +1,255 @@
+#pragma once
+
+#include <array>
+#include <limits>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <type_traits>
+#include <variant>
+#include <vector>
+
+#include "robot/quantities.h"
+
+/// Named values: a struct that is filled from outside (a spec of the scenario, the gains of a law)
+/// declares, beside its members, one `Key` for each:
+///
+///   struct Gains {
+///     robot::Vector kp;
+///     double cutoff_hz = 50;
+///     static constexpr std::tuple keys{
+///         schema::Key{"kp", &Gains::kp, "N m/rad", "Proportional gain"}.in(schema::positive),
+///         schema::Key{"cutoff_hz", &Gains::cutoff_hz, "Hz", "Cut-off"}.by_default()};
+///   };
+///
+/// Reading, checking, error messages and documentation follow from the keys. This header does not
+/// read anything itself (experiment/ reads YAML). It stays C++17-clean: the Simbody translation
+/// unit includes it.
+namespace tachless::schema {
+
+/// The numbers that a value may take; NaN and the infinities never are among them.
+struct Range {
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
+  bool min_open = false;  ///< min itself is not allowed
+  bool max_open = false;
+
+  [[nodiscard]] constexpr bool contains(double value) const {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    return -infinity < value && value < infinity && (min_open ? value > min : value >= min) &&
+           (max_open ? value < max : value <= max);
+  }
+  /// "in (0, 1]", ">= 0", "> 0"; empty when every finite number is allowed.
+  [[nodiscard]] std::string text() const;
+};
+
+inline constexpr Range positive{0, std::numeric_limits<double>::infinity(), true, false};
+inline constexpr Range not_negative{0, std::numeric_limits<double>::infinity(), false, false};
+
+/// One value of an enum and what it is called in files.
+template <class Enum>
+struct Name {
+  Enum value;
+  std::string_view name;
+};
+
+/// All values of an enum, in the order of the documentation. Specialised beside the enum:
+///   template <>
+///   inline constexpr std::array<Name<Side>, 2> names<Side>{{{Side::link, "link"}, …}};
+template <class Enum>
+inline constexpr auto names = nullptr;
+
+/// @return the name of `value`; "?" when it has none.
+template <class Enum>
+constexpr std::string_view name_of(Enum value) {
+  for (const Name<Enum>& entry : names<Enum>) {
+    if (entry.value == value) return entry.name;
+  }
+  return "?";
+}
+
+/// @return the value called `name`; nothing when there is none.
+template <class Enum>
+constexpr std::optional<Enum> value_of(std::string_view name) {
+  for (const Name<Enum>& entry : names<Enum>) {
+    if (entry.name == name) return entry.value;
+  }
+  return std::nullopt;
+}
+
+/// What stands in for a value that is not given.
+enum class Default {
+  required,   ///< nothing: it must be given
+  of_struct,  ///< what the struct initialises the member with
+  of_joints,  ///< one number, for every joint
+  described,  ///< whoever uses the value decides; the member stays as the struct initialises it
+};
+
+/// The declaration of one value. `Member` is the type of a data member, or a function type
+/// `void(Value)` when the struct takes the value through a member function.
+template <class Struct, class Member>
+struct Key {
+  using Owner = Struct;
+
+  std::string_view name;
+  Member Struct::*member;
+  std::string_view unit{};
+  std::string_view meaning{};  ///< one line for the documentation; may use Markdown
+  Range range{};
+  Default fallback = Default::required;
+  double each_joint = 0;                 ///< for Default::of_joints
+  std::string_view described_default{};  ///< for Default::described
+  bool nullable = false;
+
+  constexpr Key(std::string_view key_name, Member Struct::*filled, std::string_view key_unit = {},
+                std::string_view key_meaning = {})
+      : name(key_name), member(filled), unit(key_unit), meaning(key_meaning) {}
+
+  /// The allowed numbers; for vectors and lists, of each entry.
+  [[nodiscard]] constexpr Key in(Range allowed) const {
+    Key key = *this;
+    key.range = allowed;
+    return key;
+  }
+  /// May be left out: the member then keeps the struct's own initial value.
+  [[nodiscard]] constexpr Key by_default() const {
+    Key key = *this;
+    key.fallback = Default::of_struct;
+    return key;
+  }
+  /// May be left out: the vector then has this number for every joint.
+  [[nodiscard]] constexpr Key by_default(double for_each_joint) const {
+    static_assert(std::is_same_v<Member, robot::Vector>, "others have their default in the struct");
+    Key key = *this;
+    key.fallback = Default::of_joints;
+    key.each_joint = for_each_joint;
+    return key;
+  }
+  /// May be left out: what happens then, in words.
+  [[nodiscard]] constexpr Key by_default(std::string_view in_words) const {
+    Key key = *this;
+    key.fallback = Default::described;
+    key.described_default = in_words;
+    return key;
+  }
+  /// `null` may be written, and gives an empty std::optional.
+  [[nodiscard]] constexpr Key or_null() const {
+    Key key = *this;
+    key.nullable = true;
+    return key;
+  }
+};
+
+/// True for a struct that declares `keys`.
+template <class Struct, class = void>
+inline constexpr bool has_keys = false;
+template <class Struct>
+inline constexpr bool has_keys<Struct, std::void_t<decltype(Struct::keys)>> = true;
+
+/// Calls `visit` with each key of `Struct`, in their order.
+template <class Struct, class Visit>
+constexpr void for_each_key(Visit&& visit) {
+  std::apply([&](const auto&... key) { (visit(key), ...); }, Struct::keys);
+}
+
+/// A rule across several keys that a filled struct breaks: returned by its member function
+/// `std::optional<schema::Refusal> refusal() const`, if it has one.
+struct Refusal {
+  std::string_view key;
+  std::string problem;  ///< "<value>; allowed: <…>"
+};
+
+// ---- what a member's type says ----------------------------------------------------------------
+
+enum class Shape {
+  text,
+  choice,        ///< an enum with `names`
+  yes_no,        ///< bool
+  number,        ///< double
+  whole,         ///< any integer
+  joints,        ///< robot::Vector: one number for every joint, or a list with one per joint
+  numbers,       ///< list of numbers
+  joints_list,   ///< list of `joints`
+  named_joints,  ///< map from names of the user's choice to `joints`
+  one_of,        ///< std::variant of structs that have `name` and `keys`
+  map,           ///< struct that has `keys`
+  list_of_maps,  ///< list of them
+};
+
+/// The shape of values of type `T`; that of an optional is the shape of what it may hold.
+template <class T>
+struct ShapeOf {
+  static constexpr Shape shape = std::is_enum_v<T>                ? Shape::choice
+                                 : std::is_same_v<T, bool>        ? Shape::yes_no
+                                 : std::is_floating_point_v<T>    ? Shape::number
+                                 : std::is_integral_v<T>          ? Shape::whole
+                                 : std::is_same_v<T, std::string> ? Shape::text
+                                                                  : Shape::map;
+  static_assert(shape != Shape::map || has_keys<T>, "no value and no struct with keys");
+};
+template <>
+struct ShapeOf<robot::Vector> {
+  static constexpr Shape shape = Shape::joints;
+};
+template <>
+struct ShapeOf<std::vector<double>> {
+  static constexpr Shape shape = Shape::numbers;
+};
+template <>
+struct ShapeOf<std::vector<robot::Vector>> {
+  static constexpr Shape shape = Shape::joints_list;
+};
+template <class T>
+struct ShapeOf<std::vector<T>> {
+  static constexpr Shape shape = Shape::list_of_maps;
+};
+template <>
+struct ShapeOf<std::map<std::string, robot::Vector>> {
+  static constexpr Shape shape = Shape::named_joints;
+};
+template <class... T>
+struct ShapeOf<std::variant<T...>> {
+  static constexpr Shape shape = Shape::one_of;
+};
+template <class T>
+struct ShapeOf<std::optional<T>> : ShapeOf<T> {};
+template <class T>
+struct ShapeOf<void(T)> : ShapeOf<T> {};
+
+template <class T>
+inline constexpr Shape shape_of = ShapeOf<T>::shape;
+
+/// What may be written for a value of that shape: "a finite number in (0, 1]". `choices` are the
+/// names of a choice or of the alternatives.
+std::string allowed_text(Shape shape, const Range& range,
+                         const std::vector<std::string_view>& choices, bool nullable);
+
+/// The names among which a value of type `T` chooses; empty for what is no choice.
+template <class T>
+struct ChoicesOf {
+  static std::vector<std::string_view> choices() {
+    std::vector<std::string_view> all;
+    if constexpr (std::is_enum_v<T>) {
+      for (const Name<T>& entry : names<T>) all.push_back(entry.name);
+    }
+    return all;
+  }
+};
+template <class... T>
+struct ChoicesOf<std::variant<T...>> {
+  static std::vector<std::string_view> choices() { return {T::name...}; }
+};
+template <class T>
+struct ChoicesOf<std::optional<T>> : ChoicesOf<T> {};
+template <class T>
+struct ChoicesOf<void(T)> : ChoicesOf<T> {};
+
+/// What may be written for the value of `key`.
+template <class Struct, class Member>
+std::string allowed_text(const Key<Struct, Member>& key) {
+  return allowed_text(shape_of<Member>, key.range, ChoicesOf<Member>::choices(), key.nullable);
+}
+
+}  // namespace tachless::schema
