@@ -1,438 +1,74 @@
 #include "plant/arm.h"
 
-#include <SimTKsimbody.h>
-
-#include <SimTKcommon/internal/SystemGuts.h>
-#include <Eigen/Cholesky>
-#include <Eigen/Geometry>
-#include <algorithm>
 #include <sstream>
 #include <stdexcept>
 #include <string>
-#include <utility>
-#include <vector>
+
+#include "plant/arm_engine.h"
 
 namespace tachless::plant {
 namespace {
 
-SimTK::Vec3 vec3(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z()}; }
-
-SimTK::Rotation rotation(const Eigen::Matrix3d& R) {
-  return SimTK::Rotation(
-      SimTK::Mat33(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2)),
-      true);
+void require_size(const robot::Vector& x, int num_joints) {
+  if (x.size() != num_joints) throw std::logic_error("plant::Arm: wrong number of joints");
 }
 
-/// Simbody keeps inertia as (mass, inertia / mass) and so loses the inertia of a massless body. A
-/// power of two far below every rounding error stands in for its mass and scales exactly.
-SimTK::MassProperties mass_properties(const robot::Body& body) {
-  constexpr double stand_in = 0x1p-200;
-  const double mass = body.mass > 0 ? body.mass : stand_in;
-  const Eigen::Vector3d com = body.mass > 0 ? body.p_Bcm : Eigen::Vector3d(0, 0, 0);
-  const Eigen::Matrix3d I =
-      body.I_Bcm / mass + com.squaredNorm() * Eigen::Matrix3d::Identity() - com * com.transpose();
-  return {mass, vec3(com),
-          SimTK::UnitInertia(SimTK::Vec3(I(0, 0), I(1, 1), I(2, 2)),
-                             SimTK::Vec3(I(1, 0), I(2, 0), I(2, 1)))};
-}
-
-/// The tree of bodies in Simbody, and its mechanics in independent coordinates: with
-/// q_tree = G q + offset (G has one entry per row), M = G' M_tree G and bias = G' bias_tree.
-/// Eliminating mimic joints by G instead of Simbody's coupler constraints leaves an ODE: no
-/// constraint drift, no projection, and a sixth of the cost
-/// (docs/decisions/0003-plant-integration).
-class Tree {
- public:
-  explicit Tree(const robot::Model& model)
-      : num_joints_(model.num_joints), matter_(system_), gravity_(vec3(model.gravity)) {
-    for (const robot::Body& body : model.bodies) {
-      // Simbody pins turn about z and sliders move along x of the mobilizer's frames F and M.
-      const bool revolute = body.type == robot::JointType::revolute;
-      const Eigen::Vector3d along = revolute ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX();
-      const SimTK::Rotation R_BM =
-          rotation(Eigen::Quaterniond::FromTwoVectors(along, body.axis_B).toRotationMatrix());
-      const SimTK::Transform X_PF(rotation(body.R_PB) * R_BM, vec3(body.p_PB));
-      const SimTK::Transform X_BM(R_BM, SimTK::Vec3(0));
-      // Body i of the model is mobilized body i + 1: the ground is number 0.
-      SimTK::MobilizedBody& parent =
-          matter_.updMobilizedBody(SimTK::MobilizedBodyIndex(body.parent + 1));
-      const SimTK::Body::Rigid rigid(mass_properties(body));
-      if (revolute) {
-        SimTK::MobilizedBody::Pin(parent, X_PF, rigid, X_BM);
-      } else {
-        SimTK::MobilizedBody::Slider(parent, X_PF, rigid, X_BM);
-      }
-    }
-    state_ = system_.realizeTopology();
-    system_.realizeModel(state_);
-    for (std::size_t i = 0; i < model.bodies.size(); ++i) {
-      const robot::Body& body = model.bodies[i];
-      const SimTK::MobilizedBodyIndex index(static_cast<int>(i) + 1);
-      const SimTK::MobilizedBody& mobilized = matter_.getMobilizedBody(index);
-      joints_.push_back({mobilized.getFirstQIndex(state_), mobilized.getFirstUIndex(state_),
-                         body.coordinate, body.multiplier, body.offset});
-      if (body.mass > 0) masses_.push_back({index, vec3(body.p_Bcm), body.mass * gravity_});
-    }
-    weights_.resize(matter_.getNumBodies());
-    column_.resize(state_.getNU());
-    no_forces_.resize(state_.getNU());
-    no_forces_.setToZero();
-    M_.resize(num_joints_, num_joints_);
-    bias_.resize(num_joints_);
-  }
-
-  /// Inertia matrix and bias C(q,v) v + g(q) at link position q and velocity v.
-  void evaluate(const double* q, const double* v) {
-    SimTK::Vector& q_tree = state_.updQ();
-    SimTK::Vector& v_tree = state_.updU();
-    for (const Joint& joint : joints_) {
-      q_tree[joint.q] = joint.multiplier * q[joint.coordinate] + joint.offset;
-      v_tree[joint.u] = joint.multiplier * v[joint.coordinate];
-    }
-    system_.realize(state_, SimTK::Stage::Velocity);
-
-    weights_.setToZero();
-    for (const Mass& mass : masses_) {
-      matter_.addInStationForce(state_, mass.body, mass.com, mass.weight, weights_);
-    }
-    matter_.calcResidualForceIgnoringConstraints(state_, no_forces_, weights_, no_accelerations_,
-                                                 residual_);
-    bias_.setZero();
-    for (const Joint& joint : joints_) {
-      bias_[joint.coordinate] += joint.multiplier * residual_[joint.u];
-    }
-
-    M_.setZero();
-    for (int j = 0; j < num_joints_; ++j) {
-      column_.setToZero();
-      for (const Joint& joint : joints_) {
-        if (joint.coordinate == j) column_[joint.u] = joint.multiplier;
-      }
-      matter_.multiplyByM(state_, column_, M_column_);
-      for (const Joint& joint : joints_) {
-        if (joint.coordinate >= j) {
-          M_(joint.coordinate, j) += joint.multiplier * M_column_[joint.u];
-        }
-      }
-    }
-  }
-
-  /// Lower triangle of M.
-  robot::Matrix& M() { return M_; }
-  [[nodiscard]] const robot::Vector& bias() const { return bias_; }
-
- private:
-  struct Joint {
-    int q, u;  ///< Simbody's indices
-    int coordinate;
-    double multiplier, offset;
-  };
-  struct Mass {
-    SimTK::MobilizedBodyIndex body;
-    SimTK::Vec3 com, weight;
-  };
-
-  int num_joints_;
-  SimTK::MultibodySystem system_;
-  SimTK::SimbodyMatterSubsystem matter_;
-  SimTK::State state_;
-  SimTK::Vec3 gravity_;
-  std::vector<Joint> joints_;
-  std::vector<Mass> masses_;
-  SimTK::Vector_<SimTK::SpatialVec> weights_;
-  SimTK::Vector column_, M_column_, no_forces_, no_accelerations_, residual_;
-  robot::Matrix M_;
-  robot::Vector bias_;
-};
-
-/// The paper's eq. 1 (flexible) or eq. 2 (rigid) with viscous friction. Rotors of flexible joints
-/// are pinned to the ground (Spong's simplification), so each is a scalar equation.
-class Dynamics {
- public:
-  Dynamics(const robot::Model& model, const ArmOptions& options)
-      : num_joints_(model.num_joints), flexible_(options.flexible != nullptr), tree_(model) {
-    const robot::Vector zero = robot::Vector::Zero(num_joints_);
-    const auto or_zero = [&](const robot::Vector& x) { return x.size() == 0 ? zero : x; };
-    if (flexible_) {
-      K_ = options.flexible->stiffness;
-      J_ = options.flexible->rotor_inertia;
-      motor_damping_ = or_zero(options.flexible->motor_damping);
-    }
-    rigid_rotor_inertia_ = or_zero(model.rotor_inertia);
-    friction_ = or_zero(options.viscous_friction);
-    for (const robot::Vector* x : {&friction_, &rigid_rotor_inertia_}) {
-      if (x->size() != num_joints_) throw std::logic_error("plant::Arm: wrong number of joints");
-    }
-    if (flexible_ && (K_.size() != num_joints_ || J_.size() != num_joints_ ||
-                      motor_damping_.size() != num_joints_ || !(J_.array() > 0).all())) {
-      throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
-    }
-    tau = zero;
-  }
-
-  [[nodiscard]] int num_joints() const { return num_joints_; }
-  [[nodiscard]] bool flexible() const { return flexible_; }
-  [[nodiscard]] int num_coordinates() const { return flexible_ ? 2 * num_joints_ : num_joints_; }
-
-  void brake(const robot::Vector& damping) { (flexible_ ? motor_damping_ : friction_) += damping; }
-
-  /// Accelerations of (q, theta) at positions x = (q, theta) and rates xdot.
-  void accelerate(const SimTK::Vector& x, const SimTK::Vector& xdot, SimTK::Vector& xddot) {
-    const int n = num_joints_;
-    tree_.evaluate(&x[0], &xdot[0]);
-    rhs_ = -tree_.bias();
-    for (int i = 0; i < n; ++i) {
-      tree_.M()(i, i) += rigid_rotor_inertia_[i];
-      rhs_[i] -= friction_[i] * xdot[i];
-      if (flexible_) {
-        const double spring = K_[i] * (x[n + i] - x[i]);
-        rhs_[i] += spring;
-        xddot[n + i] = (tau[i] - spring - motor_damping_[i] * xdot[n + i]) / J_[i];
-      } else {
-        rhs_[i] += tau[i];
-      }
-    }
-    llt_.compute(tree_.M());
-    if (llt_.info() != Eigen::Success) {
-      throw std::runtime_error("the inertia matrix is not positive definite");
-    }
-    llt_.solveInPlace(rhs_);
-    for (int i = 0; i < n; ++i) xddot[i] = rhs_[i];
-  }
-
-  robot::Vector tau;  ///< motor torque, held
-
- private:
-  int num_joints_;
-  bool flexible_;
-  Tree tree_;
-  robot::Vector K_, J_, motor_damping_, rigid_rotor_inertia_, friction_;
-  robot::Vector rhs_;
-  Eigen::LLT<robot::Matrix> llt_;
-};
-
-/// The dynamics as Simbody's integrators want them: an unconstrained system of q's and u's.
-class ArmGuts : public SimTK::System::Guts {
- public:
-  explicit ArmGuts(Dynamics& dynamics) : dynamics_(&dynamics) {}
-  SimTK::SubsystemIndex subsystem;
-
- protected:
-  ArmGuts* cloneImpl() const override { return new ArmGuts(*this); }
-
-  int realizeTopologyImpl(SimTK::State& s) const override {
-    const SimTK::Vector zero(dynamics_->num_coordinates(), SimTK::Real(0));
-    s.allocateQ(subsystem, zero);
-    s.allocateU(subsystem, zero);
-    return SimTK::System::Guts::realizeTopologyImpl(s);
-  }
-  int realizeVelocityImpl(const SimTK::State& s) const override {
-    s.updQDot(subsystem) = s.getU(subsystem);
-    return SimTK::System::Guts::realizeVelocityImpl(s);
-  }
-  int realizeAccelerationImpl(const SimTK::State& s) const override {
-    SimTK::Vector& udot = s.updUDot(subsystem);
-    dynamics_->accelerate(s.getQ(subsystem), s.getU(subsystem), udot);
-    s.updQDotDot(subsystem) = udot;
-    return SimTK::System::Guts::realizeAccelerationImpl(s);
-  }
-
-  // qdot = u.
-  using V = SimTK::Vector;
-  void multiplyByNImpl(const SimTK::State&, const V& u, V& dq) const override { dq = u; }
-  void multiplyByNTransposeImpl(const SimTK::State&, const V& fq, V& fu) const override { fu = fq; }
-  void multiplyByNPInvImpl(const SimTK::State&, const V& dq, V& u) const override { u = dq; }
-  void multiplyByNPInvTransposeImpl(const SimTK::State&, const V& fu, V& fq) const override {
-    fq = fu;
-  }
-
- private:
-  Dynamics* dynamics_;
-};
-
-class ArmSystem : public SimTK::System {
- public:
-  explicit ArmSystem(Dynamics& dynamics) {
-    auto owned = std::make_unique<ArmGuts>(dynamics);
-    ArmGuts& mine = *owned;
-    adoptSystemGuts(owned.release());
-    const SimTK::DefaultSystemSubsystem default_subsystem(*this);
-    mine.subsystem = default_subsystem.getMySubsystemIndex();
-    setHasTimeAdvancedEvents(false);
-  }
-};
-
-std::unique_ptr<SimTK::Integrator> make_integrator(Integrator method, const SimTK::System& system) {
-  switch (method) {
-    case Integrator::runge_kutta_merson:
-      return std::make_unique<SimTK::RungeKuttaMersonIntegrator>(system);
-    case Integrator::runge_kutta_3:
-      return std::make_unique<SimTK::RungeKutta3Integrator>(system);
-    case Integrator::runge_kutta_feldberg:
-      return std::make_unique<SimTK::RungeKuttaFeldbergIntegrator>(system);
-    case Integrator::semi_explicit_euler_2:
-      return std::make_unique<SimTK::SemiExplicitEuler2Integrator>(system);
-    case Integrator::verlet:
-      return std::make_unique<SimTK::VerletIntegrator>(system);
-    case Integrator::cpodes:
-      return std::make_unique<SimTK::CPodesIntegrator>(system);
-  }
-  throw std::logic_error("plant::Arm: unknown integrator");
-}
-
-constexpr int max_steps_per_advance = 20000;
-
-std::string one_line(const std::string& text) {
-  std::istringstream words(text);
-  std::string line, word;
-  while (words >> word) line += (line.empty() ? "" : " ") + word;
-  return line;
+/// Simbody's messages have several lines.
+std::string cannot_go_on(double from_s, const std::string& cause) {
+  std::istringstream words(cause);
+  std::ostringstream message;
+  message << "the plant cannot be integrated on from t = " << from_s << " s:";
+  for (std::string word; words >> word;) message << ' ' << word;
+  message << "; shorten loop.period_s, loosen plant.integrator.accuracy, or look for a torque, "
+             "stiffness or speed that is out of proportion";
+  return message.str();
 }
 
 }  // namespace
 
-class Arm::Impl {
- public:
-  Impl(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
-      : dynamics_(model, options), system_(dynamics_), state_(initial) {
-    const int n = dynamics_.num_joints();
-    const int motors = dynamics_.flexible() ? n : 0;
-    if (initial.q.size() != n || initial.v.size() != n || initial.theta.size() != motors ||
-        initial.thetadot.size() != motors) {
-      throw std::logic_error("plant::Arm: initial state has the wrong number of joints");
-    }
-    SimTK::State start = system_.realizeTopology();
-    for (int i = 0; i < n; ++i) {
-      start.updQ()[i] = initial.q[i];
-      start.updU()[i] = initial.v[i];
-    }
-    for (int i = 0; i < motors; ++i) {
-      start.updQ()[n + i] = initial.theta[i];
-      start.updU()[n + i] = initial.thetadot[i];
-    }
-    integrator_ = make_integrator(options.integrator, system_);
-    integrator_->setAccuracy(options.accuracy);
-    integrator_->setUseInfinityNorm(true);
-    integrator_->setAllowInterpolation(false);
-    integrator_->setInternalStepLimit(max_steps_per_advance);
-    start_ = start;
+Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial) {
+  const int num_motors = options.flexible != nullptr ? model.num_joints : 0;
+  if (initial.q.size() != model.num_joints || initial.v.size() != model.num_joints ||
+      initial.theta.size() != num_motors || initial.thetadot.size() != num_motors) {
+    throw std::logic_error("plant::Arm: initial state has the wrong number of joints");
   }
-
-  [[nodiscard]] const ArmState& state() const { return state_; }
-  [[nodiscard]] std::int64_t integrator_steps() const { return integrator_->getNumStepsTaken(); }
-
-  void brake(const robot::Vector& damping) {
-    check_size(damping);
-    dynamics_.brake(damping);
-  }
-
-  ArmAcceleration acceleration(const robot::Vector& tau) {
-    check_size(tau);
-    const int n = dynamics_.num_joints();
-    const int motors = dynamics_.flexible() ? n : 0;
-    SimTK::Vector x(n + motors), xdot(n + motors), xddot(n + motors);
-    for (int i = 0; i < n; ++i) {
-      x[i] = state_.q[i];
-      xdot[i] = state_.v[i];
-    }
-    for (int i = 0; i < motors; ++i) {
-      x[n + i] = state_.theta[i];
-      xdot[n + i] = state_.thetadot[i];
-    }
-    const robot::Vector held = std::exchange(dynamics_.tau, tau);
-    dynamics_.accelerate(x, xdot, xddot);
-    dynamics_.tau = held;
-    ArmAcceleration result{robot::Vector(n), robot::Vector(motors)};
-    for (int i = 0; i < n; ++i) result.vdot[i] = xddot[i];
-    for (int i = 0; i < motors; ++i) result.thetaddot[i] = xddot[n + i];
-    return result;
-  }
-
-  void advance(const robot::Vector& tau, double time_s) {
-    check_size(tau);
-    if (!(time_s > now_)) throw std::logic_error("plant::Arm: time must move forward");
-    dynamics_.tau = tau;
-    try {
-      if (!initialized_) {
-        integrator_->setInitialStepSize(time_s);
-        integrator_->initialize(start_);
-        initialized_ = true;
-      } else {
-        // The torque jumps: derivatives of the old one must not enter the new tick. The step size
-        // found so far stays.
-        integrator_->updAdvancedState().invalidateAllCacheAtOrAbove(SimTK::Stage::Dynamics);
-        integrator_->reinitialize(SimTK::Stage::Dynamics, false);
-      }
-      while (integrator_->getTime() < time_s) {
-        if (integrator_->stepTo(time_s, time_s) == SimTK::Integrator::ReachedStepLimit) {
-          throw std::runtime_error("more than " + std::to_string(max_steps_per_advance) +
-                                   " integrator steps");
-        }
-      }
-    } catch (const std::logic_error&) {
-      throw;
-    } catch (const std::exception& error) {
-      fail(one_line(error.what()));
-    }
-    now_ = time_s;
-    read_state();
-  }
-
- private:
-  void check_size(const robot::Vector& x) const {
-    if (x.size() != dynamics_.num_joints()) {
-      throw std::logic_error("plant::Arm: wrong number of joints");
-    }
-  }
-
-  [[noreturn]] void fail(const std::string& cause) const {
-    std::ostringstream message;
-    message << "the plant cannot be integrated on from t = " << now_ << " s: " << cause
-            << "; shorten loop.period_s, loosen plant.integrator.accuracy, or look for a torque, "
-               "stiffness or speed that is out of proportion";
-    throw std::runtime_error(message.str());
-  }
-
-  void read_state() {
-    const SimTK::State& s = integrator_->getState();
-    const SimTK::Vector& x = s.getQ();
-    const SimTK::Vector& xdot = s.getU();
-    const int n = dynamics_.num_joints();
-    for (int i = 0; i < n; ++i) {
-      state_.q[i] = x[i];
-      state_.v[i] = xdot[i];
-    }
-    for (int i = 0; i < state_.theta.size(); ++i) {
-      state_.theta[i] = x[n + i];
-      state_.thetadot[i] = xdot[n + i];
-    }
-    if (!(state_.q.allFinite() && state_.v.allFinite() && state_.theta.allFinite() &&
-          state_.thetadot.allFinite())) {
-      fail("the state is not finite");
-    }
-  }
-
-  Dynamics dynamics_;
-  ArmSystem system_;
-  std::unique_ptr<SimTK::Integrator> integrator_;
-  SimTK::State start_;
-  ArmState state_;
-  double now_ = 0;
-  bool initialized_ = false;
-};
-
-Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
-    : impl_(std::make_unique<Impl>(model, options, initial)) {}
+  num_joints_ = model.num_joints;
+  engine_ = options.mechanics == Mechanics::native ? native_arm(model, options, initial)
+                                                   : simbody_arm(model, options, initial);
+}
 Arm::~Arm() = default;
 Arm::Arm(Arm&&) noexcept = default;
 Arm& Arm::operator=(Arm&&) noexcept = default;
 
-const ArmState& Arm::state() const { return impl_->state(); }
-std::int64_t Arm::integrator_steps() const { return impl_->integrator_steps(); }
+const ArmState& Arm::state() const { return engine_->state(); }
+std::int64_t Arm::integrator_steps() const { return engine_->integrator_steps(); }
+
 ArmAcceleration Arm::acceleration(const robot::Vector& tau) const {
-  return impl_->acceleration(tau);
+  require_size(tau, num_joints_);
+  return engine_->acceleration(tau);
 }
-void Arm::advance(const robot::Vector& tau, double time_s) { impl_->advance(tau, time_s); }
-void Arm::brake(const robot::Vector& damping) { impl_->brake(damping); }
+
+void Arm::advance(const robot::Vector& tau, double time_s) {
+  require_size(tau, num_joints_);
+  if (!(time_s > now_s_)) throw std::logic_error("plant::Arm: time must move forward");
+  try {
+    engine_->advance(tau, time_s);
+    const ArmState& now = state();
+    if (!(now.q.allFinite() && now.v.allFinite() && now.theta.allFinite() &&
+          now.thetadot.allFinite())) {
+      throw std::runtime_error("the state is not finite");
+    }
+  } catch (const std::logic_error&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw std::runtime_error(cannot_go_on(now_s_, error.what()));
+  }
+  now_s_ = time_s;
+}
+
+void Arm::brake(const robot::Vector& damping) {
+  require_size(damping, num_joints_);
+  engine_->brake(damping);
+}
 
 }  // namespace tachless::plant

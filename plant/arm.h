@@ -6,7 +6,8 @@
 #include "robot/model.h"
 #include "robot/quantities.h"
 
-/// Simbody behind a wall: no SimTK type here, C++17-clean.
+/// The emulated arm: mechanics and integrator behind one interface, no SimTK type here,
+/// C++17-clean.
 namespace tachless::plant {
 
 struct ArmState {
@@ -37,17 +38,27 @@ enum class Integrator {
   cpodes
 };
 
+/// Whose multibody code computes the links' inertia matrix and bias, and integrates.
+enum class Mechanics {
+  simbody,  ///< the reference
+  native,   ///< robot/'s recursions, with the explicit one-step methods; allocates nothing
+};
+
 struct ArmOptions {
+  Mechanics mechanics = Mechanics::simbody;
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   robot::Vector viscous_friction;           ///< on the links' joints [N m s/rad]
   Integrator integrator = Integrator::runge_kutta_merson;
   double accuracy = 1e-9;
 };
 
+class ArmEngine;
+
 /// A multibody arm whose motor torque is held over each call of `advance`.
 class Arm {
  public:
-  /// Builds the Simbody system of `model` (gravity, added rotor inertia and payload included).
+  /// The arm of `model` (gravity, added rotor inertia and payload included).
+  /// @throw std::invalid_argument when the native mechanics have no such integrator.
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
   ~Arm();
   Arm(Arm&&) noexcept;
@@ -72,8 +83,9 @@ class Arm {
   void brake(const robot::Vector& damping);
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  int num_joints_ = 0;
+  double now_s_ = 0;
+  std::unique_ptr<ArmEngine> engine_;
 };
 
 }  // namespace tachless::plant

@@ -58,7 +58,7 @@ const std::vector<Rule> rules = {
     {"plant/",
      {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
      {"Eigen/"}},
-    {"plant/arm.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h", "SimTKcommon/"}},
+    {"plant/simbody_arm.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h", "SimTKcommon/"}},
     {"plant/realtime_loop.cpp",
      {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
      {},
@@ -258,7 +258,7 @@ TEST(IncludeRule, SimbodyUrdfdomAndLcmAreSeenByTheirFilesAlone) {
     }
   }
   const std::map<std::string, std::set<std::string>> expected = {
-      {"SimTK", {"plant/arm.cpp", "viewer/arm_window.cpp"}},  // its mechanics, its window
+      {"SimTK", {"plant/simbody_arm.cpp", "viewer/arm_window.cpp"}},  // its mechanics, its window
       {"urdf_", {"robot/urdf.cpp"}},
       {"lcm/", {"bus/udp_transport.cpp"}}};
   for (const auto& [library, files] : users) EXPECT_EQ(files, expected.at(library)) << library;
@@ -313,7 +313,7 @@ TEST(IncludeRule, ObjectsToWhatTheTableForbids) {
   EXPECT_TRUE(refused("elsewhere/a.h", "robot/model.h", false));
   EXPECT_FALSE(refused("controller/law/a.h", "robot/model.h", false));
   EXPECT_FALSE(refused("controller/node.cpp", "bus/wire.h", false));
-  EXPECT_FALSE(refused("plant/arm.cpp", "SimTKsimbody.h", true));
+  EXPECT_FALSE(refused("plant/simbody_arm.cpp", "SimTKsimbody.h", true));
   EXPECT_FALSE(refused("viewer/arm_window.cpp", "SimTKsimbody.h", true));
   EXPECT_TRUE(refused("viewer/arm_window.cpp", "plant/arm.h", false));
   EXPECT_TRUE(refused("viewer/visualizer.cpp", "SimTKsimbody.h", true));

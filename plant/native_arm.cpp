@@ -1,0 +1,235 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "plant/arm_dynamics.h"
+#include "plant/arm_engine.h"
+#include "robot/cholesky.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+
+namespace tachless::plant {
+namespace {
+
+/// Inertia matrix and bias by the recursions of robot/, which control laws use too.
+class Recursions {
+ public:
+  explicit Recursions(const robot::Model& model)
+      : model_(model), zero_(robot::Vector::Zero(model.num_joints)) {
+    model_.rotor_inertia.resize(0);  // `ArmDynamics` adds it
+  }
+
+  void evaluate(const double* q, const double* v) {
+    const int n = model_.num_joints;
+    const robot::Vector position = Eigen::Map<const robot::Vector>(q, n);
+    const robot::Vector velocity = Eigen::Map<const robot::Vector>(v, n);
+    bias_ = robot::inverse_dynamics(model_, position, velocity, zero_);
+    M_ = robot::mass_matrix(model_, position);
+  }
+  robot::Matrix& M() { return M_; }
+  [[nodiscard]] const robot::Vector& bias() const { return bias_; }
+
+  void solve(robot::Vector& rhs) {
+    if (robot::factorise(M_) >= 0) {
+      throw std::runtime_error("the inertia matrix is not positive definite");
+    }
+    robot::solve_in_place(M_, rhs);
+  }
+
+ private:
+  robot::Model model_;
+  robot::Vector zero_;
+  robot::Matrix M_;
+  robot::Vector bias_;
+};
+
+constexpr int max_stages = 6;
+
+/// An explicit Runge-Kutta method with an error estimate (Hairer, Norsett, Wanner, Solving ODEs I,
+/// II.4): k_i = f(y + h sum_j a_ij k_j), y+ = y + h sum_i b_i k_i, error = h sum_i e_i k_i.
+struct Tableau {
+  int stages;
+  int error_order;  ///< error = O(h^error_order)
+  std::array<std::array<double, max_stages>, max_stages> a;
+  std::array<double, max_stages> b;
+  std::array<double, max_stages> e;
+};
+
+constexpr Tableau merson = {
+    5,
+    5,
+    {{{}, {1. / 3}, {1. / 6, 1. / 6}, {1. / 8, 0, 3. / 8}, {1. / 2, 0, -3. / 2, 2}}},
+    {1. / 6, 0, 0, 4. / 6, 1. / 6},
+    // A fifth of the difference to the last stage's argument.
+    {(1. / 6 - 1. / 2) / 5, 0, (3. / 2) / 5, (4. / 6 - 2) / 5, (1. / 6) / 5}};
+
+/// Bogacki and Shampine's pair of order 3 and 2.
+constexpr Tableau runge_kutta_3 = {4,
+                                   3,
+                                   {{{}, {1. / 2}, {0, 3. / 4}, {2. / 9, 1. / 3, 4. / 9}}},
+                                   {2. / 9, 1. / 3, 4. / 9, 0},
+                                   {2. / 9 - 7. / 24, 1. / 3 - 1. / 4, 4. / 9 - 1. / 3, -1. / 8}};
+
+constexpr Tableau fehlberg = {6,
+                              5,
+                              {{{},
+                                {1. / 4},
+                                {3. / 32, 9. / 32},
+                                {1932. / 2197, -7200. / 2197, 7296. / 2197},
+                                {439. / 216, -8, 3680. / 513, -845. / 4104},
+                                {-8. / 27, 2, -3544. / 2565, 1859. / 4104, -11. / 40}}},
+                              {16. / 135, 0, 6656. / 12825, 28561. / 56430, -9. / 50, 2. / 55},
+                              {16. / 135 - 25. / 216, 0, 6656. / 12825 - 1408. / 2565,
+                               28561. / 56430 - 2197. / 4104, -9. / 50 + 1. / 5, 2. / 55}};
+
+const Tableau& tableau(Integrator method) {
+  switch (method) {
+    case Integrator::runge_kutta_merson:
+      return merson;
+    case Integrator::runge_kutta_3:
+      return runge_kutta_3;
+    case Integrator::runge_kutta_feldberg:
+      return fehlberg;
+    default:
+      throw std::invalid_argument(
+          "native mechanics have runge_kutta_merson, runge_kutta_3 and runge_kutta_feldberg; take "
+          "one of them, or plant.mechanics: simbody");
+  }
+}
+
+/// Coordinates of links and motors: one vector of up to twice the joints, in place.
+using Coordinates =
+    Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * robot::max_joints, 1>;
+
+class NativeArm final : public ArmEngine {
+ public:
+  NativeArm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
+      : dynamics_(model, options),
+        method_(tableau(options.integrator)),
+        accuracy_(options.accuracy),
+        state_(initial),
+        x_(dynamics_.num_coordinates()),
+        xdot_(dynamics_.num_coordinates()) {
+    x_ << initial.q, initial.theta;
+    xdot_ << initial.v, initial.thetadot;
+    for (int i = 0; i < method_.stages; ++i) {
+      rate_[static_cast<std::size_t>(i)].resize(x_.size());
+      acceleration_[static_cast<std::size_t>(i)].resize(x_.size());
+    }
+  }
+
+  [[nodiscard]] const ArmState& state() const override { return state_; }
+  [[nodiscard]] std::int64_t integrator_steps() const override { return steps_; }
+  void brake(const robot::Vector& damping) override { dynamics_.brake(damping); }
+
+  ArmAcceleration acceleration(const robot::Vector& tau) override {
+    const robot::Vector held = std::exchange(dynamics_.tau, tau);
+    Coordinates xddot(x_.size());
+    dynamics_.accelerate(x_.data(), xdot_.data(), xddot.data());
+    dynamics_.tau = held;
+    return {xddot.head(dynamics_.num_joints()), xddot.tail(dynamics_.num_motors())};
+  }
+
+  void advance(const robot::Vector& tau, double time_s) override {
+    dynamics_.tau = tau;
+    if (step_s_ == 0) step_s_ = time_s - now_s_;
+    for (int taken = 0; now_s_ < time_s; ++taken) {
+      if (taken >= max_steps_per_advance) throw too_many_steps();
+      take_step(time_s);
+    }
+    const int n = dynamics_.num_joints();
+    state_.q = x_.head(n);
+    state_.v = xdot_.head(n);
+    state_.theta = x_.tail(dynamics_.num_motors());
+    state_.thetadot = xdot_.tail(dynamics_.num_motors());
+  }
+
+ private:
+  /// One accepted or refused step, to `end_s` at most.
+  void take_step(double end_s) {
+    // The end of the interval cuts a step short; what was found about its length stays.
+    const bool last = now_s_ + step_s_ * (1 + 1e-12) >= end_s;
+    const double h = last ? end_s - now_s_ : step_s_;
+    if (!(now_s_ + h > now_s_)) {
+      throw std::runtime_error("the accuracy cannot be reached with any step");
+    }
+    const double error = evaluate(h);
+    // A step whose error is not a number is refused like one that is too long.
+    const bool accepted = error <= accuracy_;
+    const double factor = error > 0 || !std::isfinite(error)
+                              ? 0.9 * std::pow(accuracy_ / error, 1.0 / method_.error_order)
+                              : max_growth;
+    const double wanted = h * (std::isfinite(factor) ? std::clamp(factor, 0.1, max_growth) : 0.1);
+    if (!accepted) {
+      step_s_ = wanted;
+      return;
+    }
+    if (!last || wanted > step_s_ || wanted < h) step_s_ = wanted;
+    x_ = next_x_;
+    xdot_ = next_xdot_;
+    now_s_ = last ? end_s : now_s_ + h;
+    ++steps_;
+  }
+
+  /// The step of length h, into next_x_ and next_xdot_.
+  /// @return the largest estimated error, of each value relative to the larger of it and 1.
+  double evaluate(double h) {
+    for (int i = 0; i < method_.stages; ++i) {
+      const auto& a = method_.a[static_cast<std::size_t>(i)];
+      next_x_ = x_;
+      next_xdot_ = xdot_;
+      for (int j = 0; j < i; ++j) {
+        const double weight = h * a[static_cast<std::size_t>(j)];
+        if (weight == 0) continue;
+        next_x_ += weight * rate_[static_cast<std::size_t>(j)];
+        next_xdot_ += weight * acceleration_[static_cast<std::size_t>(j)];
+      }
+      rate_[static_cast<std::size_t>(i)] = next_xdot_;
+      dynamics_.accelerate(next_x_.data(), next_xdot_.data(),
+                           acceleration_[static_cast<std::size_t>(i)].data());
+    }
+    next_x_ = x_;
+    next_xdot_ = xdot_;
+    error_x_.setZero(x_.size());
+    error_xdot_.setZero(x_.size());
+    for (int i = 0; i < method_.stages; ++i) {
+      const auto stage = static_cast<std::size_t>(i);
+      next_x_ += (h * method_.b[stage]) * rate_[stage];
+      next_xdot_ += (h * method_.b[stage]) * acceleration_[stage];
+      error_x_ += (h * method_.e[stage]) * rate_[stage];
+      error_xdot_ += (h * method_.e[stage]) * acceleration_[stage];
+    }
+    double largest = 0;
+    for (Eigen::Index i = 0; i < x_.size(); ++i) {
+      const double of_x = std::abs(error_x_[i]) / std::max(1.0, std::abs(x_[i]));
+      const double of_xdot = std::abs(error_xdot_[i]) / std::max(1.0, std::abs(xdot_[i]));
+      if (!(of_x <= largest)) largest = of_x;
+      if (!(of_xdot <= largest)) largest = of_xdot;
+    }
+    return largest;
+  }
+
+  static constexpr double max_growth = 5;
+
+  ArmDynamics<Recursions> dynamics_;
+  const Tableau& method_;
+  double accuracy_;
+  ArmState state_;
+  Coordinates x_, xdot_;
+  std::array<Coordinates, max_stages> rate_, acceleration_;
+  Coordinates next_x_, next_xdot_, error_x_, error_xdot_;
+  double now_s_ = 0;
+  double step_s_ = 0;  ///< the length that the next step is tried with
+  std::int64_t steps_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<ArmEngine> native_arm(const robot::Model& model, const ArmOptions& options,
+                                      const ArmState& initial) {
+  return std::make_unique<NativeArm>(model, options, initial);
+}
+
+}  // namespace tachless::plant
