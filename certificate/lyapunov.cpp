@@ -7,7 +7,8 @@
 #include <memory>
 #include <numbers>
 
-#include "controller/catalogue.h"
+#include "controller/laws.h"
+#include "controller/registry.h"
 #include "robot/energy.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
 #include <variant>
 
-#include "controller/catalogue.h"
 #include "controller/law_stepper.h"
+#include "controller/registry.h"
 #include "diagnostics/failure.h"
 
 namespace tachless::replay {
@@ -69,7 +70,7 @@ void require_fitting(const logger::RunLog& log, const experiment::Scenario& scen
   }
   const auto& law = scenario.controller.law;
   const auto names = controller::law_names();
-  if (std::find(names.begin(), names.end(), law) == names.end()) return;  // with_law complains
+  if (std::find(names.begin(), names.end(), law) == names.end()) return;  // scenario_law complains
   const std::string_view wanted = controller::measurement_suffix(law);
   if (!holds(log.info().measurement, wanted)) {
     refuse(log, "law " + law + " needs the measurement " + std::string(wanted) +
@@ -156,13 +157,14 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
 }
 
 /// One law, tick by tick.
-template <class L>
+template <class Measurement>
 class Replayer {
  public:
-  Replayer(logger::RunLog& log, const experiment::Scenario& scenario, Comparison& comparison)
+  Replayer(logger::RunLog& log, const experiment::Scenario& scenario,
+           std::unique_ptr<controller::AnyLaw<Measurement>> law, Comparison& comparison)
       : log_(log),
         realtime_(scenario.loop.mode == experiment::Mode::realtime),
-        stepper_(scenario),
+        stepper_(std::move(law), scenario.loop),
         comparison_(comparison) {}
 
   void run() {
@@ -173,7 +175,7 @@ class Replayer {
         comparison_.pass_over();
         continue;
       }
-      const auto measurement = measured<typename L::Measurement>(record.measurement);
+      const auto measurement = measured<Measurement>(record.measurement);
       // In lockstep every tick counts; in realtime those that the controller acted on.
       const bool jump = !realtime_ && record.tick != next;
       if (jump || !measurement || !record.reference) {
@@ -195,22 +197,21 @@ class Replayer {
 
  private:
   /// Whether it can go on.
-  bool step(const logger::TickRecord& record, const typename L::Measurement& measurement) {
-    std::optional<typename controller::LawStepper<L>::Outcome> outcome;
+  bool step(const logger::TickRecord& record, const Measurement& measurement) {
+    robot::Vector tau;
     try {
-      outcome = stepper_.step(record.tick, measurement, *record.reference);
+      tau = stepper_.step(record.tick, measurement, *record.reference).output.command.tau;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
       comparison_.stop("the law cannot be evaluated at tick " + std::to_string(record.tick) + ": " +
                        error.what());
       return false;
     }
-    const robot::Vector& tau = outcome->step.command.tau;
     if (!tau.allFinite()) {
       comparison_.stop_not_finite(record.tick);
       return false;
     }
-    stepper_.keep(record.tick, outcome->step.memory);
+    stepper_.keep(record.tick);
     if (record.command) {
       comparison_.add(record.tick, record.command->tau, tau);
     } else {
@@ -221,7 +222,7 @@ class Replayer {
 
   logger::RunLog& log_;
   bool realtime_;
-  controller::LawStepper<L> stepper_;
+  controller::LawStepper<Measurement> stepper_;
   Comparison& comparison_;
 };
 
@@ -242,11 +243,13 @@ Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
               const OnCompared& on_compared) {
   require_fitting(log, scenario);
   log.rewind();
-  return controller::with_law(scenario, [&](const auto& law) {
-    Comparison comparison(scenario.num_joints, on_compared);
-    Replayer<std::decay_t<decltype(law)>>(log, scenario, comparison).run();
-    return comparison.finish();
-  });
+  return std::visit(
+      [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> law) {
+        Comparison comparison(scenario.num_joints, on_compared);
+        Replayer<Measurement>(log, scenario, std::move(law), comparison).run();
+        return comparison.finish();
+      },
+      controller::scenario_law(scenario));
 }
 
 }  // namespace tachless::replay

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "certificate/lyapunov.h"
-#include "controller/catalogue.h"
+#include "controller/registry.h"
 #include "report/log_tracking.h"
 
 namespace tachless::report {

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <functional>
 
-#include "controller/catalogue.h"
+#include "controller/registry.h"
 #include "diagnostics/version.h"
 #include "report/html.h"
 #include "report/summary.h"

@@ -1,10 +1,13 @@
 #include "study/in_process_loop.h"
 
-#include <optional>
+#include <memory>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <variant>
 
-#include "controller/catalogue.h"
+#include "controller/law_stepper.h"
+#include "controller/registry.h"
 #include "plant/encoder.h"
 #include "plant/plant_model.h"
 #include "reference/make_trajectory.h"
@@ -16,10 +19,10 @@ diagnostics::Failure protective_stop(std::int64_t tick, const std::string& cause
   return {diagnostics::ExitCode::protective_stop, "tick " + std::to_string(tick) + ": " + cause};
 }
 
-template <class L>
-plant::ArmState run(const experiment::Scenario& scenario, const L& law,
+template <class Measurement>
+plant::ArmState run(const experiment::Scenario& scenario,
+                    std::unique_ptr<controller::AnyLaw<Measurement>> law,
                     const std::function<bool(const TickRecord&)>& on_tick) {
-  using Measurement = typename L::Measurement;
   const robot::Model model = plant::plant_model(scenario);
   plant::require_encoders<Measurement>(scenario);
   const plant::Encoder encoder(scenario, model);
@@ -28,7 +31,7 @@ plant::ArmState run(const experiment::Scenario& scenario, const L& law,
   plant::Drive drive = plant::make_drive(scenario, model);
   const double h = scenario.loop.period_s;
 
-  std::optional<typename L::Memory> memory;
+  controller::LawStepper<Measurement> stepper(std::move(law), scenario.loop);
   TickRecord record;
   for (std::int64_t k = 0; k < scenario.loop.num_ticks; ++k) {
     record.tick = k;
@@ -38,11 +41,10 @@ plant::ArmState run(const experiment::Scenario& scenario, const L& law,
     record.reference = trajectory.at(record.time_s);
 
     const Measurement& measurement = std::get<Measurement>(record.measurement);
-    if (!memory) memory = law.start(measurement, record.reference);
-    auto step = law.step(*memory, measurement, record.reference);
-    memory = std::move(step.memory);
-    record.command = std::move(step.command);
-    record.controller = std::move(step.state);
+    const auto step = stepper.step(k, measurement, record.reference);
+    stepper.keep(k);
+    record.command = step.output.command;
+    record.controller = step.output.state;
 
     if (!drive.accept(record.command)) {
       throw protective_stop(k,
@@ -65,8 +67,8 @@ plant::ArmState run(const experiment::Scenario& scenario, const L& law,
 
 plant::ArmState run_in_process(const experiment::Scenario& scenario,
                                const std::function<bool(const TickRecord&)>& on_tick) {
-  return controller::with_law(scenario,
-                              [&](const auto& law) { return run(scenario, law, on_tick); });
+  return std::visit([&](auto law) { return run(scenario, std::move(law), on_tick); },
+                    controller::scenario_law(scenario));
 }
 
 }  // namespace tachless::study

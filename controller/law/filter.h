@@ -63,14 +63,12 @@ class Filter {
   /// @throw std::invalid_argument when one of them is not positive or the lengths differ.
   Filter(const robot::Vector& a, const robot::Vector& b, Discretisation kind, FilterStart start,
          double period_s)
-      : a_(a), b_(b), phi_(a.size()), beta_(a.size()), start_(start) {
+      : a_(a), b_(b), kind_(kind), start_(start), period_s_(period_s), every_period_(a.size()) {
     if (a.size() != b.size()) {
       throw std::invalid_argument("filter: a and b must have one entry per joint");
     }
     for (Eigen::Index i = 0; i < a.size(); ++i) {
-      const FilterCoefficients joint = filter_coefficients(kind, a[i], b[i], period_s);
-      phi_[i] = joint.phi;
-      beta_[i] = joint.beta;
+      every_period_.set(i, filter_coefficients(kind, a[i], b[i], period_s));
     }
   }
 
@@ -80,14 +78,21 @@ class Filter {
     Memory memory{robot::Vector::Zero(e.size()), e};
     if (start_ == FilterStart::zero) {
       // So that beta (e - e_previous) = B e.
-      memory.e_previous -= b_.cwiseQuotient(beta_).cwiseProduct(e);
+      memory.e_previous -= b_.cwiseQuotient(every_period_.beta).cwiseProduct(e);
     }
     return memory;
   }
 
-  /// The memory after the sample e [rad]; its `nu` is the output that belongs to that sample.
-  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
-    return {phi_.cwiseProduct(memory.nu) + beta_.cwiseProduct(e - memory.e_previous), e};
+  /// The memory after the sample e [rad], `ticks` >= 1 periods after the sample before; its `nu` is
+  /// the output that belongs to that sample. Over a gap it is the filter sampled every `ticks`
+  /// periods.
+  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e, int ticks = 1) const {
+    if (ticks == 1) return every_period_.step(memory, e);
+    Coefficients over_gap(a_.size());
+    for (Eigen::Index i = 0; i < a_.size(); ++i) {
+      over_gap.set(i, filter_coefficients(kind_, a_[i], b_[i], ticks * period_s_));
+    }
+    return over_gap.step(memory, e);
   }
 
   /// nudot = -A nu + B edot, the continuous filter's own equation [rad/s^2].
@@ -96,9 +101,25 @@ class Filter {
   }
 
  private:
+  /// Of all joints.
+  struct Coefficients {
+    robot::Vector phi, beta;
+
+    explicit Coefficients(Eigen::Index num_joints) : phi(num_joints), beta(num_joints) {}
+    void set(Eigen::Index i, const FilterCoefficients& joint) {
+      phi[i] = joint.phi;
+      beta[i] = joint.beta;
+    }
+    [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
+      return {phi.cwiseProduct(memory.nu) + beta.cwiseProduct(e - memory.e_previous), e};
+    }
+  };
+
   robot::Vector a_, b_;
-  robot::Vector phi_, beta_;
+  Discretisation kind_;
   FilterStart start_;
+  double period_s_;
+  Coefficients every_period_;  ///< of the usual step, one period after the last
 };
 
 }  // namespace tachless::controller::law

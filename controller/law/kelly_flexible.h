@@ -54,10 +54,10 @@ class KellyFlexible {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference, int ticks = 1) const {
     const robot::Vector g = gravity(reference);
     const robot::Vector e = measurement.theta - theta_ref(reference, g);
-    Step<Memory> result{filter_.step(memory, e), {}, {}};
+    Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
     const robot::Vector& nu = result.memory.nu;
     result.command.tau = g - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
     result.state.num_filters = num_filters;

@@ -54,9 +54,9 @@ class KellyRegulation {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference, int ticks = 1) const {
     const robot::Vector e = measurement.q - reference.q_ref;
-    Step<Memory> result{filter_.step(memory, e), {}, {}};
+    Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
     const robot::Vector& nu = result.memory.nu;
     result.command.tau = robot::gravity_torque(model_, measurement.q) - gains_.kp.cwiseProduct(e) -
                          gains_.kd.cwiseProduct(nu);

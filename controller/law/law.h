@@ -5,6 +5,8 @@
 
 #include "loop/signals.h"
 
+/// What a control law is. A law includes robot/ and the signals of the loop and nothing else; it
+/// knows no ticks, messages or scenarios.
 namespace tachless::controller::law {
 
 /// What one step of a law returns: its next memory, its command, and what it wants logged.
@@ -15,17 +17,19 @@ struct Step {
   loop::ControllerState state;
 };
 
-/// A law is a value: gains and model are constants, its memory is a value that the node keeps.
-/// `start` gives the memory before the first step from the first measurement; `step` is then
-/// called once per tick, the first included.
+/// A law is a value: parameters and model are constants, its memory is a value that the caller
+/// keeps. `start` gives the memory before the first step from the first measurement; `step` is then
+/// called once per tick, the first included. `ticks`: sampling periods since the step that gave
+/// `memory`; more than one after measurements were lost.
 template <class L>
 concept Law = requires(const L& law, const typename L::Memory& memory,
                        const typename L::Measurement& measurement,
-                       const loop::ReferencePoint& reference) {
+                       const loop::ReferencePoint& reference, int ticks) {
   { L::name } -> std::convertible_to<std::string_view>;
   { L::num_filters } -> std::convertible_to<int>;
   { law.start(measurement, reference) } -> std::same_as<typename L::Memory>;
   { law.step(memory, measurement, reference) } -> std::same_as<Step<typename L::Memory>>;
+  { law.step(memory, measurement, reference, ticks) } -> std::same_as<Step<typename L::Memory>>;
 };
 
 /// Lock on velocity: the measurement is exactly a type that holds positions and nothing else.

@@ -89,13 +89,13 @@ class LoriaOrtegaFlexible {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference, int ticks = 1) const {
     const robot::Vector e1 = measurement.q - reference.q_ref;
     Step<Memory> result;
-    result.memory.link = link_filter_.step(memory.link, e1);
+    result.memory.link = link_filter_.step(memory.link, e1, ticks);
     const MotorReference motor = motor_reference(measurement, reference, result.memory.link.nu);
     const robot::Vector e2 = measurement.theta - motor.theta_ref;
-    result.memory.motor = motor_filter_.step(memory.motor, e2);
+    result.memory.motor = motor_filter_.step(memory.motor, e2, ticks);
 
     result.command.tau = robot_.rotor_inertia.cwiseProduct(motor.thetaddot_ref) + motor.torque -
                          gains_.kp2.cwiseProduct(e2) -

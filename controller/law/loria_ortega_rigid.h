@@ -56,9 +56,9 @@ class LoriaOrtegaRigid {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference, int ticks = 1) const {
     const robot::Vector e = measurement.q - reference.q_ref;
-    Step<Memory> result{filter_.step(memory, e), {}, {}};
+    Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
     const robot::Vector& nu = result.memory.nu;
     const Feedforward ahead = feedforward_ahead(reference, lead_s_);
     result.command.tau = robot::inverse_dynamics(model_, measurement.q, ahead.v_ref, ahead.a_ref) -

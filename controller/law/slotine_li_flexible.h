@@ -61,7 +61,7 @@ class SlotineLiFlexible {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {
     const robot::Vector& v = measurement.v;
     const robot::JetVector theta_ref = motor_reference(measurement, reference);
     const robot::Vector e2 = measurement.theta - robot::value(theta_ref);

@@ -49,7 +49,7 @@ class WenBayard {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference) const {
+                                  const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {
     const robot::Vector e = measurement.q - reference.q_ref;
     const robot::Vector edot = measurement.v - reference.v_ref;
     const Feedforward ahead = feedforward_ahead(reference, lead_s_);

@@ -6,7 +6,7 @@
 #include <memory>
 #include <optional>
 
-#include "controller/catalogue.h"
+#include "controller/registry.h"
 #include "diagnostics/logging.h"
 #include "launch/verb.h"
 #include "replay/what_if.h"
@@ -152,7 +152,7 @@ diagnostics::ExitCode what_if(const Options& options, logger::RunLog& log,
   const std::filesystem::path csv = out / "replay.csv";
   const std::filesystem::path svg = out / "replay.svg";
 
-  controller::with_law(scenario, [](const auto& /*law*/) {});  // complains before files are made
+  controller::scenario_law(scenario);  // complains before files are made
   replay::WhatIf comparison(csv, period_s, units.effort);
   const replay::Replay result = replay::replay(
       log, scenario, [&](std::int64_t tick, const auto& recorded, const auto& replayed) {

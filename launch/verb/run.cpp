@@ -18,7 +18,7 @@
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
-#include "controller/catalogue.h"
+#include "controller/registry.h"
 #include "diagnostics/logging.h"
 #include "experiment/scenario.h"
 #include "launch/progress.h"
@@ -81,7 +81,7 @@ struct Options {
 /// Everything that a process would refuse later is refused here, before any is started.
 robot::Model validate(const experiment::Scenario& scenario) {
   reference::make_trajectory(scenario);
-  controller::with_law(scenario, [](const auto& /*law*/) {});
+  controller::scenario_law(scenario);
   robot::Model model = plant::plant_model(scenario);
   plant::initial_state(scenario, model);
   plant::make_drive(scenario, model);

@@ -5,7 +5,8 @@
 #include <Eigen/Dense>
 #include <random>
 
-#include "controller/catalogue.h"
+#include "controller/registry.h"
+#include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
 #include "study/in_process_loop.h"
 

@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "controller/catalogue.h"
+#include "controller/law/loria_ortega_rigid.h"
+#include "controller/registry.h"
 
 namespace tachless::study {
 namespace {

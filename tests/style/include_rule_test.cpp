@@ -86,17 +86,17 @@ const std::vector<Rule> rules = {
     {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5"}, true},
 
     {"certificate/",
-     {"certificate/", "controller/catalogue.h", "controller/law/", "experiment/", "loop/signals.h",
+     {"certificate/", "controller/registry.h", "controller/law/", "experiment/", "loop/signals.h",
       "robot/"},
      {"Eigen/"}},
 
     {"study/",
-     {"study/", "robot/", "controller/law/", "controller/catalogue.h",
-      "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/"},
+     {"study/", "robot/", "controller/law/", "controller/registry.h", "reference/make_trajectory.h",
+      "reference/trajectory/", "plant/", "experiment/", "loop/"},
      {"Eigen/"}},
 
     {"report/",
-     {"report/", "certificate/", "controller/catalogue.h", "logger/", "process/", "experiment/",
+     {"report/", "certificate/", "controller/registry.h", "logger/", "process/", "experiment/",
       "robot/", "loop/", "diagnostics/"},
      {"nlohmann/"},
      true},
@@ -117,7 +117,7 @@ const std::vector<Rule> rules = {
      true},
 
     {"launch/",
-     {"launch/", "report/", "replay/", "monitor/", "controller/catalogue.h", "plant/", "reference/",
+     {"launch/", "report/", "replay/", "monitor/", "controller/registry.h", "plant/", "reference/",
       "logger/", "node/", "bus/", "experiment/", "process/", "robot/", "loop/", "diagnostics/",
       "viewer/"},
      {"CLI/", "nlohmann/"},

@@ -4,7 +4,7 @@
 
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
-#include "controller/catalogue.h"
+#include "controller/registry.h"
 #include "study/in_process_loop.h"
 
 namespace tachless::support {

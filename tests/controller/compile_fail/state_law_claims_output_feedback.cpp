@@ -20,9 +20,10 @@ struct Claiming {
                              const loop::ReferencePoint& /*reference*/) const {
     return {};
   }
-  [[nodiscard]] controller::law::Step<Memory> step(
-      const Memory& memory, const Measurement& measured,
-      const loop::ReferencePoint& /*reference*/) const {
+  [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
+                                                   const Measurement& measured,
+                                                   const loop::ReferencePoint& /*reference*/,
+                                                   int /*ticks*/ = 1) const {
     return {memory, {-measured.q}, {}};
   }
 };

@@ -1,12 +1,14 @@
-#include "controller/catalogue.h"
+#include "controller/registry.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
-#include <sstream>
 #include <stdexcept>
 
-#include "bus/wire.h"
+#include "controller/laws.h"
+#include "diagnostics/text.h"
+#include "loop/messages.h"
 
 namespace tachless::controller {
 namespace {
@@ -27,8 +29,6 @@ LawFacts facts_of() {
   facts.name = L::name;
   facts.measurement = loop::ChannelOf<typename L::Measurement>::suffix;
   facts.num_filters = L::num_filters;
-  facts.filter_labels = L::num_filters == 1 ? std::vector<std::string_view>{""}
-                                            : std::vector<std::string_view>{"1", "2"};
   for (const auto& gain : L::Gains::names) {
     facts.gains.push_back(gain.name);
   }
@@ -45,52 +45,22 @@ std::vector<LawFacts> facts_of_all(LawList<L...> /*laws*/) {
   return {facts_of<L>()...};
 }
 
-/// Insertions, deletions and replacements from one to the other (Levenshtein).
-std::size_t edit_distance(std::string_view from, std::string_view to) {
-  std::vector<std::size_t> row(to.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < from.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < to.size(); ++j) {
-      const std::size_t replaced = diagonal + (from[i] == to[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row.back();
-}
-
-std::string_view nearest(std::string_view name, const std::vector<std::string_view>& known) {
-  return *std::min_element(known.begin(), known.end(), [&](auto x, auto y) {
-    return edit_distance(name, x) < edit_distance(name, y);
-  });
-}
-
-std::string joined(const std::vector<std::string_view>& names) {
-  std::string text;
-  for (const std::string_view name : names) {
-    text += (text.empty() ? "" : ", ") + std::string(name);
-  }
-  return text;
+/// "; did you mean loria_ortega_rigid?", or nothing when no name is similar.
+std::string suggestion(std::string_view word, const std::vector<std::string_view>& names) {
+  const auto nearest = diagnostics::nearest(word, names);
+  return nearest ? fmt::format("; did you mean {}?", *nearest) : ";";
 }
 
 std::string no_such_law(std::string_view name) {
-  return "no law \"" + std::string(name) + "\"; did you mean " +
-         std::string(nearest(name, law_names())) + "? Allowed: " + joined(law_names());
+  return fmt::format("no law \"{}\"{} Allowed: {}", name, suggestion(name, law_names()),
+                     diagnostics::joined(law_names()));
 }
 
 std::string shown(const robot::Vector& value) {
-  std::ostringstream text;
-  text << '[';
-  for (Eigen::Index i = 0; i < value.size(); ++i) {
-    text << (i == 0 ? "" : ", ") << value[i];
-  }
-  text << ']';
-  return text.str();
+  return fmt::format("[{:g}]", fmt::join(value.begin(), value.end(), ", "));
 }
 
-std::string gain_key(std::string_view gain) { return "controller.gains." + std::string(gain); }
+std::string gain_key(std::string_view gain) { return fmt::format("controller.gains.{}", gain); }
 
 void require_known_gains(const experiment::Scenario& scenario, const LawFacts& facts) {
   std::vector<std::string_view> known;
@@ -99,10 +69,10 @@ void require_known_gains(const experiment::Scenario& scenario, const LawFacts& f
   }
   for (const auto& [gain, value] : scenario.controller.gains) {
     if (std::find(known.begin(), known.end(), gain) == known.end()) {
-      throw scenario.complaint(gain_key(gain), "no law has this gain; did you mean " +
-                                                   std::string(nearest(gain, facts.gains)) +
-                                                   "? Gains of " + std::string(facts.name) + ": " +
-                                                   joined(facts.gains));
+      throw scenario.complaint(
+          gain_key(gain),
+          fmt::format("no law has this gain{} Gains of {}: {}", suggestion(gain, facts.gains),
+                      facts.name, diagnostics::joined(facts.gains)));
     }
   }
 }
@@ -116,7 +86,7 @@ std::string_view name(experiment::EncoderSide side) {
     case experiment::EncoderSide::both:
       return "both";
   }
-  throw std::logic_error("catalogue: no such encoder side");
+  throw std::logic_error("registry: no such encoder side");
 }
 
 void require_encoders(const experiment::Scenario& scenario, const LawFacts& law) {
@@ -133,8 +103,8 @@ void require_encoders(const experiment::Scenario& scenario, const LawFacts& law)
     if (!law.reads_motors) {
       allowed += " or link";
     }
-    throw scenario.complaint("plant.encoder.side", std::string(name(side)) + "; allowed with law " +
-                                                       std::string(law.name) + ": " + allowed);
+    throw scenario.complaint("plant.encoder.side", fmt::format("{}; allowed with law {}: {}",
+                                                               name(side), law.name, allowed));
   }
 }
 
@@ -169,7 +139,7 @@ law::Discretisation discretisation(experiment::FilterKind kind) {
     case experiment::FilterKind::zero_order_hold:
       return law::Discretisation::zero_order_hold;
   }
-  throw std::logic_error("catalogue: no such filter");
+  throw std::logic_error("registry: no such filter");
 }
 
 }  // namespace
@@ -215,9 +185,9 @@ law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario) {
           scenario.robot.flexible->rotor_inertia_kgm2};
 }
 
-law::Settings law_settings(const experiment::Scenario& scenario, int ticks) {
+law::Settings law_settings(const experiment::Scenario& scenario) {
   law::Settings settings;
-  settings.period_s = ticks * scenario.loop.period_s;
+  settings.period_s = scenario.loop.period_s;
   settings.filter = discretisation(scenario.controller.filter);
   settings.filter_start = scenario.controller.filter_start == experiment::FilterStart::zero
                               ? law::FilterStart::zero
@@ -228,31 +198,26 @@ law::Settings law_settings(const experiment::Scenario& scenario, int ticks) {
   return settings;
 }
 
-diagnostics::Failure unknown_law(const experiment::Scenario& scenario) {
-  return scenario.complaint("controller.law", no_such_law(scenario.controller.law));
-}
-
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law) {
-  const std::string law_name(law.name);
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
-    throw scenario.complaint("controller.law",
-                             law_name +
-                                 " needs robot.joints: {flexible: …}, and the joints are rigid; "
-                                 "allowed on rigid joints: " +
-                                 joined(laws_for_rigid_joints()));
+    throw scenario.complaint(
+        "controller.law",
+        fmt::format("{} needs robot.joints: {{flexible: …}}, and the joints are rigid; allowed on "
+                    "rigid joints: {}",
+                    law.name, diagnostics::joined(laws_for_rigid_joints())));
   }
   if (law.regulation_only && !std::holds_alternative<experiment::Hold>(scenario.reference)) {
     throw scenario.complaint(
         "controller.law",
-        law_name + " regulates, and the reference moves; allowed reference: hold");
+        fmt::format("{} regulates, and the reference moves; allowed reference: hold", law.name));
   }
   if (!law.has_feedforward_lead &&
       scenario.controller.feedforward_lead != experiment::FeedforwardLead::none) {
     throw scenario.complaint(
         "controller.feedforward_lead",
-        "half_tick_plus_delay, but " + law_name +
-            " differentiates its feed-forward twice and would need derivatives "
-            "beyond snap; allowed: none");
+        fmt::format("half_tick_plus_delay, but {} differentiates its feed-forward twice and would "
+                    "need derivatives beyond snap; allowed: none",
+                    law.name));
   }
   require_encoders(scenario, law);
   require_known_gains(scenario, law);
@@ -262,23 +227,39 @@ robot::Vector required_gain(const experiment::Scenario& scenario, const LawFacts
                             std::string_view gain) {
   const auto found = scenario.controller.gains.find(std::string(gain));
   if (found == scenario.controller.gains.end()) {
-    throw scenario.complaint("controller.gains", std::string(gain) + " is missing; gains of " +
-                                                     std::string(law.name) + ": " +
-                                                     joined(law.gains));
+    throw scenario.complaint("controller.gains",
+                             fmt::format("{} is missing; gains of {}: {}", gain, law.name,
+                                         diagnostics::joined(law.gains)));
   }
   const robot::Vector& value = found->second;
   if (value.size() != scenario.num_joints) {
-    throw scenario.complaint(gain_key(gain), shown(value) + " has " + std::to_string(value.size()) +
-                                                 " entries; needed: one per joint, " +
-                                                 std::to_string(scenario.num_joints));
+    throw scenario.complaint(
+        gain_key(gain), fmt::format("{} has {} entries; needed: one per joint, {}", shown(value),
+                                    value.size(), scenario.num_joints));
   }
   for (const double entry : value) {
     if (!(entry > 0 && std::isfinite(entry))) {
-      throw scenario.complaint(gain_key(gain),
-                               shown(value) + "; allowed: every entry greater than 0");
+      throw scenario.complaint(
+          gain_key(gain), fmt::format("{}; allowed: every entry greater than 0", shown(value)));
     }
   }
   return value;
+}
+
+ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
+  const auto of_list = [&]<class... L>(LawList<L...> /*laws*/) {
+    ScenarioLaw chosen;
+    const bool found = ((scenario.controller.law == L::name &&
+                         (chosen = std::unique_ptr<AnyLaw<typename L::Measurement>>(
+                              std::make_unique<LawWithMemory<L>>(make_law<L>(scenario))),
+                          true)) ||
+                        ...);
+    if (!found) {
+      throw scenario.complaint("controller.law", no_such_law(scenario.controller.law));
+    }
+    return chosen;
+  };
+  return of_list(Laws{});
 }
 
 }  // namespace tachless::controller

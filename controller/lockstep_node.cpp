@@ -1,0 +1,125 @@
+#include "controller/lockstep_node.h"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+
+#include "controller/law_on_bus.h"
+#include "controller/recorded_inputs.h"
+#include "diagnostics/logging.h"
+#include "protocol/lockstep/command_answerer.h"
+
+namespace tachless::controller {
+namespace {
+
+class LockstepNode {
+ public:
+  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session)
+      : transport_(transport),
+        session_(session),
+        law_(scenario, transport, session),
+        answerer_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
+                                            law_.longest_command(), law_.longest_state()}) {}
+
+  /// `log`: of a run under way, to be resumed.
+  void run(const std::optional<std::filesystem::path>& log) {
+    session_.meet(law_.needs());
+    if (log) resume(*log);
+    while (!session_.plant_finished()) {
+      session_.attend(loop::Clock::now());
+      const auto datagram = transport_.receive(session_.next_attention());
+      if (!datagram || session_.take(*datagram)) continue;
+      if (datagram->channel == law_.measurement_channel()) {
+        on_measurement(*datagram);
+      } else if (datagram->channel == law_.reference_channel()) {
+        on_reference(*datagram);
+      }
+    }
+    session_.finish();
+  }
+
+ private:
+  using Answerer = protocol::lockstep::CommandAnswerer;
+  using Verdict = protocol::lockstep::Verdict;
+
+  /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
+  /// asks again.
+  void resume(const std::filesystem::path& log) {
+    constexpr std::int64_t ticks_alone = 256;  // between two looks at the bus
+    RecordedInputs inputs(log, law_.measurement_channel(), law_.reference_channel(),
+                          session_.run());
+    while (const auto tick = inputs.next()) {
+      if (!law_.rebuild(tick->tick, tick->measurement, tick->reference)) {
+        throw inputs.unusable(fmt::format("tick {} is damaged", tick->tick));
+      }
+      if (tick->tick % ticks_alone == 0) session_.stay_in_touch();
+    }
+    session_.stay_in_touch();
+    const std::int64_t begun = session_.tick_of(loop::Role::plant) + 1;
+    if (begun >= inputs.next_tick() + Answerer::reach) {
+      throw inputs.unusable(fmt::format(
+          "it ends before tick {}, the run is at tick {}, and no more than {} ticks can "
+          "be asked again",
+          inputs.next_tick(), begun, Answerer::reach));
+    }
+    answerer_.resume(inputs.next_tick());
+    diagnostics::log_info(
+        fmt::format("resumed run {} at tick {}", session_.run(), inputs.next_tick()));
+  }
+
+  void on_measurement(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    if (!law_.accept_measurement(datagram, stamp)) return;
+    const auto answer = answerer_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
+    if (answer.verdict == Verdict::conflicting) {
+      throw law_.violated("two plants", stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+    }
+    law_.count(answer.verdict);
+    if (answer.verdict == Verdict::fresh) law_.keep_measurement(stamp);
+    if (answer.verdict == Verdict::fresh || answer.verdict == Verdict::repeated) {
+      session_.started(loop::Clock::now());
+    }
+    act(answer.action, stamp.tick);
+  }
+
+  void on_reference(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    if (!law_.accept_reference(datagram, stamp)) return;
+    const auto answer = answerer_.on_reference(stamp.tick, datagram.payload, datagram.sender);
+    if (answer.verdict == Verdict::conflicting) {
+      throw law_.violated("two references", stamp.tick, answerer_.referrer(stamp.tick),
+                          datagram.sender);
+    }
+    law_.count(answer.verdict);
+    if (answer.verdict == Verdict::fresh) law_.keep_reference(stamp);
+    act(answer.action, stamp.tick);
+  }
+
+  void act(Answerer::Action action, std::int64_t tick) {
+    if (action == Answerer::Action::compute) {
+      do {
+        const auto result = law_.step(answerer_.next());
+        answerer_.computed(result.command, result.state);
+      } while (answerer_.ready());
+    } else if (action == Answerer::Action::repeat) {
+      transport_.publish(law_.command_channel(), answerer_.command(tick));
+      transport_.publish(law_.state_channel(), answerer_.state(tick));
+      session_.statistics().resends += 2;
+    }
+  }
+
+  bus::Transport& transport_;
+  node::Session& session_;
+  LawOnBus law_;
+  Answerer answerer_;
+};
+
+}  // namespace
+
+void run_lockstep(const experiment::Scenario& scenario, bus::Transport& transport,
+                  node::Session& session, const std::optional<std::filesystem::path>& resume) {
+  LockstepNode(scenario, transport, session).run(resume);
+}
+
+}  // namespace tachless::controller

@@ -1,0 +1,139 @@
+#include "controller/realtime_node.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <string>
+
+#include "controller/law_on_bus.h"
+#include "diagnostics/logging.h"
+#include "protocol/realtime/command_picker.h"
+#include "protocol/realtime/pace.h"
+
+namespace tachless::controller {
+namespace {
+
+class RealtimeNode {
+ public:
+  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
+               node::Session& session)
+      : transport_(transport),
+        session_(session),
+        law_(scenario, transport, session),
+        picker_(scenario.loop.num_ticks, law_.longest_measurement(), law_.longest_reference()),
+        pace_(scenario.loop.period_s),
+        num_ticks_(scenario.loop.num_ticks) {}
+
+  void run() {
+    session_.meet(law_.needs());
+    try {
+      while (!session_.plant_finished()) {
+        session_.attend(loop::Clock::now());
+        const auto datagram = transport_.receive(session_.next_attention());
+        if (!datagram || session_.take(*datagram)) continue;
+        if (datagram->channel == law_.measurement_channel()) {
+          on_measurement(*datagram);
+        } else if (datagram->channel == law_.reference_channel()) {
+          on_reference(*datagram);
+        }
+      }
+    } catch (const diagnostics::Failure&) {
+      tell_gaps();
+      throw;
+    }
+    session_.finish();
+    count_rest();
+    tell_gaps();
+  }
+
+ private:
+  using Verdict = protocol::lockstep::Verdict;
+
+  void on_measurement(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    if (!law_.accept_measurement(datagram, stamp)) return;
+    const auto now = loop::Clock::now();
+    if (!pace_.possible(stamp.tick, now) && !session_.knows(datagram.sender)) {
+      return law_.count(Verdict::not_asked);
+    }
+    const Verdict verdict = picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
+    if (verdict == Verdict::conflicting) {
+      throw law_.violated("two plants", stamp.tick, picker_.asker(stamp.tick), datagram.sender);
+    }
+    law_.count(verdict);
+    if (verdict != Verdict::fresh) return;
+    law_.keep_measurement(stamp);
+    session_.started(now);
+    act();
+  }
+
+  void on_reference(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    if (!law_.accept_reference(datagram, stamp)) return;
+    // A reference is a tick ahead.
+    if (!pace_.possible(std::max<std::int64_t>(stamp.tick - 1, 0), loop::Clock::now()) &&
+        !session_.knows(datagram.sender)) {
+      return law_.count(Verdict::not_asked);
+    }
+    const Verdict verdict = picker_.on_reference(stamp.tick, datagram.payload, datagram.sender);
+    if (verdict == Verdict::conflicting) {
+      throw law_.violated("two references", stamp.tick, picker_.referrer(stamp.tick),
+                          datagram.sender);
+    }
+    law_.count(verdict);
+    if (verdict != Verdict::fresh) return;
+    law_.keep_reference(stamp);
+    act();
+  }
+
+  void act() {
+    const auto due = picker_.due();
+    if (!due) return;
+    const auto result = law_.step(*due);
+    picker_.acted(*due);
+    acted_ = *due;
+    node::Statistics& statistics = session_.statistics();
+    statistics.gaps += result.skipped > 0 ? 1 : 0;
+    statistics.skipped_ticks += result.skipped;
+    statistics.restarts += result.restarted ? 1 : 0;
+  }
+
+  /// The ticks that it never got to, since the run is over.
+  void count_rest() {
+    const std::int64_t rest = num_ticks_ - 1 - acted_;
+    session_.statistics().gaps += rest > 0 ? 1 : 0;
+    session_.statistics().skipped_ticks += rest;
+  }
+
+  void tell_gaps() const {
+    const node::Statistics& statistics = session_.statistics();
+    if (statistics.gaps == 0) return;
+    const std::string restarts =
+        statistics.restarts == 0
+            ? ""
+            : fmt::format(", {} of them so long that the law's memory began anew",
+                          statistics.restarts);
+    diagnostics::log_warning(
+        fmt::format("{} ticks in {} gaps were passed over, for their measurement or reference came "
+                    "late or not at all{}",
+                    statistics.skipped_ticks, statistics.gaps, restarts));
+  }
+
+  bus::Transport& transport_;
+  node::Session& session_;
+  LawOnBus law_;
+  protocol::realtime::CommandPicker picker_;
+  protocol::realtime::Pace pace_;
+  std::int64_t num_ticks_;
+  std::int64_t acted_ = -1;  ///< newest tick commanded
+};
+
+}  // namespace
+
+void run_realtime(const experiment::Scenario& scenario, bus::Transport& transport,
+                  node::Session& session) {
+  RealtimeNode(scenario, transport, session).run();
+}
+
+}  // namespace tachless::controller
