@@ -86,13 +86,13 @@ const std::vector<Rule> rules = {
     {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5"}, true},
 
     {"certificate/",
-     {"certificate/", "controller/registry.h", "controller/law/", "experiment/", "loop/signals.h",
-      "robot/"},
+     {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
+      "experiment/", "loop/signals.h", "robot/"},
      {"Eigen/"}},
 
     {"study/",
-     {"study/", "robot/", "controller/law/", "controller/registry.h", "reference/make_trajectory.h",
-      "reference/trajectory/", "plant/", "experiment/", "loop/"},
+     {"study/", "robot/", "controller/law_stepper.h", "controller/registry.h",
+      "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/"},
      {"Eigen/"}},
 
     {"report/",
