@@ -32,12 +32,12 @@ struct Codec<Value>::Scratch {
 
 inline void require_joints(const loop::Layout& layout) {
   const bool motors_ok = layout.num_motors == 0 || layout.num_motors == layout.num_joints;
-  const bool filters_ok = layout.num_filters >= 0 && layout.num_filters <= loop::max_filters;
-  if (layout.num_joints < 1 || layout.num_joints > robot::max_joints || !motors_ok || !filters_ok) {
+  const bool signals_ok = layout.num_signals >= 0 && layout.num_signals <= loop::max_signals;
+  if (layout.num_joints < 1 || layout.num_joints > robot::max_joints || !motors_ok || !signals_ok) {
     throw std::logic_error("bus::Codec: impossible layout: num_joints " +
                            std::to_string(layout.num_joints) + ", num_motors " +
-                           std::to_string(layout.num_motors) + ", num_filters " +
-                           std::to_string(layout.num_filters));
+                           std::to_string(layout.num_motors) + ", num_signals " +
+                           std::to_string(layout.num_signals));
   }
 }
 

@@ -1,5 +1,6 @@
 #include "bus/wire.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -94,11 +95,9 @@ bool all_finite(const loop::ReferencePoint& value) {
          value.jerk_ref.allFinite() && value.snap_ref.allFinite();
 }
 bool all_finite(const loop::TorqueCommand& value) { return value.tau.allFinite(); }
-bool all_finite(const loop::ControllerState& value) {
-  for (int i = 0; i < loop::max_filters; ++i) {
-    if (!value.error[i].allFinite() || !value.nu[i].allFinite()) return false;
-  }
-  return true;
+bool all_finite(const loop::LawSignals& value) {
+  return std::all_of(value.value.begin(), value.value.end(),
+                     [](const robot::Vector& row) { return row.allFinite(); });
 }
 bool all_finite(const loop::Participant& value) { return std::isfinite(value.error_norm); }
 bool all_finite(const loop::RunInfo& value) { return std::isfinite(value.period_s); }
@@ -278,43 +277,38 @@ struct Translation<loop::TorqueCommand> {
 };
 
 template <>
-struct Translation<loop::ControllerState> {
+struct Translation<loop::LawSignals> {
   using Message = tachless::controller_state_t;
   static MessageShape shape(const loop::Layout& layout) {
     require_joints(layout);
     const int n = layout.num_joints;
-    const int filters = layout.num_filters;
+    const int signals = layout.num_signals;
     return {Message::getHash(),
-            {{Kind::count, filters}, {Kind::count, n}, {Kind::real, 2 * filters * n}}};
+            {{Kind::count, signals}, {Kind::count, n}, {Kind::real, signals * n}}};
   }
   static void size(const loop::Layout& layout, Message& message) {
-    message.num_filters = layout.num_filters;
+    message.num_signals = layout.num_signals;
     message.num_joints = layout.num_joints;
-    message.error.assign(layout.num_filters, std::vector<double>(layout.num_joints));
-    message.nu = message.error;
+    message.value.assign(layout.num_signals, std::vector<double>(layout.num_joints));
   }
-  static void write(const loop::ControllerState& value, const loop::Layout& layout,
-                    Message& message) {
-    if (value.num_filters != layout.num_filters) {
-      throw std::logic_error("bus::Codec: controller state of " +
-                             std::to_string(value.num_filters) + " filters, the layout says " +
-                             std::to_string(layout.num_filters));
+  static void write(const loop::LawSignals& value, const loop::Layout& layout, Message& message) {
+    if (value.num != layout.num_signals) {
+      throw std::logic_error("bus::Codec: controller state of " + std::to_string(value.num) +
+                             " signals, the layout says " + std::to_string(layout.num_signals));
     }
-    for (int i = 0; i < layout.num_filters; ++i) {
-      put(value.error[i], layout.num_joints, "error", message.error[i]);
-      put(value.nu[i], layout.num_joints, "nu", message.nu[i]);
+    for (int i = 0; i < layout.num_signals; ++i) {
+      put(value.value[i], layout.num_joints, "value", message.value[i]);
     }
   }
   static Rejection check(const Message&) { return Rejection::none; }
-  static void read(const Message& message, loop::ControllerState& value) {
-    value.num_filters = message.num_filters;
-    for (int i = 0; i < loop::max_filters; ++i) {
-      value.error[i].resize(0);
-      value.nu[i].resize(0);
-    }
-    for (int i = 0; i < message.num_filters; ++i) {
-      get(message.error[i], value.error[i]);
-      get(message.nu[i], value.nu[i]);
+  static void read(const Message& message, loop::LawSignals& value) {
+    value.num = message.num_signals;
+    for (int i = 0; i < loop::max_signals; ++i) {
+      if (i < message.num_signals) {
+        get(message.value[i], value.value[i]);
+      } else {
+        value.value[i].resize(0);
+      }
     }
   }
 };
@@ -333,6 +327,7 @@ struct Translation<loop::Participant> {
              text,
              text,
              text,
+             text,
              text}};
   }
   static void size(const loop::Layout&, Message&) {}
@@ -340,6 +335,7 @@ struct Translation<loop::Participant> {
     require_text(value.host, loop::max_participant_text, "host");
     require_text(value.scenario, loop::max_participant_text, "scenario");
     require_text(value.measurement, loop::max_participant_text, "measurement");
+    require_text(value.signals, loop::max_participant_text, "signals");
     require_text(value.fault, loop::max_participant_text, "fault");
     if (value.fault_code < 0 || value.fault_code > 255) {
       throw std::logic_error("bus::Codec: fault code " + std::to_string(value.fault_code) +
@@ -355,6 +351,7 @@ struct Translation<loop::Participant> {
     message.host = value.host;
     message.scenario = value.scenario;
     message.measurement = value.measurement;
+    message.signals = value.signals;
     message.fault = value.fault;
     if (check(message) != Rejection::none) {
       throw std::logic_error("bus::Codec: a field of a participant is outside its range");
@@ -377,6 +374,7 @@ struct Translation<loop::Participant> {
     value.host = message.host;
     value.scenario = message.scenario;
     value.measurement = message.measurement;
+    value.signals = message.signals;
     value.fault = message.fault;
   }
 };
@@ -387,7 +385,7 @@ struct Translation<loop::RunInfo> {
   static MessageShape shape(const loop::Layout&) {
     const Field text{Kind::text, loop::max_run_info_size};
     return {Message::getHash(),
-            {{Kind::int64}, {Kind::real}, text, text, text, text, text},
+            {{Kind::int64}, {Kind::real}, text, text, text, text, text, text},
             loop::max_run_info_size};
   }
   static void size(const loop::Layout&, Message&) {}
@@ -395,6 +393,7 @@ struct Translation<loop::RunInfo> {
     require_text(value.version, loop::max_run_info_size, "version");
     require_text(value.robot, loop::max_run_info_size, "robot");
     require_text(value.measurement, loop::max_run_info_size, "measurement");
+    require_text(value.signals, loop::max_run_info_size, "signals");
     require_text(value.scenario, loop::max_run_info_size, "scenario");
     require_text(value.robot_description, loop::max_run_info_size, "robot_description");
     message.num_ticks = value.num_ticks;
@@ -402,6 +401,7 @@ struct Translation<loop::RunInfo> {
     message.version = value.version;
     message.robot = value.robot;
     message.measurement = value.measurement;
+    message.signals = value.signals;
     message.scenario = value.scenario;
     message.robot_description = value.robot_description;
     if (check(message) != Rejection::none) {
@@ -417,6 +417,7 @@ struct Translation<loop::RunInfo> {
     value.version = message.version;
     value.robot = message.robot;
     value.measurement = message.measurement;
+    value.signals = message.signals;
     value.scenario = message.scenario;
     value.robot_description = message.robot_description;
   }
@@ -443,7 +444,7 @@ template class Codec<loop::LinkStateMeasurement>;
 template class Codec<loop::StateMeasurement>;
 template class Codec<loop::ReferencePoint>;
 template class Codec<loop::TorqueCommand>;
-template class Codec<loop::ControllerState>;
+template class Codec<loop::LawSignals>;
 template class Codec<loop::Participant>;
 template class Codec<loop::RunInfo>;
 template class Codec<loop::LogAck>;

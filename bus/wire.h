@@ -41,7 +41,7 @@ bool all_finite(const loop::LinkStateMeasurement& value);
 bool all_finite(const loop::StateMeasurement& value);
 bool all_finite(const loop::ReferencePoint& value);
 bool all_finite(const loop::TorqueCommand& value);
-bool all_finite(const loop::ControllerState& value);
+bool all_finite(const loop::LawSignals& value);
 bool all_finite(const loop::Participant& value);
 bool all_finite(const loop::RunInfo& value);
 bool all_finite(const loop::LogAck& value);
@@ -54,7 +54,7 @@ template <class Value>
 class Codec {
  public:
   /// @throw std::logic_error if the message has joint arrays and the layout does not hold 1 to
-  /// loop::max_joints joints, as many motors or none, and 0 to loop::max_filters filters
+  /// loop::max_joints joints, as many motors or none, and 0 to loop::max_signals signals
   explicit Codec(const loop::Layout& layout);
   ~Codec();
   Codec(Codec&&) noexcept;

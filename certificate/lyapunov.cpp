@@ -78,7 +78,7 @@ LyapunovFunction rigid(const experiment::Scenario& scenario) {
               const LoopState& state, const loop::ReferencePoint& reference) {
             const Vector e = state.q - reference.q_ref;
             const Vector edot = state.v - reference.v_ref;
-            const Vector& nu = state.controller.nu[0];
+            const Vector& nu = state.controller.value[1];
             const Vector momentum = robot::mass_matrix(*model, state.q) * edot;
             return 0.5 * edot.dot(momentum) + 0.5 * weighted(kp, e) + 0.5 * weighted(kd_by_b, nu) +
                    epsilon * (e - nu).dot(momentum);
@@ -119,8 +119,8 @@ struct Flexible {
   }
 
   double operator()(const LoopState& x, const loop::ReferencePoint& r) const {
-    const Vector& nu1 = x.controller.nu[0];
-    const Vector& nu2 = x.controller.nu[1];
+    const Vector& nu1 = x.controller.value[1];
+    const Vector& nu2 = x.controller.value[3];
     const Vector theta_ref = law.motor_reference({x.q, x.v, x.theta}, r, nu1).theta_ref;
     const Vector e1 = x.q - r.q_ref;
     const Vector e2 = x.theta - theta_ref;
@@ -154,7 +154,7 @@ LyapunovFunction kelly_flexible(const experiment::Scenario& scenario) {
                0.5 * (weighted(kp, e2) + weighted(robot->stiffness, e1 - e2)) +
                robot::potential_energy(robot->links, x.q) -
                robot::potential_energy(robot->links, r.q_ref) - g.dot(e1) +
-               0.5 * weighted(kd_by_b, x.controller.nu[0]);
+               0.5 * weighted(kd_by_b, x.controller.value[1]);
       }};
 }
 

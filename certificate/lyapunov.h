@@ -13,7 +13,7 @@ namespace tachless::certificate {
 /// empty.
 struct LoopState {
   robot::Vector q, v, theta, thetadot;
-  loop::ControllerState controller;  ///< of the same tick
+  loop::LawSignals controller;  ///< of the same tick
 };
 
 /// The Lyapunov function by which a law's stability is proved.

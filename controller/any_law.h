@@ -17,7 +17,7 @@ class AnyLaw {
   /// Of the last step; valid until the next one.
   struct Output {
     const loop::TorqueCommand& command;
-    const loop::ControllerState& state;
+    const loop::LawSignals& signals;
   };
 
   AnyLaw() = default;
@@ -52,13 +52,13 @@ class LawWithMemory final : public AnyLaw<typename L::Measurement> {
 
   Output start(const Measurement& measurement, const loop::ReferencePoint& reference) override {
     last_ = law_.step(law_.start(measurement, reference), measurement, reference);
-    return {last_.command, last_.state};
+    return {last_.command, last_.signals};
   }
 
   Output step(const Measurement& measurement, const loop::ReferencePoint& reference,
               int ticks) override {
     last_ = law_.step(memory_, measurement, reference, ticks);
-    return {last_.command, last_.state};
+    return {last_.command, last_.signals};
   }
 
   void keep() override { memory_ = last_.memory; }

@@ -17,9 +17,8 @@ namespace tachless::controller {
 namespace {
 
 loop::Layout layout(const experiment::Scenario& scenario) {
-  return {.num_joints = scenario.num_joints,
-          .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
-          .num_filters = num_filters(scenario.controller.law)};
+  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                      static_cast<int>(law_facts(scenario.controller.law).signals.size()));
 }
 
 /// The decoded values of the last ticks, each at the place of its tick. Preallocated.
@@ -66,7 +65,7 @@ diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, 
 /// What one step gave; valid until the next one.
 struct Advance {
   const loop::TorqueCommand& command;
-  const loop::ControllerState& state;
+  const loop::LawSignals& signals;
   std::int64_t skipped = 0;
   bool restarted = false;
 };
@@ -80,7 +79,7 @@ struct LawOnBus::Messages {
 
   bus::Codec<loop::ReferencePoint> reference_codec;
   bus::Codec<loop::TorqueCommand> command_codec;
-  bus::Codec<loop::ControllerState> state_codec;
+  bus::Codec<loop::LawSignals> state_codec;
   loop::ReferencePoint newest;
   DecodedRing<loop::ReferencePoint> references;
 };
@@ -122,12 +121,12 @@ class LawOnBus::MeasuredBy final : public LawOnBus::Measured {
   }
   Advance step(std::int64_t tick, const loop::ReferencePoint& reference) override {
     const auto outcome = stepper_.step(tick, measurements_.at(tick).value, reference);
-    const auto& [command, state] = outcome.output;
-    if (!bus::all_finite(command) || !bus::all_finite(state)) {
+    const auto& [command, signals] = outcome.output;
+    if (!bus::all_finite(command) || !bus::all_finite(signals)) {
       throw not_finite(stepper_.name(), command.tau, tick);
     }
     stepper_.keep(tick);
-    return {command, state, outcome.skipped, outcome.restarted};
+    return {command, signals, outcome.skipped, outcome.restarted};
   }
 
  private:
@@ -152,7 +151,8 @@ LawOnBus::LawOnBus(const experiment::Scenario& scenario, bus::Transport& transpo
           fmt::format("{}_{}", scenario.robot.channel_prefix, measured_->suffix())),
       reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
       command_channel_(loop::channel<loop::TorqueCommand>(scenario.robot.channel_prefix)),
-      state_channel_(loop::channel<loop::ControllerState>(scenario.robot.channel_prefix)) {
+      state_channel_(loop::channel<loop::LawSignals>(scenario.robot.channel_prefix)),
+      signals_(loop::text_of(law_facts(scenario.controller.law).signals)) {
   transport_.subscribe(measurement_channel_);
   transport_.subscribe(reference_channel_);
 }
@@ -160,6 +160,8 @@ LawOnBus::LawOnBus(const experiment::Scenario& scenario, bus::Transport& transpo
 LawOnBus::~LawOnBus() = default;
 
 std::string LawOnBus::needs() const { return std::string(measured_->suffix()); }
+
+std::string LawOnBus::signals() const { return signals_; }
 
 std::size_t LawOnBus::longest_measurement() const { return measured_->longest(); }
 std::size_t LawOnBus::longest_reference() const { return messages_->reference_codec.longest(); }
@@ -186,10 +188,10 @@ LawOnBus::Result LawOnBus::step(std::int64_t tick) {
   const Advance advance = measured_->step(tick, messages_->references.at(tick).value);
   const auto command = messages_->command_codec.encode(stamp, advance.command);
   transport_.publish(command_channel_, command);
-  const auto state = messages_->state_codec.encode(stamp, advance.state);
+  const auto state = messages_->state_codec.encode(stamp, advance.signals);
   transport_.publish(state_channel_, state);
 
-  session_.progressed(tick, advance.state.num_filters > 0 ? advance.state.error[0].norm() : 0);
+  session_.progressed(tick, advance.signals.num > 0 ? advance.signals.value[0].norm() : 0);
   session_.statistics().ticks = tick + 1;
   session_.statistics().work.add(loop::Clock::now() - begin);
   return {command, state, advance.skipped, advance.restarted};

@@ -28,6 +28,8 @@ class LawOnBus {
 
   /// Suffix of the channel that the law is fed from, to be announced before the run.
   [[nodiscard]] std::string needs() const;
+  /// The signals that the law declares, as `loop::text_of` gives them; likewise announced.
+  [[nodiscard]] std::string signals() const;
   [[nodiscard]] const std::string& measurement_channel() const { return measurement_channel_; }
   [[nodiscard]] const std::string& reference_channel() const { return reference_channel_; }
   [[nodiscard]] const std::string& command_channel() const { return command_channel_; }
@@ -87,6 +89,7 @@ class LawOnBus {
   std::string reference_channel_;
   std::string command_channel_;
   std::string state_channel_;
+  std::string signals_;
 };
 
 }  // namespace tachless::controller

@@ -24,7 +24,7 @@ class LockstepNode {
 
   /// `log`: of a run under way, to be resumed.
   void run(const std::optional<std::filesystem::path>& log) {
-    session_.meet(law_.needs());
+    session_.meet(law_.needs(), law_.signals());
     if (log) resume(*log);
     while (!session_.plant_finished()) {
       session_.attend(loop::Clock::now());

@@ -26,7 +26,7 @@ class RealtimeNode {
         num_ticks_(scenario.loop.num_ticks) {}
 
   void run() {
-    session_.meet(law_.needs());
+    session_.meet(law_.needs(), law_.signals());
     try {
       while (!session_.plant_finished()) {
         session_.attend(loop::Clock::now());

@@ -28,7 +28,7 @@ LawFacts facts_of() {
   LawFacts facts;
   facts.name = L::name;
   facts.measurement = loop::ChannelOf<typename L::Measurement>::suffix;
-  facts.num_filters = L::num_filters;
+  facts.signals = L::signals;
   for (const auto& gain : L::Gains::names) {
     facts.gains.push_back(gain.name);
   }
@@ -167,8 +167,6 @@ const LawFacts& law_facts(std::string_view name) {
 }
 
 std::string_view measurement_suffix(std::string_view name) { return law_facts(name).measurement; }
-
-int num_filters(std::string_view name) { return law_facts(name).num_filters; }
 
 robot::Model rigid_model(const experiment::Scenario& scenario) {
   robot::Model model = urdf_model(scenario);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -22,8 +23,8 @@ namespace tachless::controller {
 /// What is known of a law by its name alone; all of it follows from what the law declares.
 struct LawFacts {
   std::string_view name;
-  std::string_view measurement;  ///< suffix of the channel that it is fed from
-  int num_filters = 0;           ///< rows of its `loop::ControllerState`
+  std::string_view measurement;           ///< suffix of the channel that it is fed from
+  std::span<const loop::Signal> signals;  ///< rows of its `loop::LawSignals`
   std::vector<std::string_view> gains;
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< its reference must be constant
@@ -40,10 +41,9 @@ std::vector<std::string_view> law_names();
 /// @throw std::invalid_argument naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
 
-/// Suffix of the channel that feeds the law, and the rows of its state.
+/// Suffix of the channel that feeds the law.
 /// @throw std::invalid_argument as `law_facts`.
 std::string_view measurement_suffix(std::string_view name);
-int num_filters(std::string_view name);
 
 /// The model that laws for rigid joints get: URDF and gravity of the scenario, rotor inertia
 /// added (M = M_l + J); on a flexible robot too, which they take for rigid. The payload is not in

@@ -37,9 +37,9 @@ std::vector<TypeName> read_off() {
           entry("tachless.state_measurement_t", loop::StateMeasurement{x, x, none, none}),
           entry("tachless.reference_t", loop::ReferencePoint{x, x, x, x, x}),
           entry("tachless.torque_command_t", loop::TorqueCommand{x}),
-          entry("tachless.controller_state_t", loop::ControllerState{}),
+          entry("tachless.controller_state_t", loop::LawSignals{}),
           entry("tachless.participant_t", loop::Participant{}),
-          entry("tachless.run_info_t", loop::RunInfo{1, 1.0, {}, {}, {}, {}, {}}),
+          entry("tachless.run_info_t", loop::RunInfo{1, 1.0, {}, {}, {}, {}, {}, {}}),
           entry("tachless.log_ack_t", loop::LogAck{}),
           entry("tachless_truth.plant_truth_t", truth)};
 }

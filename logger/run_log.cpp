@@ -58,10 +58,10 @@ bool same(const loop::ReferencePoint& a, const loop::ReferencePoint& b) {
          same(a.jerk_ref, b.jerk_ref) && same(a.snap_ref, b.snap_ref);
 }
 bool same(const loop::TorqueCommand& a, const loop::TorqueCommand& b) { return same(a.tau, b.tau); }
-bool same(const loop::ControllerState& a, const loop::ControllerState& b) {
-  if (a.num_filters != b.num_filters) return false;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(a.num_filters); ++i) {
-    if (!same(a.error[i], b.error[i]) || !same(a.nu[i], b.nu[i])) return false;
+bool same(const loop::LawSignals& a, const loop::LawSignals& b) {
+  if (a.num != b.num) return false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(a.num); ++i) {
+    if (!same(a.value[i], b.value[i])) return false;
   }
   return true;
 }
@@ -121,10 +121,9 @@ class RunLog::Impl {
  public:
   Impl(const std::filesystem::path& path, std::optional<std::int64_t> run) : reader_(path) {
     find_run_info(run);
-    layout_.num_joints = scenario_.num_joints;
-    layout_.num_motors = scenario_.robot.flexible ? scenario_.num_joints : 0;
+    layout_ = loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
+                           static_cast<int>(loop::parse_signals(info_.signals)->size()));
     make_codecs();
-    find_num_filters();
     slots_.resize(static_cast<std::size_t>(num_slots));
     rewind();
   }
@@ -245,6 +244,11 @@ class RunLog::Impl {
         complain("names an unknown measurement, " + info_.measurement);
         continue;
       }
+      if (!loop::parse_signals(info_.signals)) {
+        complain("declares the law's signals as \"" + info_.signals +
+                 "\", which is not name:unit,...");
+        continue;
+      }
       run_ = stamp.run;
       if (has_messages()) return;
       // A run nobody else took part in; its id may be damaged. Is there a better one?
@@ -306,28 +310,6 @@ class RunLog::Impl {
     make_measurement(motor_position_);
     make_measurement(link_state_);
     make_measurement(state_);
-  }
-
-  /// The law's number of filters is in no field of RUN_INFO: the first state tells.
-  void find_num_filters() {
-    std::vector<bus::Codec<loop::ControllerState>> codecs;
-    for (int n = 0; n <= loop::max_filters; ++n) {
-      codecs.emplace_back(loop::Layout{layout_.num_joints, layout_.num_motors, n});
-    }
-    reader_.rewind();
-    while (const auto event = reader_.next()) {
-      if (event->channel != controller_state_.name) continue;
-      loop::Stamp stamp;
-      for (int n = 0; n <= loop::max_filters; ++n) {
-        const auto rejection = codecs[static_cast<std::size_t>(n)].decode(
-            event->data, stamp, controller_state_.scratch);
-        if (rejection == bus::Rejection::none && stamp.run == run_) {
-          layout_.num_filters = n;
-          make(controller_state_);
-          return;
-        }
-      }
-    }
   }
 
   [[nodiscard]] std::string channel_of(Piece piece) const {
@@ -548,7 +530,7 @@ class RunLog::Impl {
   Channel<loop::StateMeasurement> state_;
   Channel<loop::ReferencePoint> reference_;
   Channel<loop::TorqueCommand> command_;
-  Channel<loop::ControllerState> controller_state_;
+  Channel<loop::LawSignals> controller_state_;
   Channel<loop::truth::PlantTruth> truth_;
   Channel<loop::Participant> participant_;
   Channel<loop::RunInfo> run_info_;

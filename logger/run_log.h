@@ -31,7 +31,7 @@ struct TickRecord {
   Measurement measurement;  ///< of the kind that RUN_INFO names; monostate when missing
   std::optional<loop::ReferencePoint> reference;
   std::optional<loop::TorqueCommand> command;
-  std::optional<loop::ControllerState> controller_state;
+  std::optional<loop::LawSignals> controller_state;
   std::optional<loop::truth::PlantTruth> truth;
 };
 
@@ -114,7 +114,7 @@ class RunLog {
   [[nodiscard]] std::int64_t run() const;
   [[nodiscard]] const loop::RunInfo& info() const;
   [[nodiscard]] const experiment::Scenario& scenario() const;
-  /// `num_filters` is that of the first controller state in the log, 0 when there is none.
+  /// `num_signals` is how many signals RUN_INFO declares.
   [[nodiscard]] const loop::Layout& layout() const;
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.

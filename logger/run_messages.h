@@ -32,10 +32,8 @@ class Checker {
   Value value_;
 };
 
-inline loop::Layout layout(const experiment::Scenario& scenario, int num_filters) {
-  return {.num_joints = scenario.num_joints,
-          .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
-          .num_filters = num_filters};
+inline loop::Layout layout(const experiment::Scenario& scenario, int num_signals) {
+  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(), num_signals);
 }
 
 /// Whichever measurement the controller is fed with.
@@ -85,12 +83,12 @@ class MeasurementChecker {
   std::ptrdiff_t selected_ = -1;
 };
 
-/// The logger does not know laws: a controller's state may have any number of filters.
+/// The logger does not know laws: a controller's state may have any number of signals.
 class StateChecker {
  public:
   explicit StateChecker(const experiment::Scenario& scenario) {
-    for (int filters = 0; filters <= loop::max_filters; ++filters) {
-      checkers_.emplace_back(layout(scenario, filters));
+    for (int signals = 0; signals <= loop::max_signals; ++signals) {
+      checkers_.emplace_back(layout(scenario, signals));
     }
   }
   bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
@@ -103,7 +101,7 @@ class StateChecker {
   [[nodiscard]] std::size_t longest() const { return checkers_.back().longest(); }
 
  private:
-  std::vector<Checker<loop::ControllerState>> checkers_;
+  std::vector<Checker<loop::LawSignals>> checkers_;
 };
 
 /// The six messages of a tick, by slot: their channels, and whether one is sound.
@@ -122,7 +120,7 @@ class RunMessages {
     name(Slot::tick) = loop::channel<loop::Tick>(robot_);
     name(Slot::reference) = loop::channel<loop::ReferencePoint>(robot_);
     name(Slot::command) = loop::channel<loop::TorqueCommand>(robot_);
-    name(Slot::controller_state) = loop::channel<loop::ControllerState>(robot_);
+    name(Slot::controller_state) = loop::channel<loop::LawSignals>(robot_);
     name(Slot::truth) = loop::channel<loop::truth::PlantTruth>(robot_);
   }
 

@@ -20,6 +20,23 @@ Units by_joint(const std::vector<robot::JointType>& types, const std::string& re
   return units;
 }
 
+/// Units in a column's name, on a revolute and on a prismatic joint: rad/s gives rad_per_s,
+/// m_per_s.
+std::pair<std::string, std::string> column_units(std::string_view unit) {
+  std::string revolute;
+  for (const char c : unit) {
+    if (c == '/') {
+      revolute += "_per_";
+    } else if (c != ' ' && c != '^') {
+      revolute += c;
+    }
+  }
+  std::string prismatic = revolute;
+  if (revolute == "Nm") prismatic = "N";
+  if (revolute.starts_with("rad")) prismatic = "m" + revolute.substr(3);
+  return {revolute, prismatic};
+}
+
 struct Builder {
   std::vector<robot::JointType> types;
   std::vector<Quantity> quantities;
@@ -97,15 +114,12 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   to.add("tau", "Nm", "N", Piece::command, "motor torque commanded from this tick's measurement",
          [](const TickRecord& r) -> const Vector& { return r.command->tau; });
 
-  const int filters = log.layout().num_filters;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(filters); ++i) {
-    const std::string index = filters == 1 ? "" : std::to_string(i + 1);
-    const std::string which = filters == 1 ? "" : " of filter " + index;
-    to.add("error" + index, "rad", "m", Piece::controller_state,
-           "position error, measured minus reference" + which,
-           [i](const TickRecord& r) -> const Vector& { return r.controller_state->error[i]; });
-    to.add("nu" + index, "rad_per_s", "m_per_s", Piece::controller_state, "filter output" + which,
-           [i](const TickRecord& r) -> const Vector& { return r.controller_state->nu[i]; });
+  const auto signals = loop::parse_signals(log.info().signals).value();
+  for (std::size_t i = 0; i < signals.size(); ++i) {
+    const auto [revolute, prismatic] = column_units(signals[i].unit);
+    to.add(std::string(signals[i].name), revolute, prismatic, Piece::controller_state,
+           "signal of the law: " + std::string(signals[i].name),
+           [i](const TickRecord& r) -> const Vector& { return r.controller_state->value[i]; });
   }
 
   const auto& measurement = log.info().measurement;

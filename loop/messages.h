@@ -20,8 +20,13 @@ struct Stamp {
 struct Layout {
   int num_joints = 0;
   int num_motors = 0;   ///< num_joints on a flexible-joint robot, else 0
-  int num_filters = 0;  ///< of the law; only controller_state_t depends on it
+  int num_signals = 0;  ///< that the law declares; only controller_state_t depends on it
 };
+
+/// The layout of a run's messages. `num_signals` matters to controller_state_t alone.
+constexpr Layout layout(int num_joints, bool flexible, int num_signals = 0) {
+  return {num_joints, flexible ? num_joints : 0, num_signals};
+}
 
 /// plant -> reference
 struct Tick {
@@ -45,6 +50,7 @@ struct Participant {
   std::string host;
   std::string scenario;     ///< its name, for messages to people
   std::string measurement;  ///< controller only: channel suffix of what it needs
+  std::string signals;      ///< controller only: what its law declares, as `text_of` gives it
   std::string fault;
 };
 
@@ -54,6 +60,7 @@ struct RunInfo {
   std::string version;
   std::string robot;
   std::string measurement;
+  std::string signals;  ///< rows of LawSignals, as `text_of` gives them
   std::string scenario;
   std::string robot_description;
 };
@@ -101,7 +108,7 @@ struct ChannelOf<TorqueCommand> {
   static constexpr std::string_view suffix = "COMMAND";
 };
 template <>
-struct ChannelOf<ControllerState> {
+struct ChannelOf<LawSignals> {
   static constexpr std::string_view suffix = "CONTROLLER_STATE";
 };
 template <>

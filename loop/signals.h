@@ -1,6 +1,11 @@
 #pragma once
 
 #include <array>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "robot/quantities.h"
 
@@ -47,14 +52,29 @@ struct TorqueCommand {
   robot::Vector tau;  ///< motor torque [N m; N if prismatic], positive accelerates the joint
 };
 
-inline constexpr int max_filters = 2;
-
-/// What a law computed on the way to its command, for the log. Entry i belongs to the law's
-/// i-th filter; entries from `num_filters` on are empty.
-struct ControllerState {
-  int num_filters = 0;
-  std::array<robot::Vector, max_filters> error;  ///< measured minus reference [rad]
-  std::array<robot::Vector, max_filters> nu;     ///< filter output [rad/s] (the paper's vartheta)
+/// Name and unit of one signal that a law declares, for the log. The unit is that of a revolute
+/// joint, in SI symbols ("rad", "rad/s", "N m"); the name holds neither ':' nor ','.
+struct Signal {
+  std::string_view name;
+  std::string_view unit;
 };
+
+/// Most signals that a law may declare.
+inline constexpr int max_signals = 8;
+
+/// What a law computed on the way to its command, for the log: entry i belongs to the i-th signal
+/// that the law declares and has one value per joint; entries from `num` on are empty. The first
+/// signal of every law is the position error whose norm the controller announces.
+struct LawSignals {
+  int num = 0;
+  std::array<robot::Vector, max_signals> value;
+};
+
+/// "error:rad,nu:rad/s": how declared signals travel in participant_t and run_info_t.
+std::string text_of(std::span<const Signal> signals);
+
+/// The reverse; views into `text`. Nothing when it is not such a text, or declares more than
+/// `max_signals`; an empty text declares none.
+std::optional<std::vector<Signal>> parse_signals(std::string_view text);
 
 }  // namespace tachless::loop

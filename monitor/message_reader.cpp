@@ -41,14 +41,13 @@ Fields describe(const loop::ReferencePoint& m) {
           {"snap", "rad/s^4", list(m.snap_ref)}};
 }
 Fields describe(const loop::TorqueCommand& m) { return {{"torque", "N m", list(m.tau)}}; }
-Fields describe(const loop::ControllerState& m) {
-  static constexpr std::array<std::string_view, loop::max_filters> errors = {"error[0]",
-                                                                             "error[1]"};
-  static constexpr std::array<std::string_view, loop::max_filters> outputs = {"nu[0]", "nu[1]"};
+Fields describe(const loop::LawSignals& m) {
+  static constexpr std::array<std::string_view, loop::max_signals> names = {
+      "value[0]", "value[1]", "value[2]", "value[3]",
+      "value[4]", "value[5]", "value[6]", "value[7]"};
   Fields fields;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(m.num_filters); ++i) {
-    fields.push_back({errors[i], "rad", list(m.error[i])});
-    fields.push_back({outputs[i], "rad/s", list(m.nu[i])});
+  for (std::size_t i = 0; i < static_cast<std::size_t>(m.num); ++i) {
+    fields.push_back({names[i], "", list(m.value[i])});
   }
   return fields;
 }
@@ -75,19 +74,17 @@ Fields describe(const loop::Participant& m) {
           {"host", "", m.host},
           {"pid", "", std::int64_t{m.pid}},
           {"measurement", "", m.measurement},
+          {"signals", "", m.signals},
           {"fault_code", "", std::int64_t{m.fault_code}},
           {"fault", "", m.fault},
           {"instance", "", m.instance},
           {"scenario_digest", "", m.scenario_digest}};
 }
 Fields describe(const loop::RunInfo& m) {
-  return {{"num_ticks", "", m.num_ticks},
-          {"period_s", "s", m.period_s},
-          {"version", "", m.version},
-          {"robot", "", m.robot},
-          {"measurement", "", m.measurement},
-          {"scenario", "", m.scenario},
-          {"robot_description", "", m.robot_description}};
+  return {{"num_ticks", "", m.num_ticks},     {"period_s", "s", m.period_s},
+          {"version", "", m.version},         {"robot", "", m.robot},
+          {"measurement", "", m.measurement}, {"signals", "", m.signals},
+          {"scenario", "", m.scenario},       {"robot_description", "", m.robot_description}};
 }
 Fields describe(const loop::LogAck& m) {
   return {{"missing", "", static_cast<std::int64_t>(m.missing)}};
@@ -107,7 +104,7 @@ Fields describe(const loop::truth::PlantTruth& m) {
 }
 
 /// The counts that a message of the type begins with.
-enum class Counts { none, joints, joints_motors, filters_joints };
+enum class Counts { none, joints, joints_motors, signals_joints };
 
 template <class Value>
 constexpr Counts counts_of() {
@@ -118,8 +115,8 @@ constexpr Counts counts_of() {
   } else if constexpr (is_same_v<Value, loop::StateMeasurement> ||
                        is_same_v<Value, loop::truth::PlantTruth>) {
     return Counts::joints_motors;
-  } else if constexpr (is_same_v<Value, loop::ControllerState>) {
-    return Counts::filters_joints;
+  } else if constexpr (is_same_v<Value, loop::LawSignals>) {
+    return Counts::signals_joints;
   } else {
     return Counts::joints;
   }
@@ -143,7 +140,7 @@ std::optional<loop::Layout> announced_layout(Counts counts, std::span<const std:
   constexpr std::size_t second = counts_offset + 4;
   std::optional<int> joints = 1;
   std::optional<int> motors = 0;
-  std::optional<int> filters = 0;
+  std::optional<int> signals = 0;
   switch (counts) {
     case Counts::none:
       break;
@@ -155,18 +152,18 @@ std::optional<loop::Layout> announced_layout(Counts counts, std::span<const std:
       motors = count_at(message, second, 0, robot::max_joints);
       if (motors && *motors != 0 && motors != joints) return std::nullopt;
       break;
-    case Counts::filters_joints:
-      filters = count_at(message, counts_offset, 0, loop::max_filters);
+    case Counts::signals_joints:
+      signals = count_at(message, counts_offset, 0, loop::max_signals);
       joints = count_at(message, second, 1, robot::max_joints);
       break;
   }
-  if (!joints || !motors || !filters) return std::nullopt;
-  return loop::Layout{*joints, *motors, *filters};
+  if (!joints || !motors || !signals) return std::nullopt;
+  return loop::Layout{*joints, *motors, *signals};
 }
 
 bool operator==(const loop::Layout& a, const loop::Layout& b) {
   return a.num_joints == b.num_joints && a.num_motors == b.num_motors &&
-         a.num_filters == b.num_filters;
+         a.num_signals == b.num_signals;
 }
 
 }  // namespace
@@ -223,7 +220,7 @@ MessageReader::MessageReader() {
   add(type_identity<loop::StateMeasurement>(), "tachless.state_measurement_t", true);
   add(type_identity<loop::ReferencePoint>(), "tachless.reference_t", true);
   add(type_identity<loop::TorqueCommand>(), "tachless.torque_command_t", true);
-  add(type_identity<loop::ControllerState>(), "tachless.controller_state_t", true);
+  add(type_identity<loop::LawSignals>(), "tachless.controller_state_t", true);
   add(type_identity<loop::Participant>(), "tachless.participant_t", false);
   add(type_identity<loop::RunInfo>(), "tachless.run_info_t", false);
   add(type_identity<loop::LogAck>(), "tachless.log_ack_t", false);

@@ -19,7 +19,7 @@ struct MessageField {
   std::variant<std::vector<double>, double, std::int64_t, bool, std::string> value;
 };
 
-/// Reads every type of ours without knowing the run: joints, motors and filters are counted as the
+/// Reads every type of ours without knowing the run: joints, motors and signals are counted as the
 /// message itself announces, which is believed only when its size is exactly that of such a
 /// message and every further check of the wire agrees. A tag at the end (bus/authenticated.h) is
 /// noticed and not verified: that needs the key.

@@ -90,7 +90,7 @@ void Session::play(const std::function<void()>& part) {
   }
 }
 
-void Session::meet(const std::string& measurement,
+void Session::meet(const std::string& measurement, const std::string& signals,
                    const std::function<void(const bus::Datagram&)>& other) {
   const auto now = Clock::now();
   if (following_) {
@@ -100,6 +100,7 @@ void Session::meet(const std::string& measurement,
     return;
   }
   self_.measurement = measurement;
+  self_.signals = signals;
   membership_.emplace(self_, now);
   next_notice_ = now + first_notice;
   while (!membership_->met()) {

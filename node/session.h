@@ -46,10 +46,10 @@ class Session {
   void play(const std::function<void()>& part);
 
   /// Waits until the run is known (plant: until all are ready), telling the user who is missing.
-  /// `measurement`: controller only, channel suffix of what it needs. `other`: is given what comes
-  /// on the node's own channels meanwhile.
+  /// `measurement`, `signals`: controller only, channel suffix of what it needs, what it logs.
+  /// `other`: is given what comes on the node's own channels meanwhile.
   /// @throw Failure: see `attend`; refused by or refusing another; nobody came within `wait_s`.
-  void meet(const std::string& measurement = {},
+  void meet(const std::string& measurement = {}, const std::string& signals = {},
             const std::function<void(const bus::Datagram&)>& other = {});
 
   [[nodiscard]] std::int64_t run() const {
@@ -57,6 +57,7 @@ class Session {
   }
   /// What the controller needs, seen from the others.
   [[nodiscard]] std::string measurement() const { return membership_->measurement(); }
+  [[nodiscard]] std::string signals() const { return membership_->signals(); }
 
   /// The first message of the run has been sent or accepted.
   void started(loop::Clock::time_point now);

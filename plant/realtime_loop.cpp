@@ -49,7 +49,7 @@ Clock::time_point RealtimeLoop::end_of_tick() const {
 }
 
 void RealtimeLoop::run() {
-  session_.meet({}, [this](const bus::Datagram& datagram) { refuse_early(datagram); });
+  session_.meet({}, {}, [this](const bus::Datagram& datagram) { refuse_early(datagram); });
   robot_.prepare();
   introduce();
   try {

@@ -15,9 +15,7 @@ namespace {
 using loop::Clock;
 
 loop::Layout layout_of(const experiment::Scenario& scenario) {
-  return {.num_joints = scenario.num_joints,
-          .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
-          .num_filters = 0};
+  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value());
 }
 
 }  // namespace
@@ -85,6 +83,7 @@ void RobotOnBus::prepare() {
   info.version = diagnostics::version;
   info.robot = scenario_.robot.channel_prefix;
   info.measurement = session_.measurement();
+  info.signals = session_.signals();
   info.scenario = scenario_.text;
   info.robot_description = scenario_.robot.urdf_text;
   try {

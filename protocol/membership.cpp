@@ -60,6 +60,7 @@ Membership::Membership(const Self& self, Time now)
   mine.host = self.host;
   mine.scenario = self.scenario;
   mine.measurement = self.measurement;
+  mine.signals = self.signals;
 }
 
 bool Membership::over() const {
@@ -340,6 +341,11 @@ const Membership::Peer* Membership::holder(Role role) const {
 std::string Membership::measurement() const {
   const Peer* controller = holder(Role::controller);
   return controller != nullptr ? controller->participant.measurement : std::string();
+}
+
+std::string Membership::signals() const {
+  const Peer* controller = holder(Role::controller);
+  return controller != nullptr ? controller->participant.signals : std::string();
 }
 
 std::string Membership::describe(const Peer& peer) {

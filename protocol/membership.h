@@ -44,6 +44,7 @@ class Membership {
     std::string host;
     std::string scenario;     ///< its name
     std::string measurement;  ///< controller only: channel suffix of what it needs
+    std::string signals;      ///< controller only: what its law logs
     std::int64_t run = 0;     ///< plant only: the run it has chosen, > 0
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
@@ -104,6 +105,7 @@ class Membership {
   [[nodiscard]] std::vector<loop::Role> missing() const;
   /// What the controller needs; empty before it is heard.
   [[nodiscard]] std::string measurement() const;
+  [[nodiscard]] std::string signals() const;
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
   [[nodiscard]] std::string describe(loop::Role role) const;

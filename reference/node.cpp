@@ -98,7 +98,7 @@ class Node {
 
  private:
   static loop::Layout layout(const experiment::Scenario& scenario) {
-    return {.num_joints = scenario.num_joints, .num_motors = 0, .num_filters = 0};
+    return loop::layout(scenario.num_joints, false);
   }
 
   void on_tick(const bus::Datagram& datagram) {

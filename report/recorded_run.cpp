@@ -16,8 +16,9 @@ namespace {
 // V of a flexible robot takes microseconds, and is smooth.
 constexpr std::int64_t most_evaluations = 50'000;
 
-bool fits(const loop::ControllerState& state, const experiment::Scenario& scenario) {
-  return state.num_filters == controller::num_filters(scenario.controller.law);
+bool fits(const loop::LawSignals& signals, const experiment::Scenario& scenario) {
+  return signals.num ==
+         static_cast<int>(controller::law_facts(scenario.controller.law).signals.size());
 }
 
 nlohmann::json read_outcome(const RecordedRun& run) {
@@ -33,7 +34,7 @@ void add_controller_state(RecordedRun& run, const logger::TickRecord& record, do
   for (std::size_t filter = 0; filter < run.nu.size(); ++filter) {
     for (std::size_t joint = 0; joint < run.nu[filter].size(); ++joint) {
       run.nu[filter][joint].add(
-          t_s, record.controller_state->nu[filter][static_cast<Eigen::Index>(joint)]);
+          t_s, record.controller_state->value[2 * filter + 1][static_cast<Eigen::Index>(joint)]);
     }
   }
 }
@@ -76,7 +77,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path,
   const robot::Model model = controller::rigid_model(run.scenario);
   run.units = joint_units(model);
   run.joint_names = model.joint_names;
-  run.num_filters = log.layout().num_filters;
+  run.num_filters = log.layout().num_signals / 2;  // pairs of an error and its rate
   run.nu.assign(static_cast<std::size_t>(run.num_filters), std::vector<Envelope>(num_joints));
   run.saturated.resize(num_joints);
 

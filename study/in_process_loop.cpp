@@ -44,7 +44,7 @@ plant::ArmState run(const experiment::Scenario& scenario,
     const auto step = stepper.step(k, measurement, record.reference);
     stepper.keep(k);
     record.command = step.output.command;
-    record.controller = step.output.state;
+    record.controller = step.output.signals;
 
     if (!drive.accept(record.command)) {
       throw protective_stop(k,

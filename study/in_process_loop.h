@@ -22,7 +22,7 @@ struct TickRecord {
   AnyMeasurement measurement;
   loop::ReferencePoint reference;
   loop::TorqueCommand command;
-  loop::ControllerState controller;
+  loop::LawSignals controller;
   plant::AppliedTorque applied;  ///< over this tick: delayed and limited
 };
 

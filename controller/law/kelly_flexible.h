@@ -25,7 +25,8 @@ namespace tachless::controller::law {
 class KellyFlexible {
  public:
   static constexpr std::string_view name = "kelly_flexible";
-  static constexpr int num_filters = 1;  ///< of the motor's error
+  static constexpr std::array signals = {loop::Signal{"error", "rad"},
+                                         loop::Signal{"nu", "rad/s"}};  ///< of the motor
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 
@@ -60,9 +61,7 @@ class KellyFlexible {
     Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
     const robot::Vector& nu = result.memory.nu;
     result.command.tau = g - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
-    result.state.num_filters = num_filters;
-    result.state.error[0] = e;
-    result.state.nu[0] = nu;
+    result.signals = {signals.size(), {e, nu}};
     return result;
   }
 

@@ -25,7 +25,7 @@ namespace tachless::controller::law {
 class KellyRegulation {
  public:
   static constexpr std::string_view name = "kelly_regulation";
-  static constexpr int num_filters = 1;
+  static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 
@@ -60,9 +60,7 @@ class KellyRegulation {
     const robot::Vector& nu = result.memory.nu;
     result.command.tau = robot::gravity_torque(model_, measurement.q) - gains_.kp.cwiseProduct(e) -
                          gains_.kd.cwiseProduct(nu);
-    result.state.num_filters = num_filters;
-    result.state.error[0] = e;
-    result.state.nu[0] = nu;
+    result.signals = {signals.size(), {e, nu}};
     return result;
   }
 

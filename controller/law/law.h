@@ -1,6 +1,7 @@
 #pragma once
 
 #include <concepts>
+#include <span>
 #include <string_view>
 
 #include "loop/signals.h"
@@ -14,7 +15,7 @@ template <class Memory>
 struct Step {
   Memory memory;
   loop::TorqueCommand command;
-  loop::ControllerState state;
+  loop::LawSignals signals;
 };
 
 /// A law is a value: parameters and model are constants, its memory is a value that the caller
@@ -26,7 +27,7 @@ concept Law = requires(const L& law, const typename L::Memory& memory,
                        const typename L::Measurement& measurement,
                        const loop::ReferencePoint& reference, int ticks) {
   { L::name } -> std::convertible_to<std::string_view>;
-  { L::num_filters } -> std::convertible_to<int>;
+  { std::span(L::signals) } -> std::convertible_to<std::span<const loop::Signal>>;
   { law.start(measurement, reference) } -> std::same_as<typename L::Memory>;
   { law.step(memory, measurement, reference) } -> std::same_as<Step<typename L::Memory>>;
   { law.step(memory, measurement, reference, ticks) } -> std::same_as<Step<typename L::Memory>>;

@@ -33,7 +33,9 @@ namespace tachless::controller::law {
 class LoriaOrtegaFlexible {
  public:
   static constexpr std::string_view name = "loria_ortega_flexible";
-  static constexpr int num_filters = 2;  ///< of the link's and of the motor's error
+  static constexpr std::array signals = {
+      loop::Signal{"error_1", "rad"}, loop::Signal{"nu_1", "rad/s"}, loop::Signal{"error_2", "rad"},
+      loop::Signal{"nu_2", "rad/s"}};  ///< 1: link, 2: motor
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 
@@ -100,9 +102,7 @@ class LoriaOrtegaFlexible {
     result.command.tau = robot_.rotor_inertia.cwiseProduct(motor.thetaddot_ref) + motor.torque -
                          gains_.kp2.cwiseProduct(e2) -
                          gains_.kd2.cwiseProduct(result.memory.motor.nu);
-    result.state.num_filters = num_filters;
-    result.state.error = {e1, e2};
-    result.state.nu = {result.memory.link.nu, result.memory.motor.nu};
+    result.signals = {signals.size(), {e1, result.memory.link.nu, e2, result.memory.motor.nu}};
     return result;
   }
 

@@ -26,7 +26,7 @@ namespace tachless::controller::law {
 class LoriaOrtegaRigid {
  public:
   static constexpr std::string_view name = "loria_ortega_rigid";
-  static constexpr int num_filters = 1;
+  static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
@@ -63,9 +63,7 @@ class LoriaOrtegaRigid {
     const Feedforward ahead = feedforward_ahead(reference, lead_s_);
     result.command.tau = robot::inverse_dynamics(model_, measurement.q, ahead.v_ref, ahead.a_ref) -
                          gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
-    result.state.num_filters = num_filters;
-    result.state.error[0] = e;
-    result.state.nu[0] = nu;
+    result.signals = {signals.size(), {e, nu}};
     return result;
   }
 

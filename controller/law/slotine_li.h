@@ -24,7 +24,8 @@ namespace tachless::controller::law {
 class SlotineLi {
  public:
   static constexpr std::string_view name = "slotine_li";
-  static constexpr int num_filters = 1;  ///< its "filter output" in the log is edot
+  static constexpr std::array signals = {loop::Signal{"error", "rad"},
+                                         loop::Signal{"edot", "rad/s"}};
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
@@ -60,9 +61,7 @@ class SlotineLi {
     result.command.tau =
         robot::inverse_dynamics_bilinear(model_, measurement.q, measurement.v, v_r, a_r) -
         gains_.ks.cwiseProduct(s);
-    result.state.num_filters = num_filters;
-    result.state.error[0] = e;
-    result.state.nu[0] = edot;
+    result.signals = {signals.size(), {e, edot}};
     return result;
   }
 

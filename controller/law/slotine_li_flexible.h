@@ -29,7 +29,9 @@ namespace tachless::controller::law {
 class SlotineLiFlexible {
  public:
   static constexpr std::string_view name = "slotine_li_flexible";
-  static constexpr int num_filters = 2;  ///< its "filter outputs" in the log: e1dot and e2dot
+  static constexpr std::array signals = {
+      loop::Signal{"error_1", "rad"}, loop::Signal{"edot_1", "rad/s"},
+      loop::Signal{"error_2", "rad"}, loop::Signal{"edot_2", "rad/s"}};  ///< 1: link, 2: motor
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 
@@ -73,9 +75,8 @@ class SlotineLiFlexible {
     result.command.tau = robot_.rotor_inertia.cwiseProduct(thetaddot_r) +
                          robot_.spring_torque(reference.q_ref, robot::value(theta_ref)) -
                          gains_.ks2.cwiseProduct(s2);
-    result.state.num_filters = num_filters;
-    result.state.error = {measurement.q - reference.q_ref, e2};
-    result.state.nu = {v - reference.v_ref, e2dot};
+    result.signals = {signals.size(),
+                      {measurement.q - reference.q_ref, v - reference.v_ref, e2, e2dot}};
     return result;
   }
 

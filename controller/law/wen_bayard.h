@@ -25,7 +25,8 @@ namespace tachless::controller::law {
 class WenBayard {
  public:
   static constexpr std::string_view name = "wen_bayard";
-  static constexpr int num_filters = 1;  ///< its "filter output" in the log is edot
+  static constexpr std::array signals = {loop::Signal{"error", "rad"},
+                                         loop::Signal{"edot", "rad/s"}};
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
@@ -56,9 +57,7 @@ class WenBayard {
     Step<Memory> result;
     result.command.tau = robot::inverse_dynamics(model_, measurement.q, ahead.v_ref, ahead.a_ref) -
                          gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(edot);
-    result.state.num_filters = num_filters;
-    result.state.error[0] = e;
-    result.state.nu[0] = edot;
+    result.signals = {signals.size(), {e, edot}};
     return result;
   }
 

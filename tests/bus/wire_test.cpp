@@ -112,15 +112,14 @@ struct CommandType {
   }
 };
 struct ControllerStateType {
-  using Value = loop::ControllerState;
+  using Value = loop::LawSignals;
   using Message = tachless::controller_state_t;
   static Message message(const loop::Layout& layout, Random& random) {
     Message m{};
-    m.num_filters = layout.num_filters;
+    m.num_signals = layout.num_signals;
     m.num_joints = layout.num_joints;
-    for (int i = 0; i < layout.num_filters; ++i) {
-      m.error.push_back(random.reals(layout.num_joints));
-      m.nu.push_back(random.reals(layout.num_joints));
+    for (int i = 0; i < layout.num_signals; ++i) {
+      m.value.push_back(random.reals(layout.num_joints));
     }
     return m;
   }
@@ -227,12 +226,9 @@ TEST(EveryField, LandsInItsOwnMember) {
   }
   {
     const auto message = random_message<ControllerStateType>(layout);
-    const auto value = decoded<loop::ControllerState>(layout, message);
-    ASSERT_EQ(value.num_filters, 2);
-    for (int i = 0; i < 2; ++i) {
-      EXPECT_EQ(reals_of(value.error[i]), message.error[i]);
-      EXPECT_EQ(reals_of(value.nu[i]), message.nu[i]);
-    }
+    const auto value = decoded<loop::LawSignals>(layout, message);
+    ASSERT_EQ(value.num, 2);
+    for (int i = 0; i < 2; ++i) EXPECT_EQ(reals_of(value.value[i]), message.value[i]);
   }
   {
     auto message = random_message<ParticipantType>(layout);
@@ -348,26 +344,25 @@ TEST(StateCodec, LeavesNoMotorsOfAnEarlierMessageBehind) {
 TEST(ControllerStateCodec, RejectsHostileJointCounts) {
   codec_checks::rejects_counts<ControllerStateType>(body + 4, {2, 0, 2});
 }
-TEST(ControllerStateCodec, LeavesNoFilterOfAnEarlierMessageBehind) {
+TEST(ControllerStateCodec, LeavesNoSignalOfAnEarlierMessageBehind) {
   loop::Stamp stamp;
-  loop::ControllerState value;
-  ASSERT_EQ(Codec<loop::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
-                                                           stamp, value),
+  loop::LawSignals value;
+  ASSERT_EQ(Codec<loop::LawSignals>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}), stamp,
+                                                      value),
             Rejection::none);
-  ASSERT_EQ(Codec<loop::ControllerState>({2, 0, 1}).decode(sample<ControllerStateType>({2, 0, 1}),
-                                                           stamp, value),
+  ASSERT_EQ(Codec<loop::LawSignals>({2, 0, 1}).decode(sample<ControllerStateType>({2, 0, 1}), stamp,
+                                                      value),
             Rejection::none);
-  EXPECT_EQ(value.num_filters, 1);
-  EXPECT_EQ(value.error[1].size(), 0);
-  EXPECT_EQ(value.nu[1].size(), 0);
+  EXPECT_EQ(value.num, 1);
+  EXPECT_EQ(value.value[1].size(), 0);
 }
-TEST(ControllerStateCodec, RefusesAnotherNumberOfFilters) {
+TEST(ControllerStateCodec, RefusesAnotherNumberOfSignals) {
   loop::Stamp stamp;
-  loop::ControllerState value;
-  ASSERT_EQ(Codec<loop::ControllerState>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}),
-                                                           stamp, value),
+  loop::LawSignals value;
+  ASSERT_EQ(Codec<loop::LawSignals>({2, 0, 2}).decode(sample<ControllerStateType>({2, 0, 2}), stamp,
+                                                      value),
             Rejection::none);
-  EXPECT_THROW(Codec<loop::ControllerState>({2, 0, 1}).encode(stamp, value), std::logic_error);
+  EXPECT_THROW(Codec<loop::LawSignals>({2, 0, 1}).encode(stamp, value), std::logic_error);
 }
 
 TEST(CommandCodec, RefusesToEncodeWhatIsNotFinite) {
@@ -398,8 +393,8 @@ TEST(AllFinite, LooksAtEveryMemberOfEveryValue) {
   EXPECT_FALSE(all_finite(loop::ReferencePoint{good, good, bad, good, good}));
   EXPECT_FALSE(all_finite(loop::ReferencePoint{good, good, good, bad, good}));
   EXPECT_FALSE(all_finite(loop::ReferencePoint{good, good, good, good, bad}));
-  EXPECT_FALSE(all_finite(loop::ControllerState{1, {bad, {}}, {good, {}}}));
-  EXPECT_FALSE(all_finite(loop::ControllerState{2, {good, good}, {good, bad}}));
+  EXPECT_FALSE(all_finite(loop::LawSignals{1, {bad}}));
+  EXPECT_FALSE(all_finite(loop::LawSignals{2, {good, bad}}));
   loop::Participant participant;
   participant.error_norm = nan;
   EXPECT_FALSE(all_finite(participant));

@@ -39,8 +39,8 @@ class Random {
 
 LoopState rigid_state(Random& random) {
   LoopState state{random.vector(2, 2), random.vector(2, 3), {}, {}, {}};
-  state.controller.num_filters = 1;
-  state.controller.nu[0] = random.vector(2, 5);
+  state.controller.num = 2;
+  state.controller.value[1] = random.vector(2, 5);
   return state;
 }
 
@@ -61,7 +61,7 @@ TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
     P.block<2, 2>(0, 2) = P.block<2, 2>(2, 0) = V->epsilon * M;
     P.block<2, 2>(0, 4) = P.block<2, 2>(4, 0) = -V->epsilon * M;
     Eigen::Matrix<double, 6, 1> z;
-    z << x.v - r.v_ref, x.q - r.q_ref, x.controller.nu[0];
+    z << x.v - r.v_ref, x.q - r.q_ref, x.controller.value[1];
     const double expected = 0.5 * z.dot(P * z);
     EXPECT_NEAR(V->at(x, r), expected, 1e-13 * (P.norm() * z.squaredNorm()));  // rounding
     // eps is below the bound of positive definiteness.
@@ -82,8 +82,8 @@ TEST(Lyapunov, IsZeroOnTheReference) {
       }
     }
     LoopState x{r.q_ref, r.v_ref, {}, {}, {}};
-    x.controller.num_filters = 2;
-    x.controller.nu = {Vector::Zero(2), Vector::Zero(2)};
+    x.controller.num = 4;
+    x.controller.value = {Vector::Zero(2), Vector::Zero(2), Vector::Zero(2), Vector::Zero(2)};
     if (experiment.robot.flexible) {
       // theta_ref = q_ref + K^-1 ID(q_ref, v_ref, a_ref) and its derivative by central differences
       // along the reference's own Taylor series.

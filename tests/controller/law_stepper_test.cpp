@@ -47,7 +47,7 @@ struct Taken {
 
 Taken look(Stepper& stepper, std::int64_t tick) {
   const auto outcome = stepper.step(tick, ramp(tick), at_zero());
-  return {outcome.output.command.tau, outcome.output.state.nu[0], outcome.skipped,
+  return {outcome.output.command.tau, outcome.output.signals.value[1], outcome.skipped,
           outcome.restarted};
 }
 

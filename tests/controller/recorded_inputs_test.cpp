@@ -54,7 +54,7 @@ class InputsInALog : public ::testing::Test {
   fs::path path_ =
       fs::path(::testing::TempDir()) / ("inputs-" + std::to_string(getpid()) + "-lcmlog");
   logger::LogWriter log_{path_, logger::Existing::overwrite};
-  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
+  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_signals = 0};
   bus::Codec<loop::PositionMeasurement> measurement_{layout_};
   bus::Codec<loop::ReferencePoint> reference_{layout_};
   std::optional<RecordedInputs> inputs_;

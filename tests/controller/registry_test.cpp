@@ -90,8 +90,10 @@ TEST(Registry, KnowsWhatEachLawIsFedWith) {
 }
 
 TEST(Registry, NamesFiltersAndGains) {
-  EXPECT_EQ(num_filters("loria_ortega_rigid"), 1);
-  EXPECT_EQ(num_filters("loria_ortega_flexible"), 2);
+  EXPECT_EQ(loop::text_of(law_facts("loria_ortega_rigid").signals), "error:rad,nu:rad/s");
+  EXPECT_EQ(loop::text_of(law_facts("loria_ortega_flexible").signals),
+            "error_1:rad,nu_1:rad/s,error_2:rad,nu_2:rad/s");
+  EXPECT_EQ(loop::text_of(law_facts("slotine_li").signals), "error:rad,edot:rad/s");
   EXPECT_THAT(law_facts("loria_ortega_flexible").gains,
               ElementsAre("kp1", "kd1", "a1", "b1", "kp2", "kd2", "a2", "b2"));
 }

@@ -16,7 +16,7 @@ using namespace tachless;
 
 namespace {
 
-constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 1};
+constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
 constexpr std::int64_t num_ticks = 3;
 
 struct Message {
@@ -55,9 +55,9 @@ std::vector<Message> messages() {
     add(all, 1, loop::PositionMeasurement{x}, k);
     add(all, 5, loop::ReferencePoint{x, x, x, x, x}, k);
     add(all, 6, loop::TorqueCommand{x}, k);
-    loop::ControllerState state;
-    state.num_filters = 1;
-    state.error[0] = state.nu[0] = x;
+    loop::LawSignals state;
+    state.num = 2;
+    state.value[0] = state.value[1] = x;
     add(all, 7, state, k);
     loop::truth::PlantTruth truth;
     truth.q = truth.v = truth.tau = x;
@@ -68,6 +68,7 @@ std::vector<Message> messages() {
   participant.host = "host";
   participant.scenario = "practical_rigid";
   participant.measurement = "POSITION";
+  participant.signals = "error:rad,nu:rad/s";
   participant.fault = "fault";
   add(all, 8, participant, 2);
   add(all, 10, loop::LogAck{5}, 2);

@@ -44,9 +44,8 @@ using Subjects =
     std::tuple<Subject<loop::Tick>, Subject<loop::PositionMeasurement>,
                Subject<loop::MotorPositionMeasurement>, Subject<loop::LinkStateMeasurement>,
                Subject<loop::StateMeasurement>, Subject<loop::ReferencePoint>,
-               Subject<loop::TorqueCommand>, Subject<loop::ControllerState>,
-               Subject<loop::Participant>, Subject<loop::RunInfo>, Subject<loop::LogAck>,
-               Subject<loop::truth::PlantTruth>>;
+               Subject<loop::TorqueCommand>, Subject<loop::LawSignals>, Subject<loop::Participant>,
+               Subject<loop::RunInfo>, Subject<loop::LogAck>, Subject<loop::truth::PlantTruth>>;
 constexpr std::size_t num_subjects = std::tuple_size_v<Subjects>;
 
 template <std::size_t... I>
@@ -64,8 +63,8 @@ void decode(Subjects& subjects, std::size_t which, std::span<const std::byte> pa
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   constexpr auto indices = std::make_index_sequence<num_subjects>();
-  static Subjects rigid = make({.num_joints = 2, .num_motors = 0, .num_filters = 1}, indices);
-  static Subjects flexible = make({.num_joints = 3, .num_motors = 3, .num_filters = 2}, indices);
+  static Subjects rigid = make({.num_joints = 2, .num_motors = 0, .num_signals = 1}, indices);
+  static Subjects flexible = make({.num_joints = 3, .num_motors = 3, .num_signals = 2}, indices);
   if (size == 0) return 0;
   decode(data[0] >= 128 ? flexible : rigid, data[0] % num_subjects,
          std::as_bytes(std::span(data + 1, size - 1)), indices);

@@ -26,7 +26,7 @@ class Damage : public testing::Test {
 };
 
 TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
-  const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.0005"}, "POSITION", 1);
+  const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.0005"}, "POSITION");
   auto messages = run.messages;
   messages.push_back(messages[0]);  // a second RUN_INFO, so that most logs stay readable
   messages.push_back(fault_message(run, "encoder lost"));

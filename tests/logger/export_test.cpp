@@ -145,9 +145,9 @@ TEST_F(Export, CsvHoldsEveryNumberInFull) {
   expect_column("thetadot_2_rad_per_s", [](Tick t) { return t.truth->thetadot(1); });
   expect_column("snap_ref_1_rad_per_s4", [](Tick t) { return t.reference->snap_ref(0); });
   expect_column("tau_2_Nm", [](Tick t) { return t.command->tau(1); });
-  expect_column("nu1_1_rad_per_s", [](Tick t) { return t.controller_state->nu[0](0); });
-  expect_column("nu2_2_rad_per_s", [](Tick t) { return t.controller_state->nu[1](1); });
-  expect_column("error2_1_rad", [](Tick t) { return t.controller_state->error[1](0); });
+  expect_column("nu_1_1_rad_per_s", [](Tick t) { return t.controller_state->value[1](0); });
+  expect_column("nu_2_2_rad_per_s", [](Tick t) { return t.controller_state->value[3](1); });
+  expect_column("error_2_1_rad", [](Tick t) { return t.controller_state->value[2](0); });
   const auto measured = [](Tick t) { return std::get<loop::LinkStateMeasurement>(t.measurement); };
   expect_column("q_measured_1_rad", [&](Tick t) { return measured(t).q(0); });
   expect_column("v_measured_2_rad_per_s", [&](Tick t) { return measured(t).v(1); });
@@ -233,7 +233,7 @@ TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
 
 TEST_F(Export, Hdf5OfManyTicksIsWhole) {
   // More than one chunk of 4096, and not a multiple.
-  const auto recorded = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION", 1);
+  const auto recorded = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION");
   EXPECT_EQ(run(recorded.bytes(), h5_).rows, 5000u);
   const auto values = dataset(h5_, "tau");
   ASSERT_EQ(values.size(), 10'000u);
@@ -263,8 +263,7 @@ TEST_F(Export, RefusesWhatItCannotWrite) {
 }
 
 TEST_F(Export, LeavesNothingBehindWhenTheDiskIsFull) {
-  const auto bytes =
-      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION", 1).bytes();
+  const auto bytes = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION").bytes();
   for (const auto& path : {csv_, h5_}) {
     write_file(log_, bytes);
     auto log = RunLog::open(log_);

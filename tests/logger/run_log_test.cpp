@@ -31,10 +31,9 @@ void expect_equal(const TickRecord& a, const TickRecord& b) {
   }
   if (a.command) expect_equal(a.command->tau, b.command->tau);
   if (a.controller_state) {
-    EXPECT_EQ(a.controller_state->num_filters, b.controller_state->num_filters);
-    for (std::size_t i = 0; i < loop::max_filters; ++i) {
-      expect_equal(a.controller_state->error[i], b.controller_state->error[i]);
-      expect_equal(a.controller_state->nu[i], b.controller_state->nu[i]);
+    EXPECT_EQ(a.controller_state->num, b.controller_state->num);
+    for (std::size_t i = 0; i < loop::max_signals; ++i) {
+      expect_equal(a.controller_state->value[i], b.controller_state->value[i]);
     }
   }
   if (a.truth) {
@@ -97,7 +96,7 @@ TEST_F(RunLogTest, ReadsACanonicalLogTickByTick) {
   EXPECT_EQ(log.scenario().name, "paper_rigid");
   EXPECT_EQ(log.layout().num_joints, 2);
   EXPECT_EQ(log.layout().num_motors, 0);
-  EXPECT_EQ(log.layout().num_filters, 1);
+  EXPECT_EQ(log.layout().num_signals, 2);
   expect_whole(log, run);
   EXPECT_EQ(log.summary().of(Piece::command).channel, "ARM_COMMAND");
   EXPECT_EQ(log.summary().last_tick, 39);
@@ -109,13 +108,13 @@ TEST_F(RunLogTest, ReadsAFlexibleRobotsLog) {
   const auto run = short_flexible_run();
   auto log = open(run.messages);
   EXPECT_EQ(log.layout().num_motors, 2);
-  EXPECT_EQ(log.layout().num_filters, 2);
+  EXPECT_EQ(log.layout().num_signals, 4);
   expect_whole(log, run);
 }
 
 TEST_F(RunLogTest, PutsMessagesThatArrivedInDisorderInOrder) {
   const auto run =
-      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION", 1);  // 2000 ticks
+      recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION");  // 2000 ticks
   auto messages = run.messages;
   std::mt19937_64 random(2);
   // RUN_INFO at the end, everything else up to 300 messages (50 ticks) from its place, a tenth of
@@ -210,7 +209,7 @@ TEST_F(RunLogTest, SaysWhichPieceWasNeverRecorded) {
 }
 
 TEST_F(RunLogTest, FindsTheRestAfterALongGap) {
-  const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION", 1);
+  const auto run = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.1"}, "POSITION");
   auto messages = run.messages;
   messages.erase(messages.begin() + 1 + 6 * 100, messages.begin() + 1 + 6 * 1500);
   auto log = open(messages);
@@ -226,7 +225,7 @@ TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
   for (const bool realtime : {false, true}) {
     auto overrides = std::vector<std::string>{"loop.duration_s=0.1"};
     if (realtime) overrides.push_back("loop.mode=realtime");
-    auto damaged = recorded_run("paper_rigid.yaml", overrides, "POSITION", 1);
+    auto damaged = recorded_run("paper_rigid.yaml", overrides, "POSITION");
     // The position of tick 100 (second of its tick) says 1892: its second lowest byte is flipped.
     auto& data = damaged.messages[1 + 6 * 100 + 1].data;
     data[8 + 8 + 8 + 6] = static_cast<char>(data[8 + 8 + 8 + 6] ^ 0x07);
@@ -243,8 +242,9 @@ TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
 
 TEST_F(RunLogTest, CountsForeignRunsAndStrangers) {
   const auto run = short_rigid_run();
-  const auto other = recorded_run("iiwa_point_to_point.yaml",
-                                  {"loop.duration_s=0.01", "robot.name=arm"}, "POSITION", 1, 99);
+  const auto other =
+      recorded_run("iiwa_point_to_point.yaml", {"loop.duration_s=0.01", "robot.name=arm"},
+                   "POSITION", support::rigid_signals, 99);
   auto messages = run.messages;
   messages.insert(messages.begin() + 20, other.messages.begin(), other.messages.end());
   messages.push_back({0, "CAMERA", "not ours"});

@@ -58,21 +58,20 @@ TEST(MessageReader, ReadsEveryNumberOfJointsWithoutBeingTold) {
   }
 }
 
-TEST(MessageReader, TellsFiltersFromJoints) {
+TEST(MessageReader, TellsSignalsFromJoints) {
   MessageReader reader;
-  for (int filters = 0; filters <= loop::max_filters; ++filters) {
-    loop::ControllerState state;
-    state.num_filters = filters;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(filters); ++i) {
-      state.error[i] = ramp(3, 1);
-      state.nu[i] = ramp(3, 10);
+  for (int num = 0; num <= loop::max_signals; ++num) {
+    loop::LawSignals signals;
+    signals.num = num;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(num); ++i) {
+      signals.value[i] = ramp(3, 10.0 * static_cast<double>(i));
     }
-    const auto message = encoded(loop::Layout{3, 0, filters}, state);
+    const auto message = encoded(loop::Layout{3, 0, num}, signals);
     ASSERT_EQ(reader.glance(message).rejection, bus::Rejection::none);
     const auto fields = reader.fields(message);
-    EXPECT_EQ(fields.size(), static_cast<std::size_t>(2 * filters));
-    if (filters == 2) {
-      EXPECT_EQ(numbers(fields, "nu[1]"), (std::vector<double>{10, 11, 12}));
+    EXPECT_EQ(fields.size(), static_cast<std::size_t>(num));
+    if (num == 2) {
+      EXPECT_EQ(numbers(fields, "value[1]"), (std::vector<double>{10, 11, 12}));
     }
   }
 }
@@ -133,9 +132,10 @@ TEST(MessageReader, SurvivesDamagedMessages) {
   const std::vector<std::vector<std::byte>> originals = {
       encoded(loop::Layout{3, 0, 0}, truth),
       encoded(loop::Layout{3, 0, 0}, loop::StateMeasurement{truth.q, truth.v, {}, {}}),
-      encoded(loop::Layout{3, 0, 0}, loop::ControllerState{}),
+      encoded(loop::Layout{3, 0, 0}, loop::LawSignals{}),
       encoded(loop::Layout{}, loop::Participant{}),
-      encoded(loop::Layout{}, loop::RunInfo{1, 1.0, "1", "ARM", "POSITION", "a: b", "<robot/>"})};
+      encoded(loop::Layout{},
+              loop::RunInfo{1, 1.0, "1", "ARM", "POSITION", "e:rad", "a: b", "<robot/>"})};
   std::mt19937 random(1);
   for (int i = 0; i < 20'000; ++i) {
     auto message = originals[random() % originals.size()];

@@ -144,7 +144,7 @@ class Peers : public bus::Transport {
 
   std::int64_t digest_;
   std::int64_t run_ = 0;
-  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_filters = 0};
+  loop::Layout layout_{.num_joints = 2, .num_motors = 0, .num_signals = 0};
   bus::Codec<loop::Participant> participants_{layout_};
   bus::Codec<loop::PositionMeasurement> positions_{layout_};
   bus::Codec<loop::Tick> ticks_{layout_};

@@ -57,7 +57,7 @@ INSTANTIATE_TEST_SUITE_P(, ContinuousTable,
 Vector steady_error(const experiment::Scenario& scenario, double from_s) {
   Vector peak = Vector::Zero(2);
   run_in_process(scenario, [&](const TickRecord& record) {
-    if (record.time_s >= from_s) peak = peak.cwiseMax(record.controller.error[0].cwiseAbs());
+    if (record.time_s >= from_s) peak = peak.cwiseMax(record.controller.value[0].cwiseAbs());
     return true;
   });
   return peak;
@@ -92,8 +92,8 @@ TEST(SlowPole, OfThePapersRigidGainsIsThatOfTheTable) {
   Vector error[2];
   run_in_process(testing::golden_scenario("rigid_paper_foh_d0_rest", 5e-5, 0.6),
                  [&](const TickRecord& record) {
-                   if (record.tick == 8000) error[0] = record.controller.error[0];
-                   if (record.tick == 12000) error[1] = record.controller.error[0];
+                   if (record.tick == 8000) error[0] = record.controller.value[0];
+                   if (record.tick == 12000) error[1] = record.controller.value[0];
                    return true;
                  });
   const Vector pole = (error[0].array() / error[1].array()).log() / 0.2;

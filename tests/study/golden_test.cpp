@@ -40,12 +40,12 @@ TEST_P(GoldenTable, IsReproducedTickForTick) {
         q = std::max(q, largest(record.truth.q - golden.value(i, "q")));
         v = std::max(v, largest(record.truth.v - golden.value(i, "v")));
         tau = std::max(tau, largest(record.applied.tau - golden.value(i, "tau")));
-        nu = std::max(nu,
-                      largest(record.controller.nu[0] - golden.value(i, flexible ? "nu1" : "nu")));
+        nu = std::max(
+            nu, largest(record.controller.value[1] - golden.value(i, flexible ? "nu1" : "nu")));
         if (flexible) {
-          nu = std::max(nu, largest(record.controller.nu[1] - golden.value(i, "nu2")));
+          nu = std::max(nu, largest(record.controller.value[3] - golden.value(i, "nu2")));
           theta = std::max(theta, largest(record.truth.theta - golden.value(i, "theta")));
-          theta_ref = std::max(theta_ref, largest(record.truth.theta - record.controller.error[1] -
+          theta_ref = std::max(theta_ref, largest(record.truth.theta - record.controller.value[2] -
                                                   golden.value(i, "theta_ref")));
         }
       });

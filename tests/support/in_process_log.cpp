@@ -12,8 +12,9 @@ namespace tachless::support {
 std::vector<logger::Recorded> in_process_log(const experiment::Scenario& scenario,
                                              std::int64_t run) {
   const int n = scenario.num_joints;
-  const loop::Layout layout{n, scenario.robot.flexible ? n : 0,
-                            controller::num_filters(scenario.controller.law)};
+  const auto signals = controller::law_facts(scenario.controller.law).signals;
+  const auto layout =
+      loop::layout(n, scenario.robot.flexible.has_value(), static_cast<int>(signals.size()));
   const std::string& prefix = scenario.robot.channel_prefix;
   std::vector<logger::Recorded> messages;
   const auto add = [&](const std::string& channel, const loop::Stamp& stamp, const auto& value) {
@@ -27,6 +28,7 @@ std::vector<logger::Recorded> in_process_log(const experiment::Scenario& scenari
                               "0.1.0",
                               prefix,
                               std::string(controller::measurement_suffix(scenario.controller.law)),
+                              loop::text_of(signals),
                               scenario.text,
                               scenario.robot.urdf_text};
   add(prefix + "_RUN_INFO", {0, run, -1}, info);
@@ -41,7 +43,7 @@ std::vector<logger::Recorded> in_process_log(const experiment::Scenario& scenari
         record.measurement);
     add(loop::channel<loop::ReferencePoint>(prefix), stamp, record.reference);
     add(loop::channel<loop::TorqueCommand>(prefix), stamp, record.command);
-    add(loop::channel<loop::ControllerState>(prefix), stamp, record.controller);
+    add(loop::channel<loop::LawSignals>(prefix), stamp, record.controller);
     loop::truth::PlantTruth truth;
     truth.q = record.truth.q;
     truth.v = record.truth.v;

@@ -31,20 +31,22 @@ std::string log_of(const std::vector<Recorded>& messages) {
 std::string RecordedRun::bytes() const { return log_of(messages); }
 
 RecordedRun recorded_run(const std::string& scenario, const std::vector<std::string>& overrides,
-                         const std::string& measurement, int num_filters, std::int64_t run,
-                         std::uint64_t seed) {
+                         const std::string& measurement, const std::string& signals,
+                         std::int64_t run, std::uint64_t seed) {
   RecordedRun result;
   result.run = run;
   result.scenario = experiment::load_scenario(
       std::string(TACHLESS_SOURCE_DIR "/scenarios/") + scenario, overrides);
   const auto& robot = result.scenario.robot;
   const int n = result.scenario.num_joints;
-  const loop::Layout layout{n, robot.flexible ? n : 0, num_filters};
+  const auto num_signals = loop::parse_signals(signals).value().size();
+  const auto layout = loop::layout(n, robot.flexible.has_value(), static_cast<int>(num_signals));
   result.info = {result.scenario.loop.num_ticks,
                  result.scenario.loop.period_s,
                  "0.1.0",
                  robot.channel_prefix,
                  measurement,
+                 signals,
                  result.scenario.text,
                  robot.urdf_text};
   const auto channel = [&](std::string_view suffix) {
@@ -88,12 +90,9 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
     add("REFERENCE", *record.reference);
     record.command = loop::TorqueCommand{vector(n)};
     add("COMMAND", *record.command);
-    loop::ControllerState state;
-    state.num_filters = num_filters;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(num_filters); ++i) {
-      state.error[i] = vector(n);
-      state.nu[i] = vector(n);
-    }
+    loop::LawSignals state;
+    state.num = layout.num_signals;
+    for (std::size_t i = 0; i < num_signals; ++i) state.value[i] = vector(n);
     record.controller_state = state;
     add("CONTROLLER_STATE", state);
     loop::truth::PlantTruth truth;
@@ -112,11 +111,13 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
 }
 
 RecordedRun short_rigid_run(std::int64_t run) {
-  return recorded_run("paper_rigid.yaml", {"loop.duration_s=0.002"}, "POSITION", 1, run);
+  return recorded_run("paper_rigid.yaml", {"loop.duration_s=0.002"}, "POSITION", rigid_signals,
+                      run);
 }
 
 RecordedRun short_flexible_run() {
-  return recorded_run("paper_flexible.yaml", {"loop.duration_s=0.0004"}, "LINK_STATE", 2);
+  return recorded_run("paper_flexible.yaml", {"loop.duration_s=0.0004"}, "LINK_STATE",
+                      "error_1:rad,nu_1:rad/s,error_2:rad,nu_2:rad/s");
 }
 
 Recorded fault_message(const RecordedRun& run, const std::string& text) {

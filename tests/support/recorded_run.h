@@ -31,10 +31,14 @@ struct RecordedRun {
   [[nodiscard]] std::string bytes() const;
 };
 
-/// `scenario`: a file of scenarios/; `overrides` as for --set. `num_filters`: of the law.
+/// What the laws of rigid robots log.
+inline constexpr const char* rigid_signals = "error:rad,nu:rad/s";
+
+/// `scenario`: a file of scenarios/; `overrides` as for --set. `signals`: of the law, as in
+/// RUN_INFO.
 RecordedRun recorded_run(const std::string& scenario, const std::vector<std::string>& overrides,
-                         const std::string& measurement, int num_filters, std::int64_t run = 7,
-                         std::uint64_t seed = 1);
+                         const std::string& measurement, const std::string& signals = rigid_signals,
+                         std::int64_t run = 7, std::uint64_t seed = 1);
 
 /// 40 ticks of paper_rigid.
 RecordedRun short_rigid_run(std::int64_t run = 7);

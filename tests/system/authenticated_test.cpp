@@ -87,7 +87,7 @@ TEST(AKey, ChangesNothingInTheLogAndKeepsStrangersAndEarlierSessionsOut) {
 
   // …comes again in the next one of the same run, with other commands that look valid between.
   std::size_t next = 0;
-  bus::Codec<loop::TorqueCommand> codec({.num_joints = 2, .num_motors = 0, .num_filters = 0});
+  bus::Codec<loop::TorqueCommand> codec({.num_joints = 2, .num_motors = 0, .num_signals = 0});
   WholeRun second(keyed);
   second.play([&](bus::Transport& bus, const bus::Datagram& heard) {
     if (!heard.channel.ends_with("_TICK")) return;
@@ -115,7 +115,7 @@ TEST(AKey, KeepsForgedCommandsFromARobotOnTheWallClock) {
   // Whatever a busy machine makes the controller miss.
   run.programs.settings = {"--set", "loop.duration_s=2",   "--set", "loop.mode=realtime",
                            "--set", "loop.max_missed=1000"};
-  const loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 0};
+  const loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 0};
   bus::Codec<loop::TorqueCommand> codec(layout);
   std::int64_t forged = 0;
   run.play([&](bus::Transport& bus, const bus::Datagram& heard) {

@@ -5,7 +5,7 @@
 namespace tachless::process_test {
 namespace {
 
-constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_filters = 1};
+constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
 
 }  // namespace
 
@@ -49,9 +49,9 @@ void EveryoneElse::meet_the_logger() {
 
 void EveryoneElse::say(std::int64_t k) {
   const robot::Vector two = robot::Vector::Zero(2);
-  loop::ControllerState state;
-  state.num_filters = 1;
-  state.error[0] = state.nu[0] = two;
+  loop::LawSignals state;
+  state.num = 2;
+  state.value[0] = state.value[1] = two;
   loop::truth::PlantTruth truth;
   truth.q = truth.v = truth.tau = two;
   const loop::Stamp stamp{1000 * k, run_id, k};

@@ -38,7 +38,7 @@ class EveryoneElse {
   bus::Codec<loop::PositionMeasurement> positions_;
   bus::Codec<loop::ReferencePoint> references_;
   bus::Codec<loop::TorqueCommand> commands_;
-  bus::Codec<loop::ControllerState> states_;
+  bus::Codec<loop::LawSignals> states_;
   bus::Codec<loop::truth::PlantTruth> truths_;
 };
 

@@ -195,7 +195,7 @@ TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {
   run.start_all();
   const Oversleep oversleep;
   const bus::Codec<loop::truth::PlantTruth> codec(
-      {.num_joints = 2, .num_motors = 0, .num_filters = 0});
+      {.num_joints = 2, .num_motors = 0, .num_signals = 0});
   std::deque<std::pair<std::int64_t, Clock::time_point>> heard;  // tick, when
   while (heard.empty() || heard.back().first < 1'234) {
     const auto datagram = bus.receive(Clock::now() + 30s);

@@ -28,9 +28,7 @@ using testing::HasSubstr;
 experiment::Scenario short_run() { return scenario("paper_rigid", {"loop.duration_s=0.015"}); }
 
 loop::Layout layout(const experiment::Scenario& scenario) {
-  return {.num_joints = scenario.num_joints,
-          .num_motors = scenario.robot.flexible ? scenario.num_joints : 0,
-          .num_filters = 1};
+  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(), 2);
 }
 
 const std::string& clean_log() {

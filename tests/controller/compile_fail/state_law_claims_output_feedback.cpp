@@ -1,4 +1,6 @@
 // A law that measures the state is no output-feedback law, whatever it says of itself.
+#include <array>
+
 #include "controller/law/law.h"
 
 using namespace tachless;
@@ -13,7 +15,7 @@ using Measured = loop::PositionMeasurement;
 
 struct Claiming {
   static constexpr const char* name = "claiming";
-  static constexpr int num_filters = 0;
+  static constexpr std::array<loop::Signal, 0> signals = {};
   using Measurement = Measured;
   struct Memory {};
   [[nodiscard]] Memory start(const Measurement& /*measured*/,

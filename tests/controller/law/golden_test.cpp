@@ -131,7 +131,7 @@ TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
                                 memory_before(two(row, 11), measured.theta - theta_ref, motor)},
                                measured, ref);
     // One count of eps in theta_ref, a sum of terms of 1 rad, is kd2 beta = 9e6 of it in torque.
-    ASSERT_LE((measured.theta - step.state.error[1] - theta_ref).norm(), 1e-15) << row[0];
+    ASSERT_LE((measured.theta - step.signals.value[2] - theta_ref).norm(), 1e-15) << row[0];
     ASSERT_LE((step.command.tau - two(row, 13)).norm(), c.torque_tolerance_Nm) << row[0];
   }
 }

@@ -32,7 +32,7 @@ TEST(KellyFlexible, BalancesGravityAtItsGoal) {
     const loop::MotorPositionMeasurement measured{goal.q_ref + g.cwiseQuotient(stiffness)};
     const auto step = law.step(law.start(measured, goal), measured, goal);
     EXPECT_LE((step.command.tau - g).norm(), 1e-11);  // Kp times one rounding of theta
-    EXPECT_LE(step.state.error[0].norm(), 1e-14);
+    EXPECT_LE(step.signals.value[0].norm(), 1e-14);
   }
 }
 

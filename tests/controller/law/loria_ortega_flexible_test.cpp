@@ -89,7 +89,7 @@ TEST(LoriaOrtegaFlexible, ClosedLoopIsThePapersErrorEquation) {
         stiffness.cwiseProduct(draw.measured.theta - draw.measured.q);  // on the links
     const robot::Vector vdot = robot::forward_dynamics(two_link_model(), draw.measured.q,
                                                        draw.measured.v, spring);  // eq. 1
-    const Independent motor(draw, step.state.nu[0], vdot, random.pair(1e4));
+    const Independent motor(draw, step.signals.value[1], vdot, random.pair(1e4));
 
     const LongPair q = lengthen(draw.measured.q), v = lengthen(draw.measured.v),
                    v_ref = lengthen(draw.ref.v_ref), K = lengthen(stiffness);
@@ -98,7 +98,7 @@ TEST(LoriaOrtegaFlexible, ClosedLoopIsThePapersErrorEquation) {
     const LongPair e1ddot = lengthen(vdot) - lengthen(draw.ref.a_ref);
     const LongPair J_e2ddot = lengthen(step.command.tau) - lengthen(spring) -
                               lengthen(rotor_inertia).cwiseProduct(motor.thetaddot_ref);
-    const LongPair nu1 = lengthen(step.state.nu[0]), nu2 = lengthen(step.state.nu[1]);
+    const LongPair nu1 = lengthen(step.signals.value[1]), nu2 = lengthen(step.signals.value[3]);
 
     const LongPair link[] = {arm.M(q) * e1ddot, (arm.C(q, v) + arm.C(q, v_ref)) * e1dot,
                              lengthen(draw.gains.kp1).cwiseProduct(e1), K.cwiseProduct(e1 - e2),
@@ -120,7 +120,7 @@ TEST(LoriaOrtegaFlexible, ClosedLoopIsThePapersErrorEquation) {
     // Recursion and jets in double: measured 1.3e-16 of the terms at worst, allow ten times that.
     EXPECT_LE(sum_link.norm(), 1.3e-15L * size_link);
     EXPECT_LE(sum_rotor.norm(), 1.3e-15L * size_rotor);
-    EXPECT_LE((lengthen(step.state.error[1]) - e2).norm(), 1e-13L * (1 + motor.theta_ref.norm()));
+    EXPECT_LE((lengthen(step.signals.value[2]) - e2).norm(), 1e-13L * (1 + motor.theta_ref.norm()));
   }
 }
 
@@ -133,8 +133,8 @@ TEST(LoriaOrtegaFlexible, LinkJerkDoesNotEnterTheMotorReference) {
   const robot::Vector vdot = robot::forward_dynamics(
       two_link_model(), draw.measured.q, draw.measured.v,
       robot::Vector(stiffness.cwiseProduct(draw.measured.theta - draw.measured.q)));
-  const Independent none(draw, step.state.nu[0], vdot, vector(0, 0));
-  const Independent much(draw, step.state.nu[0], vdot, vector(3e4, -2e4));
+  const Independent none(draw, step.signals.value[1], vdot, vector(0, 0));
+  const Independent much(draw, step.signals.value[1], vdot, vector(3e4, -2e4));
   // The jerk is in the fourth derivative of theta_ref, where the difference formula has no error;
   // in its eighth order, with h^8 / 3150, there is a trace.
   EXPECT_LE((none.thetaddot_ref - much.thetaddot_ref).norm(), 1e-9L * none.thetaddot_ref.norm());
@@ -174,8 +174,8 @@ TEST(LoriaOrtegaFlexible, StartsBothFiltersWithoutAKick) {
     const Draw draw(random);
     const auto step =
         draw.law.step(draw.law.start(draw.measured, draw.ref), draw.measured, draw.ref);
-    EXPECT_EQ(step.state.nu[0], vector(0, 0));
-    EXPECT_EQ(step.state.nu[1], vector(0, 0));
+    EXPECT_EQ(step.signals.value[1], vector(0, 0));
+    EXPECT_EQ(step.signals.value[3], vector(0, 0));
   }
 }
 

@@ -38,9 +38,9 @@ TEST(LoriaOrtegaRigid, IsThePapersLawOnItsArm) {
     const double size =
         (gains.kd.cwiseProduct(nu)).norm() + (gains.kp.cwiseProduct(e)).norm() + feedforward.norm();
     EXPECT_LE((step.command.tau - tau).norm(), 100 * eps * size);
-    EXPECT_EQ(step.state.num_filters, 1);
-    EXPECT_EQ(step.state.error[0], e);
-    EXPECT_EQ(step.state.nu[0], step.memory.nu);
+    EXPECT_EQ(step.signals.num, 2);
+    EXPECT_EQ(step.signals.value[0], e);
+    EXPECT_EQ(step.signals.value[1], step.memory.nu);
     EXPECT_EQ(step.memory.e_previous, e);
     EXPECT_LE((step.memory.nu - nu).norm(), 10 * eps * 1000 * 6);
   }
@@ -78,7 +78,7 @@ TEST(LoriaOrtegaRigid, StartsWithoutAKick) {
   const loop::ReferencePoint goal{zero, zero, zero, zero, zero};
   const loop::PositionMeasurement measured{vector(0.5, -0.5)};
   const auto step = law.step(law.start(measured, goal), measured, goal);
-  EXPECT_EQ(step.state.nu[0], zero);
+  EXPECT_EQ(step.signals.value[1], zero);
 }
 
 TEST(LoriaOrtegaRigid, KicksWithTheRawTransferFunction) {
@@ -107,7 +107,7 @@ TEST(LoriaOrtegaRigid, LeadMovesTheFeedForwardAndNothingElse) {
     const auto one = now.step(memory, measured, ref);
     const auto other = ahead.step(memory, measured, ref);
     EXPECT_EQ(one.memory.nu, other.memory.nu);
-    EXPECT_EQ(one.state.error[0], other.state.error[0]);
+    EXPECT_EQ(one.signals.value[0], other.signals.value[0]);
     const Pair v = ref.v_ref + lead * ref.a_ref + lead * lead / 2 * ref.jerk_ref +
                    lead * lead * lead / 6 * ref.snap_ref;
     const Pair a = ref.a_ref + lead * ref.jerk_ref + lead * lead / 2 * ref.snap_ref;

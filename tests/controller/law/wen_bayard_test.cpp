@@ -29,8 +29,8 @@ TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
     const Pair right = -gains.kp.cwiseProduct(e) - gains.kd.cwiseProduct(edot);
     // M^-1 and M again: cond(M) <= 23 times eps, of terms of some 1e3 N m.
     EXPECT_LE((left - right).norm(), 1e-11);
-    EXPECT_EQ(step.state.error[0], e);
-    EXPECT_EQ(step.state.nu[0], edot);
+    EXPECT_EQ(step.signals.value[0], e);
+    EXPECT_EQ(step.signals.value[1], edot);
   }
 }
 
