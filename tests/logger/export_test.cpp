@@ -204,9 +204,12 @@ TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
   EXPECT_EQ(result.missing_values, 2u);
   const auto csv = table(csv_);
   const std::map<std::string, std::string> units = {
-      {"q", "rad"},          {"v", "rad_per_s"},    {"theta", "rad"},     {"thetadot", "rad_per_s"},
-      {"q_ref", "rad"},      {"tau", "Nm"},         {"nu1", "rad_per_s"}, {"error2", "rad"},
-      {"q_measured", "rad"}, {"tau_applied", "Nm"}, {"saturated", ""},
+      {"q", "rad"},          {"v", "rad_per_s"},
+      {"theta", "rad"},      {"thetadot", "rad_per_s"},
+      {"q_ref", "rad"},      {"tau", "Nm"},
+      {"nu_1", "rad_per_s"}, {"error_2", "rad"},
+      {"q_measured", "rad"}, {"tau_applied", "Nm"},
+      {"saturated", ""},
   };
   for (const auto& [name, unit] : units) {
     const auto values = dataset(h5_, name);

@@ -244,7 +244,7 @@ TEST_F(RunLogTest, CountsForeignRunsAndStrangers) {
   const auto run = short_rigid_run();
   const auto other =
       recorded_run("iiwa_point_to_point.yaml", {"loop.duration_s=0.01", "robot.name=arm"},
-                   "POSITION", support::rigid_signals, 99);
+                   "POSITION", rigid_signals, 99);
   auto messages = run.messages;
   messages.insert(messages.begin() + 20, other.messages.begin(), other.messages.end());
   messages.push_back({0, "CAMERA", "not ours"});
