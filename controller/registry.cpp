@@ -77,25 +77,13 @@ void require_known_gains(const experiment::Scenario& scenario, const LawFacts& f
   }
 }
 
-std::string_view name(experiment::EncoderSide side) {
-  switch (side) {
-    case experiment::EncoderSide::link:
-      return "link";
-    case experiment::EncoderSide::motor:
-      return "motor";
-    case experiment::EncoderSide::both:
-      return "both";
-  }
-  throw std::logic_error("registry: no such encoder side");
-}
-
 void require_encoders(const experiment::Scenario& scenario, const LawFacts& law) {
   if (!scenario.robot.flexible) {
     return;  // a rigid robot has one angle per joint, whatever side it is read on
   }
-  const experiment::EncoderSide side = scenario.plant.encoder.side;
-  if ((law.reads_links && side == experiment::EncoderSide::motor) ||
-      (law.reads_motors && side == experiment::EncoderSide::link)) {
+  const plant::EncoderSide side = scenario.plant.encoder.side;
+  if ((law.reads_links && side == plant::EncoderSide::motor) ||
+      (law.reads_motors && side == plant::EncoderSide::link)) {
     std::string allowed = "both";
     if (!law.reads_links) {
       allowed += " or motor";
@@ -103,8 +91,9 @@ void require_encoders(const experiment::Scenario& scenario, const LawFacts& law)
     if (!law.reads_motors) {
       allowed += " or link";
     }
-    throw scenario.complaint("plant.encoder.side", fmt::format("{}; allowed with law {}: {}",
-                                                               name(side), law.name, allowed));
+    throw scenario.complaint(
+        "plant.encoder.side",
+        fmt::format("{}; allowed with law {}: {}", schema::name_of(side), law.name, allowed));
   }
 }
 
@@ -116,30 +105,6 @@ std::vector<std::string_view> laws_for_rigid_joints() {
     }
   }
   return names;
-}
-
-robot::Model urdf_model(const experiment::Scenario& scenario) {
-  try {
-    robot::Model model = robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path);
-    model.gravity = {0, 0, -scenario.robot.gravity_m_per_s2};
-    return model;
-  } catch (const std::invalid_argument& problem) {
-    throw scenario.complaint("robot.urdf", problem.what());
-  }
-}
-
-law::Discretisation discretisation(experiment::FilterKind kind) {
-  switch (kind) {
-    case experiment::FilterKind::first_order_hold:
-      return law::Discretisation::first_order_hold;
-    case experiment::FilterKind::tustin:
-      return law::Discretisation::tustin;
-    case experiment::FilterKind::backward_euler:
-      return law::Discretisation::backward_euler;
-    case experiment::FilterKind::zero_order_hold:
-      return law::Discretisation::zero_order_hold;
-  }
-  throw std::logic_error("registry: no such filter");
 }
 
 }  // namespace
@@ -169,8 +134,8 @@ const LawFacts& law_facts(std::string_view name) {
 std::string_view measurement_suffix(std::string_view name) { return law_facts(name).measurement; }
 
 robot::Model rigid_model(const experiment::Scenario& scenario) {
-  robot::Model model = urdf_model(scenario);
-  model.rotor_inertia = scenario.robot.flexible ? scenario.robot.flexible->rotor_inertia_kgm2
+  robot::Model model = *scenario.model;
+  model.rotor_inertia = scenario.robot.flexible ? scenario.robot.flexible->rotor_inertia
                                                 : scenario.robot.rigid_rotor_inertia_kgm2;
   return model;
 }
@@ -179,17 +144,15 @@ law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario) {
   if (!scenario.robot.flexible) {
     throw scenario.complaint("robot.joints", "rigid; needed: flexible");
   }
-  return {urdf_model(scenario), scenario.robot.flexible->stiffness_Nm_per_rad,
-          scenario.robot.flexible->rotor_inertia_kgm2};
+  return {*scenario.model, scenario.robot.flexible->stiffness,
+          scenario.robot.flexible->rotor_inertia};
 }
 
 law::Settings law_settings(const experiment::Scenario& scenario) {
   law::Settings settings;
   settings.period_s = scenario.loop.period_s;
-  settings.filter = discretisation(scenario.controller.filter);
-  settings.filter_start = scenario.controller.filter_start == experiment::FilterStart::zero
-                              ? law::FilterStart::zero
-                              : law::FilterStart::at_error;
+  settings.filter = scenario.controller.filter;
+  settings.filter_start = scenario.controller.filter_start;
   if (scenario.controller.feedforward_lead == experiment::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
@@ -204,7 +167,8 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
                     "rigid joints: {}",
                     law.name, diagnostics::joined(laws_for_rigid_joints())));
   }
-  if (law.regulation_only && !std::holds_alternative<experiment::Hold>(scenario.reference)) {
+  if (law.regulation_only &&
+      !std::holds_alternative<reference::trajectory::Hold>(scenario.reference)) {
     throw scenario.complaint(
         "controller.law",
         fmt::format("{} regulates, and the reference moves; allowed reference: hold", law.name));

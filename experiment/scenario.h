@@ -3,121 +3,80 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <variant>
 #include <vector>
 
+#include "controller/law/filter.h"
 #include "diagnostics/failure.h"
+#include "plant/spec.h"
+#include "reference/trajectories.h"
+#include "robot/model.h"
 #include "robot/quantities.h"
+#include "schema/schema.h"
 
-/// One experiment = one YAML file. Every key has its unit in its name and a documented default;
-/// unknown keys and values out of range are errors that name file, line, key, value and the
-/// allowed range.
+/// One experiment = one YAML file, read into typed values. Each value is declared once, beside the
+/// member that it fills; the reader, the check for unknown keys and the table of docs/scenario.md
+/// follow. This header knows the values, not what plant, controller and reference make of them.
 namespace tachless::experiment {
-
-struct FlexibleJoints {
-  robot::Vector stiffness_Nm_per_rad;
-  robot::Vector rotor_inertia_kgm2;
-  robot::Vector motor_damping_Nms_per_rad;  ///< default 0
-};
 
 struct RobotSpec {
   std::string name = "arm";
   std::string channel_prefix = "ARM";  ///< name in upper case
   std::string urdf_path;               ///< as written in the scenario
   std::string urdf_text;
-  double gravity_m_per_s2 = 9.81;  ///< along -z of the URDF's root link
-  std::optional<FlexibleJoints> flexible;
-  robot::Vector rigid_rotor_inertia_kgm2;  ///< joints: {rigid: {rotor_inertia_kgm2}}; default 0
+  double gravity_m_per_s2 = 9.81;
+  std::optional<plant::FlexibleDrive> flexible;  ///< nothing: rigid joints
+  robot::Vector rigid_rotor_inertia_kgm2;        ///< of rigid joints
+
+  using Joints = std::variant<plant::RigidJoints, plant::FlexibleDrive>;
+  void set_joints(Joints given);
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+
+  static constexpr schema::Key urdf_key{"urdf", &RobotSpec::urdf_path, "",
+                                        "URDF file, absolute or relative to the scenario's file"};
+  static constexpr std::tuple keys{
+      schema::Key{"name", &RobotSpec::name, "",
+                  "Prefix of the channels, in upper case: letters, digits, `_`, at most 32"}
+          .by_default(),
+      urdf_key,
+      schema::Key{"gravity_m_per_s2", &RobotSpec::gravity_m_per_s2, "m/s²",
+                  "Along -z of the URDF's root link"}
+          .in({0, 1000})
+          .by_default(),
+      schema::Key{"joints", &RobotSpec::set_joints, "",
+                  "Motors fixed to their joints, or behind springs"}
+          .by_default()};
 };
 
-struct InitialState {
-  robot::Vector position_rad;                             ///< default 0
-  robot::Vector velocity_rad_per_s;                       ///< default 0
-  std::optional<robot::Vector> motor_position_rad;        ///< default: static balance
-  std::optional<robot::Vector> motor_velocity_rad_per_s;  ///< default: at rest
-};
-
-enum class IntegratorMethod {
-  runge_kutta_merson,
-  runge_kutta_3,
-  runge_kutta_feldberg,
-  semi_explicit_euler_2,
-  verlet,
-  cpodes
-};
-
-struct IntegratorSpec {
-  IntegratorMethod method = IntegratorMethod::runge_kutta_merson;
-  double accuracy = 1e-9;
-};
-
-enum class EncoderSide { link, motor, both };
-
-struct EncoderSpec {
-  std::optional<int> resolution_bits;  ///< counts per revolution = 2^bits; null = ideal
-  double noise_std_rad = 0;
-  double velocity_noise_std_rad_per_s = 0;
-  std::uint64_t seed = 1;
-  EncoderSide side = EncoderSide::both;  ///< which encoders the robot has
-};
-
-struct DriveSpec {
-  std::optional<robot::Vector>
-      torque_limit_Nm;                         ///< default: effort limits of the URDF; null = none
-  robot::Vector viscous_friction_Nms_per_rad;  ///< default 0
-};
-
-struct PayloadSpec {
-  double mass_kg = 0;  ///< known to the plant, not to the controller
-  std::string link;    ///< default: the leaf link that is farthest from the root
-};
-
-struct PlantSpec {
-  InitialState initial;
-  IntegratorSpec integrator;
-  EncoderSpec encoder;
-  DriveSpec drive;
-  PayloadSpec payload;
-};
-
-struct Hold {
-  robot::Vector position_rad;
-};
-/// q_i(t) = offset_i + amplitude_i sin(2 pi frequency_i t + phase_i)
-struct Sinusoid {
-  robot::Vector amplitude_rad, frequency_hz, phase_rad, offset_rad;
-};
-/// q_i(t) = offset_i + sum over terms of sinusoids
-struct MultiSine {
-  robot::Vector offset_rad;
-  std::vector<Sinusoid> terms;
-};
-/// Degree-9 polynomial, at rest through snap at both ends; before `start_s` at `from`, after
-/// start_s + duration_s at `to`.
-struct PointToPoint {
-  robot::Vector from_rad, to_rad;
-  double start_s = 0, duration_s = 1;
-};
-/// C4 spline through (time, position), at rest at both ends.
-struct Waypoints {
-  std::vector<double> time_s;
-  std::vector<robot::Vector> position_rad;
-};
-using ReferenceSpec = std::variant<Hold, Sinusoid, MultiSine, PointToPoint, Waypoints>;
-
-enum class FilterKind { first_order_hold, tustin, backward_euler, zero_order_hold };
-enum class FilterStart { at_error, zero };  ///< w(0) = e(0), hence nu(0) = 0; or w(0) = 0
 enum class FeedforwardLead { none, half_tick_plus_delay };
 
 struct ControllerSpec {
   std::string law;
   std::map<std::string, robot::Vector> gains;  ///< each of length num_joints
-  FilterKind filter = FilterKind::first_order_hold;
-  FilterStart filter_start = FilterStart::at_error;
+  controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
+  controller::law::FilterStart filter_start = controller::law::FilterStart::at_error;
   FeedforwardLead feedforward_lead = FeedforwardLead::none;
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      schema::Key{"law", &ControllerSpec::law, "",
+                  "Name of the control law: lower-case letters, digits, `_`"},
+      schema::Key{"gains", &ControllerSpec::gains, "",
+                  "The law's gains by name; which ones, with units and ranges, the law says"},
+      schema::Key{"filter", &ControllerSpec::filter, "",
+                  "How the filter b p/(p + a) is discretised"}
+          .by_default(),
+      schema::Key{"filter_start", &ControllerSpec::filter_start, "",
+                  "`at_error`: w(0) = e(0), so nu(0) = 0; `zero`: w(0) = 0, kicks with Kd B e(0)"}
+          .by_default(),
+      schema::Key{"feedforward_lead", &ControllerSpec::feedforward_lead, "",
+                  "Evaluates the feed-forward ahead by the mean age of a held torque"}
+          .by_default()};
 };
 
 enum class Mode { lockstep, realtime };
@@ -127,19 +86,46 @@ struct LoopSpec {
   double period_s = 1e-3;
   double duration_s = 1;
   std::int64_t num_ticks = 1000;  ///< duration / period, an integer
-  int command_delay = 0;          ///< default 0 in lockstep, 1 in realtime
-  int max_missed = 20;            ///< realtime: commands missed in a row before the protective stop
+  int command_delay = 0;
+  int max_missed = 20;
   double give_up_s = 5;
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      schema::Key{"mode", &LoopSpec::mode, "",
+                  "Simulation time as fast as it goes, or wall-clock time"}
+          .by_default(),
+      schema::Key{"period_s", &LoopSpec::period_s, "s", "One tick, h"}
+          .in({0, 1, true, false})
+          .by_default(),
+      schema::Key{"duration_s", &LoopSpec::duration_s, "s",
+                  "A whole number of periods, at most 1e9"}
+          .in(schema::positive)
+          .by_default(),
+      schema::Key{"command_delay", &LoopSpec::command_delay, "ticks",
+                  "The torque computed from tick k acts over tick k + delay"}
+          .in({0, 1})
+          .by_default("0 in lockstep, 1 in realtime"),
+      schema::Key{"max_missed", &LoopSpec::max_missed, "ticks",
+                  "Realtime: commands missed in a row before the protective stop"}
+          .in({0, 1e6})
+          .by_default(),
+      schema::Key{"give_up_s", &LoopSpec::give_up_s, "s", "A peer silent for this long is lost"}
+          .in({0, 3600, true, false})
+          .by_default()};
 };
 
 struct Scenario {
   std::string name;
   RobotSpec robot;
-  PlantSpec plant;
-  ReferenceSpec reference;
+  plant::Spec plant;
+  reference::Spec reference;
   ControllerSpec controller;
   LoopSpec loop;
 
+  /// The robot of the URDF with the scenario's gravity: without rotors, without payload. Read once.
+  std::shared_ptr<const robot::Model> model;
   int num_joints = 0;
   std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
   std::int64_t digest = 0;  ///< of text and URDF
@@ -147,10 +133,26 @@ struct Scenario {
   std::map<std::string, int> line;            ///< "controller.gains.kp" -> line in the source
   std::map<std::string, std::string> set_by;  ///< key -> the --set that gave its value
 
+  /// True when the key was written, in the file or with --set.
+  [[nodiscard]] bool gives(const std::string& key) const {
+    return line.count(key) != 0 || set_by.count(key) != 0;
+  }
+
   /// A Failure(bad_usage) that reads "<file>:<line>: <key>: <problem>", or, when the value came
   /// from the command line, "--set <key=value>: <key>: <problem>".
   [[nodiscard]] diagnostics::Failure complaint(const std::string& key,
                                                const std::string& problem) const;
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      schema::Key{"name", &Scenario::name, "",
+                  "Name of the experiment: letters, digits, `.`, `_`, `-`, at most 100"},
+      schema::Key{"robot", &Scenario::robot},
+      schema::Key{"plant", &Scenario::plant},
+      schema::Key{"reference", &Scenario::reference, "", "What the robot is to follow"},
+      schema::Key{"controller", &Scenario::controller},
+      schema::Key{"loop", &Scenario::loop}};
 };
 
 /// Reads `path` and the URDF it names (relative to the scenario's file). `overrides` are
@@ -164,3 +166,17 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides = {});
 
 }  // namespace tachless::experiment
+
+namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<experiment::Mode>, 2> names<experiment::Mode>{
+    {{experiment::Mode::lockstep, "lockstep"}, {experiment::Mode::realtime, "realtime"}}};
+
+template <>
+inline constexpr std::array<Name<experiment::FeedforwardLead>, 2>
+    names<experiment::FeedforwardLead>{
+        {{experiment::FeedforwardLead::none, "none"},
+         {experiment::FeedforwardLead::half_tick_plus_delay, "half_tick_plus_delay"}}};
+
+}  // namespace tachless::schema

@@ -1,67 +1,33 @@
 #pragma once
 
-#include <limits>
 #include <string>
 #include <string_view>
 #include <vector>
 
-/// Every key of a scenario, declared once: the reader takes type, default and range from here, and
-/// so does the table of docs/scenario.md.
+/// All keys of a scenario, as a list made of the declarations beside the specs: to tell unknown
+/// keys from known ones, and for the table of docs/scenario.md. Does not read values (reader.h).
 namespace tachless::experiment {
 
-struct Range {
-  double min = -std::numeric_limits<double>::infinity();
-  double max = std::numeric_limits<double>::infinity();
-  bool min_open = false;  ///< min itself is not allowed
-  bool max_open = false;
-
-  [[nodiscard]] bool contains(double value) const;
-  /// "in (0, 1]", ">= 0", "> 0"; empty when every finite number is allowed.
-  [[nodiscard]] std::string text() const;
-};
-
-enum class Shape {
-  text,
-  choice,
-  number,
-  whole,          ///< number without fraction
-  joints,         ///< one number for every joint, or a list with one number per joint
-  numbers,        ///< list of numbers
-  joints_list,    ///< list of `joints`
-  choice_or_map,  ///< a choice, or a map of the same name
-  list_of_maps,
-};
-
-struct Key {
+struct ScenarioKey {
   /// "loop.period_s"; entries of a list go without index, "<name>" stands for the user's choice.
-  std::string_view path;
-  Shape shape = Shape::number;
+  std::string path;
   std::string_view unit;
-  /// YAML; empty = required; in parentheses = not a value but what happens.
-  std::string_view fallback;
-  Range range;
-  std::vector<std::string_view> choices;  ///< in the order of the enum
-  bool nullable = false;
-  std::string_view meaning;
+  std::string fallback;  ///< as in the documentation's table
+  std::string allowed;
+  std::string_view meaning;  ///< empty for a map, which is not in the table
 };
 
-const std::vector<Key>& scenario_keys();
+const std::vector<ScenarioKey>& scenario_keys();
 
-/// The key of `path`: "terms[2].phase_rad" finds "terms.phase_rad", "gains.kp" "gains.<name>".
-/// @throw std::logic_error when it was never declared.
-const Key& scenario_key(std::string_view path);
-
-/// True for a declared key and for the maps on the way to one.
+/// True for a declared key. `path` may have indices: "reference.multi_sine.terms[2].phase_rad".
 bool is_scenario_key(std::string_view path);
 
 /// True when other keys lie below: the value is a map or a list of maps.
 bool has_keys_below(std::string_view path);
 
-/// What may be written for `key`, for messages and for the documentation: "a number in (0, 1]".
-std::string allowed_text(const Key& key);
-
-/// The declared key, or map on the way to one, that is nearest to a misspelt `path`.
-std::string nearest_scenario_key(std::string_view path);
+/// "nearest known key is loop.period_s" for the unknown `path`, or else the keys of its map.
+/// `gains` are names in controller.gains, which the table does not know.
+std::string known_keys_hint(std::string_view path, const std::vector<std::string>& gains = {});
 
 /// The table of docs/scenario.md, in Markdown.
 std::string scenario_key_table();

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "plant/spec.h"
 #include "robot/model.h"
 #include "robot/quantities.h"
 
@@ -20,22 +21,6 @@ struct ArmState {
 struct ArmAcceleration {
   robot::Vector vdot;       ///< of the links [rad/s^2; m/s^2 if prismatic]
   robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
-};
-
-/// Motors behind springs: Spong's simplified model (paper, eq. 1).
-struct FlexibleDrive {
-  robot::Vector stiffness;      ///< K [N m/rad]
-  robot::Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear
-  robot::Vector motor_damping;  ///< [N m s/rad]
-};
-
-enum class Integrator {
-  runge_kutta_merson,
-  runge_kutta_3,
-  runge_kutta_feldberg,
-  semi_explicit_euler_2,
-  verlet,
-  cpodes
 };
 
 /// Whose multibody code computes the links' inertia matrix and bias, and integrates.

@@ -34,8 +34,7 @@ double uniform(std::uint32_t high, std::uint32_t low) {
 
 void require_link_side(const experiment::Scenario& scenario) {
   // A rigid joint has one position, whichever side its encoder sits on.
-  if (!scenario.robot.flexible || scenario.plant.encoder.side != experiment::EncoderSide::motor)
-    return;
+  if (!scenario.robot.flexible || scenario.plant.encoder.side != EncoderSide::motor) return;
   throw scenario.complaint("plant.encoder.side",
                            "motor, but law " + scenario.controller.law +
                                " measures link positions; allowed: link, both");
@@ -46,7 +45,7 @@ void require_motor_side(const experiment::Scenario& scenario) {
     throw scenario.complaint("robot.joints", "rigid, but law " + scenario.controller.law +
                                                  " measures motor positions; allowed: flexible");
   }
-  if (scenario.plant.encoder.side != experiment::EncoderSide::link) return;
+  if (scenario.plant.encoder.side != EncoderSide::link) return;
   throw scenario.complaint("plant.encoder.side",
                            "link, but law " + scenario.controller.law +
                                " measures motor positions; allowed: motor, both");

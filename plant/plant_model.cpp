@@ -10,31 +10,6 @@
 namespace tachless::plant {
 namespace {
 
-Integrator integrator(experiment::IntegratorMethod method) {
-  switch (method) {
-    case experiment::IntegratorMethod::runge_kutta_merson:
-      return Integrator::runge_kutta_merson;
-    case experiment::IntegratorMethod::runge_kutta_3:
-      return Integrator::runge_kutta_3;
-    case experiment::IntegratorMethod::runge_kutta_feldberg:
-      return Integrator::runge_kutta_feldberg;
-    case experiment::IntegratorMethod::semi_explicit_euler_2:
-      return Integrator::semi_explicit_euler_2;
-    case experiment::IntegratorMethod::verlet:
-      return Integrator::verlet;
-    case experiment::IntegratorMethod::cpodes:
-      return Integrator::cpodes;
-  }
-  throw std::logic_error("plant: unknown integrator");
-}
-
-std::optional<FlexibleDrive> flexible_drive(const experiment::Scenario& scenario) {
-  if (!scenario.robot.flexible) return std::nullopt;
-  const experiment::FlexibleJoints& joints = *scenario.robot.flexible;
-  return FlexibleDrive{joints.stiffness_Nm_per_rad, joints.rotor_inertia_kgm2,
-                       joints.motor_damping_Nms_per_rad};
-}
-
 robot::Vector or_zero(const robot::Vector& x, int size) {
   return x.size() == 0 ? robot::Vector(robot::Vector::Zero(size)) : x;
 }
@@ -42,17 +17,11 @@ robot::Vector or_zero(const robot::Vector& x, int size) {
 }  // namespace
 
 robot::Model plant_model(const experiment::Scenario& scenario) {
-  robot::Model model;
-  try {
-    model = robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path);
-  } catch (const std::invalid_argument& error) {
-    throw scenario.complaint("robot.urdf", error.what());
-  }
-  model.gravity = {0, 0, -scenario.robot.gravity_m_per_s2};
+  robot::Model model = *scenario.model;
   if (!scenario.robot.flexible) {
     model.rotor_inertia = or_zero(scenario.robot.rigid_rotor_inertia_kgm2, model.num_joints);
   }
-  const experiment::PayloadSpec& payload = scenario.plant.payload;
+  const PayloadSpec& payload = scenario.plant.payload;
   if (payload.mass_kg > 0) {
     try {
       model = robot::with_payload(std::move(model), payload.mass_kg, payload.link);
@@ -64,11 +33,11 @@ robot::Model plant_model(const experiment::Scenario& scenario) {
 }
 
 ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model) {
-  const experiment::InitialState& initial = scenario.plant.initial;
+  const InitialState& initial = scenario.plant.initial;
   ArmState state;
   state.q = or_zero(initial.position_rad, model.num_joints);
   state.v = or_zero(initial.velocity_rad_per_s, model.num_joints);
-  if (const std::optional<FlexibleDrive> drive = flexible_drive(scenario)) {
+  if (const std::optional<FlexibleDrive>& drive = scenario.robot.flexible; drive) {
     state.theta =
         initial.motor_position_rad
             ? *initial.motor_position_rad
@@ -82,11 +51,11 @@ ArmState initial_state(const experiment::Scenario& scenario, const robot::Model&
 }
 
 Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model) {
-  const std::optional<FlexibleDrive> drive = flexible_drive(scenario);
+  const std::optional<FlexibleDrive>& drive = scenario.robot.flexible;
   ArmOptions options;
   options.flexible = drive ? &*drive : nullptr;
   options.viscous_friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
-  options.integrator = integrator(scenario.plant.integrator.method);
+  options.integrator = scenario.plant.integrator.method;
   options.accuracy = scenario.plant.integrator.accuracy;
   return Arm(model, options, initial_state(scenario, model));
 }
@@ -102,17 +71,16 @@ robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
                                       const robot::Model& model, const robot::Vector& q) {
   constexpr double time_constant_s = 0.1;
   robot::Vector inertia = robot::mass_matrix(model, q).diagonal();
-  if (scenario.robot.flexible) inertia += scenario.robot.flexible->rotor_inertia_kgm2;
+  if (scenario.robot.flexible) inertia += scenario.robot.flexible->rotor_inertia;
   return inertia / time_constant_s;
 }
 
 double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model) {
-  const std::optional<FlexibleDrive> drive = flexible_drive(scenario);
+  const std::optional<FlexibleDrive>& drive = scenario.robot.flexible;
   const double rate =
       fastest_rate(robot::mass_matrix(model, initial_state(scenario, model).q),
                    drive ? &*drive : nullptr, scenario.plant.drive.viscous_friction_Nms_per_rad);
-  return integrator_steps(integrator(scenario.plant.integrator.method), rate,
-                          scenario.loop.period_s);
+  return integrator_steps(scenario.plant.integrator.method, rate, scenario.loop.period_s);
 }
 
 }  // namespace tachless::plant

@@ -22,7 +22,7 @@ loop::Layout layout_of(const experiment::Scenario& scenario) {
 
 /// What the emulator adds to its readings, a real robot's have already.
 experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
-  const experiment::EncoderSide side = scenario.plant.encoder.side;
+  const EncoderSide side = scenario.plant.encoder.side;
   scenario.plant.encoder = {};
   scenario.plant.encoder.side = side;
   return scenario;

@@ -110,26 +110,30 @@ std::string list(const robot::Vector& values) {
   return "[" + text + "]";
 }
 
-std::string_view text_of(const experiment::ReferenceSpec& reference) {
+std::string_view text_of(const reference::Spec& reference) {
   struct Name {
-    std::string_view operator()(const experiment::Hold&) { return "hold"; }
-    std::string_view operator()(const experiment::Sinusoid&) { return "sinusoid"; }
-    std::string_view operator()(const experiment::MultiSine&) { return "sum of sinusoids"; }
-    std::string_view operator()(const experiment::PointToPoint&) { return "point to point"; }
-    std::string_view operator()(const experiment::Waypoints&) { return "waypoints"; }
+    std::string_view operator()(const reference::trajectory::Hold&) { return "hold"; }
+    std::string_view operator()(const reference::trajectory::Sinusoid&) { return "sinusoid"; }
+    std::string_view operator()(const reference::trajectory::MultiSine&) {
+      return "sum of sinusoids";
+    }
+    std::string_view operator()(const reference::trajectory::PointToPoint&) {
+      return "point to point";
+    }
+    std::string_view operator()(const reference::trajectory::Waypoints&) { return "waypoints"; }
   };
   return std::visit(Name{}, reference);
 }
 
 std::string filter_text(const experiment::ControllerSpec& controller) {
   switch (controller.filter) {
-    case experiment::FilterKind::first_order_hold:
+    case controller::law::Discretisation::first_order_hold:
       return "first-order hold";
-    case experiment::FilterKind::tustin:
+    case controller::law::Discretisation::tustin:
       return "Tustin";
-    case experiment::FilterKind::backward_euler:
+    case controller::law::Discretisation::backward_euler:
       return "backward Euler";
-    case experiment::FilterKind::zero_order_hold:
+    case controller::law::Discretisation::zero_order_hold:
       return "zero-order hold";
   }
   throw std::logic_error("report: no such filter");
@@ -154,7 +158,7 @@ std::string gains_text(const RecordedRun& run) {
   return text;
 }
 
-std::string encoder_text(const experiment::EncoderSpec& encoder) {
+std::string encoder_text(const plant::EncoderSpec& encoder) {
   std::string text = encoder.resolution_bits
                          ? std::to_string(*encoder.resolution_bits) + " bit per revolution"
                          : "ideal";
@@ -235,7 +239,7 @@ const std::vector<Fact>& facts() {
       {"Stiffness",
        [](const RecordedRun& run) {
          return run.scenario.robot.flexible
-                    ? list(run.scenario.robot.flexible->stiffness_Nm_per_rad) + " N m/rad"
+                    ? list(run.scenario.robot.flexible->stiffness) + " N m/rad"
                     : "";
        }},
       {"Payload",

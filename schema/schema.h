@@ -157,7 +157,7 @@ constexpr void for_each_key(Visit&& visit) {
 /// A rule across several keys that a filled struct breaks: returned by its member function
 /// `std::optional<schema::Refusal> refusal() const`, if it has one.
 struct Refusal {
-  std::string_view key;
+  std::string key;      ///< "name", "map.name"
   std::string problem;  ///< "<value>; allowed: <…>"
 };
 
@@ -221,6 +221,16 @@ struct ShapeOf<void(T)> : ShapeOf<T> {};
 template <class T>
 inline constexpr Shape shape_of = ShapeOf<T>::shape;
 
+/// The type of the value behind a key's `Member`: without std::optional, the argument of a setter.
+template <class Member>
+struct ValueOf {
+  using Type = Member;
+};
+template <class T>
+struct ValueOf<std::optional<T>> : ValueOf<T> {};
+template <class T>
+struct ValueOf<void(T)> : ValueOf<T> {};
+
 /// What may be written for a value of that shape: "a finite number in (0, 1]". `choices` are the
 /// names of a choice or of the alternatives.
 std::string allowed_text(Shape shape, const Range& range,
@@ -249,7 +259,11 @@ struct ChoicesOf<void(T)> : ChoicesOf<T> {};
 /// What may be written for the value of `key`.
 template <class Struct, class Member>
 std::string allowed_text(const Key<Struct, Member>& key) {
-  return allowed_text(shape_of<Member>, key.range, ChoicesOf<Member>::choices(), key.nullable);
+  const auto choices = ChoicesOf<Member>::choices();
+  const std::string text = allowed_text(shape_of<Member>, key.range, choices, key.nullable);
+  // An alternative that needs no values of its own may be given by its name.
+  const bool name_alone = shape_of<Member> == Shape::one_of && key.fallback == Default::of_struct;
+  return name_alone ? std::string(choices.front()) + ", or " + text : text;
 }
 
 }  // namespace tachless::schema

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <stdexcept>
 
 #include "robot/quantities.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -123,3 +125,20 @@ class Filter {
 };
 
 }  // namespace tachless::controller::law
+
+namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<controller::law::Discretisation>, 4>
+    names<controller::law::Discretisation>{
+        {{controller::law::Discretisation::first_order_hold, "first_order_hold"},
+         {controller::law::Discretisation::tustin, "tustin"},
+         {controller::law::Discretisation::backward_euler, "backward_euler"},
+         {controller::law::Discretisation::zero_order_hold, "zero_order_hold"}}};
+
+template <>
+inline constexpr std::array<Name<controller::law::FilterStart>, 2>
+    names<controller::law::FilterStart>{{{controller::law::FilterStart::at_error, "at_error"},
+                                         {controller::law::FilterStart::zero, "zero"}}};
+
+}  // namespace tachless::schema

@@ -1,26 +1,65 @@
 #pragma once
 
+#include <cmath>
+#include <numbers>
+#include <string_view>
 #include <vector>
 
 #include "loop/signals.h"
+#include "reference/trajectory/hold.h"
+#include "schema/schema.h"
 
 namespace tachless::reference::trajectory {
 
+/// Adds amplitude_i sin(2 pi frequency_i t + phase_i) and its derivatives to `point`.
+/// @param amplitude [rad; m if prismatic]. @param frequency_hz [Hz]. @param phase [rad].
+inline void add_sine(loop::ReferencePoint& point, const robot::Vector& amplitude,
+                     const robot::Vector& frequency_hz, const robot::Vector& phase, double t_s) {
+  for (Eigen::Index i = 0; i < amplitude.size(); ++i) {
+    const double w = 2 * std::numbers::pi * frequency_hz[i];
+    const double angle = w * t_s + phase[i];
+    const double s = amplitude[i] * std::sin(angle);
+    const double c = amplitude[i] * std::cos(angle);
+    point.q_ref[i] += s;
+    point.v_ref[i] += w * c;
+    point.a_ref[i] -= w * w * s;
+    point.jerk_ref[i] -= w * w * w * c;
+    point.snap_ref[i] += w * w * w * w * s;
+  }
+}
+
 /// One sinusoid per joint; all vectors have one entry per joint.
 struct Sine {
-  robot::Vector amplitude;     ///< [rad; m if prismatic]
-  robot::Vector frequency_hz;  ///< [Hz]
-  robot::Vector phase;         ///< [rad]
+  robot::Vector amplitude_rad;  ///< [rad; m if prismatic]
+  robot::Vector frequency_hz;   ///< [Hz]
+  robot::Vector phase_rad;      ///< [rad]
+
+  static constexpr std::tuple keys{
+      schema::Key{"amplitude_rad", &Sine::amplitude_rad, "rad (m)", "Amplitude"},
+      schema::Key{"frequency_hz", &Sine::frequency_hz, "Hz", "Frequency"}.in(schema::not_negative),
+      schema::Key{"phase_rad", &Sine::phase_rad, "rad", "Phase at t = 0"}.by_default(0)};
 };
 
 /// q_ref_i(t) = offset_i + sum over terms of amplitude_i sin(2 pi frequency_i t + phase_i),
-/// for all t. With one term it is the plain sinusoid.
+/// for all t.
 struct MultiSine {
-  robot::Vector offset;  ///< [rad; m if prismatic]
+  robot::Vector offset_rad;  ///< [rad; m if prismatic]
   std::vector<Sine> terms;
 
+  static constexpr std::string_view name = "multi_sine";
+  static constexpr std::tuple keys{
+      schema::Key{"offset_rad", &MultiSine::offset_rad, "rad (m)", "offset + sum of sinusoids"}
+          .by_default(0),
+      schema::Key{"terms", &MultiSine::terms, "", "One map per sinusoid"}};
+
   /// Position to snap at t [s], each differentiated in closed form.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const;
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const {
+    loop::ReferencePoint point = Hold{offset_rad}.at(t_s);
+    for (const Sine& term : terms) {
+      add_sine(point, term.amplitude_rad, term.frequency_hz, term.phase_rad, t_s);
+    }
+    return point;
+  }
 };
 
 }  // namespace tachless::reference::trajectory

@@ -1,6 +1,10 @@
 #pragma once
 
+#include <algorithm>
+#include <string_view>
+
 #include "loop/signals.h"
+#include "schema/schema.h"
 
 namespace tachless::reference::trajectory {
 
@@ -8,13 +12,58 @@ namespace tachless::reference::trajectory {
 /// s = (t - start) / duration: the one polynomial of degree 9 that is at rest through snap at both
 /// ends. Before `start_s` it holds `from`, after start_s + duration_s `to`, so it is C4 everywhere.
 struct PointToPoint {
-  robot::Vector from;  ///< [rad; m if prismatic]
-  robot::Vector to;    ///< [rad; m if prismatic]
+  robot::Vector from_rad;  ///< [rad; m if prismatic]
+  robot::Vector to_rad;    ///< [rad; m if prismatic]
   double start_s = 0;
   double duration_s = 1;  ///< > 0
 
+  static constexpr std::string_view name = "point_to_point";
+  static constexpr std::tuple keys{
+      schema::Key{"from_rad", &PointToPoint::from_rad, "rad (m)",
+                  "Degree-9 polynomial, at rest through snap at both ends"},
+      schema::Key{"to_rad", &PointToPoint::to_rad, "rad (m)", "End of the motion"},
+      schema::Key{"start_s", &PointToPoint::start_s, "s", "Until then at `from_rad`"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"duration_s", &PointToPoint::duration_s, "s",
+                  "Of the motion; after it at `to_rad`"}
+          .in(schema::positive)
+          .by_default()};
+
   /// Position to snap at t [s], each in closed form.
   [[nodiscard]] loop::ReferencePoint at(double t_s) const;
+
+ private:
+  /// p(s) for s <= 1/2, where its terms do not cancel.
+  static double rise(double s) {
+    return s * s * s * s * s * (126 + s * (-420 + s * (540 + s * (-315 + s * 70))));
+  }
 };
+
+inline loop::ReferencePoint PointToPoint::at(double t_s) const {
+  const double s = std::clamp((t_s - start_s) / duration_s, 0.0, 1.0);
+  // p'(s) = 630 u^4 with u = s (1 - s); the rest follows with u' = 1 - 2 s, u'' = -2.
+  const double u = s * (1 - s);
+  const double u1 = 1 - 2 * s;
+  const double rate = 1 / duration_s;
+  const double v = 630 * u * u * u * u * rate;
+  const double a = 2520 * u * u * u * u1 * rate * rate;
+  const double jerk = 2520 * u * u * (3 - 14 * u) * rate * rate * rate;
+  const double snap = 15120 * u * (1 - 7 * u) * u1 * rate * rate * rate * rate;
+
+  const robot::Vector way = to_rad - from_rad;
+  loop::ReferencePoint point;
+  // p(s) = 1 - p(1 - s): each end is approached from itself, and reached exactly.
+  if (s <= 0.5) {
+    point.q_ref = from_rad + rise(s) * way;
+  } else {
+    point.q_ref = to_rad - rise(1 - s) * way;
+  }
+  point.v_ref = v * way;
+  point.a_ref = a * way;
+  point.jerk_ref = jerk * way;
+  point.snap_ref = snap * way;
+  return point;
+}
 
 }  // namespace tachless::reference::trajectory

@@ -1,9 +1,10 @@
 #include "reference/trajectory/waypoints.h"
 
-#include <Eigen/LU>
+#include <fmt/format.h>
+
+#include <Eigen/SparseLU>
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 
 namespace tachless::reference::trajectory {
@@ -88,84 +89,116 @@ int degree(Kind kind) {
   throw std::logic_error("waypoints: no such kind of piece");
 }
 
-void check(const std::vector<double>& time_s, const std::vector<robot::Vector>& position) {
-  std::ostringstream problem;
-  if (time_s.size() < 2 || time_s.size() != position.size()) {
-    problem << time_s.size() << " times and " << position.size()
-            << " positions; needed: two or more of each, as many of one as of the other";
-    throw std::invalid_argument(problem.str());
-  }
-  for (std::size_t i = 0; i + 1 < time_s.size(); ++i) {
-    if (!(time_s[i] < time_s[i + 1])) {
-      problem << "time " << i + 2 << " (" << time_s[i + 1] << " s) is not after time " << i + 1
-              << " (" << time_s[i] << " s); allowed: strictly increasing";
-      throw std::invalid_argument(problem.str());
+/// The linear equations for velocity and acceleration at the inner points (scaled by the mean
+/// duration so that they are of one size): jerk and snap agree from both sides there. A piece is
+/// linear in its end values, so its part of the equations is read off from unit values.
+class Equations {
+ public:
+  explicit Equations(const Waypoints& points)
+      : points_(points),
+        num_pieces_(points.time_s.size() - 1),
+        scale_((points.time_s.back() - points.time_s.front()) / static_cast<double>(num_pieces_)),
+        right_(Eigen::MatrixXd::Zero(num_unknowns(), points.position_rad.front().size())) {
+    for (std::size_t i = 0; i < num_pieces_; ++i) {
+      if (i > 0) add_end(i, false);
+      if (i + 1 < num_pieces_) add_end(i, true);
     }
   }
-  for (std::size_t i = 0; i < position.size(); ++i) {
-    if (position[i].size() != position.front().size()) {
-      problem << "position " << i + 1 << " has " << position[i].size() << " entries, the first "
-              << position.front().size() << "; needed: one per joint";
-      throw std::invalid_argument(problem.str());
+
+  /// Row 2 k: velocity at point k + 1, row 2 k + 1: acceleration there; one column per joint.
+  [[nodiscard]] Eigen::MatrixXd solution() const {
+    if (num_unknowns() == 0) return right_;
+    Eigen::SparseMatrix<double> matrix(num_unknowns(), num_unknowns());
+    matrix.setFromTriplets(entries_.begin(), entries_.end());
+    const Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
+    if (lu.info() != Eigen::Success) throw std::logic_error("waypoints: " + lu.lastErrorMessage());
+    return lu.solve(right_);
+  }
+
+  [[nodiscard]] double scale() const { return scale_; }
+
+ private:
+  [[nodiscard]] Eigen::Index num_unknowns() const {
+    return 2 * (static_cast<Eigen::Index>(num_pieces_) - 1);
+  }
+
+  /// What piece `i` says about jerk and snap at its beginning or at its end.
+  void add_end(std::size_t i, bool at_end) {
+    const Kind kind = kind_of(i, num_pieces_);
+    const double ratio = (points_.time_s[i + 1] - points_.time_s[i]) / scale_;
+    const bool mirrored = kind == Kind::last;
+    const double x = at_end != mirrored ? 1 : 0;
+    const auto before = 2 * static_cast<Eigen::Index>(i) - 2;  // unknowns at the beginning
+    const Eigen::Index after = before + 2;
+    for (const int order : {3, 4}) {
+      const Eigen::Index row = (at_end ? after : before) + (order - 3);
+      // The difference "from the left minus from the right" must vanish.
+      const double sign = (at_end ? 1 : -1) * (mirrored && order == 3 ? -1 : 1);
+      const double weight = sign / std::pow(ratio, order);
+      const auto response = [&](double q0, double v0, double a0, double q1, double v1, double a1) {
+        return weight * derivative(piece(kind, q0, v0 * ratio, a0 * ratio * ratio, q1, v1 * ratio,
+                                         a1 * ratio * ratio),
+                                   order, x);
+      };
+      if (i > 0) {
+        entries_.emplace_back(row, before, response(0, 1, 0, 0, 0, 0));
+        entries_.emplace_back(row, before + 1, response(0, 0, 1, 0, 0, 0));
+      }
+      if (i + 1 < num_pieces_) {
+        entries_.emplace_back(row, after, response(0, 0, 0, 0, 1, 0));
+        entries_.emplace_back(row, after + 1, response(0, 0, 0, 0, 0, 1));
+      }
+      // A constant has no jerk, so only the difference of the positions counts.
+      right_.row(row) -= response(0, 0, 0, 1, 0, 0) *
+                         (points_.position_rad[i + 1] - points_.position_rad[i]).transpose();
     }
   }
-}
+
+  const Waypoints& points_;
+  std::size_t num_pieces_;
+  double scale_;
+  std::vector<Eigen::Triplet<double>> entries_;
+  Eigen::MatrixXd right_;
+};
 
 }  // namespace
 
-Waypoints::Waypoints(std::vector<double> time_s, const std::vector<robot::Vector>& position)
-    : time_s_(std::move(time_s)) {
-  check(time_s_, position);
-  first_ = position.front();
-  last_ = position.back();
-  const std::size_t num_pieces = time_s_.size() - 1;
-  const Eigen::Index num_inner = static_cast<Eigen::Index>(num_pieces) - 1;
-  const Eigen::Index num_joints = first_.size();
-  const double scale = (time_s_.back() - time_s_.front()) / static_cast<double>(num_pieces);
-
-  // Unknown: velocity and acceleration at the inner points (scaled by the mean duration so that
-  // they are of one size). Known: jerk and snap agree from both sides there. A piece is linear in
-  // its end values, so its part of the equations is read off from unit values.
-  Eigen::MatrixXd equations = Eigen::MatrixXd::Zero(2 * num_inner, 2 * num_inner);
-  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(2 * num_inner, num_joints);
-  for (std::size_t i = 0; i < num_pieces; ++i) {
-    const Kind kind = kind_of(i, num_pieces);
-    const double ratio = (time_s_[i + 1] - time_s_[i]) / scale;
-    const bool mirrored = kind == Kind::last;
-    for (const bool at_end : {false, true}) {
-      const Eigen::Index point = static_cast<Eigen::Index>(i) - 1 + (at_end ? 1 : 0);
-      if (point < 0 || point >= num_inner) {
-        continue;
-      }
-      const double x = at_end != mirrored ? 1 : 0;
-      for (const int order : {3, 4}) {
-        const Eigen::Index row = 2 * point + (order - 3);
-        // The difference "from the left minus from the right" must vanish.
-        const double sign = (at_end ? 1 : -1) * (mirrored && order == 3 ? -1 : 1);
-        const double weight = sign / std::pow(ratio, order);
-        const auto response = [&](double q0, double v0, double a0, double q1, double v1,
-                                  double a1) {
-          return weight * derivative(piece(kind, q0, v0 * ratio, a0 * ratio * ratio, q1, v1 * ratio,
-                                           a1 * ratio * ratio),
-                                     order, x);
-        };
-        if (i > 0) {
-          equations(row, 2 * static_cast<Eigen::Index>(i) - 2) += response(0, 1, 0, 0, 0, 0);
-          equations(row, 2 * static_cast<Eigen::Index>(i) - 1) += response(0, 0, 1, 0, 0, 0);
-        }
-        if (i + 1 < num_pieces) {
-          equations(row, 2 * static_cast<Eigen::Index>(i)) += response(0, 0, 0, 0, 1, 0);
-          equations(row, 2 * static_cast<Eigen::Index>(i) + 1) += response(0, 0, 0, 0, 0, 1);
-        }
-        // A constant has no jerk, so only the difference of the positions counts.
-        right.row(row) -= response(0, 0, 0, 1, 0, 0) * (position[i + 1] - position[i]).transpose();
-      }
+std::optional<schema::Refusal> Waypoints::refusal() const {
+  if (time_s.size() < 2) {
+    return {{"time_s", fmt::format("{} times; allowed: at least 2", time_s.size())}};
+  }
+  for (std::size_t i = 1; i < time_s.size(); ++i) {
+    if (!(time_s[i - 1] < time_s[i])) {
+      return {
+          {"time_s", fmt::format("time {} ({} s) is not after time {} ({} s); allowed: strictly "
+                                 "increasing times",
+                                 i + 1, time_s[i], i, time_s[i - 1])}};
     }
   }
-  Eigen::MatrixXd inner(2 * num_inner, num_joints);
-  if (num_inner > 0) {
-    inner = equations.partialPivLu().solve(right);
+  if (position_rad.size() != time_s.size()) {
+    return {{"position_rad", fmt::format("{} positions; allowed: {}, one per time",
+                                         position_rad.size(), time_s.size())}};
   }
+  for (const robot::Vector& position : position_rad) {
+    if (position.size() != position_rad.front().size()) {
+      return {{"position_rad", fmt::format("a position with {} entries, the first has {}; allowed: "
+                                           "one per joint",
+                                           position.size(), position_rad.front().size())}};
+    }
+  }
+  return std::nullopt;
+}
+
+WaypointSpline::WaypointSpline(const Waypoints& points) : time_s_(points.time_s) {
+  if (const auto refused = points.refusal()) {
+    throw std::invalid_argument(refused->key + ": " + refused->problem);
+  }
+  const std::vector<robot::Vector>& position = points.position_rad;
+  first_ = position.front();
+  last_ = position.back();
+  const Equations equations(points);
+  const Eigen::MatrixXd inner = equations.solution();
+  const std::size_t num_pieces = time_s_.size() - 1;
 
   const auto unknown = [&](std::size_t point, int which, Eigen::Index joint) {
     if (point == 0 || point == num_pieces) {
@@ -179,9 +212,9 @@ Waypoints::Waypoints(std::vector<double> time_s, const std::vector<robot::Vector
     made.duration_s = time_s_[i + 1] - time_s_[i];
     made.mirrored = kind == Kind::last;
     made.num_coefficients = degree(kind) + 1;
-    made.c.fill(robot::Vector::Zero(num_joints));
-    const double ratio = made.duration_s / scale;
-    for (Eigen::Index joint = 0; joint < num_joints; ++joint) {
+    made.c.fill(robot::Vector::Zero(first_.size()));
+    const double ratio = made.duration_s / equations.scale();
+    for (Eigen::Index joint = 0; joint < first_.size(); ++joint) {
       const Coefficients c =
           piece(kind, position[i][joint], unknown(i, 0, joint) * ratio,
                 unknown(i, 1, joint) * ratio * ratio, position[i + 1][joint],
@@ -194,7 +227,7 @@ Waypoints::Waypoints(std::vector<double> time_s, const std::vector<robot::Vector
   }
 }
 
-loop::ReferencePoint Waypoints::at(double t_s) const {
+loop::ReferencePoint WaypointSpline::at(double t_s) const {
   const robot::Vector zero = robot::Vector::Zero(first_.size());
   if (t_s <= time_s_.front()) {
     return {first_, zero, zero, zero, zero};

@@ -1,22 +1,26 @@
 #pragma once
 
 #include <array>
+#include <optional>
+#include <string_view>
 #include <vector>
 
 #include "loop/signals.h"
+#include "schema/schema.h"
 
 namespace tachless::reference::trajectory {
+
+struct Waypoints;
 
 /// A C4 spline through positions at given times, at rest through snap at both ends. Inner pieces
 /// are quintic; the first and the last are of degree 7, which is what the extra end conditions
 /// cost (two points only: degree 9). Before the first time it holds the first position, after the
 /// last the last, so it is C4 everywhere.
-class Waypoints {
+class WaypointSpline {
  public:
-  /// Solves for the spline. `time_s` strictly increasing, one position per time, at least two,
-  /// positions all of one length [rad; m if prismatic].
-  /// @throw std::invalid_argument, one line naming the times that are not in order, or the lengths.
-  Waypoints(std::vector<double> time_s, const std::vector<robot::Vector>& position);
+  /// Solves for the spline, in time and memory linear in the number of points.
+  /// @throw std::invalid_argument: `Waypoints::refusal` in one line.
+  explicit WaypointSpline(const Waypoints& points);
 
   /// Position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] loop::ReferencePoint at(double t_s) const;
@@ -35,6 +39,24 @@ class Waypoints {
   std::vector<double> time_s_;
   robot::Vector first_, last_;
   std::vector<Piece> pieces_;
+};
+
+/// Positions and when to be there.
+struct Waypoints {
+  std::vector<double> time_s;               ///< at least two, strictly increasing
+  std::vector<robot::Vector> position_rad;  ///< one per time, of one length [rad; m if prismatic]
+
+  static constexpr std::string_view name = "waypoints";
+  static constexpr std::tuple keys{
+      schema::Key{"time_s", &Waypoints::time_s, "s",
+                  "At least two, increasing: C4 spline, at rest at both ends"}
+          .in(schema::not_negative),
+      schema::Key{"position_rad", &Waypoints::position_rad, "rad (m)", "One entry per time"}};
+
+  using Shape = WaypointSpline;
+
+  /// Too few times, times out of order, or positions that are not one per time and of one length.
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
 };
 
 }  // namespace tachless::reference::trajectory

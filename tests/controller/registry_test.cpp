@@ -37,8 +37,11 @@ experiment::Scenario rigid_scenario() {
   scenario.num_joints = 2;
   scenario.robot.urdf_text = two_link_urdf();
   scenario.robot.urdf_path = "two_link.urdf";
+  scenario.model = std::make_shared<const robot::Model>(
+      robot::model_from_urdf(scenario.robot.urdf_text, scenario.robot.urdf_path));
   scenario.robot.rigid_rotor_inertia_kgm2 = pair(0, 0);
-  scenario.reference = experiment::Sinusoid{pair(1, 1), pair(1, 1), pair(0, 0), pair(0, 0)};
+  scenario.reference =
+      reference::trajectory::Sinusoid{pair(1, 1), pair(1, 1), pair(0, 0), pair(0, 0)};
   scenario.controller.law = "loria_ortega_rigid";
   scenario.controller.gains = {
       {"kp", pair(5, 6)}, {"kd", pair(7, 8)}, {"a", pair(9, 10)}, {"b", pair(11, 12)}};
@@ -47,7 +50,7 @@ experiment::Scenario rigid_scenario() {
 
 experiment::Scenario flexible_scenario(const std::string& law) {
   experiment::Scenario scenario = rigid_scenario();
-  scenario.robot.flexible = experiment::FlexibleJoints{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
+  scenario.robot.flexible = plant::FlexibleDrive{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
   scenario.controller.law = law;
   for (const auto& facts : laws()) {
     for (const std::string_view gain : facts.gains) {
@@ -73,7 +76,7 @@ std::string refusal(const experiment::Scenario& scenario) {
 TEST(Registry, MakesEveryLawByItsName) {
   for (const std::string_view name : law_names()) {
     experiment::Scenario scenario = flexible_scenario(std::string(name));
-    scenario.reference = experiment::Hold{pair(0, 0)};
+    scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     const ScenarioLaw law = scenario_law(scenario);
     EXPECT_EQ(std::visit([](const auto& any) { return any->name(); }, law), name);
   }
@@ -102,8 +105,8 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
   experiment::Scenario scenario = rigid_scenario();
   scenario.loop.period_s = 2e-3;
   scenario.loop.command_delay = 1;
-  scenario.controller.filter = experiment::FilterKind::tustin;
-  scenario.controller.filter_start = experiment::FilterStart::zero;
+  scenario.controller.filter = law::Discretisation::tustin;
+  scenario.controller.filter_start = law::FilterStart::zero;
   scenario.controller.feedforward_lead = experiment::FeedforwardLead::half_tick_plus_delay;
   const law::Settings settings = law_settings(scenario);
   EXPECT_EQ(settings.period_s, 2e-3);
@@ -125,7 +128,9 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
 
 TEST(Registry, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
   experiment::Scenario scenario = flexible_scenario("loria_ortega_rigid");
-  scenario.robot.gravity_m_per_s2 = 1.62;
+  robot::Model on_the_moon = *scenario.model;
+  on_the_moon.gravity = {0, 0, -1.62};
+  scenario.model = std::make_shared<const robot::Model>(on_the_moon);
   const robot::Vector q = pair(0.4, 0.7);
   const robot::Model rigid = rigid_model(scenario);
   const law::FlexibleRobot flexible = flexible_robot(scenario);
@@ -202,7 +207,7 @@ TEST(Registry, LeavesGainsOfOtherLawsAloneSoThatLawsCanBeCompared) {
 TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {
   for (const char* law : {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible"}) {
     experiment::Scenario scenario = flexible_scenario(law);
-    scenario.reference = experiment::Hold{pair(0, 0)};
+    scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     EXPECT_EQ(refusal(scenario), "accepted");
     scenario.robot.flexible.reset();
     EXPECT_THAT(refusal(scenario),
@@ -226,10 +231,10 @@ TEST(Registry, RefusesALeadThatTheLawDoesNotHave) {
 }
 
 TEST(Registry, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
-  using experiment::EncoderSide;
+  using plant::EncoderSide;
   const auto with_side = [](const char* law, EncoderSide side) {
     experiment::Scenario scenario = flexible_scenario(law);
-    scenario.reference = experiment::Hold{pair(0, 0)};
+    scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     scenario.plant.encoder.side = side;
     return refusal(scenario);
   };

@@ -12,11 +12,14 @@
 namespace tachless::experiment {
 namespace {
 
+using controller::law::Discretisation;
+using controller::law::FilterStart;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
+namespace trajectory = reference::trajectory;
 
 // Two links; the second joint alone has limits and an effort limit.
 constexpr const char* urdf = R"(<robot name="two">
@@ -151,18 +154,18 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_FALSE(s.robot.flexible);
   EXPECT_THAT(values(s.plant.initial.position_rad), ElementsAre(0.5, -0.5));
   EXPECT_THAT(values(s.plant.initial.velocity_rad_per_s), ElementsAre(0, 0));
-  EXPECT_EQ(s.plant.integrator.method, IntegratorMethod::verlet);
+  EXPECT_EQ(s.plant.integrator.method, plant::Integrator::verlet);
   EXPECT_EQ(s.plant.integrator.accuracy, 1e-7);
   EXPECT_EQ(s.plant.encoder.resolution_bits, 16);
   EXPECT_EQ(s.plant.encoder.noise_std_rad, 1e-5);
   EXPECT_EQ(s.plant.encoder.velocity_noise_std_rad_per_s, 1e-3);
   EXPECT_EQ(s.plant.encoder.seed, 7U);
-  EXPECT_EQ(s.plant.encoder.side, EncoderSide::link);
+  EXPECT_EQ(s.plant.encoder.side, plant::EncoderSide::link);
   EXPECT_THAT(values(s.plant.drive.torque_limit_Nm.value()), ElementsAre(100, 50));
   EXPECT_THAT(values(s.plant.drive.viscous_friction_Nms_per_rad), ElementsAre(0.1, 0));
   EXPECT_EQ(s.plant.payload.mass_kg, 0.5);
   EXPECT_EQ(s.plant.payload.link, "lower");
-  const auto& sinusoid = std::get<Sinusoid>(s.reference);
+  const auto& sinusoid = std::get<trajectory::Sinusoid>(s.reference);
   EXPECT_THAT(values(sinusoid.amplitude_rad), ElementsAre(0.1, 0.2));
   EXPECT_THAT(values(sinusoid.frequency_hz), ElementsAre(5, 5));
   EXPECT_THAT(values(sinusoid.phase_rad), ElementsAre(0, 1));
@@ -170,7 +173,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(s.controller.law, "loria_ortega_rigid");
   EXPECT_THAT(values(s.controller.gains.at("kp")), ElementsAre(40, 20));
   EXPECT_THAT(values(s.controller.gains.at("kd")), ElementsAre(4, 2));
-  EXPECT_EQ(s.controller.filter, FilterKind::tustin);
+  EXPECT_EQ(s.controller.filter, Discretisation::tustin);
   EXPECT_EQ(s.controller.filter_start, FilterStart::zero);
   EXPECT_EQ(s.controller.feedforward_lead, FeedforwardLead::half_tick_plus_delay);
   EXPECT_EQ(s.loop.mode, Mode::realtime);
@@ -244,12 +247,12 @@ TEST(Scenario, ReadsFlexibleJoints) {
                 "plant.initial.motor_position_rad=[1, 2]",
                 "plant.initial.motor_velocity_rad_per_s=3", "plant.encoder.side=motor"});
   ASSERT_TRUE(s.robot.flexible);
-  EXPECT_THAT(values(s.robot.flexible->stiffness_Nm_per_rad), ElementsAre(1e4, 2e4));
-  EXPECT_THAT(values(s.robot.flexible->rotor_inertia_kgm2), ElementsAre(0.1, 0.1));
-  EXPECT_THAT(values(s.robot.flexible->motor_damping_Nms_per_rad), ElementsAre(0, 0));
+  EXPECT_THAT(values(s.robot.flexible->stiffness), ElementsAre(1e4, 2e4));
+  EXPECT_THAT(values(s.robot.flexible->rotor_inertia), ElementsAre(0.1, 0.1));
+  EXPECT_THAT(values(s.robot.flexible->motor_damping), ElementsAre(0, 0));
   EXPECT_THAT(values(s.plant.initial.motor_position_rad.value()), ElementsAre(1, 2));
   EXPECT_THAT(values(s.plant.initial.motor_velocity_rad_per_s.value()), ElementsAre(3, 3));
-  EXPECT_EQ(s.plant.encoder.side, EncoderSide::motor);
+  EXPECT_EQ(s.plant.encoder.side, plant::EncoderSide::motor);
 }
 
 TEST(Scenario, ReadsRigidJointsWithRotors) {
@@ -261,9 +264,9 @@ TEST(Scenario, ReadsRigidJointsWithRotors) {
 }
 
 TEST(Scenario, ReadsEveryKindOfReference) {
-  EXPECT_THAT(values(std::get<Hold>(parsed(minimal).reference).position_rad),
+  EXPECT_THAT(values(std::get<trajectory::Hold>(parsed(minimal).reference).position_rad),
               ElementsAre(0.1, 0.2));
-  const auto multi_sine = std::get<MultiSine>(
+  const auto multi_sine = std::get<trajectory::MultiSine>(
       parsed(minimal, {"reference={multi_sine: {offset_rad: 1, terms: [{amplitude_rad: 2, "
                        "frequency_hz: [3, 4]}, {amplitude_rad: 5, frequency_hz: 6, phase_rad: "
                        "7}]}}"})
@@ -273,14 +276,13 @@ TEST(Scenario, ReadsEveryKindOfReference) {
   EXPECT_THAT(values(multi_sine.terms[0].frequency_hz), ElementsAre(3, 4));
   EXPECT_THAT(values(multi_sine.terms[0].phase_rad), ElementsAre(0, 0));
   EXPECT_THAT(values(multi_sine.terms[1].phase_rad), ElementsAre(7, 7));
-  EXPECT_THAT(values(multi_sine.terms[1].offset_rad), ElementsAre(0, 0));
-  const auto motion = std::get<PointToPoint>(
+  const auto motion = std::get<trajectory::PointToPoint>(
       parsed(minimal, {"reference={point_to_point: {from_rad: 0, to_rad: [1, 2], start_s: 0.5}}"})
           .reference);
   EXPECT_THAT(values(motion.to_rad), ElementsAre(1, 2));
   EXPECT_EQ(motion.start_s, 0.5);
   EXPECT_EQ(motion.duration_s, 1);
-  const auto waypoints = std::get<Waypoints>(
+  const auto waypoints = std::get<trajectory::Waypoints>(
       parsed(minimal,
              {"reference={waypoints: {time_s: [0, 1, 2.5], position_rad: [0, [1, 2], [3, 4]]}}"})
           .reference);
@@ -293,24 +295,25 @@ TEST(Scenario, NamesEveryChoiceOfEveryEnum) {
   const auto method = [](const std::string& name) {
     return parsed(minimal, {"plant.integrator.method=" + name}).plant.integrator.method;
   };
-  EXPECT_EQ(method("runge_kutta_merson"), IntegratorMethod::runge_kutta_merson);
-  EXPECT_EQ(method("runge_kutta_3"), IntegratorMethod::runge_kutta_3);
-  EXPECT_EQ(method("runge_kutta_feldberg"), IntegratorMethod::runge_kutta_feldberg);
-  EXPECT_EQ(method("semi_explicit_euler_2"), IntegratorMethod::semi_explicit_euler_2);
-  EXPECT_EQ(method("verlet"), IntegratorMethod::verlet);
-  EXPECT_EQ(method("cpodes"), IntegratorMethod::cpodes);
+  EXPECT_EQ(method("runge_kutta_merson"), plant::Integrator::runge_kutta_merson);
+  EXPECT_EQ(method("runge_kutta_3"), plant::Integrator::runge_kutta_3);
+  EXPECT_EQ(method("runge_kutta_feldberg"), plant::Integrator::runge_kutta_feldberg);
+  EXPECT_EQ(method("semi_explicit_euler_2"), plant::Integrator::semi_explicit_euler_2);
+  EXPECT_EQ(method("verlet"), plant::Integrator::verlet);
+  EXPECT_EQ(method("cpodes"), plant::Integrator::cpodes);
   const auto filter = [](const std::string& name) {
     return parsed(minimal, {"controller.filter=" + name}).controller.filter;
   };
-  EXPECT_EQ(filter("first_order_hold"), FilterKind::first_order_hold);
-  EXPECT_EQ(filter("tustin"), FilterKind::tustin);
-  EXPECT_EQ(filter("backward_euler"), FilterKind::backward_euler);
-  EXPECT_EQ(filter("zero_order_hold"), FilterKind::zero_order_hold);
+  EXPECT_EQ(filter("first_order_hold"), Discretisation::first_order_hold);
+  EXPECT_EQ(filter("tustin"), Discretisation::tustin);
+  EXPECT_EQ(filter("backward_euler"), Discretisation::backward_euler);
+  EXPECT_EQ(filter("zero_order_hold"), Discretisation::zero_order_hold);
   EXPECT_EQ(parsed(minimal, {"controller.filter_start=at_error"}).controller.filter_start,
             FilterStart::at_error);
   EXPECT_EQ(parsed(minimal, {"controller.feedforward_lead=none"}).controller.feedforward_lead,
             FeedforwardLead::none);
-  EXPECT_EQ(parsed(minimal, {"plant.encoder.side=link"}).plant.encoder.side, EncoderSide::link);
+  EXPECT_EQ(parsed(minimal, {"plant.encoder.side=link"}).plant.encoder.side,
+            plant::EncoderSide::link);
 }
 
 TEST(Scenario, AnAnchorIsWrittenOutInTheText) {
@@ -562,7 +565,8 @@ TEST(Scenario, MalformedReferencesAreRefused) {
   EXPECT_THAT(with("{waypoints: {time_s: [0], position_rad: [0]}}"),
               HasSubstr("reference.waypoints.time_s: 1 times; allowed: at least 2"));
   EXPECT_THAT(with("{waypoints: {time_s: [0, 1, 1], position_rad: [0, 0, 0]}}"),
-              HasSubstr("reference.waypoints.time_s: 1 after 1; allowed: increasing"));
+              HasSubstr("reference.waypoints.time_s: time 3 (1 s) is not after time 2 (1 s); "
+                        "allowed: strictly increasing times"));
   EXPECT_THAT(with("{waypoints: {time_s: [0, 1], position_rad: [0]}}"),
               HasSubstr("reference.waypoints.position_rad: 1 positions; allowed: 2"));
   EXPECT_THAT(with("{waypoints: {time_s: [0, x], position_rad: [0, 1]}}"),
@@ -614,7 +618,7 @@ TEST(Scenario, AnOverrideTakesThePlaceOfTheFilesValue) {
   EXPECT_EQ(s.loop.num_ticks, 1250);
   EXPECT_THAT(values(s.controller.gains.at("kp")), ElementsAre(7, 7));
   EXPECT_THAT(values(s.controller.gains.at("new")), ElementsAre(1, 2));
-  EXPECT_TRUE(std::holds_alternative<Hold>(
+  EXPECT_TRUE(std::holds_alternative<trajectory::Hold>(
       parsed(full, {"reference={hold: {position_rad: 0}}"}).reference));
 }
 

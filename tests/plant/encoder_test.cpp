@@ -18,7 +18,7 @@ experiment::Scenario scenario(bool flexible = false) {
   experiment::Scenario s;
   s.source = "test.yaml";
   s.controller.law = "a_law";
-  if (flexible) s.robot.flexible = experiment::FlexibleJoints{};
+  if (flexible) s.robot.flexible = FlexibleDrive{};
   return s;
 }
 
@@ -174,25 +174,24 @@ TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
 
 TEST(Encoder, RefusesAMeasurementWhoseSideTheRobotHasNot) {
   experiment::Scenario flexible = scenario(true);
-  flexible.plant.encoder.side = experiment::EncoderSide::motor;
+  flexible.plant.encoder.side = EncoderSide::motor;
   EXPECT_NO_THROW(require_encoders<loop::MotorPositionMeasurement>(flexible));
   EXPECT_THROW(require_encoders<loop::PositionMeasurement>(flexible), diagnostics::Failure);
   EXPECT_THROW(require_encoders<loop::LinkStateMeasurement>(flexible), diagnostics::Failure);
   EXPECT_THROW(require_encoders<loop::StateMeasurement>(flexible), diagnostics::Failure);
-  flexible.plant.encoder.side = experiment::EncoderSide::link;
+  flexible.plant.encoder.side = EncoderSide::link;
   EXPECT_NO_THROW(require_encoders<loop::PositionMeasurement>(flexible));
   EXPECT_THROW(require_encoders<loop::MotorPositionMeasurement>(flexible), diagnostics::Failure);
   EXPECT_THROW(require_encoders<loop::LinkStateMeasurement>(flexible), diagnostics::Failure);
   EXPECT_THROW(require_encoders<loop::StateMeasurement>(flexible), diagnostics::Failure);
-  flexible.plant.encoder.side = experiment::EncoderSide::both;
+  flexible.plant.encoder.side = EncoderSide::both;
   EXPECT_NO_THROW(require_encoders<loop::LinkStateMeasurement>(flexible));
   EXPECT_NO_THROW(require_encoders<loop::StateMeasurement>(flexible));
 }
 
 TEST(Encoder, OfARigidRobotReadsTheLinkFromEitherSide) {
   experiment::Scenario rigid = scenario();
-  for (const auto side : {experiment::EncoderSide::link, experiment::EncoderSide::motor,
-                          experiment::EncoderSide::both}) {
+  for (const auto side : {EncoderSide::link, EncoderSide::motor, EncoderSide::both}) {
     rigid.plant.encoder.side = side;
     EXPECT_NO_THROW(require_encoders<loop::PositionMeasurement>(rigid));
     EXPECT_NO_THROW(require_encoders<loop::StateMeasurement>(rigid));

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
+#include <cmath>
 
 namespace tachless::reference {
 namespace {
@@ -20,22 +20,17 @@ constexpr const char* pendulum = R"(<robot name="pendulum">
     <axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="10" velocity="10"/></joint>
 </robot>)";
 
-robot::Vector one(double x) { return robot::Vector::Constant(1, x); }
-
-experiment::Scenario with_reference(experiment::ReferenceSpec spec) {
-  experiment::Scenario scenario;
-  scenario.source = "swing.yaml";
-  scenario.num_joints = 1;
-  scenario.robot.urdf_text = pendulum;
-  scenario.robot.urdf_path = "pendulum.urdf";
-  scenario.loop.duration_s = 2;
-  scenario.reference = std::move(spec);
-  return scenario;
+experiment::Scenario with_reference(const std::string& reference) {
+  return experiment::parse_scenario(
+      "name: swing\nrobot: {urdf: pendulum.urdf}\ncontroller: {law: a_law, gains: {}}\n"
+      "loop: {duration_s: 2}\nreference: " +
+          reference + "\n",
+      pendulum, "swing.yaml");
 }
 
-std::string refusal(experiment::ReferenceSpec spec) {
+std::string refusal(const std::string& reference) {
   try {
-    make_trajectory(with_reference(std::move(spec)));
+    (void)make_trajectory(with_reference(reference));
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     return failure.what();
@@ -43,48 +38,39 @@ std::string refusal(experiment::ReferenceSpec spec) {
   return "accepted";
 }
 
-TEST(MakeTrajectory, GivesWhatTheScenarioAsksFor) {
-  EXPECT_EQ(make_trajectory(with_reference(experiment::Hold{one(0.5)})).at(1).q_ref, one(0.5));
-
-  const experiment::Sinusoid sinusoid{one(0.5), one(0.25), one(0.1), one(0.2)};
-  // sin(2 pi 0.25 + 0.1) = cos(0.1); two roundings.
-  EXPECT_NEAR(make_trajectory(with_reference(sinusoid)).at(1).q_ref[0], 0.2 + 0.5 * std::cos(0.1),
-              4e-16);
-
-  const experiment::MultiSine two{
-      one(0.2),
-      {{one(0.5), one(0.25), one(0.1), one(0)}, {one(0.25), one(0.25), one(0.1), one(0)}}};
-  EXPECT_NEAR(make_trajectory(with_reference(two)).at(1).q_ref[0], 0.2 + 0.75 * std::cos(0.1),
-              4e-16);
-
-  const experiment::PointToPoint move{one(0), one(1), 0.5, 1};
-  EXPECT_EQ(make_trajectory(with_reference(move)).at(0.5).q_ref, one(0));
-  EXPECT_EQ(make_trajectory(with_reference(move)).at(1).q_ref, one(0.5));
-  EXPECT_EQ(make_trajectory(with_reference(move)).at(1.5).q_ref, one(1));
-
-  const experiment::Waypoints path{{0, 0.7, 2}, {one(0), one(1), one(-0.5)}};
-  EXPECT_NEAR(make_trajectory(with_reference(path)).at(0.7).q_ref[0], 1, 1e-13);
+double at(const std::string& reference, double t_s) {
+  return make_trajectory(with_reference(reference)).at(t_s).q_ref[0];
 }
 
-TEST(MakeTrajectory, RefusesWhatMakesNoSense) {
-  EXPECT_THAT(refusal(experiment::PointToPoint{one(0), one(1), 0, 0}),
-              AllOf(HasSubstr("swing.yaml"), HasSubstr("reference.point_to_point.duration_s"),
-                    HasSubstr("greater than 0")));
-  EXPECT_THAT(refusal(experiment::Waypoints{{0, 1, 0.5}, {one(0), one(1), one(0)}}),
-              AllOf(HasSubstr("reference.waypoints.time_s"), HasSubstr("time 3 (0.5 s)"),
-                    HasSubstr("strictly increasing")));
-  EXPECT_THAT(refusal(experiment::Hold{robot::Vector::Zero(2)}),
-              AllOf(HasSubstr("reference.hold.position_rad"), HasSubstr("needed: one per joint")));
+TEST(MakeTrajectory, GivesWhatTheScenarioAsksFor) {
+  EXPECT_EQ(at("{hold: {position_rad: 0.5}}", 1), 0.5);
+
+  // sin(2 pi 0.25 + 0.1) = cos(0.1); two roundings.
+  EXPECT_NEAR(at("{sinusoid: {amplitude_rad: 0.5, frequency_hz: 0.25, phase_rad: 0.1, "
+                 "offset_rad: 0.2}}",
+                 1),
+              0.2 + 0.5 * std::cos(0.1), 4e-16);
+  EXPECT_NEAR(at("{multi_sine: {offset_rad: 0.2, terms: [{amplitude_rad: 0.5, frequency_hz: 0.25, "
+                 "phase_rad: 0.1}, {amplitude_rad: 0.25, frequency_hz: 0.25, phase_rad: 0.1}]}}",
+                 1),
+              0.2 + 0.75 * std::cos(0.1), 4e-16);
+
+  const std::string move = "{point_to_point: {from_rad: 0, to_rad: 1, start_s: 0.5}}";
+  EXPECT_EQ(at(move, 0.5), 0);
+  EXPECT_EQ(at(move, 1), 0.5);
+  EXPECT_EQ(at(move, 1.5), 1);
+
+  EXPECT_NEAR(at("{waypoints: {time_s: [0, 0.7, 2], position_rad: [0, 1, -0.5]}}", 0.7), 1, 1e-13);
 }
 
 TEST(MakeTrajectory, RefusesToLeaveTheJointLimits) {
-  EXPECT_THAT(refusal(experiment::Hold{one(-1.5)}),
-              AllOf(HasSubstr("reference.hold"), HasSubstr("joint 1 (swing)"), HasSubstr("-1.5"),
-                    HasSubstr("-1 to 2")));
-  EXPECT_THAT(refusal(experiment::Sinusoid{one(2.5), one(1), one(0), one(0)}),
+  EXPECT_THAT(refusal("{hold: {position_rad: -1.5}}"),
+              AllOf(HasSubstr("swing.yaml:5: reference.hold"), HasSubstr("joint 1 (swing)"),
+                    HasSubstr("-1.5"), HasSubstr("-1 to 2")));
+  EXPECT_THAT(refusal("{sinusoid: {amplitude_rad: 2.5, frequency_hz: 1}}"),
               HasSubstr("reference.sinusoid"));
   // It starts inside, and leaves later.
-  EXPECT_THAT(refusal(experiment::PointToPoint{one(0), one(2.5), 0, 1}),
+  EXPECT_THAT(refusal("{point_to_point: {from_rad: 0, to_rad: 2.5}}"),
               HasSubstr("reference.point_to_point"));
 }
 

@@ -47,7 +47,10 @@ const std::vector<Rule> rules = {
     {"protocol/lockstep/", {"protocol/lockstep/", "loop/clock.h"}, {}},
     {"protocol/realtime/", {"protocol/realtime/", "protocol/lockstep/", "loop/clock.h"}, {}},
 
-    {"experiment/", {"experiment/", "robot/", "diagnostics/"}, {}},
+    {"experiment/",
+     {"experiment/", "plant/spec.h", "controller/law/filter.h", "reference/trajectories.h",
+      "robot/", "schema/", "diagnostics/"},
+     {"fmt/"}},
     {"experiment/yaml_tree.cpp", {"experiment/", "diagnostics/"}, {"yaml-cpp/"}},
 
     {"node/",
@@ -58,6 +61,7 @@ const std::vector<Rule> rules = {
     {"plant/",
      {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
      {"Eigen/"}},
+    {"plant/spec.h", {"schema/", "robot/quantities.h"}, {}},
     {"plant/simbody_arm.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h", "SimTKcommon/"}},
     {"plant/realtime_loop.cpp",
      {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
@@ -66,8 +70,11 @@ const std::vector<Rule> rules = {
 
     {"reference/",
      {"reference/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
-     {"Eigen/"}},
-    {"reference/trajectory/", {"reference/trajectory/", "loop/signals.h", "robot/"}, {"Eigen/"}},
+     {"Eigen/", "fmt/"}},
+    {"reference/trajectories.h", {"reference/trajectory/"}, {}},
+    {"reference/trajectory/",
+     {"reference/trajectory/", "loop/signals.h", "schema/", "robot/quantities.h"},
+     {"Eigen/", "fmt/"}},
 
     {"controller/",
      {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/",
@@ -76,7 +83,8 @@ const std::vector<Rule> rules = {
     {"controller/recorded_inputs.",
      {"controller/", "bus/", "diagnostics/", "logger/log_file.h"},
      {}},
-    {"controller/law/", {"controller/law/", "loop/signals.h", "robot/"}, {"Eigen/"}},
+    {"controller/law/", {"controller/law/", "loop/signals.h", "schema/", "robot/"}, {"Eigen/"}},
+    {"controller/law/filter.h", {"schema/", "robot/quantities.h"}, {}},
 
     {"logger/",
      {"logger/", "node/", "protocol/", "bus/", "experiment/", "process/", "robot/", "loop/",

@@ -7,8 +7,8 @@ namespace {
 
 PointToPoint example() {
   PointToPoint made;
-  made.from = robot::Vector::LinSpaced(3, -0.5, 1);
-  made.to = robot::Vector::LinSpaced(3, 2, -0.25);
+  made.from_rad = robot::Vector::LinSpaced(3, -0.5, 1);
+  made.to_rad = robot::Vector::LinSpaced(3, 2, -0.25);
   made.start_s = 0.3;
   made.duration_s = 0.8;
   return made;
@@ -17,11 +17,11 @@ PointToPoint example() {
 TEST(PointToPoint, IsExactlyAtBothEndsBeforeAndAfter) {
   const PointToPoint example_ = example();
   for (const double t : {0.0, 0.2, 0.3}) {
-    EXPECT_EQ(example_.at(t).q_ref, example_.from) << t;
+    EXPECT_EQ(example_.at(t).q_ref, example_.from_rad) << t;
     expect_at_rest(example_.at(t), 0);
   }
   for (const double t : {1.1, 1.100001, 5.0}) {
-    EXPECT_EQ(example_.at(t).q_ref, example_.to) << t;
+    EXPECT_EQ(example_.at(t).q_ref, example_.to_rad) << t;
   }
   expect_at_rest(example_.at(1.2), 0);
   // (1.1 - 0.3) / 0.8 may miss 1 by one rounding; snap is 15120 u / T^4 there.
@@ -41,8 +41,8 @@ TEST(PointToPoint, EachDerivativeIsThatOfTheOneBefore) {
 
 TEST(PointToPoint, IsTheDegreeNinePolynomial) {
   PointToPoint unit;
-  unit.from = robot::Vector::Zero(1);
-  unit.to = robot::Vector::Ones(1);
+  unit.from_rad = robot::Vector::Zero(1);
+  unit.to_rad = robot::Vector::Ones(1);
   for (int i = 0; i <= 20; ++i) {
     const double s = i / 20.0;
     const double p = 126 * std::pow(s, 5) - 420 * std::pow(s, 6) + 540 * std::pow(s, 7) -
@@ -54,7 +54,7 @@ TEST(PointToPoint, IsTheDegreeNinePolynomial) {
 
 TEST(PointToPoint, IsSymmetricAboutItsMiddle) {
   const PointToPoint example_ = example();
-  const robot::Vector sum = example_.from + example_.to;
+  const robot::Vector sum = example_.from_rad + example_.to_rad;
   for (const double d : {0.01, 0.1, 0.25, 0.39}) {
     const robot::Vector both = example_.at(0.7 - d).q_ref + example_.at(0.7 + d).q_ref;
     EXPECT_LE((both - sum).lpNorm<Eigen::Infinity>(), 1e-14) << d;  // speed <= 8, time rounded

@@ -9,20 +9,15 @@
 namespace tachless::reference::trajectory {
 namespace {
 
-struct Points {
-  std::vector<double> time_s;
-  std::vector<robot::Vector> position;
-};
-
 /// `num_points` points of a three-joint robot at irregular times.
-Points random_points(int num_points, unsigned seed) {
+Waypoints random_points(int num_points, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> gap(0.3, 1.2), angle(-1.5, 1.5);
-  Points points;
+  Waypoints points;
   double t = 0.25;
   for (int i = 0; i < num_points; ++i) {
     points.time_s.push_back(t);
-    points.position.push_back(robot::Vector::NullaryExpr(3, [&] { return angle(random); }));
+    points.position_rad.push_back(robot::Vector::NullaryExpr(3, [&] { return angle(random); }));
     t += gap(random);
   }
   return points;
@@ -30,11 +25,11 @@ Points random_points(int num_points, unsigned seed) {
 
 TEST(Waypoints, PassesThroughEveryPointAtItsTime) {
   for (const int n : {2, 3, 4, 7, 20}) {
-    const Points p = random_points(n, 10 + n);
-    const Waypoints spline(p.time_s, p.position);
+    const Waypoints p = random_points(n, 10 + n);
+    const WaypointSpline spline(p);
     for (int i = 0; i < n; ++i) {
       // Exact but where a mirrored piece ends: there it is a sum of eight rounded coefficients.
-      EXPECT_LE((spline.at(p.time_s[i]).q_ref - p.position[i]).lpNorm<Eigen::Infinity>(),
+      EXPECT_LE((spline.at(p.time_s[i]).q_ref - p.position_rad[i]).lpNorm<Eigen::Infinity>(),
                 i == n - 2 ? 1e-13 : 0)
           << "point " << i << " of " << n;
     }
@@ -43,8 +38,8 @@ TEST(Waypoints, PassesThroughEveryPointAtItsTime) {
 
 TEST(Waypoints, IsContinuousThroughSnapAtEveryPoint) {
   for (const int n : {2, 3, 4, 7, 20}) {
-    const Points p = random_points(n, 20 + n);
-    const Waypoints spline(p.time_s, p.position);
+    const Waypoints p = random_points(n, 20 + n);
+    const WaypointSpline spline(p);
     for (int i = 0; i < n; ++i) {
       const double t = p.time_s[i];
       const auto before = orders(spline.at(std::nextafter(t, 0)));
@@ -59,19 +54,19 @@ TEST(Waypoints, IsContinuousThroughSnapAtEveryPoint) {
 }
 
 TEST(Waypoints, IsAtRestThroughSnapAtBothEndsAndHoldsOutside) {
-  const Points p = random_points(6, 31);
-  const Waypoints spline(p.time_s, p.position);
+  const Waypoints p = random_points(6, 31);
+  const WaypointSpline spline(p);
   expect_at_rest(spline.at(std::nextafter(p.time_s.front(), 100)), 1e-9);
   expect_at_rest(spline.at(std::nextafter(p.time_s.back(), 0)), 1e-9);
-  EXPECT_EQ(spline.at(0).q_ref, p.position.front());
-  EXPECT_EQ(spline.at(p.time_s.back() + 5).q_ref, p.position.back());
+  EXPECT_EQ(spline.at(0).q_ref, p.position_rad.front());
+  EXPECT_EQ(spline.at(p.time_s.back() + 5).q_ref, p.position_rad.back());
   expect_at_rest(spline.at(0), 0);
   expect_at_rest(spline.at(p.time_s.back()), 0);
 }
 
 TEST(Waypoints, EachDerivativeIsThatOfTheOneBefore) {
-  const Points p = random_points(6, 41);
-  const Waypoints spline(p.time_s, p.position);
+  const Waypoints p = random_points(6, 41);
+  const WaypointSpline spline(p);
   for (std::size_t i = 0; i + 1 < p.time_s.size(); ++i) {
     const double duration = p.time_s[i + 1] - p.time_s[i];
     for (const double x : {0.05, 0.3, 0.5, 0.8, 0.95}) {
@@ -83,9 +78,9 @@ TEST(Waypoints, EachDerivativeIsThatOfTheOneBefore) {
 }
 
 TEST(Waypoints, WithTwoPointsIsPointToPoint) {
-  const Points p = random_points(2, 51);
-  const Waypoints spline(p.time_s, p.position);
-  const PointToPoint polynomial{p.position[0], p.position[1], p.time_s[0],
+  const Waypoints p = random_points(2, 51);
+  const WaypointSpline spline(p);
+  const PointToPoint polynomial{p.position_rad[0], p.position_rad[1], p.time_s[0],
                                 p.time_s[1] - p.time_s[0]};
   for (int i = 0; i <= 10; ++i) {
     const double t = p.time_s[0] + 0.1 * i * polynomial.duration_s;
@@ -101,12 +96,12 @@ TEST(Waypoints, WithTwoPointsIsPointToPoint) {
 }
 
 TEST(Waypoints, DoesNotDependOnTheUnitOfTime) {
-  const Points p = random_points(5, 61);
+  const Waypoints p = random_points(5, 61);
   std::vector<double> milli = p.time_s;
   for (double& t : milli) {
     t *= 1e-3;
   }
-  const Waypoints slow(p.time_s, p.position), fast(milli, p.position);
+  const WaypointSpline slow(p), fast(Waypoints{milli, p.position_rad});
   for (const double t : {0.4, 1.1, 2.0}) {
     EXPECT_LE((slow.at(t).q_ref - fast.at(1e-3 * t).q_ref).lpNorm<Eigen::Infinity>(), 1e-12);
     // One more factor 1000 per derivative; solve and rounding of the times remain.
@@ -115,18 +110,19 @@ TEST(Waypoints, DoesNotDependOnTheUnitOfTime) {
   }
 }
 
-TEST(Waypoints, RefusesTimesOutOfOrderAndNamesThem) {
+TEST(Waypoints, RefuseWhatMakesNoSplineAndNameIt) {
   const robot::Vector zero = robot::Vector::Zero(2);
-  try {
-    Waypoints({0, 2, 2}, {zero, zero, zero});
-    FAIL();
-  } catch (const std::invalid_argument& problem) {
-    EXPECT_STREQ(problem.what(),
-                 "time 3 (2 s) is not after time 2 (2 s); allowed: strictly increasing");
-  }
-  EXPECT_THROW(Waypoints({0}, {zero}), std::invalid_argument);
-  EXPECT_THROW(Waypoints({0, 1}, {zero}), std::invalid_argument);
-  EXPECT_THROW(Waypoints({0, 1}, {zero, robot::Vector::Zero(3)}), std::invalid_argument);
+  const auto refused = [](const Waypoints& points) {
+    EXPECT_THROW(WaypointSpline{points}, std::invalid_argument);
+    const auto refusal = points.refusal();
+    return refusal ? refusal->key + ": " + refusal->problem : "accepted";
+  };
+  EXPECT_EQ(refused({{0, 2, 2}, {zero, zero, zero}}),
+            "time_s: time 3 (2 s) is not after time 2 (2 s); allowed: strictly increasing times");
+  EXPECT_EQ(refused({{0}, {zero}}), "time_s: 1 times; allowed: at least 2");
+  EXPECT_EQ(refused({{0, 1}, {zero}}), "position_rad: 1 positions; allowed: 2, one per time");
+  EXPECT_EQ(refused({{0, 1}, {zero, robot::Vector::Zero(3)}}),
+            "position_rad: a position with 3 entries, the first has 2; allowed: one per joint");
 }
 
 }  // namespace

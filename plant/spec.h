@@ -1,0 +1,183 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "robot/quantities.h"
+#include "schema/schema.h"
+
+/// What a scenario says about the plant, each value declared once with its key. Values only: no
+/// mechanics and no reading. C++17-clean: the Simbody translation unit includes it.
+namespace tachless::plant {
+
+/// Motors fixed to their joints.
+struct RigidJoints {
+  robot::Vector rotor_inertia;  ///< [kg m2], on the link side of the gear
+
+  static constexpr std::string_view name = "rigid";
+  static constexpr std::tuple keys{
+      schema::Key{"rotor_inertia_kgm2", &RigidJoints::rotor_inertia, "kg m²",
+                  "Added to the diagonal of M, on the link side of the gear"}
+          .in(schema::not_negative)
+          .by_default(0)};
+};
+
+/// Motors behind springs: Spong's simplified model (paper, eq. 1).
+struct FlexibleDrive {
+  robot::Vector stiffness;      ///< K [N m/rad]
+  robot::Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear
+  robot::Vector motor_damping;  ///< [N m s/rad]
+
+  static constexpr std::string_view name = "flexible";
+  static constexpr std::tuple keys{
+      schema::Key{"stiffness_Nm_per_rad", &FlexibleDrive::stiffness, "N m/rad",
+                  "Spring between motor and link"}
+          .in(schema::positive),
+      schema::Key{"rotor_inertia_kgm2", &FlexibleDrive::rotor_inertia, "kg m²",
+                  "Rotor J, on the link side of the gear"}
+          .in(schema::positive),
+      schema::Key{"motor_damping_Nms_per_rad", &FlexibleDrive::motor_damping, "N m s/rad",
+                  "Viscous damping of the motor"}
+          .in(schema::not_negative)
+          .by_default(0)};
+};
+
+struct InitialState {
+  robot::Vector position_rad;
+  robot::Vector velocity_rad_per_s;
+  std::optional<robot::Vector> motor_position_rad;        ///< nothing: static balance
+  std::optional<robot::Vector> motor_velocity_rad_per_s;  ///< nothing: at rest
+
+  static constexpr std::tuple keys{
+      schema::Key{"position_rad", &InitialState::position_rad, "rad (m)",
+                  "Link position, within the URDF's limits"}
+          .by_default(0),
+      schema::Key{"velocity_rad_per_s", &InitialState::velocity_rad_per_s, "rad/s (m/s)",
+                  "Link velocity"}
+          .by_default(0),
+      schema::Key{"motor_position_rad", &InitialState::motor_position_rad, "rad",
+                  "Motor position, flexible joints only"}
+          .by_default("static balance"),
+      schema::Key{"motor_velocity_rad_per_s", &InitialState::motor_velocity_rad_per_s, "rad/s",
+                  "Motor velocity, flexible joints only"}
+          .by_default("at rest")};
+};
+
+/// Simbody's integrators.
+enum class Integrator {
+  runge_kutta_merson,
+  runge_kutta_3,
+  runge_kutta_feldberg,
+  semi_explicit_euler_2,
+  verlet,
+  cpodes
+};
+
+struct IntegratorSpec {
+  Integrator method = Integrator::runge_kutta_merson;
+  double accuracy = 1e-9;
+
+  static constexpr std::tuple keys{
+      schema::Key{"method", &IntegratorSpec::method, "", "Simbody's integrator"}.by_default(),
+      schema::Key{"accuracy", &IntegratorSpec::accuracy, "", "Relative accuracy of the integrator"}
+          .in({1e-14, 1e-1})
+          .by_default()};
+};
+
+/// Where a flexible robot has encoders.
+enum class EncoderSide { link, motor, both };
+
+struct EncoderSpec {
+  std::optional<int> resolution_bits;  ///< counts per revolution = 2^bits; nothing: ideal
+  double noise_std_rad = 0;
+  double velocity_noise_std_rad_per_s = 0;
+  std::uint64_t seed = 1;
+  EncoderSide side = EncoderSide::both;
+
+  static constexpr std::tuple keys{
+      schema::Key{"resolution_bits", &EncoderSpec::resolution_bits, "bit",
+                  "2^bits counts per revolution; null = ideal"}
+          .in({1, 52})
+          .by_default()
+          .or_null(),
+      schema::Key{"noise_std_rad", &EncoderSpec::noise_std_rad, "rad (m)",
+                  "Gaussian noise on positions, before quantisation"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"velocity_noise_std_rad_per_s", &EncoderSpec::velocity_noise_std_rad_per_s,
+                  "rad/s (m/s)", "Gaussian noise on velocities, for the laws that measure them"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"seed", &EncoderSpec::seed, "", "Of the noise: the same seed gives the same run"}
+          .in({0, 9007199254740992.0})
+          .by_default(),
+      schema::Key{"side", &EncoderSpec::side, "",
+                  "Where encoders are; `motor` needs flexible joints"}
+          .by_default()};
+};
+
+struct DriveSpec {
+  std::optional<robot::Vector> torque_limit_Nm;  ///< nothing: no limit
+  robot::Vector viscous_friction_Nms_per_rad;
+
+  static constexpr std::tuple keys{
+      schema::Key{"torque_limit_Nm", &DriveSpec::torque_limit_Nm, "N m (N)",
+                  "Largest torque of the drive; null = none"}
+          .in(schema::positive)
+          .by_default("effort limits of the URDF")
+          .or_null(),
+      schema::Key{"viscous_friction_Nms_per_rad", &DriveSpec::viscous_friction_Nms_per_rad,
+                  "N m s/rad", "On the links' joints"}
+          .in(schema::not_negative)
+          .by_default(0)};
+};
+
+struct PayloadSpec {
+  double mass_kg = 0;  ///< known to the plant, not to the controller
+  std::string link;    ///< empty: the leaf link that is farthest from the root
+
+  static constexpr std::tuple keys{
+      schema::Key{"mass_kg", &PayloadSpec::mass_kg, "kg",
+                  "Point mass that the plant has and the controller does not know of"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"link", &PayloadSpec::link, "", "URDF link that carries it, at its origin"}
+          .by_default("the leaf link farthest from the root")};
+};
+
+/// The scenario's `plant` map.
+struct Spec {
+  InitialState initial;
+  IntegratorSpec integrator;
+  EncoderSpec encoder;
+  DriveSpec drive;
+  PayloadSpec payload;
+
+  static constexpr std::tuple keys{
+      schema::Key{"initial", &Spec::initial}, schema::Key{"integrator", &Spec::integrator},
+      schema::Key{"encoder", &Spec::encoder}, schema::Key{"drive", &Spec::drive},
+      schema::Key{"payload", &Spec::payload}};
+};
+
+}  // namespace tachless::plant
+
+namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<plant::Integrator>, 6> names<plant::Integrator>{
+    {{plant::Integrator::runge_kutta_merson, "runge_kutta_merson"},
+     {plant::Integrator::runge_kutta_3, "runge_kutta_3"},
+     {plant::Integrator::runge_kutta_feldberg, "runge_kutta_feldberg"},
+     {plant::Integrator::semi_explicit_euler_2, "semi_explicit_euler_2"},
+     {plant::Integrator::verlet, "verlet"},
+     {plant::Integrator::cpodes, "cpodes"}}};
+
+template <>
+inline constexpr std::array<Name<plant::EncoderSide>, 3> names<plant::EncoderSide>{
+    {{plant::EncoderSide::link, "link"},
+     {plant::EncoderSide::motor, "motor"},
+     {plant::EncoderSide::both, "both"}}};
+
+}  // namespace tachless::schema
