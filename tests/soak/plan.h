@@ -1,17 +1,19 @@
 #pragma once
 
+// Which run each round of a soak makes, and what is done to it. Pure: nothing is started here.
+
 #include <chrono>
 #include <cstdint>
 #include <string>
 
-#include "bus/wire.h"
+#include "loop/messages.h"
 
-namespace tachless::launch {
+namespace tachless::soak {
 
-/// What a round of `tachless soak` does to a run.
-enum class SoakFault {
+/// What a round does to its run.
+enum class Fault {
   none,           ///< lock-step, left alone
-  storm,          ///< lock-step, hostile datagrams without end
+  hostile,        ///< lock-step, hostile datagrams without end
   loss,           ///< lock-step, the network loses packets
   kill,           ///< lock-step, a process is killed
   realtime,       ///< on the wall clock, left alone
@@ -21,12 +23,12 @@ enum class SoakFault {
   restart,        ///< lock-step, the controller is killed and another takes over
   realtime_kill,  ///< on the wall clock, a process is killed
 };
-inline constexpr int num_soak_faults = 10;
+inline constexpr int num_faults = 10;
 
 /// One round, all of which follows from its seed. Seeds in a row go through all faults.
-struct SoakRound {
+struct Round {
   std::uint64_t seed = 0;
-  SoakFault fault = SoakFault::none;
+  Fault fault = Fault::none;
   std::string scenario;  ///< name of a file in scenarios/
   double moment = 0;     ///< of kill, pause and interrupt: share of the run's ticks before it
   int loss_percent = 0;
@@ -34,16 +36,16 @@ struct SoakRound {
   std::chrono::milliseconds pause{0};
 
   [[nodiscard]] bool realtime() const {
-    return fault == SoakFault::realtime || fault == SoakFault::realtime_kill;
+    return fault == Fault::realtime || fault == Fault::realtime_kill;
   }
 };
 
-SoakRound plan_soak_round(std::uint64_t seed);
+Round plan_round(std::uint64_t seed);
 
-/// "clean", "storm": one word for tables and JSON.
-std::string name_of(SoakFault fault);
+/// "clean", "hostile": one word for tables and JSON.
+std::string name_of(Fault fault);
 
 /// "controller killed after 43 %": what the round does.
-std::string describe(const SoakRound& round);
+std::string describe(const Round& round);
 
-}  // namespace tachless::launch
+}  // namespace tachless::soak

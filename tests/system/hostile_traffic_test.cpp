@@ -14,7 +14,7 @@
 
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
-#include "launch/storm.h"
+#include "tests/soak/hostile_traffic.h"
 #include "tests/support/private_network.h"
 #include "tests/system/four_programs.h"
 
@@ -22,16 +22,16 @@ using namespace tachless;
 
 namespace {
 
-using launch::Storm;
 using process_test::FourPrograms;
 using process_test::roles;
+using soak::HostileTraffic;
 using ::testing::HasSubstr;
 
 constexpr std::int64_t run_id = 7;
 
 std::vector<std::string> settings(std::vector<std::string> more = {}) {
-  // 150,000 ticks, so that the storm passes first. A flood can drown heartbeats for long on a busy
-  // machine: nobody gives up.
+  // 150,000 ticks, so that all datagrams are sent first. A flood can drown heartbeats for long on a
+  // busy machine: nobody gives up.
   more.insert(more.end(), {"--set", "loop.duration_s=150", "--set", "loop.give_up_s=60"});
   return more;
 }
@@ -75,7 +75,7 @@ std::string clean_log() {
   return contents(run.log_path());
 }
 
-TEST(AStorm, OfAMillionHostileDatagramsChangesNothing) {
+TEST(HostileTraffic, OfAMillionDatagramsChangesNothing) {
   const std::string clean = clean_log();
   ASSERT_FALSE(clean.empty());
 
@@ -85,7 +85,7 @@ TEST(AStorm, OfAMillionHostileDatagramsChangesNothing) {
   run.settings = settings();
   bus::UdpTransport bus;
   bus.subscribe_all();
-  Storm storm(run_id);
+  HostileTraffic traffic(run_id);
   run.start_all();
 
   const bus::Codec<loop::Tick> codec(loop::Layout{});
@@ -93,11 +93,11 @@ TEST(AStorm, OfAMillionHostileDatagramsChangesNothing) {
   loop::Tick tick;
   const auto listen = [&](loop::Clock::time_point deadline) {
     const auto datagram = bus.receive(deadline);
-    if (!datagram || storm.is(datagram->sender)) return datagram.has_value();
-    storm.hear(datagram->channel, datagram->payload);
+    if (!datagram || traffic.is(datagram->sender)) return datagram.has_value();
+    traffic.add_sample(datagram->channel, datagram->payload);
     if (datagram->channel == "ARM_TICK" &&
         codec.decode(datagram->payload, stamp, tick) == bus::Rejection::none) {
-      storm.now_at(stamp.tick);
+      traffic.now_at(stamp.tick);
     }
     return true;
   };
@@ -105,24 +105,25 @@ TEST(AStorm, OfAMillionHostileDatagramsChangesNothing) {
     ASSERT_TRUE(listen(loop::Clock::now() + std::chrono::seconds(10))) << run["plant"].errors();
   }
   const auto before = memory(run);
-  while (storm.sent() < datagrams) {
-    storm.burst(std::min(longest_burst, datagrams - storm.sent()));
+  while (traffic.sent() < datagrams) {
+    traffic.send(std::min(longest_burst, datagrams - traffic.sent()));
     while (listen(loop::Clock::time_point::min())) continue;
     // Spread over the run, so that the run outlasts it.
     const auto deadline = loop::Clock::now() + std::chrono::milliseconds(100);
-    while (storm.sent() > datagrams / 50'000 * stamp.tick && loop::Clock::now() < deadline) {
+    while (traffic.sent() > datagrams / 50'000 * stamp.tick && loop::Clock::now() < deadline) {
       listen(deadline);
     }
   }
   const auto after = memory(run);
-  EXPECT_FALSE(tick.last) << "the run has ended before the storm";
+  EXPECT_FALSE(tick.last) << "the run has ended before the hostile datagrams";
   run.expect_all_done();
-  EXPECT_EQ(storm.sent(), datagrams);
+  EXPECT_EQ(traffic.sent(), datagrams);
   EXPECT_TRUE(contents(run.log_path()) == clean);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   // (A sanitizer holds back what is freed.)
   for (const char* role : roles) {
-    EXPECT_LE(after.at(role) - before.at(role), 1024) << role << ": KiB more than before the storm";
+    EXPECT_LE(after.at(role) - before.at(role), 1024)
+        << role << ": KiB more than before the hostile datagrams";
   }
 #endif
   for (const auto& [reason, count] : rejected(run)) {

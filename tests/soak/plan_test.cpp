@@ -1,17 +1,17 @@
-#include "launch/soak_plan.h"
+#include "tests/soak/plan.h"
 
 #include <gmock/gmock.h>
 
 #include <filesystem>
 #include <set>
 
-namespace tachless::launch {
+namespace tachless::soak {
 namespace {
 
 TEST(SoakPlan, FollowsFromTheSeed) {
   for (const std::uint64_t seed : {1ULL, 17ULL, 123'456'789ULL}) {
-    const SoakRound once = plan_soak_round(seed);
-    const SoakRound again = plan_soak_round(seed);
+    const Round once = plan_round(seed);
+    const Round again = plan_round(seed);
     EXPECT_EQ(describe(once), describe(again));
     EXPECT_EQ(once.scenario, again.scenario);
     EXPECT_EQ(once.moment, again.moment);
@@ -22,17 +22,17 @@ TEST(SoakPlan, FollowsFromTheSeed) {
 TEST(SoakPlan, GoesThroughAllFaultsInSeedsInARow) {
   for (const std::uint64_t first : {0ULL, 5ULL, 1'000ULL}) {
     std::set<std::string> faults;
-    for (std::uint64_t i = 0; i < num_soak_faults; ++i) {
-      faults.insert(name_of(plan_soak_round(first + i).fault));
+    for (std::uint64_t i = 0; i < num_faults; ++i) {
+      faults.insert(name_of(plan_round(first + i).fault));
     }
-    EXPECT_EQ(faults.size(), std::size_t{num_soak_faults});
+    EXPECT_EQ(faults.size(), std::size_t{num_faults});
   }
 }
 
 TEST(SoakPlan, HasRoomAfterEachFaultAndNamesScenariosThatExist) {
   std::set<loop::Role> killed;
   for (std::uint64_t seed = 0; seed < 1'000; ++seed) {
-    const SoakRound round = plan_soak_round(seed);
+    const Round round = plan_round(seed);
     EXPECT_TRUE(
         std::filesystem::exists(TACHLESS_SOURCE_DIR "/scenarios/" + round.scenario + ".yaml"))
         << round.scenario;
@@ -40,10 +40,10 @@ TEST(SoakPlan, HasRoomAfterEachFaultAndNamesScenariosThatExist) {
     EXPECT_LE(round.moment, 0.51);
     EXPECT_GE(round.loss_percent, 1);
     EXPECT_LE(round.loss_percent, 15);
-    if (round.fault == SoakFault::kill) killed.insert(round.victim);
+    if (round.fault == Fault::kill) killed.insert(round.victim);
   }
   EXPECT_EQ(killed.size(), std::size_t{loop::num_roles});
 }
 
 }  // namespace
-}  // namespace tachless::launch
+}  // namespace tachless::soak

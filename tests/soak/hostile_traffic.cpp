@@ -1,4 +1,4 @@
-#include "launch/storm.h"
+#include "tests/soak/hostile_traffic.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -12,12 +12,12 @@
 
 #include "bus/lcm_packet.h"
 
-namespace tachless::launch {
+namespace tachless::soak {
 namespace {
 
 constexpr std::size_t run_at = 16, tick_at = 24, body_at = 32;
-constexpr std::size_t heard_at_most = 256;  // of each channel
-constexpr std::int64_t never_kept = 200;    // older than what any process keeps
+constexpr std::size_t samples_at_most = 256;  // of each channel
+constexpr std::int64_t never_kept = 200;      // older than what any process keeps
 
 void put(std::vector<std::byte>& bytes, std::size_t at, std::uint64_t value, std::size_t size) {
   for (std::size_t i = 0; i < size; ++i) {
@@ -38,7 +38,7 @@ process::FileDescriptor multicast_socket() {
   process::FileDescriptor fd(socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
   sockaddr_in to{};
   to.sin_family = AF_INET;
-  to.sin_port = htons(Storm::port);
+  to.sin_port = htons(HostileTraffic::port);
   inet_pton(AF_INET, "239.255.76.67", &to.sin_addr);
   const unsigned char ttl = 0;
   if (fd.get() < 0 || setsockopt(fd.get(), IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl) != 0 ||
@@ -50,7 +50,7 @@ process::FileDescriptor multicast_socket() {
 
 }  // namespace
 
-Storm::Storm(std::int64_t run, std::uint64_t seed)
+HostileTraffic::HostileTraffic(std::int64_t run, std::uint64_t seed)
     : run_(run), random_(seed), socket_(multicast_socket()) {
   sockaddr_in own{};
   socklen_t size = sizeof own;
@@ -60,27 +60,27 @@ Storm::Storm(std::int64_t run, std::uint64_t seed)
   port_text_ = ":" + std::to_string(ntohs(own.sin_port));
 }
 
-void Storm::hear(std::string_view channel, std::span<const std::byte> payload) {
-  auto found = heard_.find(channel);
-  if (found == heard_.end()) {
-    found = heard_.emplace(channel, std::deque<Bytes>()).first;
+void HostileTraffic::add_sample(std::string_view channel, std::span<const std::byte> payload) {
+  auto found = samples_.find(channel);
+  if (found == samples_.end()) {
+    found = samples_.emplace(channel, std::deque<Bytes>()).first;
     channels_.emplace_back(channel);
   }
   std::deque<Bytes>& messages = found->second;
   messages.emplace_back(payload.begin(), payload.end());
-  if (messages.size() > heard_at_most) messages.pop_front();
+  if (messages.size() > samples_at_most) messages.pop_front();
 }
 
-const std::string& Storm::any_channel() {
+const std::string& HostileTraffic::any_channel() {
   return channels_.at(static_cast<std::size_t>(any(0, std::ssize(channels_) - 1)));
 }
 
-const Storm::Bytes& Storm::any_heard(const std::string& channel) {
-  const std::deque<Bytes>& messages = heard_.at(channel);
+const HostileTraffic::Bytes& HostileTraffic::any_sample(const std::string& channel) {
+  const std::deque<Bytes>& messages = samples_.at(channel);
   return messages.at(static_cast<std::size_t>(any(0, std::ssize(messages) - 1)));
 }
 
-void Storm::send_datagram(std::span<const std::byte> bytes) {
+void HostileTraffic::send_datagram(std::span<const std::byte> bytes) {
   while (::send(socket_.get(), bytes.data(), bytes.size(), 0) < 0) {
     if (errno != ENOBUFS && errno != EINTR) {
       throw std::system_error(errno, std::generic_category(), "send");
@@ -89,7 +89,7 @@ void Storm::send_datagram(std::span<const std::byte> bytes) {
   ++sent_;
 }
 
-void Storm::send(std::string_view channel, std::span<const std::byte> payload) {
+void HostileTraffic::send_as_lcm(std::string_view channel, std::span<const std::byte> payload) {
   datagram_.resize(bus::lcm_packet::header_size);
   put(datagram_, 0, bus::lcm_packet::short_magic, 4);
   put(datagram_, 4, static_cast<std::uint64_t>(any(0, 0xffff'ffff)), 4);
@@ -99,7 +99,7 @@ void Storm::send(std::string_view channel, std::span<const std::byte> payload) {
   send_datagram(datagram_);
 }
 
-void Storm::send_not_lcm() {
+void HostileTraffic::send_not_lcm() {
   // Any length, the longest that UDP takes included; a channel that never ends; fragments.
   const bool longest = any(0, 499) == 0;
   datagram_.resize(static_cast<std::size_t>(longest ? 65'507 : any(0, 96)));
@@ -111,14 +111,14 @@ void Storm::send_not_lcm() {
   send_datagram(datagram_);
 }
 
-Storm::Bytes Storm::bent(Kind kind, std::string& channel) {
+HostileTraffic::Bytes HostileTraffic::mutate(Kind kind, std::string& channel) {
   const auto of = [&](std::initializer_list<std::string_view> suffixes) {
     do {
       channel = any_channel();
     } while (std::ranges::none_of(suffixes, [&](auto suffix) { return ends(channel, suffix); }));
-    return any_heard(channel);
+    return any_sample(channel);
   };
-  Bytes bytes = any_heard(channel);
+  Bytes bytes = any_sample(channel);
   switch (kind) {
     case Kind::random_bytes:
       bytes.resize(static_cast<std::size_t>(any(0, 300)));
@@ -193,16 +193,16 @@ Storm::Bytes Storm::bent(Kind kind, std::string& channel) {
   throw std::logic_error("no such kind of datagram");
 }
 
-void Storm::burst(std::int64_t longest) {
-  for (std::int64_t left = any(1, longest); left > 0; --left) blow();
+void HostileTraffic::send(std::int64_t longest) {
+  for (std::int64_t left = any(1, longest); left > 0; --left) send_one();
 }
 
-void Storm::blow() {
+void HostileTraffic::send_one() {
   const auto kind = static_cast<Kind>(any(0, static_cast<int>(Kind::last)));
   if (kind == Kind::not_lcm) return send_not_lcm();
   std::string channel = any_channel();
-  const Bytes bytes = bent(kind, channel);
-  send(channel, bytes);
+  const Bytes bytes = mutate(kind, channel);
+  send_as_lcm(channel, bytes);
 }
 
-}  // namespace tachless::launch
+}  // namespace tachless::soak

@@ -1,10 +1,12 @@
-#include "launch/soak_plan.h"
+#include "tests/soak/plan.h"
+
+#include <fmt/core.h>
 
 #include <array>
 #include <cmath>
 #include <random>
 
-namespace tachless::launch {
+namespace tachless::soak {
 namespace {
 
 constexpr std::array lockstep_scenarios = {"paper_rigid",         "practical_rigid",
@@ -15,10 +17,10 @@ constexpr std::array realtime_scenarios = {"practical_rigid", "iiwa_point_to_poi
 
 }  // namespace
 
-SoakRound plan_soak_round(std::uint64_t seed) {
-  SoakRound round;
+Round plan_round(std::uint64_t seed) {
+  Round round;
   round.seed = seed;
-  round.fault = static_cast<SoakFault>(seed % num_soak_faults);
+  round.fault = static_cast<Fault>(seed % num_faults);
   std::mt19937_64 random(seed);
   // Everything is drawn for every fault, so that none changes the others' draws. Remainders, not
   // distributions: those are each library's own.
@@ -28,64 +30,63 @@ SoakRound plan_soak_round(std::uint64_t seed) {
   round.moment = 0.1 + 0.01 * static_cast<double>(random() % 41);
   round.loss_percent = 1 + static_cast<int>(random() % 15);
   round.victim = static_cast<loop::Role>(random() % loop::num_roles);
-  if (round.fault == SoakFault::restart) round.victim = loop::Role::controller;
+  if (round.fault == Fault::restart) round.victim = loop::Role::controller;
   round.pause = std::chrono::milliseconds(50 + random() % 951);
   return round;
 }
 
-std::string name_of(SoakFault fault) {
+std::string name_of(Fault fault) {
   switch (fault) {
-    case SoakFault::none:
+    case Fault::none:
       return "clean";
-    case SoakFault::storm:
-      return "storm";
-    case SoakFault::loss:
+    case Fault::hostile:
+      return "hostile";
+    case Fault::loss:
       return "loss";
-    case SoakFault::kill:
+    case Fault::kill:
       return "kill";
-    case SoakFault::realtime:
+    case Fault::realtime:
       return "realtime";
-    case SoakFault::key:
+    case Fault::key:
       return "key";
-    case SoakFault::pause:
+    case Fault::pause:
       return "pause";
-    case SoakFault::interrupt:
+    case Fault::interrupt:
       return "interrupt";
-    case SoakFault::restart:
+    case Fault::restart:
       return "restart";
-    case SoakFault::realtime_kill:
+    case Fault::realtime_kill:
       return "realtime-kill";
   }
   return "";
 }
 
-std::string describe(const SoakRound& round) {
-  const std::string victim(loop::name(round.victim));
-  const std::string when =
-      " after " + std::to_string(std::lround(100 * round.moment)) + " % of the run";
+std::string describe(const Round& round) {
+  const std::string_view victim = loop::name(round.victim);
+  const std::string when = fmt::format(" after {} % of the run", std::lround(100 * round.moment));
   switch (round.fault) {
-    case SoakFault::none:
+    case Fault::none:
       return "left alone";
-    case SoakFault::storm:
-      return "under a storm of hostile datagrams";
-    case SoakFault::loss:
-      return std::to_string(round.loss_percent) + " % of all packets lost";
-    case SoakFault::kill:
-      return victim + " killed" + when;
-    case SoakFault::realtime:
+    case Fault::hostile:
+      return "among hostile datagrams";
+    case Fault::loss:
+      return fmt::format("{} % of all packets lost", round.loss_percent);
+    case Fault::kill:
+      return fmt::format("{} killed{}", victim, when);
+    case Fault::realtime:
       return "on the wall clock";
-    case SoakFault::key:
+    case Fault::key:
       return "on a bus with a key";
-    case SoakFault::pause:
-      return victim + " stopped for " + std::to_string(round.pause.count()) + " ms" + when;
-    case SoakFault::interrupt:
+    case Fault::pause:
+      return fmt::format("{} stopped for {} ms{}", victim, round.pause.count(), when);
+    case Fault::interrupt:
       return "Ctrl-C" + when;
-    case SoakFault::restart:
+    case Fault::restart:
       return "controller killed and restarted" + when;
-    case SoakFault::realtime_kill:
-      return "on the wall clock, " + victim + " killed" + when;
+    case Fault::realtime_kill:
+      return fmt::format("on the wall clock, {} killed{}", victim, when);
   }
   return "";
 }
 
-}  // namespace tachless::launch
+}  // namespace tachless::soak
