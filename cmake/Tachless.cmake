@@ -54,9 +54,11 @@ function(tachless_test_options name)
     TACHLESS_BINARY_DIR="${PROJECT_BINARY_DIR}")
 endfunction()
 
-# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s]): one GoogleTest program, one CTest entry.
+# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW]): one GoogleTest program, one
+# CTest entry. SLOW: starts whole programs, or computes for longer than some seconds; all others get
+# the label `fast`, belong to the target `fast_tests`, and are run under the sanitizers too.
 function(tachless_test name)
-  cmake_parse_arguments(arg "" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "SLOW" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
   target_link_libraries(${name} PRIVATE ${arg_LIBS})
@@ -64,6 +66,10 @@ function(tachless_test name)
   add_test(NAME ${name} COMMAND ${name})
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 300)
+  endif()
+  if(NOT arg_SLOW)
+    list(APPEND arg_LABELS fast)
+    add_dependencies(fast_tests ${name})
   endif()
   set_tests_properties(${name} PROPERTIES LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
 endfunction()

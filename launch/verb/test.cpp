@@ -37,10 +37,13 @@ Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
   command.add_option("PATTERN", options->patterns,
                      "Regular expressions: only tests whose name matches one of them");
-  command.add_option("--preset", options->preset, "Which build to test; default: release")
+  command
+      .add_option("--preset", options->preset,
+                  "Only this build; default: release, and when everything is tested the "
+                  "fast tests under the sanitizers of asan-ubsan and tsan too")
       ->check(CLI::IsMember({"release", "dev", "asan-ubsan", "tsan"}));
   command.add_option("--label", options->label,
-                     "Only tests with this label: a room (bus, launch, …), style, process");
+                     "Only tests with this label: a room (bus, launch, …), style, soak, fast");
   return [options] { return hand_over(*options); };
 }
 
@@ -51,7 +54,7 @@ const Verb test = {"test", "Build and test everything, in a private network name
                    "  tachless test\n"
                    "  tachless test --label launch\n"
                    "  tachless test --preset asan-ubsan test_bus\n"
-                   "The last line says: N passed, N failed.",
+                   "The last line says: N passed, M failed.",
                    declare};
 
 }  // namespace tachless::launch::verb

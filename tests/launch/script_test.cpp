@@ -42,7 +42,8 @@ class Script : public ::testing::Test {
          "  printf '#!/bin/sh\\necho \"built command: $*\"\\nexit 7\\n' >$2/bin/tachless\n"
          "  chmod +x $2/bin/tachless ;;\n"
          "*) mkdir -p $ROOT/build/$4; touch $ROOT/build/$4/build.ninja;\n"
-         "   echo TACHLESS_TESTS:BOOL=ON >$ROOT/build/$4/CMakeCache.txt ;;\n"
+         "   for each in $5 $6; do echo ${each#-D}; done | sed s/=/:BOOL=/"
+         " >$ROOT/build/$4/CMakeCache.txt ;;\n"
          "esac");
     tool("unshare", "shift; while [ \"$1\" = true ]; do exit 0; done; exec \"$@\"");
     tool("ip", "exit 0");
@@ -141,22 +142,58 @@ TEST_F(Script, AnswersVersionAndHelpWithoutBuilding) {
   EXPECT_EQ(calls(), "");
 }
 
+TEST_F(Script, TestOfEverythingRunsReleaseWithoutWarningsAndFastTestsUnderBothSanitizers) {
+  tool("ctest", "echo '100% tests passed, 0 tests failed out of 2'");
+  EXPECT_EQ(run("test").exit_code, 0);
+  for (const std::string preset : {"release", "asan-ubsan", "tsan"}) {
+    EXPECT_THAT(calls(), HasSubstr("--preset " + preset +
+                                   " -DTACHLESS_TESTS=ON -DCMAKE_COMPILE_WARNING_AS_ERROR=ON"));
+  }
+  const std::string build = "cmake --build " + root_.string() + "/build/";
+  const std::string test = "ctest --test-dir " + root_.string() + "/build/";
+  const std::string how = " --parallel 2 --output-on-failure";
+  EXPECT_THAT(calls(), AllOf(HasSubstr(build + "release --target all\n"),
+                             HasSubstr(build + "asan-ubsan --target fast_tests\n"),
+                             HasSubstr(build + "tsan --target fast_tests\n")));
+  EXPECT_THAT(calls(), AllOf(HasSubstr(test + "release" + how + "\n"),
+                             HasSubstr(test + "asan-ubsan" + how + " -L ^fast$\n"),
+                             HasSubstr(test + "tsan" + how + " -L ^fast$\n")));
+}
+
+TEST_F(Script, TestOfASelectionIsOfOnePreset) {
+  tool("ctest", "echo '100% tests passed, 0 tests failed out of 2'");
+  EXPECT_THAT(run("test --label bus").output, EndsWith("\n2 passed, 0 failed\n"));
+  EXPECT_THAT(run("test --preset tsan").output, EndsWith("\n2 passed, 0 failed\n"));
+}
+
+TEST_F(Script, SoakBuildsItsProgramAndHandsOver) {
+  tool("cmake",
+       "[ $1 = --build ] || { mkdir -p $ROOT/build/$4; exit 0; }\n"
+       "mkdir -p $2/bin; printf '#!/bin/sh\\necho \"soak: $*\"\\nexit 1\\n' >$2/bin/$4\n"
+       "chmod +x $2/bin/$4");
+  const Outcome outcome = run("soak --rounds 1");
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.output;
+  EXPECT_THAT(outcome.output, HasSubstr("soak: --rounds 1\n"));
+  EXPECT_THAT(calls(), HasSubstr("--target tachless-soak\n"));
+  EXPECT_EQ(run("soak --help").output, "soak: --help\n");
+}
+
 TEST_F(Script, TestEndsWithTheCountAlone) {
   tool("ctest", "echo '96% tests passed, 1 tests failed out of 25'; exit 8");
   const Outcome failed = run("test");
   EXPECT_EQ(failed.exit_code, 1);
-  EXPECT_THAT(failed.output, EndsWith("\n24 passed, 1 failed\n"));
+  EXPECT_THAT(failed.output, EndsWith("\n72 passed, 3 failed\n"));
   tool("ctest", "echo '100% tests passed, 0 tests failed out of 25'");
   const Outcome passed = run("test");
   EXPECT_EQ(passed.exit_code, 0);
-  EXPECT_THAT(passed.output, EndsWith("\n25 passed, 0 failed\n"));
+  EXPECT_THAT(passed.output, EndsWith("\n75 passed, 0 failed\n"));
 }
 
 TEST_F(Script, TestFailsWhenThereIsNothingToCount) {
   tool("ctest", "echo 'No tests were found!!!'");
   EXPECT_EQ(run("test nothing").exit_code, 1);
   tool("ctest", "exit 139");
-  const Outcome crashed = run("test");
+  const Outcome crashed = run("test --preset release");
   EXPECT_EQ(crashed.exit_code, 1);
   EXPECT_THAT(crashed.output, EndsWith("0 passed, 1 failed\n"));
 }
@@ -178,7 +215,7 @@ TEST_F(Script, TestOfABrokenTreeCountsTheBuildAsFailed) {
   std::ofstream(root_ / "broken") << "\n";
   const Outcome outcome = run("test");
   EXPECT_EQ(outcome.exit_code, 1);
-  EXPECT_THAT(outcome.output, EndsWith("\n0 passed, 1 failed\n"));
+  EXPECT_THAT(outcome.output, EndsWith("\n0 passed, 3 failed\n")) << "one for each preset";
 }
 
 }  // namespace
