@@ -71,7 +71,7 @@ class Soak {
     progress_.clear();
     runner_.clean_up();
     write();
-    if (interrupted_) return diagnostics::ExitCode::interrupted;
+    if (interrupted_ || cut_short_) return diagnostics::ExitCode::interrupted;
     return report_.held() == report_.rounds() ? diagnostics::ExitCode::done
                                               : diagnostics::ExitCode::check_said_no;
   }
@@ -96,6 +96,7 @@ class Soak {
       outcome = runner_.run(round);
     } catch (const diagnostics::Failure& failure) {
       if (failure.code() != diagnostics::ExitCode::interrupted) throw;
+      cut_short_ = true;
       return false;
     }
     fs::path kept;
@@ -127,6 +128,7 @@ class Soak {
 
   const Options& options_;
   const std::atomic<bool>& interrupted_;
+  bool cut_short_ = false;  ///< Ctrl-C during a round, when `supervise` catches signals
   Clock::time_point begun_ = Clock::now();
   Runner runner_;
   Report report_;
