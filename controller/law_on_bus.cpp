@@ -216,8 +216,8 @@ void LawOnBus::count(protocol::lockstep::Verdict verdict) {
   using protocol::lockstep::Verdict;
   node::Statistics& statistics = session_.statistics();
   if (verdict == Verdict::repeated) ++statistics.duplicates;
-  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Unusable::not_asked);
-  if (verdict == Verdict::too_old) statistics.rejected.add(node::Unusable::too_old);
+  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Discard::not_asked);
+  if (verdict == Verdict::too_old) statistics.rejected.add(node::Discard::too_old);
 }
 
 diagnostics::Failure LawOnBus::violated(std::string_view who, std::int64_t tick,

@@ -7,7 +7,7 @@
 #include "controller/law_on_bus.h"
 #include "controller/recorded_inputs.h"
 #include "diagnostics/logging.h"
-#include "protocol/lockstep/command_answerer.h"
+#include "protocol/lockstep/command_responder.h"
 
 namespace tachless::controller {
 namespace {
@@ -19,7 +19,7 @@ class LockstepNode {
       : transport_(transport),
         session_(session),
         law_(scenario, transport, session),
-        answerer_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
+        responder_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
                                             law_.longest_command(), law_.longest_state()}) {}
 
   /// `log`: of a run under way, to be resumed.
@@ -40,7 +40,7 @@ class LockstepNode {
   }
 
  private:
-  using Answerer = protocol::lockstep::CommandAnswerer;
+  using Responder = protocol::lockstep::CommandResponder;
   using Verdict = protocol::lockstep::Verdict;
 
   /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
@@ -57,13 +57,13 @@ class LockstepNode {
     }
     session_.stay_in_touch();
     const std::int64_t begun = session_.tick_of(loop::Role::plant) + 1;
-    if (begun >= inputs.next_tick() + Answerer::reach) {
+    if (begun >= inputs.next_tick() + Responder::reach) {
       throw inputs.unusable(fmt::format(
           "it ends before tick {}, the run is at tick {}, and no more than {} ticks can "
           "be asked again",
-          inputs.next_tick(), begun, Answerer::reach));
+          inputs.next_tick(), begun, Responder::reach));
     }
-    answerer_.resume(inputs.next_tick());
+    responder_.resume(inputs.next_tick());
     diagnostics::log_info(
         fmt::format("resumed run {} at tick {}", session_.run(), inputs.next_tick()));
   }
@@ -71,9 +71,9 @@ class LockstepNode {
   void on_measurement(const bus::Datagram& datagram) {
     loop::Stamp stamp;
     if (!law_.accept_measurement(datagram, stamp)) return;
-    const auto answer = answerer_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
+    const auto answer = responder_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
-      throw law_.violated("two plants", stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+      throw law_.violated("two plants", stamp.tick, responder_.sender_of(Responder::Input::measurement, stamp.tick), datagram.sender);
     }
     law_.count(answer.verdict);
     if (answer.verdict == Verdict::fresh) law_.keep_measurement(stamp);
@@ -86,9 +86,9 @@ class LockstepNode {
   void on_reference(const bus::Datagram& datagram) {
     loop::Stamp stamp;
     if (!law_.accept_reference(datagram, stamp)) return;
-    const auto answer = answerer_.on_reference(stamp.tick, datagram.payload, datagram.sender);
+    const auto answer = responder_.on_reference(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
-      throw law_.violated("two references", stamp.tick, answerer_.referrer(stamp.tick),
+      throw law_.violated("two references", stamp.tick, responder_.sender_of(Responder::Input::reference, stamp.tick),
                           datagram.sender);
     }
     law_.count(answer.verdict);
@@ -96,15 +96,15 @@ class LockstepNode {
     act(answer.action, stamp.tick);
   }
 
-  void act(Answerer::Action action, std::int64_t tick) {
-    if (action == Answerer::Action::compute) {
+  void act(Responder::Action action, std::int64_t tick) {
+    if (action == Responder::Action::compute) {
       do {
-        const auto result = law_.step(answerer_.next());
-        answerer_.computed(result.command, result.state);
-      } while (answerer_.ready());
-    } else if (action == Answerer::Action::repeat) {
-      transport_.publish(law_.command_channel(), answerer_.command(tick));
-      transport_.publish(law_.state_channel(), answerer_.state(tick));
+        const auto result = law_.step(responder_.next());
+        responder_.computed(result.command, result.state);
+      } while (responder_.ready());
+    } else if (action == Responder::Action::repeat) {
+      transport_.publish(law_.command_channel(), responder_.command(tick));
+      transport_.publish(law_.state_channel(), responder_.state(tick));
       session_.statistics().resends += 2;
     }
   }
@@ -112,7 +112,7 @@ class LockstepNode {
   bus::Transport& transport_;
   node::Session& session_;
   LawOnBus law_;
-  Answerer answerer_;
+  Responder responder_;
 };
 
 }  // namespace

@@ -1,13 +1,13 @@
 #include "controller/node.h"
 #include "node/process_options.h"
-#include "node/take_part.h"
+#include "node/run_role.h"
 
 using namespace tachless;
 
 int main(int argc, char** argv) {
   constexpr auto role = loop::Role::controller;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::take_part(role, options,
+    return node::run_role(role, options,
                            [&](const experiment::Scenario& scenario, bus::Transport& transport,
                                node::Session& session) {
                              controller::run_node(scenario, transport, session, options.resume);

@@ -59,7 +59,7 @@ class RealtimeNode {
     }
     const Verdict verdict = picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
     if (verdict == Verdict::conflicting) {
-      throw law_.violated("two plants", stamp.tick, picker_.asker(stamp.tick), datagram.sender);
+      throw law_.violated("two plants", stamp.tick, picker_.sender_of(protocol::realtime::CommandPicker::Input::measurement, stamp.tick), datagram.sender);
     }
     law_.count(verdict);
     if (verdict != Verdict::fresh) return;
@@ -78,7 +78,7 @@ class RealtimeNode {
     }
     const Verdict verdict = picker_.on_reference(stamp.tick, datagram.payload, datagram.sender);
     if (verdict == Verdict::conflicting) {
-      throw law_.violated("two references", stamp.tick, picker_.referrer(stamp.tick),
+      throw law_.violated("two references", stamp.tick, picker_.sender_of(protocol::realtime::CommandPicker::Input::reference, stamp.tick),
                           datagram.sender);
     }
     law_.count(verdict);

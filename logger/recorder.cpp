@@ -63,7 +63,7 @@ void Recorder::take(const bus::Datagram& datagram) {
     node::Statistics& statistics = session_.statistics();
     const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
     if (rejection != bus::Rejection::none) return statistics.rejected.add(rejection);
-    if (stamp.run != session_.run()) return statistics.rejected.add(node::Unusable::other_run);
+    if (stamp.run != session_.run()) return statistics.rejected.add(node::Discard::other_run);
     on_message(slot, stamp, datagram);
   }
   after_message();
@@ -74,7 +74,7 @@ void Recorder::hear_run_info(const bus::Datagram& datagram) {
   loop::RunInfo info;
   node::Statistics& statistics = session_.statistics();
   if (!session_.accept(run_info_codec_, datagram, stamp, info)) return;
-  if (stamp.tick != -1) return statistics.rejected.add(node::Unusable::not_asked);
+  if (stamp.tick != -1) return statistics.rejected.add(node::Discard::not_asked);
   const bool first = run_info_.empty();
   if (first && !messages_.select_measurement(info.measurement)) {
     return statistics.rejected.add(bus::Rejection::bad_value);
@@ -119,9 +119,9 @@ void Recorder::count(Verdict verdict, Slot slot, std::int64_t tick, std::string_
       ++statistics.duplicates;
       return;
     case Verdict::not_asked:
-      return statistics.rejected.add(node::Unusable::not_asked);
+      return statistics.rejected.add(node::Discard::not_asked);
     case Verdict::too_old:
-      return statistics.rejected.add(node::Unusable::too_old);
+      return statistics.rejected.add(node::Discard::too_old);
     case Verdict::conflicting:
       throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
                                  "two processes play one role in run " +

@@ -65,7 +65,7 @@ Session::Session(const experiment::Scenario& scenario, bus::Transport& transport
   }
   self_.give_up = std::chrono::duration_cast<std::chrono::nanoseconds>(
       std::chrono::duration<double>(scenario.loop.give_up_s));
-  self_.succession = scenario.loop.mode == experiment::Mode::lockstep;
+  self_.takeover = scenario.loop.mode == experiment::Mode::lockstep;
   self_.resumes = config.resume;
   membership_.emplace(self_, Clock::now());
   statistics_.role = config.role;
@@ -103,7 +103,7 @@ void Session::meet(const std::string& measurement, const std::string& signals,
   self_.signals = signals;
   membership_.emplace(self_, now);
   next_notice_ = now + first_notice;
-  while (!membership_->met()) {
+  while (!membership_->joined()) {
     attend(Clock::now());
     const auto datagram = transport_.receive(next_attention());
     if (datagram && !take(*datagram) && other) other(*datagram);
@@ -120,7 +120,7 @@ void Session::meet(const std::string& measurement, const std::string& signals,
 
 /// One that still speaks is not succeeded: the rendezvous fails when it is heard.
 void Session::listen_for_predecessor() {
-  const auto until = Clock::now() + protocol::Membership::succession_after;
+  const auto until = Clock::now() + protocol::Membership::takeover_after;
   for (auto now = Clock::now(); now < until; now = Clock::now()) {
     attend(now);
     if (const auto datagram = transport_.receive(std::min(until, next_attention()))) {
@@ -150,7 +150,7 @@ void Session::attend(Clock::time_point now) {
   }
   if (following_) return attend_recording(now);
   if (now >= next_attention()) {
-    membership_->check(now);
+    membership_->poll(now);
     if (!membership_->failure()) announce(now);
     if (!membership_->running() && now >= next_notice_) tell_who_is_missing(now);
   }
@@ -180,9 +180,9 @@ bool Session::take(const bus::Datagram& datagram) {
   if (datagram.channel != channel_) return false;
   const bus::Rejection rejection = codec_.decode(datagram.payload, heard_stamp_, heard_);
   if (rejection == bus::Rejection::none) {
-    membership_->hear(heard_stamp_, heard_, datagram.sender, Clock::now());
+    membership_->handle(heard_stamp_, heard_, datagram.sender, Clock::now());
     anybody_ = true;
-    if (!entered_ && membership_->met()) {
+    if (!entered_ && membership_->joined()) {
       entered_ = true;
       if (config_.authenticated != nullptr) {
         config_.authenticated->enter(membership_->run(), membership_->plant_instance());

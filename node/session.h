@@ -82,7 +82,7 @@ class Session {
     if (rejection != bus::Rejection::none) {
       statistics_.rejected.add(rejection);
     } else if (stamp.run != run()) {
-      statistics_.rejected.add(Unusable::other_run);
+      statistics_.rejected.add(Discard::other_run);
     } else {
       return true;
     }
@@ -115,7 +115,7 @@ class Session {
   void finish();
 
   /// How often another controller has taken the place of one that died.
-  [[nodiscard]] int successions() const { return membership_->successions(); }
+  [[nodiscard]] int takeovers() const { return membership_->takeovers(); }
   /// Newest tick that the role's holder has announced; -1 before.
   [[nodiscard]] std::int64_t tick_of(loop::Role role) const { return membership_->tick_of(role); }
 

@@ -9,15 +9,15 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::string_view name(Unusable reason) {
+std::string_view name(Discard reason) {
   switch (reason) {
-    case Unusable::other_run:
+    case Discard::other_run:
       return "other_run";
-    case Unusable::not_asked:
+    case Discard::not_asked:
       return "not_asked";
-    case Unusable::too_old:
+    case Discard::too_old:
       return "too_old";
-    case Unusable::unauthenticated:
+    case Discard::unauthenticated:
       return "unauthenticated";
   }
   throw std::logic_error("no such reason");
@@ -43,8 +43,8 @@ std::vector<RejectionTally::Entry> RejectionTally::entries() const {
     result.push_back(
         {bus::name(static_cast<bus::Rejection>(i)), rejected_[static_cast<std::size_t>(i)]});
   }
-  for (int i = 0; i < num_unusable; ++i) {
-    result.push_back({name(static_cast<Unusable>(i)), unusable_[static_cast<std::size_t>(i)]});
+  for (int i = 0; i < num_discards; ++i) {
+    result.push_back({name(static_cast<Discard>(i)), discarded_[static_cast<std::size_t>(i)]});
   }
   return result;
 }
@@ -81,7 +81,7 @@ std::string to_json(const Statistics& statistics) {
                {"gaps", statistics.gaps},
                {"skipped_ticks", statistics.skipped_ticks},
                {"restarts", statistics.restarts},
-               {"successions", statistics.successions},
+               {"takeovers", statistics.takeovers},
                {"saturated_ticks", statistics.saturated_ticks},
                {"log", nullptr}};
   if (statistics.fault) json["fault"] = *statistics.fault;

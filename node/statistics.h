@@ -15,15 +15,15 @@
 namespace tachless::node {
 
 /// Why a message of a subscribed channel was not used, beyond what bus::Rejection says.
-enum class Unusable { other_run, not_asked, too_old, unauthenticated };
-inline constexpr int num_unusable = 4;
+enum class Discard { other_run, not_asked, too_old, unauthenticated };
+inline constexpr int num_discards = 4;
 
 /// How many messages were dropped, by reason. Counting allocates nothing.
 class RejectionTally {
  public:
   void add(bus::Rejection reason) { ++rejected_.at(static_cast<std::size_t>(reason)); }
-  void add(Unusable reason, std::int64_t count = 1) {
-    unusable_.at(static_cast<std::size_t>(reason)) += count;
+  void add(Discard reason, std::int64_t count = 1) {
+    discarded_.at(static_cast<std::size_t>(reason)) += count;
   }
 
   struct Entry {
@@ -37,7 +37,7 @@ class RejectionTally {
  private:
   static constexpr int num_rejections = static_cast<int>(bus::Rejection::bad_value) + 1;
   std::array<std::int64_t, num_rejections> rejected_{};
-  std::array<std::int64_t, num_unusable> unusable_{};
+  std::array<std::int64_t, num_discards> discarded_{};
 };
 
 /// What one process has to tell of its part in a run.
@@ -76,7 +76,7 @@ struct Statistics {
   std::int64_t skipped_ticks = 0;
   std::int64_t restarts = 0;
   /// Lockstep plant: times that another controller has taken the place of one that died.
-  std::int64_t successions = 0;
+  std::int64_t takeovers = 0;
   std::vector<std::int64_t> saturated_ticks;  ///< plant: per joint
   std::optional<Log> log;                     ///< logger only
 };
@@ -84,7 +84,7 @@ struct Statistics {
 /// As JSON: `role exit_code fault run_id ticks wall_s`, `round_trip_us`, `work_us`,
 /// `wake_up_jitter_us` and `command_age_us {p50, p99, p999, max, histogram [[from_us, count]…]}`,
 /// `resends duplicates rejected {reason: count} missed_deadlines longest_miss missed_commands
-/// longest_command_miss late_commands gaps skipped_ticks restarts successions saturated_ticks
+/// longest_command_miss late_commands gaps skipped_ticks restarts takeovers saturated_ticks
 /// log {path, events, ticks, gaps}`.
 std::string to_json(const Statistics& statistics);
 

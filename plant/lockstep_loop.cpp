@@ -13,13 +13,13 @@ namespace {
 
 using loop::Clock;
 using protocol::lockstep::MessageRing;
-using protocol::lockstep::Requester;
+using protocol::lockstep::TickMaster;
 using protocol::lockstep::Verdict;
 
 enum Kind : int { tick_kind, measurement_kind, truth_kind };
 
-Requester::Config requester_config(const experiment::Scenario& scenario) {
-  Requester::Config config;
+TickMaster::Config tick_master_config(const experiment::Scenario& scenario) {
+  TickMaster::Config config;
   config.num_ticks = scenario.loop.num_ticks;
   config.give_up = std::chrono::duration_cast<std::chrono::nanoseconds>(
       std::chrono::duration<double>(scenario.loop.give_up_s));
@@ -34,7 +34,7 @@ LockstepLoop::LockstepLoop(const experiment::Scenario& scenario, bus::Transport&
       transport_(transport),
       session_(session),
       robot_(scenario, session),
-      requester_(requester_config(scenario), robot_.longest_command()) {
+      tick_master_(tick_master_config(scenario), robot_.longest_command()) {
   transport_.subscribe(robot_.command_channel());
   transport_.subscribe(robot_.ack_channel());
 }
@@ -45,14 +45,14 @@ void LockstepLoop::run() {
   sent_.emplace(
       std::array{robot_.longest_tick(), robot_.longest_measurement(), robot_.longest_truth()});
   introduce();
-  while (!requester_.finished()) {
+  while (!tick_master_.finished()) {
     const auto now = Clock::now();
     session_.attend(now);
     help_successor(now);
     repeat(now);
-    if (requester_.may_begin()) begin_tick();
+    if (tick_master_.may_begin()) begin_tick();
     give_up_if_lost(now);
-    receive(std::min(requester_.deadline(), session_.next_attention()));
+    receive(std::min(tick_master_.deadline(), session_.next_attention()));
   }
   session_.finish();
 }
@@ -62,30 +62,30 @@ void LockstepLoop::introduce() {
   session_.started(now);
   session_.attend(now);
   transport_.publish(robot_.run_info_channel(), robot_.run_info());
-  requester_.introduced(now);
+  tick_master_.introduced(now);
 }
 
 /// A controller that has died may be succeeded by one that rebuilds its memory and has to hear
 /// again what the log does not hold yet.
 void LockstepLoop::help_successor(Clock::time_point now) {
   node::Statistics& statistics = session_.statistics();
-  if (session_.successions() > statistics.successions) {
-    statistics.successions = session_.successions();
-    requester_.replaced(now);
+  if (session_.takeovers() > statistics.takeovers) {
+    statistics.takeovers = session_.takeovers();
+    tick_master_.replaced(now);
     diagnostics::log_warning(
         session_.describe(loop::Role::controller) +
         " has taken the place of one that is silent, before the command for tick " +
-        std::to_string(requester_.next_tick()));
+        std::to_string(tick_master_.next_tick()));
   }
-  if (requester_.catching_up()) {
-    requester_.successor_at(session_.tick_of(loop::Role::controller), now);
+  if (tick_master_.catching_up()) {
+    tick_master_.successor_at(session_.tick_of(loop::Role::controller), now);
   }
 }
 
 void LockstepLoop::begin_tick() {
-  const std::int64_t k = requester_.next_tick();
+  const std::int64_t k = tick_master_.next_tick();
   const auto measurement = robot_.measurement(k);
-  requester_.asked(Clock::now());
+  tick_master_.asked(Clock::now());
   // First: the command waits for it.
   transport_.publish(robot_.measurement_channel(), measurement);
   sent_->put(k, measurement_kind, measurement);
@@ -108,19 +108,19 @@ void LockstepLoop::on_command(const bus::Datagram& datagram) {
   loop::Stamp stamp;
   if (!robot_.hear_command(datagram, stamp)) return;
   node::Statistics& statistics = session_.statistics();
-  switch (requester_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now())) {
+  switch (tick_master_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now())) {
     case Verdict::fresh:
-      statistics.round_trip.add(requester_.round_trip());
+      statistics.round_trip.add(tick_master_.round_trip());
       return end_tick();
     case Verdict::repeated:
       ++statistics.duplicates;
       return;
     case Verdict::not_asked:
-      return statistics.rejected.add(node::Unusable::not_asked);
+      return statistics.rejected.add(node::Discard::not_asked);
     case Verdict::too_old:
-      return statistics.rejected.add(node::Unusable::too_old);
+      return statistics.rejected.add(node::Discard::too_old);
     case Verdict::conflicting:
-      throw robot_.two_commanders(stamp.tick, requester_.commander(stamp.tick), datagram.sender);
+      throw robot_.two_commanders(stamp.tick, tick_master_.sender_of(stamp.tick), datagram.sender);
   }
 }
 
@@ -129,28 +129,28 @@ void LockstepLoop::on_ack(const bus::Datagram& datagram) {
   loop::LogAck ack;
   if (!robot_.hear_ack(datagram, stamp, ack)) return;
   node::Statistics& statistics = session_.statistics();
-  const Verdict verdict = requester_.on_ack(stamp.tick, ack.missing, Clock::now());
-  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Unusable::not_asked);
-  if (verdict == Verdict::too_old) statistics.rejected.add(node::Unusable::too_old);
+  const Verdict verdict = tick_master_.on_ack(stamp.tick, ack.missing, Clock::now());
+  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Discard::not_asked);
+  if (verdict == Verdict::too_old) statistics.rejected.add(node::Discard::too_old);
 }
 
 void LockstepLoop::end_tick() {
-  const std::int64_t k = requester_.next_tick();
+  const std::int64_t k = tick_master_.next_tick();
   robot_.drive();
   const auto truth = robot_.truth(k, loop::truth::DriveFault::none);
   transport_.publish(robot_.truth_channel(), truth);
   sent_->put(k, truth_kind, truth);
   robot_.advance(k);
   robot_.end_tick();
-  requester_.completed(Clock::now());
+  tick_master_.completed(Clock::now());
   session_.progressed(k);
   session_.statistics().ticks = k + 1;
 }
 
 void LockstepLoop::repeat(Clock::time_point now) {
   node::Statistics& statistics = session_.statistics();
-  while (const auto repeat = requester_.next_repeat(now)) {
-    if (repeat->what == Requester::Repeat::What::run_info) {
+  while (const auto repeat = tick_master_.next_repeat(now)) {
+    if (repeat->what == TickMaster::Repeat::What::run_info) {
       transport_.publish(robot_.run_info_channel(), robot_.run_info());
       ++statistics.resends;
       continue;
@@ -159,7 +159,7 @@ void LockstepLoop::repeat(Clock::time_point now) {
     transport_.publish(robot_.tick_channel(), sent_->bytes(k, tick_kind));
     transport_.publish(robot_.measurement_channel(), sent_->bytes(k, measurement_kind));
     statistics.resends += 2;
-    if (repeat->what == Requester::Repeat::What::all) {
+    if (repeat->what == TickMaster::Repeat::What::all) {
       transport_.publish(robot_.truth_channel(), sent_->bytes(k, truth_kind));
       ++statistics.resends;
     }
@@ -168,26 +168,26 @@ void LockstepLoop::repeat(Clock::time_point now) {
 
 void LockstepLoop::give_up_if_lost(Clock::time_point now) const {
   using loop::Role;
-  if (!requester_.given_up(now)) return;
+  if (!tick_master_.given_up(now)) return;
   std::string who;
   std::string what;
-  switch (requester_.waiting()) {
-    case Requester::Waiting::nobody:
+  switch (tick_master_.waiting()) {
+    case TickMaster::Waiting::nobody:
       return;
-    case Requester::Waiting::command:
+    case TickMaster::Waiting::command:
       who = session_.silent_among({Role::controller, Role::reference});
-      what = "no command for tick " + std::to_string(requester_.next_tick());
+      what = "no command for tick " + std::to_string(tick_master_.next_tick());
       break;
-    case Requester::Waiting::logger_for_run_info:
+    case TickMaster::Waiting::logger_for_run_info:
       who = session_.describe(Role::logger);
       what = "RUN_INFO is not acknowledged";
       break;
-    case Requester::Waiting::logger_for_window:
-    case Requester::Waiting::logger_for_end:
-      who = requester_.logger_heard()
+    case TickMaster::Waiting::logger_for_window:
+    case TickMaster::Waiting::logger_for_end:
+      who = tick_master_.logger_heard()
                 ? session_.silent_among({Role::controller, Role::reference, Role::logger})
                 : session_.describe(Role::logger);
-      what = "tick " + std::to_string(requester_.acknowledged() + 1) + " is not recorded";
+      what = "tick " + std::to_string(tick_master_.acknowledged() + 1) + " is not recorded";
       break;
   }
   std::array<char, 32> duration{};

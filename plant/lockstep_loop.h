@@ -8,7 +8,7 @@
 #include "node/session.h"
 #include "plant/robot_on_bus.h"
 #include "protocol/lockstep/message_ring.h"
-#include "protocol/lockstep/requester.h"
+#include "protocol/lockstep/tick_master.h"
 
 namespace tachless::plant {
 
@@ -36,7 +36,7 @@ class LockstepLoop {
   bus::Transport& transport_;
   node::Session& session_;
   RobotOnBus robot_;
-  protocol::lockstep::Requester requester_;
+  protocol::lockstep::TickMaster tick_master_;
   std::optional<protocol::lockstep::MessageRing> sent_;  // sized when the measurement is known
 };
 

@@ -1,5 +1,5 @@
 #include "node/process_options.h"
-#include "node/take_part.h"
+#include "node/run_role.h"
 #include "plant/node.h"
 
 using namespace tachless;
@@ -7,6 +7,6 @@ using namespace tachless;
 int main(int argc, char** argv) {
   constexpr auto role = loop::Role::plant;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::take_part(role, options, plant::run_node);
+    return node::run_role(role, options, plant::run_node);
   });
 }

@@ -13,7 +13,7 @@ namespace {
 using namespace std::chrono_literals;
 using loop::Clock;
 using loop::truth::DriveFault;
-using protocol::realtime::CommandWatch;
+using protocol::lockstep::Verdict;
 
 constexpr auto introduction_period = 20ms;
 // From the logger's word that it is ready to the first tick.
@@ -205,21 +205,21 @@ void RealtimeLoop::on_command(const bus::Datagram& datagram) {
   if (!robot_.hear_command(datagram, stamp)) return;
   node::Statistics& statistics = session_.statistics();
   switch (watch_.on_command(stamp.tick, datagram.payload, datagram.sender)) {
-    case CommandWatch::Verdict::fresh:
+    case Verdict::fresh:
       statistics.command_age.add(Clock::now() - asked_);
       robot_.drive();
       if (scenario_.loop.command_delay == 0) act(DriveFault::none);
       return;
-    case CommandWatch::Verdict::repeated:
+    case Verdict::repeated:
       ++statistics.duplicates;
       return;
-    case CommandWatch::Verdict::late:
+    case Verdict::too_old:
       ++statistics.late_commands;
       return;
-    case CommandWatch::Verdict::not_asked:
-      return statistics.rejected.add(node::Unusable::not_asked);
-    case CommandWatch::Verdict::conflicting:
-      throw robot_.two_commanders(stamp.tick, watch_.commander(stamp.tick), datagram.sender);
+    case Verdict::not_asked:
+      return statistics.rejected.add(node::Discard::not_asked);
+    case Verdict::conflicting:
+      throw robot_.two_commanders(stamp.tick, watch_.sender_of(stamp.tick), datagram.sender);
   }
 }
 

@@ -8,7 +8,7 @@
 #include "experiment/scenario.h"
 #include "node/session.h"
 #include "plant/robot_on_bus.h"
-#include "protocol/realtime/command_watch.h"
+#include "protocol/realtime/missed_command_monitor.h"
 
 namespace tachless::plant {
 
@@ -53,7 +53,7 @@ class RealtimeLoop {
   bus::Transport& transport_;
   node::Session& session_;
   RobotOnBus robot_;
-  protocol::realtime::CommandWatch watch_;
+  protocol::realtime::MissedCommandMonitor watch_;
 
   loop::Clock::time_point start_;
   loop::Clock::time_point tick_began_;    ///< tick_ did, on time or late

@@ -198,7 +198,7 @@ bool RobotOnBus::hear_command(const bus::Datagram& datagram, loop::Stamp& stamp)
   if (rejection != bus::Rejection::none) {
     session_.statistics().rejected.add(rejection);
   } else if (stamp.run != session_.run()) {
-    session_.statistics().rejected.add(node::Unusable::other_run);
+    session_.statistics().rejected.add(node::Discard::other_run);
   } else {
     return true;
   }

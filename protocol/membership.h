@@ -2,6 +2,7 @@
 
 #include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -11,20 +12,22 @@
 #include "diagnostics/failure.h"
 #include "loop/clock.h"
 #include "loop/messages.h"
+#include "protocol/membership_table.h"
 
 namespace tachless::protocol {
 
-/// How the four processes find each other, agree on a run, stay in touch and part again: one
-/// process's view. Pure: what is heard goes in, what to announce comes out, time is a value.
+/// Which four processes take part in a run, seen from one of them: how they find each other, agree
+/// on the run, notice each other's faults and silence, and end. Pure: announcements heard go in,
+/// the announcement to publish comes out, time is a value. Sends and receives nothing and knows no
+/// tick protocol; what happens at which event is membership_table.h.
 ///
 /// The plant chooses the run; the others adopt it from the plant's announcement when the digests
-/// of their scenarios agree, and are then ready; the plant has met the others when each role is
-/// held by exactly one process that is ready. Of two processes with one role the newcomer gives
-/// way (exit code 4); started at the same time, the one with the larger instance.
+/// of their scenarios agree, and are then ready. The plant has joined when each other role is held
+/// by exactly one process that is ready. Of two processes with one role the later one fails (exit
+/// code 4); of two started at the same time, the one with the larger instance.
 ///
-/// In lockstep a controller that has died may have a successor: a process that `resumes` adopts a
-/// run under way, and takes the place of the controller that has not been heard for
-/// `succession_after`.
+/// In lockstep another controller may take over from one that has died: a process that `resumes`
+/// adopts a run under way, and takes the place of a controller not heard for `takeover_after`.
 class Membership {
  public:
   using Time = loop::Clock::time_point;
@@ -33,8 +36,8 @@ class Membership {
   static constexpr std::chrono::milliseconds forgotten_after{1000};
   /// Processes started within this of each other count as started at the same time.
   static constexpr std::chrono::milliseconds simultaneous{300};
-  /// A controller silent for so long may be succeeded: five heartbeats.
-  static constexpr std::chrono::milliseconds succession_after{500};
+  /// A controller silent for so long may be replaced: five announcements.
+  static constexpr std::chrono::milliseconds takeover_after{500};
 
   struct Self {
     loop::Role role = loop::Role::plant;
@@ -49,8 +52,8 @@ class Membership {
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost
-    bool succession = false;  ///< the mode allows it: a lockstep run waits for the successor
-    bool resumes = false;     ///< controller only: joins a run under way, to succeed another
+    bool takeover = false;  ///< the mode allows it: a lockstep run waits for the new controller
+    bool resumes = false;   ///< controller only: joins a run under way, to take over
   };
 
   struct Announcement {
@@ -61,64 +64,72 @@ class Membership {
   /// @throw std::logic_error when a plant has no run or another role has one.
   Membership(const Self& self, Time now);
 
-  void hear(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
-            Time now);
+  /// Another process's announcement.
+  void handle(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
+              Time now);
 
-  /// Looks at the clock: peers that have fallen silent, the limit of waiting. To be called every
-  /// period; time in which this process itself was kept from it is nobody's silence.
-  void check(Time now);
+  /// Checks for peers that have fallen silent and for the end of the wait. To be called every
+  /// period; if this process was suspended, that time is not counted as silence.
+  void poll(Time now);
 
   /// Why this process has to end, if it has to.
   [[nodiscard]] const std::optional<diagnostics::Failure>& failure() const { return failure_; }
 
-  /// Plant: the run may start. Others: the plant's run is known, its questions may come.
-  [[nodiscard]] bool met() const { return met_; }
+  /// Plant: the run may start. Others: the plant's run is known.
+  [[nodiscard]] bool joined() const { return joined_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
-  /// The instance of the plant that was met, or of this one; 0 before.
-  [[nodiscard]] std::int64_t plant_instance() const;
+  /// The instance of the run's plant, which may be this process; 0 before joining.
+  [[nodiscard]] std::int64_t plant_instance() const {
+    return self_.role == loop::Role::plant ? self_.instance : holder(loop::Role::plant);
+  }
 
-  /// The run has begun: announced, and from now on newcomers are ignored. Nothing new if it has
-  /// begun, or ended, before.
-  void started(Time now);
+  /// The first message of the run has been sent or accepted. No effect when running already.
+  /// @throw std::logic_error before joining.
+  void started(Time now) { act(MembershipEvent::run_started, nullptr, now); }
   [[nodiscard]] bool running() const { return state_ == loop::ParticipantState::running; }
-  /// Newest tick handled, and (controller) the norm of its position error, for the heartbeat.
-  void progressed(std::int64_t tick, double error_norm);
-  /// This process has done its part.
-  void finished(Time now);
-  /// This process ends with a fault, for all to know.
-  void failed(const diagnostics::Failure& failure, Time now);
-  /// This process is about to end with a fault, and says so already, but still has to bring the
-  /// robot to rest: announced beside the state it is in, which ends nobody's part.
+  /// Newest tick handled, and (controller) the norm of its position error, for the announcement.
+  void progressed(std::int64_t tick, double error_norm) {
+    tick_ = tick;
+    error_norm_ = error_norm;
+  }
+  /// All of this process's ticks are done.
+  void finished(Time now) { act(MembershipEvent::part_finished, nullptr, now); }
+  /// This process ends with a fault.
+  void failed(const diagnostics::Failure& failure, Time now) {
+    act(MembershipEvent::failure, &failure, now);
+  }
+  /// This process will end with a fault, but has to bring the robot to rest first: the fault is
+  /// announced with the present state, which ends nobody else's part yet.
   void stopping(const diagnostics::Failure& failure, Time now);
 
-  /// How often another process has taken a role's place in this run, as far as heard.
-  [[nodiscard]] int successions() const { return successions_; }
+  /// How often another controller has taken over in this run.
+  [[nodiscard]] int takeovers() const { return takeovers_; }
   /// Newest tick that the role's holder has announced; -1 before.
   [[nodiscard]] std::int64_t tick_of(loop::Role role) const;
 
-  /// The plant that was met has announced that the run is finished.
+  /// The run's plant has announced that it has finished.
   [[nodiscard]] bool plant_finished() const { return plant_finished_; }
   /// The three others have.
   [[nodiscard]] bool all_finished() const;
 
-  /// Roles of which nobody has been heard.
+  /// Roles of which no process is known.
   [[nodiscard]] std::vector<loop::Role> missing() const;
-  /// What the controller needs; empty before it is heard.
+  /// What the controller needs; empty before it is known.
   [[nodiscard]] std::string measurement() const;
   [[nodiscard]] std::string signals() const;
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
   [[nodiscard]] std::string describe(loop::Role role) const;
-  /// Whether that is where the holder of the role sends from.
+  /// Whether the holder of the role sends from that address.
   [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const;
-  /// Whether some other process of this scenario sends from there.
+  /// Whether another process of this scenario sends from that address.
   [[nodiscard]] bool knows(std::string_view sender) const;
-  /// How long ago the role's holder was heard; nothing if never.
+  /// Time since the role's holder was last heard; nothing if never.
   [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(loop::Role role, Time now) const;
 
   [[nodiscard]] Time next_announcement() const { return announce_at_; }
   /// What to publish now; the next one is due a period later. Valid until the next call; allocates
-  /// nothing while all is well.
+  /// nothing while there is no fault.
   const Announcement& announce(Time now);
 
  private:
@@ -131,44 +142,53 @@ class Membership {
     Time heard;
   };
 
-  [[nodiscard]] bool over() const;
-  [[nodiscard]] bool in_our_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
-  Peer& note(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
-             Time now);
-  [[nodiscard]] bool would_succeed(const loop::Stamp& stamp, const loop::Participant& peer) const;
-  [[nodiscard]] bool succeeds(const loop::Stamp& stamp, const loop::Participant& peer,
-                              Time now) const;
-  void contest(const loop::Stamp& stamp, const Peer& other, Time now);
-  void refuse(const Peer& other, Time now);
-  void adopt(const loop::Stamp& stamp, const loop::Participant& plant, Time now);
-  void look_for_all(Time now);
-  [[nodiscard]] const Peer* holder(loop::Role role) const;
+  [[nodiscard]] MembershipEvent event_of(const loop::Stamp& stamp, const loop::Participant& peer,
+                                         Time now) const;
+  [[nodiscard]] bool in_joined_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
+  [[nodiscard]] bool may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const;
+  [[nodiscard]] std::int64_t& holder(loop::Role role) {
+    return holders_[static_cast<std::size_t>(role)];
+  }
+  [[nodiscard]] std::int64_t holder(loop::Role role) const {
+    return holders_[static_cast<std::size_t>(role)];
+  }
+  [[nodiscard]] const Peer* find(loop::Role role) const;
   [[nodiscard]] static std::string describe(const Peer& peer);
-  /// Why this process ends when that one has announced a fault.
-  [[nodiscard]] static diagnostics::Failure because_of(const Peer& failed);
+  [[nodiscard]] static diagnostics::Failure consequence_of(const Peer& failed);
+
+  void act(MembershipEvent event, const diagnostics::Failure* failure, Time now);
+  Peer& remember(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
+                 Time now);
+  void forget(const loop::Participant& peer);
+  void forget_silent(Time now);
+  void observe(const Peer& peer);
+  void join(const Peer& peer, Time now);
+  void join_as_plant(Time now);
+  void contest(const loop::Stamp& stamp, const Peer& rival, Time now);
+  void refuse(const Peer& other, Time now);
+  void ready(Time now);
   void fail(const diagnostics::Failure& failure, Time now);
 
   Self self_;
   Time start_;
   Time announce_at_;
-  Time checked_;
+  Time polled_;
   loop::ParticipantState state_ = loop::ParticipantState::waiting;
   std::int64_t run_ = 0;
-  bool met_ = false;
-  bool in_the_way_ = false;  ///< the fault is ours alone: no part of any run
+  bool joined_ = false;
+  bool outside_ = false;  ///< refused or superfluous: its fault is announced outside any run
   bool plant_finished_ = false;
-  int successions_ = 0;
+  int takeovers_ = 0;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
   std::vector<Peer> peers_;
-  Announcement said_;
-  /// Who plays each role in this run; 0: not known yet.
-  std::array<std::int64_t, loop::num_roles> cast_{};
+  Announcement announcement_;
+  std::array<std::int64_t, loop::num_roles> holders_{};  ///< instances; 0: not known yet
   std::array<bool, loop::num_roles> done_{};
   std::optional<diagnostics::Failure> failure_;
   std::optional<diagnostics::Failure> stopping_;
-  /// A successor that could not resume. It may say so before its predecessor has been silent for
-  /// long enough, and says it once.
+  /// A successor announces once that it could not resume, perhaps before the old controller has
+  /// been silent for long enough.
   std::optional<diagnostics::Failure> failed_successor_;
 };
 

@@ -8,9 +8,9 @@
 #include <string_view>
 
 #include "bus/wire.h"
-#include "protocol/lockstep/reference_answerer.h"
+#include "protocol/lockstep/reference_responder.h"
 #include "protocol/realtime/pace.h"
-#include "protocol/realtime/reference_answerer.h"
+#include "protocol/realtime/reference_responder.h"
 #include "reference/make_trajectory.h"
 
 namespace tachless::reference {
@@ -83,8 +83,8 @@ class Node {
   bool count(Verdict verdict) {
     node::Statistics& statistics = session_.statistics();
     if (verdict == Verdict::repeated) ++statistics.duplicates;
-    if (verdict == Verdict::not_asked) statistics.rejected.add(node::Unusable::not_asked);
-    if (verdict == Verdict::too_old) statistics.rejected.add(node::Unusable::too_old);
+    if (verdict == Verdict::not_asked) statistics.rejected.add(node::Discard::not_asked);
+    if (verdict == Verdict::too_old) statistics.rejected.add(node::Discard::too_old);
     return verdict == Verdict::fresh || verdict == Verdict::repeated;
   }
 
@@ -122,28 +122,28 @@ class LockstepNode final : public Node {
   LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport,
                node::Session& session)
       : Node(scenario, transport, session),
-        answerer_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
+        responder_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
 
  private:
   void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) override {
-    const auto answer = answerer_.on_tick(stamp.tick, datagram.payload, datagram.sender);
+    const auto answer = responder_.on_tick(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
-      throw two_plants(stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+      throw two_plants(stamp.tick, responder_.sender_of(stamp.tick), datagram.sender);
     }
     if (!count(answer.verdict)) return;
     session().started(Clock::now());
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
-      publish(answerer_.kept(k));
+      publish(responder_.kept(k));
       ++session().statistics().resends;
     }
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
-      answerer_.computed(k, compute(k));
+      responder_.computed(k, compute(k));
     }
     session().progressed(stamp.tick);
-    session().statistics().ticks = answerer_.newest() + 1;
+    session().statistics().ticks = responder_.newest() + 1;
   }
 
-  protocol::lockstep::ReferenceAnswerer answerer_;
+  protocol::lockstep::ReferenceResponder responder_;
 };
 
 class RealtimeNode final : public Node {
@@ -151,7 +151,7 @@ class RealtimeNode final : public Node {
   RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
                node::Session& session)
       : Node(scenario, transport, session),
-        answerer_(scenario.loop.num_ticks, longest_tick()),
+        responder_(scenario.loop.num_ticks, longest_tick()),
         pace_(scenario.loop.period_s) {}
 
  private:
@@ -161,18 +161,18 @@ class RealtimeNode final : public Node {
       count(Verdict::not_asked);
       return;
     }
-    const auto answer = answerer_.on_tick(stamp.tick, datagram.payload, datagram.sender);
+    const auto answer = responder_.on_tick(stamp.tick, datagram.payload, datagram.sender);
     if (answer.verdict == Verdict::conflicting) {
-      throw two_plants(stamp.tick, answerer_.asker(stamp.tick), datagram.sender);
+      throw two_plants(stamp.tick, responder_.sender_of(stamp.tick), datagram.sender);
     }
     if (!count(answer.verdict)) return;
     session().started(now);
     for (std::int64_t k = answer.first; k <= answer.last; ++k) compute(k);
     session().progressed(stamp.tick);
-    session().statistics().ticks = answerer_.newest() + 1;
+    session().statistics().ticks = responder_.newest() + 1;
   }
 
-  protocol::realtime::ReferenceAnswerer answerer_;
+  protocol::realtime::ReferenceResponder responder_;
   protocol::realtime::Pace pace_;
 };
 

@@ -96,7 +96,7 @@ nlohmann::ordered_json summarise(const RunFacts& facts, const report::Tracking& 
   summary["rejected"] = nlohmann::ordered_json::object();
   for (const auto& [reason, count] : rejected) summary["rejected"][reason] = count;
   const nlohmann::json* controller = of_role(counters, "controller");
-  summary["successions"] = count(plant, "successions");
+  summary["takeovers"] = count(plant, "takeovers");
   summary["missed_deadlines"] = count(plant, "missed_deadlines");
   summary["longest_miss"] = count(plant, "longest_miss");
   summary["missed_commands"] = count(plant, "missed_commands");

@@ -4,7 +4,7 @@
 
 #include "docs/example_driver/rig.h"
 #include "node/process_options.h"
-#include "node/take_part.h"
+#include "node/run_role.h"
 #include "plant/node.h"
 #include "plant/plant_model.h"
 #include "plant/robot_driver.h"
@@ -54,7 +54,7 @@ class RigDriver final : public plant::RobotDriver {
 int main(int argc, char** argv) {
   constexpr auto role = loop::Role::plant;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::take_part(role, options, [](const auto& scenario, auto& transport, auto& session) {
+    return node::run_role(role, options, [](const auto& scenario, auto& transport, auto& session) {
       example_driver::Rig rig(plant::plant_model(scenario));
       RigDriver driver(rig);
       plant::run_driver(scenario, transport, session, driver);

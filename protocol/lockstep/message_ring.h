@@ -15,7 +15,7 @@ namespace tachless::protocol::lockstep {
 /// its sender. All memory is taken at construction.
 class MessageRing {
  public:
-  /// More than the window (Requester::Config) plus the tick of foresight of the reference.
+  /// More than the window (TickMaster::Config) plus the tick of foresight of the reference.
   static constexpr std::int64_t depth = 64;
 
   /// `capacities`: longest message of each kind [bytes].

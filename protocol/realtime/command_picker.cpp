@@ -6,8 +6,9 @@
 
 namespace tachless::protocol::realtime {
 namespace {
+// The first two in the order of Input.
 enum Kind : int { measurement_kind, reference_kind };
-}
+}  // namespace
 
 using lockstep::MessageRing;
 using lockstep::Verdict;
@@ -51,11 +52,8 @@ std::span<const std::byte> CommandPicker::measurement(std::int64_t tick) const {
 std::span<const std::byte> CommandPicker::reference(std::int64_t tick) const {
   return ring_.bytes(tick, reference_kind);
 }
-std::string_view CommandPicker::asker(std::int64_t tick) const {
-  return ring_.sender(tick, measurement_kind);
-}
-std::string_view CommandPicker::referrer(std::int64_t tick) const {
-  return ring_.sender(tick, reference_kind);
+std::string_view CommandPicker::sender_of(Input input, std::int64_t tick) const {
+  return ring_.sender(tick, static_cast<int>(input));
 }
 
 }  // namespace tachless::protocol::realtime

@@ -15,6 +15,7 @@ namespace tachless::protocol::realtime {
 /// be passed over, and none is returned to.
 class CommandPicker {
  public:
+  enum class Input { measurement, reference };
   CommandPicker(std::int64_t num_ticks, std::size_t longest_measurement,
                 std::size_t longest_reference);
 
@@ -30,9 +31,8 @@ class CommandPicker {
 
   [[nodiscard]] std::span<const std::byte> measurement(std::int64_t tick) const;
   [[nodiscard]] std::span<const std::byte> reference(std::int64_t tick) const;
-  /// Who sent the measurement (reference) that is kept.
-  [[nodiscard]] std::string_view asker(std::int64_t tick) const;
-  [[nodiscard]] std::string_view referrer(std::int64_t tick) const;
+  /// Who sent the input that is kept for `tick`.
+  [[nodiscard]] std::string_view sender_of(Input input, std::int64_t tick) const;
 
  private:
   std::int64_t num_ticks_;

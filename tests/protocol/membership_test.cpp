@@ -20,16 +20,16 @@ using testing::HasSubstr;
 constexpr std::int64_t plants_run = 77;
 
 /// Processes that hear each other over a network that may lose announcements, in virtual time.
-class Meeting {
+class Network {
  public:
   struct Process {
     Role role;
     std::string name;
-    std::unique_ptr<Membership> rendezvous;
+    std::unique_ptr<Membership> membership;
     bool dead = false;  ///< gone, with or without a word
   };
 
-  explicit Meeting(double loss = 0, std::uint64_t seed = 1) : loss_(loss), random_(seed) {}
+  explicit Network(double loss = 0, std::uint64_t seed = 1) : loss_(loss), random_(seed) {}
 
   /// Starts a process now.
   Membership& start(Role role, std::int64_t instance, std::int64_t digest = 5,
@@ -44,14 +44,14 @@ class Meeting {
     self.measurement = role == Role::controller ? "POSITION" : "";
     self.run = role == Role::plant ? plants_run : 0;
     self.wait_limit = wait_limit;
-    self.succession = succession;
+    self.takeover = takeover;
     self.resumes = resumes;
     processes_.push_back({role, std::string(loop::name(role)) + std::to_string(instance),
                           std::make_unique<Membership>(self, now_)});
-    return *processes_.back().rendezvous;
+    return *processes_.back().membership;
   }
 
-  bool succession = true;  ///< of the processes started from now on
+  bool takeover = true;  ///< of the processes started from now on
   bool resumes = false;
 
   void kill(const Membership& victim) { of(victim).dead = true; }
@@ -70,33 +70,33 @@ class Meeting {
  private:
   Process& of(const Membership& which) {
     return *std::ranges::find_if(
-        processes_, [&](const Process& each) { return each.rendezvous.get() == &which; });
+        processes_, [&](const Process& each) { return each.membership.get() == &which; });
   }
 
   void step(Process& process) {
     if (process.dead) return;
-    Membership& mine = *process.rendezvous;
-    mine.check(now_);
+    Membership& mine = *process.membership;
+    mine.poll(now_);
     if (mine.failure()) {
       for (int i = 0; i < 5; ++i) broadcast(process);
       process.dead = true;
       return;
     }
-    if (process.role == Role::plant && mine.met()) mine.started(now_);
+    if (process.role == Role::plant && mine.joined()) mine.started(now_);
     if (now_ >= mine.next_announcement()) broadcast(process);
   }
 
   void broadcast(Process& from) {
-    const auto said = from.rendezvous->announce(now_);
+    const auto said = from.membership->announce(now_);
     for (Process& to : processes_) {
       if (&to == &from || to.dead) continue;
       if (std::uniform_real_distribution<double>()(random_) < loss_) continue;
-      to.rendezvous->hear(said.stamp, said.participant, from.name, now_);
+      to.membership->handle(said.stamp, said.participant, from.name, now_);
       const bool plant_runs = said.participant.role == Role::plant &&
                               said.participant.state == ParticipantState::running;
-      if (plant_runs && to.rendezvous->met() && !to.rendezvous->failure() &&
-          to.rendezvous->run() == said.stamp.run) {
-        to.rendezvous->started(now_);  // as the first question would make it
+      if (plant_runs && to.membership->joined() && !to.membership->failure() &&
+          to.membership->run() == said.stamp.run) {
+        to.membership->started(now_);  // as the first question would make it
       }
     }
   }
@@ -114,15 +114,15 @@ std::string text(const Membership& process) {
   return process.failure() ? process.failure()->what() : "";
 }
 
-TEST(ARendezvous, MeetsInEveryOrderOfStarting) {
+TEST(AMembership, FormsInEveryOrderOfStarting) {
   std::vector<Role> order = {Role::plant, Role::reference, Role::controller, Role::logger};
   do {
-    Meeting meeting;
+    Network network;
     std::vector<const Membership*> all;
     for (const Role role : order) {
       EXPECT_EQ(std::ranges::count_if(all, [](auto* each) { return each->running(); }), 0);
-      all.push_back(&meeting.start(role, static_cast<std::int64_t>(all.size()) + 1));
-      meeting.pass(700ms);
+      all.push_back(&network.start(role, static_cast<std::int64_t>(all.size()) + 1));
+      network.pass(700ms);
     }
     for (const auto* each : all) {
       EXPECT_TRUE(each->running());
@@ -132,60 +132,60 @@ TEST(ARendezvous, MeetsInEveryOrderOfStarting) {
   } while (std::ranges::next_permutation(order).found);
 }
 
-TEST(ARendezvous, IsQuickWhenAllAreThere) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1);
-  auto& reference = meeting.start(Role::reference, 2);
-  auto& controller = meeting.start(Role::controller, 3);
-  auto& logger = meeting.start(Role::logger, 4);
-  meeting.pass(50ms);
+TEST(AMembership, IsQuickWhenAllAreThere) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  auto& reference = network.start(Role::reference, 2);
+  auto& controller = network.start(Role::controller, 3);
+  auto& logger = network.start(Role::logger, 4);
+  network.pass(50ms);
   EXPECT_TRUE(plant.running());
-  EXPECT_TRUE(reference.met() && controller.met() && logger.met());
+  EXPECT_TRUE(reference.joined() && controller.joined() && logger.joined());
   EXPECT_EQ(plant.measurement(), "POSITION");
   EXPECT_EQ(logger.measurement(), "POSITION");
 }
 
-TEST(ARendezvous, SucceedsUnderLoss) {
+TEST(AMembership, SucceedsUnderLoss) {
   for (std::uint64_t seed = 0; seed < 200; ++seed) {
-    Meeting meeting(0.3, seed);
-    auto& plant = meeting.start(Role::plant, 1);
-    meeting.start(Role::reference, 2);
-    meeting.start(Role::controller, 3);
-    meeting.start(Role::logger, 4);
-    meeting.pass(5s);
+    Network network(0.3, seed);
+    auto& plant = network.start(Role::plant, 1);
+    network.start(Role::reference, 2);
+    network.start(Role::controller, 3);
+    network.start(Role::logger, 4);
+    network.pass(5s);
     EXPECT_TRUE(plant.running()) << seed;
-    meeting.pass(20s);
+    network.pass(20s);
     EXPECT_EQ(text(plant), "") << seed;
   }
 }
 
-TEST(ARendezvous, TellsWhoIsMissing) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1);
-  meeting.start(Role::logger, 2);
-  meeting.pass(1s);
+TEST(AMembership, TellsWhoIsMissing) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  network.start(Role::logger, 2);
+  network.pass(1s);
   EXPECT_THAT(plant.missing(), testing::ElementsAre(Role::reference, Role::controller));
-  meeting.pass(1h);
+  network.pass(1h);
   EXPECT_EQ(text(plant), "");
 }
 
-TEST(ARendezvous, WaitsNoLongerThanAllowed) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1, 5, 2s);
-  meeting.start(Role::logger, 2);
-  meeting.pass(1900ms);
+TEST(AMembership, WaitsNoLongerThanAllowed) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1, 5, 2s);
+  network.start(Role::logger, 2);
+  network.pass(1900ms);
   EXPECT_EQ(code(plant), diagnostics::ExitCode::done);
-  meeting.pass(200ms);
+  network.pass(200ms);
   EXPECT_EQ(code(plant), diagnostics::ExitCode::peer_lost);
   EXPECT_THAT(text(plant), HasSubstr("waited 2 s for reference, controller"));
 }
 
-TEST(ARendezvous, OfDifferentScenariosIsRefusedByBothSides) {
+TEST(AMembership, OfDifferentScenariosIsRefusedByBothSides) {
   for (const double loss : {0.0, 0.3}) {
-    Meeting meeting(loss);
-    auto& plant = meeting.start(Role::plant, 1, 5);
-    auto& controller = meeting.start(Role::controller, 2, 6);
-    meeting.pass(1s);
+    Network network(loss);
+    auto& plant = network.start(Role::plant, 1, 5);
+    auto& controller = network.start(Role::controller, 2, 6);
+    network.pass(1s);
     EXPECT_EQ(code(plant), diagnostics::ExitCode::bad_usage);
     EXPECT_EQ(code(controller), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(text(plant),
@@ -196,35 +196,35 @@ TEST(ARendezvous, OfDifferentScenariosIsRefusedByBothSides) {
   }
 }
 
-TEST(ARendezvous, ThatIsOverIgnoresANewcomerWithAnotherScenario) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1);
-  meeting.start(Role::reference, 2);
-  auto& controller = meeting.start(Role::controller, 3);
-  meeting.start(Role::logger, 4);
-  meeting.pass(1s);
+TEST(AMembership, ThatRunsIgnoresANewcomerWithAnotherScenario) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  network.start(Role::reference, 2);
+  auto& controller = network.start(Role::controller, 3);
+  network.start(Role::logger, 4);
+  network.pass(1s);
   ASSERT_TRUE(plant.running());
-  auto& stranger = meeting.start(Role::logger, 5, 6);
-  meeting.pass(3s);
-  EXPECT_NE(code(stranger), diagnostics::ExitCode::done);
+  auto& outsider = network.start(Role::logger, 5, 6);
+  network.pass(3s);
+  EXPECT_NE(code(outsider), diagnostics::ExitCode::done);
   EXPECT_EQ(text(plant), "");
   EXPECT_EQ(text(controller), "");
 }
 
-TEST(ARendezvous, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
+TEST(AMembership, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
   for (const std::int64_t instance : {1, 9}) {  // smaller and larger than the first's
     for (const bool all_there : {false, true}) {
-      Meeting meeting;
-      auto& first = meeting.start(Role::controller, 5);
+      Network network;
+      auto& first = network.start(Role::controller, 5);
       std::vector<Membership*> others = {&first};
       if (all_there) {
-        others.push_back(&meeting.start(Role::plant, 2));
-        others.push_back(&meeting.start(Role::reference, 3));
-        others.push_back(&meeting.start(Role::logger, 4));
+        others.push_back(&network.start(Role::plant, 2));
+        others.push_back(&network.start(Role::reference, 3));
+        others.push_back(&network.start(Role::logger, 4));
       }
-      meeting.pass(2s);
-      auto& second = meeting.start(Role::controller, instance);
-      meeting.pass(2s);
+      network.pass(2s);
+      auto& second = network.start(Role::controller, instance);
+      network.pass(2s);
       EXPECT_EQ(code(second), diagnostics::ExitCode::protocol_violated);
       EXPECT_THAT(text(second),
                   HasSubstr("there is already the controller (process 5 on arm-1, controller5)"));
@@ -234,20 +234,20 @@ TEST(ARendezvous, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
   }
 }
 
-TEST(ARendezvous, LeavesExactlyOneOfSeveralThatStartTogether) {
+TEST(AMembership, LeavesExactlyOneOfSeveralThatStartTogether) {
   for (std::uint64_t seed = 0; seed < 300; ++seed) {
     std::mt19937_64 random(seed);
-    Meeting meeting(seed % 2 == 0 ? 0 : 0.3, seed);
-    auto& plant = meeting.start(Role::plant, 50);
-    meeting.start(Role::reference, 51);
-    meeting.start(Role::logger, 52);
+    Network network(seed % 2 == 0 ? 0 : 0.3, seed);
+    auto& plant = network.start(Role::plant, 50);
+    network.start(Role::reference, 51);
+    network.start(Role::logger, 52);
     std::vector<Membership*> controllers;
     for (int i = 0; i < 3; ++i) {
-      controllers.push_back(&meeting.start(
+      controllers.push_back(&network.start(
           Role::controller, static_cast<std::int64_t>(random() % 1000) * 10 + i + 100));
-      meeting.pass(std::chrono::milliseconds(random() % 500));
+      network.pass(std::chrono::milliseconds(random() % 500));
     }
-    meeting.pass(4s);
+    network.pass(4s);
     int left = 0;
     for (const auto* each : controllers) {
       left += each->failure() ? 0 : 1;
@@ -260,23 +260,23 @@ TEST(ARendezvous, LeavesExactlyOneOfSeveralThatStartTogether) {
   }
 }
 
-class ARunningRendezvous : public testing::Test {
+class ARunningMembership : public testing::Test {
  protected:
   void SetUp() override {
-    meeting.pass(1s);
+    network.pass(1s);
     ASSERT_TRUE(plant.running());
   }
-  Meeting meeting;
-  Membership& plant = meeting.start(Role::plant, 1);
-  Membership& reference = meeting.start(Role::reference, 2);
-  Membership& controller = meeting.start(Role::controller, 3);
-  Membership& logger = meeting.start(Role::logger, 4);
+  Network network;
+  Membership& plant = network.start(Role::plant, 1);
+  Membership& reference = network.start(Role::reference, 2);
+  Membership& controller = network.start(Role::controller, 3);
+  Membership& logger = network.start(Role::logger, 4);
 };
 
-TEST_F(ARunningRendezvous, EndsForAllWhenOneIsInterrupted) {
+TEST_F(ARunningMembership, EndsForAllWhenOneIsInterrupted) {
   controller.failed(diagnostics::Failure(diagnostics::ExitCode::interrupted, "interrupted"),
-                    meeting.now());
-  meeting.pass(200ms);
+                    network.now());
+  network.pass(200ms);
   for (const auto* each : {&plant, &reference, &logger}) {
     EXPECT_EQ(code(*each), diagnostics::ExitCode::peer_lost);
     EXPECT_THAT(text(*each), HasSubstr("interrupted"));
@@ -284,10 +284,10 @@ TEST_F(ARunningRendezvous, EndsForAllWhenOneIsInterrupted) {
   EXPECT_THAT(text(plant), HasSubstr("ended because of the controller (process 3"));
 }
 
-TEST_F(ARunningRendezvous, PassesOnTheExitCodeOfAFault) {
+TEST_F(ARunningMembership, PassesOnTheExitCodeOfAFault) {
   for (const diagnostics::ExitCode fault : {diagnostics::ExitCode::protective_stop}) {
-    plant.failed(diagnostics::Failure(fault, "joint 1 ran away"), meeting.now());
-    meeting.pass(200ms);
+    plant.failed(diagnostics::Failure(fault, "joint 1 ran away"), network.now());
+    network.pass(200ms);
     for (const auto* each : {&controller, &reference, &logger}) {
       EXPECT_EQ(code(*each), fault);
       EXPECT_THAT(text(*each), HasSubstr("joint 1 ran away"));
@@ -295,169 +295,169 @@ TEST_F(ARunningRendezvous, PassesOnTheExitCodeOfAFault) {
   }
 }
 
-TEST_F(ARunningRendezvous, NoticesAPeerThatDiesWithoutAWord) {
-  meeting.kill(reference);
-  meeting.pass(4900ms);
+TEST_F(ARunningMembership, NoticesAPeerThatDies) {
+  network.kill(reference);
+  network.pass(4900ms);
   EXPECT_EQ(text(plant), "");
-  meeting.pass(300ms);
+  network.pass(300ms);
   EXPECT_EQ(code(plant), diagnostics::ExitCode::peer_lost);
   EXPECT_THAT(text(plant), HasSubstr("the reference (process 2 on arm-1, reference2) has been "
                                      "silent for 5 s"));
   EXPECT_EQ(code(logger), diagnostics::ExitCode::peer_lost);
 }
 
-TEST_F(ARunningRendezvous, NoticesAPlantThatDiesWithoutAWord) {
-  meeting.kill(plant);
-  meeting.pass(5200ms);
+TEST_F(ARunningMembership, NoticesAPlantThatDies) {
+  network.kill(plant);
+  network.pass(5200ms);
   for (const auto* each : {&controller, &reference, &logger}) {
     EXPECT_EQ(code(*each), diagnostics::ExitCode::peer_lost);
     EXPECT_THAT(text(*each), HasSubstr("the plant"));
   }
 }
 
-TEST_F(ARunningRendezvous, IgnoresFaultsOfStrangers) {
-  Meeting elsewhere;
+TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
+  Network elsewhere;
   auto& other = elsewhere.start(Role::controller, 90);
   other.failed(diagnostics::Failure(diagnostics::ExitCode::interrupted, "interrupted"),
-               meeting.now());
-  auto said = other.announce(meeting.now());
+               network.now());
+  auto said = other.announce(network.now());
   said.stamp.run = 1234;
-  plant.hear(said.stamp, said.participant, "somebody", meeting.now());
+  plant.handle(said.stamp, said.participant, "somebody", network.now());
   said.stamp.run = plants_run;  // in our run, but not the controller we started with
-  plant.hear(said.stamp, said.participant, "somebody", meeting.now());
+  plant.handle(said.stamp, said.participant, "somebody", network.now());
   EXPECT_EQ(text(plant), "");
 }
 
-TEST_F(ARunningRendezvous, GivesWayToNobodyOutsideItsRun) {
-  auto said = plant.announce(meeting.now());
+TEST_F(ARunningMembership, YieldsToNobodyOutsideItsRun) {
+  auto said = plant.announce(network.now());
   said.stamp.run = plants_run + 1;
   said.stamp.utime = 1'000'000'000;  // older than all of ours
   said.participant.instance = 0x5eed;
   said.participant.state = loop::ParticipantState::running;
-  plant.hear(said.stamp, said.participant, "somebody", meeting.now());
+  plant.handle(said.stamp, said.participant, "somebody", network.now());
   EXPECT_EQ(text(plant), "");
 }
 
-TEST_F(ARunningRendezvous, PartsWhenAllHaveFinished) {
-  plant.finished(meeting.now());
+TEST_F(ARunningMembership, EndsWhenAllHaveFinished) {
+  plant.finished(network.now());
   EXPECT_FALSE(plant.all_finished());
-  meeting.pass(200ms);
+  network.pass(200ms);
   EXPECT_TRUE(controller.plant_finished() && reference.plant_finished() && logger.plant_finished());
-  controller.finished(meeting.now());
-  reference.finished(meeting.now());
-  meeting.pass(200ms);
+  controller.finished(network.now());
+  reference.finished(network.now());
+  network.pass(200ms);
   EXPECT_FALSE(plant.all_finished());
-  logger.finished(meeting.now());
-  meeting.pass(200ms);
+  logger.finished(network.now());
+  network.pass(200ms);
   EXPECT_TRUE(plant.all_finished());
 }
 
-TEST_F(ARunningRendezvous, SaysHowFarItIs) {
+TEST_F(ARunningMembership, SaysHowFarItIs) {
   controller.progressed(17, 0.25);
-  const auto said = controller.announce(meeting.now());
+  const auto said = controller.announce(network.now());
   EXPECT_EQ(said.stamp.tick, 17);
   EXPECT_EQ(said.stamp.run, plants_run);
   EXPECT_EQ(said.participant.error_norm, 0.25);
   EXPECT_EQ(said.participant.state, ParticipantState::running);
 }
 
-TEST(ARendezvous, GoesOnWaitingWhenAPlantLeavesBeforeItIsMet) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1);
-  meeting.pass(300ms);
+TEST(AMembership, GoesOnWaitingWhenAPlantLeavesBeforeItIsMet) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  network.pass(300ms);
   plant.failed(diagnostics::Failure(diagnostics::ExitCode::interrupted, "interrupted"),
-               meeting.now());
-  auto& controller = meeting.start(Role::controller, 2);
-  meeting.pass(300ms);
+               network.now());
+  auto& controller = network.start(Role::controller, 2);
+  network.pass(300ms);
   EXPECT_EQ(text(controller), "");
-  EXPECT_FALSE(controller.met());
+  EXPECT_FALSE(controller.joined());
 }
 
-TEST(ARendezvous, DoesNotJoinARunThatIsUnderWay) {
-  Meeting meeting;
-  meeting.start(Role::plant, 1);
-  meeting.start(Role::reference, 2);
-  auto& controller = meeting.start(Role::controller, 3);
-  meeting.start(Role::logger, 4);
-  meeting.pass(1s);
-  meeting.kill(controller);
-  meeting.pass(2s);
-  auto& late = meeting.start(Role::controller, 5);
-  meeting.pass(500ms);
-  EXPECT_FALSE(late.met());
+TEST(AMembership, DoesNotJoinARunThatIsUnderWay) {
+  Network network;
+  network.start(Role::plant, 1);
+  network.start(Role::reference, 2);
+  auto& controller = network.start(Role::controller, 3);
+  network.start(Role::logger, 4);
+  network.pass(1s);
+  network.kill(controller);
+  network.pass(2s);
+  auto& late = network.start(Role::controller, 5);
+  network.pass(500ms);
+  EXPECT_FALSE(late.joined());
 }
 
 /// A run under way, and a controller that wants to resume it.
-class ASuccession : public testing::Test {
+class ATakeover : public testing::Test {
  protected:
-  explicit ASuccession(bool succession = true) {
-    meeting.succession = succession;
-    plant = &meeting.start(Role::plant, 1);
-    reference = &meeting.start(Role::reference, 2);
-    controller = &meeting.start(Role::controller, 3);
-    logger = &meeting.start(Role::logger, 4);
-    meeting.pass(500ms);
-    for (Membership* each : {reference, controller, logger}) each->started(meeting.now());
-    meeting.pass(300ms);
+  explicit ATakeover(bool takeover = true) {
+    network.takeover = takeover;
+    plant = &network.start(Role::plant, 1);
+    reference = &network.start(Role::reference, 2);
+    controller = &network.start(Role::controller, 3);
+    logger = &network.start(Role::logger, 4);
+    network.pass(500ms);
+    for (Membership* each : {reference, controller, logger}) each->started(network.now());
+    network.pass(300ms);
     controller->progressed(40, 0);
-    meeting.pass(200ms);
+    network.pass(200ms);
   }
   Membership& successor(std::int64_t instance = 5, std::int64_t digest = 5) {
-    meeting.resumes = true;
-    return meeting.start(Role::controller, instance, digest);
+    network.resumes = true;
+    return network.start(Role::controller, instance, digest);
   }
 
-  Meeting meeting;
+  Network network;
   Membership* plant;
   Membership* reference;
   Membership* controller;
   Membership* logger;
 };
 
-TEST_F(ASuccession, BeginsWhenTheControllerHasBeenSilentForHalfASecond) {
+TEST_F(ATakeover, BeginsWhenTheControllerHasBeenSilentForHalfASecond) {
   EXPECT_EQ(plant->tick_of(Role::controller), 40);
-  meeting.kill(*controller);
+  network.kill(*controller);
   auto& next = successor();
-  meeting.pass(300ms);
-  EXPECT_TRUE(next.met()) << "with the plant, which runs already";
+  network.pass(300ms);
+  EXPECT_TRUE(next.joined()) << "with the plant, which runs already";
   EXPECT_EQ(next.run(), plants_run);
-  EXPECT_EQ(plant->successions(), 0);
+  EXPECT_EQ(plant->takeovers(), 0);
   next.progressed(17, 0);
-  meeting.pass(400ms);
+  network.pass(400ms);
   for (const Membership* each : {plant, reference, logger}) {
-    EXPECT_EQ(each->successions(), 1);
+    EXPECT_EQ(each->takeovers(), 1);
     EXPECT_EQ(each->tick_of(Role::controller), 17);
     EXPECT_FALSE(each->failure());
   }
-  next.started(meeting.now());
-  meeting.pass(7s);
+  next.started(network.now());
+  network.pass(7s);
   EXPECT_FALSE(plant->failure()) << "the old one is missed by nobody";
-  next.finished(meeting.now());
-  meeting.pass(200ms);
+  next.finished(network.now());
+  network.pass(200ms);
   EXPECT_FALSE(plant->failure());
 }
 
-TEST_F(ASuccession, IsRefusedWhileTheControllerSpeaks) {
+TEST_F(ATakeover, IsRefusedWhileTheControllerSpeaks) {
   auto& next = successor();
-  meeting.pass(1s);
+  network.pass(1s);
   ASSERT_TRUE(next.failure());
   EXPECT_EQ(next.failure()->code(), diagnostics::ExitCode::protocol_violated);
   EXPECT_THAT(next.failure()->what(), HasSubstr("there is already the controller (process 3"));
-  EXPECT_EQ(plant->successions(), 0);
+  EXPECT_EQ(plant->takeovers(), 0);
   EXPECT_FALSE(plant->failure());
   EXPECT_FALSE(controller->failure());
 }
 
-TEST_F(ASuccession, OfOneThatCannotResumeEndsTheRunOnceTheOldOneIsGone) {
-  meeting.kill(*controller);
+TEST_F(ATakeover, OfOneThatCannotResumeEndsTheRunOnceTheOldOneIsGone) {
+  network.kill(*controller);
   auto& next = successor();
-  meeting.pass(300ms);
+  network.pass(300ms);
   // Said at once, when the old one may still be there, and not again.
   next.failed(diagnostics::Failure(diagnostics::ExitCode::bad_usage, "the log ends too early"),
-              meeting.now());
-  meeting.pass(100ms);
+              network.now());
+  network.pass(100ms);
   EXPECT_FALSE(plant->failure());
-  meeting.pass(300ms);
+  network.pass(300ms);
   for (const Membership* each : {plant, reference, logger}) {
     ASSERT_TRUE(each->failure());
     EXPECT_EQ(each->failure()->code(), diagnostics::ExitCode::peer_lost);
@@ -465,7 +465,7 @@ TEST_F(ASuccession, OfOneThatCannotResumeEndsTheRunOnceTheOldOneIsGone) {
   }
 }
 
-TEST_F(ASuccession, OfOneThatCannotResumeIsForgottenWhenTheOldOneSpeaks) {
+TEST_F(ATakeover, OfOneThatCannotResumeIsForgottenWhenTheOldOneSpeaks) {
   loop::Participant failed;
   failed.role = Role::controller;
   failed.instance = 5;
@@ -473,93 +473,93 @@ TEST_F(ASuccession, OfOneThatCannotResumeIsForgottenWhenTheOldOneSpeaks) {
   failed.state = loop::ParticipantState::fault;
   failed.fault_code = static_cast<int>(diagnostics::ExitCode::bad_usage);
   failed.fault = "the log ends too early";
-  plant->hear({0, plants_run, -1}, failed, "controller5", meeting.now());
-  meeting.pass(300ms);
-  meeting.kill(*controller);
-  meeting.pass(2s);
+  plant->handle({0, plants_run, -1}, failed, "controller5", network.now());
+  network.pass(300ms);
+  network.kill(*controller);
+  network.pass(2s);
   EXPECT_FALSE(plant->failure()) << "it waits for another";
 }
 
-TEST_F(ASuccession, IsNotForAnotherScenario) {
-  meeting.kill(*controller);
+TEST_F(ATakeover, IsNotForAnotherScenario) {
+  network.kill(*controller);
   auto& next = successor(5, 6);
-  meeting.pass(2s);
+  network.pass(2s);
   EXPECT_TRUE(next.failure());
-  EXPECT_EQ(plant->successions(), 0);
+  EXPECT_EQ(plant->takeovers(), 0);
 }
 
-TEST_F(ASuccession, IsNotForOneThatStartsAnew) {
-  meeting.kill(*controller);
-  auto& fresh = meeting.start(Role::controller, 5);
-  meeting.pass(2s);
-  EXPECT_FALSE(fresh.met());
-  EXPECT_EQ(plant->successions(), 0);
+TEST_F(ATakeover, IsNotForOneThatStartsAnew) {
+  network.kill(*controller);
+  auto& fresh = network.start(Role::controller, 5);
+  network.pass(2s);
+  EXPECT_FALSE(fresh.joined());
+  EXPECT_EQ(plant->takeovers(), 0);
 }
 
-TEST_F(ASuccession, CanBeRepeated) {
-  meeting.kill(*controller);
+TEST_F(ATakeover, CanBeRepeated) {
+  network.kill(*controller);
   auto& second = successor(5);
-  meeting.pass(1s);
-  second.started(meeting.now());
-  meeting.kill(second);
+  network.pass(1s);
+  second.started(network.now());
+  network.kill(second);
   successor(6);
-  meeting.pass(1s);
-  EXPECT_EQ(plant->successions(), 2);
+  network.pass(1s);
+  EXPECT_EQ(plant->takeovers(), 2);
   EXPECT_FALSE(plant->failure());
 }
 
-class NoSuccession : public ASuccession {
+class NoTakeover : public ATakeover {
  protected:
-  NoSuccession() : ASuccession(false) {}
+  NoTakeover() : ATakeover(false) {}
 };
 
-TEST_F(NoSuccession, HappensInRealtime) {
-  meeting.kill(*controller);
+TEST_F(NoTakeover, HappensInRealtime) {
+  network.kill(*controller);
   successor();
-  meeting.pass(2s);
-  EXPECT_EQ(plant->successions(), 0);
-  meeting.pass(5s);
+  network.pass(2s);
+  EXPECT_EQ(plant->takeovers(), 0);
+  network.pass(5s);
   ASSERT_TRUE(plant->failure());
   EXPECT_EQ(plant->failure()->code(), diagnostics::ExitCode::peer_lost);
 }
 
-TEST(ARendezvous, TakesItsOwnSleepForNobodysSilence) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1);
+TEST(AMembership, DoesNotCountItsOwnSuspensionAsSilence) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
   for (const Role role : {Role::reference, Role::controller, Role::logger}) {
-    meeting.start(role, 2 + static_cast<int>(role));
+    network.start(role, 2 + static_cast<int>(role));
   }
-  meeting.pass(500ms);
+  network.pass(500ms);
   ASSERT_TRUE(plant.running());
   // Kept from running for a minute, it looks at the clock before it has heard anything.
-  const auto awake = meeting.now() + 60s;
-  plant.check(awake);
+  const auto awake = network.now() + 60s;
+  plant.poll(awake);
   EXPECT_FALSE(plant.failure());
   // Who is really silent is missed as soon as ever.
-  for (auto now = awake; now < awake + 6s; now += 100ms) plant.check(now);
+  for (auto now = awake; now < awake + 6s; now += 100ms) plant.poll(now);
   ASSERT_TRUE(plant.failure());
   EXPECT_EQ(plant.failure()->code(), diagnostics::ExitCode::peer_lost);
 }
 
-TEST(ARendezvous, RemembersABoundedNumberOfStrangers) {
-  Meeting meeting;
-  auto& plant = meeting.start(Role::plant, 1);
-  meeting.start(Role::reference, 2);
-  meeting.start(Role::controller, 3);
-  Membership::Announcement stranger;
-  stranger.participant.role = Role::logger;
-  stranger.participant.scenario_digest = 5;
+TEST(AMembership, RemembersABoundedNumberOfProcesses) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  network.start(Role::reference, 2);
+  network.start(Role::controller, 3);
+  Membership::Announcement outsider;
+  outsider.participant.role = Role::logger;
+  outsider.participant.scenario_digest = 5;
   for (int i = 0; i < 100'000; ++i) {
-    stranger.participant.instance = 1000 + i;
-    plant.hear(stranger.stamp, stranger.participant, "flood", meeting.now());
+    outsider.participant.instance = 1000 + i;
+    plant.handle(outsider.stamp, outsider.participant, "flood", network.now());
   }
-  meeting.pass(1200ms);
-  meeting.start(Role::logger, 4);
-  meeting.pass(500ms);
+  network.pass(1200ms);
+  network.start(Role::logger, 4);
+  network.pass(500ms);
   EXPECT_TRUE(plant.running());
 }
 
-TEST(ARendezvous, NeedsARunFromThePlantAndFromNobodyElse) {
+TEST(AMembership, NeedsARunFromThePlantAndFromNobodyElse) {
   Membership::Self self;
   self.role = Role::plant;
   EXPECT_THROW(Membership(self, {}), std::logic_error);

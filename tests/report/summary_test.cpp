@@ -41,7 +41,7 @@ std::vector<nlohmann::json> counters() {
             "duplicates": 1, "rejected": {"wrong_size": 2}, "missed_deadlines": 4,
             "longest_miss": 2, "round_trip_us": {"p50": 80, "p99": 120, "p999": 200, "max": 950,
             "histogram": [[80, 3]]}, "missed_commands": 7, "longest_command_miss": 6,
-            "late_commands": 5, "successions": 2, "saturated_ticks": [0, 9],
+            "late_commands": 5, "takeovers": 2, "saturated_ticks": [0, 9],
             "command_age_us": {"p50": 51, "p99": 52, "p999": 53, "max": 54, "histogram": [[50, 1]]},
             "wake_up_jitter_us": {"p50": 1, "p99": 2, "p999": 3, "max": 4, "histogram": []}})"),
           nlohmann::json::parse(R"({"role": "controller", "resends": 1, "skipped_ticks": 8,
@@ -56,7 +56,7 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
       keys, ElementsAre("scenario", "run_id", "mode", "law", "ticks", "period_s", "duration_s",
                         "wall_s", "ticks_per_s", "real_time_factor", "position_error_rad",
                         "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected",
-                        "successions", "missed_deadlines", "longest_miss", "missed_commands",
+                        "takeovers", "missed_deadlines", "longest_miss", "missed_commands",
                         "longest_command_miss", "late_commands", "skipped_ticks",
                         "wake_up_jitter_us", "command_age_us", "saturated_ticks", "log", "fault"));
 }
@@ -84,7 +84,7 @@ TEST(Summary, AddsUpTheProcessesCounters) {
   EXPECT_EQ(summary["missed_commands"], 7);
   EXPECT_EQ(summary["longest_command_miss"], 6);
   EXPECT_EQ(summary["late_commands"], 5);
-  EXPECT_EQ(summary["successions"], 2);
+  EXPECT_EQ(summary["takeovers"], 2);
   EXPECT_EQ(summary["skipped_ticks"], 8);
   EXPECT_EQ(summary["saturated_ticks"], (std::vector<int>{0, 9}));
   EXPECT_EQ(summary["command_age_us"]["p999"], 53);

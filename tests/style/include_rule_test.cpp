@@ -311,7 +311,7 @@ TEST(IncludeRule, ObjectsToWhatTheTableForbids) {
   EXPECT_TRUE(refused("plant/node.cpp", "SimTKsimbody.h", true));
   EXPECT_TRUE(refused("robot/model.h", "experiment/scenario.h", false));
   EXPECT_TRUE(refused("robot/model.cpp", "spdlog/spdlog.h", true));
-  EXPECT_TRUE(refused("protocol/lockstep/requester.h", "bus/transport.h", false));
+  EXPECT_TRUE(refused("protocol/lockstep/tick_master.h", "bus/transport.h", false));
   EXPECT_TRUE(refused("protocol/membership.h", "bus/transport.h", false));
   EXPECT_TRUE(refused("bus/wire.cpp", "lcm/lcm-cpp.hpp", true));
   EXPECT_TRUE(refused("bus/wire.cpp", "tachless_truth/plant_truth_t.hpp", true));

@@ -11,7 +11,7 @@
 
 #include "bus/truth/truth_wire.h"
 #include "logger/log_file.h"
-#include "protocol/lockstep/requester.h"
+#include "protocol/lockstep/tick_master.h"
 #include "study/in_process_loop.h"
 #include "tests/system/four_threads.h"
 #include "tests/system/wrapped.h"

@@ -115,7 +115,7 @@ TEST_P(ARestartedController, LeavesTheLogOfARunThatNothingHappenedTo) {
   EXPECT_EQ(killed.wait(), 0) << killed.errors();
   EXPECT_EQ(kills, 4);
   EXPECT_TRUE(killed.log() == log);
-  EXPECT_GE(killed.summary()["successions"], 2) << "at the rendezvous nobody is succeeded";
+  EXPECT_GE(killed.summary()["takeovers"], 2) << "at the rendezvous nobody is succeeded";
   EXPECT_THAT(killed.errors(), AllOf(HasSubstr("controller was killed by signal 9"),
                                      HasSubstr("has taken the place of one that is silent")));
 }

@@ -14,10 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "protocol/lockstep/command_answerer.h"
+#include "protocol/lockstep/command_responder.h"
 #include "protocol/lockstep/log_window.h"
-#include "protocol/lockstep/reference_answerer.h"
-#include "protocol/lockstep/requester.h"
+#include "protocol/lockstep/reference_responder.h"
+#include "protocol/lockstep/tick_master.h"
 #include "tests/protocol/lockstep/bytes_of.h"
 
 namespace tachless::protocol::lockstep {
@@ -57,20 +57,20 @@ class SimulatedRun {
       : num_ticks_(num_ticks),
         network_(network),
         random_(seed),
-        requester_(config(num_ticks), 8),
+        tick_master_(config(num_ticks), 8),
         reference_(num_ticks, 8, 8),
         controller_(num_ticks, {8, 8, 8, 8}),
         log_(num_ticks, {8, 8, 8, 8, 8, 8}) {}
 
   void run() {
     publish(plant, {Kind::run_info, -1, 42});
-    requester_.introduced(now_);
-    while (!requester_.finished() && now_ < Time(1h)) {
+    tick_master_.introduced(now_);
+    while (!tick_master_.finished() && now_ < Time(1h)) {
       if (succeeds_at_ && now_ >= *succeeds_at_) succeed();
       // The heartbeat, as often as it comes.
-      requester_.successor_at(announced_, now_);
+      tick_master_.successor_at(announced_, now_);
       drive_plant();
-      Time wake = requester_.deadline();
+      Time wake = tick_master_.deadline();
       if (succeeds_at_) wake = std::min(wake, *succeeds_at_);
       if (events_.empty() && wake == Time::max()) break;
       if (events_.empty() || wake < events_.top().at) {
@@ -93,7 +93,7 @@ class SimulatedRun {
   /// Commands computed by the successor that its predecessor had computed already.
   int recomputed() const { return recomputed_; }
 
-  bool finished() const { return requester_.finished(); }
+  bool finished() const { return tick_master_.finished(); }
   const std::vector<std::uint64_t>& log() const { return written_; }
   std::int64_t published() const { return published_; }
   std::int64_t repeats() const { return repeats_; }
@@ -115,8 +115,8 @@ class SimulatedRun {
     }
   };
 
-  static Requester::Config config(std::int64_t num_ticks) {
-    Requester::Config result;
+  static TickMaster::Config config(std::int64_t num_ticks) {
+    TickMaster::Config result;
     result.num_ticks = num_ticks;
     result.give_up = 1h;
     return result;
@@ -144,27 +144,27 @@ class SimulatedRun {
 
   void drive_plant() {
     for (;;) {
-      while (const auto repeat = requester_.next_repeat(now_)) {
+      while (const auto repeat = tick_master_.next_repeat(now_)) {
         ++repeats_;
-        if (repeat->what == Requester::Repeat::What::run_info) {
+        if (repeat->what == TickMaster::Repeat::What::run_info) {
           publish(plant, {Kind::run_info, -1, 42});
           continue;
         }
         const std::int64_t k = repeat->tick;
         publish(plant, {Kind::tick, k, mix(1, k)});
         publish(plant, {Kind::measurement, k, measurements_.at(k)});
-        if (repeat->what == Requester::Repeat::What::all) {
+        if (repeat->what == TickMaster::Repeat::What::all) {
           publish(plant, {Kind::truth, k, truths_.at(k)});
         }
       }
-      if (!requester_.may_begin()) return;
-      const std::int64_t k = requester_.next_tick();
+      if (!tick_master_.may_begin()) return;
+      const std::int64_t k = tick_master_.next_tick();
       ++computations_[{plant, k}];
       widest_ = std::max(widest_, k - log_.last_written());
       measurements_[k] = mix(plant_state_, k);
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
-      requester_.asked(now_);
+      tick_master_.asked(now_);
     }
   }
 
@@ -185,16 +185,16 @@ class SimulatedRun {
 
   void plant_receives(const Message& message) {
     if (message.kind == Kind::ack) {
-      note(requester_.on_ack(message.tick, message.content, now_));
+      note(tick_master_.on_ack(message.tick, message.content, now_));
     } else if (message.kind == Kind::command) {
       const Verdict verdict =
-          requester_.on_command(message.tick, BytesOf(message.content), "controller", now_);
+          tick_master_.on_command(message.tick, BytesOf(message.content), "controller", now_);
       note(verdict);
       if (verdict != Verdict::fresh) return;
       truths_[message.tick] = mix(plant_state_, message.content);
       publish(plant, {Kind::truth, message.tick, truths_[message.tick]});
       plant_state_ = truths_[message.tick];
-      requester_.completed(now_);
+      tick_master_.completed(now_);
     }
   }
 
@@ -225,7 +225,7 @@ class SimulatedRun {
   /// What a controller does that resumes: through the log to its end, then on from there.
   void succeed() {
     succeeds_at_.reset();
-    requester_.replaced(now_);
+    tick_master_.replaced(now_);
     const auto logged = static_cast<std::int64_t>(written_.size() / num_slots);
     memory_ = first_memory;
     for (std::int64_t k = 0; k < logged; ++k) {
@@ -233,14 +233,14 @@ class SimulatedRun {
       memory_ = mix(memory_, mix(tick[static_cast<int>(Slot::measurement)],
                                  tick[static_cast<int>(Slot::reference)]));
     }
-    controller_ = CommandAnswerer(num_ticks_, {8, 8, 8, 8});
+    controller_ = CommandResponder(num_ticks_, {8, 8, 8, 8});
     controller_.resume(logged);
     announced_ = logged - 1;
   }
 
   void controller_receives(const Message& message) {
     if (controller_is_dead(message)) return;
-    CommandAnswerer::Answer answer;
+    CommandResponder::Answer answer;
     if (message.kind == Kind::measurement) {
       answer = controller_.on_measurement(message.tick, BytesOf(message.content), "plant");
     } else if (message.kind == Kind::reference) {
@@ -250,8 +250,8 @@ class SimulatedRun {
     }
     note(answer.verdict);
     std::int64_t k = message.tick;
-    if (answer.action == CommandAnswerer::Action::nothing) return;
-    if (answer.action == CommandAnswerer::Action::repeat) return publish_answers(k);
+    if (answer.action == CommandResponder::Action::nothing) return;
+    if (answer.action == CommandResponder::Action::repeat) return publish_answers(k);
     do {
       k = controller_.next();
       if (commands_.contains(k)) {
@@ -305,9 +305,9 @@ class SimulatedRun {
   std::uint64_t order_ = 0;
   Time now_{};
 
-  Requester requester_;
-  ReferenceAnswerer reference_;
-  CommandAnswerer controller_;
+  TickMaster tick_master_;
+  ReferenceResponder reference_;
+  CommandResponder controller_;
   LogWindow log_;
 
   static constexpr std::uint64_t first_memory = 5;

@@ -66,8 +66,8 @@ TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
   EXPECT_EQ(measure(0), Verdict::repeated);
   EXPECT_EQ(measure(0, 9), Verdict::conflicting);
   EXPECT_EQ(refer(0, 9), Verdict::conflicting);
-  EXPECT_EQ(picker_.asker(0), "plant");
-  EXPECT_EQ(picker_.referrer(0), "reference");
+  EXPECT_EQ(picker_.sender_of(CommandPicker::Input::measurement, 0), "plant");
+  EXPECT_EQ(picker_.sender_of(CommandPicker::Input::reference, 0), "reference");
   EXPECT_EQ(measure(1000), Verdict::not_asked);
   EXPECT_EQ(measure(-1), Verdict::not_asked);
   EXPECT_EQ(refer(1000), Verdict::not_asked);

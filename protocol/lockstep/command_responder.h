@@ -13,8 +13,9 @@ namespace tachless::protocol::lockstep {
 /// The controller's side: a measurement asks for the command and controller state of its tick;
 /// they are computed once, strictly in order, as soon as the tick's reference is there too. A
 /// measurement that comes again is answered with what is kept.
-class CommandAnswerer {
+class CommandResponder {
  public:
+  enum class Input { measurement, reference };
   enum class Action { nothing, compute, repeat };
   struct Answer {
     Verdict verdict = Verdict::fresh;
@@ -26,7 +27,7 @@ class CommandAnswerer {
     std::size_t measurement = 0, reference = 0, command = 0, state = 0;  ///< longest [bytes]
   };
 
-  CommandAnswerer(std::int64_t num_ticks, const Lengths& lengths);
+  CommandResponder(std::int64_t num_ticks, const Lengths& lengths);
 
   /// The ticks before `next` have been answered by a predecessor, or are in the log: goes on there.
   /// Called before anything is heard. What the predecessor had been asked already comes again in
@@ -51,9 +52,8 @@ class CommandAnswerer {
   [[nodiscard]] std::span<const std::byte> reference(std::int64_t tick) const;
   [[nodiscard]] std::span<const std::byte> command(std::int64_t tick) const;
   [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const;
-  /// Who sent the measurement (reference) that is kept.
-  [[nodiscard]] std::string_view asker(std::int64_t tick) const;
-  [[nodiscard]] std::string_view referrer(std::int64_t tick) const;
+  /// Who sent the input that is kept for `tick`.
+  [[nodiscard]] std::string_view sender_of(Input input, std::int64_t tick) const;
 
  private:
   [[nodiscard]] Action compute_if_ready() const {

@@ -17,6 +17,6 @@ using Part = std::function<void(const experiment::Scenario&, bus::Transport&, Se
 /// The life of one of the four processes: loads the scenario, catches interruptions, joins the
 /// bus, plays the part, writes the statistics (in every case, when asked for).
 /// @throw Failure for everything that ends the part early.
-diagnostics::ExitCode take_part(loop::Role role, const ProcessOptions& options, const Part& part);
+diagnostics::ExitCode run_role(loop::Role role, const ProcessOptions& options, const Part& part);
 
 }  // namespace tachless::node

@@ -1,4 +1,4 @@
-#include "protocol/realtime/command_watch.h"
+#include "protocol/realtime/missed_command_monitor.h"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 namespace tachless::protocol::realtime {
 namespace {
 
-using Verdict = CommandWatch::Verdict;
+using lockstep::Verdict;
 
-TEST(CommandWatch, TakesTheCommandOfThePresentTickOnce) {
-  CommandWatch watch(20, 16);
+TEST(MissedCommandMonitor, TakesTheCommandOfThePresentTickOnce) {
+  MissedCommandMonitor watch(20, 16);
   watch.begin(0);
   EXPECT_FALSE(watch.commanded());
   EXPECT_EQ(watch.on_command(0, BytesOf(1), "here"), Verdict::fresh);
@@ -22,30 +22,30 @@ TEST(CommandWatch, TakesTheCommandOfThePresentTickOnce) {
   EXPECT_EQ(watch.missed(), 0);
 }
 
-TEST(CommandWatch, TellsLateFromNotAsked) {
-  CommandWatch watch(20, 16);
+TEST(MissedCommandMonitor, TellsLateFromNotAsked) {
+  MissedCommandMonitor watch(20, 16);
   watch.begin(5);
   EXPECT_EQ(watch.on_command(6, BytesOf(1), "here"), Verdict::not_asked);
-  EXPECT_EQ(watch.on_command(4, BytesOf(1), "here"), Verdict::late);
+  EXPECT_EQ(watch.on_command(4, BytesOf(1), "here"), Verdict::too_old);
   EXPECT_EQ(watch.on_command(-1, BytesOf(1), "here"), Verdict::not_asked);
   EXPECT_EQ(watch.on_command(std::numeric_limits<std::int64_t>::max(), BytesOf(1), "here"),
             Verdict::not_asked);
   EXPECT_FALSE(watch.commanded());
 }
 
-TEST(CommandWatch, NoticesASecondCommander) {
-  CommandWatch watch(20, 16);
+TEST(MissedCommandMonitor, NoticesASecondCommander) {
+  MissedCommandMonitor watch(20, 16);
   watch.begin(5);
   watch.on_command(5, BytesOf(1), "first");
   EXPECT_EQ(watch.on_command(5, BytesOf(2), "second"), Verdict::conflicting);
-  EXPECT_EQ(watch.commander(5), "first");
+  EXPECT_EQ(watch.sender_of(5), "first");
   watch.end();
   watch.begin(6);
   EXPECT_EQ(watch.on_command(5, BytesOf(2), "second"), Verdict::conflicting) << "late as well";
 }
 
-TEST(CommandWatch, CallsForTheStopAfterMoreThanMaxMissedInARow) {
-  CommandWatch watch(2, 16);
+TEST(MissedCommandMonitor, CallsForTheStopAfterMoreThanMaxMissedInARow) {
+  MissedCommandMonitor watch(2, 16);
   for (std::int64_t tick = 0; tick < 10; ++tick) {
     watch.begin(tick);
     if (tick == 3 || tick == 6) watch.on_command(tick, BytesOf(1), "here");
@@ -58,8 +58,8 @@ TEST(CommandWatch, CallsForTheStopAfterMoreThanMaxMissedInARow) {
   EXPECT_EQ(watch.longest_miss(), 3);
 }
 
-TEST(CommandWatch, WithNoneToleratedStopsAtTheFirst) {
-  CommandWatch watch(0, 16);
+TEST(MissedCommandMonitor, WithNoneToleratedStopsAtTheFirst) {
+  MissedCommandMonitor watch(0, 16);
   watch.begin(0);
   watch.end();
   EXPECT_TRUE(watch.too_many());

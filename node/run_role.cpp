@@ -1,4 +1,4 @@
-#include "node/take_part.h"
+#include "node/run_role.h"
 
 #include <cstring>
 #include <optional>
@@ -46,13 +46,13 @@ void tell_what_was_not_sent(const bus::UdpTransport& transport) {
 void report(Statistics& statistics, const std::optional<bus::UdpTransport>& transport,
             const std::optional<bus::Authenticated>& authenticated, const ProcessOptions& options) {
   if (transport) tell_what_was_not_sent(*transport);
-  if (authenticated) statistics.rejected.add(Unusable::unauthenticated, authenticated->dropped());
+  if (authenticated) statistics.rejected.add(Discard::unauthenticated, authenticated->dropped());
   if (options.stats_path) write_statistics(statistics, *options.stats_path);
 }
 
 }  // namespace
 
-diagnostics::ExitCode take_part(loop::Role role, const ProcessOptions& options, const Part& part) {
+diagnostics::ExitCode run_role(loop::Role role, const ProcessOptions& options, const Part& part) {
   const std::atomic<bool>& interrupted = process::catch_interruptions();
   process::survive_file_size_limit();
   Statistics early;  // of a process that does not get as far as a session

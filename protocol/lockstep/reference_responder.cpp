@@ -1,4 +1,4 @@
-#include "protocol/lockstep/reference_answerer.h"
+#include "protocol/lockstep/reference_responder.h"
 
 #include <algorithm>
 #include <array>
@@ -9,13 +9,13 @@ namespace {
 enum Kind : int { question, answer };
 }
 
-ReferenceAnswerer::ReferenceAnswerer(std::int64_t num_ticks, std::size_t longest_tick,
-                                     std::size_t longest_reference)
+ReferenceResponder::ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick,
+                                       std::size_t longest_reference)
     : num_ticks_(num_ticks), ring_(std::array{longest_tick, longest_reference}) {}
 
-ReferenceAnswerer::Answer ReferenceAnswerer::on_tick(std::int64_t tick,
-                                                     std::span<const std::byte> bytes,
-                                                     std::string_view sender) {
+ReferenceResponder::Answer ReferenceResponder::on_tick(std::int64_t tick,
+                                                       std::span<const std::byte> bytes,
+                                                       std::string_view sender) {
   // The plant cannot have begun k without command k - 1, hence not without reference k - 1.
   if (tick < 0 || tick >= num_ticks_ || tick > newest_ + 1) return {Verdict::not_asked, {}, {}};
   if (tick <= newest_ - MessageRing::depth) return {Verdict::too_old, {}, {}};
@@ -30,7 +30,7 @@ ReferenceAnswerer::Answer ReferenceAnswerer::on_tick(std::int64_t tick,
   return result;
 }
 
-void ReferenceAnswerer::computed(std::int64_t tick, std::span<const std::byte> bytes) {
+void ReferenceResponder::computed(std::int64_t tick, std::span<const std::byte> bytes) {
   if (tick != newest_ + 1) throw std::logic_error("a reference was computed out of turn");
   if (ring_.put(tick, answer, bytes) != Verdict::fresh) {
     throw std::logic_error("a reference was computed twice");
@@ -38,11 +38,11 @@ void ReferenceAnswerer::computed(std::int64_t tick, std::span<const std::byte> b
   newest_ = tick;
 }
 
-std::span<const std::byte> ReferenceAnswerer::kept(std::int64_t tick) const {
+std::span<const std::byte> ReferenceResponder::kept(std::int64_t tick) const {
   return ring_.bytes(tick, answer);
 }
 
-std::string_view ReferenceAnswerer::asker(std::int64_t tick) const {
+std::string_view ReferenceResponder::sender_of(std::int64_t tick) const {
   return ring_.sender(tick, question);
 }
 

@@ -9,29 +9,23 @@
 
 namespace tachless::protocol::realtime {
 
-/// The plant's side: a command counts if it comes within its tick. Says which ticks went without
-/// one, and when there were too many in a row.
-class CommandWatch {
+/// The plant's side: accepts a command only within its tick, counts the ticks that went without one
+/// and says when too many in a row did. Holds no torque and stops nothing: the plant does.
+class MissedCommandMonitor {
  public:
-  enum class Verdict {
-    fresh,        ///< this tick's, the first
-    repeated,     ///< the same bytes as before
-    late,         ///< of a tick that is over
-    not_asked,    ///< of a tick that has not begun
-    conflicting,  ///< other bytes than before for the same tick: two processes command
-  };
-
   /// @param max_missed commands that may be missed in a row
-  CommandWatch(int max_missed, std::size_t longest_command);
+  MissedCommandMonitor(int max_missed, std::size_t longest_command);
 
   void begin(std::int64_t tick);
 
-  /// A command of this run.
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender);
+  /// A command of this run. `fresh`: the first of the present tick; `too_old`: of a tick that is
+  /// over; `not_asked`: of a tick that has not begun.
+  lockstep::Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes,
+                               std::string_view sender);
   /// Whether this tick's command is in.
   [[nodiscard]] bool commanded() const { return commanded_; }
   /// Who sent the command that is kept for `tick`.
-  [[nodiscard]] std::string_view commander(std::int64_t tick) const;
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
 
   /// The tick is over.
   void end();

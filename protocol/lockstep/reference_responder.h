@@ -13,7 +13,7 @@ namespace tachless::protocol::lockstep {
 /// The reference's side: TICK(k) asks for every reference up to k + 1 that is not yet published,
 /// so that the reference is never waited for, and a lost TICK(k) is healed by TICK(k + 1). A TICK
 /// that comes again is answered with what is kept.
-class ReferenceAnswerer {
+class ReferenceResponder {
  public:
   /// An empty range has last < first.
   struct Range {
@@ -26,8 +26,8 @@ class ReferenceAnswerer {
     Range repeat;   ///< publish `kept` of these again
   };
 
-  ReferenceAnswerer(std::int64_t num_ticks, std::size_t longest_tick,
-                    std::size_t longest_reference);
+  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick,
+                     std::size_t longest_reference);
 
   Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender);
 
@@ -36,7 +36,7 @@ class ReferenceAnswerer {
 
   [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const;
   /// Who sent the TICK that is kept.
-  [[nodiscard]] std::string_view asker(std::int64_t tick) const;
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
 
   /// Newest tick whose reference is computed; -1 before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }

@@ -12,7 +12,7 @@ namespace tachless::protocol::realtime {
 
 /// The reference's side: TICK(k) asks for the references of k and k + 1 that are not yet published.
 /// Those of ticks that went by unheard are of no use any more.
-class ReferenceAnswerer {
+class ReferenceResponder {
  public:
   struct Answer {
     lockstep::Verdict verdict = lockstep::Verdict::fresh;
@@ -21,12 +21,12 @@ class ReferenceAnswerer {
     std::int64_t last = -1;
   };
 
-  ReferenceAnswerer(std::int64_t num_ticks, std::size_t longest_tick);
+  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick);
 
   Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender);
 
   /// Who sent the TICK that is kept.
-  [[nodiscard]] std::string_view asker(std::int64_t tick) const;
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
   /// Newest tick whose reference has been asked for; -1 before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 

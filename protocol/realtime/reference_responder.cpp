@@ -1,4 +1,4 @@
-#include "protocol/realtime/reference_answerer.h"
+#include "protocol/realtime/reference_responder.h"
 
 #include <algorithm>
 #include <array>
@@ -7,12 +7,12 @@ namespace tachless::protocol::realtime {
 
 using lockstep::Verdict;
 
-ReferenceAnswerer::ReferenceAnswerer(std::int64_t num_ticks, std::size_t longest_tick)
+ReferenceResponder::ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick)
     : num_ticks_(num_ticks), ticks_(std::array{longest_tick}) {}
 
-ReferenceAnswerer::Answer ReferenceAnswerer::on_tick(std::int64_t tick,
-                                                     std::span<const std::byte> bytes,
-                                                     std::string_view sender) {
+ReferenceResponder::Answer ReferenceResponder::on_tick(std::int64_t tick,
+                                                       std::span<const std::byte> bytes,
+                                                       std::string_view sender) {
   Answer answer;
   if (tick < 0 || tick >= num_ticks_) {
     answer.verdict = Verdict::not_asked;
@@ -26,7 +26,7 @@ ReferenceAnswerer::Answer ReferenceAnswerer::on_tick(std::int64_t tick,
   return answer;
 }
 
-std::string_view ReferenceAnswerer::asker(std::int64_t tick) const {
+std::string_view ReferenceResponder::sender_of(std::int64_t tick) const {
   return ticks_.sender(tick, 0);
 }
 

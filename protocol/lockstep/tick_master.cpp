@@ -1,4 +1,4 @@
-#include "protocol/lockstep/requester.h"
+#include "protocol/lockstep/tick_master.h"
 
 #include <algorithm>
 #include <bit>
@@ -7,7 +7,7 @@
 
 namespace tachless::protocol::lockstep {
 
-Requester::Requester(const Config& config, std::size_t longest_command)
+TickMaster::TickMaster(const Config& config, std::size_t longest_command)
     : config_(config),
       commands_(std::array{longest_command}),
       repeat_at_(loop::Clock::time_point::max()),
@@ -18,7 +18,7 @@ Requester::Requester(const Config& config, std::size_t longest_command)
   }
 }
 
-void Requester::progress(loop::Clock::time_point now) {
+void TickMaster::progress(loop::Clock::time_point now) {
   progress_ = waited_ = now;
   logger_heard_ = false;
   repeats_ = 0;
@@ -29,27 +29,27 @@ void Requester::progress(loop::Clock::time_point now) {
   repeat_at_ = now + timeout_;
 }
 
-std::int64_t Requester::last_completed() const { return next_tick_ - 1; }
+std::int64_t TickMaster::last_completed() const { return next_tick_ - 1; }
 
-void Requester::introduced(loop::Clock::time_point now) {
+void TickMaster::introduced(loop::Clock::time_point now) {
   introduced_ = true;
   progress(now);
 }
 
-bool Requester::may_begin() const {
+bool TickMaster::may_begin() const {
   return !asking_ && acknowledged_ >= -1 && next_tick_ < config_.num_ticks &&
          next_tick_ - acknowledged_ <= config_.window;
 }
 
-void Requester::asked(loop::Clock::time_point now) {
+void TickMaster::asked(loop::Clock::time_point now) {
   if (!may_begin()) throw std::logic_error("a tick was begun that may not begin");
   asking_ = true;
   commanded_ = false;
   progress(now);
 }
 
-Verdict Requester::on_command(std::int64_t tick, std::span<const std::byte> bytes,
-                              std::string_view sender, loop::Clock::time_point now) {
+Verdict TickMaster::on_command(std::int64_t tick, std::span<const std::byte> bytes,
+                               std::string_view sender, loop::Clock::time_point now) {
   const std::int64_t newest = asking_ ? next_tick_ : last_completed();
   if (tick < 0 || tick > newest) return Verdict::not_asked;
   if (tick <= newest - MessageRing::depth) return Verdict::too_old;
@@ -63,7 +63,7 @@ Verdict Requester::on_command(std::int64_t tick, std::span<const std::byte> byte
   return verdict;
 }
 
-void Requester::note_round_trip(loop::Clock::time_point now) {
+void TickMaster::note_round_trip(loop::Clock::time_point now) {
   round_trip_ = now - progress_;
   // An answer after a repetition tells more about the loss than about the way (Karn's rule); the
   // smoothing is that of RFC 6298.
@@ -77,9 +77,11 @@ void Requester::note_round_trip(loop::Clock::time_point now) {
   }
 }
 
-std::string_view Requester::commander(std::int64_t tick) const { return commands_.sender(tick, 0); }
+std::string_view TickMaster::sender_of(std::int64_t tick) const {
+  return commands_.sender(tick, 0);
+}
 
-void Requester::completed(loop::Clock::time_point now) {
+void TickMaster::completed(loop::Clock::time_point now) {
   if (!commanded()) throw std::logic_error("a tick was completed without its command");
   sent_[static_cast<std::size_t>(next_tick_ % MessageRing::depth)] = now;
   asking_ = false;
@@ -87,7 +89,7 @@ void Requester::completed(loop::Clock::time_point now) {
   progress(now);
 }
 
-void Requester::remember_missing(std::uint64_t missing) {
+void TickMaster::remember_missing(std::uint64_t missing) {
   // Only completed ticks: the current one is repeated until its command is in anyway.
   const std::int64_t completed_after = last_completed() - acknowledged_;
   if (completed_after <= 0) {
@@ -99,7 +101,7 @@ void Requester::remember_missing(std::uint64_t missing) {
   }
 }
 
-Verdict Requester::on_ack(std::int64_t tick, std::uint64_t missing, loop::Clock::time_point now) {
+Verdict TickMaster::on_ack(std::int64_t tick, std::uint64_t missing, loop::Clock::time_point now) {
   if (!introduced_ || tick < -2 || tick > last_completed()) return Verdict::not_asked;
   if (tick < acknowledged_) return Verdict::too_old;
   logger_heard_ = true;
@@ -128,19 +130,19 @@ Verdict Requester::on_ack(std::int64_t tick, std::uint64_t missing, loop::Clock:
   return Verdict::fresh;
 }
 
-void Requester::replaced(loop::Clock::time_point now) {
+void TickMaster::replaced(loop::Clock::time_point now) {
   successor_ = -1;
   progress(now);
 }
 
-void Requester::successor_at(std::int64_t tick, loop::Clock::time_point now) {
+void TickMaster::successor_at(std::int64_t tick, loop::Clock::time_point now) {
   if (!successor_ || tick <= *successor_) return;
   successor_ = tick;
   progress(now);
   repeat_at_ = now;
 }
 
-void Requester::ask_successor() {
+void TickMaster::ask_successor() {
   // While it is rebuilding its memory from the log it is further behind than we can repeat.
   const std::int64_t oldest_kept = last_asked() - MessageRing::depth + 1;
   if (*successor_ + 1 < oldest_kept) return;
@@ -148,7 +150,7 @@ void Requester::ask_successor() {
   ask_again_last_ = last_asked();
 }
 
-std::optional<Requester::Repeat> Requester::next_repeat(loop::Clock::time_point now) {
+std::optional<TickMaster::Repeat> TickMaster::next_repeat(loop::Clock::time_point now) {
   const auto unlooked = now - std::exchange(looked_, now);
   if (unlooked > 2 * config_.longest_timeout) waited_ = std::min(now, waited_ + unlooked);
   if (now >= repeat_at_) {
@@ -177,13 +179,13 @@ std::optional<Requester::Repeat> Requester::next_repeat(loop::Clock::time_point 
   return Repeat{Repeat::What::all, tick};
 }
 
-loop::Clock::time_point Requester::deadline() const {
+loop::Clock::time_point TickMaster::deadline() const {
   if (pending_ != 0 || ask_again_ <= ask_again_last_) return loop::Clock::time_point::min();
   return waiting() == Waiting::nobody ? loop::Clock::time_point::max()
                                       : std::min(repeat_at_, waited_ + config_.give_up);
 }
 
-Requester::Waiting Requester::waiting() const {
+TickMaster::Waiting TickMaster::waiting() const {
   if (!introduced_ || finished()) return Waiting::nobody;
   if (acknowledged_ < -1) return Waiting::logger_for_run_info;
   if (asking_) return commanded_ ? Waiting::nobody : Waiting::command;
@@ -191,11 +193,11 @@ Requester::Waiting Requester::waiting() const {
   return may_begin() ? Waiting::nobody : Waiting::logger_for_window;
 }
 
-bool Requester::given_up(loop::Clock::time_point now) const {
+bool TickMaster::given_up(loop::Clock::time_point now) const {
   return waiting() != Waiting::nobody && now - waited_ >= config_.give_up;
 }
 
-bool Requester::finished() const {
+bool TickMaster::finished() const {
   return introduced_ && !asking_ && next_tick_ == config_.num_ticks &&
          acknowledged_ == config_.num_ticks - 1;
 }

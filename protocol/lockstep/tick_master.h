@@ -16,9 +16,9 @@ namespace tachless::protocol::lockstep {
 
 /// The plant's side of the protocol. A run is: RUN_INFO until the logger has it; then for each
 /// tick a question (TICK and measurement) until its command is in, an advance of the plant, the
-/// TRUTH; at the end the logger's last acknowledgement. The requester says when the next step may
+/// TRUTH; at the end the logger's last acknowledgement. The tick_master says when the next step may
 /// be taken, what has to be repeated when, and when to give up.
-class Requester {
+class TickMaster {
  public:
   struct Config {
     std::int64_t num_ticks = 0;
@@ -49,7 +49,7 @@ class Requester {
   enum class Waiting { nobody, logger_for_run_info, command, logger_for_window, logger_for_end };
 
   /// @throw std::logic_error when the window does not fit the rings of the other side.
-  Requester(const Config& config, std::size_t longest_command);
+  TickMaster(const Config& config, std::size_t longest_command);
 
   /// RUN_INFO has been published for the first time.
   void introduced(loop::Clock::time_point now);
@@ -68,7 +68,7 @@ class Requester {
   /// From the first question of the newest commanded tick to its command.
   [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
   /// Who sent the command that is kept for `tick`.
-  [[nodiscard]] std::string_view commander(std::int64_t tick) const;
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
 
   /// TRUTH of the tick asked for has been published; the tick is over.
   void completed(loop::Clock::time_point now);

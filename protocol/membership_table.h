@@ -1,0 +1,98 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string_view>
+
+#include "loop/messages.h"
+
+/// What a member does at each event in each of its states, as one table: docs/protocol.md
+/// ("States and events") shows it, tests/protocol/membership_table_test.cpp compares the two and
+/// goes through every cell. The table knows neither time nor messages; protocol/membership.h
+/// recognises the events and carries the reactions out.
+namespace tachless::protocol {
+
+/// An announcement heard (of a process that is there unless it says otherwise), the clock, or this
+/// process itself. "Holder" of a role: the process that has it in the run this member has joined.
+enum class MembershipEvent {
+  rival,             ///< another process of the own role announces this run, or both have none
+  rival_elsewhere,   ///< another process of the own role announces another run
+  foreign_scenario,  ///< a process of another role announces another scenario digest
+  newcomer,          ///< a process of a role that another process holds
+  successor,         ///< the same, and the controller's place is free for it
+  peer,              ///< the holder of another role, or a process of a role without holder
+  member_finished,   ///< a member of the joined run has finished
+  member_failed,     ///< a member of the joined run announces a fault
+  refusal,           ///< another role with another scenario ends because of the difference
+  failed_successor,  ///< plant: a successor of the controller could not resume
+  departure,         ///< any other process announces that it has finished or failed
+  holder_silent,     ///< a watched holder has been silent for the time to give up
+  takeover_failed,   ///< the controller is silent, and its successor could not resume
+  wait_over,         ///< the time to wait for the others at the start has passed
+  run_started,       ///< own: first message of the run sent or accepted
+  part_finished,     ///< own: all ticks are done
+  failure,           ///< own: ends with a fault
+};
+inline constexpr std::size_t num_membership_events = 17;
+
+enum class MembershipReaction {
+  ignore,         ///< nothing changes
+  observe,        ///< remember the process; if its role has no holder and it runs, it is that
+  join,           ///< observe; plant: ready when all are there; others: adopt the plant's run
+  contest,        ///< fail (exit code 4) unless this process has precedence
+  answer,         ///< announce within 10 ms, so that the newcomer gives way before it starts a run
+  refuse,         ///< fail (exit code 2) naming both scenarios
+  take_over,      ///< the newcomer is the controller from now on
+  note_finished,  ///< the member's role is done
+  follow,         ///< fail with the consequence of the member's fault
+  keep_failure,   ///< remember why the successor failed, until the old controller is heard or lost
+  forget,         ///< no longer remember the process, unless it is a holder
+  start,          ///< running
+  finish,         ///< finished
+  fail,           ///< fault
+  reject,         ///< a mistake of the caller: std::logic_error
+};
+
+namespace membership_table {
+
+struct Row {
+  std::string_view event;                        ///< as docs/protocol.md writes it
+  std::array<MembershipReaction, 5> reaction{};  ///< waiting, ready, running, finished, fault
+};
+using enum MembershipReaction;
+
+// Where an event cannot meet a state: ignore. (Without a run nobody holds a role.)
+inline constexpr std::array<Row, num_membership_events> rows = {{
+    {"rival", {contest, contest, contest, ignore, ignore}},
+    {"rival elsewhere", {contest, contest, answer, ignore, ignore}},
+    {"foreign scenario", {refuse, refuse, ignore, ignore, ignore}},
+    {"newcomer", {ignore, observe, ignore, ignore, ignore}},
+    {"successor", {ignore, observe, take_over, ignore, ignore}},
+    {"peer", {join, observe, observe, ignore, ignore}},
+    {"member finished", {ignore, note_finished, note_finished, note_finished, ignore}},
+    {"member failed", {ignore, follow, follow, ignore, ignore}},
+    {"refusal", {refuse, refuse, forget, ignore, ignore}},
+    {"failed successor", {forget, forget, keep_failure, ignore, ignore}},
+    {"departure", {forget, forget, forget, ignore, ignore}},
+    {"holder silent", {ignore, fail, fail, ignore, ignore}},
+    {"takeover failed", {ignore, ignore, fail, ignore, ignore}},
+    {"wait over", {fail, fail, ignore, ignore, ignore}},
+    {"run started", {reject, start, ignore, ignore, ignore}},
+    {"part finished", {finish, finish, finish, finish, ignore}},
+    {"failure", {fail, fail, fail, fail, fail}},
+}};
+
+/// As docs/protocol.md writes them, in the order of MembershipReaction.
+inline constexpr std::array<std::string_view, 15> reaction_names = {
+    "ignore", "observe",      "join",   "contest", "answer", "refuse", "take over", "note finished",
+    "follow", "keep failure", "forget", "start",   "finish", "fail",   "reject"};
+
+}  // namespace membership_table
+
+/// @param state one of the five of loop::ParticipantState
+constexpr MembershipReaction reaction(MembershipEvent event, loop::ParticipantState state) {
+  return membership_table::rows.at(static_cast<std::size_t>(event))
+      .reaction.at(static_cast<std::size_t>(state));
+}
+
+}  // namespace tachless::protocol

@@ -1,0 +1,317 @@
+#include "protocol/lockstep/tick_master.h"
+
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+#include <vector>
+
+#include "tests/protocol/lockstep/bytes_of.h"
+
+namespace tachless::protocol::lockstep {
+namespace {
+
+using namespace std::chrono_literals;
+using What = TickMaster::Repeat::What;
+
+class ARequester : public testing::Test {
+ protected:
+  static constexpr std::int64_t num_ticks = 200;
+
+  static TickMaster::Config config() {
+    TickMaster::Config result;
+    result.num_ticks = num_ticks;
+    return result;
+  }
+  void introduce() {
+    tick_master.introduced(now);
+    tick_master.on_ack(-1, 0, now);
+  }
+  void run_one() {
+    tick_master.asked(now);
+    tick_master.on_command(tick_master.next_tick(), BytesOf(tick_master.next_tick()), "controller",
+                           now);
+    tick_master.completed(now);
+  }
+  std::vector<std::int64_t> repeated_ticks() {
+    std::vector<std::int64_t> result;
+    while (const auto repeat = tick_master.next_repeat(now)) {
+      EXPECT_EQ(repeat->what, What::all);
+      result.push_back(repeat->tick);
+    }
+    return result;
+  }
+  using Ticks = std::vector<std::int64_t>;
+
+  loop::Clock::time_point now{1s};
+  TickMaster tick_master{config(), 8};
+};
+
+TEST_F(ARequester, BeginsWhenTheLoggerHasRunInfo) {
+  EXPECT_FALSE(tick_master.may_begin());
+  tick_master.introduced(now);
+  EXPECT_FALSE(tick_master.may_begin());
+  EXPECT_FALSE(tick_master.next_repeat(now));
+  now += 2ms;
+  EXPECT_EQ(tick_master.next_repeat(now)->what, What::run_info);
+  tick_master.on_ack(-2, 0, now);
+  EXPECT_FALSE(tick_master.may_begin());
+  tick_master.on_ack(-1, 0, now);
+  EXPECT_TRUE(tick_master.may_begin());
+  EXPECT_THROW(tick_master.completed(now), std::logic_error);
+}
+
+TEST_F(ARequester, RepeatsAQuestionEvery2msAndLaterDoublesTo320ms) {
+  introduce();
+  tick_master.asked(now);
+  std::vector<std::int64_t> waits_ms;
+  for (int i = 0; i < 17; ++i) {
+    const auto before = now;
+    now = tick_master.deadline();
+    const auto repeat = tick_master.next_repeat(now);
+    ASSERT_TRUE(repeat);
+    EXPECT_EQ(repeat->what, What::question);
+    EXPECT_EQ(repeat->tick, 0);
+    EXPECT_FALSE(tick_master.next_repeat(now));
+    waits_ms.push_back((now - before) / 1ms);
+  }
+  EXPECT_EQ(waits_ms, (Ticks{2, 2, 2, 2, 2, 2, 2, 2, 4, 8, 16, 32, 64, 128, 256, 320, 320}));
+}
+
+TEST_F(ARequester, StartsEachTickWithTheFirstTimeout) {
+  introduce();
+  tick_master.asked(now);
+  now += 2ms;
+  EXPECT_TRUE(tick_master.next_repeat(now));
+  tick_master.on_command(0, BytesOf(0), "controller", now);
+  tick_master.completed(now);
+  tick_master.asked(now);
+  EXPECT_EQ(tick_master.deadline(), now + 2ms);
+}
+
+TEST_F(ARequester, LearnsHowLongAnswersTake) {
+  introduce();
+  const auto tick_that_takes = [&](std::chrono::nanoseconds round_trip) {
+    const std::int64_t k = tick_master.next_tick();
+    tick_master.asked(now);
+    const auto patience = tick_master.deadline() - now;
+    now += round_trip;
+    tick_master.next_repeat(now);
+    tick_master.on_command(k, BytesOf(k), "controller", now);
+    EXPECT_EQ(tick_master.round_trip(), round_trip);
+    tick_master.completed(now);
+    tick_master.on_ack(k, 0, now);
+    return patience;
+  };
+  EXPECT_EQ(tick_that_takes(100us), 2ms);
+  for (int i = 0; i < 50; ++i) tick_that_takes(100us);
+  EXPECT_EQ(tick_that_takes(100us), 500us);
+  EXPECT_EQ(tick_that_takes(50ms), 500us);  // repeated: says nothing of the usual time
+  EXPECT_EQ(tick_that_takes(100us), 500us);
+  for (int i = 0; i < 50; ++i) tick_that_takes(i % 2 ? 300us : 450us);
+  const auto patience = tick_that_takes(100us);
+  EXPECT_GT(patience, 500us);
+  EXPECT_LT(patience, 1ms);
+}
+
+TEST_F(ARequester, TakesTheCommandOfTheTickAskedForAndNoOther) {
+  introduce();
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), "a", now), Verdict::not_asked);
+  tick_master.asked(now);
+  EXPECT_EQ(tick_master.on_command(1, BytesOf(5), "a", now), Verdict::not_asked);
+  EXPECT_EQ(tick_master.on_command(-1, BytesOf(5), "a", now), Verdict::not_asked);
+  EXPECT_FALSE(tick_master.commanded());
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), "a", now), Verdict::fresh);
+  EXPECT_TRUE(tick_master.commanded());
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(5), "b", now), Verdict::repeated);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(6), "b", now), Verdict::conflicting);
+  EXPECT_EQ(tick_master.sender_of(0), "a");
+  tick_master.completed(now);
+  EXPECT_EQ(tick_master.on_command(0, BytesOf(6), "b", now), Verdict::conflicting);
+}
+
+TEST_F(ARequester, NeverRunsMoreThan48TicksAhead) {
+  introduce();
+  while (tick_master.may_begin()) run_one();
+  EXPECT_EQ(tick_master.next_tick(), 48);
+  EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::logger_for_window);
+  EXPECT_THROW(tick_master.asked(now), std::logic_error);
+  tick_master.on_ack(3, 0, now);
+  while (tick_master.may_begin()) run_one();
+  EXPECT_EQ(tick_master.next_tick(), 52);
+}
+
+TEST_F(ARequester, RepeatsExactlyWhatTheLoggerMisses) {
+  introduce();
+  for (int i = 0; i < 20; ++i) run_one();
+  tick_master.asked(now);
+  now += 1ms;
+  tick_master.on_ack(3, 0b1000'0000'0000'0101, now);
+  EXPECT_EQ(repeated_ticks(), (Ticks{4, 6, 19}));
+  EXPECT_EQ(repeated_ticks(), Ticks{});
+}
+
+TEST_F(ARequester, DoesNotRepeatTheTickUnderWayForTheLogger) {
+  introduce();
+  run_one();
+  tick_master.asked(now);
+  now += 1ms;
+  tick_master.on_ack(-1, 0b11, now);
+  EXPECT_EQ(repeated_ticks(), (Ticks{0}));
+}
+
+TEST_F(ARequester, DoesNotRepeatForTheLoggerWhatWasSentAMomentAgo) {
+  introduce();
+  for (int i = 0; i < 20; ++i) run_one();
+  tick_master.asked(now);
+  now += 999us;
+  tick_master.on_ack(-1, 0b1, now);
+  EXPECT_EQ(repeated_ticks(), Ticks{});
+  now += 1us;
+  tick_master.on_ack(-1, 0b1, now);
+  EXPECT_EQ(repeated_ticks(), (Ticks{0}));
+  tick_master.on_ack(-1, 0b1, now);
+  EXPECT_EQ(repeated_ticks(), Ticks{});
+}
+
+TEST_F(ARequester, ProbesASilentLoggerWithTheOldestTick) {
+  introduce();
+  while (tick_master.may_begin()) run_one();
+  now += 1ms;
+  tick_master.on_ack(7, 0, now);
+  while (tick_master.may_begin()) run_one();
+  EXPECT_EQ(repeated_ticks(), Ticks{});
+  now = tick_master.deadline();
+  EXPECT_EQ(repeated_ticks(), (Ticks{8}));
+}
+
+TEST_F(ARequester, RepeatsAllThatIsKnownToBeMissingWhenStalled) {
+  introduce();
+  while (tick_master.may_begin()) run_one();
+  tick_master.on_ack(-1, 0b10010, now);
+  EXPECT_EQ(repeated_ticks(), Ticks{});
+  now = tick_master.deadline();
+  EXPECT_EQ(repeated_ticks(), (Ticks{0, 1, 4}));
+}
+
+TEST_F(ARequester, ForgetsARequestOfTheLoggerThatIsFulfilled) {
+  introduce();
+  for (int i = 0; i < 20; ++i) run_one();
+  now += 1ms;
+  tick_master.on_ack(-1, 0b11, now);
+  tick_master.on_ack(0, 0b1, now);
+  EXPECT_EQ(repeated_ticks(), (Ticks{1}));
+  EXPECT_EQ(tick_master.on_ack(-1, 0b11, now + 1s), Verdict::too_old);
+  EXPECT_EQ(repeated_ticks(), Ticks{});
+}
+
+TEST_F(ARequester, RefusesAnAcknowledgementOfTheFuture) {
+  introduce();
+  run_one();
+  EXPECT_EQ(tick_master.on_ack(1, 0, now), Verdict::not_asked);
+  EXPECT_EQ(tick_master.on_ack(-3, 0, now), Verdict::not_asked);
+  EXPECT_EQ(tick_master.on_ack(0, 0, now), Verdict::fresh);
+}
+
+TEST_F(ARequester, EndsWhenTheLastTickIsAcknowledged) {
+  introduce();
+  for (std::int64_t k = 0; k < num_ticks; ++k) {
+    tick_master.on_ack(k - 1, 0, now);
+    run_one();
+  }
+  EXPECT_FALSE(tick_master.may_begin());
+  EXPECT_FALSE(tick_master.finished());
+  EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::logger_for_end);
+  tick_master.on_ack(num_ticks - 1, 0, now);
+  EXPECT_TRUE(tick_master.finished());
+  EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::nobody);
+  EXPECT_EQ(tick_master.deadline(), loop::Clock::time_point::max());
+}
+
+TEST_F(ARequester, AsksASuccessorAgainFromWhereItIsUntilItHasCommanded) {
+  introduce();
+  for (int k = 0; k < 10; ++k) run_one();
+  tick_master.asked(now);
+  tick_master.replaced(now);
+  EXPECT_TRUE(tick_master.catching_up());
+  tick_master.successor_at(6, now);
+  std::vector<std::int64_t> asked;
+  while (const auto repeat = tick_master.next_repeat(now)) {
+    EXPECT_EQ(repeat->what, What::question);
+    asked.push_back(repeat->tick);
+  }
+  EXPECT_EQ(asked, (Ticks{7, 8, 9, 10}));
+  // It has got further; nothing is asked that it has answered.
+  now += 1s;
+  tick_master.successor_at(8, now);
+  EXPECT_EQ(tick_master.next_repeat(now)->tick, 9);
+  EXPECT_EQ(tick_master.on_command(9, BytesOf(9), "successor", now), Verdict::repeated);
+  EXPECT_EQ(tick_master.on_command(10, BytesOf(10), "successor", now), Verdict::fresh);
+  EXPECT_FALSE(tick_master.catching_up());
+  EXPECT_FALSE(tick_master.next_repeat(now + 1s)) << "the command is there";
+}
+
+TEST_F(ARequester, AsksASuccessorForNothingThatIsNoLongerKept) {
+  introduce();
+  for (int k = 0; k < 100; ++k) {
+    run_one();
+    tick_master.on_ack(k, 0, now);
+  }
+  tick_master.asked(now);
+  tick_master.replaced(now);
+  tick_master.successor_at(35, now);  // of 64 messages kept, that of tick 37 is the oldest
+  EXPECT_FALSE(tick_master.next_repeat(now));
+  tick_master.successor_at(36, now);
+  EXPECT_EQ(tick_master.next_repeat(now)->tick, 37);
+}
+
+TEST_F(ARequester, IsPatientWithASuccessorThatMakesProgress) {
+  introduce();
+  tick_master.asked(now);
+  tick_master.replaced(now);
+  for (int i = 0; i < 10; ++i) {
+    now += 4s;
+    EXPECT_FALSE(tick_master.given_up(now)) << i;
+    tick_master.successor_at(i, now);
+  }
+  now += 6s;
+  EXPECT_TRUE(tick_master.given_up(now));
+}
+
+TEST_F(ARequester, DoesNotGiveUpBecauseItWasAsleepItself) {
+  introduce();
+  tick_master.asked(now);
+  tick_master.next_repeat(now);
+  now += 60s;
+  tick_master.next_repeat(now);
+  EXPECT_FALSE(tick_master.given_up(now));
+  for (const auto end = now + 5s; now < end; now += 100ms) tick_master.next_repeat(now);
+  EXPECT_TRUE(tick_master.given_up(now)) << "the peer is silent";
+}
+
+TEST_F(ARequester, GivesUpAfter5sWithoutACommand) {
+  introduce();
+  tick_master.asked(now);
+  tick_master.on_ack(-1, 0, now + 4s);
+  EXPECT_FALSE(tick_master.given_up(now + 5s - 1ns));
+  EXPECT_TRUE(tick_master.given_up(now + 5s));
+  EXPECT_EQ(tick_master.waiting(), TickMaster::Waiting::command);
+}
+
+TEST_F(ARequester, GivesUpOnALoggerThatMakesNoProgressAndKnowsWhetherItSpeaks) {
+  introduce();
+  while (tick_master.may_begin()) run_one();
+  EXPECT_TRUE(tick_master.given_up(now + 5s));
+  EXPECT_FALSE(tick_master.logger_heard());
+  tick_master.on_ack(-1, 0, now + 4s);
+  EXPECT_TRUE(tick_master.given_up(now + 5s));
+  EXPECT_TRUE(tick_master.logger_heard());
+}
+
+TEST_F(ARequester, NeedsAWindowThatFitsTheKeptMessages) {
+  TickMaster::Config wide = config();
+  wide.window = 63;
+  EXPECT_THROW(TickMaster(wide, 8), std::logic_error);
+}
+
+}  // namespace
+}  // namespace tachless::protocol::lockstep
