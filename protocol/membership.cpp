@@ -345,7 +345,7 @@ std::string Membership::measurement() const {
 }
 
 std::string Membership::signals() const {
-  const Peer* controller = holder(Role::controller);
+  const Peer* controller = find(Role::controller);
   return controller != nullptr ? controller->participant.signals : std::string();
 }
 
