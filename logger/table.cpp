@@ -80,10 +80,7 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   const auto& scenario = log.scenario();
   const bool flexible = log.layout().num_motors != 0;
   Builder to;
-  to.types = robot::model_from_urdf(log.info().robot_description, log.path().string()).joint_types;
-  if (to.types.size() != static_cast<std::size_t>(scenario.num_joints)) {
-    throw std::logic_error("logger::quantities_of: scenario and robot disagree on the joints");
-  }
+  to.types = log.scenario().model->joint_types;
 
   const auto truth = [&](const char* name, const char* revolute, const char* prismatic,
                          const char* description, Vector loop::truth::PlantTruth::*member) {

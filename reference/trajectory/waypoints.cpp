@@ -206,9 +206,10 @@ WaypointSpline::WaypointSpline(const Waypoints& points) : time_s_(points.time_s)
     }
     return inner(2 * static_cast<Eigen::Index>(point) - 2 + which, joint);
   };
+  pieces_.resize(num_pieces);
   for (std::size_t i = 0; i < num_pieces; ++i) {
     const Kind kind = kind_of(i, num_pieces);
-    Piece made;
+    Piece& made = pieces_[i];
     made.duration_s = time_s_[i + 1] - time_s_[i];
     made.mirrored = kind == Kind::last;
     made.num_coefficients = degree(kind) + 1;
@@ -223,7 +224,6 @@ WaypointSpline::WaypointSpline(const Waypoints& points) : time_s_(points.time_s)
         made.c[k][joint] = c[k];
       }
     }
-    pieces_.push_back(made);
   }
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <ctime>
 #include <fstream>
 #include <random>
 
@@ -574,6 +575,33 @@ TEST(Scenario, MalformedReferencesAreRefused) {
   EXPECT_THAT(with("{waypoints: {time_s: [0, 1], position_rad: [0, [1, 2, 3]]}}"),
               HasSubstr("[1, 2, 3] has length 3"));
   EXPECT_THAT(with("{hold: null}"), HasSubstr("reference.hold: null; allowed: a map"));
+}
+
+/// Processor time that it takes to read so many waypoints: the least of three, as others may be in
+/// the way.
+double time_to_read_waypoints(int num_waypoints) {
+  std::string times, positions;
+  for (int i = 0; i < num_waypoints; ++i) {
+    times += (i == 0 ? "" : ", ") + std::to_string(i);
+    positions += (i == 0 ? "" : ", ") + std::string("[0.1, 0.2]");
+  }
+  const std::string text =
+      replaced(minimal, "hold: {position_rad: [0.1, 0.2]}",
+               "waypoints: {time_s: [" + times + "], position_rad: [" + positions + "]}");
+  double least = 1e9;
+  for (int repeat = 0; repeat < 3; ++repeat) {
+    const std::clock_t start = std::clock();
+    const Scenario scenario = parsed(text);
+    least = std::min(least, double(std::clock() - start) / CLOCKS_PER_SEC);
+    EXPECT_EQ(std::get<trajectory::Waypoints>(scenario.reference).time_s.size(),
+              static_cast<std::size_t>(num_waypoints));
+  }
+  return least;
+}
+
+TEST(Scenario, ReadingWaypointsTakesTimeInProportionToTheirNumber) {
+  // Linear is 4 and quadratic 16 (it was: a message about each entry was made in advance).
+  EXPECT_LT(time_to_read_waypoints(2000) / time_to_read_waypoints(500), 8);
 }
 
 TEST(Scenario, ARandomlyDamagedOneIsReadOrRefusedAndNothingElse) {

@@ -1,5 +1,7 @@
 #include "reference/trajectory/waypoints.h"
 
+#include <algorithm>
+#include <ctime>
 #include <random>
 #include <stdexcept>
 
@@ -108,6 +110,21 @@ TEST(Waypoints, DoesNotDependOnTheUnitOfTime) {
     EXPECT_LE((slow.at(t).snap_ref - 1e-12 * fast.at(1e-3 * t).snap_ref).lpNorm<Eigen::Infinity>(),
               1e-8);
   }
+}
+
+TEST(Waypoints, AreSolvedInTimeInProportionToTheirNumber) {
+  const auto time = [](int num_points) {
+    const Waypoints points = random_points(num_points, 71);
+    double least = 1e9;
+    for (int repeat = 0; repeat < 3; ++repeat) {
+      const std::clock_t start = std::clock();
+      const WaypointSpline spline(points);
+      least = std::min(least, double(std::clock() - start) / CLOCKS_PER_SEC);
+    }
+    return least;
+  };
+  // Linear is 4, three times that where the memory leaves the caches; a dense solution takes 64.
+  EXPECT_LT(time(2000) / time(500), 16);
 }
 
 TEST(Waypoints, RefuseWhatMakesNoSplineAndNameIt) {
