@@ -29,7 +29,7 @@ using namespace tachless;
 namespace {
 
 using namespace std::chrono_literals;
-using process_test::EveryoneElse;
+using system_test::EveryoneElse;
 
 constexpr std::int64_t bursts = 10;
 constexpr std::int64_t ticks_in_burst = 167;  // six messages each: 1002

@@ -8,7 +8,7 @@
 #include "tests/support/counting_new.h"
 #include "tests/system/four_threads.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 namespace {
 
 using loop::Role;
@@ -76,7 +76,7 @@ class NoNode : public testing::TestWithParam<Role> {};
 TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   const Role role = GetParam();
   const experiment::Scenario scenario =
-      process_test::scenario("practical_rigid", {"loop.duration_s=0.5"});
+      system_test::scenario("practical_rigid", {"loop.duration_s=0.5"});
   std::vector<Heard> heard;
   {
     FourThreads threads(scenario);
@@ -117,4 +117,4 @@ INSTANTIATE_TEST_SUITE_P(Each, NoNode,
                          [](const auto& role) { return std::string(loop::name(role.param)); });
 
 }  // namespace
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

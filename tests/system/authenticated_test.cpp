@@ -20,9 +20,9 @@ using namespace tachless;
 
 namespace {
 
-using process_test::FourPrograms;
-using process_test::roles;
-using process_test::scenarios;
+using system_test::FourPrograms;
+using system_test::roles;
+using system_test::scenarios;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 

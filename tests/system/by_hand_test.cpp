@@ -28,9 +28,9 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-using process_test::FourPrograms;
-using process_test::roles;
-using process_test::scenarios;
+using system_test::FourPrograms;
+using system_test::roles;
+using system_test::scenarios;
 
 /// Waits until a participant of this role is heard: it is up and waits for the others.
 void hear(bus::Transport& bus, const std::string& role) {

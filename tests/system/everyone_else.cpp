@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 namespace {
 
 constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
@@ -63,4 +63,4 @@ void EveryoneElse::say(std::int64_t k) {
   transport_.publish(prefix_ + "TRUTH", truths_.encode(stamp, truth));
 }
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

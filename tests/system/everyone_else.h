@@ -8,7 +8,7 @@
 #include "bus/wire.h"
 #include "experiment/scenario.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 
 /// Stands in for plant, reference and controller of a realtime run with two rigid joints, so that a
 /// logger can be given what it would hear, at any pace.
@@ -42,4 +42,4 @@ class EveryoneElse {
   bus::Codec<loop::truth::PlantTruth> truths_;
 };
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

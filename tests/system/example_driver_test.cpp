@@ -21,8 +21,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using loop::truth::DriveFault;
-using process_test::FourPrograms;
-using process_test::roles;
+using system_test::FourPrograms;
+using system_test::roles;
 using ::testing::AllOf;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;

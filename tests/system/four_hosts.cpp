@@ -14,7 +14,7 @@
 #include <stdexcept>
 #include <system_error>
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 namespace {
 
 void check(int result, const std::string& what) {
@@ -112,4 +112,4 @@ void FourHosts::set_port(const std::string& role, bool up) {
   check(ioctl(socket.get(), SIOCSIFFLAGS, &request), "switch " + role);
 }
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

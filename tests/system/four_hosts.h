@@ -7,7 +7,7 @@
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 
 /// Four hosts on a switch, one for each role: network namespaces with a name and an address of
 /// their own, joined by a bridge. The switch is in the namespace of the caller, which has to be a
@@ -76,4 +76,4 @@ class FourHostsRun {
   FourPrograms programs;
 };
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

@@ -14,7 +14,7 @@
 
 #include "tests/support/program.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 
 inline const std::string scenarios = TACHLESS_SOURCE_DIR "/scenarios/";
 inline constexpr std::array roles{"logger", "controller", "reference", "plant"};
@@ -72,4 +72,4 @@ class FourPrograms {
   std::map<std::string, std::unique_ptr<Program>> programs_;
 };
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

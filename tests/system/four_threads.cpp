@@ -12,7 +12,7 @@
 #include "plant/node.h"
 #include "reference/node.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 namespace {
 
 using loop::Role;
@@ -119,4 +119,4 @@ RunResult run(const experiment::Scenario& scenario, const bus::NetworkFaults& fa
   return FourThreads(scenario, faults).finish();
 }
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

@@ -20,7 +20,7 @@
 #include "tests/support/temporary_directory.h"
 
 /// The four real nodes in four threads on an in-memory bus.
-namespace tachless::process_test {
+namespace tachless::system_test {
 
 struct Outcome {
   diagnostics::ExitCode code = diagnostics::ExitCode::done;
@@ -83,4 +83,4 @@ experiment::Scenario scenario(const std::string& name, const std::vector<std::st
 /// One run from start to end.
 RunResult run(const experiment::Scenario& scenario, const bus::NetworkFaults& faults = {});
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

@@ -22,9 +22,9 @@ using namespace tachless;
 
 namespace {
 
-using process_test::FourPrograms;
-using process_test::roles;
 using soak::HostileTraffic;
+using system_test::FourPrograms;
+using system_test::roles;
 using ::testing::HasSubstr;
 
 constexpr std::int64_t run_id = 7;

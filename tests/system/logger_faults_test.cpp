@@ -30,8 +30,8 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using loop::Clock;
-using process_test::FourPrograms;
-using process_test::scenarios;
+using system_test::FourPrograms;
+using system_test::scenarios;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
@@ -162,7 +162,7 @@ TEST(ASmallReceiveBuffer, HoldsABurstOfAThousandMessagesWhileTheLoggerStandsStil
                  {practical_rigid, "--set", overrides[0], "--set", overrides[1], "--lcm-url", url,
                   "--out-log", log_path},
                  directory.path());
-  process_test::EveryoneElse others(scenario, url);
+  system_test::EveryoneElse others(scenario, url);
   others.meet_the_logger();
   for (std::int64_t burst = 0; burst < bursts; ++burst) {
     logger.signal(SIGSTOP);

@@ -16,7 +16,7 @@
 #include "tests/system/four_threads.h"
 #include "tests/system/wrapped.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -85,7 +85,7 @@ TEST(TheLoop, CommandsWhatTheInProcessLoopCommandsToTheLastBit) {
     experiment::Scenario whole = scenario(name, {});
     const double duration_s = 200 * whole.loop.period_s;
     const experiment::Scenario scenario =
-        process_test::scenario(name, {"loop.duration_s=" + std::to_string(duration_s)});
+        system_test::scenario(name, {"loop.duration_s=" + std::to_string(duration_s)});
     FourThreads threads(scenario, {.loss = 0.1, .seed = 4});
     ASSERT_EQ(threads.finish().complaints(), "");
 
@@ -133,7 +133,7 @@ TEST(TheLoop, GivesTheSameLogUnderLossDuplicationAndReordering) {
 
 TEST(TheLoop, MeetsInEveryOrderOfStarting) {
   const experiment::Scenario scenario =
-      process_test::scenario("paper_rigid", {"loop.duration_s=0.001"});
+      system_test::scenario("paper_rigid", {"loop.duration_s=0.001"});
   std::vector<Role> order(all_roles.begin(), all_roles.end());
   std::string first;
   do {
@@ -404,4 +404,4 @@ TEST(TheLoop, IsRefusedBeforeItStartsWhenTheScenariosDiffer) {
 }
 
 }  // namespace
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

@@ -16,7 +16,7 @@
 #include "tests/system/four_threads.h"
 #include "tests/system/wrapped.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -346,4 +346,4 @@ TEST(TheLoggerUnderPressure, LosesNothingOfBurstsOfAThousandMessages) {
 }
 
 }  // namespace
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

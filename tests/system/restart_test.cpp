@@ -25,8 +25,8 @@ using namespace tachless;
 namespace {
 
 namespace fs = std::filesystem;
-using process_test::FourPrograms;
-using process_test::scenarios;
+using system_test::FourPrograms;
+using system_test::scenarios;
 using ::testing::AllOf;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;

@@ -24,10 +24,10 @@ namespace {
 
 using namespace std::chrono_literals;
 using loop::truth::DriveFault;
-using process_test::FourHosts;
-using process_test::FourHostsRun;
-using process_test::FourPrograms;
-using process_test::roles;
+using system_test::FourHosts;
+using system_test::FourHostsRun;
+using system_test::FourPrograms;
+using system_test::roles;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 

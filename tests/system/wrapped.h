@@ -9,7 +9,7 @@
 
 #include "bus/transport.h"
 
-namespace tachless::process_test {
+namespace tachless::system_test {
 
 /// Passes everything on; derived classes change something.
 class Wrapped : public bus::Transport {
@@ -27,4 +27,4 @@ class Wrapped : public bus::Transport {
   std::unique_ptr<bus::Transport> inner_;
 };
 
-}  // namespace tachless::process_test
+}  // namespace tachless::system_test

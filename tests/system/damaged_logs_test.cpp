@@ -15,7 +15,7 @@
 #include "tests/support/in_process_log.h"
 #include "tests/support/temporary_directory.h"
 
-namespace tachless::launch {
+namespace tachless::system_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -120,4 +120,4 @@ INSTANTIATE_TEST_SUITE_P(Robots, Damage,
                          });
 
 }  // namespace
-}  // namespace tachless::launch
+}  // namespace tachless::system_test
