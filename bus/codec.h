@@ -1,118 +1,420 @@
 #pragma once
 
+#include <fmt/core.h>
+
 #include <algorithm>
+#include <bit>
+#include <cstring>
 #include <stdexcept>
 #include <string>
-#include <vector>
+#include <string_view>
 
-#include "bus/message_shape.h"
 #include "bus/wire.h"
 
-/// The members of `Codec`, for the two files that instantiate it (wire.cpp, truth/truth_wire.cpp).
-/// Nobody else includes this.
-namespace tachless::bus {
+/// The members of `Codec`: loops over a message's table of fields. For the two files that
+/// instantiate them (wire.cpp, truth/truth_wire.cpp); nobody else includes this.
+///
+/// Bytes are those of LCM: the type's fingerprint, then every field in order, big-endian; a text is
+/// an int32 length that counts the NUL, the characters, the NUL; arrays are bare, their lengths
+/// stand in counts of their own before them.
+namespace tachless::bus::detail {
 
-/// How a value becomes a generated message and back; specialised beside each instantiation:
-///   using Message = …;
-///   static MessageShape shape(const Layout&);
-///   static void size(const Layout&, Message&);               // makes room for the arrays, once
-///   static void write(const Value&, const Layout&, Message&);  // throws std::logic_error
-///   static Rejection check(const Message&);                  // ranges of single fields
-///   static void read(const Message&, Value&);
-template <class Value>
-struct Translation;
+using loop::Count;
+using loop::Kind;
 
-template <class Value>
-struct Codec<Value>::Scratch {
-  loop::Layout layout;
-  MessageShape shape;
-  typename Translation<Value>::Message message;
-  std::vector<std::byte> bytes;
+constexpr std::size_t count_size = sizeof(std::int32_t);
+constexpr std::size_t smallest_text = count_size + 1;
+
+class Reader {
+ public:
+  explicit Reader(std::span<const std::byte> bytes) : left_(bytes) {}
+
+  /// The next `size` bytes as an unsigned number. The caller knows that they are there.
+  std::uint64_t take(std::size_t size) {
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < size; ++i) {
+      value = value << 8 | std::to_integer<std::uint64_t>(left_[i]);
+    }
+    left_ = left_.subspan(size);
+    return value;
+  }
+  std::int64_t int64() { return static_cast<std::int64_t>(take(8)); }
+  std::int32_t int32() { return static_cast<std::int32_t>(take(4)); }
+  std::string_view characters(std::size_t size) {
+    const std::string_view text(reinterpret_cast<const char*>(left_.data()), size);
+    left_ = left_.subspan(size);
+    return text;
+  }
+  [[nodiscard]] std::size_t left() const { return left_.size(); }
+
+ private:
+  std::span<const std::byte> left_;
 };
 
-inline void require_joints(const loop::Layout& layout) {
-  const bool motors_ok = layout.num_motors == 0 || layout.num_motors == layout.num_joints;
-  const bool signals_ok = layout.num_signals >= 0 && layout.num_signals <= loop::max_signals;
-  if (layout.num_joints < 1 || layout.num_joints > robot::max_joints || !motors_ok || !signals_ok) {
-    throw std::logic_error("bus::Codec: impossible layout: num_joints " +
-                           std::to_string(layout.num_joints) + ", num_motors " +
-                           std::to_string(layout.num_motors) + ", num_signals " +
-                           std::to_string(layout.num_signals));
+class Writer {
+ public:
+  explicit Writer(std::span<std::byte> bytes) : left_(bytes) {}
+
+  void put(std::uint64_t value, std::size_t size) {
+    for (std::size_t i = 0; i < size; ++i) {
+      left_[i] = static_cast<std::byte>(value >> 8 * (size - 1 - i));
+    }
+    left_ = left_.subspan(size);
+  }
+  void characters(std::string_view text) {
+    std::memcpy(left_.data(), text.data(), text.size());
+    left_ = left_.subspan(text.size());
+  }
+
+ private:
+  std::span<std::byte> left_;
+};
+
+constexpr std::size_t size_of(Kind kind) {
+  switch (kind) {
+    case Kind::real:
+    case Kind::int64:
+      return 8;
+    case Kind::int32:
+      return 4;
+    case Kind::flag:
+    case Kind::int8:
+    case Kind::uint8:
+      return 1;
+    case Kind::text:
+      break;
+  }
+  return smallest_text;
+}
+
+/// Entries of one row.
+constexpr int length_of(Count count, const loop::Layout& layout) {
+  if (count == Count::one) return 1;
+  return count == Count::motors ? layout.num_motors : layout.num_joints;
+}
+
+template <class Field>
+constexpr std::size_t smallest_size(const Field& field, const loop::Layout& layout) {
+  const int rows = field.count == Count::signals ? layout.num_signals : 1;
+  return size_of(field.kind) * static_cast<std::size_t>(rows * length_of(field.count, layout));
+}
+
+/// The counts that the message begins with, in their order: `f(expected)`.
+template <class Value, class F>
+void for_each_count(const loop::Layout& layout, F&& f) {
+  if constexpr (loop::has_count<Value>(Count::signals)) f(layout.num_signals);
+  if constexpr (loop::has_joint_count<Value>()) f(layout.num_joints);
+  if constexpr (loop::has_count<Value>(Count::motors)) f(layout.num_motors);
+}
+
+inline std::string_view view(const std::string& text) { return text; }
+inline std::string_view view(loop::Role role) { return loop::name(role); }
+inline bool assign(std::string_view text, std::string& to) {
+  to = text;
+  return true;
+}
+inline bool assign(std::string_view text, loop::Role& to) {
+  for (int i = 0; i < loop::num_roles; ++i) {
+    to = static_cast<loop::Role>(i);
+    if (name(to) == text) return true;
+  }
+  return false;
+}
+
+// Reading: each takes what it needs from `from`, which holds it, and says what is wrong with it.
+
+inline Rejection read_real(Reader& from, double& to) {
+  // An exponent of all ones is infinity or NaN.
+  constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000;
+  const std::uint64_t bits = from.take(8);
+  to = std::bit_cast<double>(bits);
+  return (bits & exponent) == exponent ? Rejection::non_finite : Rejection::none;
+}
+
+inline Rejection read_reals(Reader& from, int size, robot::Vector& to) {
+  to.resize(size);  // in place: robot::Vector never allocates
+  for (double& value : to) {
+    if (read_real(from, value) != Rejection::none) return Rejection::non_finite;
+  }
+  return Rejection::none;
+}
+
+template <class Field, class Member>
+Rejection read(Reader& from, const Field& field, const loop::Layout&, Member& to) {
+  double number = 0;
+  if constexpr (std::is_same_v<Member, double>) {
+    if (read_real(from, to) != Rejection::none) return Rejection::non_finite;
+    number = to;
+  } else {
+    std::int64_t whole = 0;
+    if (field.kind == Kind::int64) whole = from.int64();
+    if (field.kind == Kind::int32) whole = from.int32();
+    if (field.kind == Kind::int8) whole = static_cast<std::int8_t>(from.take(1));
+    if (field.kind == Kind::uint8) whole = static_cast<std::uint8_t>(from.take(1));
+    if (field.kind == Kind::flag) whole = static_cast<std::uint8_t>(from.take(1));
+    if (field.kind == Kind::flag && whole > 1) return Rejection::bad_value;
+    to = static_cast<Member>(whole);
+    number = static_cast<double>(whole);
+  }
+  return number < field.lowest || number > field.highest ? Rejection::bad_value : Rejection::none;
+}
+
+template <class Field>
+Rejection read(Reader& from, const Field& field, const loop::Layout& layout, robot::Vector& to) {
+  return read_reals(from, length_of(field.count, layout), to);
+}
+
+template <class Field, std::size_t size>
+Rejection read(Reader& from, const Field&, const loop::Layout& layout,
+               std::array<robot::Vector, size>& to) {
+  Rejection rejection = Rejection::none;
+  for (std::size_t i = 0; i < size && rejection == Rejection::none; ++i) {
+    const bool declared = i < static_cast<std::size_t>(layout.num_signals);
+    rejection = read_reals(from, declared ? layout.num_joints : 0, to[i]);
+  }
+  return rejection;
+}
+
+template <class Field, std::size_t size>
+Rejection read(Reader& from, const Field& field, const loop::Layout& layout,
+               std::array<bool, size>& to) {
+  to.fill(false);
+  for (int i = 0; i < length_of(field.count, layout); ++i) {
+    const std::uint64_t byte = from.take(1);
+    if (byte > 1) return Rejection::bad_value;
+    to[static_cast<std::size_t>(i)] = byte == 1;
+  }
+  return Rejection::none;
+}
+
+/// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
+template <class Field, class Member>
+Rejection read_text(Reader& from, const Field& field, std::size_t needed, Member& to) {
+  const std::int32_t length = from.int32();
+  if (length < 1) return Rejection::bad_text;
+  const auto extent = static_cast<std::size_t>(length);  // with the NUL
+  if (extent - 1 > field.longest || extent > from.left() - needed) return Rejection::bad_text;
+  const std::string_view text = from.characters(extent);
+  if (text.find('\0') != extent - 1) return Rejection::bad_text;
+  return assign(text.substr(0, extent - 1), to) ? Rejection::none : Rejection::bad_value;
+}
+
+// Before writing: each throws std::logic_error when the value could not be read back.
+
+inline void require_size(const robot::Vector& vector, int size, std::string_view what) {
+  if (vector.size() == size) return;
+  throw std::logic_error(
+      fmt::format("bus::Codec: {} has {} entries, the layout says {}", what, vector.size(), size));
+}
+
+template <class Field, class Member>
+void require(const Field& field, const loop::Layout&, const Member& member) {
+  if constexpr (!std::is_same_v<Member, bool>) {
+    const auto number = static_cast<double>(member);
+    if (number < field.lowest || number > field.highest) {
+      throw std::logic_error(fmt::format("bus::Codec: {} is {}, allowed are {} to {}", field.name,
+                                         number, field.lowest, field.highest));
+    }
   }
 }
 
-inline void put(const robot::Vector& from, int expected, const char* what,
-                std::vector<double>& to) {
-  if (from.size() != expected) {
-    throw std::logic_error(std::string("bus::Codec: ") + what + " has " +
-                           std::to_string(from.size()) + " entries, the layout says " +
-                           std::to_string(expected));
-  }
-  std::copy(from.begin(), from.end(), to.begin());
+template <class Field>
+void require(const Field& field, const loop::Layout& layout, const robot::Vector& vector) {
+  require_size(vector, length_of(field.count, layout), field.symbol);
 }
 
-inline void get(const std::vector<double>& from, robot::Vector& to) {
-  to.resize(static_cast<Eigen::Index>(from.size()));  // in place: robot::Vector never allocates
-  std::copy(from.begin(), from.end(), to.begin());
+template <class Field, std::size_t size>
+void require(const Field& field, const loop::Layout& layout,
+             const std::array<robot::Vector, size>& rows) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(layout.num_signals); ++i) {
+    require_size(rows[i], layout.num_joints, field.symbol);
+  }
 }
+
+template <class Field, std::size_t size>
+void require(const Field&, const loop::Layout&, const std::array<bool, size>&) {}
+
+template <class Field>
+void require_text(const Field& field, std::string_view text) {
+  if (text.find('\0') != std::string_view::npos) {
+    throw std::logic_error(fmt::format("bus::Codec: NUL inside the text {}", field.name));
+  }
+  if (text.size() > field.longest) {
+    throw std::length_error(fmt::format("bus::Codec: text {} has {} characters, allowed are {}",
+                                        field.name, text.size(), field.longest));
+  }
+}
+
+// Writing.
+
+inline void write_reals(Writer& to, const robot::Vector& vector) {
+  for (const double value : vector) to.put(std::bit_cast<std::uint64_t>(value), 8);
+}
+
+template <class Field, class Member>
+void write(Writer& to, const Field& field, const loop::Layout&, const Member& member) {
+  if constexpr (std::is_same_v<Member, double>) {
+    to.put(std::bit_cast<std::uint64_t>(member), 8);
+  } else {
+    to.put(static_cast<std::uint64_t>(member), size_of(field.kind));
+  }
+}
+
+template <class Field>
+void write(Writer& to, const Field&, const loop::Layout&, const robot::Vector& vector) {
+  write_reals(to, vector);
+}
+
+template <class Field, std::size_t size>
+void write(Writer& to, const Field&, const loop::Layout& layout,
+           const std::array<robot::Vector, size>& rows) {
+  for (std::size_t i = 0; i < static_cast<std::size_t>(layout.num_signals); ++i) {
+    write_reals(to, rows[i]);
+  }
+}
+
+template <class Field, std::size_t size>
+void write(Writer& to, const Field& field, const loop::Layout& layout,
+           const std::array<bool, size>& flags) {
+  for (int i = 0; i < length_of(field.count, layout); ++i) {
+    to.put(flags[static_cast<std::size_t>(i)] ? 1 : 0, 1);
+  }
+}
+
+inline void write_text(Writer& to, std::string_view text) {
+  to.put(text.size() + 1, count_size);
+  to.characters(text);
+  to.put(0, 1);
+}
+
+template <class Field>
+constexpr bool is_text = std::is_same_v<typename Field::Member, std::string> ||
+                         std::is_same_v<typename Field::Member, loop::Role>;
+
+constexpr bool possible(const loop::Layout& layout) {
+  return layout.num_joints >= 1 && layout.num_joints <= robot::max_joints &&
+         (layout.num_motors == 0 || layout.num_motors == layout.num_joints) &&
+         layout.num_signals >= 0 && layout.num_signals <= loop::max_signals;
+}
+
+inline void require_layout(const loop::Layout& layout) {
+  if (possible(layout)) return;
+  throw std::logic_error(
+      fmt::format("bus::Codec: impossible layout: num_joints {}, num_motors {}, num_signals {}",
+                  layout.num_joints, layout.num_motors, layout.num_signals));
+}
+
+}  // namespace tachless::bus::detail
+
+namespace tachless::bus {
 
 template <class Value>
 Codec<Value>::Codec(const loop::Layout& layout)
-    : scratch_(new Scratch{layout, Translation<Value>::shape(layout), {}, {}}) {
-  Translation<Value>::size(layout, scratch_->message);
-  scratch_->bytes.resize(scratch_->shape.max_size());
+    : layout_(layout), min_size_(stamp_end), scratch_(std::make_unique<Value>()) {
+  if constexpr (loop::has_joint_count<Value>()) detail::require_layout(layout);
+  detail::for_each_count<Value>(layout, [&](int) { min_size_ += detail::count_size; });
+  std::size_t max_size = min_size_;
+  loop::for_each_field<Value>([&](const auto& field) {
+    const std::size_t size = detail::smallest_size(field, layout);
+    min_size_ += size;
+    max_size += size + field.longest;
+  });
+  if constexpr (requires { loop::MessageOf<Value>::max_size; }) {
+    max_size = std::min(max_size, loop::MessageOf<Value>::max_size);
+  }
+  bytes_.resize(max_size);
 }
-
-template <class Value>
-Codec<Value>::~Codec() = default;
-template <class Value>
-Codec<Value>::Codec(Codec&&) noexcept = default;
-template <class Value>
-Codec<Value>& Codec<Value>::operator=(Codec&&) noexcept = default;
 
 template <class Value>
 std::span<const std::byte> Codec<Value>::encode(const loop::Stamp& stamp, const Value& value) {
-  auto& [layout, shape, message, bytes] = *scratch_;
+  constexpr std::string_view suffix = loop::MessageOf<Value>::suffix;
   if (!all_finite(value)) {
-    throw std::domain_error("bus::Codec: NaN or infinity in a message for channel …_" +
-                            std::string(loop::ChannelOf<Value>::suffix));
+    throw std::domain_error(
+        fmt::format("bus::Codec: NaN or infinity in a message for channel …_{}", suffix));
   }
-  Translation<Value>::write(value, layout, message);
-  message.utime = stamp.utime;
-  message.run = stamp.run;
-  message.tick = stamp.tick;
-  const auto size = static_cast<std::size_t>(message.getEncodedSize());
-  if (size > bytes.size()) {
+  if constexpr (requires { value.num; }) {
+    if (value.num != layout_.num_signals) {
+      throw std::logic_error(fmt::format("bus::Codec: {} signals, the layout says {}", value.num,
+                                         layout_.num_signals));
+    }
+  }
+  std::size_t size = min_size_;
+  loop::for_each_field<Value>([&](const auto& field) {
+    const auto& member = value.*field.member;
+    if constexpr (detail::is_text<std::decay_t<decltype(field)>>) {
+      detail::require_text(field, detail::view(member));
+      size += detail::view(member).size();
+    } else {
+      detail::require(field, layout_, member);
+    }
+  });
+  if (size > bytes_.size()) {
     throw std::length_error(
-        "bus::Codec: message for channel …_" + std::string(loop::ChannelOf<Value>::suffix) +
-        " has " + std::to_string(size) + " bytes, allowed are " + std::to_string(bytes.size()));
+        fmt::format("bus::Codec: message for channel …_{} has {} bytes, allowed are {}", suffix,
+                    size, bytes_.size()));
   }
-  if (message.encode(bytes.data(), 0, static_cast<int>(size)) != static_cast<int>(size)) {
-    throw std::logic_error("bus::Codec: the generated encoder failed");
-  }
-  return {bytes.data(), size};
-}
 
-template <class Value>
-std::size_t Codec<Value>::longest() const {
-  return scratch_->shape.max_size();
+  detail::Writer to(bytes_);
+  for (const std::int64_t each : {fingerprint<Value>(), stamp.utime, stamp.run, stamp.tick}) {
+    to.put(static_cast<std::uint64_t>(each), 8);
+  }
+  detail::for_each_count<Value>(
+      layout_, [&](int count) { to.put(static_cast<std::uint64_t>(count), detail::count_size); });
+  loop::for_each_field<Value>([&](const auto& field) {
+    const auto& member = value.*field.member;
+    if constexpr (detail::is_text<std::decay_t<decltype(field)>>) {
+      detail::write_text(to, detail::view(member));
+    } else {
+      detail::write(to, field, layout_, member);
+    }
+  });
+  return {bytes_.data(), size};
 }
 
 template <class Value>
 Rejection Codec<Value>::decode(std::span<const std::byte> payload, loop::Stamp& stamp,
                                Value& value) const {
-  const Rejection rejection = scratch_->shape.check(payload);
-  if (rejection != Rejection::none) return rejection;
-  auto& message = scratch_->message;
-  const int size = static_cast<int>(payload.size());
-  if (message.decode(payload.data(), 0, size) != size) {
-    throw std::logic_error("bus::Codec: the generated decoder refused a checked message");
-  }
-  const Rejection range = Translation<Value>::check(message);
-  if (range != Rejection::none) return range;
-  stamp = {message.utime, message.run, message.tick};
-  Translation<Value>::read(message, value);
+  if (payload.size() < min_size_ || payload.size() > bytes_.size()) return Rejection::wrong_size;
+  if (fingerprint_of(payload) != fingerprint<Value>()) return Rejection::wrong_type;
+  detail::Reader from(payload.subspan(stamp_end));
+  Rejection result = Rejection::none;
+  std::size_t needed = min_size_ - stamp_end;
+  detail::for_each_count<Value>(layout_, [&](int count) {
+    if (result == Rejection::none && from.int32() != count) result = Rejection::wrong_count;
+    needed -= detail::count_size;
+  });
+  loop::for_each_field<Value>([&](const auto& field) {
+    if (result != Rejection::none) return;
+    needed -= detail::smallest_size(field, layout_);
+    auto& member = (*scratch_).*field.member;
+    if constexpr (detail::is_text<std::decay_t<decltype(field)>>) {
+      result = detail::read_text(from, field, needed, member);
+    } else {
+      result = detail::read(from, field, layout_, member);
+    }
+  });
+  if (result != Rejection::none) return result;
+  if (from.left() != 0) return Rejection::wrong_size;
+  if constexpr (requires { value.num; }) scratch_->num = layout_.num_signals;
+  stamp = stamp_of(payload);
+  value = *scratch_;
   return Rejection::none;
+}
+
+template <class Value>
+std::optional<loop::Layout> announced_layout(std::span<const std::byte> payload) {
+  loop::Layout layout{1, 0, 0};
+  if constexpr (loop::has_joint_count<Value>()) {
+    constexpr bool signals = loop::has_count<Value>(loop::Count::signals);
+    constexpr bool motors = loop::has_count<Value>(loop::Count::motors);
+    if (payload.size() < stamp_end + detail::count_size * (1U + signals + motors)) return {};
+    detail::Reader from(payload.subspan(stamp_end));
+    if (signals) layout.num_signals = from.int32();
+    layout.num_joints = from.int32();
+    if (motors) layout.num_motors = from.int32();
+    if (!detail::possible(layout)) return {};
+  }
+  return layout;
 }
 
 }  // namespace tachless::bus

@@ -3,14 +3,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "loop/messages.h"
 
-/// Domain value <-> message bytes, with every check done before anything is decoded. Neither
-/// subscribes nor computes.
+/// Values of loop/ as bytes of LCM messages and back, after the tables of fields in
+/// loop/messages.h; every length and count is checked before it is believed. Neither subscribes nor
+/// computes.
 namespace tachless::bus {
 
 /// Why a datagram was not accepted. Nothing is decoded from one that is not `none`.
@@ -25,30 +28,52 @@ enum class Rejection {
 };
 std::string_view name(Rejection rejection);
 
-/// Fingerprint and stamp, with which every message begins [bytes].
-inline constexpr std::size_t stamp_end = 8 + 3 * sizeof(std::int64_t);
+/// Fingerprint, utime, run and tick, with which every message begins [bytes].
+inline constexpr std::size_t stamp_end = 4 * sizeof(std::int64_t);
 
-/// The stamp of a message that a codec found to have the right shape (`none` or `non_finite`).
+/// The fingerprint, if the bytes are enough to hold one.
+std::optional<std::int64_t> fingerprint_of(std::span<const std::byte> payload);
+
+/// The stamp of a message of at least `stamp_end` bytes; anything of one that no codec has checked.
 /// @throw std::logic_error when the bytes are too few to hold one.
 loop::Stamp stamp_of(std::span<const std::byte> payload);
 
-/// True when no number in the value is NaN or infinite. A node asks before it encodes what it
-/// has computed, and stops with a fault of its own if the answer is no.
-bool all_finite(const loop::Tick& value);
-bool all_finite(const loop::PositionMeasurement& value);
-bool all_finite(const loop::MotorPositionMeasurement& value);
-bool all_finite(const loop::LinkStateMeasurement& value);
-bool all_finite(const loop::StateMeasurement& value);
-bool all_finite(const loop::ReferencePoint& value);
-bool all_finite(const loop::TorqueCommand& value);
-bool all_finite(const loop::LawSignals& value);
-bool all_finite(const loop::Participant& value);
-bool all_finite(const loop::RunInfo& value);
-bool all_finite(const loop::LogAck& value);
+/// LCM's hash of the type of `Value`'s message, as lcm-gen computes it.
+template <class Value>
+std::int64_t fingerprint();
+template <>
+std::int64_t fingerprint<loop::Tick>();
+template <>
+std::int64_t fingerprint<loop::PositionMeasurement>();
+template <>
+std::int64_t fingerprint<loop::MotorPositionMeasurement>();
+template <>
+std::int64_t fingerprint<loop::LinkStateMeasurement>();
+template <>
+std::int64_t fingerprint<loop::StateMeasurement>();
+template <>
+std::int64_t fingerprint<loop::ReferencePoint>();
+template <>
+std::int64_t fingerprint<loop::TorqueCommand>();
+template <>
+std::int64_t fingerprint<loop::LawSignals>();
+template <>
+std::int64_t fingerprint<loop::Participant>();
+template <>
+std::int64_t fingerprint<loop::RunInfo>();
+template <>
+std::int64_t fingerprint<loop::LogAck>();
 
-/// Encoder and decoder of one message type for one layout. Owns its scratch memory, so that
-/// fixed-size messages cost no allocation after construction. Explicitly instantiated for the
-/// types above (and in bus/truth for PlantTruth).
+/// The layout that the counts of a message announce, if a message can have it; {1, 0, 0} when its
+/// type has no counts. Looks at nothing else: for readers that do not know the run.
+template <class Value>
+std::optional<loop::Layout> announced_layout(std::span<const std::byte> payload);
+
+using loop::all_finite;
+
+/// Encoder and decoder of one message type for one layout. Preallocated, so that
+/// fixed-size messages cost no allocation after construction. Explicitly instantiated for
+/// loop::Messages (and in bus/truth for PlantTruth).
 /// One codec serves one thread at a time.
 template <class Value>
 class Codec {
@@ -56,9 +81,6 @@ class Codec {
   /// @throw std::logic_error if the message has joint arrays and the layout does not hold 1 to
   /// loop::max_joints joints, as many motors or none, and 0 to loop::max_signals signals
   explicit Codec(const loop::Layout& layout);
-  ~Codec();
-  Codec(Codec&&) noexcept;
-  Codec& operator=(Codec&&) noexcept;
 
   /// The message's bytes; valid until the next call. Precondition: sizes agree with the layout,
   /// `all_finite(value)`, single fields in their range, texts short enough and without NUL.
@@ -68,15 +90,17 @@ class Codec {
   std::span<const std::byte> encode(const loop::Stamp& stamp, const Value& value);
 
   /// Bytes of the longest message there is; of every one, if the type holds no text.
-  [[nodiscard]] std::size_t longest() const;
+  [[nodiscard]] std::size_t longest() const { return bytes_.size(); }
 
-  /// Checks first (size, fingerprint, counts, finiteness, texts), then decodes. On rejection
+  /// Checks and decodes in one pass: size, fingerprint, then the fields in turn. On rejection
   /// `stamp` and `value` are untouched. Does not look at run or tick: that is the node's.
   Rejection decode(std::span<const std::byte> payload, loop::Stamp& stamp, Value& value) const;
 
  private:
-  struct Scratch;
-  std::unique_ptr<Scratch> scratch_;
+  loop::Layout layout_;
+  std::size_t min_size_;
+  std::vector<std::byte> bytes_;    ///< of the message encoded last; as long as the longest
+  std::unique_ptr<Value> scratch_;  ///< decoded into, so that a rejected message changes nothing
 };
 
 }  // namespace tachless::bus

@@ -8,20 +8,10 @@
 
 #include "controller/laws.h"
 #include "diagnostics/text.h"
-#include "loop/messages.h"
+#include "loop/measurements.h"
 
 namespace tachless::controller {
 namespace {
-
-/// What a measurement holds decides which encoders the robot must have.
-template <class Measurement>
-constexpr bool holds_links = requires(Measurement m) {
-  m.q;
-};
-template <class Measurement>
-constexpr bool holds_motors = requires(Measurement m) {
-  m.theta;
-};
 
 template <class L>
 LawFacts facts_of() {
@@ -35,8 +25,8 @@ LawFacts facts_of() {
   facts.needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>;
   facts.regulation_only = L::regulation_only;
   facts.has_feedforward_lead = L::has_feedforward_lead;
-  facts.reads_links = holds_links<typename L::Measurement>;
-  facts.reads_motors = holds_motors<typename L::Measurement>;
+  facts.reads_links = loop::holds_links<typename L::Measurement>;
+  facts.reads_motors = loop::holds_motors<typename L::Measurement>;
   return facts;
 }
 

@@ -14,6 +14,7 @@
 #include "controller/law/flexible_robot.h"
 #include "controller/law/settings.h"
 #include "experiment/scenario.h"
+#include "loop/measurements.h"
 #include "robot/model.h"
 
 /// The laws by name: what each declares, and from a scenario to a law. Includes no law; the list is
@@ -90,10 +91,9 @@ L make_law(const experiment::Scenario& scenario) {
 }
 
 /// A law by the measurement that it is fed.
-using ScenarioLaw = std::variant<std::unique_ptr<AnyLaw<loop::PositionMeasurement>>,
-                                 std::unique_ptr<AnyLaw<loop::MotorPositionMeasurement>>,
-                                 std::unique_ptr<AnyLaw<loop::LinkStateMeasurement>>,
-                                 std::unique_ptr<AnyLaw<loop::StateMeasurement>>>;
+template <class Measurement>
+using AnyLawOf = std::unique_ptr<AnyLaw<Measurement>>;
+using ScenarioLaw = loop::EachMeasurement<AnyLawOf>;
 
 /// The law that the scenario names. Visit it with a function of `std::unique_ptr<AnyLaw<M>>`: it is
 /// compiled once per measurement type.

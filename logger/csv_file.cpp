@@ -42,7 +42,7 @@ void CsvFile::append(const TickRecord& record) {
   append_number(line_, static_cast<double>(record.tick) * period_s_);
   std::array<double, robot::max_joints> values;
   for (const auto& quantity : quantities_) {
-    const bool present = has(record, quantity.piece);
+    const bool present = has(record, quantity.slot);
     if (present) quantity.read(record, values.data());
     for (std::size_t i = 0; i < quantity.units.size(); ++i) {
       line_ += ',';

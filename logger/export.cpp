@@ -64,7 +64,7 @@ void write_rows(RunLog& log, const std::vector<Quantity>& quantities, File& file
     file.append(record);
     ++result.rows;
     for (const auto& quantity : quantities) {
-      if (!has(record, quantity.piece)) result.missing_values += quantity.units.size();
+      if (!has(record, quantity.slot)) result.missing_values += quantity.units.size();
     }
   }
   file.close();

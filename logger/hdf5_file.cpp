@@ -1,5 +1,6 @@
 #include "logger/hdf5_file.h"
 
+#include <fmt/core.h>
 #include <hdf5.h>
 #include <sys/statvfs.h>
 
@@ -14,23 +15,7 @@ namespace {
 
 constexpr hsize_t chunk_rows = 4096;
 
-const char* mask_name(Piece piece) {
-  switch (piece) {
-    case Piece::clock:
-      return "present/tick";
-    case Piece::measurement:
-      return "present/measurement";
-    case Piece::reference:
-      return "present/reference";
-    case Piece::command:
-      return "present/command";
-    case Piece::controller_state:
-      return "present/controller_state";
-    case Piece::truth:
-      return "present/truth";
-  }
-  return "";
-}
+std::string mask_name(Slot slot) { return fmt::format("present/{}", name(slot)); }
 
 }  // namespace
 
@@ -48,7 +33,7 @@ class Hdf5File::Impl {
     t_ = create("t_s", H5T_IEEE_F64LE, 0, "s", "time of the tick, tick times period");
     H5Gclose(check(H5Gcreate2(file_, "present", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)));
     for (std::size_t i = 0; i < masks_.size(); ++i) {
-      masks_[i] = create(mask_name(all_pieces[i]), H5T_STD_U8LE, 0, "1",
+      masks_[i] = create(mask_name(loop::all_slots[i]), H5T_STD_U8LE, 0, "1",
                          "1 where the log has the message " + log.summary().pieces[i].channel);
     }
     for (const auto& quantity : quantities_) {
@@ -62,7 +47,7 @@ class Hdf5File::Impl {
       const hsize_t columns = quantity.per_joint ? quantity.units.size() : 0;
       auto column = create(quantity.name, quantity.whole ? H5T_STD_I8LE : H5T_IEEE_F64LE, columns,
                            unit, quantity.description);
-      attribute(column.id, "present", std::string("/") + mask_name(quantity.piece));
+      attribute(column.id, "present", "/" + mask_name(quantity.slot));
       columns_.push_back(std::move(column));
     }
   }
@@ -71,12 +56,12 @@ class Hdf5File::Impl {
     tick_.values.push_back(static_cast<double>(record.tick));
     t_.values.push_back(static_cast<double>(record.tick) * period_s_);
     for (std::size_t i = 0; i < masks_.size(); ++i) {
-      masks_[i].values.push_back(has(record, all_pieces[i]) ? 1 : 0);
+      masks_[i].values.push_back(has(record, loop::all_slots[i]) ? 1 : 0);
     }
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       auto& values = columns_[i].values;
       values.resize(values.size() + quantities_[i].units.size(), 0.0);
-      if (has(record, quantities_[i].piece)) {
+      if (has(record, quantities_[i].slot)) {
         quantities_[i].read(record, values.data() + values.size() - quantities_[i].units.size());
       }
     }
@@ -146,6 +131,7 @@ class Hdf5File::Impl {
     attribute(file_, "version", info.version);
     attribute(file_, "robot", info.robot);
     attribute(file_, "measurement", info.measurement);
+    attribute(file_, "signals", info.signals);
     attribute(file_, "scenario", info.scenario);
     attribute(file_, "robot_description", info.robot_description);
   }
@@ -201,7 +187,7 @@ class Hdf5File::Impl {
   double period_s_;
   hid_t file_ = H5I_INVALID_HID;
   Dataset tick_, t_;
-  std::array<Dataset, num_pieces> masks_;
+  std::array<Dataset, loop::num_slots> masks_;
   std::vector<Dataset> columns_;
   hsize_t written_ = 0;
   hsize_t buffered_ = 0;

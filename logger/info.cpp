@@ -11,6 +11,7 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/format.h"
 #include "logger/message_types.h"
+#include "logger/run_info.h"
 
 namespace tachless::logger {
 namespace {
@@ -160,7 +161,7 @@ LogInfo read_info(const std::filesystem::path& path) {
     ++info.events;
     auto found = channels.find(event->channel);
     const std::string_view type = type_name(event->data);
-    if (type == "tachless.run_info_t") has_run_info = true;
+    if (event->channel.ends_with(run_info_suffix)) has_run_info = true;
     if (found == channels.end()) {
       if (channels.size() == LogInfo::max_channels) {
         ++info.events_elsewhere;

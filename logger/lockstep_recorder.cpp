@@ -34,7 +34,7 @@ void LockstepRecorder::write_complete_ticks() {
         bus::Rejection::none) {
       throw std::logic_error("a kept message has changed");
     }
-    for (int slot = 0; slot < protocol::lockstep::num_slots; ++slot) {
+    for (int slot = 0; slot < loop::num_slots; ++slot) {
       append(stamp.utime, messages().channel(static_cast<Slot>(slot)),
              window_.bytes(*tick, static_cast<Slot>(slot)));
     }

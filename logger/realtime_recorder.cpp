@@ -88,7 +88,7 @@ void RealtimeRecorder::conclude(bool well) {
 }
 
 void RealtimeRecorder::tell_what_is_missing() {
-  for (int i = 0; i < protocol::lockstep::num_slots; ++i) {
+  for (int i = 0; i < loop::num_slots; ++i) {
     const auto slot = static_cast<Slot>(i);
     const auto& missing = tally_.missing(slot);
     if (missing.count == 0) continue;

@@ -16,8 +16,8 @@ Recorder::Recorder(const experiment::Scenario& scenario, bus::Transport& transpo
       messages_(scenario),
       run_info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)),
       ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
-      run_info_codec_(layout(scenario, 0)),
-      ack_codec_(layout(scenario, 0)),
+      run_info_codec_(loop::Layout{}),
+      ack_codec_(loop::Layout{}),
       file_(log_path) {
   transport_.subscribe(run_info_channel_);
   for (const std::string& each : messages_.channels()) {

@@ -30,7 +30,7 @@ class Recorder {
   void run();
 
  protected:
-  using Slot = protocol::lockstep::Slot;
+  using Slot = loop::Slot;
 
   /// Another copy of RUN_INFO, or the first.
   virtual protocol::lockstep::Verdict on_run_info(bool same) = 0;

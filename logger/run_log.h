@@ -8,42 +8,19 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include <variant>
 #include <vector>
 
 #include "bus/wire.h"
 #include "experiment/scenario.h"
 #include "logger/log_file.h"
-#include "loop/signals.h"
-#include "loop/truth/plant_truth.h"
+#include "loop/truth/tick_record.h"
 
-/// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
+/// A log as the run it recorded: messages decoded, grouped by tick, and what is
+/// missing named.
 namespace tachless::logger {
 
-using Measurement =
-    std::variant<std::monostate, loop::PositionMeasurement, loop::MotorPositionMeasurement,
-                 loop::LinkStateMeasurement, loop::StateMeasurement>;
-
-/// What a log holds of one tick.
-struct TickRecord {
-  std::int64_t tick = 0;
-  std::optional<loop::Tick> clock;
-  Measurement measurement;  ///< of the kind that RUN_INFO names; monostate when missing
-  std::optional<loop::ReferencePoint> reference;
-  std::optional<loop::TorqueCommand> command;
-  std::optional<loop::LawSignals> controller_state;
-  std::optional<loop::truth::PlantTruth> truth;
-};
-
-/// The pieces a TickRecord consists of.
-enum class Piece { clock, measurement, reference, command, controller_state, truth };
-inline constexpr int num_pieces = 6;
-inline constexpr std::array<Piece, num_pieces> all_pieces = {
-    Piece::clock,   Piece::measurement,      Piece::reference,
-    Piece::command, Piece::controller_state, Piece::truth};
-
-/// Whether `record` has it.
-bool has(const TickRecord& record, Piece piece);
+using loop::Slot;
+using loop::TickRecord;
 
 /// Ticks in a row that lack a piece: first to last, both included.
 struct TickRange {
@@ -59,7 +36,8 @@ struct PieceSummary {
   std::uint64_t missing = 0;            ///< ticks from 0 to the log's last that lack it
   std::vector<TickRange> missing_list;  ///< the first `RunSummary::max_listed` ranges
 
-  /// A piece that the log never has was not recorded: absent, rather than full of gaps.
+  /// A piece that the log never has was not recorded: absent, rather than full
+  /// of gaps.
   [[nodiscard]] bool absent() const { return count == 0; }
 };
 
@@ -76,10 +54,10 @@ struct RunSummary {
   std::int64_t first_tick = -1;  ///< -1 while there is none
   std::int64_t last_tick = -1;
   std::uint64_t ticks = 0;  ///< ticks of which there is anything
-  std::array<PieceSummary, num_pieces> pieces;
+  std::array<PieceSummary, loop::num_slots> pieces;
   std::map<bus::Rejection, std::uint64_t> undecodable;
-  std::uint64_t wrong_tick =
-      0;  ///< tick outside of the run, or at odds with its time or its neighbours
+  std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
+                                       ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
   std::uint64_t other_messages = 0;    ///< of channels that are not this robot's
   std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
@@ -87,25 +65,27 @@ struct RunSummary {
   std::uint64_t run_infos = 0;                         ///< readable copies of this run's
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
 
-  [[nodiscard]] const PieceSummary& of(Piece piece) const {
+  [[nodiscard]] const PieceSummary& of(Slot piece) const {
     return pieces[static_cast<std::size_t>(piece)];
   }
-  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
+  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log
+  /// records.
   [[nodiscard]] std::uint64_t gaps() const;
 };
 
-/// Reads a run from a log: a canonical one of ours, or one that lcm-logger recorded in order of
-/// arrival, with duplicates and participants' messages. Front to back, in bounded memory: a
-/// window of ticks. Gaps are named, never bridged.
+/// Reads a run from a log: a canonical one of ours, or one that lcm-logger
+/// recorded in order of arrival, with duplicates and participants' messages.
+/// Front to back, in bounded memory: a window of ticks. Gaps are named, never
+/// bridged.
 class RunLog {
  public:
   /// Messages may be this many ticks out of order.
   static constexpr std::int64_t window = 128;
 
-  /// Finds RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the first
-  /// otherwise.
-  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read, holds no readable
-  /// RUN_INFO (of that run), or the scenario in it is not valid.
+  /// Finds RUN_INFO, wherever it is. With several runs in the log, `run`
+  /// chooses; the first otherwise.
+  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read, holds
+  /// no readable RUN_INFO (of that run), or the scenario in it is not valid.
   static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {});
   RunLog(RunLog&&) noexcept;
   ~RunLog();
@@ -117,7 +97,8 @@ class RunLog {
   /// `num_signals` is how many signals RUN_INFO declares.
   [[nodiscard]] const loop::Layout& layout() const;
 
-  /// The next tick of which the log holds anything, in order of ticks. False at the end.
+  /// The next tick of which the log holds anything, in order of ticks. False at
+  /// the end.
   bool next(TickRecord& record);
 
   /// Starts over.

@@ -3,177 +3,128 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <tuple>
+#include <type_traits>
 #include <vector>
 
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 #include "experiment/scenario.h"
-#include "protocol/lockstep/log_window.h"
+#include "loop/measurements.h"
+#include "loop/slot.h"
+#include "loop/truth/tick_record.h"
 
+/// The six messages of a tick, by slot: their channels, and whether one is sound. Keeps none.
 namespace tachless::logger {
 
-/// Checks messages of one type; what they say is of no interest here.
-template <class Value>
+/// Checks messages of one slot; what they say is of no interest here.
 class Checker {
  public:
-  explicit Checker(const loop::Layout& layout) : codec_(layout) {}
-  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
+  virtual ~Checker() = default;
+  virtual bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) = 0;
+  [[nodiscard]] virtual std::size_t longest() const = 0;
+};
+
+template <class Value>
+class CheckerOf final : public Checker {
+ public:
+  explicit CheckerOf(const loop::Layout& layout) : codec_(layout) {}
+  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) override {
     return codec_.decode(payload, stamp, value_);
   }
-  [[nodiscard]] std::size_t longest() const { return codec_.longest(); }
+  [[nodiscard]] std::size_t longest() const override { return codec_.longest(); }
 
  private:
   bus::Codec<Value> codec_;
   Value value_;
 };
 
-inline loop::Layout layout(const experiment::Scenario& scenario, int num_signals) {
-  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(), num_signals);
-}
-
-/// Whichever measurement the controller is fed with.
-class MeasurementChecker {
+/// The logger does not know laws: one may declare any number of signals.
+class SignalsChecker final : public Checker {
  public:
-  explicit MeasurementChecker(const loop::Layout& layout)
-      : checkers_(Checker<loop::PositionMeasurement>(layout),
-                  Checker<loop::MotorPositionMeasurement>(layout),
-                  Checker<loop::LinkStateMeasurement>(layout),
-                  Checker<loop::StateMeasurement>(layout)) {}
-
-  /// @return whether there is such a measurement
-  bool select(std::string_view suffix) {
-    const std::array suffixes = {loop::ChannelOf<loop::PositionMeasurement>::suffix,
-                                 loop::ChannelOf<loop::MotorPositionMeasurement>::suffix,
-                                 loop::ChannelOf<loop::LinkStateMeasurement>::suffix,
-                                 loop::ChannelOf<loop::StateMeasurement>::suffix};
-    const auto found = std::ranges::find(suffixes, suffix);
-    if (found == suffixes.end()) return false;
-    selected_ = found - suffixes.begin();
-    return true;
-  }
-
-  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
-    switch (selected_) {
-      case 0:
-        return std::get<0>(checkers_).check(payload, stamp);
-      case 1:
-        return std::get<1>(checkers_).check(payload, stamp);
-      case 2:
-        return std::get<2>(checkers_).check(payload, stamp);
-      case 3:
-        return std::get<3>(checkers_).check(payload, stamp);
-      default:
-        throw std::logic_error("a measurement came before it was selected");
+  explicit SignalsChecker(loop::Layout layout) {
+    for (layout.num_signals = 0; layout.num_signals <= loop::max_signals; ++layout.num_signals) {
+      checkers_.emplace_back(layout);
     }
   }
-
-  [[nodiscard]] std::size_t longest() const {
-    return std::apply([](const auto&... each) { return std::max({each.longest()...}); }, checkers_);
+  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) override {
+    const auto announced = bus::announced_layout<loop::LawSignals>(payload);
+    if (!announced) return bus::Rejection::wrong_size;
+    return checkers_[static_cast<std::size_t>(announced->num_signals)].check(payload, stamp);
   }
+  [[nodiscard]] std::size_t longest() const override { return checkers_.back().longest(); }
 
  private:
-  std::tuple<Checker<loop::PositionMeasurement>, Checker<loop::MotorPositionMeasurement>,
-             Checker<loop::LinkStateMeasurement>, Checker<loop::StateMeasurement>>
-      checkers_;
-  std::ptrdiff_t selected_ = -1;
+  std::vector<CheckerOf<loop::LawSignals>> checkers_;
 };
 
-/// The logger does not know laws: a controller's state may have any number of signals.
-class StateChecker {
- public:
-  explicit StateChecker(const experiment::Scenario& scenario) {
-    for (int signals = 0; signals <= loop::max_signals; ++signals) {
-      checkers_.emplace_back(layout(scenario, signals));
-    }
-  }
-  bus::Rejection check(std::span<const std::byte> payload, loop::Stamp& stamp) {
-    for (auto& checker : checkers_) {
-      const bus::Rejection rejection = checker.check(payload, stamp);
-      if (rejection != bus::Rejection::wrong_size) return rejection;
-    }
-    return bus::Rejection::wrong_size;
-  }
-  [[nodiscard]] std::size_t longest() const { return checkers_.back().longest(); }
-
- private:
-  std::vector<Checker<loop::LawSignals>> checkers_;
-};
-
-/// The six messages of a tick, by slot: their channels, and whether one is sound.
 class RunMessages {
  public:
-  using Slot = protocol::lockstep::Slot;
+  using Slot = loop::Slot;
 
   explicit RunMessages(const experiment::Scenario& scenario)
       : robot_(scenario.robot.channel_prefix),
-        tick_(layout(scenario, 0)),
-        measurement_(layout(scenario, 0)),
-        reference_(layout(scenario, 0)),
-        command_(layout(scenario, 0)),
-        state_(scenario),
-        truth_(layout(scenario, 0)) {
-    name(Slot::tick) = loop::channel<loop::Tick>(robot_);
-    name(Slot::reference) = loop::channel<loop::ReferencePoint>(robot_);
-    name(Slot::command) = loop::channel<loop::TorqueCommand>(robot_);
-    name(Slot::controller_state) = loop::channel<loop::LawSignals>(robot_);
-    name(Slot::truth) = loop::channel<loop::truth::PlantTruth>(robot_);
+        layout_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())) {
+    for_each_type(loop::TickMessages(), [&]<class Value>(std::type_identity<Value>) {
+      if constexpr (std::is_same_v<Value, loop::LawSignals>) {
+        use<Value>(std::make_unique<SignalsChecker>(layout_));
+      } else {
+        use<Value>(std::make_unique<CheckerOf<Value>>(layout_));
+      }
+    });
   }
 
   /// Chooses the measurement of this run. @return whether there is such a one.
   bool select_measurement(std::string_view suffix) {
-    if (!measurement_.select(suffix)) return false;
-    name(Slot::measurement) = robot_ + "_" + std::string(suffix);
-    return true;
+    return loop::with_measurement(suffix, [&]<class M>(std::type_identity<M>) {
+      use<M>(std::make_unique<CheckerOf<M>>(layout_));
+    });
   }
 
   /// Empty for the measurement that is not chosen yet.
-  [[nodiscard]] const std::string& channel(Slot slot) const {
-    return channels_[static_cast<std::size_t>(slot)];
-  }
-  [[nodiscard]] const std::array<std::string, protocol::lockstep::num_slots>& channels() const {
+  [[nodiscard]] const std::string& channel(Slot slot) const { return channels_[index(slot)]; }
+  [[nodiscard]] const std::array<std::string, loop::num_slots>& channels() const {
     return channels_;
   }
 
-  /// Longest messages, by slot [bytes].
-  [[nodiscard]] std::array<std::size_t, protocol::lockstep::num_slots> longest() const {
-    return {tick_.longest(),    measurement_.longest(), reference_.longest(),
-            command_.longest(), state_.longest(),       truth_.longest()};
+  /// Longest messages, by slot [bytes]; of all measurements.
+  [[nodiscard]] std::array<std::size_t, loop::num_slots> longest() const {
+    std::array<std::size_t, loop::num_slots> result{};
+    for (const Slot slot : loop::all_slots) {
+      if (checkers_[index(slot)]) result[index(slot)] = checkers_[index(slot)]->longest();
+    }
+    for_each_type(loop::Measurements(), [&]<class M>(std::type_identity<M>) {
+      std::size_t& measurement = result[index(Slot::measurement)];
+      measurement = std::max(measurement, bus::Codec<M>(layout_).longest());
+    });
+    return result;
   }
 
   bus::Rejection check(Slot slot, std::span<const std::byte> payload, loop::Stamp& stamp) {
-    switch (slot) {
-      case Slot::tick:
-        return tick_.check(payload, stamp);
-      case Slot::measurement:
-        return measurement_.check(payload, stamp);
-      case Slot::reference:
-        return reference_.check(payload, stamp);
-      case Slot::command:
-        return command_.check(payload, stamp);
-      case Slot::controller_state:
-        return state_.check(payload, stamp);
-      case Slot::truth:
-        return truth_.check(payload, stamp);
+    if (!checkers_[index(slot)]) {
+      throw std::logic_error("a measurement came before it was selected");
     }
-    throw std::logic_error("no such slot");
+    return checkers_[index(slot)]->check(payload, stamp);
   }
 
  private:
-  std::string& name(Slot slot) { return channels_[static_cast<std::size_t>(slot)]; }
+  static constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
+
+  template <class Value>
+  void use(std::unique_ptr<Checker> checker) {
+    constexpr std::size_t at = index(loop::slot_of<Value>());
+    channels_[at] = loop::channel<Value>(robot_);
+    checkers_[at] = std::move(checker);
+  }
 
   std::string robot_;
-  std::array<std::string, protocol::lockstep::num_slots> channels_;
-  Checker<loop::Tick> tick_;
-  MeasurementChecker measurement_;
-  Checker<loop::ReferencePoint> reference_;
-  Checker<loop::TorqueCommand> command_;
-  StateChecker state_;
-  Checker<loop::truth::PlantTruth> truth_;
+  loop::Layout layout_;
+  std::array<std::string, loop::num_slots> channels_;
+  std::array<std::unique_ptr<Checker>, loop::num_slots> checkers_;
 };
 
 }  // namespace tachless::logger

@@ -15,11 +15,11 @@ struct Quantity {
   std::string name;                ///< "q_ref"
   std::vector<std::string> units;  ///< per component: "rad", "m", "Nm", "N", "1" ...
   std::string description;
-  Piece piece;         ///< the message it comes from; missing with it
+  Slot slot;           ///< the message it comes from; missing with it
   bool per_joint;      ///< otherwise one number, and the column has no joint in its name
   bool whole = false;  ///< numbers are integers
 
-  /// The values of a record that `has(record, piece)`: as many as `units`.
+  /// The values of a record that `has(record, slot)`: as many as `units`.
   std::function<void(const TickRecord&, double* values)> read;
 
   /// "q_ref_1_rad"; component counts from 0, its name from 1.
@@ -27,7 +27,7 @@ struct Quantity {
 };
 
 /// The quantities that a log of this run can hold, whether or not this one does. In order:
-/// truth (q, v, theta, thetadot), reference, tau, error and nu per filter, measured values,
+/// truth (q, v, theta, thetadot), reference, tau, the law's signals, measured values,
 /// and what the drives did.
 std::vector<Quantity> quantities_of(const RunLog& log);
 

@@ -5,7 +5,7 @@
 namespace tachless::logger {
 namespace {
 
-using protocol::lockstep::num_slots;
+using loop::num_slots;
 using protocol::lockstep::Verdict;
 
 /// FNV-1a: tells a copy from a contradiction.

@@ -15,7 +15,7 @@ namespace tachless::logger {
 /// come again, which never came. Bounded memory; all of it taken at construction.
 class TickTally {
  public:
-  using Slot = protocol::lockstep::Slot;
+  using Slot = loop::Slot;
 
   /// Pieces may come this many ticks out of order; what comes later still is too old.
   static constexpr std::int64_t window = 1024;
@@ -53,8 +53,8 @@ class TickTally {
  private:
   struct Entry {
     std::int64_t tick = -1;
-    std::array<bool, protocol::lockstep::num_slots> has{};
-    std::array<std::uint64_t, protocol::lockstep::num_slots> digest{};
+    std::array<bool, loop::num_slots> has{};
+    std::array<std::uint64_t, loop::num_slots> digest{};
   };
 
   void settle_before(std::int64_t tick);
@@ -66,7 +66,7 @@ class TickTally {
   std::int64_t settled_ = 0;  ///< all ticks before are
   std::int64_t complete_ = 0;
   std::int64_t incomplete_ = 0;
-  std::array<Missing, protocol::lockstep::num_slots> missing_;
+  std::array<Missing, loop::num_slots> missing_;
 };
 
 /// "12, 40-55 and 3 more": where pieces are missing.

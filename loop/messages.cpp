@@ -10,4 +10,10 @@ std::string_view name(Role role) {
   return names.at(static_cast<std::size_t>(role));
 }
 
+std::string_view name(ParticipantState state) {
+  static constexpr std::array<std::string_view, 5> names = {"waiting", "ready", "running",
+                                                            "finished", "fault"};
+  return names.at(static_cast<std::size_t>(state));
+}
+
 }  // namespace tachless::loop

@@ -14,7 +14,7 @@ namespace tachless::monitor {
 
 /// One field of a message, named as in its .lcm file.
 struct MessageField {
-  std::string_view name;
+  std::string name;       ///< with the row, "value[0]", of a law's signals
   std::string_view unit;  ///< of revolute joints; empty when there is none
   std::variant<std::vector<double>, double, std::int64_t, bool, std::string> value;
 };

@@ -1,6 +1,6 @@
 #include "plant/measurement_source.h"
 
-#include "loop/signals.h"
+#include "loop/measurements.h"
 
 namespace tachless::plant {
 namespace {
@@ -36,30 +36,16 @@ class Source : public MeasurementSource {
   bus::Codec<Measurement> codec_;
 };
 
-template <class... Measurement>
-std::unique_ptr<MeasurementSource> first_that_is_called(std::string_view suffix,
-                                                        const experiment::Scenario& scenario,
-                                                        const Encoder& encoder,
-                                                        const loop::Layout& layout) {
-  std::unique_ptr<MeasurementSource> result;
-  const auto consider = [&]<class M>(std::type_identity<M>) {
-    if (loop::ChannelOf<M>::suffix == suffix) {
-      result = std::make_unique<Source<M>>(scenario, encoder, layout);
-    }
-  };
-  (consider(std::type_identity<Measurement>{}), ...);
-  return result;
-}
-
 }  // namespace
 
 std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suffix,
                                                            const experiment::Scenario& scenario,
                                                            const Encoder& encoder,
                                                            const loop::Layout& layout) {
-  auto source = first_that_is_called<loop::PositionMeasurement, loop::MotorPositionMeasurement,
-                                     loop::LinkStateMeasurement, loop::StateMeasurement>(
-      suffix, scenario, encoder, layout);
+  std::unique_ptr<MeasurementSource> source;
+  loop::with_measurement(suffix, [&]<class M>(std::type_identity<M>) {
+    source = std::make_unique<Source<M>>(scenario, encoder, layout);
+  });
   if (!source) {
     throw diagnostics::Failure(
         diagnostics::ExitCode::protocol_violated,

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "diagnostics/version.h"
+#include "loop/measurements.h"
 #include "plant/emulated_robot.h"
 #include "plant/plant_model.h"
 
@@ -67,9 +68,7 @@ RobotOnBus::RobotOnBus(const experiment::Scenario& scenario, node::Session& sess
 }
 
 void RobotOnBus::prepare() {
-  if (!driver_.measures_velocity() &&
-      (session_.measurement() == loop::ChannelOf<loop::LinkStateMeasurement>::suffix ||
-       session_.measurement() == loop::ChannelOf<loop::StateMeasurement>::suffix)) {
+  if (!driver_.measures_velocity() && loop::measures_velocity(session_.measurement())) {
     throw scenario_.complaint("controller.law", scenario_.controller.law +
                                                     " measures velocity, this robot does not; "
                                                     "take a law that is fed with positions");

@@ -23,35 +23,26 @@ namespace {
 
 /// What the law measures, from what was measured: a state holds the lesser measurements too.
 template <class Wanted>
-std::optional<Wanted> measured(const logger::Measurement& measurement) {
+std::optional<Wanted> measured(const loop::OptionalMeasurement& measurement) {
   return std::visit(
-      [](const auto& had) -> std::optional<Wanted> {
-        using Had = std::decay_t<decltype(had)>;
-        if constexpr (std::is_same_v<Had, Wanted>) {
-          return had;
-        } else if constexpr (std::is_same_v<Wanted, loop::PositionMeasurement> &&
-                             requires { had.q; }) {
-          return Wanted{had.q};
-        } else if constexpr (std::is_same_v<Wanted, loop::MotorPositionMeasurement> &&
-                             requires { had.theta; }) {
-          return Wanted{had.theta};
-        } else if constexpr (std::is_same_v<Wanted, loop::LinkStateMeasurement> &&
-                             std::is_same_v<Had, loop::StateMeasurement>) {
-          return Wanted{had.q, had.v, had.theta};
-        } else {
-          return {};
+      []<class Had>(const Had& had) -> std::optional<Wanted> {
+        if constexpr (!std::is_same_v<Had, std::monostate>) {
+          if constexpr (loop::is_part_of<Wanted, Had>()) return loop::part_of<Wanted>(had);
         }
+        return {};
       },
       measurement);
 }
 
 /// Whether `measured` finds the second in the first; both are suffixes of channels.
 bool holds(std::string_view had, std::string_view wanted) {
-  using loop::ChannelOf;
-  constexpr auto state = ChannelOf<loop::StateMeasurement>::suffix;
-  constexpr auto link_state = ChannelOf<loop::LinkStateMeasurement>::suffix;
-  if (had == wanted || had == state) return true;
-  return had == link_state && wanted != state;
+  bool result = false;
+  loop::with_measurement(had, [&]<class Had>(std::type_identity<Had>) {
+    loop::with_measurement(wanted, [&]<class Wanted>(std::type_identity<Wanted>) {
+      result = loop::is_part_of<Wanted, Had>();
+    });
+  });
+  return result;
 }
 
 void require_fitting(const logger::RunLog& log, const experiment::Scenario& scenario) {
@@ -144,7 +135,7 @@ class Comparison {
   std::int64_t first_pending_ = -1;
 };
 
-std::string missing(const logger::RunLog& log, std::int64_t tick, logger::Piece piece) {
+std::string missing(const logger::RunLog& log, std::int64_t tick, loop::Slot piece) {
   return "tick " + std::to_string(tick) + " has no " + log.summary().of(piece).channel;
 }
 
@@ -182,7 +173,7 @@ class Replayer {
         const bool no_reference = !jump && measurement && !record.reference;
         const std::string gap =
             missing(log_, jump ? next : record.tick,
-                    no_reference ? logger::Piece::reference : logger::Piece::measurement);
+                    no_reference ? loop::Slot::reference : loop::Slot::measurement);
         // The end of a run that was ended between two messages is no gap.
         if (command_follows(log_, record)) comparison_.stop(gap);
         break;

@@ -11,16 +11,16 @@ struct Angles {
 
 Angles angles_of(const logger::TickRecord& record) {
   if (record.truth) return {record.truth->q, record.truth->theta};
-  if (const auto* m = std::get_if<loop::PositionMeasurement>(&record.measurement)) {
-    return {m->q, {}};
-  }
-  if (const auto* m = std::get_if<loop::LinkStateMeasurement>(&record.measurement)) {
-    return {m->q, m->theta};
-  }
-  if (const auto* m = std::get_if<loop::StateMeasurement>(&record.measurement)) {
-    return {m->q, m->theta};
-  }
-  return {};
+  Angles angles;
+  std::visit(
+      [&](const auto& measurement) {
+        if constexpr (requires { measurement.q; }) {
+          angles.q = measurement.q;
+          if constexpr (requires { measurement.theta; }) angles.theta = measurement.theta;
+        }
+      },
+      record.measurement);
+  return angles;
 }
 
 }  // namespace

@@ -2,24 +2,20 @@
 
 #include <cstdint>
 #include <functional>
-#include <variant>
 
 #include "experiment/scenario.h"
-#include "loop/signals.h"
+#include "loop/measurements.h"
 #include "plant/arm.h"
 #include "plant/drive.h"
 
 namespace tachless::study {
-
-using AnyMeasurement = std::variant<loop::PositionMeasurement, loop::MotorPositionMeasurement,
-                                    loop::LinkStateMeasurement, loop::StateMeasurement>;
 
 /// All that happened in one tick.
 struct TickRecord {
   std::int64_t tick = 0;
   double time_s = 0;      ///< tick times period
   plant::ArmState truth;  ///< exact state at time_s
-  AnyMeasurement measurement;
+  loop::AnyMeasurement measurement;
   loop::ReferencePoint reference;
   loop::TorqueCommand command;
   loop::LawSignals controller;

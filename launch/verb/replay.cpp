@@ -59,7 +59,7 @@ std::string gap(const replay::Replay& replay, const logger::RunLog& log) {
   if (replay.without_command != 0) {
     return std::to_string(replay.without_command) + " ticks cannot be verified, the first is " +
            std::to_string(replay.first_without_command) + ": they have no " +
-           log.summary().of(logger::Piece::command).channel;
+           log.summary().of(loop::Slot::command).channel;
   }
   if (replay.compared == 0) return "there is no tick whose command could be verified";
   return "";

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 
+#include "loop/field.h"
 #include "robot/quantities.h"
 
 namespace tachless::loop::truth {
@@ -26,3 +27,32 @@ struct PlantTruth {
 };
 
 }  // namespace tachless::loop::truth
+
+namespace tachless::loop {
+
+template <>
+struct MessageOf<truth::PlantTruth> {
+  using Value = truth::PlantTruth;
+  static constexpr std::string_view type = "tachless_truth.plant_truth_t";
+  static constexpr std::string_view suffix = "TRUTH";
+  static constexpr bool once_per_tick = true;
+  static constexpr std::size_t num_states = 4;  ///< the first fields; the others are the drives'
+  static constexpr auto fields = std::tuple{
+      per_joint("position", "q", "rad", &Value::q, "link position"),
+      per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),
+      per_motor("motor_position", "theta", "rad", &Value::theta,
+                "motor position on the link side of the gear"),
+      per_motor("motor_velocity", "thetadot", "rad/s", &Value::thetadot, "motor velocity"),
+      per_joint("torque", "tau_applied", "N m", &Value::tau,
+                "torque applied over the tick, after the limit"),
+      Field<Value, std::array<bool, robot::max_joints>>{
+          "saturated", "saturated", "", Kind::flag, Count::joints, &Value::saturated,
+          "1 when the commanded torque exceeded the limit"},
+      Field<Value, truth::DriveFault>{
+          "fault", "drive_fault", "",
+          Kind::int8, Count::one, &Value::fault,
+          "0 none, 1 command missed (last torque held), 2 protective stop", 0,
+          static_cast<double>(truth::DriveFault::protective_stop)}};
+};
+
+}  // namespace tachless::loop

@@ -7,14 +7,14 @@
 #include <span>
 #include <string_view>
 
+#include "loop/slot.h"
 #include "protocol/lockstep/message_ring.h"
 #include "protocol/lockstep/verdict.h"
 
 namespace tachless::protocol::lockstep {
 
-/// What a tick consists of, in the order of the canonical log.
-enum class Slot : int { tick, measurement, reference, command, controller_state, truth };
-inline constexpr int num_slots = 6;
+using loop::num_slots;
+using loop::Slot;
 
 /// The logger's side: collects the six messages of each tick in whatever order they come, yields
 /// complete ticks one after the other, and says when to acknowledge and what is missing.

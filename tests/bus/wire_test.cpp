@@ -139,6 +139,7 @@ struct ParticipantType {
     m.host = "workbench";
     m.scenario = "paper_rigid";
     m.measurement = "POSITION";
+    m.signals = "error:rad";
     m.fault = "";
     return m;
   }
@@ -153,6 +154,7 @@ struct RunInfoType {
     m.version = "0.1.0";
     m.robot = "ARM";
     m.measurement = "POSITION";
+    m.signals = "error:rad,nu:rad/s";
     m.scenario = "name: paper_rigid\n";
     m.robot_description = "<robot name=\"two_link\"/>";
     return m;
@@ -244,6 +246,7 @@ TEST(EveryField, LandsInItsOwnMember) {
     EXPECT_EQ(value.host, message.host);
     EXPECT_EQ(value.scenario, message.scenario);
     EXPECT_EQ(value.measurement, message.measurement);
+    EXPECT_EQ(value.signals, message.signals);
     EXPECT_EQ(value.fault, message.fault);
   }
   {
@@ -254,6 +257,7 @@ TEST(EveryField, LandsInItsOwnMember) {
     EXPECT_EQ(value.version, message.version);
     EXPECT_EQ(value.robot, message.robot);
     EXPECT_EQ(value.measurement, message.measurement);
+    EXPECT_EQ(value.signals, message.signals);
     EXPECT_EQ(value.scenario, message.scenario);
     EXPECT_EQ(value.robot_description, message.robot_description);
   }
@@ -412,9 +416,9 @@ TEST(TickCodec, RejectsABooleanThatIsNeitherZeroNorOne) {
 }
 
 // Offsets inside participant_t.
-constexpr std::size_t participant_state = body + 20;
-constexpr std::size_t participant_error_norm = body + 22;
-constexpr std::size_t participant_role = body + 30;  // length of the first text
+constexpr std::size_t participant_role = body;  // length of the text; it is "controller"
+constexpr std::size_t participant_state = participant_role + 4 + 11;
+constexpr std::size_t participant_error_norm = participant_state + 1;
 
 TEST(ParticipantCodec, RejectsNonFiniteErrorNorm) {
   codec_checks::rejects_non_finite<ParticipantType>(participant_error_norm, 1, {});

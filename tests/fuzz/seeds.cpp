@@ -11,6 +11,7 @@
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 #include "logger/log_file.h"
+#include "tests/fuzz/message_list.h"
 
 using namespace tachless;
 
@@ -20,18 +21,19 @@ constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2
 constexpr std::int64_t num_ticks = 3;
 
 struct Message {
-  int type;  ///< as in wire_fuzzer.cpp
+  int type;  ///< its number in message_list.h
   std::string channel;
   std::vector<std::byte> bytes;
   std::int64_t utime;
 };
 
 template <class Value>
-void add(std::vector<Message>& messages, int type, const Value& value, std::int64_t tick) {
+void add(std::vector<Message>& messages, const Value& value, std::int64_t tick) {
   bus::Codec<Value> codec(layout);
   const std::int64_t utime = tick < 0 ? 0 : tick * 1000;
   const auto bytes = codec.encode({utime, 7, tick}, value);
-  messages.push_back({type, loop::channel<Value>("ARM"), {bytes.begin(), bytes.end()}, utime});
+  messages.push_back(
+      {fuzz::number_of<Value>(), loop::channel<Value>("ARM"), {bytes.begin(), bytes.end()}, utime});
 }
 
 std::string contents(const std::filesystem::path& path) {
@@ -43,25 +45,26 @@ std::string contents(const std::filesystem::path& path) {
 std::vector<Message> messages() {
   std::vector<Message> all;
   loop::RunInfo info{num_ticks, 1e-3, "1.0", "ARM", "POSITION", {}, {}};
+  info.signals = "error:rad,nu:rad/s";
   info.scenario = contents(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml");
   info.scenario += "  # as it is in a log: with what the command line gave\n";
   const std::string duration = "duration_s: 5.0";
   info.scenario.replace(info.scenario.find(duration), duration.size(), "duration_s: 0.003");
   info.robot_description = contents(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
-  add(all, 9, info, -1);
+  add(all, info, -1);
   const robot::Vector x = robot::Vector::Constant(2, 0.5);
   for (std::int64_t k = 0; k < num_ticks; ++k) {
-    add(all, 0, loop::Tick{k + 1 == num_ticks}, k);
-    add(all, 1, loop::PositionMeasurement{x}, k);
-    add(all, 5, loop::ReferencePoint{x, x, x, x, x}, k);
-    add(all, 6, loop::TorqueCommand{x}, k);
+    add(all, loop::Tick{k + 1 == num_ticks}, k);
+    add(all, loop::PositionMeasurement{x}, k);
+    add(all, loop::ReferencePoint{x, x, x, x, x}, k);
+    add(all, loop::TorqueCommand{x}, k);
     loop::LawSignals state;
     state.num = 2;
     state.value[0] = state.value[1] = x;
-    add(all, 7, state, k);
+    add(all, state, k);
     loop::truth::PlantTruth truth;
     truth.q = truth.v = truth.tau = x;
-    add(all, 11, truth, k);
+    add(all, truth, k);
   }
   loop::Participant participant;
   participant.instance = 5;
@@ -70,8 +73,8 @@ std::vector<Message> messages() {
   participant.measurement = "POSITION";
   participant.signals = "error:rad,nu:rad/s";
   participant.fault = "fault";
-  add(all, 8, participant, 2);
-  add(all, 10, loop::LogAck{5}, 2);
+  add(all, participant, 2);
+  add(all, loop::LogAck{5}, 2);
   return all;
 }
 

@@ -11,6 +11,7 @@
 
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
+#include "tests/fuzz/message_list.h"
 
 using namespace tachless;
 
@@ -40,12 +41,9 @@ struct Subject {
   }
 };
 
-using Subjects =
-    std::tuple<Subject<loop::Tick>, Subject<loop::PositionMeasurement>,
-               Subject<loop::MotorPositionMeasurement>, Subject<loop::LinkStateMeasurement>,
-               Subject<loop::StateMeasurement>, Subject<loop::ReferencePoint>,
-               Subject<loop::TorqueCommand>, Subject<loop::LawSignals>, Subject<loop::Participant>,
-               Subject<loop::RunInfo>, Subject<loop::LogAck>, Subject<loop::truth::PlantTruth>>;
+template <class... Value>
+std::tuple<Subject<Value>...> subjects_of(loop::TypeList<Value...>);
+using Subjects = decltype(subjects_of(fuzz::Messages()));
 constexpr std::size_t num_subjects = std::tuple_size_v<Subjects>;
 
 template <std::size_t... I>
@@ -63,8 +61,8 @@ void decode(Subjects& subjects, std::size_t which, std::span<const std::byte> pa
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   constexpr auto indices = std::make_index_sequence<num_subjects>();
-  static Subjects rigid = make({.num_joints = 2, .num_motors = 0, .num_signals = 1}, indices);
-  static Subjects flexible = make({.num_joints = 3, .num_motors = 3, .num_signals = 2}, indices);
+  static Subjects rigid = make({.num_joints = 2, .num_motors = 0, .num_signals = 2}, indices);
+  static Subjects flexible = make({.num_joints = 3, .num_motors = 3, .num_signals = 4}, indices);
   if (size == 0) return 0;
   decode(data[0] >= 128 ? flexible : rigid, data[0] % num_subjects,
          std::as_bytes(std::span(data + 1, size - 1)), indices);

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/version.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/temporary_directory.h"
@@ -24,7 +25,7 @@ void expect_equal(const robot::Vector& a, const robot::Vector& b) {
 
 void expect_equal(const TickRecord& a, const TickRecord& b) {
   EXPECT_EQ(a.tick, b.tick);
-  for (const Piece piece : all_pieces) ASSERT_EQ(has(a, piece), has(b, piece)) << a.tick;
+  for (const Slot piece : loop::all_slots) ASSERT_EQ(has(a, piece), has(b, piece)) << a.tick;
   if (a.reference) {
     expect_equal(a.reference->q_ref, b.reference->q_ref);
     expect_equal(a.reference->snap_ref, b.reference->snap_ref);
@@ -98,7 +99,7 @@ TEST_F(RunLogTest, ReadsACanonicalLogTickByTick) {
   EXPECT_EQ(log.layout().num_motors, 0);
   EXPECT_EQ(log.layout().num_signals, 2);
   expect_whole(log, run);
-  EXPECT_EQ(log.summary().of(Piece::command).channel, "ARM_COMMAND");
+  EXPECT_EQ(log.summary().of(Slot::command).channel, "ARM_COMMAND");
   EXPECT_EQ(log.summary().last_tick, 39);
   log.rewind();
   expect_whole(log, run);
@@ -163,14 +164,14 @@ TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
   EXPECT_EQ(ticks.size(), 35u);
   EXPECT_FALSE(ticks[5].command);
   EXPECT_TRUE(ticks[5].truth);
-  const auto& command = log.summary().of(Piece::command);
+  const auto& command = log.summary().of(Slot::command);
   EXPECT_EQ(command.missing, 8u);
   ASSERT_EQ(command.missing_list.size(), 3u);
   EXPECT_EQ(command.missing_list[0].first, 5);
   EXPECT_EQ(command.missing_list[0].last, 6);
   EXPECT_EQ(command.missing_list[2].first, 30);
   EXPECT_EQ(command.missing_list[2].last, 34);
-  EXPECT_EQ(log.summary().of(Piece::truth).missing, 6u);
+  EXPECT_EQ(log.summary().of(Slot::truth).missing, 6u);
   EXPECT_EQ(log.summary().gaps(), 6u * 5 + 3 + 1);
 }
 
@@ -204,7 +205,7 @@ TEST_F(RunLogTest, SaysWhichPieceWasNeverRecorded) {
   std::erase_if(messages, [](const Recorded& message) { return message.channel == "ARM_TRUTH"; });
   auto log = open(messages);
   EXPECT_EQ(read_all(log).size(), 40u);
-  EXPECT_TRUE(log.summary().of(Piece::truth).absent());
+  EXPECT_TRUE(log.summary().of(Slot::truth).absent());
   EXPECT_EQ(log.summary().gaps(), 0u);
 }
 
@@ -232,10 +233,10 @@ TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
     auto log = open(damaged.messages);
     const auto ticks = read_all(log);
     ASSERT_EQ(ticks.size(), 2000u);
-    EXPECT_EQ(log.summary().of(Piece::measurement).missing, 1u);
+    EXPECT_EQ(log.summary().of(Slot::measurement).missing, 1u);
     EXPECT_EQ(log.summary().gaps(), 1u);
     EXPECT_EQ(log.summary().wrong_tick + log.summary().too_late +
-                  log.summary().of(Piece::measurement).conflicts,
+                  log.summary().of(Slot::measurement).conflicts,
               1u);
   }
 }
@@ -280,7 +281,7 @@ TEST_F(RunLogTest, KeepsTheFirstOfTwoThatContradictEachOther) {
   messages.insert(messages.begin() + 5, other);
   auto log = open(messages);
   expect_whole(log, run);
-  EXPECT_EQ(log.summary().of(Piece::command).conflicts, 1u);
+  EXPECT_EQ(log.summary().of(Slot::command).conflicts, 1u);
 }
 
 TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstIsDamaged) {
@@ -316,6 +317,21 @@ TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   messages = short_rigid_run().messages;
   messages[0].data[39] ^= 1;  // lowest byte of num_ticks
   EXPECT_THAT(failure_of(messages), HasSubstr("contradicts"));
+}
+
+/// Whole, of 8 ticks of paper_rigid, recorded by tachless 0.1.0.
+constexpr const char* old_log = TACHLESS_SOURCE_DIR "/tests/logger/lcmlog_0.1.0";
+
+TEST(LogOf_0_1_0, IsRefusedWithTheVersionThatReadsIt) {
+  try {
+    RunLog::open(old_log);
+    FAIL() << "not refused";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("was recorded by tachless 0.1.0; this is " +
+                                          std::string(diagnostics::version)));
+    EXPECT_THAT(failure.what(), HasSubstr("use 0.1.0 to read it"));
+  }
 }
 
 }  // namespace

@@ -152,13 +152,13 @@ class Judge {
     if (!spec_.ends_early() && ticks != spec_.scenario.loop.num_ticks) {
       problem(fmt::format("the log has {} of {} ticks", ticks, spec_.scenario.loop.num_ticks));
     }
-    for (const logger::Piece piece : logger::all_pieces) {
+    for (const loop::Slot piece : loop::all_slots) {
       const logger::PieceSummary& each = log.of(piece);
       // On the wall clock a busy controller skips ticks, and the plant goes on without whoever was
       // killed. A run that was ended may lack messages of its last tick.
       const bool optional =
-          piece == logger::Piece::command || piece == logger::Piece::controller_state ||
-          (piece == logger::Piece::reference && spec_.round.fault == Fault::realtime_kill);
+          piece == loop::Slot::command || piece == loop::Slot::controller_state ||
+          (piece == loop::Slot::reference && spec_.round.fault == Fault::realtime_kill);
       if (spec_.round.realtime() && optional) continue;
       if (each.missing > (spec_.ends_early() ? 1U : 0U)) {
         problem(fmt::format("{} ticks have no {}", each.missing, each.channel));

@@ -25,7 +25,7 @@ std::vector<logger::Recorded> in_process_log(const experiment::Scenario& scenari
   };
   const loop::RunInfo info = {scenario.loop.num_ticks,
                               scenario.loop.period_s,
-                              "0.1.0",
+                              "0.2.0",
                               prefix,
                               std::string(controller::measurement_suffix(scenario.controller.law)),
                               loop::text_of(signals),

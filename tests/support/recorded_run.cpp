@@ -43,7 +43,7 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
   const auto layout = loop::layout(n, robot.flexible.has_value(), static_cast<int>(num_signals));
   result.info = {result.scenario.loop.num_ticks,
                  result.scenario.loop.period_s,
-                 "0.1.0",
+                 "0.2.0",
                  robot.channel_prefix,
                  measurement,
                  signals,

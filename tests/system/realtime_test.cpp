@@ -125,7 +125,7 @@ TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
   EXPECT_GT(logger.log->gaps, 0);
   EXPECT_EQ(logger.log->ticks + logger.log->gaps, 500);
   const Recorded log = recorded_by(threads);
-  EXPECT_GT(log.summary.of(logger::Piece::command).missing, 0u);
+  EXPECT_GT(log.summary.of(loop::Slot::command).missing, 0u);
 }
 
 TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {

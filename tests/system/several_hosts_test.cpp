@@ -159,7 +159,7 @@ TEST_F(LockstepOnFourHosts, EndsOnBothSidesOfALinkThatIsDownForLongerThanTheTime
   // What is recorded is whole ticks, and the beginning of the log of the run that ends well.
   const std::string first = without_the_fault(contents(run.programs.log_path()));
   for (const logger::TickRecord& each : ticks_of(run.programs.log_path())) {
-    for (const logger::Piece piece : logger::all_pieces) EXPECT_TRUE(has(each, piece)) << each.tick;
+    for (const loop::Slot piece : loop::all_slots) EXPECT_TRUE(has(each, piece)) << each.tick;
   }
   std::filesystem::remove(run.programs.log_path());
   run.hosts.plug("controller");

@@ -1,0 +1,194 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <tuple>
+#include <type_traits>
+
+#include "loop/signals.h"
+
+/// How a message is described: one table of fields for each message type, from which its bytes,
+/// checks, columns and descriptions follow. Knows no byte order and no message in particular; the
+/// tables are in loop/messages.h and loop/truth/plant_truth.h.
+namespace tachless::loop {
+
+/// How one value of a field is sent.
+enum class Kind {
+  real,  ///< IEEE 754 double, finite
+  flag,  ///< boolean: one byte, 0 or 1
+  int64,
+  int32,
+  int8,
+  uint8,  ///< sent as LCM's int8_t, for want of an unsigned one
+  text,
+};
+
+/// How many values a field has.
+enum class Count {
+  one,
+  joints,   ///< one per joint
+  motors,   ///< one per joint of a flexible-joint robot, none on a rigid one
+  signals,  ///< one per joint, in as many rows as the law declares signals
+};
+
+constexpr double no_limit = std::numeric_limits<double>::infinity();
+
+/// One field of `Value`'s message.
+template <class Value, class MemberType>
+struct Field {
+  using Member = MemberType;
+
+  std::string_view name;    ///< in the .lcm file
+  std::string_view symbol;  ///< in columns and equations
+  std::string_view unit;    ///< of revolute joints; empty when it has none
+  Kind kind;
+  Count count;
+  Member Value::*member;
+  std::string_view meaning = {};
+  double lowest = -no_limit;  ///< smallest value allowed, of numbers
+  double highest = no_limit;  ///< greatest
+  std::size_t longest = 0;    ///< most characters, of texts
+};
+
+/// The table of a message type; specialised beside the types:
+///   static constexpr std::string_view type;    // LCM's name, "tachless.tick_t"
+///   static constexpr std::string_view suffix;  // of its channel, "TICK"
+///   static constexpr bool once_per_tick;       // sent for every tick of a run
+///   static constexpr auto fields;              // std::tuple of Field, in the order of the .lcm
+///                                              // file, without utime, run, tick and the counts
+///   static constexpr std::size_t max_size;     // optional: most bytes of a message
+template <class Value>
+struct MessageOf;
+
+/// Calls `f(field)` for each field of the message, in order.
+template <class Value, class F>
+constexpr void for_each_field(F&& f) {
+  std::apply([&](const auto&... field) { (f(field), ...); }, MessageOf<Value>::fields);
+}
+
+/// Whether any field is counted so.
+template <class Value>
+constexpr bool has_count(Count count) {
+  bool found = false;
+  for_each_field<Value>([&](const auto& field) { found = found || field.count == count; });
+  return found;
+}
+
+/// Whether the message has a field of that name.
+template <class Value>
+constexpr bool has_field(std::string_view name) {
+  bool found = false;
+  for_each_field<Value>([&](const auto& field) { found = found || field.name == name; });
+  return found;
+}
+
+/// Signal rows, then joints, then motors: the int32 counts that the message begins with.
+template <class Value>
+constexpr bool has_joint_count() {
+  return has_count<Value>(Count::joints) || has_count<Value>(Count::signals);
+}
+
+namespace detail {
+
+inline bool finite(const robot::Vector& vector) { return vector.allFinite(); }
+inline bool finite(double number) { return std::isfinite(number); }
+template <std::size_t size>
+bool finite(const std::array<robot::Vector, size>& rows) {
+  for (const robot::Vector& row : rows) {
+    if (!row.allFinite()) return false;
+  }
+  return true;
+}
+template <class Other>
+bool finite(const Other&) {
+  return true;
+}
+
+inline bool same(const robot::Vector& a, const robot::Vector& b) {
+  return a.size() == b.size() &&
+         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
+}
+inline bool same(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+template <std::size_t size>
+bool same(const std::array<robot::Vector, size>& a, const std::array<robot::Vector, size>& b) {
+  for (std::size_t i = 0; i < size; ++i) {
+    if (!same(a[i], b[i])) return false;
+  }
+  return true;
+}
+template <class Other>
+bool same(const Other& a, const Other& b) {
+  return a == b;
+}
+
+}  // namespace detail
+
+template <class Value>
+concept Described = requires {
+  MessageOf<Value>::fields;
+};
+
+/// True when no number in the value is NaN or infinite. A node asks before it encodes what it
+/// has computed, and stops with a fault of its own if the answer is no.
+template <Described Value>
+bool all_finite(const Value& value) {
+  bool result = true;
+  for_each_field<Value>(
+      [&](const auto& field) { result = result && detail::finite(value.*field.member); });
+  return result;
+}
+
+/// Whether all fields agree, numbers bit for bit (so that a NaN equals itself).
+template <Described Value>
+bool same(const Value& a, const Value& b) {
+  bool result = true;
+  for_each_field<Value>([&](const auto& field) {
+    result = result && detail::same(a.*field.member, b.*field.member);
+  });
+  return result;
+}
+
+/// Channel suffix of each message type: the node takes its channel from the type, never from an
+/// option.
+template <class Value>
+struct ChannelOf {
+  static constexpr std::string_view suffix = MessageOf<Value>::suffix;
+};
+
+/// Full channel name, e.g. "ARM_POSITION". `robot` is already upper case.
+template <class Value>
+std::string channel(std::string_view robot) {
+  return std::string(robot) + "_" + std::string(MessageOf<Value>::suffix);
+}
+
+/// Makers of fields, for the tables.
+template <class Value>
+constexpr auto per_joint(std::string_view name, std::string_view symbol, std::string_view unit,
+                         robot::Vector Value::*member, std::string_view meaning) {
+  return Field<Value, robot::Vector>{name,          symbol, unit,   Kind::real,
+                                     Count::joints, member, meaning};
+}
+template <class Value>
+constexpr auto per_motor(std::string_view name, std::string_view symbol, std::string_view unit,
+                         robot::Vector Value::*member, std::string_view meaning) {
+  return Field<Value, robot::Vector>{name,          symbol, unit,   Kind::real,
+                                     Count::motors, member, meaning};
+}
+template <class Value, class Member>
+constexpr auto number(std::string_view name, std::string_view unit, Kind kind,
+                      Member Value::*member, double lowest = -no_limit, double highest = no_limit) {
+  return Field<Value, Member>{name, name, unit, kind, Count::one, member, {}, lowest, highest};
+}
+template <class Value, class Member>
+constexpr auto text(std::string_view name, std::size_t longest, Member Value::*member) {
+  return Field<Value, Member>{name,   name, {},        Kind::text, Count::one,
+                              member, {},   -no_limit, no_limit,   longest};
+}
+
+}  // namespace tachless::loop

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <type_traits>
+#include <variant>
+
+#include "loop/messages.h"
+
+/// The measurements that a controller can be fed with, listed once. What each holds follows from
+/// its table of fields; which law takes which is the law's business.
+namespace tachless::loop {
+
+using Measurements =
+    TypeList<PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement, StateMeasurement>;
+
+namespace detail {
+
+template <class List>
+struct Of;
+template <class... M>
+struct Of<TypeList<M...>> {
+  using Any = std::variant<M...>;
+  using Optional = std::variant<std::monostate, M...>;
+  template <template <class> class Wrap>
+  using Each = std::variant<Wrap<M>...>;
+  static constexpr std::array suffixes = {MessageOf<M>::suffix...};
+};
+
+}  // namespace detail
+
+using AnyMeasurement = detail::Of<Measurements>::Any;
+/// `std::monostate` when there is none.
+using OptionalMeasurement = detail::Of<Measurements>::Optional;
+
+/// `Wrap<M>` for one of the measurements M.
+template <template <class> class Wrap>
+using EachMeasurement = detail::Of<Measurements>::Each<Wrap>;
+
+/// Channel suffixes, in the order of `Measurements`.
+inline constexpr auto measurement_suffixes = detail::Of<Measurements>::suffixes;
+
+template <class M>
+constexpr bool is_measurement = std::is_constructible_v<AnyMeasurement, std::in_place_type_t<M>>;
+
+template <class M>
+constexpr bool holds_links = has_field<M>("position");
+template <class M>
+constexpr bool holds_motors = has_field<M>("motor_position");
+template <class M>
+constexpr bool holds_velocity = has_field<M>("velocity") || has_field<M>("motor_velocity");
+
+/// Calls `f(std::type_identity<M>())` with the measurement of that channel suffix; false when there
+/// is none.
+template <class F>
+constexpr bool with_measurement(std::string_view suffix, F&& f) {
+  bool found = false;
+  for_each_type(Measurements(), [&]<class M>(std::type_identity<M> type) {
+    if (MessageOf<M>::suffix != suffix) return;
+    found = true;
+    f(type);
+  });
+  return found;
+}
+
+/// Whether the measurement of that channel suffix holds a velocity.
+constexpr bool measures_velocity(std::string_view suffix) {
+  bool result = false;
+  with_measurement(suffix, [&]<class M>(std::type_identity<M>) { result = holds_velocity<M>; });
+  return result;
+}
+
+/// Whether every field of `Wanted` is one of `Had`, so that `part_of` finds the former in the
+/// latter.
+template <class Wanted, class Had>
+constexpr bool is_part_of() {
+  bool all = true;
+  for_each_field<Wanted>([&](const auto& field) { all = all && has_field<Had>(field.name); });
+  return all;
+}
+
+/// The lesser measurement in the greater. Precondition: `is_part_of<Wanted, Had>()`.
+template <class Wanted, class Had>
+Wanted part_of(const Had& had) {
+  static_assert(is_part_of<Wanted, Had>());
+  Wanted wanted;
+  for_each_field<Wanted>([&](const auto& to) {
+    for_each_field<Had>([&](const auto& from) {
+      if (to.name == from.name) wanted.*to.member = had.*from.member;
+    });
+  });
+  return wanted;
+}
+
+}  // namespace tachless::loop

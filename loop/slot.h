@@ -1,0 +1,23 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+
+/// The six kinds of message that make up one tick. Names only; loop/truth/tick_record.h holds what
+/// they carry.
+namespace tachless::loop {
+
+/// In the order of the canonical log.
+enum class Slot : int { tick, measurement, reference, command, controller_state, truth };
+inline constexpr int num_slots = 6;
+inline constexpr std::array<Slot, num_slots> all_slots = {
+    Slot::tick,    Slot::measurement,      Slot::reference,
+    Slot::command, Slot::controller_state, Slot::truth};
+
+constexpr std::string_view name(Slot slot) {
+  constexpr std::array<std::string_view, num_slots> names = {
+      "tick", "measurement", "reference", "command", "controller_state", "truth"};
+  return names.at(static_cast<std::size_t>(slot));
+}
+
+}  // namespace tachless::loop

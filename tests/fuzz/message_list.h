@@ -1,0 +1,26 @@
+#pragma once
+
+#include <type_traits>
+
+#include "loop/messages.h"
+#include "loop/truth/plant_truth.h"
+
+/// The message types that the fuzzers know, numbered: the first byte of an input chooses one.
+namespace tachless::fuzz {
+
+template <class... Value>
+loop::TypeList<Value..., loop::truth::PlantTruth> with_truth(loop::TypeList<Value...>);
+using Messages = decltype(with_truth(loop::Messages()));
+
+template <class Value>
+constexpr int number_of() {
+  int number = -1;
+  int next = 0;
+  for_each_type(Messages(), [&]<class Other>(std::type_identity<Other>) {
+    if (std::is_same_v<Other, Value>) number = next;
+    ++next;
+  });
+  return number;
+}
+
+}  // namespace tachless::fuzz
