@@ -21,12 +21,10 @@ struct RunDescription {
 
 inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
-/// Reads `reader` from where it stands up to a RUN_INFO, wherever it is; of
-/// that run, if `wanted`. One that no message of the robot and run goes with
-/// counts only when there is no other.
-/// @throw diagnostics::Failure(bad_usage) when the log holds no usable RUN_INFO
-/// (of that run): damaged, recorded by a version whose messages were others, or
-/// with a scenario that is not valid.
+/// Reads `reader` from where it stands up to a RUN_INFO, wherever it is; of that run, if `wanted`.
+/// One that no message of the robot and run goes with counts only when there is no other.
+/// @throw diagnostics::Failure(bad_usage) when the log holds no usable RUN_INFO (of that run):
+/// damaged, recorded by a version whose messages were others, or with a scenario that is not valid.
 RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted);
 
 }  // namespace tachless::logger

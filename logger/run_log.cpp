@@ -15,9 +15,8 @@ namespace {
 
 // Ticks held at once: those waited for, and as many ahead of them.
 constexpr std::int64_t num_held = 2 * RunLog::window;
-// Messages farther ahead that are kept until another one bears them out: a
-// damaged tick number must not make the window run away from the ticks that
-// follow.
+// Messages farther ahead that are kept until another one bears them out: a damaged tick number
+// must not make the window run away from the ticks that follow.
 constexpr std::size_t max_ahead = 64;
 
 constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
@@ -149,8 +148,7 @@ class RunLog::Impl {
                        [&](Slot piece) { return has(record, piece); });
   }
 
-  /// A run that was cut short leaves the reference of the tick after its last:
-  /// it is a tick ahead.
+  /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
   [[nodiscard]] bool has_not_begun(const TickRecord& record) const {
     return at_end_ && ready_.empty() && ahead_.empty() && record.tick == newest_ &&
            summary_.last_tick >= 0 && summary_.last_tick == record.tick - 1 &&
@@ -173,8 +171,7 @@ class RunLog::Impl {
   template <class Value>
   bool decoded(const LogEvent& event, Channel<Value>& channel, loop::Stamp& stamp) {
     const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
-    // Another run may have another number of joints: look at the run even where
-    // the size is wrong.
+    // Another run may have another number of joints: look at the run even where the size is wrong.
     const bool stamped = event.data.size() >= bus::stamp_end;
     const std::int64_t run = stamped ? bus::stamp_of(event.data).run : this->run();
     const bool participant = std::is_same_v<Value, loop::Participant> && run == 0;
@@ -208,8 +205,7 @@ class RunLog::Impl {
 
   template <class Value>
   void take(const LogEvent& event, const loop::Stamp& stamp, const Value& value) {
-    // The reference answers one tick ahead, so that one may lie just past the
-    // end of the run.
+    // The reference answers one tick ahead, so that one may lie just past the end of the run.
     const bool past_end =
         std::is_same_v<Value, loop::ReferencePoint> && stamp.tick == info().num_ticks;
     if (stamp.tick < 0 || stamp.tick > info().num_ticks ||
@@ -238,8 +234,7 @@ class RunLog::Impl {
     loop::entry_of<Value>(record) = value;
   }
 
-  /// In lockstep, time is the tick's: a number that was damaged gives itself
-  /// away.
+  /// In lockstep, time is the tick's: a number that was damaged gives itself away.
   [[nodiscard]] bool time_agrees(const loop::Stamp& stamp) const {
     if (scenario().loop.mode != experiment::Mode::lockstep) return true;
     const double t_us = static_cast<double>(stamp.tick) * info().period_s * 1e6;
@@ -264,8 +259,7 @@ class RunLog::Impl {
     ahead_.push_back({event, tick});
   }
 
-  /// Looks at the messages ahead again, once what is below `release_below_` is
-  /// handed out.
+  /// Looks at the messages ahead again, once what is below `release_below_` is handed out.
   void admit_ahead() {
     std::stable_sort(ahead_.begin(), ahead_.end(),
                      [](const Ahead& a, const Ahead& b) { return a.tick < b.tick; });
@@ -296,8 +290,7 @@ class RunLog::Impl {
     }
   }
 
-  /// Ticks from the one after the last that had `piece` to the one before
-  /// `tick`.
+  /// Ticks from the one after the last that had `piece` to the one before `tick`.
   void count_missing(Slot piece, std::int64_t tick) {
     const TickRange range{last_seen_[index(piece)] + 1, tick - 1};
     if (range.first > range.last) return;

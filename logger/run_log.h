@@ -15,8 +15,7 @@
 #include "logger/log_file.h"
 #include "loop/truth/tick_record.h"
 
-/// A log as the run it recorded: messages decoded, grouped by tick, and what is
-/// missing named.
+/// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
 namespace tachless::logger {
 
 using loop::Slot;
@@ -36,8 +35,7 @@ struct PieceSummary {
   std::uint64_t missing = 0;            ///< ticks from 0 to the log's last that lack it
   std::vector<TickRange> missing_list;  ///< the first `RunSummary::max_listed` ranges
 
-  /// A piece that the log never has was not recorded: absent, rather than full
-  /// of gaps.
+  /// A piece that the log never has was not recorded: absent, rather than full of gaps.
   [[nodiscard]] bool absent() const { return count == 0; }
 };
 
@@ -68,24 +66,22 @@ struct RunSummary {
   [[nodiscard]] const PieceSummary& of(Slot piece) const {
     return pieces[static_cast<std::size_t>(piece)];
   }
-  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log
-  /// records.
+  /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
   [[nodiscard]] std::uint64_t gaps() const;
 };
 
-/// Reads a run from a log: a canonical one of ours, or one that lcm-logger
-/// recorded in order of arrival, with duplicates and participants' messages.
-/// Front to back, in bounded memory: a window of ticks. Gaps are named, never
-/// bridged.
+/// Reads a run from a log: a canonical one of ours, or one that lcm-logger recorded in order of
+/// arrival, with duplicates and participants' messages. Front to back, in bounded memory: a
+/// window of ticks. Gaps are named, never bridged.
 class RunLog {
  public:
   /// Messages may be this many ticks out of order.
   static constexpr std::int64_t window = 128;
 
-  /// Finds RUN_INFO, wherever it is. With several runs in the log, `run`
-  /// chooses; the first otherwise.
-  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read, holds
-  /// no readable RUN_INFO (of that run), or the scenario in it is not valid.
+  /// Finds RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the first
+  /// otherwise.
+  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read, holds no readable
+  /// RUN_INFO (of that run), or the scenario in it is not valid.
   static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {});
   RunLog(RunLog&&) noexcept;
   ~RunLog();
@@ -97,8 +93,7 @@ class RunLog {
   /// `num_signals` is how many signals RUN_INFO declares.
   [[nodiscard]] const loop::Layout& layout() const;
 
-  /// The next tick of which the log holds anything, in order of ticks. False at
-  /// the end.
+  /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);
 
   /// Starts over.

@@ -38,13 +38,14 @@ const std::vector<Rule> rules = {
 
     {"process/", {"process/", "diagnostics/"}, {}, true},
 
-    {"bus/", {"bus/", "loop/", "process/", "robot/quantities.h"}, {"tachless/"}, true},
+    {"bus/", {"bus/", "loop/", "process/", "robot/quantities.h"}, {"fmt/"}, true},
+    {"bus/fingerprint.cpp", {"bus/"}, {"tachless/"}},
     {"bus/truth/", {"bus/", "loop/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
     {"bus/authenticated.cpp", {"bus/", "loop/"}, {"sodium.h"}, true},
 
     {"protocol/", {"protocol/", "loop/", "diagnostics/"}, {}},
-    {"protocol/lockstep/", {"protocol/lockstep/", "loop/clock.h"}, {}},
+    {"protocol/lockstep/", {"protocol/lockstep/", "loop/clock.h", "loop/slot.h"}, {}},
     {"protocol/realtime/", {"protocol/realtime/", "protocol/lockstep/", "loop/clock.h"}, {}},
 
     {"experiment/",
@@ -89,9 +90,9 @@ const std::vector<Rule> rules = {
     {"logger/",
      {"logger/", "node/", "protocol/", "bus/", "experiment/", "process/", "robot/", "loop/",
       "diagnostics/"},
-     {"nlohmann/"},
+     {"nlohmann/", "fmt/"},
      true},
-    {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5"}, true},
+    {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5", "fmt/"}, true},
 
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
@@ -112,7 +113,10 @@ const std::vector<Rule> rules = {
      {"replay/", "report/", "controller/", "logger/", "experiment/", "robot/", "loop/",
       "diagnostics/"},
      {"nlohmann/"}},
-    {"monitor/", {"monitor/", "logger/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/"}, true},
+    {"monitor/",
+     {"monitor/", "logger/", "bus/", "loop/", "diagnostics/"},
+     {"nlohmann/", "fmt/"},
+     true},
     {"viewer/",
      {"viewer/", "plant/plant_model.h", "node/", "bus/", "experiment/", "process/", "robot/",
       "loop/", "diagnostics/"},
