@@ -21,6 +21,7 @@ namespace tachless::bus::detail {
 
 using loop::Count;
 using loop::Kind;
+using SignalRows = decltype(loop::LawSignals::value);
 
 constexpr std::size_t count_size = sizeof(std::int32_t);
 constexpr std::size_t smallest_text = count_size + 1;
@@ -121,70 +122,68 @@ inline bool assign(std::string_view text, loop::Role& to) {
   return false;
 }
 
-// Reading: each takes what it needs from `from`, which holds it, and says what is wrong with it.
-
-inline Rejection read_real(Reader& from, double& to) {
-  // An exponent of all ones is infinity or NaN.
-  constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000;
-  const std::uint64_t bits = from.take(8);
-  to = std::bit_cast<double>(bits);
-  return (bits & exponent) == exponent ? Rejection::non_finite : Rejection::none;
-}
-
-inline Rejection read_reals(Reader& from, int size, robot::Vector& to) {
-  to.resize(size);  // in place: robot::Vector never allocates
-  for (double& value : to) {
-    if (read_real(from, value) != Rejection::none) return Rejection::non_finite;
-  }
-  return Rejection::none;
-}
-
-template <class Field, class Member>
-Rejection read(Reader& from, const Field& field, const loop::Layout&, Member& to) {
-  double number = 0;
-  if constexpr (std::is_same_v<Member, double>) {
-    if (read_real(from, to) != Rejection::none) return Rejection::non_finite;
-    number = to;
+/// Calls `f(entry)` for each number of a field, in the order of the message. Precondition: sizes
+/// agree with the layout.
+template <class Field, class Member, class F>
+void for_each_entry(const Field& field, const loop::Layout& layout, Member& member, F&& f) {
+  const auto length = static_cast<std::size_t>(length_of(field.count, layout));
+  if constexpr (std::is_same_v<std::remove_const_t<Member>, SignalRows>) {
+    for (std::size_t row = 0; row < static_cast<std::size_t>(layout.num_signals); ++row) {
+      for (auto& entry : member[row]) f(entry);
+    }
+  } else if constexpr (requires { member[length]; }) {
+    for (std::size_t i = 0; i < length; ++i) f(member[static_cast<std::ptrdiff_t>(i)]);
   } else {
-    std::int64_t whole = 0;
-    if (field.kind == Kind::int64) whole = from.int64();
-    if (field.kind == Kind::int32) whole = from.int32();
-    if (field.kind == Kind::int8) whole = static_cast<std::int8_t>(from.take(1));
-    if (field.kind == Kind::uint8) whole = static_cast<std::uint8_t>(from.take(1));
-    if (field.kind == Kind::flag) whole = static_cast<std::uint8_t>(from.take(1));
+    f(member);
+  }
+}
+
+// Reading: takes what it needs from `from`, which holds it, and says what is wrong with it.
+
+template <class Field, class Entry>
+Rejection read_entry(Reader& from, const Field& field, Entry& to) {
+  double number = 0;
+  if constexpr (std::is_same_v<Entry, double>) {
+    // An exponent of all ones is infinity or NaN.
+    constexpr std::uint64_t exponent = 0x7ff0'0000'0000'0000;
+    const std::uint64_t bits = from.take(8);
+    to = number = std::bit_cast<double>(bits);
+    if ((bits & exponent) == exponent) return Rejection::non_finite;
+  } else {
+    const std::uint64_t bits = from.take(size_of(field.kind));
+    auto whole = static_cast<std::int64_t>(bits);
+    if (field.kind == Kind::int32) whole = static_cast<std::int32_t>(bits);
+    if (field.kind == Kind::int8) whole = static_cast<std::int8_t>(bits);
     if (field.kind == Kind::flag && whole > 1) return Rejection::bad_value;
-    to = static_cast<Member>(whole);
+    to = static_cast<Entry>(whole);
     number = static_cast<double>(whole);
   }
   return number < field.lowest || number > field.highest ? Rejection::bad_value : Rejection::none;
 }
 
-template <class Field>
-Rejection read(Reader& from, const Field& field, const loop::Layout& layout, robot::Vector& to) {
-  return read_reals(from, length_of(field.count, layout), to);
+/// Leaves nothing of an earlier message behind. Never allocates: robot::Vector resizes in place.
+template <class Field, class Member>
+void make_room(const Field& field, const loop::Layout& layout, Member& member) {
+  if constexpr (std::is_same_v<Member, robot::Vector>) {
+    member.resize(length_of(field.count, layout));
+  } else if constexpr (std::is_same_v<Member, SignalRows>) {
+    for (int row = 0; row < loop::max_signals; ++row) {
+      member[static_cast<std::size_t>(row)].resize(row < layout.num_signals ? layout.num_joints
+                                                                            : 0);
+    }
+  } else {
+    member = {};
+  }
 }
 
-template <class Field, std::size_t size>
-Rejection read(Reader& from, const Field&, const loop::Layout& layout,
-               std::array<robot::Vector, size>& to) {
-  Rejection rejection = Rejection::none;
-  for (std::size_t i = 0; i < size && rejection == Rejection::none; ++i) {
-    const bool declared = i < static_cast<std::size_t>(layout.num_signals);
-    rejection = read_reals(from, declared ? layout.num_joints : 0, to[i]);
-  }
-  return rejection;
-}
-
-template <class Field, std::size_t size>
-Rejection read(Reader& from, const Field& field, const loop::Layout& layout,
-               std::array<bool, size>& to) {
-  to.fill(false);
-  for (int i = 0; i < length_of(field.count, layout); ++i) {
-    const std::uint64_t byte = from.take(1);
-    if (byte > 1) return Rejection::bad_value;
-    to[static_cast<std::size_t>(i)] = byte == 1;
-  }
-  return Rejection::none;
+template <class Field, class Member>
+Rejection read(Reader& from, const Field& field, const loop::Layout& layout, Member& to) {
+  Rejection result = Rejection::none;
+  make_room(field, layout, to);
+  for_each_entry(field, layout, to, [&](auto& entry) {
+    if (result == Rejection::none) result = read_entry(from, field, entry);
+  });
+  return result;
 }
 
 /// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
@@ -199,7 +198,7 @@ Rejection read_text(Reader& from, const Field& field, std::size_t needed, Member
   return assign(text.substr(0, extent - 1), to) ? Rejection::none : Rejection::bad_value;
 }
 
-// Before writing: each throws std::logic_error when the value could not be read back.
+// Before writing: throws std::logic_error when the value could not be read back.
 
 inline void require_size(const robot::Vector& vector, int size, std::string_view what) {
   if (vector.size() == size) return;
@@ -208,31 +207,20 @@ inline void require_size(const robot::Vector& vector, int size, std::string_view
 }
 
 template <class Field, class Member>
-void require(const Field& field, const loop::Layout&, const Member& member) {
-  if constexpr (!std::is_same_v<Member, bool>) {
-    const auto number = static_cast<double>(member);
-    if (number < field.lowest || number > field.highest) {
-      throw std::logic_error(fmt::format("bus::Codec: {} is {}, allowed are {} to {}", field.name,
-                                         number, field.lowest, field.highest));
+void require(const Field& field, const loop::Layout& layout, const Member& member) {
+  if constexpr (std::is_same_v<Member, robot::Vector>) {
+    require_size(member, length_of(field.count, layout), field.symbol);
+  } else if constexpr (std::is_same_v<Member, SignalRows>) {
+    for (std::size_t row = 0; row < static_cast<std::size_t>(layout.num_signals); ++row) {
+      require_size(member[row], layout.num_joints, field.symbol);
     }
+  } else if constexpr (requires { static_cast<double>(member); }) {
+    const auto number = static_cast<double>(member);
+    if (number >= field.lowest && number <= field.highest) return;
+    throw std::logic_error(fmt::format("bus::Codec: {} is {}, allowed are {} to {}", field.name,
+                                       number, field.lowest, field.highest));
   }
 }
-
-template <class Field>
-void require(const Field& field, const loop::Layout& layout, const robot::Vector& vector) {
-  require_size(vector, length_of(field.count, layout), field.symbol);
-}
-
-template <class Field, std::size_t size>
-void require(const Field& field, const loop::Layout& layout,
-             const std::array<robot::Vector, size>& rows) {
-  for (std::size_t i = 0; i < static_cast<std::size_t>(layout.num_signals); ++i) {
-    require_size(rows[i], layout.num_joints, field.symbol);
-  }
-}
-
-template <class Field, std::size_t size>
-void require(const Field&, const loop::Layout&, const std::array<bool, size>&) {}
 
 template <class Field>
 void require_text(const Field& field, std::string_view text) {
@@ -247,38 +235,15 @@ void require_text(const Field& field, std::string_view text) {
 
 // Writing.
 
-inline void write_reals(Writer& to, const robot::Vector& vector) {
-  for (const double value : vector) to.put(std::bit_cast<std::uint64_t>(value), 8);
-}
-
 template <class Field, class Member>
-void write(Writer& to, const Field& field, const loop::Layout&, const Member& member) {
-  if constexpr (std::is_same_v<Member, double>) {
-    to.put(std::bit_cast<std::uint64_t>(member), 8);
-  } else {
-    to.put(static_cast<std::uint64_t>(member), size_of(field.kind));
-  }
-}
-
-template <class Field>
-void write(Writer& to, const Field&, const loop::Layout&, const robot::Vector& vector) {
-  write_reals(to, vector);
-}
-
-template <class Field, std::size_t size>
-void write(Writer& to, const Field&, const loop::Layout& layout,
-           const std::array<robot::Vector, size>& rows) {
-  for (std::size_t i = 0; i < static_cast<std::size_t>(layout.num_signals); ++i) {
-    write_reals(to, rows[i]);
-  }
-}
-
-template <class Field, std::size_t size>
-void write(Writer& to, const Field& field, const loop::Layout& layout,
-           const std::array<bool, size>& flags) {
-  for (int i = 0; i < length_of(field.count, layout); ++i) {
-    to.put(flags[static_cast<std::size_t>(i)] ? 1 : 0, 1);
-  }
+void write(Writer& to, const Field& field, const loop::Layout& layout, const Member& member) {
+  for_each_entry(field, layout, member, [&]<class Entry>(const Entry& entry) {
+    if constexpr (std::is_same_v<Entry, double>) {
+      to.put(std::bit_cast<std::uint64_t>(entry), 8);
+    } else {
+      to.put(static_cast<std::uint64_t>(entry), size_of(field.kind));
+    }
+  });
 }
 
 inline void write_text(Writer& to, std::string_view text) {

@@ -71,7 +71,7 @@ TEST(Watch, DecodesEveryChannelOfARunAndLeavesItAlone) {
   EXPECT_EQ(types, expected);
   for (const auto& [name, entry] : channels) EXPECT_EQ(entry["undecodable"], 0) << name;
   EXPECT_EQ(channels.at("ARM_TRUTH")["newest"]["motor_velocity"].size(), 2U);
-  EXPECT_EQ(channels.at("ARM_CONTROLLER_STATE")["newest"]["nu[1]"].size(), 2U);
+  EXPECT_EQ(channels.at("ARM_CONTROLLER_STATE")["newest"]["value[3]"].size(), 2U);
   EXPECT_GT(channels.at("ARM_TICK")["rate_hz"].get<double>(), 0);
 }
 
