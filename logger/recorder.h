@@ -14,6 +14,7 @@
 #include "logger/log_file.h"
 #include "logger/run_messages.h"
 #include "node/session.h"
+#include "protocol/lockstep/verdict.h"
 
 namespace tachless::logger {
 
