@@ -1,4 +1,5 @@
-// A fault that docs/operations.md promises an outcome for has the test that it names.
+// A fault that docs/operations.md promises an outcome for has the test that it names; files that
+// the documents name exist.
 
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <regex>
 #include <set>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -55,6 +57,25 @@ TEST(Operations, NamesATestInEveryRowOfItsTables) {
     EXPECT_TRUE(std::regex_search(line, a_test)) << line;
   }
   EXPECT_GT(rows, 30);
+}
+
+TEST(Documents, NameFilesThatExist) {
+  std::vector<fs::path> documents = {root / "README.md", root / "CONTRIBUTING.md"};
+  for (const auto& entry : fs::recursive_directory_iterator(root / "docs")) {
+    if (entry.path().extension() == ".md") documents.push_back(entry.path());
+  }
+  const std::regex path(R"re(`((?:[a-z_]+/)+[\w.]+\.(?:cpp|h|md|sh|py|yaml|urdf|csv|lcm|txt))`)re");
+  int found = 0;
+  for (const fs::path& document : documents) {
+    const std::string text = contents(document);
+    for (std::sregex_iterator each(text.begin(), text.end(), path), end; each != end; ++each) {
+      const std::string name = each->str(1);
+      if (name.starts_with("out/") || name.starts_with("build/")) continue;  // written by programs
+      ++found;
+      EXPECT_TRUE(fs::exists(root / name)) << document << " names " << name;
+    }
+  }
+  EXPECT_GT(found, 20);
 }
 
 }  // namespace
