@@ -170,10 +170,10 @@ Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
     scenario.plant.drive.torque_limit_Nm = model.effort_limit;
   }
   scenario.model = std::make_shared<const robot::Model>(std::move(model));
-  std::transform(scenario.robot.name.begin(), scenario.robot.name.end(),
-                 scenario.robot.channel_prefix.assign(scenario.robot.name).begin(), [](char c) {
-                   return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
-                 });
+  scenario.robot.channel_prefix = scenario.robot.name;
+  for (char& c : scenario.robot.channel_prefix) {
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  }
   LoopSpec& loop = scenario.loop;
   loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(loop));
   if (!scenario.gives("loop.command_delay")) {
