@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "controller/law/lyapunov.h"
 #include "controller/laws.h"
 #include "diagnostics/text.h"
 #include "loop/measurements.h"
@@ -19,9 +20,16 @@ LawFacts facts_of() {
   facts.name = L::name;
   facts.measurement = loop::ChannelOf<typename L::Measurement>::suffix;
   facts.signals = L::signals;
-  for (const auto& gain : L::Gains::names) {
-    facts.gains.push_back(gain.name);
-  }
+  schema::for_each_key<typename L::Gains>(
+      [&]<class Member>(const schema::Key<typename L::Gains, Member>& key) {
+        facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
+                                    key.range, schema::allowed_text(key),
+                                    key.fallback == schema::Default::required});
+      });
+  facts.source = L::source;
+  facts.proved = L::proved;
+  facts.conditions = L::conditions;
+  if constexpr (law::HasLyapunovFunction<L>) facts.lyapunov_formula = L::lyapunov_formula;
   facts.needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>;
   facts.regulation_only = L::regulation_only;
   facts.has_feedforward_lead = L::has_feedforward_lead;
@@ -53,16 +61,17 @@ std::string shown(const robot::Vector& value) {
 std::string gain_key(std::string_view gain) { return fmt::format("controller.gains.{}", gain); }
 
 void require_known_gains(const experiment::Scenario& scenario, const LawFacts& facts) {
-  std::vector<std::string_view> known;
-  for (const LawFacts& law : laws()) {
-    known.insert(known.end(), law.gains.begin(), law.gains.end());
-  }
+  const auto known = [](std::string_view gain) {
+    return std::ranges::any_of(laws(), [&](const LawFacts& law) {
+      return std::ranges::any_of(law.parameters, [&](auto& each) { return each.name == gain; });
+    });
+  };
+  const std::vector<std::string_view> names = parameter_names(facts);
   for (const auto& [gain, value] : scenario.controller.gains) {
-    if (std::find(known.begin(), known.end(), gain) == known.end()) {
-      throw scenario.complaint(
-          gain_key(gain),
-          fmt::format("no law has this gain{} Gains of {}: {}", suggestion(gain, facts.gains),
-                      facts.name, diagnostics::joined(facts.gains)));
+    if (!known(gain)) {
+      throw scenario.complaint(gain_key(gain), fmt::format("no law has this gain{} Gains of {}: {}",
+                                                           suggestion(gain, names), facts.name,
+                                                           diagnostics::joined(names)));
     }
   }
 }
@@ -121,6 +130,12 @@ const LawFacts& law_facts(std::string_view name) {
   throw std::invalid_argument(no_such_law(name));
 }
 
+std::vector<std::string_view> parameter_names(const LawFacts& law) {
+  std::vector<std::string_view> names;
+  for (const Parameter& parameter : law.parameters) names.push_back(parameter.name);
+  return names;
+}
+
 std::string_view measurement_suffix(std::string_view name) { return law_facts(name).measurement; }
 
 robot::Model rigid_model(const experiment::Scenario& scenario) {
@@ -175,25 +190,29 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
   require_known_gains(scenario, law);
 }
 
-robot::Vector required_gain(const experiment::Scenario& scenario, const LawFacts& law,
-                            std::string_view gain) {
-  const auto found = scenario.controller.gains.find(std::string(gain));
+std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenario,
+                                             const LawFacts& law, const Parameter& parameter) {
+  const auto found = scenario.controller.gains.find(std::string(parameter.name));
   if (found == scenario.controller.gains.end()) {
+    if (!parameter.required) return std::nullopt;
     throw scenario.complaint("controller.gains",
-                             fmt::format("{} is missing; gains of {}: {}", gain, law.name,
-                                         diagnostics::joined(law.gains)));
+                             fmt::format("{} is missing; gains of {}: {}", parameter.name, law.name,
+                                         diagnostics::joined(parameter_names(law))));
   }
   const robot::Vector& value = found->second;
   if (value.size() != scenario.num_joints) {
-    throw scenario.complaint(
-        gain_key(gain), fmt::format("{} has {} entries; needed: one per joint, {}", shown(value),
-                                    value.size(), scenario.num_joints));
+    throw scenario.complaint(gain_key(parameter.name),
+                             fmt::format("{} has {} entries; needed: one per joint, {}",
+                                         shown(value), value.size(), scenario.num_joints));
   }
-  for (const double entry : value) {
-    if (!(entry > 0 && std::isfinite(entry))) {
-      throw scenario.complaint(
-          gain_key(gain), fmt::format("{}; allowed: every entry greater than 0", shown(value)));
-    }
+  const auto allowed = [&](double entry) {
+    const bool as_first = parameter.shape == schema::Shape::joints || entry == value[0];
+    const bool whole = parameter.shape != schema::Shape::whole || entry == std::trunc(entry);
+    return parameter.range.contains(entry) && as_first && whole;
+  };
+  if (!std::all_of(value.begin(), value.end(), allowed)) {
+    throw scenario.complaint(gain_key(parameter.name),
+                             fmt::format("{}; allowed: {}", shown(value), parameter.allowed));
   }
   return value;
 }

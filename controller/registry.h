@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -16,17 +17,29 @@
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
 #include "robot/model.h"
+#include "schema/schema.h"
 
 /// The laws by name: what each declares, and from a scenario to a law. Includes no law; the list is
 /// controller/laws.h.
 namespace tachless::controller {
+
+/// A parameter that a law declares.
+struct Parameter {
+  std::string_view name, unit, meaning;
+  schema::Shape shape = schema::Shape::joints;
+  schema::Range range;
+  std::string allowed;  ///< what may be written for it, in words
+  bool required = true;
+};
 
 /// What is known of a law by its name alone; all of it follows from what the law declares.
 struct LawFacts {
   std::string_view name;
   std::string_view measurement;           ///< suffix of the channel that it is fed from
   std::span<const loop::Signal> signals;  ///< rows of its `loop::LawSignals`
-  std::vector<std::string_view> gains;
+  std::vector<Parameter> parameters;
+  std::string_view source, proved, conditions;
+  std::string_view lyapunov_formula;  ///< empty when it declares no Lyapunov function
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< its reference must be constant
   bool has_feedforward_lead = false;
@@ -41,6 +54,9 @@ std::vector<std::string_view> law_names();
 
 /// @throw std::invalid_argument naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
+
+/// The names of the law's parameters, in its order.
+std::vector<std::string_view> parameter_names(const LawFacts& law);
 
 /// Suffix of the channel that feeds the law.
 /// @throw std::invalid_argument as `law_facts`.
@@ -58,27 +74,48 @@ law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario);
 /// Sampling, filter and lead of the scenario.
 law::Settings law_settings(const experiment::Scenario& scenario);
 
-/// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead, gains
-/// that no law has. @throw diagnostics::Failure(bad_usage).
+/// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead,
+/// parameters that no law has. @throw diagnostics::Failure(bad_usage).
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law);
 
-/// The gain of that name. @throw diagnostics::Failure(bad_usage) when it is missing, of the wrong
-/// length or not positive in every entry.
-robot::Vector required_gain(const experiment::Scenario& scenario, const LawFacts& law,
-                            std::string_view gain);
+/// The scenario's value of a parameter, an entry per joint (all the same unless it is per joint);
+/// nothing when it is not given and not required.
+/// @throw diagnostics::Failure(bad_usage) when it is missing, of the wrong length, out of its
+/// range, or no whole number where it is a count.
+std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenario,
+                                             const LawFacts& law, const Parameter& parameter);
 
-/// The law L with the scenario's robot, gains and settings. Gains that only other laws have are
-/// left alone, so that one scenario can be run under several laws.
+/// The law's parameters from the scenario; what is not given has the declared default.
+/// @throw diagnostics::Failure(bad_usage) as `given_parameter`.
+template <class Gains>
+Gains gains_of(const experiment::Scenario& scenario, const LawFacts& law) {
+  Gains gains;
+  auto parameter = law.parameters.begin();
+  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
+    const auto given = given_parameter(scenario, law, *parameter++);
+    if constexpr (std::is_same_v<Member, robot::Vector>) {
+      if (given) {
+        gains.*key.member = *given;
+      } else if (key.fallback == schema::Default::of_joints) {
+        gains.*key.member = robot::Vector::Constant(scenario.num_joints, key.each_joint);
+      }
+    } else {
+      static_assert(std::is_arithmetic_v<Member>, "a parameter is per joint, a number or a count");
+      if (given) gains.*key.member = static_cast<Member>((*given)[0]);
+    }
+  });
+  return gains;
+}
+
+/// The law L with the scenario's robot, parameters and settings. Parameters that only other laws
+/// have are left alone, so that one scenario can be run under several laws.
 /// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
 /// as the two functions above.
 template <class L>
 L make_law(const experiment::Scenario& scenario) {
   const LawFacts& law = law_facts(L::name);
   require_compatible(scenario, law);
-  typename L::Gains gains;
-  for (const auto& gain : L::Gains::names) {
-    gains.*gain.value = required_gain(scenario, law, gain.name);
-  }
+  auto gains = gains_of<typename L::Gains>(scenario, law);
   try {
     if constexpr (std::is_same_v<typename L::Robot, law::FlexibleRobot>) {
       return L(flexible_robot(scenario), std::move(gains), law_settings(scenario));

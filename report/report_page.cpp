@@ -144,7 +144,9 @@ std::string gains_text(const RecordedRun& run) {
   const experiment::ControllerSpec& spec = run.scenario.controller;
   std::vector<std::string> names;
   for (const controller::LawFacts& law : controller::laws()) {
-    if (law.name == spec.law) names.assign(law.gains.begin(), law.gains.end());
+    for (const controller::Parameter& parameter : law.parameters) {
+      if (law.name == spec.law) names.emplace_back(parameter.name);
+    }
   }
   if (names.empty()) {
     for (const auto& [name, value] : spec.gains) names.push_back(name);

@@ -2,13 +2,17 @@
 
 #include <array>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "controller/law/filter.h"
 #include "controller/law/flexible_robot.h"
 #include "controller/law/law.h"
+#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
+#include "robot/energy.h"
 #include "robot/inverse_dynamics.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -19,14 +23,20 @@ namespace tachless::controller::law {
 ///   tau = g(q_ref) - Kp (theta - theta_ref) - Kd nu,   theta_ref = q_ref + K^-1 g(q_ref),
 ///   nudot = -A nu + B thetadot,   q_ref constant.
 ///
-/// Measures: motor position; the links are not measured at all. Memory: the filter. Conditions: a
-/// constant reference, and lambda_min [K, -K; -K, K + Kp] > k_g, the largest gradient of g. It is
-/// constant by assumption, so a feed-forward lead changes nothing.
+/// Measures: motor position; the links are not measured at all. Memory: the filter. The
+/// reference is constant by assumption, so a feed-forward lead changes nothing.
 class KellyFlexible {
  public:
   static constexpr std::string_view name = "kelly_flexible";
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
                                          loop::Signal{"nu", "rad/s"}};  ///< of the motor
+  static constexpr std::string_view source =
+      "R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible joint robots "
+      "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994";
+  static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
+  static constexpr std::string_view conditions =
+      "a constant reference; the smallest eigenvalue of [K, -K; -K, K + Kp] greater than k_g, "
+      "the largest norm of the gradient of g over all q; any positive Kd, A, B";
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 
@@ -35,13 +45,15 @@ class KellyFlexible {
   using Memory = Filter::Memory;
 
   struct Gains {
-    robot::Vector kp;  ///< [N m/rad]
-    robot::Vector kd;  ///< [N m s/rad]
-    robot::Vector a;   ///< filter pole [1/s]
-    robot::Vector b;   ///< filter gain [1/s]
+    robot::Vector kp, kd, a, b;
 
-    static constexpr std::array<GainName<Gains>, 4> names{
-        {{"kp", &Gains::kp}, {"kd", &Gains::kd}, {"a", &Gains::a}, {"b", &Gains::b}}};
+    static constexpr std::tuple keys{
+        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
+            schema::positive),
+        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
+            schema::positive),
+        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
+        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
   };
 
   KellyFlexible(Robot robot, Gains gains, const Settings& settings)
@@ -63,6 +75,25 @@ class KellyFlexible {
     result.command.tau = g - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
     result.signals = {signals.size(), {e, nu}};
     return result;
+  }
+
+  /// With U the potential energy: 1/2 v' M_l v + 1/2 thetadot' J thetadot + 1/2 e' [K, -K; -K, K +
+  /// Kp] e + U(q) - U(q_ref) - g(q_ref)' e1 + 1/2 nu' Kd B^-1 nu, with e1 = q - q_ref and e2 the
+  /// motor's error.
+  static constexpr std::string_view lyapunov_formula =
+      "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + "
+      "½ ν′Kd B⁻¹ν";
+  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+                                double /*epsilon*/) const {
+    const robot::Vector g = gravity(reference);
+    const robot::Vector e1 = state.q - reference.q_ref;
+    const robot::Vector e2 = state.theta - theta_ref(reference, g);
+    return robot::kinetic_energy(robot_.links, state.q, state.v) +
+           0.5 * weighted(robot_.rotor_inertia, state.thetadot) +
+           0.5 * (weighted(gains_.kp, e2) + weighted(robot_.stiffness, e1 - e2)) +
+           robot::potential_energy(robot_.links, state.q) -
+           robot::potential_energy(robot_.links, reference.q_ref) - g.dot(e1) +
+           0.5 * weighted(gains_.kd.cwiseQuotient(gains_.b), state.controller.value[1]);
   }
 
  private:

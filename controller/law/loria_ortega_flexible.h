@@ -1,16 +1,21 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "controller/law/filter.h"
 #include "controller/law/flexible_robot.h"
 #include "controller/law/law.h"
+#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
+#include "robot/mass_matrix.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -28,14 +33,22 @@ namespace tachless::controller::law {
 /// equations at the sampled filter's output. The reference's derivatives are used up to snap.
 ///
 /// Measures: link position, link velocity, motor position. Motor velocity and link jerk have no
-/// way in. Memory: the two filters. Conditions: eq. 12 and gains large enough
-/// (docs/laws).
+/// way in. Memory: the two filters.
 class LoriaOrtegaFlexible {
  public:
   static constexpr std::string_view name = "loria_ortega_flexible";
   static constexpr std::array signals = {
       loop::Signal{"error_1", "rad"}, loop::Signal{"nu_1", "rad/s"}, loop::Signal{"error_2", "rad"},
       loop::Signal{"nu_2", "rad/s"}};  ///< 1: link, 2: motor
+  static constexpr std::string_view source =
+      "A. Loria and R. Ortega, On tracking control of rigid and flexible joint robots, Appl. "
+      "Math. and Comp. Sci. 5(2), 1995, eq. 9-12 and Prop. 2";
+  static constexpr std::string_view proved =
+      "exponentially stable, semiglobally in error coordinates, in continuous time";
+  static constexpr std::string_view conditions =
+      "each b_i > L(D) / (beta_2 l(D)) with D = blockdiag(M_l, J) (12), and the conditions of "
+      "loria_ortega_rigid on eps with this D, Kp = [Kp1 + K, -K; -K, Kp2 + K] and block "
+      "diagonal Kd, A, B; a reference that is four times continuously differentiable";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 
@@ -47,23 +60,22 @@ class LoriaOrtegaFlexible {
   };
 
   struct Gains {
-    robot::Vector kp1;  ///< of the link's error [N m/rad]
-    robot::Vector kd1;  ///< [N m s/rad]
-    robot::Vector a1;   ///< filter pole [1/s]
-    robot::Vector b1;   ///< filter gain [1/s]
-    robot::Vector kp2;  ///< of the motor's error [N m/rad]
-    robot::Vector kd2;  ///< [N m s/rad]
-    robot::Vector a2;   ///< filter pole [1/s]
-    robot::Vector b2;   ///< filter gain [1/s]
+    robot::Vector kp1, kd1, a1, b1;  ///< of the link's error
+    robot::Vector kp2, kd2, a2, b2;  ///< of the motor's error
 
-    static constexpr std::array<GainName<Gains>, 8> names{{{"kp1", &Gains::kp1},
-                                                           {"kd1", &Gains::kd1},
-                                                           {"a1", &Gains::a1},
-                                                           {"b1", &Gains::b1},
-                                                           {"kp2", &Gains::kp2},
-                                                           {"kd2", &Gains::kd2},
-                                                           {"a2", &Gains::a2},
-                                                           {"b2", &Gains::b2}}};
+    static constexpr std::tuple keys{
+        schema::Key{"kp1", &Gains::kp1, "N m/rad", "Weight of the link's position error"}.in(
+            schema::positive),
+        schema::Key{"kd1", &Gains::kd1, "N m s/rad", "Weight of the link filter's output"}.in(
+            schema::positive),
+        schema::Key{"a1", &Gains::a1, "1/s", "Link filter's pole"}.in(schema::positive),
+        schema::Key{"b1", &Gains::b1, "1/s", "Link filter's gain"}.in(schema::positive),
+        schema::Key{"kp2", &Gains::kp2, "N m/rad", "Weight of the motor's position error"}.in(
+            schema::positive),
+        schema::Key{"kd2", &Gains::kd2, "N m s/rad", "Weight of the motor filter's output"}.in(
+            schema::positive),
+        schema::Key{"a2", &Gains::a2, "1/s", "Motor filter's pole"}.in(schema::positive),
+        schema::Key{"b2", &Gains::b2, "1/s", "Motor filter's gain"}.in(schema::positive)};
   };
 
   /// The motors' reference at one instant.
@@ -134,6 +146,52 @@ class LoriaOrtegaFlexible {
     motor.theta_ref = reference.q_ref + motor.torque.cwiseQuotient(robot_.stiffness);
     motor.thetaddot_ref = reference.a_ref + torque_second.cwiseQuotient(robot_.stiffness);
     return motor;
+  }
+
+  /// Eq. 15 with e = (e1, e2), nu = (nu1, nu2), M = blockdiag(M_l, J), Kp = [Kp1 + K, -K; -K, Kp2 +
+  /// K], Kd and B block diagonal; theta_ref and its derivative at the true state.
+  static constexpr std::string_view lyapunov_formula =
+      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε (e − ν)′Mė, links and motors";
+  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+                                double epsilon) const {
+    const robot::Vector& nu1 = state.controller.value[1];
+    const robot::Vector& nu2 = state.controller.value[3];
+    const Measurement measured{state.q, state.v, state.theta};
+    const robot::Vector e1 = state.q - reference.q_ref;
+    const robot::Vector e2 = state.theta - motor_reference(measured, reference, nu1).theta_ref;
+    const robot::Vector e1dot = state.v - reference.v_ref;
+    const robot::Vector e2dot = state.thetadot - theta_ref_rate(measured, reference, nu1);
+    return equation_15(e1, e1dot, nu1, robot::mass_matrix(robot_.links, state.q) * e1dot,
+                       gains_.kp1, gains_.kd1.cwiseQuotient(gains_.b1), epsilon) +
+           equation_15(e2, e2dot, nu2, robot_.rotor_inertia.cwiseProduct(e2dot), gains_.kp2,
+                       gains_.kd2.cwiseQuotient(gains_.b2), epsilon) +
+           0.5 * weighted(robot_.stiffness, e1 - e2);
+  }
+  [[nodiscard]] double epsilon_bound(double largest_inertia) const {
+    // The springs' part of Kp only adds.
+    return epsilon_bound_by_norms(std::min({gains_.kp1.minCoeff(), gains_.kp2.minCoeff(),
+                                            gains_.kd1.cwiseQuotient(gains_.b1).minCoeff(),
+                                            gains_.kd2.cwiseQuotient(gains_.b2).minCoeff()}),
+                                  std::max(largest_inertia, robot_.rotor_inertia.maxCoeff()));
+  }
+
+  /// First time derivative of eq. 10's theta_ref [rad/s], with nu1 [rad/s] the link filter's
+  /// output.
+  [[nodiscard]] robot::Vector theta_ref_rate(const Measurement& measurement,
+                                             const loop::ReferencePoint& reference,
+                                             const robot::Vector& nu1) const {
+    const robot::Vector& q = measurement.q;
+    const robot::Vector& v = measurement.v;
+    const robot::Vector vdot =
+        robot::forward_dynamics(robot_.links, q, v, robot_.spring_torque(q, measurement.theta));
+    const robot::Vector feedforward = robot::first_derivative(robot::inverse_dynamics(
+        robot_.links, robot::jet(q, v, vdot),
+        robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref),
+        robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref)));
+    const robot::Vector e1dot = v - reference.v_ref;
+    const robot::Vector torque_rate = feedforward - gains_.kp1.cwiseProduct(e1dot) -
+                                      gains_.kd1.cwiseProduct(link_filter_.derivative(nu1, e1dot));
+    return reference.v_ref + torque_rate.cwiseQuotient(robot_.stiffness);
   }
 
  private:

@@ -1,15 +1,20 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "controller/law/feedforward.h"
 #include "controller/law/filter.h"
 #include "controller/law/law.h"
+#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
 #include "robot/model.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -20,13 +25,26 @@ namespace tachless::controller::law {
 ///
 /// with e = q - q_ref. The first three terms are one inverse dynamics ID(q, v_ref, vdot_ref).
 ///
-/// Measures: link position. Memory: the filter. Conditions: eq. 7 and gains large enough
-/// (docs/laws). With `feedforward_lead_s`, v_ref and vdot_ref of the first two
-/// terms are taken that much ahead; q stays the measured one.
+/// Measures: link position. Memory: the filter. With `feedforward_lead_s`, v_ref and vdot_ref of
+/// the first two terms are taken that much ahead; q stays the measured one.
 class LoriaOrtegaRigid {
  public:
   static constexpr std::string_view name = "loria_ortega_rigid";
   static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
+  static constexpr std::string_view source =
+      "A. Loria and R. Ortega, On tracking control of rigid and flexible joint robots, Appl. "
+      "Math. and Comp. Sci. 5(2), 1995, eq. 4-5 and Prop. 1";
+  static constexpr std::string_view proved =
+      "semiglobally asymptotically stable, in continuous time";
+  static constexpr std::string_view conditions =
+      "some eps > 0 lies above k_c B_d / (beta_3 l(B) l(D)) (25) and below 1/2 sqrt(l(Kp) / "
+      "(2 L(D))) (19), 1/2 sqrt(l(Kd B^-1) / (2 L(D))) (20), 2 gamma_1 l(Kp) l(Kd B^-1 A) / "
+      "(L(Kp) + L(Kd))^2 (23), 2 gamma_1 beta_1 l(Kd B^-1 A) l(B) l(D) / (L(A) L(D))^2 (24) "
+      "and gamma_2 l(Kd B^-1 A) / L(Kd) (27); each b_i > L(D) / (beta_2 l(D)) (7); B near a "
+      "multiple of the identity; nu(0) bounded as B grows; |x(0)| < c_1 = (beta_2 l(B) l(D) - "
+      "L(D)) / (2 k_c) sqrt(alpha_1 / alpha_2) (8). l, L: smallest, largest eigenvalue over "
+      "all q; D: inertia matrix; B_d >= sup |v_ref|; beta_1 + beta_2 + beta_3 = 1 and gamma_1 "
+      "+ gamma_2 = 1, free and > 0";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
@@ -35,13 +53,15 @@ class LoriaOrtegaRigid {
   using Memory = Filter::Memory;
 
   struct Gains {
-    robot::Vector kp;  ///< [N m/rad]
-    robot::Vector kd;  ///< [N m s/rad]
-    robot::Vector a;   ///< filter pole [1/s]
-    robot::Vector b;   ///< filter gain [1/s]
+    robot::Vector kp, kd, a, b;
 
-    static constexpr std::array<GainName<Gains>, 4> names{
-        {{"kp", &Gains::kp}, {"kd", &Gains::kd}, {"a", &Gains::a}, {"b", &Gains::b}}};
+    static constexpr std::tuple keys{
+        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
+            schema::positive),
+        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
+            schema::positive),
+        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
+        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
   };
 
   LoriaOrtegaRigid(Robot model, Gains gains, const Settings& settings)
@@ -65,6 +85,22 @@ class LoriaOrtegaRigid {
                          gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
     result.signals = {signals.size(), {e, nu}};
     return result;
+  }
+
+  /// Eq. 15, with epsilon the weight of its cross term.
+  static constexpr std::string_view lyapunov_formula =
+      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε (e − ν)′Mė";
+  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+                                double epsilon) const {
+    const robot::Vector edot = state.v - reference.v_ref;
+    return equation_15(state.q - reference.q_ref, edot, state.controller.value[1],
+                       robot::mass_matrix(model_, state.q) * edot, gains_.kp,
+                       gains_.kd.cwiseQuotient(gains_.b), epsilon);
+  }
+  [[nodiscard]] double epsilon_bound(double largest_inertia) const {
+    return epsilon_bound_by_norms(
+        std::min(gains_.kp.minCoeff(), gains_.kd.cwiseQuotient(gains_.b).minCoeff()),
+        largest_inertia);
   }
 
  private:

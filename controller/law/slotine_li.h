@@ -2,13 +2,17 @@
 
 #include <array>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "controller/law/feedforward.h"
 #include "controller/law/law.h"
+#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
 #include "robot/model.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -18,7 +22,7 @@ namespace tachless::controller::law {
 ///
 ///   v_r = v_ref - Lambda e,   s = v - v_r,   tau = M(q) v_rdot + C(q, v) v_r + g(q) - Ks s.
 ///
-/// Measures: the full state. Memory: none. Conditions: any positive gains, globally. With
+/// Measures: the full state. Memory: none. With
 /// `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken that much ahead; e, s
 /// and edot are not.
 class SlotineLi {
@@ -26,6 +30,11 @@ class SlotineLi {
   static constexpr std::string_view name = "slotine_li";
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
                                          loop::Signal{"edot", "rad/s"}};
+  static constexpr std::string_view source =
+      "J.-J. E. Slotine and W. Li, Adaptive manipulator control: a case study, IEEE Trans. "
+      "Automatic Control 33(11), 1988, without its adaptation";
+  static constexpr std::string_view proved = "globally exponentially stable, in continuous time";
+  static constexpr std::string_view conditions = "any positive gains";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
@@ -34,11 +43,13 @@ class SlotineLi {
   struct Memory {};
 
   struct Gains {
-    robot::Vector lambda;  ///< [1/s]
-    robot::Vector ks;      ///< [N m s/rad]
+    robot::Vector lambda, ks;
 
-    static constexpr std::array<GainName<Gains>, 2> names{
-        {{"lambda", &Gains::lambda}, {"ks", &Gains::ks}}};
+    static constexpr std::tuple keys{
+        schema::Key{"lambda", &Gains::lambda, "1/s",
+                    "Weight of the position error in s = edot + lambda e"}
+            .in(schema::positive),
+        schema::Key{"ks", &Gains::ks, "N m s/rad", "Weight of s"}.in(schema::positive)};
   };
 
   SlotineLi(Robot model, Gains gains, const Settings& settings)
@@ -63,6 +74,16 @@ class SlotineLi {
         gains_.ks.cwiseProduct(s);
     result.signals = {signals.size(), {e, edot}};
     return result;
+  }
+
+  /// Vdot = -edot' Ks edot - e' Lambda Ks Lambda e.
+  static constexpr std::string_view lyapunov_formula = "½ s′M s + e′Λ Ks e,  s = ė + Λ e";
+  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+                                double /*epsilon*/) const {
+    const robot::Vector e = state.q - reference.q_ref;
+    const robot::Vector s = state.v - reference.v_ref + gains_.lambda.cwiseProduct(e);
+    return 0.5 * s.dot(robot::mass_matrix(model_, state.q) * s) +
+           weighted(gains_.lambda.cwiseProduct(gains_.ks), e);
   }
 
  private:

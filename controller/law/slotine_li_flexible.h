@@ -1,37 +1,46 @@
 #pragma once
 
 #include <array>
-#include <stdexcept>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "controller/law/flexible_robot.h"
 #include "controller/law/law.h"
+#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
+#include "robot/mass_matrix.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
 /// Tracking of a robot with flexible joints with the full state and link jerk: the passivity-based
 /// law of Lozano and Brogliato (1992-1995), in the form implemented here,
 ///
-///   theta_ref = q_ref + K^-1 [ M v_rdot + C(q, v) v_r + g - Ks1 s1 ],  v_r = v_ref - lambda e1,
-///   tau = J thetaddot_r + K (theta_ref - q_ref) - Ks2 s2,  thetadot_r = thetadot_ref - lambda e2,
+///   theta_ref = q_ref + K^-1 [ M v_rdot + C(q, v) v_r + g - Ks1 s1 ],  v_r = v_ref - Lambda e1,
+///   tau = J thetaddot_r + K (theta_ref - q_ref) - Ks2 s2,  thetadot_r = thetadot_ref - Lambda e2,
 ///   s1 = v - v_r,  s2 = thetadot - thetadot_r,  e1 = q - q_ref,  e2 = theta - theta_ref.
 ///
 /// The contrast to `LoriaOrtegaFlexible`: theta_ref holds link velocity, so its second derivative
 /// holds link jerk, which is computed from the model and from motor velocity.
 ///
-/// Measures: the full state. Memory: none. Conditions: any positive gains, one lambda for all
-/// joints.
+/// Measures: the full state. Memory: none.
 class SlotineLiFlexible {
  public:
   static constexpr std::string_view name = "slotine_li_flexible";
   static constexpr std::array signals = {
       loop::Signal{"error_1", "rad"}, loop::Signal{"edot_1", "rad/s"},
       loop::Signal{"error_2", "rad"}, loop::Signal{"edot_2", "rad/s"}};  ///< 1: link, 2: motor
+  static constexpr std::string_view source =
+      "R. Lozano and B. Brogliato, 1992-1995 (passivity-based control of flexible joints), in "
+      "the form implemented here";
+  static constexpr std::string_view proved = "globally exponentially stable, in continuous time";
+  static constexpr std::string_view conditions =
+      "any positive gains, the same diagonal Lambda on links and motors; a reference that is "
+      "four times continuously differentiable";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 
@@ -40,22 +49,19 @@ class SlotineLiFlexible {
   struct Memory {};
 
   struct Gains {
-    robot::Vector lambda;  ///< the same for every joint [1/s]
-    robot::Vector ks1;     ///< [N m s/rad]
-    robot::Vector ks2;     ///< [N m s/rad]
+    robot::Vector lambda, ks1, ks2;
 
-    static constexpr std::array<GainName<Gains>, 3> names{
-        {{"lambda", &Gains::lambda}, {"ks1", &Gains::ks1}, {"ks2", &Gains::ks2}}};
+    static constexpr std::tuple keys{
+        schema::Key{"lambda", &Gains::lambda, "1/s",
+                    "Weight of a position error in s = edot + lambda e; the same on link and motor"}
+            .in(schema::positive),
+        schema::Key{"ks1", &Gains::ks1, "N m s/rad", "Weight of the link's s"}.in(schema::positive),
+        schema::Key{"ks2", &Gains::ks2, "N m s/rad", "Weight of the motor's s"}.in(
+            schema::positive)};
   };
 
-  /// @throw std::invalid_argument when lambda differs from joint to joint.
   SlotineLiFlexible(Robot robot, Gains gains, const Settings& /*settings*/)
-      : robot_(std::move(robot)), gains_(std::move(gains)), lambda_(gains_.lambda[0]) {
-    if ((gains_.lambda.array() != lambda_).any()) {
-      throw std::invalid_argument(
-          "slotine_li_flexible: lambda differs from joint to joint; allowed: one value for all");
-    }
-  }
+      : robot_(std::move(robot)), gains_(std::move(gains)) {}
 
   [[nodiscard]] Memory start(const Measurement& /*measurement*/,
                              const loop::ReferencePoint& /*reference*/) const {
@@ -68,8 +74,9 @@ class SlotineLiFlexible {
     const robot::JetVector theta_ref = motor_reference(measurement, reference);
     const robot::Vector e2 = measurement.theta - robot::value(theta_ref);
     const robot::Vector e2dot = measurement.thetadot - robot::first_derivative(theta_ref);
-    const robot::Vector s2 = e2dot + lambda_ * e2;
-    const robot::Vector thetaddot_r = robot::second_derivative(theta_ref) - lambda_ * e2dot;
+    const robot::Vector s2 = e2dot + gains_.lambda.cwiseProduct(e2);
+    const robot::Vector thetaddot_r =
+        robot::second_derivative(theta_ref) - gains_.lambda.cwiseProduct(e2dot);
 
     Step<Memory> result;
     result.command.tau = robot_.rotor_inertia.cwiseProduct(thetaddot_r) +
@@ -112,8 +119,11 @@ class SlotineLiFlexible {
     const robot::JetVector v_ref = robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref);
     const robot::JetVector a_ref =
         robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref);
-    const robot::JetVector v_r = v_ref - lambda_ * (q_jet - q_ref);
-    const robot::JetVector a_r = a_ref - lambda_ * (v_jet - v_ref);
+    robot::JetVector v_r(q.size()), a_r(q.size());
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      v_r[i] = v_ref[i] - gains_.lambda[i] * (q_jet[i] - q_ref[i]);
+      a_r[i] = a_ref[i] - gains_.lambda[i] * (v_jet[i] - v_ref[i]);
+    }
     robot::JetVector torque =
         robot::inverse_dynamics_bilinear(robot_.links, q_jet, v_jet, v_r, a_r);
     robot::JetVector theta_ref(q.size());
@@ -124,10 +134,25 @@ class SlotineLiFlexible {
     return theta_ref;
   }
 
+  /// Vdot = -s1' Ks1 s1 - s2' Ks2 s2 - (e1 - e2)' Lambda K (e1 - e2).
+  static constexpr std::string_view lyapunov_formula =
+      "½ s₁′M s₁ + ½ s₂′J s₂ + ½ (e₁ − e₂)′K (e₁ − e₂),  s = ė + Λ e";
+  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+                                double /*epsilon*/) const {
+    const robot::JetVector theta_ref =
+        motor_reference({state.q, state.v, state.theta, state.thetadot}, reference);
+    const robot::Vector e1 = state.q - reference.q_ref;
+    const robot::Vector e2 = state.theta - robot::value(theta_ref);
+    const robot::Vector s1 = state.v - reference.v_ref + gains_.lambda.cwiseProduct(e1);
+    const robot::Vector s2 =
+        state.thetadot - robot::first_derivative(theta_ref) + gains_.lambda.cwiseProduct(e2);
+    return 0.5 * s1.dot(robot::mass_matrix(robot_.links, state.q) * s1) +
+           0.5 * weighted(robot_.rotor_inertia, s2) + 0.5 * weighted(robot_.stiffness, e1 - e2);
+  }
+
  private:
   Robot robot_;
   Gains gains_;
-  double lambda_;
 };
 
 static_assert(Law<SlotineLiFlexible>);

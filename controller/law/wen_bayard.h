@@ -2,13 +2,17 @@
 
 #include <array>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "controller/law/feedforward.h"
 #include "controller/law/law.h"
+#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
 #include "robot/model.h"
+#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -19,7 +23,7 @@ namespace tachless::controller::law {
 ///
 /// What `LoriaOrtegaRigid` would be with a tachometer (the paper's Remark 2).
 ///
-/// Measures: the full state. Memory: none. Condition: lambda_min(Kd) > k_c sup |v_ref|.
+/// Measures: the full state. Memory: none.
 /// With `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead;
 /// e and edot are not.
 class WenBayard {
@@ -27,6 +31,12 @@ class WenBayard {
   static constexpr std::string_view name = "wen_bayard";
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
                                          loop::Signal{"edot", "rad/s"}};
+  static constexpr std::string_view source =
+      "J. T. Wen and D. S. Bayard, New class of control laws for robotic manipulators, Int. "
+      "J. of Control 47(5), 1988, eq. 4.2";
+  static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
+  static constexpr std::string_view conditions =
+      "lambda_min(Kd) > k_c sup |v_ref|, with |C(q, x) y| <= k_c |x| |y|; any positive Kp";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
@@ -35,10 +45,13 @@ class WenBayard {
   struct Memory {};
 
   struct Gains {
-    robot::Vector kp;  ///< [N m/rad]
-    robot::Vector kd;  ///< [N m s/rad]
+    robot::Vector kp, kd;
 
-    static constexpr std::array<GainName<Gains>, 2> names{{{"kp", &Gains::kp}, {"kd", &Gains::kd}}};
+    static constexpr std::tuple keys{
+        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
+            schema::positive),
+        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the velocity error"}.in(
+            schema::positive)};
   };
 
   WenBayard(Robot model, Gains gains, const Settings& settings)
@@ -59,6 +72,14 @@ class WenBayard {
                          gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(edot);
     result.signals = {signals.size(), {e, edot}};
     return result;
+  }
+
+  static constexpr std::string_view lyapunov_formula = "½ ė′Mė + ½ e′Kp e";
+  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+                                double /*epsilon*/) const {
+    const robot::Vector edot = state.v - reference.v_ref;
+    return 0.5 * edot.dot(robot::mass_matrix(model_, state.q) * edot) +
+           0.5 * weighted(gains_.kp, state.q - reference.q_ref);
   }
 
  private:

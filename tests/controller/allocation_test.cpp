@@ -45,9 +45,8 @@ typename L::Robot arm() {
 template <class L>
 L example() {
   typename L::Gains gains;
-  for (const auto& gain : L::Gains::names) {
-    gains.*gain.value = vector(10, 10);
-  }
+  schema::for_each_key<typename L::Gains>(
+      [&](const auto& key) { gains.*key.member = vector(10, 10); });
   return L(arm<L>(), gains, Settings{});
 }
 

@@ -53,7 +53,7 @@ experiment::Scenario flexible_scenario(const std::string& law) {
   scenario.robot.flexible = plant::FlexibleDrive{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
   scenario.controller.law = law;
   for (const auto& facts : laws()) {
-    for (const std::string_view gain : facts.gains) {
+    for (const std::string_view gain : parameter_names(facts)) {
       scenario.controller.gains[std::string(gain)] = pair(3, 3);
     }
   }
@@ -97,7 +97,7 @@ TEST(Registry, NamesFiltersAndGains) {
   EXPECT_EQ(loop::text_of(law_facts("loria_ortega_flexible").signals),
             "error_1:rad,nu_1:rad/s,error_2:rad,nu_2:rad/s");
   EXPECT_EQ(loop::text_of(law_facts("slotine_li").signals), "error:rad,edot:rad/s");
-  EXPECT_THAT(law_facts("loria_ortega_flexible").gains,
+  EXPECT_THAT(parameter_names(law_facts("loria_ortega_flexible")),
               ElementsAre("kp1", "kd1", "a1", "b1", "kp2", "kd2", "a2", "b2"));
 }
 
@@ -187,8 +187,8 @@ TEST(Registry, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
     for (const char* gain : {"kp", "kd", "a", "b"}) {
       scenario = rigid_scenario();
       scenario.controller.gains[gain][1] = bad;
-      EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains." + std::string(gain)),
-                                           HasSubstr("greater than 0")));
+      EXPECT_THAT(refusal(scenario),
+                  AllOf(HasSubstr("controller.gains." + std::string(gain)), HasSubstr("each > 0")));
     }
   }
 
@@ -247,10 +247,60 @@ TEST(Registry, RefusesLawsWhoseEncodersTheRobotDoesNotHave) {
   EXPECT_THAT(with_side("wen_bayard", EncoderSide::motor), HasSubstr(": both"));
 }
 
-TEST(Registry, RefusesWhatTheLawItselfRefuses) {
-  experiment::Scenario scenario = flexible_scenario("slotine_li_flexible");
-  scenario.controller.gains["lambda"] = pair(1, 2);
-  EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains"), HasSubstr("lambda differs")));
+struct MixedGains {
+  robot::Vector kp;
+  robot::Vector friction;
+  double cutoff_hz = 50;
+  int order = 2;
+  static constexpr std::tuple keys{
+      schema::Key{"kp", &MixedGains::kp, "N m/rad"}.in(schema::positive),
+      schema::Key{"friction", &MixedGains::friction, "N m"}.in(schema::not_negative).by_default(0),
+      schema::Key{"cutoff_hz", &MixedGains::cutoff_hz, "Hz"}.in(schema::positive).by_default(),
+      schema::Key{"order", &MixedGains::order}.in({1, 9}).by_default()};
+};
+
+LawFacts mixed_facts() {
+  LawFacts facts;
+  facts.name = "mixed";
+  schema::for_each_key<MixedGains>([&]<class Member>(const schema::Key<MixedGains, Member>& key) {
+    facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
+                                key.range, schema::allowed_text(key),
+                                key.fallback == schema::Default::required});
+  });
+  return facts;
+}
+
+TEST(Registry, ReadsParametersPerJointNumbersAndCountsWithTheirDefaults) {
+  experiment::Scenario scenario = rigid_scenario();
+  MixedGains gains = gains_of<MixedGains>(scenario, mixed_facts());
+  EXPECT_EQ(gains.kp, pair(5, 6));
+  EXPECT_EQ(gains.friction, pair(0, 0));
+  EXPECT_EQ(gains.cutoff_hz, 50);
+  EXPECT_EQ(gains.order, 2);
+  scenario.controller.gains["friction"] = pair(0, 3);
+  scenario.controller.gains["cutoff_hz"] = pair(20, 20);
+  scenario.controller.gains["order"] = pair(3, 3);
+  gains = gains_of<MixedGains>(scenario, mixed_facts());
+  EXPECT_EQ(gains.friction, pair(0, 3));
+  EXPECT_EQ(gains.cutoff_hz, 20);
+  EXPECT_EQ(gains.order, 3);
+}
+
+TEST(Registry, RefusesParametersOutOfTheirShapeOrRange) {
+  const auto refused = [](const std::string& name, const robot::Vector& value) -> std::string {
+    experiment::Scenario scenario = rigid_scenario();
+    scenario.controller.gains[name] = value;
+    try {
+      gains_of<MixedGains>(scenario, mixed_facts());
+      return "accepted";
+    } catch (const diagnostics::Failure& failure) {
+      return failure.what();
+    }
+  };
+  EXPECT_THAT(refused("friction", pair(0, -1)), HasSubstr("each >= 0"));
+  EXPECT_THAT(refused("cutoff_hz", pair(20, 30)), HasSubstr("a finite number > 0"));
+  EXPECT_THAT(refused("order", pair(2.5, 2.5)), HasSubstr("a whole number in [1, 9]"));
+  EXPECT_THAT(refused("order", pair(10, 10)), HasSubstr("a whole number in [1, 9]"));
 }
 
 }  // namespace

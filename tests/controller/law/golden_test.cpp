@@ -1,11 +1,12 @@
 // The laws against tests/golden: closed loops on the paper's arm simulated by an independent
 // program (closed-form model, its own code of the laws, Runge-Kutta). Fed a row's state and filter
-// outputs, a law must give the row's torque. (The recursion of the filters is in filter_test.cpp,
-// the closed loops themselves are in tests/study.)
+// outputs, a law must give the row's torque. (The closed loops themselves are in tests/study.)
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numbers>
+#include <stdexcept>
 #include <vector>
 
 #include "controller/law/loria_ortega_flexible.h"
@@ -45,10 +46,32 @@ loop::ReferencePoint papers_reference(double t) {
   return {both(s / w), both(c), both(-w * s), both(-w * w * c), both(w * w * w * s)};
 }
 
-/// A filter memory from which a step at error e gives the output nu.
+/// The filter's coefficients as the table of docs/laws/loria_ortega_rigid.md has them, apart from
+/// the law's own: a wrong one there does not cancel here.
+FilterCoefficients tabulated(Discretisation kind, double a, double b, double h) {
+  const long double ah = static_cast<long double>(a) * h;
+  const auto pair = [](long double phi, long double beta) {
+    return FilterCoefficients{static_cast<double>(phi), static_cast<double>(beta)};
+  };
+  switch (kind) {
+    case Discretisation::first_order_hold:
+      return pair(std::exp(-ah), b * (1 - std::exp(-ah)) / ah);
+    case Discretisation::tustin:
+      return pair((2 - ah) / (2 + ah), 2 * b / (2 + ah));
+    case Discretisation::backward_euler:
+      return pair(1 / (1 + ah), b / (1 + ah));
+    case Discretisation::zero_order_hold:
+      return pair(std::exp(-ah), b);
+  }
+  throw std::logic_error("no such discretisation");
+}
+
+/// A filter memory from which a step at error e gives the output nu. Both coefficients count: the
+/// error before was another one, by some 1e-6 rad, which is 1e-3 rad/s of nu.
 Filter::Memory memory_before(const robot::Vector& nu, const robot::Vector& e,
                              const FilterCoefficients& filter) {
-  return {nu / filter.phi, e};
+  const robot::Vector e_previous = e + vector(1e-6, -2e-6);
+  return {(nu - filter.beta * (e - e_previous)) / filter.phi, e_previous};
 }
 
 struct Case {
@@ -71,7 +94,7 @@ TEST_P(GoldenRigid, GivesTheRecordedTorqueForEachRecordedState) {
                                  : LoriaOrtegaRigid::Gains{vector(40000, 2400), vector(1000, 60),
                                                            vector(1000, 1000), vector(1000, 1000)},
                              {c.period_s, c.filter, FilterStart::at_error, c.lead_s});
-  const FilterCoefficients filter = filter_coefficients(c.filter, 1000, 1000, c.period_s);
+  const FilterCoefficients filter = tabulated(c.filter, 1000, 1000, c.period_s);
   const std::vector<Row> rows = rows_of(c.file);
   ASSERT_GT(rows.size(), 50U);
   for (const Row& row : rows) {
@@ -119,8 +142,8 @@ TEST_P(GoldenFlexible, GivesTheRecordedTorqueForEachRecordedState) {
           : LoriaOrtegaFlexible::Gains{vector(20000, 1500), vector(600, 30), both(250), both(250),
                                        both(100), vector(13, 20), both(1000), both(1000)},
       {c.period_s, c.filter});
-  const FilterCoefficients link = filter_coefficients(c.filter, a1, a1, c.period_s);
-  const FilterCoefficients motor = filter_coefficients(c.filter, 1000, 1000, c.period_s);
+  const FilterCoefficients link = tabulated(c.filter, a1, a1, c.period_s);
+  const FilterCoefficients motor = tabulated(c.filter, 1000, 1000, c.period_s);
   const std::vector<Row> rows = rows_of(c.file);
   ASSERT_GT(rows.size(), 50U);
   for (const Row& row : rows) {
