@@ -78,7 +78,7 @@ const std::vector<Rule> rules = {
      {"Eigen/", "fmt/"}},
 
     {"controller/",
-     {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/",
+     {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "schema/",
       "diagnostics/"},
      {"Eigen/"}},
     {"controller/recorded_inputs.",

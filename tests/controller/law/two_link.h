@@ -66,7 +66,7 @@ inline robot::Vector vector(double x, double y) {
 /// The same arm as `robot/` sees it.
 inline const robot::Model& two_link_model() {
   static const robot::Model model = [] {
-    const std::string path = std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/two_link.urdf";
+    const std::string path = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
     std::ifstream file(path);
     if (!file) {
       throw std::runtime_error("cannot read " + path);
