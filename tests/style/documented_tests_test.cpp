@@ -78,4 +78,13 @@ TEST(Documents, NameFilesThatExist) {
   EXPECT_GT(found, 20);
 }
 
+TEST(Decisions, AreAllInTheirIndex) {
+  const std::string index = contents(root / "docs/decisions/README.md");
+  for (const auto& entry : fs::directory_iterator(root / "docs/decisions")) {
+    const std::string name = entry.path().filename();
+    if (name == "README.md") continue;
+    EXPECT_NE(index.find("](" + name + ") | "), std::string::npos) << name;
+  }
+}
+
 }  // namespace
