@@ -23,12 +23,6 @@ struct ArmAcceleration {
   robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
 };
 
-/// Whose multibody code computes the links' inertia matrix and bias, and integrates.
-enum class Mechanics {
-  simbody,  ///< the reference
-  native,   ///< robot/'s recursions, with the explicit one-step methods; allocates nothing
-};
-
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null

@@ -55,6 +55,7 @@ Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model) {
   ArmOptions options;
   options.flexible = drive ? &*drive : nullptr;
   options.viscous_friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  options.mechanics = scenario.plant.mechanics;
   options.integrator = scenario.plant.integrator.method;
   options.accuracy = scenario.plant.integrator.accuracy;
   return Arm(model, options, initial_state(scenario, model));

@@ -65,7 +65,13 @@ struct InitialState {
           .by_default("at rest")};
 };
 
-/// Simbody's integrators.
+/// Whose multibody code computes the links' inertia matrix and bias, and integrates.
+enum class Mechanics {
+  simbody,  ///< the reference
+  native,   ///< robot/'s recursions with explicit Runge-Kutta methods; allocates nothing
+};
+
+/// Simbody's integrators; the native mechanics have the three Runge-Kutta methods.
 enum class Integrator {
   runge_kutta_merson,
   runge_kutta_3,
@@ -80,7 +86,8 @@ struct IntegratorSpec {
   double accuracy = 1e-9;
 
   static constexpr std::tuple keys{
-      schema::Key{"method", &IntegratorSpec::method, "", "Simbody's integrator"}.by_default(),
+      schema::Key{"method", &IntegratorSpec::method, "", "How the plant is integrated over a tick"}
+          .by_default(),
       schema::Key{"accuracy", &IntegratorSpec::accuracy, "", "Relative accuracy of the integrator"}
           .in({1e-14, 1e-1})
           .by_default()};
@@ -150,20 +157,41 @@ struct PayloadSpec {
 /// The scenario's `plant` map.
 struct Spec {
   InitialState initial;
+  Mechanics mechanics = Mechanics::simbody;
   IntegratorSpec integrator;
   EncoderSpec encoder;
   DriveSpec drive;
   PayloadSpec payload;
 
   static constexpr std::tuple keys{
-      schema::Key{"initial", &Spec::initial}, schema::Key{"integrator", &Spec::integrator},
-      schema::Key{"encoder", &Spec::encoder}, schema::Key{"drive", &Spec::drive},
+      schema::Key{"initial", &Spec::initial},
+      schema::Key{
+          "mechanics", &Spec::mechanics, "",
+          "Whose multibody code moves the robot: Simbody's, or our own recursions, which are "
+          "some ten times as fast"}
+          .by_default(),
+      schema::Key{"integrator", &Spec::integrator},
+      schema::Key{"encoder", &Spec::encoder},
+      schema::Key{"drive", &Spec::drive},
       schema::Key{"payload", &Spec::payload}};
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const {
+    const bool explicit_runge_kutta = integrator.method <= Integrator::runge_kutta_feldberg;
+    if (mechanics == Mechanics::simbody || explicit_runge_kutta) return {};
+    return schema::Refusal{
+        "mechanics",
+        "native; allowed with this plant.integrator.method: simbody. The native "
+        "mechanics have runge_kutta_merson, runge_kutta_3, runge_kutta_feldberg"};
+  }
 };
 
 }  // namespace tachless::plant
 
 namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<plant::Mechanics>, 2> names<plant::Mechanics>{
+    {{plant::Mechanics::simbody, "simbody"}, {plant::Mechanics::native, "native"}}};
 
 template <>
 inline constexpr std::array<Name<plant::Integrator>, 6> names<plant::Integrator>{
