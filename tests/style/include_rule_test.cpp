@@ -97,7 +97,8 @@ const std::vector<Rule> rules = {
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
       "experiment/", "loop/signals.h", "robot/"},
-     {"Eigen/"}},
+     {"Eigen/", "unsupported/Eigen/MatrixFunctions"}},
+    {"certificate/optimise.cpp", {"certificate/"}, {"Eigen/", "nlopt.h"}},
 
     {"study/",
      {"study/", "robot/", "controller/law_stepper.h", "controller/registry.h",

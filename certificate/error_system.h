@@ -1,0 +1,76 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "certificate/postures.h"
+
+/// The closed loop in the paper's error coordinates (eq. 14, 29), rigid and flexible in one form,
+///
+///   M eddot + [C(q, v) + C(q, v_ref)] edot + Kp e + Kd nu = 0,   nudot = -A nu + B edot,
+///
+/// in continuous time, with an exact model and without saturation, quantisation or delay.
+///
+/// With flexible joints e = (e1, e2) and nu = (nu1, nu2), M becomes blockdiag(M_l, J), C becomes
+/// blockdiag(C, 0), Kp becomes [Kp1 + K, -K; -K, Kp2 + K], and Kd, A and B are block diagonal.
+namespace tachless::certificate {
+
+/// The constant part of the error equation. `num_errors` is n for rigid joints and 2 n for
+/// flexible ones; the first n are the links'.
+struct ErrorSystem {
+  Eigen::MatrixXd kp;             ///< [N m/rad], symmetric
+  Eigen::VectorXd kd;             ///< [N m s/rad]
+  Eigen::VectorXd a, b;           ///< [1/s]
+  Eigen::VectorXd rotor_inertia;  ///< J [kg m2]; empty for rigid joints
+
+  [[nodiscard]] Eigen::Index num_errors() const { return kd.size(); }
+  [[nodiscard]] Eigen::Index num_links() const { return kd.size() - rotor_inertia.size(); }
+
+  /// blockdiag(M, J) and blockdiag(C, 0) from the links' own.
+  [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::MatrixXd& link_M) const;
+  [[nodiscard]] Eigen::MatrixXd coriolis(const Eigen::MatrixXd& link_C) const;
+};
+
+/// Gains of one filtered spring and damper; one entry per joint, each > 0.
+struct FilterGains {
+  Eigen::VectorXd kp, kd, a, b;
+};
+
+ErrorSystem rigid_error_system(const FilterGains& gains);
+ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,
+                                  const Eigen::VectorXd& rotor_inertia, const FilterGains& link,
+                                  const FilterGains& motor);
+
+/// The weights of the cross terms in
+///
+///   V = 1/2 edot' M edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + eps_1 e' M edot - eps_2 nu' M edot.
+///
+/// The paper's V (eq. 15) has one weight: eps_1 [1/s] and eps_2 [1] both eps.
+struct Weights {
+  double eps_1 = 0;
+  double eps_2 = 0;
+};
+
+/// P of V = 1/2 x' P x, x = (e, nu, edot).
+Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
+                                const Eigen::MatrixXd& link_M);
+
+/// Vdot = -x' Mm x exactly, with delta = eps_1 e1 - eps_2 nu1 of the links:
+///
+///   eps_1 Kp   1/2 (eps_1 Kd - eps_2 Kp)   -1/2 eps_1 W                        W = Cd' - Cd
+///              Kd B^-1 A - eps_2 Kd        -1/2 eps_2 A M + 1/2 eps_2 W        Cd = C(q, v_ref)
+///                                sym(Cd) + eps_2 sym(B M) - eps_1 M - sym C(q, delta)
+///
+/// in three parts: what is constant, what is linear in M, and what is linear in Cd. The term in
+/// delta is not in them: it is -sym C(q, delta) in the links' corner of the last block.
+Eigen::MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights);
+Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& weights,
+                                    const Eigen::MatrixXd& link_M);
+Eigen::MatrixXd decrease_of_coriolis(const ErrorSystem& system, const Weights& weights,
+                                     const Eigen::MatrixXd& link_Cd);
+
+/// The whole of it, for checks and for a run's own states.
+Eigen::MatrixXd decrease_matrix(const ErrorSystem& system, const Weights& weights,
+                                const Inertia& inertia, const Eigen::VectorXd& v_ref,
+                                const Eigen::VectorXd& delta);
+
+}  // namespace tachless::certificate

@@ -1,0 +1,205 @@
+#include "certificate/linear_loop.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "robot/inverse_dynamics.h"
+#include "robot/jet.h"
+#include "robot/mass_matrix.h"
+
+namespace tachless::certificate {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using robot::Vector;
+
+/// phi and beta of every joint's filter.
+struct Filters {
+  VectorXd phi, beta;
+
+  Filters(const FilterGains& gains, const Sampling& sampling)
+      : phi(gains.a.size()), beta(gains.a.size()) {
+    for (Index i = 0; i < phi.size(); ++i) {
+      const auto joint = controller::law::filter_coefficients(sampling.filter, gains.a[i],
+                                                              gains.b[i], sampling.period_s);
+      phi[i] = joint.phi;
+      beta[i] = joint.beta;
+    }
+  }
+  // One state per joint: s_k = phi nu_{k-1} - beta e_{k-1}, so that nu_k = s_k + beta e_k and
+  // s_{k+1} = phi s_k + (phi - 1) beta e_k.
+  [[nodiscard]] VectorXd input() const { return (phi.array() - 1) * beta.array(); }
+};
+
+/// The rows of a plant's state that a law measures.
+MatrixXd selection(const LinearPlant& plant, const LinearLaw& law) {
+  const Index n = plant.num_joints;
+  MatrixXd C = MatrixXd::Zero(n * static_cast<Index>(law.measured.size()), plant.A.rows());
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    C.block(static_cast<Index>(i) * n, static_cast<Index>(law.measured[i]) * n, n, n).setIdentity();
+  }
+  return C;
+}
+
+}  // namespace
+
+MotionPoint rest_at(const Vector& q) { return {q, Vector::Zero(q.size()), Vector::Zero(q.size())}; }
+
+DynamicsGradient dynamics_gradient(const robot::Model& model, const MotionPoint& point) {
+  const int n = model.num_joints;
+  const Vector zero = Vector::Zero(n);
+  DynamicsGradient gradient{robot::mass_matrix(model, point.q),
+                            2 * robot::coriolis_matrix(model, point.q, point.v), MatrixXd(n, n)};
+  const robot::JetVector v = robot::jet(point.v, zero, zero), a = robot::jet(point.a, zero, zero);
+  for (int j = 0; j < n; ++j) {
+    gradient.of_q.col(j) = robot::first_derivative(
+        robot::inverse_dynamics(model, robot::jet(point.q, Vector::Unit(n, j), zero), v, a));
+  }
+  return gradient;
+}
+
+LinearPlant rigid_plant(const robot::Model& model, const MotionPoint& point,
+                        const VectorXd& friction) {
+  DynamicsGradient gradient = dynamics_gradient(model, point);
+  const Index n = model.num_joints;
+  if (friction.size() > 0) gradient.of_v.diagonal() += friction;
+  const Eigen::LDLT<MatrixXd> M(gradient.M);
+  LinearPlant plant{MatrixXd::Zero(2 * n, 2 * n), MatrixXd::Zero(2 * n, n), n};
+  plant.A.topRightCorner(n, n).setIdentity();
+  plant.A.bottomLeftCorner(n, n) = -M.solve(gradient.of_q);
+  plant.A.bottomRightCorner(n, n) = -M.solve(gradient.of_v);
+  plant.B.bottomRows(n) = M.solve(MatrixXd::Identity(n, n));
+  return plant;
+}
+
+LinearPlant flexible_plant(const robot::Model& links, const MotionPoint& point,
+                           const VectorXd& stiffness, const VectorXd& rotor_inertia,
+                           const VectorXd& friction) {
+  const Index n = links.num_joints;
+  const LinearPlant rigid = rigid_plant(links, point);
+  const MatrixXd& inverse_M = rigid.B.bottomRows(n);
+  const MatrixXd K = stiffness.asDiagonal();
+  LinearPlant plant{MatrixXd::Zero(4 * n, 4 * n), MatrixXd::Zero(4 * n, n), n};
+  plant.A.topLeftCorner(2 * n, 2 * n) = rigid.A;
+  plant.A.block(n, 0, n, n) -= inverse_M * K;
+  plant.A.block(n, 2 * n, n, n) = inverse_M * K;
+  plant.A.block(2 * n, 3 * n, n, n).setIdentity();
+  const VectorXd by_J = stiffness.cwiseQuotient(rotor_inertia);
+  plant.A.block(3 * n, 0, n, n) = by_J.asDiagonal();
+  plant.A.block(3 * n, 2 * n, n, n) = (-by_J).asDiagonal();
+  if (friction.size() > 0) {
+    plant.A.block(3 * n, 3 * n, n, n) = (-friction.cwiseQuotient(rotor_inertia)).asDiagonal();
+  }
+  plant.B.bottomRows(n) = rotor_inertia.cwiseInverse().asDiagonal();
+  return plant;
+}
+
+LinearLaw linear_rigid_law(const FilterGains& gains, const MatrixXd& feedforward_gradient,
+                           const Sampling& sampling) {
+  const Filters filter(gains, sampling);
+  MatrixXd D = feedforward_gradient;
+  D.diagonal() -= gains.kp + gains.kd.cwiseProduct(filter.beta);
+  return {
+      filter.phi.asDiagonal(), filter.input().asDiagonal(), (-gains.kd).asDiagonal(), D, {Part::q}};
+}
+
+LinearLaw linear_flexible_law(const robot::Model& links, const Vector& q, const VectorXd& stiffness,
+                              const VectorXd& rotor_inertia, const FilterGains& link,
+                              const FilterGains& motor, const Sampling& sampling) {
+  const Index n = links.num_joints;
+  const Filters filter_1(link, sampling), filter_2(motor, sampling);
+  const DynamicsGradient gradient = dynamics_gradient(links, rest_at(q));
+  const MatrixXd inverse_M = gradient.M.ldlt().solve(MatrixXd::Identity(n, n));
+  // Every quantity is a row of blocks over (s_1, s_2, q, v, theta).
+  const auto unit = [&](Index block) {
+    MatrixXd row = MatrixXd::Zero(n, 5 * n);
+    row.middleCols(block * n, n).setIdentity();
+    return row;
+  };
+  const auto scaled = [](const VectorXd& d, const MatrixXd& row) {
+    return MatrixXd(d.asDiagonal() * row);
+  };
+  const MatrixXd s_1 = unit(0), s_2 = unit(1), e_1 = unit(2), v = unit(3), theta = unit(4);
+  const MatrixXd vdot = inverse_M * (scaled(stiffness, theta - e_1) - gradient.of_q * e_1);
+  const MatrixXd nu_1 = s_1 + scaled(filter_1.beta, e_1);
+  const MatrixXd nu_1dot = scaled(link.b, v) - scaled(link.a, nu_1);
+  const MatrixXd nu_1ddot = scaled(link.b, vdot) - scaled(link.a, nu_1dot);
+  // Eq. 10 and its second derivative: K (theta_ref - q_ref).
+  const MatrixXd torque = gradient.of_q * e_1 - scaled(link.kp, e_1) - scaled(link.kd, nu_1);
+  const MatrixXd torque_ddot =
+      gradient.of_q * vdot - scaled(link.kp, vdot) - scaled(link.kd, nu_1ddot);
+  const MatrixXd e_2 = theta - scaled(stiffness.cwiseInverse(), torque);
+  const MatrixXd nu_2 = s_2 + scaled(filter_2.beta, e_2);
+  const MatrixXd tau = scaled(rotor_inertia.cwiseQuotient(stiffness), torque_ddot) + torque -
+                       scaled(motor.kp, e_2) - scaled(motor.kd, nu_2);
+  MatrixXd next(2 * n, 5 * n);
+  next << scaled(filter_1.phi, s_1) + scaled(filter_1.input(), e_1),
+      scaled(filter_2.phi, s_2) + scaled(filter_2.input(), e_2);
+  return {next.leftCols(2 * n),
+          next.rightCols(3 * n),
+          tau.leftCols(2 * n),
+          tau.rightCols(3 * n),
+          {Part::q, Part::v, Part::theta}};
+}
+
+LinearLaw linearised(const LawStep& law, const VectorXd& memory, const VectorXd& measurement,
+                     std::vector<Part> measured, double step) {
+  const Index m = memory.size(), y = measurement.size();
+  VectorXd x(m + y);
+  x << memory, measurement;
+  MatrixXd next(m, m + y), torque;
+  for (Index i = 0; i < m + y; ++i) {
+    const double h = step * std::max(1.0, std::abs(x[i]));
+    const auto at = [&](double offset) {
+      VectorXd shifted = x;
+      shifted[i] += offset;
+      return law(shifted.head(m), shifted.tail(y));
+    };
+    const auto plus = at(h), minus = at(-h);
+    if (torque.size() == 0) torque.resize(plus.second.size(), m + y);
+    next.col(i) = (plus.first - minus.first) / (2 * h);
+    torque.col(i) = (plus.second - minus.second) / (2 * h);
+  }
+  return {next.leftCols(m), next.rightCols(y), torque.leftCols(m), torque.rightCols(y),
+          std::move(measured)};
+}
+
+HeldPlant held(const LinearPlant& plant, double period_s) {
+  const Index m = plant.A.rows(), n = plant.B.cols();
+  MatrixXd joined = MatrixXd::Zero(m + n, m + n);
+  joined.topLeftCorner(m, m) = plant.A * period_s;
+  joined.topRightCorner(m, n) = plant.B * period_s;
+  const MatrixXd exponential = joined.exp();
+  return {exponential.topLeftCorner(m, m), exponential.topRightCorner(m, n)};
+}
+
+MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
+                    double gain) {
+  const HeldPlant step = held(plant, period_s);
+  const MatrixXd C = selection(plant, law);
+  const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols();
+  MatrixXd map = MatrixXd::Zero(x + s + delay * n, x + s + delay * n);
+  map.block(0, 0, x, x) = step.Phi;
+  map.block(x, 0, s, x) = law.B * C;
+  map.block(x, x, s, s) = law.A;
+  MatrixXd tau = MatrixXd::Zero(n, map.cols());
+  tau.leftCols(x) = gain * law.D * C;
+  tau.middleCols(x, s) = gain * law.C;
+  if (delay == 0) {
+    map.topRows(x) += step.Gamma * tau;
+    return map;
+  }
+  map.block(0, x + s + (delay - 1) * n, x, n) = step.Gamma;
+  map.middleRows(x + s, n) = tau;
+  for (int i = 1; i < delay; ++i) {
+    map.block(x + s + i * n, x + s + (i - 1) * n, n, n).setIdentity();
+  }
+  return map;
+}
+
+}  // namespace tachless::certificate

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "certificate/error_system.h"
+#include "controller/law/filter.h"
+#include "robot/model.h"
+
+/// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
+/// time, and the map of one period that they make with the torque held.
+namespace tachless::certificate {
+
+/// What the plant's state consists of, and hence what a law may measure.
+enum class Part { q = 0, v = 1, theta = 2, thetadot = 3 };
+
+/// xdot = A x + B tau in deviations x = (q, v) from the reference, (q, v, theta, thetadot) with
+/// flexible joints.
+struct LinearPlant {
+  Eigen::MatrixXd A, B;
+  Eigen::Index num_joints = 0;
+};
+
+/// A point of a motion.
+struct MotionPoint {
+  robot::Vector q, v, a;  ///< [rad; m] and its derivatives
+};
+/// At rest in `q`.
+MotionPoint rest_at(const robot::Vector& q);
+
+/// The gradients of inverse dynamics M(q) a + C(q, v) v + g(q) at a point of a motion.
+struct DynamicsGradient {
+  Eigen::MatrixXd M;     ///< with respect to acceleration
+  Eigen::MatrixXd of_v;  ///< 2 C(q, v)
+  Eigen::MatrixXd of_q;  ///< [N m/rad]
+};
+DynamicsGradient dynamics_gradient(const robot::Model& model, const MotionPoint& point);
+
+/// M eddot + of_v edot + of_q e = tau. `friction` [N m s/rad] is viscous, at the joints, in
+/// addition; empty: none.
+LinearPlant rigid_plant(const robot::Model& model, const MotionPoint& point,
+                        const Eigen::VectorXd& friction = {});
+/// The links' motion is `point`; springs and rotors are linear anyway. `friction` is the motors'.
+LinearPlant flexible_plant(const robot::Model& links, const MotionPoint& point,
+                           const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
+                           const Eigen::VectorXd& friction = {});
+
+/// memory' = A memory + B y, tau = C memory + D y, where y stacks the measured parts of the plant.
+struct LinearLaw {
+  Eigen::MatrixXd A, B, C, D;
+  std::vector<Part> measured;
+};
+
+/// How a sampled filter is made.
+struct Sampling {
+  controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
+  double period_s = 1e-3;
+};
+
+/// tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu (law 1), about any motion: `feedforward_gradient` is
+/// the gradient of ID with respect to q there.
+LinearLaw linear_rigid_law(const FilterGains& gains, const Eigen::MatrixXd& feedforward_gradient,
+                           const Sampling& sampling);
+/// The flexible law (law 2) about rest at q.
+LinearLaw linear_flexible_law(const robot::Model& links, const robot::Vector& q,
+                              const Eigen::VectorXd& stiffness,
+                              const Eigen::VectorXd& rotor_inertia, const FilterGains& link,
+                              const FilterGains& motor, const Sampling& sampling);
+
+/// Any law as a function of its memory and measurement, both written as vectors: (memory,
+/// measurement) -> (next memory, torque); the reference is held fixed inside.
+using LawStep = std::function<std::pair<Eigen::VectorXd, Eigen::VectorXd>(const Eigen::VectorXd&,
+                                                                          const Eigen::VectorXd&)>;
+/// Its gradient by central differences of step `step` times max(1, |x_i|).
+LinearLaw linearised(const LawStep& law, const Eigen::VectorXd& memory,
+                     const Eigen::VectorXd& measurement, std::vector<Part> measured,
+                     double step = 1e-6);
+
+/// The plant over one period with its torque held: x' = Phi x + Gamma tau, exactly.
+struct HeldPlant {
+  Eigen::MatrixXd Phi, Gamma;
+};
+HeldPlant held(const LinearPlant& plant, double period_s);
+
+/// The map of one period of (x, memory, torques under way): the torque computed at tick k acts
+/// from tick k + delay on. `gain` multiplies every torque.
+Eigen::MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s,
+                           int delay, double gain = 1);
+
+}  // namespace tachless::certificate

@@ -1,0 +1,206 @@
+#include "certificate/norm_conditions.h"
+
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+
+namespace tachless::certificate {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+/// Smallest and largest eigenvalue, the paper's lambda and Lambda.
+struct Spread {
+  double min = 0, max = 0;
+};
+Spread spread(const VectorXd& diagonal) { return {diagonal.minCoeff(), diagonal.maxCoeff()}; }
+
+struct Spreads {
+  Spread kp, kd, a, b, M;
+  Spread kd_by_b, kd_by_b_a;  // Kd B^-1, Kd B^-1 A
+
+  Spreads(const ErrorSystem& s, const RobotConstants& c)
+      : kp{smallest_eigenvalue(s.kp), largest_eigenvalue(s.kp)},
+        kd(spread(s.kd)),
+        a(spread(s.a)),
+        b(spread(s.b)),
+        M{c.lambda_min_M.value, c.lambda_max_M.value},
+        kd_by_b(spread(s.kd.cwiseQuotient(s.b))),
+        kd_by_b_a(spread(s.kd.cwiseQuotient(s.b).cwiseProduct(s.a))) {
+    if (s.rotor_inertia.size() > 0) {
+      M.min = std::min(M.min, s.rotor_inertia.minCoeff());
+      M.max = std::max(M.max, s.rotor_inertia.maxCoeff());
+    }
+  }
+};
+
+/// Where f > 0 on a logarithmic scale from `low` to `high`, around its maximum, which is taken to
+/// be the only one; an interval of length 0 when it is nowhere seen.
+struct Positive {
+  Interval interval;
+  double best = 0, value = 0;
+};
+Positive positive_range(const std::function<double(double)>& f, double low, double high) {
+  constexpr int num_points = 2000;
+  const double ratio = std::pow(high / low, 1.0 / num_points);
+  Positive result{{0, 0}, low, -std::numeric_limits<double>::infinity()};
+  for (int k = 0; k <= num_points; ++k) {
+    const double x = low * std::pow(ratio, k), y = f(x);
+    if (y > result.value) result = {{0, 0}, x, y};
+  }
+  // Golden section, on the two cells around the best point.
+  double a = result.best / ratio, b = result.best * ratio;
+  constexpr double golden = 0.6180339887498949;
+  for (int i = 0; i < 60; ++i) {
+    const double c = b - golden * (b - a), d = a + golden * (b - a);
+    (f(c) > f(d) ? b : a) = f(c) > f(d) ? d : c;
+  }
+  if (f((a + b) / 2) > result.value) result = {{0, 0}, (a + b) / 2, f((a + b) / 2)};
+  if (!(result.value > 0)) return result;
+  const auto edge = [&](double inside, double step) {
+    double outside = inside;
+    while (f(outside) > 0 && outside > low / 2 && outside < high * 2) {
+      inside = outside;
+      outside *= step;
+    }
+    for (int i = 0; i < 60; ++i) {
+      const double middle = (inside + outside) / 2;
+      (f(middle) > 0 ? inside : outside) = middle;
+    }
+    return inside;
+  };
+  result.interval = {edge(result.best, 1 / ratio), edge(result.best, ratio)};
+  return result;
+}
+
+}  // namespace
+
+PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
+                                     double B_d, const Reading& reading) {
+  const Spreads s(system, constants);
+  const double k_c = constants.k_c.value;
+  const double kd_a_b = system.kd.cwiseProduct(system.a).cwiseProduct(system.b).minCoeff();
+  const double kd_a = system.kd.cwiseProduct(system.a).minCoeff();
+  const double kd_b = system.kd.cwiseProduct(system.b).maxCoeff();
+  PrintedConditions c;
+  c.eq7 = s.M.max / s.M.min;
+  c.eq19 = 0.5 * std::sqrt(s.kp.min / (2 * s.M.max));
+  c.eq20 = 0.5 * std::sqrt(s.kd_by_b.min / (2 * s.M.max));
+  c.eq23 = 2 * s.kp.min * s.kd_by_b_a.min / std::pow(s.kp.max + s.kd.max, 2);
+  c.eq24 = 2 * (reading.corrected ? s.kd_by_b_a.min * s.b.min : kd_a_b / s.b.max) * s.M.min /
+           std::pow(s.a.max * s.M.max, 2);
+  c.eq25 = k_c * B_d / (s.b.min * s.M.min);
+  c.eq27 = 0.5 * (reading.corrected ? s.kd_by_b_a.min / s.kd.max : kd_a / kd_b);
+
+  // With eps given, the smallest beta_3 and beta_1 leave the most for beta_2; gamma_1 as large as
+  // gamma_2 lets it.
+  const auto beta_2 = [&](double eps) {
+    const double gamma_1 = reading.gamma_2_free ? 1 - eps / (2 * c.eq27) : 0.5;
+    if (gamma_1 <= 0 || eps >= std::min({c.eq19, c.eq20, c.eq27 * (reading.gamma_2_free ? 2 : 1),
+                                         c.eq23 * gamma_1})) {
+      return -1.0;
+    }
+    return 1 - eps / (c.eq24 * gamma_1) - c.eq25 / eps;
+  };
+  const auto R = [&](double eps) {
+    return (beta_2(eps) * s.b.min * s.M.min - s.M.max) / (2 * k_c);
+  };
+  const auto c1 = [&](double eps) {
+    const double alpha_1 = std::min({s.kp.min, s.kd_by_b.min, s.M.min}) / 4;
+    const double alpha_2 = std::max({(eps * s.M.max + s.kp.max) / 2, (eps + 0.5) * s.M.max,
+                                     (eps * s.M.max + s.kd_by_b.max) / 2});
+    return R(eps) * std::sqrt(alpha_1 / alpha_2);
+  };
+  const double high = std::min({c.eq19, c.eq20, c.eq23, c.eq24, 2 * c.eq27});
+  if (!(c.eq25 < high)) return c;
+  const Positive best = positive_range(c1, c.eq25, high);
+  c.feasible = best.value > 0;
+  if (!c.feasible) return c;
+  c.epsilon = best.interval;
+  c.c1 = best.value;
+  c.best_epsilon = best.best;
+  c.eq26 = R(best.best);
+  return c;
+}
+
+double printed_decrease_bound(const ErrorSystem& system, const RobotConstants& constants,
+                              double B_d, double epsilon, const StateNorms& x, bool completed) {
+  const Spreads s(system, constants);
+  const double k_c = constants.k_c.value;
+  const double cross = s.kp.min * x.e * x.e - (s.kp.max + s.kd.max) * x.e * x.nu -
+                       s.kd.max * x.nu * x.nu - s.a.max * s.M.max * x.nu * x.edot +
+                       (s.b.min * s.M.min - s.M.max - k_c * x.e_minus_nu) * x.edot * x.edot;
+  double bound = -s.kd_by_b_a.min * x.nu * x.nu + k_c * B_d * x.edot * x.edot - epsilon * cross;
+  if (completed) bound += 2 * k_c * B_d * epsilon * x.e_minus_nu * x.edot;
+  return bound;
+}
+
+ScalarCondition::ScalarCondition(const ErrorSystem& system, const RobotConstants& constants,
+                                 const Postures& postures, double B_d)
+    : B_d_(B_d), k_s_(constants.k_s.bound), k_y_(constants.k_y.bound) {
+  kp_min_ = smallest_eigenvalue(system.kp);
+  MatrixXd difference = system.kp;
+  difference.diagonal() -= system.kd;
+  kp_kd_ = spectral_norm(difference);
+  damping_min_ = system.kd.cwiseQuotient(system.b).cwiseProduct(system.a).minCoeff();
+  kd_max_ = system.kd.maxCoeff();
+  // Between the postures of a circle both are within these gaps of the chord.
+  double gap = 0;
+  for (const Postures::Harmonic& h : postures.harmonics()) {
+    gap += postures.chord_factor() * h.order * h.order *
+           std::hypot(spectral_norm(h.cosine.M), spectral_norm(h.sine.M));
+  }
+  a_inertia_ = gap * system.a.maxCoeff() -
+               postures
+                   .smallest(
+                       [&](const Inertia& at) {
+                         return -spectral_norm(system.a.asDiagonal() * system.inertia(at.M));
+                       },
+                       true)
+                   .value;
+  b_inertia_ = postures
+                   .smallest(
+                       [&](const Inertia& at) {
+                         const VectorXd b_1 = system.b.array() - 1;
+                         const MatrixXd BM = b_1.asDiagonal() * system.inertia(at.M);
+                         return smallest_eigenvalue((BM + BM.transpose()) / 2);
+                       },
+                       true)
+                   .value -
+               gap * (system.b.array() - 1).abs().maxCoeff();
+}
+
+Eigen::Matrix3d ScalarCondition::Q(double epsilon, double rho) const {
+  const double half = epsilon / 2;
+  const double q12 = -half * kp_kd_, q13 = -half * k_s_ * B_d_;
+  const double q23 = -half * (a_inertia_ + k_s_ * B_d_);
+  Eigen::Matrix3d result;
+  result << epsilon * kp_min_, q12, q13,           //
+      q12, damping_min_ - epsilon * kd_max_, q23,  //
+      q13, q23, epsilon * b_inertia_ - k_y_ * (B_d_ + epsilon * rho);
+  return result;
+}
+
+double ScalarCondition::rho(double epsilon) const {
+  const Eigen::Matrix3d at_0 = Q(epsilon, 0);
+  const Eigen::Matrix2d corner = at_0.topLeftCorner<2, 2>();
+  if (!(corner.determinant() > 0) || !(corner(0, 0) > 0)) return -1;
+  const Eigen::Vector2d column = at_0.topRightCorner<2, 1>();
+  const double left = at_0(2, 2) - column.dot(corner.inverse() * column);
+  if (k_y_ == 0) return left > 0 ? std::numeric_limits<double>::infinity() : -1;
+  return left / (k_y_ * epsilon);
+}
+
+ScalarCondition::Result ScalarCondition::solve() const {
+  // Q22 > 0 bounds eps from above; six decades below, Q33 > 0 asks for more damping than there is.
+  const double high = damping_min_ / kd_max_;
+  const Positive best = positive_range([&](double eps) { return rho(eps); }, 1e-7 * high, high);
+  if (!(best.value > 0)) return {};
+  return {true, best.interval, best.best, best.value};
+}
+
+}  // namespace tachless::certificate

@@ -1,0 +1,193 @@
+#include "certificate/postures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "certificate/optimise.h"
+#include "certificate/parallel.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+
+namespace tachless::certificate {
+namespace {
+
+using robot::Vector;
+
+/// Whether M and C do not depend on joint 0, because everything hangs on it.
+bool all_hang_on_first_joint(const robot::Model& model) {
+  return std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+    const bool first = &body == &model.bodies.front();
+    return first == (body.parent < 0) && first == (body.coordinate == 0);
+  });
+}
+
+/// The smallest d <= 8 for which every multiplier of joint 1 is a multiple of 1/d; 0: none.
+int multiplier_denominator(const robot::Model& model) {
+  for (int d = 1; d <= 8; ++d) {
+    if (std::all_of(model.bodies.begin(), model.bodies.end(), [&](const robot::Body& body) {
+          const double m = body.multiplier * d;
+          return std::abs(m - std::round(m)) < 1e-12;
+        })) {
+      return d;
+    }
+  }
+  return 0;
+}
+
+/// a += s b.
+void add(Inertia& a, double s, const Inertia& b) {
+  a.M += s * b.M;
+  for (std::size_t j = 0; j < a.C.size(); ++j) a.C[j] += s * b.C[j];
+}
+
+double size_of(const Inertia& x) {
+  double largest = x.M.cwiseAbs().maxCoeff();
+  for (const Eigen::MatrixXd& C : x.C) largest = std::max(largest, C.cwiseAbs().maxCoeff());
+  return largest;
+}
+
+Vector second_joint_at(double q2) {
+  Vector q(2);
+  q << 0, q2;
+  return q;
+}
+
+/// Of one joint's coordinate [rad; m].
+std::pair<double, double> range_of(const robot::Model& model, int i) {
+  if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) {
+    return {-std::numbers::pi, std::numbers::pi};
+  }
+  return {std::isfinite(model.lower[i]) ? model.lower[i] : -1,
+          std::isfinite(model.upper[i]) ? model.upper[i] : 1};
+}
+
+}  // namespace
+
+Eigen::MatrixXd Inertia::coriolis(const Eigen::VectorXd& x) const {
+  Eigen::MatrixXd sum = x[0] * C[0];
+  for (std::size_t j = 1; j < C.size(); ++j) sum += x[static_cast<Eigen::Index>(j)] * C[j];
+  return sum;
+}
+
+Inertia inertia_at(const robot::Model& model, const Vector& q) {
+  Inertia result{robot::mass_matrix(model, q), {}};
+  Vector unit = Vector::Zero(model.num_joints);
+  for (int j = 0; j < model.num_joints; ++j) {
+    unit[j] = 1;
+    result.C.emplace_back(robot::coriolis_matrix(model, q, unit));
+    unit[j] = 0;
+  }
+  return result;
+}
+
+Vector spread_posture(const robot::Model& model, int k) {
+  const int n = model.num_joints;
+  double ratio = 2;  // the root of x^(n+1) = x + 1; the golden ratio for n = 1
+  for (int i = 0; i < 60; ++i) ratio = std::pow(1 + ratio, 1.0 / (n + 1));
+  Vector q(n);
+  for (int i = 0; i < n; ++i) {
+    const double turns = 0.5 + (k + 1) * std::pow(ratio, -(i + 1));
+    const double part = turns - std::floor(turns);
+    const auto [low, high] = range_of(model, i);
+    q[i] = low + part * (high - low);
+  }
+  return q;
+}
+
+bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
+  for (int i = 0; i < model.num_joints; ++i) {
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
+    const auto [low, high] = range_of(model, i);
+    if (q[i] < low || q[i] > high) return false;
+  }
+  return true;
+}
+
+/// Fourier's sums of M and C over q2; false when they do not end within the sums' reach. A body
+/// turned by the angle m q2 enters M and C with at most 2 |m| turns, and the angles of a chain of
+/// mimics add up: 32 turns are far more than enough, and what is left over is checked to be
+/// rounding.
+bool Postures::find_harmonics(int denominator, double& period) {
+  const int num_samples = 64 * denominator;
+  std::vector<Inertia> sample;
+  for (int k = 0; k < num_samples; ++k) {
+    const double q2 = 2 * std::numbers::pi * denominator * k / num_samples;
+    sample.push_back(inertia_at(model_, second_joint_at(q2)));
+  }
+  const double rounding = 1e-13 * size_of(sample[0]);
+  int common = 0;
+  for (int order = 1; order < num_samples / 2; ++order) {
+    Harmonic h{static_cast<double>(order) / denominator, sample[0], sample[0]};
+    add(h.cosine, -1, sample[0]);
+    add(h.sine, -1, sample[0]);
+    for (int k = 0; k < num_samples; ++k) {
+      // The product is reduced in integers: order k may be large.
+      const double angle = 2 * std::numbers::pi * (order * k % num_samples) / num_samples;
+      add(h.cosine, 2.0 / num_samples * std::cos(angle), sample[static_cast<std::size_t>(k)]);
+      add(h.sine, 2.0 / num_samples * std::sin(angle), sample[static_cast<std::size_t>(k)]);
+    }
+    if (std::max(size_of(h.cosine), size_of(h.sine)) <= rounding) continue;
+    if (order > num_samples / 4) return false;
+    common = std::gcd(common, order);
+    harmonics_.push_back(std::move(h));
+  }
+  period = common == 0 ? 0 : 2 * std::numbers::pi * denominator / common;
+  return true;
+}
+
+Postures::Postures(const robot::Model& model, const PostureOptions& options) : model_(model) {
+  const bool hang = all_hang_on_first_joint(model);
+  const int denominator = multiplier_denominator(model);
+  if (hang && model.num_joints == 1) {
+    kind_ = Kind::point;
+    proved_ = true;
+    q_.push_back(Vector::Zero(1));
+  } else if (hang && model.num_joints == 2 && denominator > 0 &&
+             model.joint_types[0] == robot::JointType::revolute &&
+             model.joint_types[1] == robot::JointType::revolute) {
+    kind_ = Kind::circle;
+    double period = 2 * std::numbers::pi * denominator;
+    proved_ = find_harmonics(denominator, period) && options.bound_between;
+    if (!proved_) harmonics_.clear();
+    const int num_points = period == 0 ? 1 : options.circle_points;
+    const double step = period / num_points;
+    chord_factor_ = proved_ ? step * step / 8 : 0;
+    for (int k = 0; k < num_points; ++k) q_.push_back(second_joint_at(step * k));
+  } else {
+    for (int k = 0; k < options.samples; ++k) q_.push_back(spread_posture(model, k));
+  }
+  inertia_.resize(q_.size());
+  parallel_for(q_.size(), [&](std::size_t i) { inertia_[i] = inertia_at(model, q_[i]); });
+}
+
+Postures::Least Postures::smallest(const std::function<double(const Inertia&)>& f,
+                                   bool refine) const {
+  std::vector<double> value(size());
+  parallel_for(size(), [&](std::size_t i) { value[i] = f(inertia_[i]); });
+  std::vector<std::size_t> order(size());
+  std::iota(order.begin(), order.end(), 0);
+  const std::size_t num_starts = std::min<std::size_t>(3, size());
+  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(num_starts),
+                    order.end(), [&](std::size_t a, std::size_t b) { return value[a] < value[b]; });
+  Least least{value[order[0]], q_[order[0]]};
+  if (!refine || kind_ != Kind::sampled) return least;
+  std::vector<Minimum> refined(num_starts);
+  parallel_for(num_starts, [&](std::size_t i) {
+    refined[i] = minimise(
+        [&](const Eigen::VectorXd& q) {
+          return in_range(model_, q) ? f(inertia_at(model_, q))
+                                     : std::numeric_limits<double>::infinity();
+        },
+        q_[order[i]], 0.2, 300);
+  });
+  for (const Minimum& minimum : refined) {
+    if (minimum.value < least.value) least = {minimum.value, minimum.x};
+  }
+  return least;
+}
+
+}  // namespace tachless::certificate

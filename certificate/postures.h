@@ -1,0 +1,89 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <vector>
+
+#include "robot/model.h"
+
+/// The postures over which the conditions of a certificate are checked, with M and C at each. What
+/// is between them is bounded where the robot allows it, and only there is a result "proved".
+/// Gravity is not in here: the law cancels it.
+namespace tachless::certificate {
+
+/// M(q) and C(q, e_j), so that C(q, x) = sum_j x_j C[j]; or one harmonic of them.
+struct Inertia {
+  Eigen::MatrixXd M;               ///< [kg m2]
+  std::vector<Eigen::MatrixXd> C;  ///< [kg m2]
+
+  [[nodiscard]] Eigen::MatrixXd coriolis(const Eigen::VectorXd& x) const;
+};
+
+Inertia inertia_at(const robot::Model& model, const robot::Vector& q);
+
+struct PostureOptions {
+  int circle_points = 360;  ///< postures of a two-joint arm
+  /// Whether what is between the points of the circle is bounded. Without it the result is one of
+  /// sampling.
+  bool bound_between = true;
+  int samples = 2048;  ///< postures of other robots
+};
+
+/// A set of postures that stands for all of them.
+///
+/// One joint that all bodies hang on: one posture, since M does not depend on it. Two revolute
+/// joints of which all bodies hang on the first: M and C are functions of q2 alone, trigonometric
+/// polynomials of low degree; they are taken on a grid, and between two grid points they are
+/// within step^2/8 sup|d2/dq2^2| of the chord, which their harmonics bound. Otherwise a
+/// low-discrepancy sequence over the full circle of each revolute joint (errors are not wrapped
+/// and the level set does not end at a joint limit) and over the range of each prismatic one.
+class Postures {
+ public:
+  enum class Kind { point, circle, sampled };
+  struct Harmonic {
+    double order = 0;  ///< cos(order q2), sin(order q2)
+    Inertia cosine, sine;
+  };
+
+  explicit Postures(const robot::Model& model, const PostureOptions& options = {});
+
+  [[nodiscard]] Kind kind() const { return kind_; }
+  /// Whether the postures in between are bounded.
+  [[nodiscard]] bool proved() const { return proved_; }
+  [[nodiscard]] std::size_t size() const { return q_.size(); }
+  [[nodiscard]] const robot::Vector& q(std::size_t i) const { return q_[i]; }
+  [[nodiscard]] const Inertia& at(std::size_t i) const { return inertia_[i]; }
+  /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
+  [[nodiscard]] const std::vector<Harmonic>& harmonics() const { return harmonics_; }
+  /// step^2 / 8.
+  [[nodiscard]] double chord_factor() const { return chord_factor_; }
+
+  struct Least {
+    double value = 0;
+    robot::Vector q;
+  };
+  /// The smallest f over the set. Of a sampled set the three smallest are refined locally when
+  /// `refine` says so.
+  [[nodiscard]] Least smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
+
+ private:
+  bool find_harmonics(int denominator, double& period);
+
+  robot::Model model_;
+  Kind kind_ = Kind::sampled;
+  bool proved_ = false;
+  double chord_factor_ = 0;
+  std::vector<robot::Vector> q_;
+  std::vector<Inertia> inertia_;
+  std::vector<Harmonic> harmonics_;
+};
+
+/// Number `k` of a sequence that fills the postures evenly (Kronecker's, by powers of the
+/// generalised golden ratio): revolute joints over the full circle, prismatic ones over their
+/// range, 2 m where it is not bounded.
+robot::Vector spread_posture(const robot::Model& model, int k);
+
+/// Whether each prismatic joint is within the range above.
+bool in_range(const robot::Model& model, const Eigen::VectorXd& q);
+
+}  // namespace tachless::certificate

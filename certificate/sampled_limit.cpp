@@ -1,0 +1,265 @@
+#include "certificate/sampled_limit.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+namespace tachless::certificate {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+MatrixXd map_of(const SampledLoop& loop, double period_s, double gain = 1) {
+  return period_map(loop.plant, loop.law(period_s), period_s, loop.delay, gain);
+}
+
+/// After balancing (Parlett and Reinsch, 1969), which Eigen leaves out: torques of 1e7 N m stand
+/// beside radians, and a slow pole at a short period is within 1e-7 of 1.
+VectorXcd balanced_eigenvalues(MatrixXd map) {
+  for (bool done = false; !done;) {
+    done = true;
+    for (Index i = 0; i < map.rows(); ++i) {
+      const double own = std::abs(map(i, i));
+      const double column = map.col(i).cwiseAbs().sum() - own;
+      const double row = map.row(i).cwiseAbs().sum() - own;
+      if (!(column > 0) || !(row > 0)) continue;
+      const double f = std::exp2(std::round(std::log2(row / column) / 2));
+      if (column * f + row / f >= 0.95 * (column + row)) continue;
+      map.col(i) *= f;
+      map.row(i) /= f;
+      done = false;
+    }
+  }
+  return Eigen::EigenSolver<MatrixXd>(map, false).eigenvalues();
+}
+
+/// The last stable value before `outside`, which is not, by bisection.
+template <class Stable>
+double edge(double inside, double outside, const Stable& stable) {
+  while (outside - inside > 1e-7 * inside) {
+    const double middle = (inside + outside) / 2;
+    (stable(middle) ? inside : outside) = middle;
+  }
+  return inside;
+}
+
+/// The loop's frequency response L, from a torque at the plant to the torque that comes back,
+/// negated: 1 + L is singular where the loop is on the edge.
+class Response {
+ public:
+  Response(const SampledLoop& loop, double period_s)
+      : period_s_(period_s), delay_(loop.delay), num_torques_(loop.plant.B.cols()) {
+    const LinearLaw law = loop.law(period_s);
+    const Index x = loop.plant.A.rows(), s = law.A.rows(), n = num_torques_;
+    // With one period of delay, the map of period_map has the torque as a state of its own: cut
+    // there, it is x' = Phi x + Gamma u with the law beside it.
+    const MatrixXd whole = period_map(loop.plant, law, period_s, 1);
+    A_ = whole.topLeftCorner(x + s, x + s);
+    B_ = MatrixXcd::Zero(x + s, n);
+    B_.topRows(x) = whole.topRightCorner(x, n).cast<std::complex<double>>();
+    C_ = whole.block(x + s, 0, n, x + s).cast<std::complex<double>>();
+    poles_ = balanced_eigenvalues(A_);
+  }
+
+  [[nodiscard]] MatrixXcd at(double w) const {
+    const std::complex<double> z = std::polar(1.0, w * period_s_);
+    MatrixXcd resolvent = -A_.cast<std::complex<double>>();
+    resolvent.diagonal().array() += z;
+    const MatrixXcd state = resolvent.partialPivLu().solve(B_);
+    return -std::pow(z, -delay_) * (C_ * state);
+  }
+  [[nodiscard]] VectorXcd eigenvalues(double w) const {
+    return Eigen::ComplexEigenSolver<MatrixXcd>(at(w), false).eigenvalues();
+  }
+  [[nodiscard]] double modulus(double w) const {
+    return (eigenvalues(w).array() + 1).abs().minCoeff();
+  }
+  [[nodiscard]] double smallest_singular_value(double w) const {
+    MatrixXcd one_plus = at(w);
+    one_plus.diagonal().array() += 1;
+    return Eigen::JacobiSVD<MatrixXcd>(one_plus).singularValues()[num_torques_ - 1];
+  }
+  [[nodiscard]] double highest() const { return std::numbers::pi / period_s_; }
+  [[nodiscard]] double lowest() const {
+    double slowest = highest();
+    for (const auto& p : poles_) {
+      const double w = std::abs(std::log(p)) / period_s_;
+      if (w > 0) slowest = std::min(slowest, w);
+    }
+    return std::max(1e-2 * slowest, 1e-6 * highest());
+  }
+
+ private:
+  double period_s_;
+  int delay_;
+  Index num_torques_;
+  MatrixXd A_;
+  MatrixXcd B_, C_;
+  VectorXcd poles_;
+};
+
+std::vector<double> frequencies(const Response& response) {
+  constexpr int num_points = 500;
+  std::vector<double> w;
+  const double ratio = std::pow(response.highest() / response.lowest(), 1.0 / num_points);
+  for (int k = 0; k <= num_points; ++k) w.push_back(response.lowest() * std::pow(ratio, k));
+  return w;
+}
+
+/// The least f over the frequencies, refined between the neighbours of the best.
+template <class F>
+double least_over(const std::vector<double>& w, const F& f) {
+  std::size_t best = 0;
+  double least = infinity;
+  for (std::size_t k = 0; k < w.size(); ++k) {
+    const double value = f(w[k]);
+    if (value < least) {
+      least = value;
+      best = k;
+    }
+  }
+  double low = w[best == 0 ? 0 : best - 1], high = w[std::min(best + 1, w.size() - 1)];
+  for (int i = 0; i < 40; ++i) {
+    const double third = (high - low) / 3;
+    if (f(low + third) < f(high - third)) {
+      high -= third;
+    } else {
+      low += third;
+    }
+  }
+  return std::min(least, f((low + high) / 2));
+}
+
+std::complex<double> nearest(const VectorXcd& values, const std::complex<double>& value) {
+  std::complex<double> best = values[0];
+  for (const auto& candidate : values) {
+    if (std::abs(candidate - value) < std::abs(best - value)) best = candidate;
+  }
+  return best;
+}
+
+/// Phase and delay margin: where an eigenvalue of L crosses the unit circle, turned by its
+/// distance from -1 it makes 1 + L singular.
+void crossings(const Response& response, const std::vector<double>& w, Margins& margins) {
+  margins.phase_deg = 180;
+  margins.delay_s = infinity;
+  VectorXcd before = response.eigenvalues(w[0]);
+  for (std::size_t k = 1; k < w.size(); ++k) {
+    const VectorXcd now = response.eigenvalues(w[k]);
+    for (const std::complex<double>& start : before) {
+      std::complex<double> low = start, high = nearest(now, start);
+      if ((std::abs(low) > 1) == (std::abs(high) > 1)) continue;
+      double w_low = w[k - 1], w_high = w[k];
+      for (int i = 0; i < 40; ++i) {
+        const double middle = (w_low + w_high) / 2;
+        const std::complex<double> value =
+            nearest(response.eigenvalues(middle), (low + high) / 2.0);
+        const bool as_low = (std::abs(value) > 1) == (std::abs(low) > 1);
+        (as_low ? w_low : w_high) = middle;
+        (as_low ? low : high) = value;
+      }
+      // A lag turns -1's predecessor into it: the angle from -1 up to the eigenvalue.
+      double lag = std::arg(-low);
+      margins.phase_deg = std::min(margins.phase_deg, std::abs(lag) * 180 / std::numbers::pi);
+      if (lag < 0) lag += 2 * std::numbers::pi;
+      margins.delay_s = std::min(margins.delay_s, lag / w_low);
+    }
+    before = now;
+  }
+}
+
+}  // namespace
+
+double spectral_radius(const MatrixXd& map) {
+  return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
+}
+
+std::optional<double> largest_stable_period(const SampledLoop& loop, const LimitOptions& options) {
+  const auto stable = [&](double h) { return spectral_radius(map_of(loop, h)) < 1; };
+  double inside = options.shortest_s;
+  if (!stable(inside)) return {};
+  while (inside < options.longest_s) {
+    const double next = std::min(inside * options.ratio, options.longest_s);
+    if (!stable(next)) return edge(inside, next, stable);
+    inside = next;
+  }
+  return options.longest_s;
+}
+
+Modes modes(const SampledLoop& loop, double period_s) {
+  const MatrixXd map = map_of(loop, period_s);
+  const VectorXcd z = balanced_eigenvalues(map);
+  Modes result;
+  result.radius = z.cwiseAbs().maxCoeff();
+  result.stable = result.radius < 1;
+  std::vector<double> decay;
+  for (const std::complex<double>& value : z) {
+    if (std::abs(value) < 1e-12) continue;  // gone after some periods
+    const std::complex<double> s = std::log(value) / period_s;
+    decay.push_back(-s.real());
+    const double damping = -s.real() / std::abs(s);
+    if (s.imag() != 0 && damping < result.least_damping) {
+      result.least_damping = damping;
+      result.least_damped_hz = std::abs(s.imag()) / (2 * std::numbers::pi);
+    }
+  }
+  std::sort(decay.begin(), decay.end());
+  const Index num_slow = std::min<Index>(loop.plant.num_joints, static_cast<Index>(decay.size()));
+  result.slow_per_s = Eigen::Map<const Eigen::VectorXd>(decay.data(), num_slow);
+  result.decay_per_s = decay.empty() ? infinity : decay.front();
+  return result;
+}
+
+double settling_time(const Modes& modes, double part) {
+  return modes.stable ? -std::log(part) / modes.decay_per_s : infinity;
+}
+
+Margins margins(const SampledLoop& loop, double period_s) {
+  Margins result;
+  const LinearLaw law = loop.law(period_s);
+  const auto stable = [&](double gain) {
+    return spectral_radius(period_map(loop.plant, law, period_s, loop.delay, gain)) < 1;
+  };
+  if (!stable(1)) return result;
+  result.gain = infinity;
+  constexpr double factor = 1.1, largest_gain = 1e4;
+  for (double gain = 1; gain < largest_gain; gain *= factor) {
+    if (stable(gain * factor)) continue;
+    result.gain = edge(gain, gain * factor, stable);
+    break;
+  }
+  const Response response(loop, period_s);
+  const std::vector<double> w = frequencies(response);
+  result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
+  result.modulus_independent =
+      least_over(w, [&](double x) { return response.smallest_singular_value(x); });
+  crossings(response, w, result);
+  return result;
+}
+
+double radius_along(const std::function<MatrixXd(int)>& map_at, int ticks) {
+  MatrixXd product = map_at(0);
+  double log_size = 0;
+  for (int k = 1; k < ticks; ++k) {
+    product = map_at(k) * product;
+    const double size = product.cwiseAbs().maxCoeff();
+    if (size == 0) return 0;
+    product /= size;
+    log_size += std::log(size);
+  }
+  const double radius = spectral_radius(product);
+  return radius == 0 ? 0 : std::exp((std::log(radius) + log_size) / ticks);
+}
+
+}  // namespace tachless::certificate

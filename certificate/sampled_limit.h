@@ -1,0 +1,66 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+
+#include "certificate/linear_loop.h"
+
+/// Whether the loop of a law that runs at a fixed period is stable, how far from the limit, and
+/// how it moves: of its linearisation, exactly over one period. It says nothing of large errors,
+/// saturation or quantisation; that of a moving reference needs `radius_along`, since the
+/// eigenvalues at frozen postures are neither necessary nor sufficient.
+namespace tachless::certificate {
+
+/// A plant and the law for any period.
+struct SampledLoop {
+  LinearPlant plant;
+  std::function<LinearLaw(double period_s)> law;
+  int delay = 0;  ///< whole periods from measurement to torque
+};
+
+double spectral_radius(const Eigen::MatrixXd& map);
+
+struct LimitOptions {
+  double shortest_s = 1e-7, longest_s = 1;
+  double ratio = 1.1;  ///< of the periods that are tried until one is unstable
+};
+/// The period below which the loop is stable, to rounding [s]; `longest_s` when no unstable one was
+/// found; nothing when the shortest is unstable, so that no sampling is to blame.
+std::optional<double> largest_stable_period(const SampledLoop& loop,
+                                            const LimitOptions& options = {});
+
+/// How the loop moves at one period.
+struct Modes {
+  bool stable = false;
+  double radius = 0;       ///< spectral radius of the one-period map
+  double decay_per_s = 0;  ///< of the slowest mode
+  double least_damped_hz = 0;
+  double least_damping = 1;    ///< 1: no mode oscillates
+  Eigen::VectorXd slow_per_s;  ///< decay of the slowest modes, as many as joints, slowest first
+};
+Modes modes(const SampledLoop& loop, double period_s);
+
+/// Time until an error has shrunk to `part` of itself, at the decay of the slowest mode [s].
+double settling_time(const Modes& modes, double part = 0.01);
+
+/// Margins of the loop broken at the plant's torques, all joints at once.
+struct Margins {
+  /// Least distance of L's eigenvalues from -1 over all frequencies: what one factor, lag or delay
+  /// common to all torques needs.
+  double modulus = 0;
+  /// Least singular value of 1 + L: the size of the smallest errors, independent in all joints and
+  /// in units of torque, that may make it unstable.
+  double modulus_independent = 0;
+  double gain = 0;       ///< factor on all torques that makes it unstable; infinite up to 1e4
+  double phase_deg = 0;  ///< lag common to all torques that does; 180 when none
+  double delay_s = 0;    ///< delay common to all torques that does; infinite when none
+};
+/// Of a stable loop; all zero for an unstable one.
+Margins margins(const SampledLoop& loop, double period_s);
+
+/// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
+/// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.
+double radius_along(const std::function<Eigen::MatrixXd(int)>& map_at, int ticks);
+
+}  // namespace tachless::certificate

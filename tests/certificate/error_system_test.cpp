@@ -1,0 +1,105 @@
+#include "certificate/error_system.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+#include "tests/certificate/loops.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using Eigen::VectorXd;
+using robot::Vector;
+
+/// V of its definition, term by term, and its derivative along the error equation by the product
+/// rule, with Mdot from jets: nothing of it is shared with decrease_matrix.
+struct Independent {
+  double V = 0, Vdot = 0;
+  double size = 0;  ///< of the terms of Vdot that cancel
+};
+Independent independent(const robot::Model& model, const ErrorSystem& s, const Weights& w,
+                        const Vector& q, const Vector& v_ref, const VectorXd& z) {
+  const Eigen::Index N = s.num_errors(), n = s.num_links();
+  const VectorXd e = z.head(N), nu = z.segment(N, N), edot = z.tail(N);
+  const Vector v = v_ref + Vector(edot.head(n));
+  const Vector zero = Vector::Zero(n);
+  const auto jets = robot::mass_matrix(model, robot::jet(q, v, zero));
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(N, N), Mdot = M, C = M;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      M(i, j) = jets(i, j).value;
+      Mdot(i, j) = jets(i, j).first;
+    }
+  }
+  for (Eigen::Index i = n; i < N; ++i) M(i, i) = s.rotor_inertia[i - n];
+  C.topLeftCorner(n, n) =
+      robot::coriolis_matrix(model, q, v) + robot::coriolis_matrix(model, q, v_ref);
+  const VectorXd M_eddot = -C * edot - s.kp * e - s.kd.cwiseProduct(nu);
+  const VectorXd nudot = s.b.cwiseProduct(edot) - s.a.cwiseProduct(nu);
+  const VectorXd kd_by_b = s.kd.cwiseQuotient(s.b);
+  const VectorXd cross = w.eps_1 * e - w.eps_2 * nu, cross_dot = w.eps_1 * edot - w.eps_2 * nudot;
+  Independent result;
+  result.V = edot.dot(M * edot) / 2 + e.dot(s.kp * e) / 2 + nu.dot(kd_by_b.cwiseProduct(nu)) / 2 +
+             cross.dot(M * edot);
+  const double terms[] = {edot.dot(M_eddot),       edot.dot(Mdot * edot) / 2,
+                          e.dot(s.kp * edot),      nu.dot(kd_by_b.cwiseProduct(nudot)),
+                          cross_dot.dot(M * edot), cross.dot(Mdot * edot),
+                          cross.dot(M_eddot)};
+  for (const double term : terms) {
+    result.Vdot += term;
+    result.size += std::abs(term);
+  }
+  return result;
+}
+
+void expect_identity(const robot::Model& model, const ErrorSystem& system, unsigned seed) {
+  robot::testing::Random random(seed);
+  const Eigen::Index N = system.num_errors(), n = system.num_links();
+  for (int i = 0; i < 500; ++i) {
+    const double eps = random.uniform(0.001, 0.1);
+    for (const Weights& w : {Weights{eps, eps}, Weights{random.uniform(0, 30), eps}}) {
+      const Vector q = random.vector(n, std::numbers::pi), v_ref = random.vector(n, 2);
+      VectorXd z(3 * N);
+      for (Eigen::Index k = 0; k < 3 * N; ++k) z[k] = random.uniform(-1, 1);
+      const VectorXd delta = w.eps_1 * z.head(n) - w.eps_2 * z.segment(N, n);
+      const Inertia at = inertia_at(model, q);
+      const Independent expected = independent(model, system, w, q, v_ref, z);
+      const double Vdot = -z.dot(decrease_matrix(system, w, at, v_ref, delta) * z);
+      // Seen 5e-15 of the terms' size.
+      ASSERT_NEAR(Vdot, expected.Vdot, 1e-13 * expected.size);
+      ASSERT_NEAR(z.dot(lyapunov_matrix(system, w, at.M) * z) / 2, expected.V,
+                  1e-12 * std::abs(expected.V) + 1e-12 * z.squaredNorm() * system.kp.norm());
+    }
+  }
+}
+
+TEST(ErrorSystem, VdotIsTheQuadraticFormForTwoRigidJoints) {
+  expect_identity(robot::testing::two_link(0.5), rigid(paper_rigid()), 1);
+}
+TEST(ErrorSystem, VdotIsTheQuadraticFormForTwoFlexibleJoints) {
+  expect_identity(robot::testing::two_link(), flexible(practical_link(), practical_motor()), 2);
+}
+TEST(ErrorSystem, VdotIsTheQuadraticFormForSevenRigidJoints) {
+  expect_identity(robot::testing::iiwa7(), rigid(iiwa_gains()), 3);
+}
+TEST(ErrorSystem, VdotIsTheQuadraticFormForSevenFlexibleJoints) {
+  const FilterGains link = iiwa_gains();
+  FilterGains motor = link;
+  motor.kd *= 0.1;
+  const VectorXd one = VectorXd::Ones(7);
+  expect_identity(robot::testing::iiwa7(),
+                  flexible_error_system(1e4 * one, 0.05 * one, link, motor), 4);
+}
+TEST(ErrorSystem, VdotIsTheQuadraticFormForABranchingRobotWithPrismaticJoints) {
+  const robot::Model model = robot::testing::branching();
+  const VectorXd one = VectorXd::Ones(model.num_joints);
+  expect_identity(model, rigid({500 * one, 50 * one, 100 * one, 150 * one}), 5);
+}
+
+}  // namespace
+}  // namespace tachless::certificate

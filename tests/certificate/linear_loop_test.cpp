@@ -1,0 +1,177 @@
+#include "certificate/linear_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "controller/law/loria_ortega_flexible.h"
+#include "controller/law/loria_ortega_rigid.h"
+#include "robot/forward_dynamics.h"
+#include "robot/inverse_dynamics.h"
+#include "tests/certificate/loops.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using controller::law::Discretisation;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using robot::Vector;
+
+/// Central differences of smooth functions: 1e-10 of step^2 and of rounding / step.
+constexpr double differences = 1e-7;
+
+void expect_near(const MatrixXd& A, const MatrixXd& B, double relative) {
+  ASSERT_EQ(A.rows(), B.rows());
+  ASSERT_EQ(A.cols(), B.cols());
+  EXPECT_LE((A - B).cwiseAbs().maxCoeff(), relative * B.cwiseAbs().maxCoeff());
+}
+
+TEST(LinearLoop, RigidPlantIsTheGradientOfForwardDynamics) {
+  const robot::Model model = robot::testing::iiwa7();
+  robot::testing::Random random(1);
+  const MotionPoint p{random.vector(7, 1), random.vector(7, 1), random.vector(7, 1)};
+  const Vector tau = robot::inverse_dynamics(model, p.q, p.v, p.a);
+  const LinearPlant plant = rigid_plant(model, p);
+  const double h = 1e-6;
+  MatrixXd A = MatrixXd::Zero(14, 14);
+  A.topRightCorner(7, 7).setIdentity();
+  for (int j = 0; j < 14; ++j) {
+    const auto at = [&](double s) {
+      Vector q = p.q, v = p.v;
+      (j < 7 ? q[j] : v[j - 7]) += s;
+      return robot::forward_dynamics(model, q, v, tau);
+    };
+    A.col(j).tail(7) = (at(h) - at(-h)) / (2 * h);
+  }
+  expect_near(plant.A, A, differences);
+}
+
+TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
+  const LinearPlant plant =
+      flexible_plant(robot::testing::two_link(), rest_at(both(0.3, 0.5)), stiffness(), rotors());
+  const double h = 2e-3;
+  const HeldPlant step = held(plant, h);
+  VectorXd x = VectorXd::LinSpaced(8, -1, 1);
+  const VectorXd tau = both(3, -2), expected = step.Phi * x + step.Gamma * tau;
+  const int steps = 2000;  // of the midpoint rule, order 2: h^2 |A|^2 / 6 = 1e-7
+  const MatrixXd I = MatrixXd::Identity(8, 8);
+  const Eigen::PartialPivLU<MatrixXd> lu(I - h / steps / 2 * plant.A);
+  for (int k = 0; k < steps; ++k) {
+    x = lu.solve((I + h / steps / 2 * plant.A) * x + h / steps * (plant.B * tau)).eval();
+  }
+  expect_near(expected, x, 1e-6);
+}
+
+/// The law itself as a function of vectors.
+template <class L>
+LawStep as_step(const L& law, const loop::ReferencePoint& reference);
+
+template <>
+LawStep as_step(const controller::law::LoriaOrtegaRigid& law,
+                const loop::ReferencePoint& reference) {
+  return [=](const VectorXd& memory, const VectorXd& y) {
+    const controller::law::LoriaOrtegaRigid::Memory before{memory.head(2), memory.tail(2)};
+    const auto step = law.step(before, {y}, reference);
+    VectorXd after(4);
+    after << step.memory.nu, step.memory.e_previous;
+    return std::pair<VectorXd, VectorXd>(after, step.command.tau);
+  };
+}
+template <>
+LawStep as_step(const controller::law::LoriaOrtegaFlexible& law,
+                const loop::ReferencePoint& reference) {
+  return [=](const VectorXd& memory, const VectorXd& y) {
+    const controller::law::LoriaOrtegaFlexible::Memory before{
+        {memory.segment(0, 2), memory.segment(2, 2)}, {memory.segment(4, 2), memory.segment(6, 2)}};
+    const auto step =
+        law.step(before, {y.segment(0, 2), y.segment(2, 2), y.segment(4, 2)}, reference);
+    VectorXd after(8);
+    after << step.memory.link.nu, step.memory.link.e_previous, step.memory.motor.nu,
+        step.memory.motor.e_previous;
+    return std::pair<VectorXd, VectorXd>(after, step.command.tau);
+  };
+}
+
+/// The law's frequency response, which does not depend on how its memory is written.
+Eigen::MatrixXcd response(const LinearLaw& law, double angle) {
+  Eigen::MatrixXcd resolvent = -law.A.cast<std::complex<double>>();
+  resolvent.diagonal().array() += std::polar(1.0, angle);
+  const Eigen::MatrixXcd B = law.B.cast<std::complex<double>>();
+  const Eigen::MatrixXcd state = resolvent.partialPivLu().solve(B);
+  return law.C.cast<std::complex<double>>() * state + law.D.cast<std::complex<double>>();
+}
+void expect_same_response(const LinearLaw& a, const LinearLaw& b) {
+  for (const double angle : {0.01, 0.3, 2.0, 3.1}) {
+    const Eigen::MatrixXcd A = response(a, angle), B = response(b, angle);
+    EXPECT_LE((A - B).cwiseAbs().maxCoeff(), differences * B.cwiseAbs().maxCoeff()) << angle;
+  }
+}
+
+loop::ReferencePoint reference_at(const MotionPoint& p) {
+  loop::ReferencePoint reference;
+  reference.q_ref = p.q;
+  reference.v_ref = p.v;
+  reference.a_ref = p.a;
+  reference.jerk_ref = reference.snap_ref = Vector::Zero(p.q.size());
+  return reference;
+}
+
+TEST(LinearLoop, LawOneIsTheGradientOfTheLawItselfAboutAMotion) {
+  const robot::Model model = robot::testing::two_link();
+  const MotionPoint p{both(0.3, -0.8), both(1, -0.5), both(2, 3)};
+  for (const Discretisation kind : {Discretisation::tustin, Discretisation::zero_order_hold}) {
+    controller::law::Settings settings;
+    settings.filter = kind;
+    const FilterGains g = practical_rigid();
+    const controller::law::LoriaOrtegaRigid law(model, {g.kp, g.kd, g.a, g.b}, settings);
+    VectorXd memory(4);
+    memory << 0, 0, 0, 0;
+    expect_same_response(
+        linear_rigid_law(g, dynamics_gradient(model, p).of_q, {kind, settings.period_s}),
+        linearised(as_step(law, reference_at(p)), memory, p.q, {Part::q}));
+  }
+}
+
+TEST(LinearLoop, LawTwoIsTheGradientOfTheLawItselfAtRest) {
+  const robot::Model model = robot::testing::two_link();
+  const Vector q = both(0.4, -0.7);
+  controller::law::Settings settings;
+  settings.filter = Discretisation::tustin;
+  const FilterGains l = practical_link(), m = practical_motor();
+  const controller::law::LoriaOrtegaFlexible law(
+      {model, stiffness(), rotors()}, {l.kp, l.kd, l.a, l.b, m.kp, m.kd, m.a, m.b}, settings);
+  VectorXd y(6);
+  y << q, 0, 0, q + robot::gravity_torque(model, q).cwiseQuotient(stiffness());
+  expect_same_response(linear_flexible_law(model, q, stiffness(), rotors(), l, m,
+                                           {settings.filter, settings.period_s}),
+                       linearised(as_step(law, reference_at(rest_at(q))), VectorXd::Zero(8), y,
+                                  {Part::q, Part::v, Part::theta}));
+}
+
+TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
+  const robot::Model model = robot::testing::two_link();
+  const LinearPlant plant = rigid_plant(model, rest_at(both(0)));
+  const FilterGains g = practical_rigid();
+  const LinearLaw law = linear_rigid_law(g, dynamics_gradient(model, rest_at(both(0))).of_q, {});
+  const double h = 1e-3;
+  const HeldPlant step = held(plant, h);
+  for (int delay = 0; delay <= 3; ++delay) {
+    VectorXd x = VectorXd::LinSpaced(4, 0.1, 0.4), s = VectorXd::Zero(2);
+    std::vector<VectorXd> torque(static_cast<std::size_t>(delay), VectorXd::Zero(2));
+    const MatrixXd map = period_map(plant, law, h, delay);
+    VectorXd z = VectorXd::Zero(map.rows());
+    z.head(4) = x;
+    for (int k = 0; k < 6; ++k) {
+      torque.push_back(law.C * s + law.D * x.head(2));
+      s = (law.A * s + law.B * x.head(2)).eval();
+      x = (step.Phi * x + step.Gamma * torque[static_cast<std::size_t>(k)]).eval();
+      z = (map * z).eval();
+    }
+    expect_near(z.head(4), x, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace tachless::certificate

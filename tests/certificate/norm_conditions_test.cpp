@@ -1,0 +1,169 @@
+#include "certificate/norm_conditions.h"
+
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "tests/certificate/loops.h"
+
+// The expected numbers were computed by an independent program.
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using robot::Vector;
+
+class NormConditions : public ::testing::Test {
+ protected:
+  const robot::Model model = robot::testing::two_link();
+  const Postures postures{model};
+  const RobotConstants constants = robot_constants(model, postures);
+
+  double exact_rate(const ErrorSystem& system, double eps, double q2, const Eigen::VectorXd& z) {
+    Vector q(2);
+    q << 0, q2;
+    const Eigen::VectorXd delta = eps * (z.head(2) - z.segment(2, 2));
+    return -z.dot(decrease_matrix(system, {eps, eps}, inertia_at(model, q), both(1), delta) * z);
+  }
+};
+
+TEST_F(NormConditions, PrintedBoundsOfThePapersGains) {
+  const PrintedConditions c = printed_conditions(rigid(paper_rigid()), constants, paper_B_d);
+  EXPECT_NEAR(c.eq7, 22.3, 0.05);
+  EXPECT_NEAR(c.eq19, 7.9205, 5e-5);
+  EXPECT_NEAR(c.eq20, 0.29636, 5e-6);
+  EXPECT_NEAR(c.eq23, 0.31958, 5e-6);
+  EXPECT_NEAR(c.eq24, 0.063101, 5e-7);
+  EXPECT_NEAR(c.eq25, 0.0026513, 5e-8);
+  EXPECT_NEAR(c.eq27, 0.39773, 5e-6);
+  EXPECT_TRUE(c.feasible);
+  EXPECT_NEAR(c.c1, 0.648, 5e-4);
+}
+
+TEST_F(NormConditions, BestBallWithGamma2Free) {
+  Reading reading;
+  reading.gamma_2_free = true;
+  EXPECT_NEAR(printed_conditions(rigid(paper_rigid()), constants, paper_B_d, reading).c1, 0.919,
+              5e-4);
+}
+
+TEST_F(NormConditions, AreInfeasibleForFastReferencesFlexibleJointsAndDeployableGains) {
+  EXPECT_FALSE(printed_conditions(rigid(paper_rigid()), constants, 44.43).feasible);
+  EXPECT_FALSE(printed_conditions(rigid(practical_rigid()), constants, paper_B_d).feasible);
+  const PrintedConditions c =
+      printed_conditions(flexible(paper_flexible(), paper_flexible()), constants, paper_B_d);
+  EXPECT_FALSE(c.feasible);
+  EXPECT_NEAR(c.eq7, 99.6, 0.05);
+}
+
+TEST_F(NormConditions, AreMetByGainsThatFlatterNorms) {
+  EXPECT_NEAR(printed_conditions(rigid({both(6000), both(8000), both(300), both(3000)}), constants,
+                                 paper_B_d)
+                  .c1,
+              4.01, 5e-3);
+  const FilterGains gains{both(3e4), both(5e4), both(500), both(2000)};
+  EXPECT_NEAR(printed_conditions(flexible(gains, gains), constants, paper_B_d).c1, 0.055, 5e-4);
+}
+
+TEST_F(NormConditions, NeedAThresholdOnAHoweverLargeBIs) {
+  const auto feasible = [&](double a, double b) {
+    return printed_conditions(rigid({both(5000, 6000), both(7000, 8800), both(a), both(b)}),
+                              constants, paper_B_d)
+        .feasible;
+  };
+  for (const double b : {1e3, 1e5, 1e7, 1e9}) EXPECT_FALSE(feasible(10, b)) << b;
+  EXPECT_TRUE(feasible(20, 1000));
+}
+
+TEST_F(NormConditions, PrintedBound22IsViolatedAndTheCompletedOneIsNot) {
+  const ErrorSystem system = rigid(paper_rigid());
+  Eigen::VectorXd z(6);
+  z << 1, 0, 0, 0, 0, 0.002;
+  const StateNorms norms{1, 0, 0.002, 1};
+  const double exact = exact_rate(system, 0.01, std::numbers::pi / 2, z);
+  // Ten decimals are given.
+  EXPECT_NEAR(exact, -49.9999941752, 6e-11);
+  const double printed = printed_decrease_bound(system, constants, paper_B_d, 0.01, norms, false);
+  const double completed = printed_decrease_bound(system, constants, paper_B_d, 0.01, norms, true);
+  EXPECT_NEAR(printed, -50.0000127181, 1.1e-10);
+  EXPECT_NEAR(completed, -49.9999652746, 1.1e-10);
+  EXPECT_GT(exact, printed);
+  EXPECT_LT(exact, completed);
+}
+
+TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
+  const ErrorSystem system = rigid({both(3e5), both(3e5), both(1200), both(30000, 1000)});
+  const PrintedConditions c = printed_conditions(system, constants, paper_B_d);
+  EXPECT_TRUE(c.feasible);
+  const double eps = 0.0095, beta_1 = 0.3, beta_2 = 0.4, beta_3 = 0.3, gamma = 0.5;
+  EXPECT_LT(eps, std::min({c.eq19, c.eq20, gamma * c.eq23, gamma * beta_1 * c.eq24, c.eq27}));
+  EXPECT_GT(eps, c.eq25 / beta_3);
+  EXPECT_GT(1000, c.eq7 / beta_2);
+  Eigen::VectorXd z(6);
+  z << 0, 0, 0, 0, 0.0667, -0.9978;
+  EXPECT_NEAR(exact_rate(system, eps, 0, z), 6.62, 5e-3);
+  // The smallest eigenvalue of sym(B M) is not lambda(B) lambda(M).
+  const Eigen::MatrixXd BM = Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.at(0).M;
+  EXPECT_NEAR(smallest_eigenvalue((BM + BM.transpose()) / 2), -980, 1);
+  // The completed condition and the matrix's own refuse these gains.
+  EXPECT_FALSE(ScalarCondition(system, constants, postures, paper_B_d).solve().feasible);
+}
+
+TEST_F(NormConditions, CompletedScalarConditionOfThePapersGains) {
+  const ScalarCondition condition(rigid(paper_rigid()), constants, postures, paper_B_d);
+  const ScalarCondition::Result result = condition.solve();
+  EXPECT_TRUE(result.feasible);
+  EXPECT_NEAR(result.epsilon.low, 0.00198, 2e-6);
+  EXPECT_NEAR(result.epsilon.high, 0.1064, 1e-4);
+  EXPECT_NEAR(result.rho, 543.6, 0.5436);
+  const double eps = result.best_epsilon;
+  EXPECT_GT(smallest_eigenvalue(condition.Q(eps, 0.999 * result.rho)), 0);
+  EXPECT_LT(smallest_eigenvalue(condition.Q(eps, 1.001 * result.rho)), 0);
+}
+
+/// 100,000 random states: where |e - nu| <= rho, Vdot is below -z' Q z, and below the completed
+/// (22) everywhere; the printed (22) is violated.
+TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundsAtRandomStates) {
+  const ErrorSystem system = rigid(paper_rigid());
+  const ScalarCondition condition(system, constants, postures, paper_B_d);
+  const double eps = 0.01;
+  robot::testing::Random random(11);
+  int printed_violated = 0;
+  for (int i = 0; i < 100000; ++i) {
+    const Vector q = random.vector(2, std::numbers::pi);
+    const double angle = random.uniform(0, 2 * std::numbers::pi);
+    const Eigen::VectorXd v_ref = paper_B_d * both(std::cos(angle), std::sin(angle));
+    // Sizes over six decades.
+    Eigen::VectorXd z(6);
+    z << random.vector(2, std::pow(10, random.uniform(-4, 2))),
+        random.vector(2, std::pow(10, random.uniform(-4, 2))),
+        random.vector(2, std::pow(10, random.uniform(-4, 2)));
+    if (i % 2 == 0) z.segment(2, 2).setZero();
+    // Where the printed bound leaves no room: e along the joint of the smallest kp, edot small.
+    if (i % 4 == 0) {
+      z[1] = 0;
+      z.tail(2) *= 1e-3 * std::abs(z[0]) / z.tail(2).norm();
+    }
+    const Eigen::VectorXd difference = z.head(2) - z.segment(2, 2);
+    const Eigen::MatrixXd Mm =
+        decrease_matrix(system, {eps, eps}, inertia_at(model, q), v_ref, eps * difference);
+    const double exact = -z.dot(Mm * z);
+    const StateNorms norms{z.head(2).norm(), z.segment(2, 2).norm(), z.tail(2).norm(),
+                           difference.norm()};
+    const Eigen::Vector3d s(norms.e, norms.nu, norms.edot);
+    // Rounding of terms that cancel.
+    const double rounding = 1e-12 * s.dot(condition.Q(eps, 0).cwiseAbs() * s);
+    ASSERT_LE(exact, -s.dot(condition.Q(eps, norms.e_minus_nu) * s) + rounding) << i;
+    ASSERT_LE(exact,
+              printed_decrease_bound(system, constants, paper_B_d, eps, norms, true) + rounding);
+    printed_violated +=
+        exact > printed_decrease_bound(system, constants, paper_B_d, eps, norms, false) + rounding
+            ? 1
+            : 0;
+  }
+  EXPECT_GT(printed_violated, 0);
+  RecordProperty("printed_violated", printed_violated);
+}
+
+}  // namespace
+}  // namespace tachless::certificate
