@@ -308,6 +308,20 @@ double MatrixCondition::rate(const Weights& weights, double rho) const {
       .value;
 }
 
+robot::Vector MatrixCondition::binding_posture(const Weights& weights) const {
+  const Slack between = slack(weights);
+  return postures_
+      ->smallest([&](const Inertia& inertia) { return rate_at(weights, 0, inertia, between); },
+                 options_.refine)
+      .q;
+}
+
+MatrixCondition MatrixCondition::over(const Postures& postures) const {
+  MatrixCondition other = *this;
+  other.postures_ = &postures;
+  return other;
+}
+
 double MatrixCondition::rho_of_ball(const Weights& weights, double ball) const {
   const auto V = shape(weights, slack(weights));
   return V ? ball * std::sqrt(2 * V->w * V->alpha_2) : infinity;

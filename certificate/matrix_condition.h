@@ -69,6 +69,12 @@ class MatrixCondition {
   /// The rho that the certified ball of this radius needs; infinite when V is not positive.
   [[nodiscard]] double rho_of_ball(const Weights& weights, double ball) const;
 
+  /// The posture that binds the rate in the limit of small errors.
+  [[nodiscard]] robot::Vector binding_posture(const Weights& weights) const;
+
+  /// The same condition over other postures, which must outlive the result.
+  [[nodiscard]] MatrixCondition over(const Postures& postures) const;
+
   [[nodiscard]] const ErrorSystem& system() const { return system_; }
   [[nodiscard]] const Postures& postures() const { return *postures_; }
 

@@ -39,7 +39,7 @@ int multiplier_denominator(const robot::Model& model) {
 }
 
 /// a += s b.
-void add(Inertia& a, double s, const Inertia& b) {
+void add_scaled(Inertia& a, double s, const Inertia& b) {
   a.M += s * b.M;
   for (std::size_t j = 0; j < a.C.size(); ++j) a.C[j] += s * b.C[j];
 }
@@ -122,13 +122,14 @@ bool Postures::find_harmonics(int denominator, double& period) {
   int common = 0;
   for (int order = 1; order < num_samples / 2; ++order) {
     Harmonic h{static_cast<double>(order) / denominator, sample[0], sample[0]};
-    add(h.cosine, -1, sample[0]);
-    add(h.sine, -1, sample[0]);
+    add_scaled(h.cosine, -1, sample[0]);
+    add_scaled(h.sine, -1, sample[0]);
     for (int k = 0; k < num_samples; ++k) {
       // The product is reduced in integers: order k may be large.
       const double angle = 2 * std::numbers::pi * (order * k % num_samples) / num_samples;
-      add(h.cosine, 2.0 / num_samples * std::cos(angle), sample[static_cast<std::size_t>(k)]);
-      add(h.sine, 2.0 / num_samples * std::sin(angle), sample[static_cast<std::size_t>(k)]);
+      add_scaled(h.cosine, 2.0 / num_samples * std::cos(angle),
+                 sample[static_cast<std::size_t>(k)]);
+      add_scaled(h.sine, 2.0 / num_samples * std::sin(angle), sample[static_cast<std::size_t>(k)]);
     }
     if (std::max(size_of(h.cosine), size_of(h.sine)) <= rounding) continue;
     if (order > num_samples / 4) return false;
@@ -162,6 +163,11 @@ Postures::Postures(const robot::Model& model, const PostureOptions& options) : m
   }
   inertia_.resize(q_.size());
   parallel_for(q_.size(), [&](std::size_t i) { inertia_[i] = inertia_at(model, q_[i]); });
+}
+
+void Postures::add(const Vector& q) {
+  q_.push_back(q);
+  inertia_.push_back(inertia_at(model_, q));
 }
 
 Postures::Least Postures::smallest(const std::function<double(const Inertia&)>& f,

@@ -55,6 +55,9 @@ class Postures {
   [[nodiscard]] const Inertia& at(std::size_t i) const { return inertia_[i]; }
   /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
   [[nodiscard]] const std::vector<Harmonic>& harmonics() const { return harmonics_; }
+  /// One more posture, for a search to respect; nothing is proved of it.
+  void add(const robot::Vector& q);
+
   /// step^2 / 8.
   [[nodiscard]] double chord_factor() const { return chord_factor_; }
 

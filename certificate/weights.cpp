@@ -67,17 +67,40 @@ std::optional<Certified> certified(const MatrixCondition& condition, const Weigh
   return Certified{weights, std::move(*region), condition.rate(weights, 0)};
 }
 
-std::optional<Certified> largest_ball_of(const MatrixCondition& coarse, const MatrixCondition& fine,
-                                         bool two) {
-  const Minimum best = search(
-      coarse,
-      [&](const Weights& weights) {
-        const auto region = coarse.region(weights);
-        return region ? -std::log(region->ball) : infinity;
-      },
-      two);
-  if (std::isinf(best.value)) return {};
-  return certified(fine, weights_of(best.x));
+using ObjectiveOf = std::function<double(const MatrixCondition&, const Weights&)>;
+
+/// Searches on the coarse postures; where the fine ones certify much less at the weights found,
+/// the postures that bind there join the coarse ones, and the search goes on from those weights.
+std::optional<Certified> search_certified(const MatrixCondition& coarse,
+                                          const MatrixCondition& fine, const ObjectiveOf& objective,
+                                          bool two) {
+  constexpr int rounds = 6;
+  Postures postures = coarse.postures();
+  const MatrixCondition condition = coarse.over(postures);
+  const auto f = [&](const Weights& weights) { return objective(condition, weights); };
+  Minimum best = search(condition, f, two);
+  std::optional<Certified> result;
+  for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
+    const Weights weights = weights_of(best.x);
+    if (auto found = certified(fine, weights)) {
+      const bool better = !result || objective(fine, weights) < objective(fine, result->weights);
+      if (better) result = std::move(found);
+    }
+    if (postures.kind() != Postures::Kind::sampled) break;
+    postures.add(fine.binding_posture(weights));
+    if (const auto region = fine.region(weights)) postures.add(region->q);
+    if (f(weights) - best.value <= 1e-2 * std::abs(best.value)) break;
+    // The old optimum may have no value any more: nearby, with a smaller eps_2, there is one.
+    VectorXd start = best.x;
+    for (int i = 0; i < 12 && std::isinf(f(weights_of(start))); ++i) start[0] -= 0.2;
+    best = minimise([&](const VectorXd& x) { return f(weights_of(x)); }, start, 0.3, 80);
+  }
+  return result;
+}
+
+double ball_objective(const MatrixCondition& condition, const Weights& weights) {
+  const auto region = condition.region(weights);
+  return region ? -std::log(region->ball) : infinity;
 }
 
 double rate_in_ball(const MatrixCondition& condition, const Weights& weights, double ball) {
@@ -89,18 +112,20 @@ double rate_in_ball(const MatrixCondition& condition, const Weights& weights, do
 
 std::optional<Certified> largest_ball_one_weight(const MatrixCondition& coarse,
                                                  const MatrixCondition& fine) {
-  return largest_ball_of(coarse, fine, false);
+  return search_certified(coarse, fine, ball_objective, false);
 }
 
 std::optional<Certified> largest_ball(const MatrixCondition& coarse, const MatrixCondition& fine) {
-  return largest_ball_of(coarse, fine, true);
+  return search_certified(coarse, fine, ball_objective, true);
 }
 
 std::optional<Certified> fastest_rate(const MatrixCondition& coarse, const MatrixCondition& fine) {
-  const Minimum best = search(
-      coarse, [&](const Weights& weights) { return -coarse.rate(weights, 0); }, true);
-  if (!(best.value < 0)) return {};
-  return certified(fine, weights_of(best.x));
+  return search_certified(
+      coarse, fine,
+      [](const MatrixCondition& condition, const Weights& weights) {
+        return -condition.rate(weights, 0);
+      },
+      true);
 }
 
 std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondition& fine,

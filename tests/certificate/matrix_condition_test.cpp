@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <numbers>
 
 #include "certificate/parallel.h"
@@ -251,6 +252,24 @@ TEST_F(MatrixOfSevenJoints, VFallsAtAHundredThousandRandomStatesInsideRho) {
   const MatrixCondition condition(rigid(iiwa_gains()), postures, VelocitySet::ball(0.2));
   EXPECT_FALSE(postures.proved());
   expect_positive_inside(model, condition, {0.3, 0.03}, 0.2, 100000, 300, false);
+}
+
+TEST_F(MatrixOfSevenJoints, SearchEndsInAMinute) {
+  const std::clock_t begin = std::clock();
+  PostureOptions few;
+  few.samples = 128;
+  const Postures search_postures(model, few), postures(model);
+  const VelocitySet v_ref = VelocitySet::ball(0.2);
+  const MatrixCondition search(rigid(iiwa_gains()), search_postures, v_ref, {0, false});
+  const MatrixCondition full(rigid(iiwa_gains()), postures, v_ref);
+  const auto fastest = fastest_rate(search, full);
+  const auto largest = largest_ball(search, full);
+  ASSERT_TRUE(largest);
+  RecordProperty("ball", std::to_string(largest->region.ball));
+  if (fastest) RecordProperty("rate", std::to_string(fastest->rate));
+  const double seconds = static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  RecordProperty("seconds", std::to_string(seconds));
+  EXPECT_LT(seconds, 60);  // of processor time, over all cores: the machine may be shared
 }
 
 }  // namespace
