@@ -1,5 +1,6 @@
 // A law that measures the state is no output-feedback law, whatever it says of itself.
 #include <array>
+#include <tuple>
 
 #include "controller/law/law.h"
 
@@ -16,6 +17,14 @@ using Measured = loop::PositionMeasurement;
 struct Claiming {
   static constexpr const char* name = "claiming";
   static constexpr std::array<loop::Signal, 0> signals = {};
+  static constexpr const char* source = "";
+  static constexpr const char* proved = "";
+  static constexpr const char* conditions = "";
+  static constexpr bool regulation_only = false;
+  static constexpr bool has_feedforward_lead = false;
+  struct Gains {
+    static constexpr std::tuple<> keys{};
+  };
   using Measurement = Measured;
   struct Memory {};
   [[nodiscard]] Memory start(const Measurement& /*measured*/,
