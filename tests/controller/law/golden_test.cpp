@@ -20,7 +20,7 @@ using Row = std::vector<double>;
 
 /// The columns' values row by row, t first; the line of names is skipped.
 std::vector<Row> rows_of(const std::string& name) {
-  const std::string path = std::string(TACHLESS_SOURCE_DIR) + "/tests/golden/" + name + ".csv";
+  const std::string path = TACHLESS_SOURCE_DIR "/tests/golden/" + name + ".csv";
   std::ifstream file(path);
   std::string line;
   if (!std::getline(file, line)) {
