@@ -152,10 +152,7 @@ LawOnBus::LawOnBus(const experiment::Scenario& scenario, bus::Transport& transpo
       reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
       command_channel_(loop::channel<loop::TorqueCommand>(scenario.robot.channel_prefix)),
       state_channel_(loop::channel<loop::LawSignals>(scenario.robot.channel_prefix)),
-      signals_(loop::text_of(law_facts(scenario.controller.law).signals)) {
-  transport_.subscribe(measurement_channel_);
-  transport_.subscribe(reference_channel_);
-}
+      signals_(loop::text_of(law_facts(scenario.controller.law).signals)) {}
 
 LawOnBus::~LawOnBus() = default;
 
@@ -193,7 +190,7 @@ LawOnBus::Result LawOnBus::step(std::int64_t tick) {
 
   session_.progressed(tick, advance.signals.num > 0 ? advance.signals.value[0].norm() : 0);
   session_.statistics().ticks = tick + 1;
-  session_.statistics().work.add(loop::Clock::now() - begin);
+  session_.statistics().work_us.add(loop::Clock::now() - begin);
   return {command, state, advance.skipped, advance.restarted};
 }
 
@@ -210,22 +207,6 @@ bool LawOnBus::rebuild(std::int64_t tick, std::span<const std::byte> measurement
   session_.progressed(tick);
   session_.statistics().ticks = tick + 1;
   return true;
-}
-
-void LawOnBus::count(protocol::lockstep::Verdict verdict) {
-  using protocol::lockstep::Verdict;
-  node::Statistics& statistics = session_.statistics();
-  if (verdict == Verdict::repeated) ++statistics.duplicates;
-  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Discard::not_asked);
-  if (verdict == Verdict::too_old) statistics.rejected.add(node::Discard::too_old);
-}
-
-diagnostics::Failure LawOnBus::violated(std::string_view who, std::int64_t tick,
-                                        std::string_view first, std::string_view second) const {
-  return {diagnostics::ExitCode::protocol_violated,
-          fmt::format("{} take part in run {}: {} and {} sent different messages for tick {}; end "
-                      "one of them",
-                      who, session_.run(), first, second, tick)};
 }
 
 }  // namespace tachless::controller

@@ -8,11 +8,9 @@
 #include <string_view>
 
 #include "bus/transport.h"
-#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "loop/messages.h"
 #include "node/session.h"
-#include "protocol/lockstep/verdict.h"
 
 namespace tachless::controller {
 
@@ -21,7 +19,6 @@ namespace tachless::controller {
 /// published output. Knows nothing of which tick is due.
 class LawOnBus {
  public:
-  /// Subscribes to the law's two inputs.
   /// @throw diagnostics::Failure(bad_usage) as `scenario_law`.
   LawOnBus(const experiment::Scenario& scenario, bus::Transport& transport, node::Session& session);
   ~LawOnBus();
@@ -66,14 +63,6 @@ class LawOnBus {
   /// False, and nothing done, when one of the messages is damaged.
   [[nodiscard]] bool rebuild(std::int64_t tick, std::span<const std::byte> measurement,
                              std::span<const std::byte> reference);
-
-  /// Counts a message that is not new.
-  void count(protocol::lockstep::Verdict verdict);
-
-  /// What to throw when two processes play one role.
-  [[nodiscard]] diagnostics::Failure violated(std::string_view who, std::int64_t tick,
-                                              std::string_view first,
-                                              std::string_view second) const;
 
  private:
   struct Messages;

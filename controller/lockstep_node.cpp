@@ -7,6 +7,7 @@
 #include "controller/law_on_bus.h"
 #include "controller/recorded_inputs.h"
 #include "diagnostics/logging.h"
+#include "node/loop.h"
 #include "protocol/lockstep/command_responder.h"
 
 namespace tachless::controller {
@@ -18,29 +19,25 @@ class LockstepNode {
                node::Session& session)
       : transport_(transport),
         session_(session),
+        loop_(transport, session),
         law_(scenario, transport, session),
         responder_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
-                                            law_.longest_command(), law_.longest_state()}) {}
+                                             law_.longest_command(), law_.longest_state()}) {
+    loop_.on(law_.measurement_channel(), [this](const auto& each) { on_measurement(each); });
+    loop_.on(law_.reference_channel(), [this](const auto& each) { on_reference(each); });
+  }
 
   /// `log`: of a run under way, to be resumed.
   void run(const std::optional<std::filesystem::path>& log) {
-    session_.meet(law_.needs(), law_.signals());
+    session_.join({law_.needs(), law_.signals()}, {});
     if (log) resume(*log);
-    while (!session_.plant_finished()) {
-      session_.attend(loop::Clock::now());
-      const auto datagram = transport_.receive(session_.next_attention());
-      if (!datagram || session_.take(*datagram)) continue;
-      if (datagram->channel == law_.measurement_channel()) {
-        on_measurement(*datagram);
-      } else if (datagram->channel == law_.reference_channel()) {
-        on_reference(*datagram);
-      }
-    }
-    session_.finish();
+    loop_.run_until_finished();
+    session_.leave();
   }
 
  private:
   using Responder = protocol::lockstep::CommandResponder;
+  using Input = Responder::Input;
   using Verdict = protocol::lockstep::Verdict;
 
   /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
@@ -53,9 +50,9 @@ class LockstepNode {
       if (!law_.rebuild(tick->tick, tick->measurement, tick->reference)) {
         throw inputs.unusable(fmt::format("tick {} is damaged", tick->tick));
       }
-      if (tick->tick % ticks_alone == 0) session_.stay_in_touch();
+      if (tick->tick % ticks_alone == 0) session_.handle_pending();
     }
-    session_.stay_in_touch();
+    session_.handle_pending();
     const std::int64_t begun = session_.tick_of(loop::Role::plant) + 1;
     if (begun >= inputs.next_tick() + Responder::reach) {
       throw inputs.unusable(fmt::format(
@@ -72,10 +69,8 @@ class LockstepNode {
     loop::Stamp stamp;
     if (!law_.accept_measurement(datagram, stamp)) return;
     const auto answer = responder_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
-    if (answer.verdict == Verdict::conflicting) {
-      throw law_.violated("two plants", stamp.tick, responder_.sender_of(Responder::Input::measurement, stamp.tick), datagram.sender);
-    }
-    law_.count(answer.verdict);
+    loop_.count(answer.verdict, loop::Role::plant, datagram, stamp.tick,
+                [&] { return responder_.sender_of(Input::measurement, stamp.tick); });
     if (answer.verdict == Verdict::fresh) law_.keep_measurement(stamp);
     if (answer.verdict == Verdict::fresh || answer.verdict == Verdict::repeated) {
       session_.started(loop::Clock::now());
@@ -87,11 +82,8 @@ class LockstepNode {
     loop::Stamp stamp;
     if (!law_.accept_reference(datagram, stamp)) return;
     const auto answer = responder_.on_reference(stamp.tick, datagram.payload, datagram.sender);
-    if (answer.verdict == Verdict::conflicting) {
-      throw law_.violated("two references", stamp.tick, responder_.sender_of(Responder::Input::reference, stamp.tick),
-                          datagram.sender);
-    }
-    law_.count(answer.verdict);
+    loop_.count(answer.verdict, loop::Role::reference, datagram, stamp.tick,
+                [&] { return responder_.sender_of(Input::reference, stamp.tick); });
     if (answer.verdict == Verdict::fresh) law_.keep_reference(stamp);
     act(answer.action, stamp.tick);
   }
@@ -111,6 +103,7 @@ class LockstepNode {
 
   bus::Transport& transport_;
   node::Session& session_;
+  node::Loop loop_;
   LawOnBus law_;
   Responder responder_;
 };

@@ -14,7 +14,7 @@ namespace tachless::controller {
 /// `resume`: the log of a lockstep run under way, whose controller has died: the law's memory is
 /// rebuilt from the inputs it holds, and the run goes on as if nothing had happened.
 /// @throw diagnostics::Failure bad_usage (scenario, law, log), protocol_violated (two plants or
-/// references), protective_stop (a torque that is not finite), and whatever the session says.
+/// references), protective_stop (a torque that is not finite), and what the session throws.
 void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
               node::Session& session, const std::optional<std::filesystem::path>& resume = {});
 

@@ -8,6 +8,7 @@
 
 #include "controller/law_on_bus.h"
 #include "diagnostics/logging.h"
+#include "node/loop.h"
 #include "protocol/realtime/command_picker.h"
 #include "protocol/realtime/pace.h"
 
@@ -18,36 +19,31 @@ class RealtimeNode {
  public:
   RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
                node::Session& session)
-      : transport_(transport),
-        session_(session),
+      : session_(session),
+        loop_(transport, session),
         law_(scenario, transport, session),
         picker_(scenario.loop.num_ticks, law_.longest_measurement(), law_.longest_reference()),
         pace_(scenario.loop.period_s),
-        num_ticks_(scenario.loop.num_ticks) {}
+        num_ticks_(scenario.loop.num_ticks) {
+    loop_.on(law_.measurement_channel(), [this](const auto& each) { on_measurement(each); });
+    loop_.on(law_.reference_channel(), [this](const auto& each) { on_reference(each); });
+  }
 
   void run() {
-    session_.meet(law_.needs(), law_.signals());
+    session_.join({law_.needs(), law_.signals()}, {});
     try {
-      while (!session_.plant_finished()) {
-        session_.attend(loop::Clock::now());
-        const auto datagram = transport_.receive(session_.next_attention());
-        if (!datagram || session_.take(*datagram)) continue;
-        if (datagram->channel == law_.measurement_channel()) {
-          on_measurement(*datagram);
-        } else if (datagram->channel == law_.reference_channel()) {
-          on_reference(*datagram);
-        }
-      }
+      loop_.run_until_finished();
     } catch (const diagnostics::Failure&) {
       tell_gaps();
       throw;
     }
-    session_.finish();
+    session_.leave();
     count_rest();
     tell_gaps();
   }
 
  private:
+  using Input = protocol::realtime::CommandPicker::Input;
   using Verdict = protocol::lockstep::Verdict;
 
   void on_measurement(const bus::Datagram& datagram) {
@@ -55,13 +51,11 @@ class RealtimeNode {
     if (!law_.accept_measurement(datagram, stamp)) return;
     const auto now = loop::Clock::now();
     if (!pace_.possible(stamp.tick, now) && !session_.knows(datagram.sender)) {
-      return law_.count(Verdict::not_asked);
+      return loop_.count(Verdict::not_asked);
     }
     const Verdict verdict = picker_.on_measurement(stamp.tick, datagram.payload, datagram.sender);
-    if (verdict == Verdict::conflicting) {
-      throw law_.violated("two plants", stamp.tick, picker_.sender_of(protocol::realtime::CommandPicker::Input::measurement, stamp.tick), datagram.sender);
-    }
-    law_.count(verdict);
+    loop_.count(verdict, loop::Role::plant, datagram, stamp.tick,
+                [&] { return picker_.sender_of(Input::measurement, stamp.tick); });
     if (verdict != Verdict::fresh) return;
     law_.keep_measurement(stamp);
     session_.started(now);
@@ -74,14 +68,11 @@ class RealtimeNode {
     // A reference is a tick ahead.
     if (!pace_.possible(std::max<std::int64_t>(stamp.tick - 1, 0), loop::Clock::now()) &&
         !session_.knows(datagram.sender)) {
-      return law_.count(Verdict::not_asked);
+      return loop_.count(Verdict::not_asked);
     }
     const Verdict verdict = picker_.on_reference(stamp.tick, datagram.payload, datagram.sender);
-    if (verdict == Verdict::conflicting) {
-      throw law_.violated("two references", stamp.tick, picker_.sender_of(protocol::realtime::CommandPicker::Input::reference, stamp.tick),
-                          datagram.sender);
-    }
-    law_.count(verdict);
+    loop_.count(verdict, loop::Role::reference, datagram, stamp.tick,
+                [&] { return picker_.sender_of(Input::reference, stamp.tick); });
     if (verdict != Verdict::fresh) return;
     law_.keep_reference(stamp);
     act();
@@ -93,7 +84,7 @@ class RealtimeNode {
     const auto result = law_.step(*due);
     picker_.acted(*due);
     acted_ = *due;
-    node::Statistics& statistics = session_.statistics();
+    node::ControllerStatistics& statistics = session_.statistics().controller();
     statistics.gaps += result.skipped > 0 ? 1 : 0;
     statistics.skipped_ticks += result.skipped;
     statistics.restarts += result.restarted ? 1 : 0;
@@ -102,12 +93,12 @@ class RealtimeNode {
   /// The ticks that it never got to, since the run is over.
   void count_rest() {
     const std::int64_t rest = num_ticks_ - 1 - acted_;
-    session_.statistics().gaps += rest > 0 ? 1 : 0;
-    session_.statistics().skipped_ticks += rest;
+    session_.statistics().controller().gaps += rest > 0 ? 1 : 0;
+    session_.statistics().controller().skipped_ticks += rest;
   }
 
   void tell_gaps() const {
-    const node::Statistics& statistics = session_.statistics();
+    const node::ControllerStatistics& statistics = session_.statistics().controller();
     if (statistics.gaps == 0) return;
     const std::string restarts =
         statistics.restarts == 0
@@ -120,8 +111,8 @@ class RealtimeNode {
                     statistics.skipped_ticks, statistics.gaps, restarts));
   }
 
-  bus::Transport& transport_;
   node::Session& session_;
+  node::Loop loop_;
   LawOnBus law_;
   protocol::realtime::CommandPicker picker_;
   protocol::realtime::Pace pace_;

@@ -8,17 +8,16 @@ using loop::Clock;
 using protocol::lockstep::Verdict;
 
 LockstepRecorder::LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                                   node::Session& session, const std::filesystem::path& log_path)
-    : Recorder(scenario, transport, session, log_path),
+                                   node::Link& link, const std::filesystem::path& log_path)
+    : Recorder(scenario, transport, link, log_path),
       window_(scenario.loop.num_ticks, messages().longest()),
       participant_codec_(loop::Layout{}) {}
 
 void LockstepRecorder::on_message(Slot slot, const loop::Stamp& stamp,
                                   const bus::Datagram& datagram) {
   const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
-  const bool contradicts = verdict == Verdict::conflicting;
-  count(verdict, slot, stamp.tick, contradicts ? window_.sender(stamp.tick, slot) : "",
-        datagram.sender);
+  loop().count(verdict, role_of(slot), datagram, stamp.tick,
+               [&] { return window_.sender(stamp.tick, slot); });
 }
 
 void LockstepRecorder::after_message() {
@@ -40,20 +39,20 @@ void LockstepRecorder::write_complete_ticks() {
     }
     utime_ = stamp.utime;
     window_.written();
-    session().progressed(*tick);
-    session().statistics().ticks = *tick + 1;
-    session().statistics().log->ticks = *tick + 1;
-    session().statistics().work.add(Clock::now() - begin);
+    link().progressed(*tick);
+    link().statistics().ticks = *tick + 1;
+    link().statistics().logger().log.ticks = *tick + 1;
+    link().statistics().work_us.add(Clock::now() - begin);
   }
 }
 
 void LockstepRecorder::on_participant(const bus::Datagram& datagram) {
   loop::Stamp stamp;
   loop::Participant who;
-  // The last one before the session ends is the one it ends for; others' follow from that.
+  // The last one before this process ends is the cause; the others' follow from it.
   if (concluding_ ||
       participant_codec_.decode(datagram.payload, stamp, who) != bus::Rejection::none ||
-      stamp.run != session().run() || who.state != loop::ParticipantState::fault) {
+      stamp.run != link().run() || who.state != loop::ParticipantState::fault) {
     return;
   }
   fault_channel_ = datagram.channel;
@@ -63,8 +62,8 @@ void LockstepRecorder::on_participant(const bus::Datagram& datagram) {
 void LockstepRecorder::conclude(bool well) {
   if (well) return;  // the plant has finished, and so has everything it waited for
   concluding_ = true;
-  constexpr int most = 10'000;  // whoever floods the bus must not keep us here
-  for (int i = 0; i < most && receive(Clock::time_point()); ++i) {
+  constexpr int most = 10'000;  // a flood of datagrams must not keep this process from its end
+  for (int i = 0; i < most && loop().receive(Clock::time_point()); ++i) {
   }
   if (!fault_.empty()) append(utime_, fault_channel_, fault_);
 }

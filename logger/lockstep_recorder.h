@@ -11,16 +11,18 @@
 
 namespace tachless::logger {
 
-/// Records tick by tick, each whole and once, stamped with simulation time; acknowledges, and has
-/// what it misses repeated. Heartbeats stay out; but behind the last tick of a run that has failed
-/// stands the fault, as the one who failed announced it.
+/// Records tick by tick, each complete and once, stamped with simulation time; acknowledges, and
+/// has what it misses repeated. Announcements are not recorded, but for one after the last tick of
+/// a run that has failed: the fault, as the failing process announced it.
 class LockstepRecorder final : public Recorder {
  public:
   LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                   node::Session& session, const std::filesystem::path& log_path);
+                   node::Link& link, const std::filesystem::path& log_path);
 
  private:
-  protocol::lockstep::Verdict on_run_info(bool same) override { return window_.on_run_info(same); }
+  protocol::lockstep::Verdict take_run_info(bool same) override {
+    return window_.on_run_info(same);
+  }
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override;
   void on_participant(const bus::Datagram& datagram) override;
   void after_message() override;

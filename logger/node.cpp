@@ -5,12 +5,12 @@
 
 namespace tachless::logger {
 
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
-              node::Session& session, const std::filesystem::path& log_path) {
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+              const std::filesystem::path& log_path) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeRecorder(scenario, transport, session, log_path).run();
+    RealtimeRecorder(scenario, transport, link, log_path).run();
   } else {
-    LockstepRecorder(scenario, transport, session, log_path).run();
+    LockstepRecorder(scenario, transport, link, log_path).run();
   }
 }
 

@@ -4,7 +4,7 @@
 
 #include "bus/transport.h"
 #include "experiment/scenario.h"
-#include "node/session.h"
+#include "node/link.h"
 
 namespace tachless::logger {
 
@@ -12,9 +12,9 @@ namespace tachless::logger {
 /// measurement, REFERENCE, COMMAND, CONTROLLER_STATE and TRUTH, each once, stamped with simulation
 /// time. Heartbeats stay out, so a lockstep log is a function of scenario and run id.
 /// @throw diagnostics::Failure bad_usage (log file), protocol_violated (two senders of one
-/// message), the disk's refusal, and whatever the session says. The log is closed and readable in
+/// message), the disk's refusal, and what the link throws. The log is closed and readable in
 /// each case.
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
-              node::Session& session, const std::filesystem::path& log_path);
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+              const std::filesystem::path& log_path);
 
 }  // namespace tachless::logger

@@ -1,5 +1,7 @@
 #include "logger/realtime_recorder.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
 #include <utility>
@@ -11,9 +13,9 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// After the plant's last word others may still be on their way.
+// After the plant's last message others may still be on their way.
 constexpr auto silence = 50ms;
-// A plant that fails brings the robot to rest first, and that belongs into the log.
+// A plant that fails brings the robot to rest first, which is recorded too.
 constexpr auto silence_of_a_failing_plant = 150ms;
 constexpr auto longest_conclusion = 1500ms;
 
@@ -23,13 +25,13 @@ using loop::Clock;
 using protocol::lockstep::Verdict;
 
 RealtimeRecorder::RealtimeRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                                   node::Session& session, const std::filesystem::path& log_path)
-    : Recorder(scenario, transport, session, log_path),
+                                   node::Link& link, const std::filesystem::path& log_path)
+    : Recorder(scenario, transport, link, log_path),
       num_ticks_(scenario.loop.num_ticks),
       pace_(scenario.loop.period_s),
       tally_(scenario.loop.num_ticks) {}
 
-Verdict RealtimeRecorder::on_run_info(bool same) {
+Verdict RealtimeRecorder::take_run_info(bool same) {
   if (!same) return Verdict::conflicting;
   introduced_ = true;
   acknowledgement_due_ = true;
@@ -45,20 +47,21 @@ void RealtimeRecorder::on_message(Slot slot, const loop::Stamp& stamp,
   const auto begin = Clock::now();
   const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
   if (!introduced_ ||
-      (!pace_.possible(stamp.tick - ahead, begin) && !session().knows(datagram.sender))) {
-    return count(Verdict::not_asked, slot, stamp.tick, {}, {});
+      (!pace_.possible(stamp.tick - ahead, begin) && !link().knows(datagram.sender))) {
+    return loop().count(Verdict::not_asked);
   }
   const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
   heard_ = begin;
   if (verdict != Verdict::fresh) {
-    return count(verdict, slot, stamp.tick, "an earlier sender", datagram.sender);
+    return loop().count(verdict, role_of(slot), datagram, stamp.tick,
+                        [] { return "an earlier sender"; });
   }
   if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
   append(since_start(begin), datagram.channel, datagram.payload);
-  node::Statistics& statistics = session().statistics();
-  session().progressed(tally_.newest());
+  node::Statistics& statistics = link().statistics();
+  link().progressed(tally_.newest());
   statistics.ticks = tally_.newest() + 1;
-  statistics.work.add(Clock::now() - begin);
+  statistics.work_us.add(Clock::now() - begin);
 }
 
 void RealtimeRecorder::after_message() {
@@ -77,13 +80,13 @@ void RealtimeRecorder::conclude(bool well) {
     const auto until = heard_ + longest_conclusion;
     const auto patience = well ? silence : silence_of_a_failing_plant;
     while (Clock::now() < std::min(until, heard_ + patience)) {
-      receive(std::min(until, heard_ + patience));
+      loop().receive(std::min(until, heard_ + patience));
       file().flush_if_due(Clock::now());
     }
   }
   tally_.finish(well ? num_ticks_ - 1 : tally_.newest());
-  session().statistics().log->ticks = tally_.complete();
-  session().statistics().log->gaps = tally_.incomplete();
+  link().statistics().logger().log.ticks = tally_.complete();
+  link().statistics().logger().log.gaps = tally_.incomplete();
   tell_what_is_missing();
 }
 
@@ -92,10 +95,9 @@ void RealtimeRecorder::tell_what_is_missing() {
     const auto slot = static_cast<Slot>(i);
     const auto& missing = tally_.missing(slot);
     if (missing.count == 0) continue;
-    diagnostics::log_warning(std::to_string(missing.count) + " of " +
-                             std::to_string(tally_.complete() + tally_.incomplete()) +
-                             " ticks have no " + messages().channel(slot) + ": " +
-                             text_of(missing));
+    diagnostics::log_warning(fmt::format("{} of {} ticks have no {}: {}", missing.count,
+                                         tally_.complete() + tally_.incomplete(),
+                                         messages().channel(slot), text_of(missing)));
   }
 }
 

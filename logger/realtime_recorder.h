@@ -17,10 +17,10 @@ namespace tachless::logger {
 class RealtimeRecorder final : public Recorder {
  public:
   RealtimeRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                   node::Session& session, const std::filesystem::path& log_path);
+                   node::Link& link, const std::filesystem::path& log_path);
 
  private:
-  protocol::lockstep::Verdict on_run_info(bool same) override;
+  protocol::lockstep::Verdict take_run_info(bool same) override;
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override;
   void on_participant(const bus::Datagram& datagram) override;
   void after_message() override;

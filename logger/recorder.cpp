@@ -10,81 +10,72 @@ using loop::Clock;
 using protocol::lockstep::Verdict;
 
 Recorder::Recorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                   node::Session& session, const std::filesystem::path& log_path)
+                   node::Link& link, const std::filesystem::path& log_path)
     : transport_(transport),
-      session_(session),
+      link_(link),
+      loop_(transport, link),
       messages_(scenario),
-      run_info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)),
       ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
       run_info_codec_(loop::Layout{}),
       ack_codec_(loop::Layout{}),
       file_(log_path) {
-  transport_.subscribe(run_info_channel_);
-  for (const std::string& each : messages_.channels()) {
-    if (!each.empty()) transport_.subscribe(each);
+  loop_.on_session([this](const bus::Datagram& datagram) { on_participant(datagram); });
+  loop_.on(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix),
+           [this](const bus::Datagram& datagram) {
+             on_run_info(datagram);
+             after_message();
+           });
+  for (int slot = 0; slot < loop::num_slots; ++slot) {
+    if (!messages_.channel(static_cast<Slot>(slot)).empty()) record(static_cast<Slot>(slot));
   }
-  session_.statistics().log = node::Statistics::Log{log_path.string(), 0, 0, 0};
+  link_.statistics().logger().log.path = log_path.string();
+}
+
+void Recorder::record(Slot slot) {
+  loop_.on(messages_.channel(slot), [this, slot](const bus::Datagram& datagram) {
+    on_slot(slot, datagram);
+    after_message();
+  });
 }
 
 void Recorder::run() {
   try {
-    session_.meet();
-    while (!session_.plant_finished()) {
-      const auto now = Clock::now();
-      session_.attend(now);
+    link_.join({}, {});
+    loop_.run_until_finished([this](Clock::time_point now) {
       file_.flush_if_due(now);
       // A flush is due soon after what is in the buffer now.
-      receive(std::min(session_.next_attention(), now + LogWriter::flush_interval / 2));
-    }
+      return now + LogWriter::flush_interval / 2;
+    });
   } catch (const diagnostics::Failure& failure) {
     save_the_rest(failure);
     throw;
   }
   conclude(true);
   file_.close();
-  session_.finish();
+  link_.leave();
 }
 
-bool Recorder::receive(Clock::time_point deadline) {
-  const auto datagram = transport_.receive(deadline);
-  if (datagram) take(*datagram);
-  return datagram.has_value();
+void Recorder::on_slot(Slot slot, const bus::Datagram& datagram) {
+  loop::Stamp stamp;
+  const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
+  if (link_.accept(rejection, stamp)) on_message(slot, stamp, datagram);
 }
 
-void Recorder::take(const bus::Datagram& datagram) {
-  if (session_.take(datagram)) return on_participant(datagram);
-  if (datagram.channel == run_info_channel_) {
-    hear_run_info(datagram);
-  } else {
-    const auto found = std::ranges::find(messages_.channels(), datagram.channel);
-    if (found == messages_.channels().end()) return;
-    const auto slot = static_cast<Slot>(found - messages_.channels().begin());
-    loop::Stamp stamp;
-    node::Statistics& statistics = session_.statistics();
-    const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
-    if (rejection != bus::Rejection::none) return statistics.rejected.add(rejection);
-    if (stamp.run != session_.run()) return statistics.rejected.add(node::Discard::other_run);
-    on_message(slot, stamp, datagram);
-  }
-  after_message();
-}
-
-void Recorder::hear_run_info(const bus::Datagram& datagram) {
+void Recorder::on_run_info(const bus::Datagram& datagram) {
   loop::Stamp stamp;
   loop::RunInfo info;
-  node::Statistics& statistics = session_.statistics();
-  if (!session_.accept(run_info_codec_, datagram, stamp, info)) return;
+  node::Statistics& statistics = link_.statistics();
+  if (!link_.accept(run_info_codec_, datagram, stamp, info)) return;
   if (stamp.tick != -1) return statistics.rejected.add(node::Discard::not_asked);
   const bool first = run_info_.empty();
   if (first && !messages_.select_measurement(info.measurement)) {
     return statistics.rejected.add(bus::Rejection::bad_value);
   }
   const bool same = std::ranges::equal(run_info_, datagram.payload);
-  if (on_run_info(first || same) == Verdict::conflicting) {
-    throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
-                               "two plants drive run " + std::to_string(stamp.run) + ": " +
-                                   run_info_sender_ + " and " + std::string(datagram.sender) +
-                                   " describe it differently; end one of them");
+  const Verdict verdict = take_run_info(first || same);
+  if (verdict == Verdict::conflicting) {
+    loop_.count(verdict, loop::Role::plant, datagram, stamp.tick,
+                [this] { return run_info_sender_; });
   }
   if (!first) {
     ++statistics.duplicates;
@@ -93,42 +84,31 @@ void Recorder::hear_run_info(const bus::Datagram& datagram) {
   run_info_.assign(datagram.payload.begin(), datagram.payload.end());
   run_info_sender_ = datagram.sender;
   // Before the acknowledgement, and so before the first measurement.
-  transport_.subscribe(messages_.channel(Slot::measurement));
-  session_.started(Clock::now());
-  append(stamp.utime, run_info_channel_, run_info_);
+  record(Slot::measurement);
+  link_.started(Clock::now());
+  append(stamp.utime, datagram.channel, run_info_);
 }
 
 void Recorder::append(std::int64_t utime, std::string_view channel,
                       std::span<const std::byte> data) {
   file_.append(utime, channel, data);
-  ++session_.statistics().log->events;
+  ++link_.statistics().logger().log.events;
 }
 
 void Recorder::acknowledge(std::int64_t tick, std::uint64_t missing) {
   transport_.publish(ack_channel_,
-                     ack_codec_.encode({0, session_.run(), tick}, loop::LogAck{missing}));
+                     ack_codec_.encode({0, link_.run(), tick}, loop::LogAck{missing}));
 }
 
-void Recorder::count(Verdict verdict, Slot slot, std::int64_t tick, std::string_view first,
-                     std::string_view second) {
-  node::Statistics& statistics = session_.statistics();
-  switch (verdict) {
-    case Verdict::fresh:
-      return;
-    case Verdict::repeated:
-      ++statistics.duplicates;
-      return;
-    case Verdict::not_asked:
-      return statistics.rejected.add(node::Discard::not_asked);
-    case Verdict::too_old:
-      return statistics.rejected.add(node::Discard::too_old);
-    case Verdict::conflicting:
-      throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
-                                 "two processes play one role in run " +
-                                     std::to_string(session_.run()) + ": " + std::string(first) +
-                                     " and " + std::string(second) + " sent different " +
-                                     messages_.channel(slot) + " messages for tick " +
-                                     std::to_string(tick) + "; end one of them");
+loop::Role Recorder::role_of(Slot slot) {
+  switch (slot) {
+    case Slot::reference:
+      return loop::Role::reference;
+    case Slot::command:
+    case Slot::controller_state:
+      return loop::Role::controller;
+    default:
+      return loop::Role::plant;
   }
 }
 

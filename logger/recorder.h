@@ -13,16 +13,17 @@
 #include "experiment/scenario.h"
 #include "logger/log_file.h"
 #include "logger/run_messages.h"
-#include "node/session.h"
+#include "node/link.h"
+#include "node/loop.h"
 #include "protocol/lockstep/verdict.h"
 
 namespace tachless::logger {
 
-/// The recording process, but for what the two modes do unlike: meets the others, hears RUN_INFO
-/// and checks everything before it goes on; closes the log in every case.
+/// What recording has in common in both modes: joins, checks every message of the run before it
+/// goes on, takes RUN_INFO, closes the log in every case. Does not know which message is due.
 class Recorder {
  public:
-  Recorder(const experiment::Scenario& scenario, bus::Transport& transport, node::Session& session,
+  Recorder(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
            const std::filesystem::path& log_path);
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
@@ -34,39 +35,36 @@ class Recorder {
   using Slot = loop::Slot;
 
   /// Another copy of RUN_INFO, or the first.
-  virtual protocol::lockstep::Verdict on_run_info(bool same) = 0;
+  virtual protocol::lockstep::Verdict take_run_info(bool same) = 0;
   virtual void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
-  /// One of the session's own.
+  /// A participant's announcement.
   virtual void on_participant(const bus::Datagram& datagram) = 0;
-  /// Something was taken: what is due to be written or acknowledged?
+  /// A message has been handled: writes and acknowledges what is due.
   virtual void after_message() = 0;
-  /// The plant has finished, or (not `well`) the run has failed: takes what still comes.
+  /// The plant has finished, or (not `well`) the run has failed: records what still comes.
   virtual void conclude(bool well) = 0;
-
-  /// One message of this recorder's, if any comes before the deadline. @return whether one did
-  bool receive(loop::Clock::time_point deadline);
 
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data);
   void acknowledge(std::int64_t tick, std::uint64_t missing);
-  /// Counts a message that is not new. @throw diagnostics::Failure(protocol_violated) if it
-  /// contradicts.
-  void count(protocol::lockstep::Verdict verdict, Slot slot, std::int64_t tick,
-             std::string_view first, std::string_view second);
+  /// Who publishes the messages of a slot.
+  static loop::Role role_of(Slot slot);
 
   RunMessages& messages() { return messages_; }
-  node::Session& session() { return session_; }
+  node::Link& link() { return link_; }
   LogWriter& file() { return file_; }
+  node::Loop& loop() { return loop_; }
 
  private:
-  void take(const bus::Datagram& datagram);
-  void hear_run_info(const bus::Datagram& datagram);
+  void on_run_info(const bus::Datagram& datagram);
+  void on_slot(Slot slot, const bus::Datagram& datagram);
+  void record(Slot slot);
   /// The run has failed: what has arrived already still belongs into the log.
   void save_the_rest(const diagnostics::Failure& cause);
 
   bus::Transport& transport_;
-  node::Session& session_;
+  node::Link& link_;
+  node::Loop loop_;
   RunMessages messages_;
-  std::string run_info_channel_;
   std::string ack_channel_;
   bus::Codec<loop::RunInfo> run_info_codec_;
   bus::Codec<loop::LogAck> ack_codec_;

@@ -27,6 +27,15 @@ void LatencyHistogram::add(std::chrono::nanoseconds duration) {
   max_ns_ = std::max<std::int64_t>(max_ns_, duration.count());
 }
 
+void LatencyHistogram::add(const Bucket& bucket) {
+  counts_[static_cast<std::size_t>(bucket_of(std::llround(bucket.from_us * 1e3)))] += bucket.count;
+  count_ += bucket.count;
+}
+
+void LatencyHistogram::raise_max(double max_us) {
+  max_ns_ = std::max<std::int64_t>(max_ns_, std::llround(max_us * 1e3));
+}
+
 double LatencyHistogram::max_us() const { return static_cast<double>(max_ns_) * 1e-3; }
 
 double LatencyHistogram::percentile_us(double part) const {

@@ -7,8 +7,8 @@
 
 namespace tachless::node {
 
-/// Durations in buckets of a fixed relative width (16 an octave, so 6 %): constant memory, and
-/// nothing is allocated by `add`.
+/// Durations in buckets of a fixed relative width (16 an octave, so 6 %): constant memory, `add`
+/// allocates nothing. Knows no unit of the loop and no file.
 class LatencyHistogram {
  public:
   struct Bucket {
@@ -17,6 +17,9 @@ class LatencyHistogram {
   };
 
   void add(std::chrono::nanoseconds duration);
+  /// Restores what `buckets` and `max_us` of another histogram have told.
+  void add(const Bucket& bucket);
+  void raise_max(double max_us);
 
   [[nodiscard]] std::int64_t count() const { return count_; }
   [[nodiscard]] double max_us() const;

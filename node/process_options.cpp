@@ -1,30 +1,35 @@
 #include "node/process_options.h"
 
+#include <fmt/chrono.h>
+
 #include <CLI/CLI.hpp>
-#include <algorithm>
+#include <array>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <iostream>
 
+#include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "node/options.h"
 
 namespace tachless::node {
 namespace {
 
-const char* task(loop::Role role) {
-  switch (role) {
-    case loop::Role::plant:
-      return "Simulates the robot of a scenario and keeps the loop's clock.";
-    case loop::Role::reference:
-      return "Generates the reference of a scenario, one tick ahead.";
-    case loop::Role::controller:
-      return "Runs the control law of a scenario.";
-    case loop::Role::logger:
-      return "Records the run of a scenario without a gap.";
-  }
-  throw std::logic_error("role " + std::to_string(static_cast<int>(role)) + " does not exist");
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+struct Program {
+  const char* name;
+  const char* task;
+};
+
+const Program& program_of(loop::Role role) {
+  static constexpr std::array programs = {
+      Program{"tachless-plant", "Simulates the robot of a scenario and keeps the loop's clock."},
+      Program{"tachless-reference", "Generates the reference of a scenario, one tick ahead."},
+      Program{"tachless-controller", "Runs the control law of a scenario."},
+      Program{"tachless-logger", "Records the run of a scenario without a gap."}};
+  return programs.at(static_cast<std::size_t>(role));
 }
 
 std::string examples(const std::string& program, loop::Role role) {
@@ -48,34 +53,78 @@ std::string examples(const std::string& program, loop::Role role) {
          "5 protective stop, 130 interrupted.";
 }
 
-std::string one_line(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
+Failure bad_usage(const std::string& what) { return {ExitCode::bad_usage, what}; }
+
+/// What CLI11 writes to, before it is known which options were given.
+struct Given {
+  std::int64_t run_id = 0;  // 0: not given; the options allow more only
+  std::int64_t follow = 0;
+  std::string resume;
+  std::string stats_path;
+  std::string key_path;
+  std::string log_path;
+  bool verbose = false;
+  bool quiet = false;
+};
+
+void add_role_options(CLI::App& cli, loop::Role role, Given& given) {
+  if (role == loop::Role::plant) {
+    add_run_id(cli, "--run-id", given.run_id,
+               "Positive number in every message of the run; default: the time");
+  }
+  if (role == loop::Role::controller) {
+    CLI::Option* follow =
+        add_run_id(cli, "--follow", given.follow,
+                   "Join nobody: answer the measurements and references of this run, which "
+                   "lcm-logplayer plays back; end with the run's last tick");
+    cli.add_option("--resume", given.resume,
+                   "Take the place of the lockstep run's controller, which has died: go through "
+                   "the run's log, as far as it is, and on from there")
+        ->excludes(follow);
+  }
+  if (role == loop::Role::logger) {
+    cli.add_option("--out-log", given.log_path,
+                   "The log; default: lcmlog-YYYY-MM-DD.NN here, with the next free NN");
+  }
+}
+
+void add_options(CLI::App& cli, loop::Role role, ProcessOptions& options, Given& given) {
+  cli.footer(examples(program_name(role), role));
+  cli.set_version_flag("--version", std::string(diagnostics::version),
+                       "Print the version and exit");
+  add_scenario(cli, options.scenario_path, options.overrides);
+  add_lcm_url(cli, options.lcm_url);
+  add_key_file(cli, given.key_path);
+  cli.add_option("--wait-s", options.wait_s,
+                 "Longest wait for the other programs at the start [s]; 0 = unlimited")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  cli.add_option("--stats", given.stats_path, "Write counters to this file, as JSON, at the end");
+  add_role_options(cli, role, given);
+  auto* quiet = cli.add_flag("-q,--quiet", given.quiet, "Warnings and errors only");
+  cli.add_flag("-v,--verbose", given.verbose, "More detail on stderr")->excludes(quiet);
+}
+
+std::filesystem::path default_log_path() {
+  const std::time_t now = std::time(nullptr);
+  std::tm date{};
+  localtime_r(&now, &date);
+  return next_log_path({}, date);
+}
+
+/// Nothing for an empty text.
+template <class Value, class Raw>
+std::optional<Value> if_given(const Raw& raw) {
+  return raw == Raw() ? std::nullopt : std::optional<Value>(raw);
 }
 
 }  // namespace
 
-std::string program_name(loop::Role role) {
-  switch (role) {
-    case loop::Role::plant:
-      return "tachless-plant";
-    case loop::Role::reference:
-      return "tachless-reference";
-    case loop::Role::controller:
-      return "tachless-controller";
-    case loop::Role::logger:
-      return "tachless-logger";
-  }
-  throw std::logic_error("role " + std::to_string(static_cast<int>(role)) + " does not exist");
-}
+std::string program_name(loop::Role role) { return program_of(role).name; }
 
 std::filesystem::path next_log_path(const std::filesystem::path& directory, const std::tm& date) {
-  char day[32];
-  std::strftime(day, sizeof day, "lcmlog-%Y-%m-%d", &date);
   for (int number = 0;; ++number) {
-    char name[48];
-    std::snprintf(name, sizeof name, "%s.%02d", day, number);
-    std::filesystem::path path = directory / name;
+    std::filesystem::path path = directory / fmt::format("lcmlog-{:%Y-%m-%d}.{:02}", date, number);
     if (!std::filesystem::exists(path)) return path;
   }
 }
@@ -85,50 +134,9 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
   const std::string program = program_name(role);
   ProcessOptions options;
   options.lcm_url = default_lcm_url;
-  std::int64_t run_id = 0;
-  std::int64_t follow = 0;
-  std::string resume;
-  std::string stats_path;
-  std::string key_path;
-  std::string log_path;
-  bool verbose = false;
-  bool quiet = false;
-
-  CLI::App cli(task(role), program);
-  cli.footer(examples(program, role));
-  cli.set_version_flag("--version", std::string(diagnostics::version),
-                       "Print the version and exit");
-  add_scenario(cli, options.scenario_path, options.overrides);
-  add_lcm_url(cli, options.lcm_url);
-  add_key_file(cli, key_path);
-  cli.add_option("--wait-s", options.wait_s,
-                 "Longest wait for the other programs at the start [s]; 0 = unlimited")
-      ->check(CLI::Range(0.0, 1e6))
-      ->capture_default_str();
-  cli.add_option("--stats", stats_path, "Write counters to this file, as JSON, at the end");
-  CLI::Option* run_id_option = nullptr;
-  CLI::Option* follow_option = nullptr;
-  if (role == loop::Role::plant) {
-    run_id_option = add_run_id(cli, "--run-id", run_id,
-                               "Positive number in every message of the run; default: the time");
-  }
-  if (role == loop::Role::controller) {
-    follow_option =
-        add_run_id(cli, "--follow", follow,
-                   "Meet nobody: answer the measurements and references of this run, which "
-                   "lcm-logplayer plays back; end with the run's last tick");
-    cli.add_option("--resume", resume,
-                   "Take the place of the lockstep run's controller, which has died: go through "
-                   "the run's log, as far as it is, and on from there")
-        ->excludes(follow_option);
-  }
-  if (role == loop::Role::logger) {
-    cli.add_option("--out-log", log_path,
-                   "The log; default: lcmlog-YYYY-MM-DD.NN here, with the next free NN");
-  }
-  auto* quiet_flag = cli.add_flag("-q,--quiet", quiet, "Warnings and errors only");
-  cli.add_flag("-v,--verbose", verbose, "More detail on stderr")->excludes(quiet_flag);
-
+  Given given;
+  CLI::App cli(program_of(role).task, program);
+  add_options(cli, role, options, given);
   try {
     cli.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -136,54 +144,49 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
       cli.exit(error, std::cout, std::cerr);
       return std::nullopt;
     }
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               std::string(error.what()) + "; see " + program + " --help");
+    throw bad_usage(fmt::format("{}; see {} --help", error.what(), program));
   }
   if (options.scenario_path.empty()) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "SCENARIO: empty; name a YAML file; see " + program + " --help");
+    throw bad_usage(fmt::format("SCENARIO: empty; name a YAML file; see {} --help", program));
   }
   if (!std::isfinite(options.wait_s)) {  // CLI::Range lets NaN through
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
+    throw bad_usage("--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
   }
-  if (run_id_option != nullptr && run_id_option->count() > 0) options.run_id = run_id;
-  if (follow_option != nullptr && follow_option->count() > 0) options.follow = follow;
-  if (!key_path.empty()) options.key_path = key_path;
-  if (options.follow && options.key_path) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
+  options.key_path = if_given<std::filesystem::path>(given.key_path);
+  options.stats_path = if_given<std::filesystem::path>(given.stats_path);
+  options.plant.run_id = if_given<std::int64_t>(given.run_id);
+  options.controller.follow = if_given<std::int64_t>(given.follow);
+  options.controller.resume = if_given<std::filesystem::path>(given.resume);
+  if (options.controller.follow && options.key_path) {
+    throw bad_usage(
         "--follow: what is played back does not verify under a key; unset --key-file "
         "and TACHLESS_KEY_FILE");
   }
-  if (!resume.empty()) options.resume = resume;
-  if (!stats_path.empty()) options.stats_path = stats_path;
   if (role == loop::Role::logger) {
-    const std::time_t now = std::time(nullptr);
-    std::tm date{};
-    localtime_r(&now, &date);
-    options.log_path = log_path.empty() ? next_log_path({}, date) : std::filesystem::path(log_path);
+    options.logger.log_path =
+        given.log_path.empty() ? default_log_path() : std::filesystem::path(given.log_path);
   }
-  if (quiet) options.verbosity = diagnostics::Verbosity::quiet;
-  if (verbose) options.verbosity = diagnostics::Verbosity::verbose;
+  if (given.quiet) options.verbosity = diagnostics::Verbosity::quiet;
+  if (given.verbose) options.verbosity = diagnostics::Verbosity::verbose;
   return options;
 }
 
 int run_process(loop::Role role, int argc, const char* const* argv,
-                const std::function<diagnostics::ExitCode(const ProcessOptions&)>& run) {
+                const std::function<ExitCode(const ProcessOptions&)>& run) {
   diagnostics::start_logging(program_name(role), diagnostics::Verbosity::normal);
   try {
     const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);
-    if (!options) return static_cast<int>(diagnostics::ExitCode::done);
+    if (!options) return static_cast<int>(ExitCode::done);
     diagnostics::start_logging(program_name(role), options->verbosity);
     return static_cast<int>(run(*options));
-  } catch (const diagnostics::Failure& failure) {
+  } catch (const Failure& failure) {
     diagnostics::log_error(failure.what());
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {
-    diagnostics::log_error("internal error: " + one_line(error.what()) +
-                           "; please report it with the scenario and the options");
-    return static_cast<int>(diagnostics::ExitCode::protocol_violated);
+    diagnostics::log_error(
+        fmt::format("internal error: {}; please report it with the scenario and the options",
+                    diagnostics::one_line(error.what())));
+    return static_cast<int>(ExitCode::protocol_violated);
   }
 }
 

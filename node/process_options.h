@@ -15,18 +15,32 @@
 /// The command line of the four programs.
 namespace tachless::node {
 
+struct PlantOptions {
+  std::optional<std::int64_t> run_id;  ///< > 0
+};
+
+struct ControllerOptions {
+  std::optional<std::int64_t> follow;           ///< the run that is played back
+  std::optional<std::filesystem::path> resume;  ///< log of the run to take over in
+};
+
+struct LoggerOptions {
+  std::filesystem::path log_path;  ///< --out-log, else the next free default name
+};
+
+/// What all four have, and for each role that has more a struct of its own, which is as it is here
+/// for the others.
 struct ProcessOptions {
   std::filesystem::path scenario_path;
   std::vector<std::string> overrides;  ///< of --set, in order; for load_scenario
   std::string lcm_url;                 ///< --lcm-url, else LCM_DEFAULT_URL, else one host only
-  std::optional<std::int64_t> run_id;  ///< plant only; > 0
   std::optional<std::filesystem::path> key_path;  ///< --key-file, else TACHLESS_KEY_FILE
-  std::optional<std::int64_t> follow;             ///< controller only: the run that is played back
-  std::optional<std::filesystem::path> resume;    ///< controller only: log of the run to go on with
   double wait_s = 0;  ///< longest wait for the other processes at the start; 0 = unlimited
   std::optional<std::filesystem::path> stats_path;  ///< where counters go, as JSON, at the end
-  std::filesystem::path log_path;  ///< logger only: --out-log, else the next free default name
   diagnostics::Verbosity verbosity = diagnostics::Verbosity::normal;
+  PlantOptions plant;
+  ControllerOptions controller;
+  LoggerOptions logger;
 };
 
 /// "tachless-plant", "tachless-reference", …
@@ -43,8 +57,7 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
 std::filesystem::path next_log_path(const std::filesystem::path& directory, const std::tm& date);
 
 /// The whole of a `main`: options, logging, then `run`. A Failure becomes its one line on stderr
-/// and its exit code; any other exception becomes one line and exit code 4 (a broken promise of
-/// our own).
+/// and its exit code; any other exception becomes one line and exit code 4 (an internal error).
 int run_process(loop::Role role, int argc, const char* const* argv,
                 const std::function<diagnostics::ExitCode(const ProcessOptions&)>& run);
 

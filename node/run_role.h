@@ -3,20 +3,23 @@
 #include <functional>
 
 #include "bus/transport.h"
-#include "bus/wire.h"
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
+#include "node/link.h"
+#include "node/playback.h"
 #include "node/process_options.h"
-#include "node/session.h"
 
 namespace tachless::node {
 
-/// What one role does in a run.
-using Part = std::function<void(const experiment::Scenario&, bus::Transport&, Session&)>;
+/// What one role does in a run under way, and (controller) in one that is played back.
+using RoleMain = std::function<void(const experiment::Scenario&, bus::Transport&, Link&)>;
+using PlaybackMain = std::function<void(const experiment::Scenario&, bus::Transport&, Playback&)>;
 
-/// The life of one of the four processes: loads the scenario, catches interruptions, joins the
-/// bus, plays the part, writes the statistics (in every case, when asked for).
-/// @throw Failure for everything that ends the part early.
-diagnostics::ExitCode run_role(loop::Role role, const ProcessOptions& options, const Part& part);
+/// The life of one of the four processes: loads the scenario, catches interruptions, opens the bus,
+/// runs the role, writes the statistics (in every case, when asked for). Knows no role's work.
+/// @param playback in place of `main` with --follow; only a controller has that option
+/// @throw Failure for everything that ends the role early.
+diagnostics::ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain& main,
+                               const PlaybackMain& playback = {});
 
 }  // namespace tachless::node

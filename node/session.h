@@ -3,175 +3,102 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
-#include <initializer_list>
-#include <optional>
 #include <string>
+#include <string_view>
 
-#include "bus/authenticated.h"
 #include "bus/transport.h"
 #include "bus/wire.h"
-#include "experiment/scenario.h"
+#include "diagnostics/failure.h"
+#include "loop/clock.h"
 #include "node/statistics.h"
-#include "protocol/membership.h"
 
 namespace tachless::node {
 
-/// One process's membership in a run, over a transport: the rendezvous, the heartbeat, the faults
-/// of the others, the end. A node calls `meet`, then `attend` in its loop, hands every datagram to
-/// `take` first, and ends with `finish`; any Failure that leaves the node is told to the others by
-/// `play`.
+/// One process's part in a run, as its node uses it: `join`, then in a loop `poll`, `handle` and
+/// `accept` for every datagram, until `finished`, then `leave`. Implemented by Link (a run under
+/// way) and Playback (a recorded one). Knows no message but the participants'.
 class Session {
  public:
-  struct Config {
-    loop::Role role = loop::Role::plant;
-    std::optional<std::int64_t> run_id;  ///< plant only; default: microseconds since 1970
-    double wait_s = 0;                   ///< for the others at the start; 0 = unlimited
-    /// Set when the user wants the process to end.
-    const std::atomic<bool>* interrupted = nullptr;
-    std::int64_t instance = 0;  ///< tells two processes of one role apart; 0: a random one
-    /// The transport once more, if the bus has a key.
-    bus::Authenticated* authenticated = nullptr;
-    /// Controller only: join a run under way, to succeed a controller that has died.
-    bool resume = false;
-    /// Controller only: answer the questions of this run, which come from a recording, at once:
-    /// nobody is met, nothing is announced, and the run is over with its last tick.
-    std::optional<std::int64_t> follow = {};
+  using Handler = std::function<void(const bus::Datagram&)>;
+
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+  virtual ~Session() = default;
+
+  /// Runs `main` (the node's whole life). A Failure that leaves it, or any other exception, is
+  /// noted in the statistics and told to the others before it goes on.
+  void guard(const std::function<void()>& main);
+
+  /// What a controller announces of its law: channel suffix of its measurement, and what it logs.
+  struct Law {
+    std::string measurement;
+    std::string signals;
   };
 
-  /// Subscribes to the participants' channel, unless a recording is followed.
-  Session(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config);
-
-  /// Runs `part` (the node's whole life). A Failure that leaves it, or any other exception, is
-  /// announced to the others and noted in the statistics before it goes on.
-  void play(const std::function<void()>& part);
-
-  /// Waits until the run is known (plant: until all are ready), telling the user who is missing.
-  /// `measurement`, `signals`: controller only, channel suffix of what it needs, what it logs.
-  /// `other`: is given what comes on the node's own channels meanwhile.
-  /// @throw Failure: see `attend`; refused by or refusing another; nobody came within `wait_s`.
-  void meet(const std::string& measurement = {}, const std::string& signals = {},
-            const std::function<void(const bus::Datagram&)>& other = {});
-
-  [[nodiscard]] std::int64_t run() const {
-    return following_ ? *config_.follow : membership_->run();
-  }
-  /// What the controller needs, seen from the others.
-  [[nodiscard]] std::string measurement() const { return membership_->measurement(); }
-  [[nodiscard]] std::string signals() const { return membership_->signals(); }
+  /// Waits until the run is known (plant: until all are ready). `law`: controller only. `other` is
+  /// given what comes on the node's own channels meanwhile.
+  /// @throw Failure: see `poll`; refused by or refusing another; nobody came within the wait.
+  virtual void join(const Law& law, const Handler& other) = 0;
+  [[nodiscard]] virtual std::int64_t run() const = 0;
 
   /// The first message of the run has been sent or accepted.
-  void started(loop::Clock::time_point now);
+  virtual void started(loop::Clock::time_point now) = 0;
 
-  /// To be called at least when `next_attention` has come: heartbeat, faults, interruption.
+  /// To be called at the latest at `next_poll`: announcements, faults, silence, interruption.
   /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
-  /// another's fault, saying whose; Failure(peer_lost) when a recording goes silent before its end.
-  void attend(loop::Clock::time_point now);
-  [[nodiscard]] loop::Clock::time_point next_attention() const {
-    return following_ ? following_->look_at : membership_->next_announcement();
-  }
+  /// another's fault, naming it; Failure(peer_lost) when a playback stops before its end.
+  virtual void poll(loop::Clock::time_point now) = 0;
+  [[nodiscard]] virtual loop::Clock::time_point next_poll() const = 0;
 
-  /// Whether the datagram was the session's.
-  bool take(const bus::Datagram& datagram);
+  /// Whether the datagram was the session's own.
+  virtual bool handle(const bus::Datagram& datagram) = 0;
+  /// Handles what has come already, and polls: for a process that computes for long. Messages on
+  /// other channels are lost.
+  virtual void handle_pending() = 0;
 
-  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and
-  /// `value` as they are or (another run's) as they came.
+  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and `value`
+  /// as they are or (another run's) as they came.
   template <class Value>
   bool accept(const bus::Codec<Value>& codec, const bus::Datagram& datagram, loop::Stamp& stamp,
               Value& value) {
-    const bus::Rejection rejection = codec.decode(datagram.payload, stamp, value);
-    if (rejection != bus::Rejection::none) {
-      statistics_.rejected.add(rejection);
-    } else if (stamp.run != run()) {
-      statistics_.rejected.add(Discard::other_run);
-    } else {
-      return true;
-    }
-    return false;
+    return accept(codec.decode(datagram.payload, stamp, value), stamp);
   }
+  /// The same for a message that has been decoded already.
+  bool accept(bus::Rejection rejection, const loop::Stamp& stamp);
 
-  /// For the heartbeat.
-  void progressed(std::int64_t tick, double error_norm = 0) {
-    if (following_) {
-      following_->tick = tick;
-      following_->progress_at = loop::Clock::now();
-    } else {
-      membership_->progressed(tick, error_norm);
-    }
-  }
+  /// Newest tick handled, and (controller) the norm of its position error.
+  virtual void progressed(std::int64_t tick, double error_norm = 0) = 0;
+  /// The run is over: the plant has finished.
+  [[nodiscard]] virtual bool finished() const = 0;
+  /// This process's part is done: tells the others.
+  virtual void leave() = 0;
 
-  [[nodiscard]] bool plant_finished() const {
-    return following_ ? following_->tick >= following_->last_tick : membership_->plant_finished();
-  }
-
-  /// This process will end with `failure`, and tells the others at once, but has to bring the robot
-  /// to rest before it does.
-  void stopping(const diagnostics::Failure& failure, loop::Clock::time_point now);
-  /// The heartbeat alone, if it is due: for a process that is ending.
-  void keep_in_touch(loop::Clock::time_point now) {
-    if (now >= next_attention()) announce(now);
-  }
-
-  /// Parts from the others: the plant waits until they have finished (at most a second).
-  void finish();
-
-  /// How often another controller has taken the place of one that died.
-  [[nodiscard]] int takeovers() const { return membership_->takeovers(); }
   /// Newest tick that the role's holder has announced; -1 before.
-  [[nodiscard]] std::int64_t tick_of(loop::Role role) const { return membership_->tick_of(role); }
-
-  /// Hears what the others say, and attends: for a process that works for long on its own. Messages
-  /// on other channels are lost.
-  void stay_in_touch();
-
-  /// Which of these roles cannot be heard any more, in words; all of them, if each can be.
-  [[nodiscard]] std::string silent_among(std::initializer_list<loop::Role> roles) const;
-  [[nodiscard]] std::string describe(loop::Role role) const { return membership_->describe(role); }
-  /// Whether that is where the holder of the role sends from.
-  [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const {
-    return membership_->is_from(role, sender);
-  }
-
-  /// Whether some other process of this scenario sends from there.
-  [[nodiscard]] bool knows(std::string_view sender) const { return membership_->knows(sender); }
+  [[nodiscard]] virtual std::int64_t tick_of(loop::Role role) const = 0;
+  /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
+  [[nodiscard]] virtual std::string describe(loop::Role role) const = 0;
+  /// Whether another process of this scenario sends from that address.
+  [[nodiscard]] virtual bool knows(std::string_view sender) const = 0;
 
   Statistics& statistics() { return statistics_; }
-  [[nodiscard]] const Statistics& statistics() const { return statistics_; }
+
+ protected:
+  /// @param interrupted set when the user wants the process to end; may be null
+  Session(loop::Role role, const std::atomic<bool>* interrupted)
+      : statistics_(role), interrupted_(interrupted) {}
+
+  void note_start(loop::Clock::time_point now) { started_at_ = now; }
+  void note_end(loop::Clock::time_point now);
+  void throw_if_interrupted() const;
 
  private:
-  /// Where a recorded run is.
-  struct Following {
-    std::int64_t last_tick = 0;
-    std::int64_t tick = -1;  ///< newest one that was answered
-    loop::Clock::time_point progress_at;
-    loop::Clock::time_point look_at;  ///< when to look at the clock again
-  };
+  /// Tells the others that this process ends with `failure`.
+  virtual void announce_fault(const diagnostics::Failure& failure) = 0;
+  void fail(const diagnostics::Failure& failure);
 
-  void attend_recording(loop::Clock::time_point now);
-  void listen_for_predecessor();
-  void announce(loop::Clock::time_point now);
-  void announce_fault(const diagnostics::Failure& failure);
-  void listen_until(loop::Clock::time_point deadline);
-  void note_stranger(bus::Foreign kind, const loop::Participant& who, std::string_view sender);
-  void refuse_strangers(loop::Clock::time_point now) const;
-  void tell_who_is_missing(loop::Clock::time_point now);
-
-  bus::Transport& transport_;
-  Config config_;
-  std::string channel_;
-  protocol::Membership::Self self_;
-  std::optional<protocol::Membership> membership_;
-  std::optional<Following> following_;
-  bus::Codec<loop::Participant> codec_;
-  loop::Stamp heard_stamp_;
-  loop::Participant heard_;
-  bool entered_ = false;  ///< the session's key is known
-  bool anybody_ = false;  ///< has been heard whose key, or lack of one, is ours
-  std::string stranger_;  ///< who has another, in words; empty: nobody
-  int strangers_heard_ = 0;
-  loop::Clock::time_point stranger_since_;
-  loop::Clock::time_point started_at_;
-  loop::Clock::time_point next_notice_;
   Statistics statistics_;
+  const std::atomic<bool>* interrupted_;
+  loop::Clock::time_point started_at_;
 };
 
 }  // namespace tachless::node

@@ -1,18 +1,19 @@
 #include "plant/lockstep_loop.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
-#include <chrono>
-#include <cstdio>
 #include <string>
 
 #include "diagnostics/logging.h"
+#include "diagnostics/time.h"
 
 namespace tachless::plant {
 namespace {
 
 using loop::Clock;
-using protocol::lockstep::MessageRing;
+using loop::Role;
 using protocol::lockstep::TickMaster;
 using protocol::lockstep::Verdict;
 
@@ -21,153 +22,129 @@ enum Kind : int { tick_kind, measurement_kind, truth_kind };
 TickMaster::Config tick_master_config(const experiment::Scenario& scenario) {
   TickMaster::Config config;
   config.num_ticks = scenario.loop.num_ticks;
-  config.give_up = std::chrono::duration_cast<std::chrono::nanoseconds>(
-      std::chrono::duration<double>(scenario.loop.give_up_s));
+  config.give_up = diagnostics::nanoseconds_of(scenario.loop.give_up_s);
   return config;
 }
 
 }  // namespace
 
 LockstepLoop::LockstepLoop(const experiment::Scenario& scenario, bus::Transport& transport,
-                           node::Session& session)
+                           node::Link& link)
     : scenario_(scenario),
       transport_(transport),
-      session_(session),
-      robot_(scenario, session),
-      tick_master_(tick_master_config(scenario), robot_.longest_command()) {
-  transport_.subscribe(robot_.command_channel());
-  transport_.subscribe(robot_.ack_channel());
+      link_(link),
+      loop_(transport, link),
+      robot_(scenario),
+      messages_(scenario, robot_, link),
+      tick_master_(tick_master_config(scenario), messages_.command_port().longest) {
+  loop_.on(messages_.command_port().channel, [this](const auto& each) { on_command(each); });
+  loop_.on(messages_.ack_port().channel, [this](const auto& each) { on_ack(each); });
 }
 
 void LockstepLoop::run() {
-  session_.meet();
-  robot_.prepare();
-  sent_.emplace(
-      std::array{robot_.longest_tick(), robot_.longest_measurement(), robot_.longest_truth()});
+  link_.join({}, {});
+  messages_.prepare();
+  sent_.emplace(std::array{messages_.tick_port().longest, messages_.measurement_port().longest,
+                           messages_.truth_port().longest});
   introduce();
-  while (!tick_master_.finished()) {
-    const auto now = Clock::now();
-    session_.attend(now);
-    help_successor(now);
-    repeat(now);
-    if (tick_master_.may_begin()) begin_tick();
-    give_up_if_lost(now);
-    receive(std::min(tick_master_.deadline(), session_.next_attention()));
-  }
-  session_.finish();
+  loop_.run_until([this] { return tick_master_.finished(); },
+                  [this](Time now) {
+                    help_successor(now);
+                    repeat(now);
+                    if (tick_master_.may_begin()) begin_tick();
+                    give_up_if_lost(now);
+                    return tick_master_.deadline();
+                  });
+  link_.leave();
 }
 
 void LockstepLoop::introduce() {
   const auto now = Clock::now();
-  session_.started(now);
-  session_.attend(now);
-  transport_.publish(robot_.run_info_channel(), robot_.run_info());
+  link_.started(now);
+  link_.poll(now);
+  transport_.publish(messages_.run_info_port().channel, messages_.run_info());
   tick_master_.introduced(now);
 }
 
-/// A controller that has died may be succeeded by one that rebuilds its memory and has to hear
-/// again what the log does not hold yet.
-void LockstepLoop::help_successor(Clock::time_point now) {
-  node::Statistics& statistics = session_.statistics();
-  if (session_.takeovers() > statistics.takeovers) {
-    statistics.takeovers = session_.takeovers();
+/// Another controller may take over from one that has died. It rebuilds the law's memory and is
+/// asked again what the log does not hold yet.
+void LockstepLoop::help_successor(Time now) {
+  std::int64_t& takeovers = link_.statistics().plant().takeovers;
+  if (link_.takeovers() > takeovers) {
+    takeovers = link_.takeovers();
     tick_master_.replaced(now);
     diagnostics::log_warning(
-        session_.describe(loop::Role::controller) +
-        " has taken the place of one that is silent, before the command for tick " +
-        std::to_string(tick_master_.next_tick()));
+        fmt::format("{} has taken the place of one that is silent, before the command for tick {}",
+                    link_.describe(Role::controller), tick_master_.next_tick()));
   }
-  if (tick_master_.catching_up()) {
-    tick_master_.successor_at(session_.tick_of(loop::Role::controller), now);
-  }
+  if (tick_master_.catching_up()) tick_master_.successor_at(link_.tick_of(Role::controller), now);
 }
 
 void LockstepLoop::begin_tick() {
   const std::int64_t k = tick_master_.next_tick();
-  const auto measurement = robot_.measurement(k);
+  robot_.read(k);
+  const auto measurement = messages_.measurement(k);
   tick_master_.asked(Clock::now());
   // First: the command waits for it.
-  transport_.publish(robot_.measurement_channel(), measurement);
+  transport_.publish(messages_.measurement_port().channel, measurement);
   sent_->put(k, measurement_kind, measurement);
-  const auto tick = robot_.tick(robot_.stamp(k));
-  transport_.publish(robot_.tick_channel(), tick);
+  const auto tick = messages_.tick(messages_.stamp(k));
+  transport_.publish(messages_.tick_port().channel, tick);
   sent_->put(k, tick_kind, tick);
-}
-
-void LockstepLoop::receive(Clock::time_point deadline) {
-  const auto datagram = transport_.receive(deadline);
-  if (!datagram || session_.take(*datagram)) return;
-  if (datagram->channel == robot_.command_channel()) {
-    on_command(*datagram);
-  } else if (datagram->channel == robot_.ack_channel()) {
-    on_ack(*datagram);
-  }
 }
 
 void LockstepLoop::on_command(const bus::Datagram& datagram) {
   loop::Stamp stamp;
-  if (!robot_.hear_command(datagram, stamp)) return;
-  node::Statistics& statistics = session_.statistics();
-  switch (tick_master_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now())) {
-    case Verdict::fresh:
-      statistics.round_trip.add(tick_master_.round_trip());
-      return end_tick();
-    case Verdict::repeated:
-      ++statistics.duplicates;
-      return;
-    case Verdict::not_asked:
-      return statistics.rejected.add(node::Discard::not_asked);
-    case Verdict::too_old:
-      return statistics.rejected.add(node::Discard::too_old);
-    case Verdict::conflicting:
-      throw robot_.two_commanders(stamp.tick, tick_master_.sender_of(stamp.tick), datagram.sender);
-  }
+  if (!messages_.accept_command(datagram, stamp)) return;
+  const Verdict verdict =
+      tick_master_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now());
+  loop_.count(verdict, Role::controller, datagram, stamp.tick,
+              [&] { return tick_master_.sender_of(stamp.tick); });
+  if (verdict != Verdict::fresh) return;
+  link_.statistics().plant().round_trip_us.add(tick_master_.round_trip());
+  end_tick();
 }
 
 void LockstepLoop::on_ack(const bus::Datagram& datagram) {
   loop::Stamp stamp;
   loop::LogAck ack;
-  if (!robot_.hear_ack(datagram, stamp, ack)) return;
-  node::Statistics& statistics = session_.statistics();
-  const Verdict verdict = tick_master_.on_ack(stamp.tick, ack.missing, Clock::now());
-  if (verdict == Verdict::not_asked) statistics.rejected.add(node::Discard::not_asked);
-  if (verdict == Verdict::too_old) statistics.rejected.add(node::Discard::too_old);
+  if (!messages_.accept_ack(datagram, stamp, ack)) return;
+  loop_.count(tick_master_.on_ack(stamp.tick, ack.missing, Clock::now()));
 }
 
 void LockstepLoop::end_tick() {
   const std::int64_t k = tick_master_.next_tick();
-  robot_.drive();
-  const auto truth = robot_.truth(k, loop::truth::DriveFault::none);
-  transport_.publish(robot_.truth_channel(), truth);
+  robot_.accept(messages_.command());
+  const auto truth = messages_.truth(k, loop::truth::DriveFault::none);
+  transport_.publish(messages_.truth_port().channel, truth);
   sent_->put(k, truth_kind, truth);
-  robot_.advance(k);
+  link_.statistics().work_us.add(robot_.advance(k));
   robot_.end_tick();
   tick_master_.completed(Clock::now());
-  session_.progressed(k);
-  session_.statistics().ticks = k + 1;
+  link_.progressed(k);
+  link_.statistics().ticks = k + 1;
 }
 
-void LockstepLoop::repeat(Clock::time_point now) {
-  node::Statistics& statistics = session_.statistics();
+void LockstepLoop::repeat(Time now) {
+  std::int64_t& resends = link_.statistics().resends;
   while (const auto repeat = tick_master_.next_repeat(now)) {
     if (repeat->what == TickMaster::Repeat::What::run_info) {
-      transport_.publish(robot_.run_info_channel(), robot_.run_info());
-      ++statistics.resends;
+      transport_.publish(messages_.run_info_port().channel, messages_.run_info());
+      ++resends;
       continue;
     }
     const std::int64_t k = repeat->tick;
-    transport_.publish(robot_.tick_channel(), sent_->bytes(k, tick_kind));
-    transport_.publish(robot_.measurement_channel(), sent_->bytes(k, measurement_kind));
-    statistics.resends += 2;
+    transport_.publish(messages_.tick_port().channel, sent_->bytes(k, tick_kind));
+    transport_.publish(messages_.measurement_port().channel, sent_->bytes(k, measurement_kind));
+    resends += 2;
     if (repeat->what == TickMaster::Repeat::What::all) {
-      transport_.publish(robot_.truth_channel(), sent_->bytes(k, truth_kind));
-      ++statistics.resends;
+      transport_.publish(messages_.truth_port().channel, sent_->bytes(k, truth_kind));
+      ++resends;
     }
   }
 }
 
-void LockstepLoop::give_up_if_lost(Clock::time_point now) const {
-  using loop::Role;
+void LockstepLoop::give_up_if_lost(Time now) const {
   if (!tick_master_.given_up(now)) return;
   std::string who;
   std::string what;
@@ -175,26 +152,25 @@ void LockstepLoop::give_up_if_lost(Clock::time_point now) const {
     case TickMaster::Waiting::nobody:
       return;
     case TickMaster::Waiting::command:
-      who = session_.silent_among({Role::controller, Role::reference});
-      what = "no command for tick " + std::to_string(tick_master_.next_tick());
+      who = link_.silent_among({Role::controller, Role::reference});
+      what = fmt::format("no command for tick {}", tick_master_.next_tick());
       break;
     case TickMaster::Waiting::logger_for_run_info:
-      who = session_.describe(Role::logger);
+      who = link_.describe(Role::logger);
       what = "RUN_INFO is not acknowledged";
       break;
     case TickMaster::Waiting::logger_for_window:
     case TickMaster::Waiting::logger_for_end:
       who = tick_master_.logger_heard()
-                ? session_.silent_among({Role::controller, Role::reference, Role::logger})
-                : session_.describe(Role::logger);
-      what = "tick " + std::to_string(tick_master_.acknowledged() + 1) + " is not recorded";
+                ? link_.silent_among({Role::controller, Role::reference, Role::logger})
+                : link_.describe(Role::logger);
+      what = fmt::format("tick {} is not recorded", tick_master_.acknowledged() + 1);
       break;
   }
-  std::array<char, 32> duration{};
-  std::snprintf(duration.data(), duration.size(), "%.3g s", scenario_.loop.give_up_s);
   throw diagnostics::Failure(
       diagnostics::ExitCode::peer_lost,
-      what + " for " + duration.data() + ": lost is " + who + "; see its output (loop.give_up_s)");
+      fmt::format("{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
+                  scenario_.loop.give_up_s, who));
 }
 
 }  // namespace tachless::plant

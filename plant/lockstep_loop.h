@@ -5,8 +5,10 @@
 
 #include "bus/transport.h"
 #include "experiment/scenario.h"
-#include "node/session.h"
-#include "plant/robot_on_bus.h"
+#include "node/link.h"
+#include "node/loop.h"
+#include "plant/guarded_robot.h"
+#include "plant/plant_messages.h"
 #include "protocol/lockstep/message_ring.h"
 #include "protocol/lockstep/tick_master.h"
 
@@ -15,27 +17,29 @@ namespace tachless::plant {
 /// The plant in simulation time: it advances only with the command for this tick.
 class LockstepLoop {
  public:
-  LockstepLoop(const experiment::Scenario& scenario, bus::Transport& transport,
-               node::Session& session);
+  LockstepLoop(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link);
 
-  /// Meets the others, runs all ticks, parts.
+  /// Joins, runs all ticks, leaves.
   void run();
 
  private:
+  using Time = loop::Clock::time_point;
+
   void introduce();
-  void help_successor(loop::Clock::time_point now);
+  void help_successor(Time now);
   void begin_tick();
-  void receive(loop::Clock::time_point deadline);
   void on_command(const bus::Datagram& datagram);
   void on_ack(const bus::Datagram& datagram);
   void end_tick();
-  void repeat(loop::Clock::time_point now);
-  void give_up_if_lost(loop::Clock::time_point now) const;
+  void repeat(Time now);
+  void give_up_if_lost(Time now) const;
 
   const experiment::Scenario& scenario_;
   bus::Transport& transport_;
-  node::Session& session_;
-  RobotOnBus robot_;
+  node::Link& link_;
+  node::Loop loop_;
+  GuardedRobot robot_;
+  PlantMessages messages_;
   protocol::lockstep::TickMaster tick_master_;
   std::optional<protocol::lockstep::MessageRing> sent_;  // sized when the measurement is known
 };

@@ -1,5 +1,7 @@
 #include "plant/measurement_source.h"
 
+#include <fmt/core.h>
+
 #include "loop/measurements.h"
 
 namespace tachless::plant {
@@ -17,13 +19,7 @@ class Source : public MeasurementSource {
 
   std::span<const std::byte> measure(const ArmState& state, const loop::Stamp& stamp) override {
     const Measurement measurement = encoder_.template measure<Measurement>(state, stamp.tick);
-    if (!bus::all_finite(measurement)) {
-      throw diagnostics::Failure(
-          diagnostics::ExitCode::protective_stop,
-          "the plant's state at tick " + std::to_string(stamp.tick) +
-              " is not finite: the loop is unstable; shorten loop.period_s or "
-              "soften the gains (docs/laws tells the limit)");
-    }
+    if (!bus::all_finite(measurement)) throw not_finite(stamp.tick);
     return codec_.encode(stamp, measurement);
   }
 
@@ -38,6 +34,13 @@ class Source : public MeasurementSource {
 
 }  // namespace
 
+diagnostics::Failure not_finite(std::int64_t tick) {
+  return {diagnostics::ExitCode::protective_stop,
+          fmt::format("the plant's state at tick {} is not finite: the loop is unstable; shorten "
+                      "loop.period_s or soften the gains",
+                      tick)};
+}
+
 std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suffix,
                                                            const experiment::Scenario& scenario,
                                                            const Encoder& encoder,
@@ -49,8 +52,9 @@ std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suff
   if (!source) {
     throw diagnostics::Failure(
         diagnostics::ExitCode::protocol_violated,
-        "the controller asks for the measurement '" + std::string(suffix) +
-            "'; the plant has POSITION, MOTOR_POSITION, LINK_STATE and STATE");
+        fmt::format("the controller asks for the measurement '{}'; the plant has POSITION, "
+                    "MOTOR_POSITION, LINK_STATE and STATE",
+                    suffix));
   }
   return source;
 }

@@ -1,106 +1,117 @@
 #include "plant/realtime_loop.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <chrono>
 #include <exception>
 #include <string>
 
-#include "diagnostics/format.h"
+#include "bus/wire.h"
+#include "diagnostics/time.h"
 
 namespace tachless::plant {
 namespace {
 
 using namespace std::chrono_literals;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using diagnostics::nanoseconds_of;
 using loop::Clock;
+using loop::Role;
 using loop::truth::DriveFault;
 using protocol::lockstep::Verdict;
 
 constexpr auto introduction_period = 20ms;
-// From the logger's word that it is ready to the first tick.
+// From the logger's acknowledgement to the first tick.
 constexpr auto lead_in = 5ms;
-// Whoever floods the bus must not keep the plant from its next tick.
+// A flood of datagrams must not delay the next tick.
 constexpr int most_at_once = 64;
 
-std::chrono::nanoseconds nanoseconds(double seconds) {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-      std::chrono::duration<double>(seconds));
+double milliseconds(std::chrono::nanoseconds duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
 }
 
 }  // namespace
 
 RealtimeLoop::RealtimeLoop(const experiment::Scenario& scenario, bus::Transport& transport,
-                           node::Session& session, RobotDriver* driver)
+                           node::Link& link, RobotDriver* driver)
     : scenario_(scenario),
       transport_(transport),
-      session_(session),
-      robot_(scenario, session, driver),
-      watch_(scenario.loop.max_missed, robot_.longest_command()) {
-  transport_.subscribe(robot_.command_channel());
-  transport_.subscribe(robot_.ack_channel());
+      link_(link),
+      loop_(transport, link),
+      robot_(scenario, driver),
+      messages_(scenario, robot_, link),
+      commands_(scenario.loop.max_missed, messages_.command_port().longest) {
+  loop_.on(messages_.command_port().channel, [this](const auto& each) { on_command(each); });
+  transport_.subscribe(messages_.ack_port().channel);  // heard before the first tick only
 }
 
 Clock::time_point RealtimeLoop::deadline(std::int64_t tick) const {
-  return start_ + nanoseconds(static_cast<double>(tick) * scenario_.loop.period_s);
+  return start_ + nanoseconds_of(static_cast<double>(tick) * scenario_.loop.period_s);
 }
 
 Clock::time_point RealtimeLoop::end_of_tick() const {
   // Caught up with in no time, late ticks would all miss their commands.
-  return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds(scenario_.loop.period_s / 2));
+  return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds_of(scenario_.loop.period_s / 2));
 }
 
 void RealtimeLoop::run() {
-  session_.meet({}, {}, [this](const bus::Datagram& datagram) { refuse_early(datagram); });
-  robot_.prepare();
+  link_.join({}, [this](const bus::Datagram& datagram) { refuse_early(datagram); });
+  messages_.prepare();
   introduce();
   try {
     robot_.start();
     start();
     keep_time();
-  } catch (const diagnostics::Failure& failure) {
+  } catch (const Failure& failure) {
     come_to_rest(failure);
     throw;
   } catch (const std::exception& problem) {
-    come_to_rest(diagnostics::Failure(diagnostics::ExitCode::protocol_violated, problem.what()));
+    come_to_rest(Failure(ExitCode::protocol_violated, problem.what()));
     throw;
   }
   robot_.stop();
-  session_.finish();
+  link_.leave();
 }
 
 void RealtimeLoop::refuse_early(const bus::Datagram& datagram) {
-  if (datagram.channel != robot_.command_channel() || !robot_.is_command(datagram.payload)) return;
-  throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
-                             "a command came on " + robot_.command_channel() +
-                                 " before the start, from " + std::string(datagram.sender) +
-                                 " (run " + std::to_string(bus::stamp_of(datagram.payload).run) +
-                                 "): an old controller is still there; end it first");
+  if (datagram.channel != messages_.command_port().channel ||
+      !messages_.is_command(datagram.payload))
+    return;
+  throw Failure(
+      ExitCode::protocol_violated,
+      fmt::format("a command came on {} before the start, from {} (run {}): an old "
+                  "controller is still there; end it first",
+                  datagram.channel, datagram.sender, bus::stamp_of(datagram.payload).run));
 }
 
 void RealtimeLoop::introduce() {
   const auto begin = Clock::now();
-  const auto give_up_at = begin + nanoseconds(scenario_.loop.give_up_s);
-  session_.started(begin);
-  session_.attend(begin);
+  const auto give_up_at = begin + nanoseconds_of(scenario_.loop.give_up_s);
+  link_.started(begin);
+  link_.poll(begin);
   for (auto repeat_at = begin;;) {
     const auto now = Clock::now();
-    session_.attend(now);
+    link_.poll(now);
     if (now >= give_up_at) {
-      throw diagnostics::Failure(
-          diagnostics::ExitCode::peer_lost,
-          session_.describe(loop::Role::logger) +
-              " does not acknowledge RUN_INFO; see its output (loop.give_up_s)");
+      throw Failure(ExitCode::peer_lost,
+                    fmt::format("{} does not acknowledge RUN_INFO; see its output (loop.give_up_s)",
+                                link_.describe(Role::logger)));
     }
     if (now >= repeat_at) {
-      transport_.publish(robot_.run_info_channel(), robot_.run_info());
-      if (repeat_at != begin) ++session_.statistics().resends;
+      transport_.publish(messages_.run_info_port().channel, messages_.run_info());
+      if (repeat_at != begin) ++link_.statistics().resends;
       repeat_at = now + introduction_period;
     }
-    const auto datagram = transport_.receive(std::min(repeat_at, session_.next_attention()));
-    if (!datagram || session_.take(*datagram)) continue;
+    const auto datagram = transport_.receive(std::min(repeat_at, link_.next_poll()));
+    if (!datagram || link_.handle(*datagram)) continue;
     refuse_early(*datagram);
     loop::Stamp stamp;
     loop::LogAck ack;
-    if (datagram->channel == robot_.ack_channel() && robot_.hear_ack(*datagram, stamp, ack)) return;
+    if (datagram->channel == messages_.ack_port().channel &&
+        messages_.accept_ack(*datagram, stamp, ack))
+      return;
   }
 }
 
@@ -109,7 +120,7 @@ void RealtimeLoop::start() {
   commanded_at_ = start_;
   while (Clock::now() < start_) {
     const auto datagram = transport_.receive(start_);
-    if (datagram && !session_.take(*datagram)) refuse_early(*datagram);
+    if (datagram && !link_.handle(*datagram)) refuse_early(*datagram);
   }
 }
 
@@ -123,11 +134,11 @@ void RealtimeLoop::keep_time() {
 
 void RealtimeLoop::note_wake_up(Clock::time_point now) {
   const auto late = now - deadline(tick_);
-  node::Statistics& statistics = session_.statistics();
-  statistics.wake_up_jitter.add(late);
-  if (watch_.missed_in_a_row() == 0) longest_delay_ = 0ns;
+  node::PlantStatistics& statistics = link_.statistics().plant();
+  statistics.wake_up_jitter_us.add(late);
+  if (commands_.missed_in_a_row() == 0) longest_delay_ = 0ns;
   longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
-  if (late > nanoseconds(scenario_.loop.period_s)) {
+  if (late > nanoseconds_of(scenario_.loop.period_s)) {
     ++statistics.missed_deadlines;
     statistics.longest_miss = std::max(statistics.longest_miss, ++late_in_a_row_);
   } else {
@@ -139,15 +150,13 @@ void RealtimeLoop::require_recent_torque(Clock::time_point now) const {
   // A real robot does not wait for a process that stands still. Missed commands alone end the run
   // before this.
   const auto held_for = now - commanded_at_;
-  if (held_for <= nanoseconds(scenario_.loop.period_s * (scenario_.loop.max_missed + 2))) return;
-  throw protective_stop(
-      diagnostics::format(
-          "the robot's torque has been held for %.1f ms, longer than loop.max_missed (%d) "
-          "allows: ",
-          std::chrono::duration<double, std::milli>(held_for).count(), scenario_.loop.max_missed) +
-      (watch_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : "") +
-      "this process, or the driver's read, did not get on; start a new run on a machine that is "
-      "quiet (tachless doctor), with a read that does not wait");
+  if (held_for <= nanoseconds_of(scenario_.loop.period_s * (scenario_.loop.max_missed + 2))) return;
+  throw protective_stop(fmt::format(
+      "the robot's torque has been held for {:.1f} ms, longer than loop.max_missed ({}) allows: "
+      "{}this process, or the driver's read, did not get on; start a new run on a machine that is "
+      "quiet (tachless doctor), with a read that does not wait",
+      milliseconds(held_for), scenario_.loop.max_missed,
+      commands_.missed_in_a_row() > 0 ? what_is_missing() + ", and " : ""));
 }
 
 void RealtimeLoop::begin_tick() {
@@ -161,111 +170,96 @@ void RealtimeLoop::begin_tick() {
 
 void RealtimeLoop::publish_question(Clock::time_point now) {
   begun_ = true;
-  watch_.begin(tick_);
-  const auto measurement = robot_.measurement(tick_);
+  commands_.begin(tick_);
+  robot_.read(tick_);
+  const auto measurement = messages_.measurement(tick_);
   asked_ = Clock::now();
-  transport_.publish(robot_.measurement_channel(), measurement);
-  loop::Stamp stamp = robot_.stamp(tick_);
+  transport_.publish(messages_.measurement_port().channel, measurement);
+  loop::Stamp stamp = messages_.stamp(tick_);
   stamp.utime = (now - start_) / 1us;
-  transport_.publish(robot_.tick_channel(), robot_.tick(stamp));
+  transport_.publish(messages_.tick_port().channel, messages_.tick(stamp));
 }
 
 void RealtimeLoop::act(DriveFault fault) {
-  transport_.publish(robot_.truth_channel(), robot_.truth(tick_, fault));
+  transport_.publish(messages_.truth_port().channel, messages_.truth(tick_, fault));
   acted_ = true;
   const auto now = Clock::now();
   if (fault != DriveFault::protective_stop && !robot_.emulated()) require_recent_torque(now);
   if (fault == DriveFault::none) commanded_at_ = now;
-  robot_.advance(tick_);
+  link_.statistics().work_us.add(robot_.advance(tick_));
 }
 
 void RealtimeLoop::receive_until(Clock::time_point deadline) {
-  session_.attend(Clock::now());
+  link_.poll(Clock::now());
   while (Clock::now() < deadline) {
-    const auto datagram = transport_.receive(std::min(deadline, session_.next_attention()));
-    if (datagram) take(*datagram);
+    loop_.receive(std::min(deadline, link_.next_poll()));
     const auto now = Clock::now();
-    if (now < deadline) session_.attend(now);
+    if (now < deadline) link_.poll(now);
   }
   // What was there in time and is not read yet counts.
-  for (int i = 0; i < most_at_once; ++i) {
-    const auto datagram = transport_.receive(Clock::time_point());
-    if (!datagram) break;
-    take(*datagram);
+  for (int i = 0; i < most_at_once && loop_.receive(Clock::time_point()); ++i) {
   }
-}
-
-void RealtimeLoop::take(const bus::Datagram& datagram) {
-  if (session_.take(datagram)) return;
-  if (datagram.channel == robot_.command_channel()) on_command(datagram);
 }
 
 void RealtimeLoop::on_command(const bus::Datagram& datagram) {
   loop::Stamp stamp;
-  if (!robot_.hear_command(datagram, stamp)) return;
-  node::Statistics& statistics = session_.statistics();
-  switch (watch_.on_command(stamp.tick, datagram.payload, datagram.sender)) {
-    case Verdict::fresh:
-      statistics.command_age.add(Clock::now() - asked_);
-      robot_.drive();
-      if (scenario_.loop.command_delay == 0) act(DriveFault::none);
-      return;
-    case Verdict::repeated:
-      ++statistics.duplicates;
-      return;
-    case Verdict::too_old:
-      ++statistics.late_commands;
-      return;
-    case Verdict::not_asked:
-      return statistics.rejected.add(node::Discard::not_asked);
-    case Verdict::conflicting:
-      throw robot_.two_commanders(stamp.tick, watch_.sender_of(stamp.tick), datagram.sender);
+  if (!messages_.accept_command(datagram, stamp)) return;
+  node::PlantStatistics& statistics = link_.statistics().plant();
+  const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload, datagram.sender);
+  if (verdict == Verdict::too_old) {
+    ++statistics.late_commands;
+    return;
   }
+  loop_.count(verdict, Role::controller, datagram, stamp.tick,
+              [&] { return commands_.sender_of(stamp.tick); });
+  if (verdict != Verdict::fresh) return;
+  statistics.command_age_us.add(Clock::now() - asked_);
+  robot_.accept(messages_.command());
+  if (scenario_.loop.command_delay == 0) act(DriveFault::none);
 }
 
 void RealtimeLoop::end_tick() {
-  watch_.end();
-  held_ = !watch_.commanded();
+  commands_.end();
+  held_ = !commands_.commanded();
   if (!acted_) act(DriveFault::command_missed);
   robot_.end_tick();
   begun_ = false;
   acted_ = false;
 
-  node::Statistics& statistics = session_.statistics();
-  statistics.missed_commands = watch_.missed();
-  statistics.longest_command_miss = watch_.longest_miss();
-  statistics.ticks = tick_ + 1;
-  session_.progressed(tick_);
-  if (watch_.too_many()) {
-    throw protective_stop(what_is_missing() + ", more than loop.max_missed (" +
-                          std::to_string(scenario_.loop.max_missed) + ")" + what_to_mend());
+  node::PlantStatistics& statistics = link_.statistics().plant();
+  statistics.missed_commands = commands_.missed();
+  statistics.longest_command_miss = commands_.longest_miss();
+  link_.statistics().ticks = tick_ + 1;
+  link_.progressed(tick_);
+  if (commands_.too_many()) {
+    throw protective_stop(fmt::format("{}, more than loop.max_missed ({}){}", what_is_missing(),
+                                      scenario_.loop.max_missed, what_to_mend()));
   }
 }
 
-diagnostics::Failure RealtimeLoop::protective_stop(const std::string& why) const {
-  return {diagnostics::ExitCode::protective_stop,
-          "protective stop at tick " + std::to_string(tick_) + ": " + why};
+Failure RealtimeLoop::protective_stop(const std::string& why) const {
+  return {ExitCode::protective_stop, fmt::format("protective stop at tick {}: {}", tick_, why)};
 }
 
 std::string RealtimeLoop::what_is_missing() const {
-  return std::to_string(watch_.missed_in_a_row()) +
-         " commands in a row did not come in time from " +
-         session_.silent_among({loop::Role::controller, loop::Role::reference});
+  return fmt::format("{} commands in a row did not come in time from {}",
+                     commands_.missed_in_a_row(),
+                     link_.silent_among({Role::controller, Role::reference}));
 }
 
 std::string RealtimeLoop::what_to_mend() const {
-  if (longest_delay_ <= nanoseconds(scenario_.loop.period_s)) {
+  if (longest_delay_ <= nanoseconds_of(scenario_.loop.period_s)) {
     return "; mend that and start a new run";
   }
   // Then it need not be the others who are to blame.
-  return diagnostics::format(
-      ". The plant itself woke up to %.1f ms late: this machine stood still or is too busy "
+  return fmt::format(
+      ". The plant itself woke up to {:.1f} ms late: this machine stood still or is too busy "
       "(tachless doctor); start a new run on a quieter one",
-      std::chrono::duration<double, std::milli>(longest_delay_).count());
+      milliseconds(longest_delay_));
 }
 
-void RealtimeLoop::come_to_rest(const diagnostics::Failure& failure) {
-  session_.stopping(failure, Clock::now());
+void RealtimeLoop::come_to_rest(const Failure& failure) {
+  link_.stopping(failure, Clock::now());
   try {
     robot_.stop();
     if (tick_ < 0) return;  // it has not begun
@@ -275,14 +269,14 @@ void RealtimeLoop::come_to_rest(const diagnostics::Failure& failure) {
     const std::int64_t end = std::min(scenario_.loop.num_ticks, tick_ + 1 + most);
     for (++tick_; tick_ < end; ++tick_) {
       while (Clock::now() < deadline(tick_)) {
-        if (const auto datagram = transport_.receive(deadline(tick_))) session_.take(*datagram);
-        session_.keep_in_touch(Clock::now());
+        if (const auto datagram = transport_.receive(deadline(tick_))) link_.handle(*datagram);
+        link_.announce_if_due(Clock::now());
       }
-      session_.keep_in_touch(Clock::now());  // behind time too
+      link_.announce_if_due(Clock::now());  // behind time too
       publish_question(Clock::now());
       act(DriveFault::protective_stop);
-      session_.progressed(tick_);
-      session_.statistics().ticks = tick_ + 1;
+      link_.progressed(tick_);
+      link_.statistics().ticks = tick_ + 1;
       if (robot_.at_rest()) break;
     }
   } catch (const std::exception&) {

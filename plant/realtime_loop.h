@@ -6,26 +6,28 @@
 
 #include "bus/transport.h"
 #include "experiment/scenario.h"
-#include "node/session.h"
-#include "plant/robot_on_bus.h"
+#include "node/link.h"
+#include "node/loop.h"
+#include "plant/guarded_robot.h"
+#include "plant/plant_messages.h"
 #include "protocol/realtime/missed_command_monitor.h"
 
 namespace tachless::plant {
 
 /// The plant on the wall clock: tick k begins at the absolute deadline start + k h, whether its
-/// command has come or not. Ticks that it is late for are caught up with, none is left out, and
-/// each still has half a period for its command. A missed command holds the last torque; too many
-/// in a row, or whatever else ends the run before its time, brings the robot to rest first: drives
-/// without torque, braking, recorded, for `longest_stop` at most.
+/// command has come or not. No tick is left out: late ones follow as fast as they can, each with
+/// half a period for its command. A missed command holds the last torque. Too many in a row, or
+/// whatever else ends the run early, is a protective stop first: drives without torque, braking,
+/// recorded, for `longest_stop` at most.
 class RealtimeLoop {
  public:
   static constexpr std::chrono::milliseconds longest_stop{500};
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  RealtimeLoop(const experiment::Scenario& scenario, bus::Transport& transport,
-               node::Session& session, RobotDriver* driver = nullptr);
+  RealtimeLoop(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+               RobotDriver* driver = nullptr);
 
-  /// Meets the others, keeps time over all ticks, parts.
+  /// Joins, keeps time over all ticks, leaves.
   void run();
 
  private:
@@ -41,7 +43,6 @@ class RealtimeLoop {
   void publish_question(loop::Clock::time_point now);
   void act(loop::truth::DriveFault fault);
   void receive_until(loop::Clock::time_point deadline);
-  void take(const bus::Datagram& datagram);
   void on_command(const bus::Datagram& datagram);
   void end_tick();
   [[nodiscard]] diagnostics::Failure protective_stop(const std::string& why) const;
@@ -51,9 +52,11 @@ class RealtimeLoop {
 
   const experiment::Scenario& scenario_;
   bus::Transport& transport_;
-  node::Session& session_;
-  RobotOnBus robot_;
-  protocol::realtime::MissedCommandMonitor watch_;
+  node::Link& link_;
+  node::Loop loop_;
+  GuardedRobot robot_;
+  PlantMessages messages_;
+  protocol::realtime::MissedCommandMonitor commands_;
 
   loop::Clock::time_point start_;
   loop::Clock::time_point tick_began_;    ///< tick_ did, on time or late

@@ -1,5 +1,7 @@
 #include "reference/node.h"
 
+#include <fmt/core.h>
+
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -8,6 +10,7 @@
 #include <string_view>
 
 #include "bus/wire.h"
+#include "node/loop.h"
 #include "protocol/lockstep/reference_responder.h"
 #include "protocol/realtime/pace.h"
 #include "protocol/realtime/reference_responder.h"
@@ -19,7 +22,7 @@ namespace {
 using loop::Clock;
 using protocol::lockstep::Verdict;
 
-/// What both modes share: hears TICK, publishes references.
+/// What both modes share: accepts TICK, computes and publishes references.
 class Node {
  public:
   Node(const Node&) = delete;
@@ -27,73 +30,64 @@ class Node {
   virtual ~Node() = default;
 
   void run() {
-    session_.meet();
-    while (!session_.plant_finished()) {
-      session_.attend(Clock::now());
-      const auto datagram = transport_.receive(session_.next_attention());
-      if (!datagram || session_.take(*datagram)) continue;
-      if (datagram->channel == tick_channel_) on_tick(*datagram);
-    }
-    session_.finish();
+    link_.join({}, {});
+    loop_.run_until_finished();
+    link_.leave();
   }
 
  protected:
-  Node(const experiment::Scenario& scenario, bus::Transport& transport, node::Session& session)
+  Node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
       : transport_(transport),
-        session_(session),
+        link_(link),
+        loop_(transport, link),
         period_s_(scenario.loop.period_s),
         trajectory_(make_trajectory(scenario)),
-        tick_channel_(loop::channel<loop::Tick>(scenario.robot.channel_prefix)),
         reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
         tick_codec_(layout(scenario)),
         reference_codec_(layout(scenario)) {
-    transport_.subscribe(tick_channel_);
+    loop_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
+             [this](const bus::Datagram& datagram) {
+               loop::Stamp stamp;
+               loop::Tick tick;
+               if (link_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
+             });
   }
 
   /// A TICK of this run.
-  virtual void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
+  virtual void on_tick(std::int64_t tick, const bus::Datagram& datagram) = 0;
 
   [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
   [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
-  node::Session& session() { return session_; }
+  node::Link& link() { return link_; }
+  node::Loop& loop() { return loop_; }
 
   void publish(std::span<const std::byte> reference) {
     transport_.publish(reference_channel_, reference);
   }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
+  /// @throw diagnostics::Failure(protective_stop) when it is not finite.
   std::span<const std::byte> compute(std::int64_t k) {
     const auto begin = Clock::now();
     const double time_s = static_cast<double>(k) * period_s_;
     const loop::ReferencePoint reference = trajectory_.at(time_s);
     if (!bus::all_finite(reference)) {
-      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
-                                 "the reference at t = " + std::to_string(time_s) + " s (tick " +
-                                     std::to_string(k) +
-                                     ") is not finite; see `reference` in the scenario");
+      throw diagnostics::Failure(
+          diagnostics::ExitCode::protective_stop,
+          fmt::format("the reference at t = {:.6f} s (tick {}) is not finite; see `reference` in "
+                      "the scenario",
+                      time_s, k));
     }
-    const loop::Stamp stamp{std::llround(time_s * 1e6), session_.run(), k};
+    const loop::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};
     const auto bytes = reference_codec_.encode(stamp, reference);
     publish(bytes);
-    session_.statistics().work.add(Clock::now() - begin);
+    link_.statistics().work_us.add(Clock::now() - begin);
     return bytes;
   }
 
-  /// Whether the message is to be answered; counts it if it is not new.
-  bool count(Verdict verdict) {
-    node::Statistics& statistics = session_.statistics();
-    if (verdict == Verdict::repeated) ++statistics.duplicates;
-    if (verdict == Verdict::not_asked) statistics.rejected.add(node::Discard::not_asked);
-    if (verdict == Verdict::too_old) statistics.rejected.add(node::Discard::too_old);
-    return verdict == Verdict::fresh || verdict == Verdict::repeated;
-  }
-
-  [[nodiscard]] diagnostics::Failure two_plants(std::int64_t tick, std::string_view first,
-                                                std::string_view second) const {
-    return {diagnostics::ExitCode::protocol_violated,
-            "two plants drive run " + std::to_string(session_.run()) + ": " + std::string(first) +
-                " and " + std::string(second) + " sent different messages for tick " +
-                std::to_string(tick) + "; end one of them"};
+  void answered(std::int64_t tick, std::int64_t newest) {
+    link_.progressed(tick);
+    link_.statistics().ticks = newest + 1;
   }
 
  private:
@@ -101,17 +95,11 @@ class Node {
     return loop::layout(scenario.num_joints, false);
   }
 
-  void on_tick(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
-    loop::Tick tick;
-    if (session_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp, datagram);
-  }
-
   bus::Transport& transport_;
-  node::Session& session_;
+  node::Link& link_;
+  node::Loop loop_;
   double period_s_;
   Trajectory trajectory_;
-  std::string tick_channel_;
   std::string reference_channel_;
   bus::Codec<loop::Tick> tick_codec_;
   bus::Codec<loop::ReferencePoint> reference_codec_;
@@ -119,28 +107,25 @@ class Node {
 
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport,
-               node::Session& session)
-      : Node(scenario, transport, session),
+  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
+      : Node(scenario, transport, link),
         responder_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
 
  private:
-  void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) override {
-    const auto answer = responder_.on_tick(stamp.tick, datagram.payload, datagram.sender);
-    if (answer.verdict == Verdict::conflicting) {
-      throw two_plants(stamp.tick, responder_.sender_of(stamp.tick), datagram.sender);
-    }
-    if (!count(answer.verdict)) return;
-    session().started(Clock::now());
+  void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
+    const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
+    loop().count(answer.verdict, loop::Role::plant, datagram, tick,
+                 [&] { return responder_.sender_of(tick); });
+    if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
+    link().started(Clock::now());
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
       publish(responder_.kept(k));
-      ++session().statistics().resends;
+      ++link().statistics().resends;
     }
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
       responder_.computed(k, compute(k));
     }
-    session().progressed(stamp.tick);
-    session().statistics().ticks = responder_.newest() + 1;
+    answered(tick, responder_.newest());
   }
 
   protocol::lockstep::ReferenceResponder responder_;
@@ -148,28 +133,24 @@ class LockstepNode final : public Node {
 
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
-               node::Session& session)
-      : Node(scenario, transport, session),
+  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
+      : Node(scenario, transport, link),
         responder_(scenario.loop.num_ticks, longest_tick()),
         pace_(scenario.loop.period_s) {}
 
  private:
-  void on_tick(const loop::Stamp& stamp, const bus::Datagram& datagram) override {
+  void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
     const auto now = Clock::now();
-    if (!pace_.possible(stamp.tick, now) && !session().knows(datagram.sender)) {
-      count(Verdict::not_asked);
-      return;
+    if (!pace_.possible(tick, now) && !link().knows(datagram.sender)) {
+      return loop().count(Verdict::not_asked);
     }
-    const auto answer = responder_.on_tick(stamp.tick, datagram.payload, datagram.sender);
-    if (answer.verdict == Verdict::conflicting) {
-      throw two_plants(stamp.tick, responder_.sender_of(stamp.tick), datagram.sender);
-    }
-    if (!count(answer.verdict)) return;
-    session().started(now);
+    const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
+    loop().count(answer.verdict, loop::Role::plant, datagram, tick,
+                 [&] { return responder_.sender_of(tick); });
+    if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
+    link().started(now);
     for (std::int64_t k = answer.first; k <= answer.last; ++k) compute(k);
-    session().progressed(stamp.tick);
-    session().statistics().ticks = responder_.newest() + 1;
+    answered(tick, responder_.newest());
   }
 
   protocol::realtime::ReferenceResponder responder_;
@@ -178,12 +159,11 @@ class RealtimeNode final : public Node {
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport,
-              node::Session& session) {
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeNode(scenario, transport, session).run();
+    RealtimeNode(scenario, transport, link).run();
   } else {
-    LockstepNode(scenario, transport, session).run();
+    LockstepNode(scenario, transport, link).run();
   }
 }
 

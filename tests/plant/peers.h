@@ -17,7 +17,7 @@
 
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
-#include "node/session.h"
+#include "node/link.h"
 #include "plant/node.h"
 
 namespace tachless::plant {
@@ -162,27 +162,26 @@ struct Outcome {
 /// The plant's part; `driver`: of the robot in the emulator's place.
 inline Outcome run(const experiment::Scenario& scenario, Peers& peers,
                    const std::atomic<bool>* interrupted = nullptr, RobotDriver* driver = nullptr) {
-  node::Session session(scenario, peers,
-                        {.role = loop::Role::plant,
-                         .run_id = 7,
-                         .wait_s = 10,
-                         .interrupted = interrupted,
-                         .instance = 1,
-                         .follow = {}});
+  node::Link link(scenario, peers,
+                  {.role = loop::Role::plant,
+                   .run_id = 7,
+                   .wait_s = 10,
+                   .interrupted = interrupted,
+                   .instance = 1});
   Outcome outcome;
   try {
-    session.play([&] {
+    link.guard([&] {
       if (driver != nullptr) {
-        run_driver(scenario, peers, session, *driver);
+        run_driver(scenario, peers, link, *driver);
       } else {
-        run_node(scenario, peers, session);
+        run_node(scenario, peers, link);
       }
     });
   } catch (const diagnostics::Failure& failure) {
     outcome.code = failure.code();
     outcome.fault = failure.what();
   }
-  outcome.statistics = session.statistics();
+  outcome.statistics = link.statistics();
   return outcome;
 }
 

@@ -38,9 +38,9 @@ TEST(RealtimeLoop, AppliesEachCommandOverTheNextTickAndNothingOverTheFirst) {
     EXPECT_EQ(peers.truths[k].tau, torque_of(static_cast<std::int64_t>(k) - 1)) << k;
     EXPECT_EQ(peers.truths[k].fault, DriveFault::none) << k;
   }
-  EXPECT_EQ(outcome.statistics.missed_commands, 0);
-  EXPECT_EQ(outcome.statistics.command_age.count(), 30);
-  EXPECT_EQ(outcome.statistics.wake_up_jitter.count(), 30);
+  EXPECT_EQ(outcome.statistics.plant().missed_commands, 0);
+  EXPECT_EQ(outcome.statistics.plant().command_age_us.count(), 30);
+  EXPECT_EQ(outcome.statistics.plant().wake_up_jitter_us.count(), 30);
 }
 
 TEST(RealtimeLoop, DelayShiftsTheTorquesByExactlyOneTick) {
@@ -76,8 +76,8 @@ TEST(RealtimeLoop, HoldsTheLastTorqueWhenCommandsAreMissed) {
       if (k < delay) continue;
       EXPECT_EQ(truth.tau, torque_of(missed ? 4 : k - delay)) << k;
     }
-    EXPECT_EQ(outcome.statistics.missed_commands, 3);
-    EXPECT_EQ(outcome.statistics.longest_command_miss, 3);
+    EXPECT_EQ(outcome.statistics.plant().missed_commands, 3);
+    EXPECT_EQ(outcome.statistics.plant().longest_command_miss, 3);
   }
 }
 
@@ -90,8 +90,8 @@ TEST(RealtimeLoop, CountsALateCommandAndDoesNotApplyIt) {
   };
   const Outcome outcome = run(s, peers);
   ASSERT_EQ(outcome.fault, "");
-  EXPECT_EQ(outcome.statistics.late_commands, 1);
-  EXPECT_EQ(outcome.statistics.missed_commands, 1);
+  EXPECT_EQ(outcome.statistics.plant().late_commands, 1);
+  EXPECT_EQ(outcome.statistics.plant().missed_commands, 1);
   EXPECT_EQ(peers.truths[6].tau, torque_of(4));
   EXPECT_EQ(peers.truths[7].tau, torque_of(6));
 }
@@ -131,9 +131,9 @@ TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
   ASSERT_EQ(outcome.fault, "");
   EXPECT_EQ(peers.truths.size(), 30u);
   // Ticks 11 to 14 begin later than one period after their deadlines.
-  EXPECT_GE(outcome.statistics.missed_deadlines, 4);
-  EXPECT_GE(outcome.statistics.longest_miss, 4);
-  EXPECT_GE(outcome.statistics.wake_up_jitter.max_us(), 4000);
+  EXPECT_GE(outcome.statistics.plant().missed_deadlines, 4);
+  EXPECT_GE(outcome.statistics.plant().longest_miss, 4);
+  EXPECT_GE(outcome.statistics.plant().wake_up_jitter_us.max_us(), 4000);
   EXPECT_EQ(peers.truths[29].tau, torque_of(28));
 }
 
@@ -149,7 +149,7 @@ TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
   const Outcome outcome = run(s, peers);
   ASSERT_EQ(outcome.fault, "");
   EXPECT_EQ(peers.truths.size(), 100u);
-  EXPECT_GE(outcome.statistics.longest_miss, 29);
+  EXPECT_GE(outcome.statistics.plant().longest_miss, 29);
   const auto delay_us = [&](std::size_t k) {
     return peers.tick_utimes[k] - 1000 * static_cast<std::int64_t>(k);
   };
@@ -175,7 +175,7 @@ TEST_F(Stopping, BrakesViscouslyWhenTooManyCommandsAreMissed) {
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("4 commands in a row"));
   EXPECT_THAT(outcome.fault, HasSubstr("loop.max_missed (3)"));
-  EXPECT_EQ(outcome.statistics.longest_command_miss, 4);
+  EXPECT_EQ(outcome.statistics.plant().longest_command_miss, 4);
 
   // Ticks 10 to 13 go without; 14 is the first that is braked.
   ASSERT_GT(peers_.truths.size(), 20u);
@@ -255,7 +255,7 @@ TEST_F(Stopping, SaysSoWhenThePlantItselfWasLate) {
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault, HasSubstr("4 commands in a row"));
   EXPECT_THAT(outcome.fault, HasSubstr("The plant itself woke up to"));
-  EXPECT_GE(outcome.statistics.wake_up_jitter.max_us(), 6500);
+  EXPECT_GE(outcome.statistics.plant().wake_up_jitter_us.max_us(), 6500);
 }
 
 TEST_F(Stopping, BrakesBeforeItEndsWhenInterrupted) {
@@ -311,7 +311,7 @@ TEST(RealtimeLoop, FlagsAndCountsSaturationPerJoint) {
   }
   // 1 + k/2 exceeds 4 from k = 7 on, which acts over ticks 8 to 29.
   EXPECT_EQ(saturated, 22);
-  EXPECT_EQ(outcome.statistics.saturated_ticks, (std::vector<std::int64_t>{22, 0}));
+  EXPECT_EQ(outcome.statistics.plant().saturated_ticks, (std::vector<std::int64_t>{22, 0}));
 }
 
 }  // namespace

@@ -88,19 +88,19 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   }
   const FourThreads elsewhere(scenario);  // for its log's path
   Replay replay(heard);
-  node::Session session(
+  node::Link link(
       scenario, replay,
       {.role = role, .run_id = {}, .wait_s = 60, .interrupted = nullptr, .instance = 0});
   try {
     switch (role) {
       case Role::reference:
-        reference::run_node(scenario, replay, session);
+        reference::run_node(scenario, replay, link);
         break;
       case Role::controller:
-        controller::run_node(scenario, replay, session);
+        controller::run_node(scenario, replay, link);
         break;
       case Role::logger:
-        logger::run_node(scenario, replay, session, elsewhere.log_path());
+        logger::run_node(scenario, replay, link, elsewhere.log_path());
         break;
       case Role::plant:
         FAIL();
@@ -108,7 +108,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(std::string(failure.what()), "all replayed");
   }
-  EXPECT_EQ(session.statistics().ticks, scenario.loop.num_ticks);
+  EXPECT_EQ(link.statistics().ticks, scenario.loop.num_ticks);
   EXPECT_EQ(replay.counted(), std::optional<std::size_t>(0));
 }
 

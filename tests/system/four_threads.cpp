@@ -6,7 +6,6 @@
 #include <iterator>
 #include <stdexcept>
 
-#include "bus/authenticated.h"
 #include "controller/node.h"
 #include "logger/node.h"
 #include "plant/node.h"
@@ -17,17 +16,18 @@ namespace {
 
 using loop::Role;
 
-void play(Role role, const experiment::Scenario& scenario, bus::Transport& transport,
-          node::Session& session, const std::filesystem::path& log_path) {
+void run_role(Role role, const experiment::Scenario& scenario, node::Link& link,
+              const std::filesystem::path& log_path) {
+  bus::Transport& transport = link.transport();
   switch (role) {
     case Role::plant:
-      return plant::run_node(scenario, transport, session);
+      return plant::run_node(scenario, transport, link);
     case Role::reference:
-      return reference::run_node(scenario, transport, session);
+      return reference::run_node(scenario, transport, link);
     case Role::controller:
-      return controller::run_node(scenario, transport, session);
+      return controller::run_node(scenario, transport, link);
     case Role::logger:
-      return logger::run_node(scenario, transport, session, log_path);
+      return logger::run_node(scenario, transport, link, log_path);
   }
 }
 
@@ -65,20 +65,14 @@ void FourThreads::start(Role role) {
   if (wrapper_) transport = wrapper_(role, std::move(transport));
   threads_.at(index) = std::thread([this, role, index, &scenario, endpoint = std::move(transport)] {
     Outcome& outcome = outcomes_.at(index);
-    std::optional<bus::Authenticated> authenticated;
-    if (key_) authenticated.emplace(*endpoint, *key_);
-    bus::Transport& heard =
-        authenticated ? static_cast<bus::Transport&>(*authenticated) : *endpoint;
-    node::Session session(
-        scenario, heard,
-        {.role = role,
-         .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
-         .wait_s = 60,
-         .interrupted = &interrupted_.at(index),
-         .instance = 0,
-         .authenticated = authenticated ? &*authenticated : nullptr});
+    node::Link link(scenario, *endpoint,
+                    {.role = role,
+                     .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
+                     .wait_s = 60,
+                     .interrupted = &interrupted_.at(index),
+                     .key = key_});
     try {
-      session.play([&] { play(role, scenario, heard, session, log_path()); });
+      link.guard([&] { run_role(role, scenario, link, log_path()); });
     } catch (const diagnostics::Failure& failure) {
       outcome.code = failure.code();
       outcome.fault = failure.what();
@@ -86,7 +80,7 @@ void FourThreads::start(Role role) {
       outcome.code = diagnostics::ExitCode::protocol_violated;
       outcome.fault = std::string("internal error: ") + error.what();
     }
-    outcome.statistics = session.statistics();
+    outcome.statistics = link.statistics();
   });
 }
 

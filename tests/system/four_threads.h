@@ -16,7 +16,7 @@
 #include "bus/key.h"
 #include "bus/wire.h"
 #include "experiment/scenario.h"
-#include "node/session.h"
+#include "node/link.h"
 #include "tests/support/temporary_directory.h"
 
 /// The four real nodes in four threads on an in-memory bus.

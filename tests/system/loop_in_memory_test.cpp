@@ -193,24 +193,24 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
   std::map<std::int64_t, std::vector<std::byte>> commands;
   {
     Bystander stand_in([&](const std::atomic<bool>& stop) {
-      node::Session session(scenario, *endpoint,
-                            {.role = Role::logger,
-                             .run_id = {},
-                             .wait_s = 60,
-                             .interrupted = nullptr,
-                             .instance = 0});
+      node::Link link(scenario, *endpoint,
+                      {.role = Role::logger,
+                       .run_id = {},
+                       .wait_s = 60,
+                       .interrupted = nullptr,
+                       .instance = 0});
       for (const auto* channel : {"ARM_RUN_INFO", "ARM_COMMAND", "ARM_TICK"}) {
         endpoint->subscribe(channel);
       }
-      session.play([&] {
-        session.meet();
+      link.guard([&] {
+        link.join({}, {});
         bus::Codec<loop::LogAck> acks(layout(scenario));
         bus::Codec<loop::TorqueCommand> codec(layout(scenario));
         std::int64_t newest = -1;
-        while (!session.plant_finished() && !stop) {
-          session.attend(Clock::now());
+        while (!link.finished() && !stop) {
+          link.poll(Clock::now());
           const auto datagram = endpoint->receive(Clock::now() + 1ms);
-          if (datagram && session.take(*datagram)) continue;
+          if (datagram && link.handle(*datagram)) continue;
           if (datagram && datagram->channel == "ARM_COMMAND") {
             loop::Stamp stamp;
             loop::TorqueCommand command;
@@ -222,9 +222,9 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
               newest == scenario.loop.num_ticks - 1 && !datagram ? newest : newest - 1;
           endpoint->publish(
               "ARM_LOG_ACK",
-              acks.encode({0, session.run(), std::max<std::int64_t>(over, -1)}, loop::LogAck{}));
+              acks.encode({0, link.run(), std::max<std::int64_t>(over, -1)}, loop::LogAck{}));
         }
-        session.finish();
+        link.leave();
       });
     });
     threads.start(Role::plant);
@@ -341,7 +341,7 @@ TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
     // Up to the interruption the log is readable and whole.
     EXPECT_FALSE(result.log.empty());
     // RUN_INFO, six messages a tick, and the fault, unless the logger was the one.
-    EXPECT_EQ(result.of.at(Role::logger).statistics.log->events,
+    EXPECT_EQ(result.of.at(Role::logger).statistics.logger().log.events,
               1 + 6 * result.of.at(Role::logger).statistics.ticks + (victim != Role::logger));
   }
 }

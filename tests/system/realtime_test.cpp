@@ -84,9 +84,9 @@ TEST(RealtimeRun, RecordsEveryMessageOnceInOrderOfArrival) {
   }
   const node::Statistics& logger = result.of.at(Role::logger).statistics;
   const node::Statistics& controller = result.of.at(Role::controller).statistics;
-  EXPECT_EQ(logger.log->ticks + logger.log->gaps, 300);
+  EXPECT_EQ(logger.logger().log.ticks + logger.logger().log.gaps, 300);
   // This network loses nothing: only what a busy controller passed over is missing.
-  EXPECT_EQ(logger.log->gaps, controller.skipped_ticks);
+  EXPECT_EQ(logger.logger().log.gaps, controller.controller().skipped_ticks);
 }
 
 TEST(RealtimeRun, TruthTellsWhatBecameOfEachCommand) {
@@ -107,7 +107,7 @@ TEST(RealtimeRun, TruthTellsWhatBecameOfEachCommand) {
       ++held;
     }
   }
-  const auto missed = result.of.at(Role::plant).statistics.missed_commands;
+  const auto missed = result.of.at(Role::plant).statistics.plant().missed_commands;
   EXPECT_TRUE(missed == held || missed == held + 1) << "the last tick's acts over no tick";
 }
 
@@ -119,11 +119,11 @@ TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
   const node::Statistics& controller = result.of.at(Role::controller).statistics;
   const node::Statistics& logger = result.of.at(Role::logger).statistics;
   EXPECT_EQ(plant.ticks, 500);
-  EXPECT_GT(plant.missed_commands, 0);
-  EXPECT_GT(controller.gaps, 0);
-  EXPECT_GE(controller.skipped_ticks, controller.gaps);
-  EXPECT_GT(logger.log->gaps, 0);
-  EXPECT_EQ(logger.log->ticks + logger.log->gaps, 500);
+  EXPECT_GT(plant.plant().missed_commands, 0);
+  EXPECT_GT(controller.controller().gaps, 0);
+  EXPECT_GE(controller.controller().skipped_ticks, controller.controller().gaps);
+  EXPECT_GT(logger.logger().log.gaps, 0);
+  EXPECT_EQ(logger.logger().log.ticks + logger.logger().log.gaps, 500);
   const Recorded log = recorded_by(threads);
   EXPECT_GT(log.summary.of(loop::Slot::command).missing, 0u);
 }

@@ -1,0 +1,219 @@
+#include "node/link.h"
+
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <random>
+#include <vector>
+
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
+#include "diagnostics/time.h"
+
+namespace tachless::node {
+namespace {
+
+using namespace std::chrono_literals;
+using diagnostics::Failure;
+using loop::Clock;
+using loop::Role;
+using protocol::Membership;
+
+constexpr auto first_notice = 1s;
+constexpr auto notice_period = 5s;
+constexpr auto leaving_period = 20ms;
+constexpr auto longest_leaving = 1s;
+// A last announcement that nobody waits for is repeated, some time apart: packets are lost in
+// bursts.
+constexpr int last_announcements = 5;
+constexpr auto last_announcements_period = 5ms;
+
+std::int64_t random_instance() {
+  std::random_device device;
+  const std::uint64_t high = device();
+  const std::uint64_t low = device();
+  return static_cast<std::int64_t>((high << 32 | low) >> 1) | 1;
+}
+
+std::int64_t run_from_time() {
+  return std::chrono::system_clock::now().time_since_epoch() / std::chrono::microseconds(1);
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
+Membership::Self self_of(const experiment::Scenario& scenario, const Link::Config& config) {
+  Membership::Self self;
+  self.role = config.role;
+  self.instance = config.instance != 0 ? config.instance : random_instance();
+  self.digest = scenario.digest;
+  self.pid = static_cast<std::int32_t>(getpid());
+  self.host = host_name();
+  self.scenario = scenario.name.substr(0, loop::max_participant_text);
+  if (config.role == Role::plant) self.run = config.run_id.value_or(run_from_time());
+  if (config.wait_s > 0) self.wait_limit = diagnostics::nanoseconds_of(config.wait_s);
+  self.give_up = diagnostics::nanoseconds_of(scenario.loop.give_up_s);
+  self.takeover = scenario.loop.mode == experiment::Mode::lockstep;
+  self.resumes = config.resume;
+  return self;
+}
+
+}  // namespace
+
+Link::Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config)
+    : Session(config.role, config.interrupted),
+      raw_(transport),
+      role_(config.role),
+      resume_(config.resume),
+      channel_(loop::channel<loop::Participant>(scenario.robot.channel_prefix)),
+      self_(self_of(scenario, config)),
+      codec_(loop::Layout{}),
+      key_check_(config.role, config.key.has_value()) {
+  if (config.key) authenticated_.emplace(raw_, *config.key);
+  membership_.emplace(self_, Clock::now());
+  this->transport().subscribe(channel_);
+}
+
+void Link::join(const Law& law, const Handler& other) {
+  const auto begin = Clock::now();
+  self_.measurement = law.measurement;
+  self_.signals = law.signals;
+  membership_.emplace(self_, begin);
+  next_notice_ = begin + first_notice;
+  while (!membership_->joined()) {
+    poll(Clock::now());
+    const auto datagram = transport().receive(next_poll());
+    if (datagram && !handle(*datagram) && other) other(*datagram);
+    const auto now = Clock::now();
+    if (authenticated_) {
+      const auto foreign = authenticated_->take_stranger();
+      if (foreign) key_check_.foreign(foreign->kind, foreign->who, foreign->sender, now);
+    }
+    key_check_.poll(now);
+  }
+  if (resume_) wait_for_predecessor();
+  statistics().run_id = run();
+}
+
+/// Membership fails when the predecessor is heard: it is still there.
+void Link::wait_for_predecessor() {
+  const auto until = Clock::now() + Membership::takeover_after;
+  for (auto now = Clock::now(); now < until; now = Clock::now()) {
+    poll(now);
+    if (const auto datagram = transport().receive(std::min(until, next_poll()))) handle(*datagram);
+  }
+}
+
+void Link::handle_pending() {
+  while (const auto datagram = transport().receive(Clock::time_point())) handle(*datagram);
+  poll(Clock::now());
+}
+
+void Link::started(Clock::time_point now) {
+  if (membership_->running()) return;
+  membership_->started(now);
+  note_start(now);
+}
+
+void Link::poll(Clock::time_point now) {
+  throw_if_interrupted();
+  if (now >= next_poll()) {
+    membership_->poll(now);
+    if (!membership_->failure()) announce(now);
+    if (!membership_->running() && now >= next_notice_) tell_who_is_missing(now);
+  }
+  if (membership_->failure()) throw Failure(*membership_->failure());
+}
+
+bool Link::handle(const bus::Datagram& datagram) {
+  if (datagram.channel != channel_) return false;
+  const auto now = Clock::now();
+  const bus::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
+  if (rejection != bus::Rejection::none) {
+    if (!entered_ && !authenticated_) {
+      loop::Participant who;
+      const auto kind = bus::foreign_participant(datagram.payload, codec_, who);
+      if (kind) key_check_.foreign(*kind, who, datagram.sender, now);
+    }
+    statistics().rejected.add(rejection);
+    return true;
+  }
+  membership_->handle(stamp_, peer_, datagram.sender, now);
+  key_check_.accepted();
+  if (!entered_ && membership_->joined()) {
+    entered_ = true;
+    if (authenticated_) authenticated_->enter(run(), membership_->plant_instance());
+  }
+  return true;
+}
+
+void Link::announce(Clock::time_point now) {
+  const auto& announcement = membership_->announce(now);
+  transport().publish(channel_, codec_.encode(announcement.stamp, announcement.participant));
+}
+
+void Link::stopping(const Failure& failure, Clock::time_point now) {
+  membership_->stopping(failure, now);
+  announce(now);
+}
+
+void Link::handle_until(Clock::time_point deadline) {
+  while (Clock::now() < deadline) {
+    if (const auto datagram = transport().receive(deadline)) handle(*datagram);
+  }
+}
+
+void Link::announce_repeatedly() {
+  for (int i = 0; i < last_announcements; ++i) {
+    announce(Clock::now());
+    handle_until(Clock::now() + last_announcements_period);
+  }
+}
+
+void Link::announce_fault(const Failure& failure) {
+  membership_->failed(failure, Clock::now());
+  announce_repeatedly();
+}
+
+void Link::leave() {
+  const auto begin = Clock::now();
+  note_end(begin);
+  membership_->finished(begin);
+  if (role_ != Role::plant) return announce_repeatedly();
+  // The others' announcements may be lost: the record is complete, nobody waits for ever.
+  while (Clock::now() < begin + longest_leaving) {
+    announce(Clock::now());
+    const auto next = Clock::now() + leaving_period;
+    while (!membership_->all_finished() && Clock::now() < next) {
+      if (const auto datagram = transport().receive(next)) handle(*datagram);
+    }
+    if (membership_->all_finished()) break;
+  }
+}
+
+void Link::tell_who_is_missing(Clock::time_point now) {
+  next_notice_ = now + notice_period;
+  std::vector<std::string_view> roles;
+  for (const Role role : membership_->missing()) roles.push_back(loop::name(role));
+  if (roles.empty()) return;
+  diagnostics::log_info(fmt::format("waiting for {} on {}", diagnostics::joined(roles), channel_));
+}
+
+std::string Link::silent_among(std::initializer_list<Role> roles) const {
+  // Several announcements missed in a row.
+  constexpr auto silent_after = 10 * Membership::period;
+  std::vector<std::string> silent;
+  std::vector<std::string> all;
+  for (const Role role : roles) {
+    all.push_back(describe(role));
+    const auto silence = membership_->silence(role, Clock::now());
+    if (!silence || *silence >= silent_after) silent.push_back(all.back());
+  }
+  return silent.empty() ? diagnostics::joined(all, " or ") : diagnostics::joined(silent, " and ");
+}
+
+}  // namespace tachless::node

@@ -1,0 +1,129 @@
+#include "plant/guarded_robot.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "diagnostics/failure.h"
+#include "loop/clock.h"
+#include "plant/emulated_robot.h"
+#include "plant/plant_model.h"
+
+namespace tachless::plant {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using loop::Clock;
+
+bool all_finite(const ArmState& state) {
+  return state.q.allFinite() && state.v.allFinite() && state.theta.allFinite() &&
+         state.thetadot.allFinite();
+}
+
+}  // namespace
+
+GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver)
+    : scenario_(scenario),
+      model_(plant_model(scenario)),
+      emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
+      driver_(driver == nullptr ? *emulator_ : *driver),
+      drive_(make_drive(scenario, model_)) {
+  const auto& limit = scenario.plant.drive.torque_limit_Nm;
+  if (driver != nullptr && (!limit || !limit->allFinite())) {
+    throw scenario.complaint("plant.drive.torque_limit_Nm",
+                             "no limit; a real robot needs one for each joint");
+  }
+}
+
+void GuardedRobot::start() {
+  if (!emulated()) {
+    read(-1);
+    const robot::Vector begin = initial_state(scenario_, model_).q;
+    for (Eigen::Index i = 0; i < begin.size(); ++i) {
+      if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
+      throw scenario_.complaint(
+          "plant.initial.position_rad",
+          fmt::format("{:.6g} for joint {}, which is at {:.6g}; move the robot to within {:.6g} of "
+                      "where the scenario begins, or begin where it is",
+                      begin[i], i + 1, state_.q[i], start_tolerance));
+    }
+  }
+  started_ = true;
+  driver_.start();
+}
+
+const ArmState& GuardedRobot::read(std::int64_t tick) {
+  state_ = driver_.read();
+  if (!emulated()) require_sound(tick);
+  return state_;
+}
+
+void GuardedRobot::require_sound(std::int64_t tick) const {
+  const int num_motors = scenario_.robot.flexible ? scenario_.num_joints : 0;
+  if (state_.q.size() != scenario_.num_joints || state_.v.size() != scenario_.num_joints ||
+      state_.theta.size() != num_motors || state_.thetadot.size() != num_motors) {
+    throw std::logic_error("the robot's driver reads other joints than the scenario has");
+  }
+  const std::string when = tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
+  if (!all_finite(state_)) {
+    throw Failure(ExitCode::protective_stop,
+                  fmt::format("the robot's driver read a number that is not finite {}; see its "
+                              "encoders",
+                              when));
+  }
+  for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
+    if (state_.q[i] >= model_.lower[i] && state_.q[i] <= model_.upper[i]) continue;
+    throw Failure(
+        ExitCode::protective_stop,
+        fmt::format("joint {} ({}) is at {:.6g} {}, outside of its range {:.6g} to {:.6g} "
+                    "in {}",
+                    i + 1, model_.joint_names[static_cast<std::size_t>(i)], state_.q[i], when,
+                    model_.lower[i], model_.upper[i], scenario_.robot.urdf_path));
+  }
+}
+
+void GuardedRobot::accept(const loop::TorqueCommand& command) {
+  if (!drive_.accept(command)) {
+    throw std::logic_error("a command that is not finite got past the checks");
+  }
+}
+
+std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
+  const auto begin = Clock::now();
+  const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
+  try {
+    if (stopped_) {
+      driver_.rest(end_s);
+    } else {
+      driver_.hold(drive_.applied().tau, end_s);
+    }
+  } catch (const Failure&) {
+    throw;
+  } catch (const std::runtime_error& problem) {
+    if (!emulated()) throw;
+    throw Failure(
+        ExitCode::protective_stop,
+        fmt::format("the simulation failed at tick {}: {}; a loop that is unstable at this "
+                    "period ends like this: shorten loop.period_s or soften the gains",
+                    tick, problem.what()));
+  }
+  return Clock::now() - begin;
+}
+
+void GuardedRobot::stop() {
+  if (stopped_) return;
+  stopped_ = true;
+  drive_.stop();
+  if (started_) driver_.stop();
+}
+
+bool GuardedRobot::at_rest() const {
+  constexpr double standstill = 1e-3;  // [rad/s; m/s]
+  return (state_.v.array().abs() < standstill).all() &&
+         (state_.thetadot.array().abs() < standstill).all();
+}
+
+}  // namespace tachless::plant

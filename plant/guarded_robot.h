@@ -1,0 +1,73 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+
+#include "experiment/scenario.h"
+#include "loop/signals.h"
+#include "plant/arm.h"
+#include "plant/drive.h"
+#include "plant/robot_driver.h"
+#include "robot/model.h"
+
+namespace tachless::plant {
+
+/// A robot (the emulator, or a real one's driver) with what must hold before anything is believed
+/// of it or given to it: readings finite and within the joints' ranges, the start where the
+/// scenario begins, torques finite and within the drives' limits. Knows no bus and not when a tick
+/// is.
+class GuardedRobot {
+ public:
+  /// @param driver a real robot's, which outlives this; the scenario is emulated when null. What
+  /// the scenario says of the emulator (plant.integrator, plant.payload, friction) is not used
+  /// then.
+  /// @throw diagnostics::Failure(bad_usage) when a joint of a real robot has no torque limit.
+  explicit GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver = nullptr);
+
+  [[nodiscard]] const robot::Model& model() const { return model_; }
+  /// An emulated robot's time is its ticks: it stands still when this process does.
+  [[nodiscard]] bool emulated() const { return emulator_ != nullptr; }
+  [[nodiscard]] bool measures_velocity() const { return driver_.measures_velocity(); }
+
+  /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`.
+  /// @throw diagnostics::Failure(bad_usage) when it is elsewhere.
+  void start();
+  static constexpr double start_tolerance = 0.01;  ///< [rad; m]
+
+  /// The state at the beginning of `tick`.
+  /// @throw diagnostics::Failure(protective_stop) when a real robot's is not finite, or a joint is
+  /// outside of its range; std::logic_error when it has other joints than the scenario.
+  const ArmState& read(std::int64_t tick);
+  [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
+
+  /// The drives take the command as this tick's.
+  /// @throw std::logic_error unless it is finite: the caller has to check
+  void accept(const loop::TorqueCommand& command);
+  /// The torque over this tick.
+  [[nodiscard]] const AppliedTorque& applied() const { return drive_.applied(); }
+  /// Gives the robot that torque for `tick`; once stopped, none. @return the time this has taken
+  /// @throw diagnostics::Failure(protective_stop) when the simulation diverges.
+  std::chrono::nanoseconds advance(std::int64_t tick);
+  /// The tick is over for the drives.
+  void end_tick() { drive_.end_tick(); }
+
+  /// The protective stop and the end: no torque any more, the robot brakes. Once is enough.
+  void stop();
+  /// Whether all joints and motors stood still when last read, to 1 mrad/s (mm/s).
+  [[nodiscard]] bool at_rest() const;
+
+ private:
+  void require_sound(std::int64_t tick) const;
+
+  const experiment::Scenario& scenario_;
+  robot::Model model_;
+  std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
+  RobotDriver& driver_;
+  Drive drive_;
+  ArmState state_;
+  bool started_ = false;
+  bool stopped_ = false;
+};
+
+}  // namespace tachless::plant

@@ -1,0 +1,145 @@
+#include "plant/plant_messages.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "diagnostics/version.h"
+#include "loop/measurements.h"
+
+namespace tachless::plant {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+/// What the emulator adds to its readings, a real robot's have already.
+experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
+  const EncoderSide side = scenario.plant.encoder.side;
+  scenario.plant.encoder = {};
+  scenario.plant.encoder.side = side;
+  return scenario;
+}
+
+template <class Value>
+PlantMessages::Port port(const experiment::Scenario& scenario, std::size_t longest = 0) {
+  return {loop::channel<Value>(scenario.robot.channel_prefix), longest};
+}
+
+}  // namespace
+
+PlantMessages::PlantMessages(const experiment::Scenario& scenario, const GuardedRobot& robot,
+                             node::Link& link)
+    : scenario_(scenario),
+      robot_(robot),
+      link_(link),
+      encoder_(robot.emulated() ? scenario : with_ideal_encoders(scenario), robot.model()),
+      layout_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
+      tick_codec_(layout_),
+      command_codec_(layout_),
+      truth_codec_(layout_),
+      ack_codec_(layout_),
+      tick_port_(port<loop::Tick>(scenario, tick_codec_.longest())),
+      command_port_(port<loop::TorqueCommand>(scenario, command_codec_.longest())),
+      truth_port_(port<loop::truth::PlantTruth>(scenario, truth_codec_.longest())),
+      run_info_port_(port<loop::RunInfo>(scenario)),
+      ack_port_(port<loop::LogAck>(scenario, ack_codec_.longest())) {
+  link_.statistics().plant().saturated_ticks.assign(static_cast<std::size_t>(scenario.num_joints),
+                                                    0);
+}
+
+void PlantMessages::prepare() {
+  const auto [needed, signals] = link_.law();
+  if (!robot_.measures_velocity() && loop::measures_velocity(needed)) {
+    throw scenario_.complaint("controller.law",
+                              fmt::format("{} measures velocity, this robot does not; take a law "
+                                          "that is fed with positions",
+                                          scenario_.controller.law));
+  }
+  measurement_ = make_measurement_source(needed, scenario_, encoder_, layout_);
+  measurement_port_ = {measurement_->channel(), measurement_->longest()};
+
+  loop::RunInfo info;
+  info.num_ticks = scenario_.loop.num_ticks;
+  info.period_s = scenario_.loop.period_s;
+  info.version = diagnostics::version;
+  info.robot = scenario_.robot.channel_prefix;
+  info.measurement = needed;
+  info.signals = signals;
+  info.scenario = scenario_.text;
+  info.robot_description = scenario_.robot.urdf_text;
+  try {
+    bus::Codec<loop::RunInfo> codec(layout_);
+    const auto bytes = codec.encode({0, link_.run(), -1}, info);
+    run_info_.assign(bytes.begin(), bytes.end());
+  } catch (const std::length_error&) {
+    throw Failure(
+        ExitCode::bad_usage,
+        fmt::format("{}: scenario and URDF have {} characters together; allowed: about "
+                    "{}, for a log holds them in one message",
+                    scenario_.source, info.scenario.size() + info.robot_description.size(),
+                    loop::max_run_info_size - 200));
+  }
+}
+
+loop::Stamp PlantMessages::stamp(std::int64_t tick) const {
+  const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
+  return {std::llround(time_s * 1e6), link_.run(), tick};
+}
+
+std::span<const std::byte> PlantMessages::measurement(std::int64_t tick) {
+  return measurement_->measure(robot_.state(), stamp(tick));
+}
+
+std::span<const std::byte> PlantMessages::tick(const loop::Stamp& stamp) {
+  return tick_codec_.encode(stamp, {.last = stamp.tick + 1 == scenario_.loop.num_ticks});
+}
+
+std::span<const std::byte> PlantMessages::truth(std::int64_t tick, loop::truth::DriveFault fault) {
+  const ArmState& state = robot_.state();
+  const AppliedTorque& applied = robot_.applied();
+  truth_.q = state.q;
+  truth_.v = state.v;
+  truth_.theta = state.theta;
+  truth_.thetadot = state.thetadot;
+  truth_.tau = applied.tau;
+  truth_.saturated = applied.saturated;
+  truth_.fault = fault;
+  for (int i = 0; i < scenario_.num_joints; ++i) {
+    const auto joint = static_cast<std::size_t>(i);
+    link_.statistics().plant().saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
+  }
+  if (!bus::all_finite(truth_)) throw not_finite(tick);
+  return truth_codec_.encode(stamp(tick), truth_);
+}
+
+bool PlantMessages::accept_command(const bus::Datagram& datagram, loop::Stamp& stamp) {
+  const bus::Rejection rejection = command_codec_.decode(datagram.payload, stamp, command_);
+  if (rejection == bus::Rejection::non_finite) {
+    const loop::Stamp heard = bus::stamp_of(datagram.payload);
+    if (heard.run == link_.run() && link_.is_from(loop::Role::controller, datagram.sender)) {
+      link_.statistics().rejected.add(rejection);
+      throw Failure(ExitCode::protective_stop,
+                    fmt::format("{} commanded a torque that is not finite for tick {}: the loop is "
+                                "unstable, or the controller is broken; shorten loop.period_s or "
+                                "soften the gains",
+                                link_.describe(loop::Role::controller), heard.tick));
+    }
+  }
+  return link_.accept(rejection, stamp);
+}
+
+bool PlantMessages::accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp,
+                               loop::LogAck& ack) {
+  return link_.accept(ack_codec_, datagram, stamp, ack);
+}
+
+bool PlantMessages::is_command(std::span<const std::byte> payload) const {
+  loop::Stamp stamp;
+  loop::TorqueCommand command;
+  const bus::Rejection rejection = command_codec_.decode(payload, stamp, command);
+  return rejection == bus::Rejection::none || rejection == bus::Rejection::non_finite;
+}
+
+}  // namespace tachless::plant

@@ -1,0 +1,62 @@
+#include "node/statistics.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <stdexcept>
+
+namespace tachless::node {
+namespace {
+
+using loop::Role;
+
+TEST(Statistics, AreReadBackAsTheyWereWritten) {
+  Statistics plant(Role::plant);
+  plant.exit_code = diagnostics::ExitCode::peer_lost;
+  plant.fault = "the logger has been silent";
+  plant.run_id = 7;
+  plant.wall_s = 1.25;
+  plant.resends = 3;
+  plant.rejected.add(bus::Rejection::wrong_size);
+  plant.rejected.add(Discard::too_old, 4);
+  plant.plant().takeovers = 2;
+  plant.plant().saturated_ticks = {0, 9};
+  for (const int us : {15, 80, 81, 950}) {
+    plant.plant().round_trip_us.add(std::chrono::microseconds(us));
+  }
+
+  const std::string text = to_json(plant);
+  const Statistics read = statistics_from_json(text);
+  EXPECT_EQ(to_json(read), text) << "percentiles and histogram, too";
+  EXPECT_EQ(read.role, Role::plant);
+  EXPECT_EQ(read.exit_code, diagnostics::ExitCode::peer_lost);
+  EXPECT_EQ(read.fault, "the logger has been silent");
+  EXPECT_EQ(read.rejected.total(), 5);
+  EXPECT_EQ(read.plant().takeovers, 2);
+  EXPECT_EQ(read.plant().saturated_ticks, (std::vector<std::int64_t>{0, 9}));
+  EXPECT_EQ(read.plant().round_trip_us.count(), 4);
+  EXPECT_EQ(read.plant().round_trip_us.max_us(), 950);
+}
+
+TEST(Statistics, OfEachRoleHoldItsCountersAndNoOther) {
+  Statistics logger(Role::logger);
+  logger.logger().log = {"out/lcmlog", 61, 10, 2};
+  EXPECT_EQ(statistics_from_json(to_json(logger)).logger().log.gaps, 2);
+  EXPECT_THAT(to_json(logger), testing::Not(testing::HasSubstr("missed_commands")));
+  Statistics controller(Role::controller);
+  controller.controller().skipped_ticks = 8;
+  EXPECT_EQ(statistics_from_json(to_json(controller)).controller().skipped_ticks, 8);
+  EXPECT_EQ(statistics_from_json(to_json(Statistics(Role::reference))).role, Role::reference);
+}
+
+TEST(Statistics, OfAnotherShapeAreRefused) {
+  EXPECT_THROW(statistics_from_json("{}"), std::invalid_argument);
+  EXPECT_THROW(statistics_from_json("{\"role\": "), std::invalid_argument);
+  std::string text = to_json(Statistics(Role::plant));
+  text.replace(text.find("plant"), 5, "pilot");
+  EXPECT_THROW(statistics_from_json(text), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tachless::node
