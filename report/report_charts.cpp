@@ -136,8 +136,8 @@ ReportSection torque_section(const Overlay& all) {
 /// What a law's declared signal is, by its name, which the laws' pages explain.
 std::string_view meaning(std::string_view name) {
   if (name.starts_with("nu")) {
-    return "the filter's output: the filtered derivative of the position error, in place of a "
-           "velocity error that is not measured";
+    return "the filter's output: the filtered derivative of the position error, which the law "
+           "uses in place of the velocity error";
   }
   if (name.starts_with("edot")) return "the velocity error, of measured velocities";
   return "as the law computed it";
