@@ -1,12 +1,16 @@
 #include "launch/command.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <exception>
 #include <iostream>
 #include <string>
+#include <vector>
 
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "launch/verb.h"
 #include "process/interruption.h"
@@ -38,31 +42,27 @@ constexpr const char* footer =
     "Exit codes: 0 done, 1 a check said no, 2 bad usage or scenario, 3 a peer is lost,\n"
     "4 protocol violated, 5 protective stop, 130 interrupted.";
 
-std::string one_line(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
-
 void require_verb(const std::string& word) {
-  std::string names;
-  for (const Verb* verb : verbs()) {
-    if (verb->name == word) return;
-    names += (names.empty() ? "" : ", ") + std::string(verb->name);
-  }
+  std::vector<std::string_view> names;
+  for (const Verb* verb : verbs()) names.push_back(verb->name);
+  if (std::find(names.begin(), names.end(), word) != names.end()) return;
+  const auto meant = diagnostics::nearest(word, names);
   throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             "there is no verb '" + word + "'; there are " + names);
+                             fmt::format("there is no verb '{}'{}; there are {}", word,
+                                         meant ? fmt::format("; did you mean {}?", *meant) : "",
+                                         diagnostics::joined(names)));
 }
 
 diagnostics::ExitCode run(int argc, const char* const* argv) {
   CLI::App cli("Robot joints tracked from positions alone.", "tachless");
   cli.footer(footer);
-  cli.set_version_flag("--version", "tachless " + std::string(diagnostics::version),
+  cli.set_version_flag("--version", fmt::format("tachless {}", diagnostics::version),
                        "Print the version and exit");
   cli.require_subcommand(1);
   diagnostics::ExitCode result = diagnostics::ExitCode::done;
   for (const Verb* verb : verbs()) {
     CLI::App* command = cli.add_subcommand(std::string(verb->name), std::string(verb->does));
-    command->footer("Examples:\n" + std::string(verb->examples));
+    command->footer(fmt::format("Examples:\n{}", verb->examples));
     command->callback([action = verb->declare(*command), &result] { result = action(); });
   }
   if (argc < 2) {
@@ -78,10 +78,11 @@ diagnostics::ExitCode run(int argc, const char* const* argv) {
       cli.exit(error, std::cout, std::cerr);
       return diagnostics::ExitCode::done;
     }
-    const std::string verb = argv[1][0] == '-' ? "" : std::string(argv[1]) + ": ";
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               verb + error.what() + "; see tachless " +
-                                   (verb.empty() ? "" : std::string(argv[1]) + " ") + "--help");
+    const std::string_view verb = argv[1][0] == '-' ? "" : argv[1];
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        fmt::format("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ", error.what(),
+                    verb, verb.empty() ? "" : " "));
   }
   return result;
 }
@@ -94,11 +95,11 @@ int tachless(int argc, const char* const* argv) {
   try {
     return static_cast<int>(run(argc, argv));
   } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_error(one_line(failure.what()));
+    diagnostics::log_error(diagnostics::one_line(failure.what()));
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {
-    diagnostics::log_error("internal error: " + one_line(error.what()) +
-                           "; please report it with the command line");
+    diagnostics::log_error(fmt::format("internal error: {}; please report it with the command line",
+                                       diagnostics::one_line(error.what())));
     return static_cast<int>(diagnostics::ExitCode::protocol_violated);
   }
 }

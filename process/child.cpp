@@ -1,6 +1,8 @@
 #include "process/child.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
+#include <poll.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -29,24 +31,35 @@ void end_line(Child& child, const std::function<void(std::string)>& on_line) {
   if (!line.empty()) on_line(std::move(line));
 }
 
+/// What exec takes: pointers into `command`, and a null.
+std::vector<char*> arguments(const std::vector<std::string>& command) {
+  std::vector<char*> argv;
+  argv.reserve(command.size() + 1);
+  for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
+  argv.push_back(nullptr);
+  return argv;
+}
+
 }  // namespace
+
+sigset_t blocked_signals() {
+  sigset_t mask;
+  sigprocmask(SIG_SETMASK, nullptr, &mask);
+  return mask;
+}
 
 Child start(const std::vector<std::string>& command, const sigset_t& mask) {
   std::array<int, 2> output{};
   std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
   if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
-  process::FileDescriptor output_read(output[0]);
-  process::FileDescriptor output_write(output[1]);
+  FileDescriptor output_read(output[0]);
+  FileDescriptor output_write(output[1]);
   if (pipe2(refusal.data(), O_CLOEXEC) != 0) fail("pipe2");
-  process::FileDescriptor refusal_read(refusal[0]);
-  process::FileDescriptor refusal_write(refusal[1]);
+  FileDescriptor refusal_read(refusal[0]);
+  FileDescriptor refusal_write(refusal[1]);
   if (fcntl(output_read.get(), F_SETFL, O_NONBLOCK) != 0) fail("fcntl");
 
-  std::vector<char*> argv;
-  argv.reserve(command.size() + 1);
-  for (const std::string& word : command) argv.push_back(const_cast<char*>(word.c_str()));
-  argv.push_back(nullptr);
-
+  const std::vector<char*> argv = arguments(command);
   const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid < 0) fail("fork");
@@ -58,13 +71,13 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask) {
         dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
         dup2(output_write.get(), STDERR_FILENO) >= 0 &&
         sigprocmask(SIG_SETMASK, &mask, nullptr) == 0) {
-      execv(argv[0], argv.data());
+      execvp(argv[0], argv.data());
     }
     const int error = errno;
     [[maybe_unused]] const ssize_t written = ::write(refusal_write.get(), &error, sizeof error);
     _exit(127);
   }
-  refusal_write = process::FileDescriptor();
+  refusal_write = FileDescriptor();
   int error = 0;
   ssize_t got;
   do {
@@ -73,8 +86,9 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask) {
   if (got == sizeof error) {
     waitpid(pid, nullptr, 0);
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "cannot start " + command.front() + ": " + std::strerror(error) +
-                                   "; build the whole project first");
+                               fmt::format("cannot start {}: {}; install it, or, if it is one of "
+                                           "tachless, build the whole project",
+                                           command.front(), std::strerror(error)));
   }
   Child child;
   child.pid = pid;
@@ -93,8 +107,41 @@ void read_lines(Child& child, const std::function<void(std::string)>& on_line) {
       if (c == '\n' || child.partial.size() >= longest_line) end_line(child, on_line);
     }
   }
-  if (got == 0) child.output = process::FileDescriptor();
+  if (got == 0) child.output = FileDescriptor();
   if (child.output.get() < 0 || !child.running) end_line(child, on_line);
+}
+
+Finished run(const std::vector<std::string>& command) {
+  Child child = start(command);
+  Finished result;
+  const auto keep = [&](std::string line) { result.lines.push_back(std::move(line)); };
+  while (child.output.get() >= 0) {
+    pollfd fd{child.output.get(), POLLIN, 0};
+    poll(&fd, 1, -1);
+    read_lines(child, keep);
+  }
+  int status = 0;
+  while (waitpid(child.pid, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (WIFSIGNALED(status)) result.signal = WTERMSIG(status);
+  if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);
+  return result;
+}
+
+void become(const std::vector<std::string>& command, const std::string& remedy) {
+  const std::vector<char*> argv = arguments(command);
+  execv(argv[0], argv.data());
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::bad_usage,
+      fmt::format("cannot start {}: {}; {}", command.front(), std::strerror(errno), remedy));
+}
+
+bool works_in_a_copy(bool (*attempt)()) {
+  const pid_t pid = fork();
+  if (pid == 0) _exit(attempt() ? 0 : 1);
+  int status = 1;
+  if (pid > 0) waitpid(pid, &status, 0);
+  return pid > 0 && status == 0;
 }
 
 }  // namespace tachless::process

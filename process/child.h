@@ -9,6 +9,7 @@
 
 #include "process/file_descriptor.h"
 
+/// The one way to start another program or process. Who watches several at once: launch/supervise.
 namespace tachless::process {
 
 /// A process that was started here. Has to be waited for with `waitpid`.
@@ -19,14 +20,39 @@ struct Child {
   std::string partial;             ///< the line that has not ended yet
 };
 
-/// Starts a program (a path) with its arguments, in a process group of its own, so that Ctrl-C
-/// reaches this process alone. Should this process die, it gets SIGTERM.
+/// Signals that this thread has blocked.
+sigset_t blocked_signals();
+
+/// Starts a program (a path, or a name on the search path) with its arguments, stdin empty, in a
+/// process group of its own, so that Ctrl-C reaches this process alone. Should this process die, it
+/// gets SIGTERM.
 /// @param mask signals that it has blocked
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started
-Child start(const std::vector<std::string>& command, const sigset_t& mask);
+Child start(const std::vector<std::string>& command, const sigset_t& mask = blocked_signals());
 
 /// Hands over each line that the process has written since the last call, without waiting. Once it
 /// has ended and closed its output, that includes a last line without an end.
 void read_lines(Child& child, const std::function<void(std::string)>& on_line);
+
+/// How a program ended, and what it wrote.
+struct Finished {
+  int exit_code = 0;  ///< when `signal` is 0
+  int signal = 0;     ///< that killed it
+  std::vector<std::string> lines;
+
+  [[nodiscard]] bool well() const { return exit_code == 0 && signal == 0; }
+};
+
+/// Runs a program as `start` does, to its end.
+/// @throw diagnostics::Failure as `start`
+Finished run(const std::vector<std::string>& command);
+
+/// Replaces this process by a program (a path) with its arguments.
+/// @throw diagnostics::Failure(bad_usage) naming the program and `remedy`
+[[noreturn]] void become(const std::vector<std::string>& command, const std::string& remedy);
+
+/// Whether `attempt`, made in a copy of this process, returns true there. What it does to its
+/// process does not happen to this one.
+bool works_in_a_copy(bool (*attempt)());
 
 }  // namespace tachless::process

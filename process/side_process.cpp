@@ -3,6 +3,8 @@
 #include <poll.h>
 #include <sys/wait.h>
 
+#include <fmt/format.h>
+
 #include <csignal>
 #include <cstring>
 #include <utility>
@@ -17,13 +19,7 @@ using namespace std::chrono_literals;
 
 constexpr auto patience = 1s;  // from SIGTERM to SIGKILL
 
-sigset_t present_mask() {
-  sigset_t mask;
-  sigprocmask(SIG_SETMASK, nullptr, &mask);
-  return mask;
-}
-
-/// Waits for words of the child, but not for long.
+/// Waits for output of the child, at most 50 ms.
 void doze(const Child& child) {
   pollfd fd{child.output.get(), POLLIN, 0};
   poll(&fd, 1, 50);
@@ -33,7 +29,7 @@ void doze(const Child& child) {
 
 SideProcess::SideProcess(std::string name, const std::vector<std::string>& command,
                          std::string_view ready, std::chrono::milliseconds limit, OnLine on_line)
-    : name_(std::move(name)), child_(start(command, present_mask())) {
+    : name_(std::move(name)), child_(start(command)) {
   bool is_ready = false;
   on_line_ = [&](std::string_view line) {
     if (is_ready) on_line(line);
@@ -45,10 +41,10 @@ SideProcess::SideProcess(std::string name, const std::vector<std::string>& comma
       doze(child_);
       continue;
     }
-    const std::string why =
-        child_.running       ? name_ + " was not ready within " + std::to_string(limit / 1s) + " s"
-        : last_line_.empty() ? trouble_
-                             : last_line_;
+    const std::string why = child_.running
+                                ? fmt::format("{} was not ready within {} s", name_, limit / 1s)
+                            : last_line_.empty() ? trouble_
+                                                 : last_line_;
     end_group();
     if (child_.running) waitpid(child_.pid, nullptr, 0);
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, why);
@@ -70,10 +66,10 @@ void SideProcess::attend() {
   end_group();
   read_lines(child_, pass_on);
   if (WIFSIGNALED(status)) {
-    trouble_ = name_ + " was killed by signal " + std::to_string(WTERMSIG(status)) + " (" +
-               strsignal(WTERMSIG(status)) + ")";
+    trouble_ = fmt::format("{} was killed by signal {} ({})", name_, WTERMSIG(status),
+                           strsignal(WTERMSIG(status)));
   } else if (WEXITSTATUS(status) != 0) {
-    trouble_ = name_ + " ended with exit code " + std::to_string(WEXITSTATUS(status));
+    trouble_ = fmt::format("{} ended with exit code {}", name_, WEXITSTATUS(status));
   }
 }
 

@@ -1,12 +1,14 @@
 #include "replay/what_if.h"
 
+#include <fmt/format.h>
+
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <utility>
 
 #include "diagnostics/failure.h"
 #include "report/chart.h"
+#include "report/figure.h"
 #include "report/gnuplot.h"
 
 namespace tachless::replay {
@@ -29,20 +31,15 @@ WhatIf::WhatIf(std::filesystem::path csv, double period_s, std::vector<std::stri
 
 void WhatIf::refuse() const {
   throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             csv_path_.string() + ": cannot be written: " + std::strerror(errno) +
-                                 "; name another place with --out");
+                             fmt::format("{}: cannot be written: {}; name another place with --out",
+                                         csv_path_.string(), std::strerror(errno)));
 }
 
 void WhatIf::add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
   const double t_s = static_cast<double>(tick) * period_s_;
-  char cell[40];
-  std::snprintf(cell, sizeof cell, "%lld,%.17g", static_cast<long long>(tick), t_s);
-  csv_ << cell;
+  csv_ << fmt::format("{},{:.17g}", tick, t_s);
   for (const auto* tau : {&recorded, &replayed}) {
-    for (const double value : *tau) {
-      std::snprintf(cell, sizeof cell, ",%.17g", value);
-      csv_ << cell;
-    }
+    for (const double value : *tau) csv_ << fmt::format(",{:.17g}", value);
   }
   csv_ << '\n';
   for (std::size_t i = 0; i < joints_.size(); ++i) {
@@ -61,37 +58,33 @@ void WhatIf::finish() {
 std::string WhatIf::figure(const std::string& title, const std::filesystem::path& svg) const {
   std::vector<report::Chart> charts;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    const std::string symbol = "{/:Italic τ}_{" + std::to_string(i + 1) + "}";
-    const std::string unit = "  [" + effort_units_[i] + "]";
+    const std::string label = fmt::format("{}  [{}]", report::indexed("τ", i), effort_units_[i]);
     report::Chart torque;
     torque.height_px = 220;
-    torque.y_label = symbol + unit;
+    torque.y_label = label;
     torque.curves = {{"recorded", joints_[i].recorded.points(), report::palette[5], 3.5, "", {}},
                      {"replayed", joints_[i].replayed.points(), report::palette[1], 1.2, "", {}}};
-    charts.push_back(torque);
     report::Chart difference;
     difference.height_px = 170;
-    difference.y_label = "Δ" + symbol + unit;
+    difference.y_label = "Δ" + label;
     difference.curves = {
         {"replayed − recorded", joints_[i].difference.points(), report::palette[0], 1.2, "", {}}};
-    charts.push_back(difference);
+    torque.wide = difference.wide = true;
+    charts.insert(charts.end(), {std::move(torque), std::move(difference)});
   }
   return report::stacked_chart_commands(charts, title, svg);
 }
 
 std::string what_if_table(const Replay& replay, const std::vector<std::string>& effort_units,
                           double period_s) {
-  char row[192];
-  std::snprintf(row, sizeof row, "  %5s  %37s   %25s\n  %5s  %12s %11s %12s   %12s %12s\n", "joint",
-                "replayed - recorded torque", "peak torque", "", "max", "at", "rms", "recorded",
-                "replayed");
-  std::string text = row;
+  std::string text = fmt::format(
+      "  {:>5}  {:>37}   {:>25}\n  {:>5}  {:>12} {:>11} {:>12}   {:>12} {:>12}\n", "joint",
+      "replayed - recorded torque", "peak torque", "", "max", "at", "rms", "recorded", "replayed");
   for (std::size_t i = 0; i < replay.joints.size(); ++i) {
     const TorqueDifference& joint = replay.joints[i];
-    std::snprintf(row, sizeof row, "  %5zu  %12.5g %9.4g s %12.5g   %12.5g %12.5g %s\n", i + 1,
-                  joint.max, static_cast<double>(joint.max_tick) * period_s, joint.rms,
-                  joint.recorded_peak, joint.replayed_peak, effort_units[i].c_str());
-    text += row;
+    text += fmt::format("  {:>5}  {:12.5g} {:9.4g} s {:12.5g}   {:12.5g} {:12.5g} {}\n", i + 1,
+                        joint.max, static_cast<double>(joint.max_tick) * period_s, joint.rms,
+                        joint.recorded_peak, joint.replayed_peak, effort_units[i]);
   }
   return text;
 }

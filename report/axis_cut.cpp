@@ -1,8 +1,9 @@
 #include "report/axis_cut.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 namespace tachless::report {
 namespace {
@@ -36,10 +37,8 @@ std::optional<Range> cut_at_kick(const Range& whole, const Range& usual) {
 }
 
 std::string cut_note(const Range& whole, const std::string& unit) {
-  char text[64];
-  std::snprintf(text, sizeof text, "axis cut: peak %.4g ",
-                std::max(std::abs(whole.low), std::abs(whole.high)));
-  return text + unit;
+  return fmt::format("axis cut: peak {:.4g} {}",
+                     std::max(std::abs(whole.low), std::abs(whole.high)), unit);
 }
 
 }  // namespace tachless::report

@@ -1,8 +1,10 @@
 #include "report/chart.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+#include <iterator>
 
 #include "report/gnuplot.h"
 
@@ -17,127 +19,135 @@ constexpr int bar_px = 30;  // a row of a chart of bars
 
 std::string data_block(const std::string& name, const Curve& curve, bool positive_x,
                        bool positive_y) {
-  std::string text = "$" + name + " << END\n";
-  char row[64];
+  std::string text = fmt::format("${} << END\n", name);
   for (const Point& point : curve.points) {
     if ((positive_y && !(point.y > 0)) || (positive_x && !(point.x > 0))) continue;
-    std::snprintf(row, sizeof row, "%.8g %.6g\n", point.x, point.y);
-    text += row;
+    fmt::format_to(std::back_inserter(text), "{:.8g} {:.6g}\n", point.x, point.y);
   }
   // gnuplot refuses a block without a row.
   return text + "nan nan\nEND\n";
 }
 
 std::string range(const char* axis, const std::optional<std::pair<double, double>>& limits) {
-  const std::string name = std::string("set ") + axis + "range ";
-  if (!limits) return name + "[*:*]\n";
-  const auto end = [](double value) { return std::isfinite(value) ? gnuplot_number(value) : "*"; };
-  return name + "[" + end(limits->first) + ":" + end(limits->second) + "]\n";
+  const auto end = [](double value) {
+    return std::isfinite(value) ? fmt::format("{:.9g}", value) : "*";
+  };
+  if (!limits) return fmt::format("set {}range [*:*]\n", axis);
+  return fmt::format("set {}range [{}:{}]\n", axis, end(limits->first), end(limits->second));
 }
 
 std::string axis_format(const char* axis, bool logarithmic) {
-  return logarithmic ? std::string("set logscale ") + axis + "\nset format " + axis + " '10^{%T}'\n"
-                     : std::string("unset logscale ") + axis + "\nset format " + axis + " '%g'\n";
+  return logarithmic ? fmt::format("set logscale {0}\nset format {0} '10^{{%T}}'\n", axis)
+                     : fmt::format("unset logscale {0}\nset format {0} '%g'\n", axis);
 }
 
 std::string line_style(const Curve& curve) {
-  std::string text = curve.style == CurveStyle::steps    ? " with fsteps"
-                     : curve.style == CurveStyle::points ? " with points pointtype 7 pointsize 0.3"
-                                                         : " with lines";
-  text += " linewidth " + gnuplot_number(curve.width);
-  if (!curve.dash.empty() && curve.style != CurveStyle::points) text += " dashtype " + curve.dash;
-  return text + " linecolor rgb '" + curve.colour + "'";
+  const bool points = curve.style == CurveStyle::points;
+  const bool steps = curve.style == CurveStyle::steps;
+  return fmt::format(" with {} linewidth {:.9g}{} linecolor rgb '{}'",
+                     steps    ? "fsteps"
+                     : points ? "points pointtype 7 pointsize 0.3"
+                              : "lines",
+                     curve.width, curve.dash.empty() || points ? "" : " dashtype " + curve.dash,
+                     curve.colour);
 }
 
-std::string style(const std::string& size) {
-  return "set terminal svg size " + size +
-         " dynamic enhanced font 'Helvetica,Arial,sans-serif,14' background '#ffffff'\n"
-         "set encoding utf8\n"
-         "set border 3 linecolor '#444444'\n"
-         "set tics nomirror out scale 0.6 textcolor '#222222'\n"
-         "set grid xtics ytics linetype 1 linewidth 0.5 linecolor '#dddddd'\n"
-         "set minussign\n"
-         "set xtics autofreq offset 0,0.2\nset mxtics default\n"
-         "set ylabel offset 0.5,0\n"
-         "set key at graph 1.0, graph 1.02 right bottom horizontal maxrows 2 reverse Left samplen "
-         "2 width 0.5\n";
+std::string style(int width, int height) {
+  return fmt::format(
+      "set terminal svg size {},{} dynamic enhanced font 'Helvetica,Arial,sans-serif,14' "
+      "background '#ffffff'\n"
+      "set encoding utf8\n"
+      "set border 3 linecolor '#444444'\n"
+      "set tics nomirror out scale 0.6 textcolor '#222222'\n"
+      "set grid xtics ytics linetype 1 linewidth 0.5 linecolor '#dddddd'\n"
+      "set minussign\n"
+      "set xtics autofreq offset 0,0.2\nset mxtics default\n"
+      "set ylabel offset 0.5,0\n"
+      "set key at graph 1.0, graph 1.02 right bottom horizontal maxrows 2 reverse Left samplen "
+      "2 width 0.5\n",
+      width, height);
 }
 
+/// Rows from top to bottom; each stretch at least a hair wide.
 std::string plot_bars(const Chart& chart) {
-  // Rows from top to bottom; each stretch at least a hair wide.
   const auto rows = static_cast<double>(chart.bars.size());
   const double hair = chart.x_range ? (chart.x_range->second - chart.x_range->first) / 400 : 0;
-  std::string text = "unset key\nset ytics (";
+  std::vector<std::string> names;
   std::string objects;
   int object = 0;
-  for (std::size_t i = 0; i < chart.bars.size(); ++i) {
-    const double y = rows - 1 - static_cast<double>(i);
-    text += (i == 0 ? "" : ", ") + gnuplot_text(chart.bars[i].name) + " " + gnuplot_number(y);
-    for (const auto& [from, to] : chart.bars[i].stretches) {
-      objects += "set object " + std::to_string(++object) + " rectangle from " +
-                 gnuplot_number(from) + "," + gnuplot_number(y - 0.3) + " to " +
-                 gnuplot_number(std::max(to, from + hair)) + "," + gnuplot_number(y + 0.3) +
-                 " fillcolor rgb '" + chart.bars[i].colour + "' fillstyle solid noborder\n";
+  for (const Bars& bars : chart.bars) {
+    const double y = rows - 1 - static_cast<double>(names.size());
+    names.push_back(fmt::format("{} {}", gnuplot_text(bars.name), y));
+    for (const auto& [from, to] : bars.stretches) {
+      objects += fmt::format(
+          "set object {} rectangle from {:.9g},{:.9g} to {:.9g},{:.9g} fillcolor rgb '{}' "
+          "fillstyle solid noborder\n",
+          ++object, from, y - 0.3, std::max(to, from + hair), y + 0.3, bars.colour);
     }
   }
-  text += ")\nset yrange [-0.6:" + gnuplot_number(rows - 0.4) + "]\n" + objects;
-  text += "plot " + gnuplot_number(-10) + " notitle with lines\n";
-  text += "set ytics autofreq\n";
-  for (int i = 1; i <= object; ++i) text += "unset object " + std::to_string(i) + "\n";
+  std::string text = fmt::format(
+      "unset key\nset ytics ({})\nset yrange [-0.6:{}]\n{}plot -10 notitle with lines\n"
+      "set ytics autofreq\n",
+      fmt::join(names, ", "), rows - 0.4, objects);
+  for (int i = 1; i <= object; ++i) text += fmt::format("unset object {}\n", i);
   return text + "set key\n";
 }
 
-bool shows_anything(const Chart& chart) {
-  const auto shown = [&](const Point& point) {
-    return std::isfinite(point.y) && (!chart.logarithmic_y || point.y > 0) &&
-           (!chart.logarithmic_x || point.x > 0);
-  };
-  return std::any_of(chart.curves.begin(), chart.curves.end(), [&](const Curve& curve) {
-    return std::any_of(curve.points.begin(), curve.points.end(), shown);
-  });
-}
-
-std::string plot(const Chart& chart, const std::string& prefix) {
-  std::string text = axis_format("x", chart.logarithmic_x) + axis_format("y", chart.logarithmic_y) +
-                     range("x", chart.x_range) + range("y", chart.y_range) + "set xlabel " +
-                     gnuplot_text(chart.x_label) + " offset 0,0.3\n" + "set ylabel " +
-                     gnuplot_string(chart.y_label) + "\n";
-  if (!chart.bars.empty()) return text + plot_bars(chart);
-
-  std::string curves;
-  for (std::size_t i = 0; i < chart.curves.size(); ++i) {
-    const Curve& curve = chart.curves[i];
-    const std::string block = prefix + std::to_string(i);
-    text += data_block(block, curve, chart.logarithmic_x, chart.logarithmic_y);
-    curves += (curves.empty() ? "plot $" : ", $") + block + line_style(curve) +
-              (curve.title.empty() ? " notitle" : " title " + gnuplot_string(curve.title));
-  }
-  text += chart.note.empty() ? "unset label 2\n"
-                             : "set label 2 " + gnuplot_text(chart.note) +
-                                   " at graph 0.99, graph 0.92 right font ',12' textcolor "
-                                   "'#555555' front\n";
+/// Horizontal lines and marks. @return what takes them away again
+std::string add_arrows(const Chart& chart, std::string& text) {
+  std::string undone;
   int arrow = 0;
+  const auto add = [&](const std::string& what) {
+    text += fmt::format("set arrow {} {}\n", ++arrow, what);
+    undone += fmt::format("unset arrow {}\n", arrow);
+  };
   for (const double level : chart.levels) {
     if (chart.y_range && (level < chart.y_range->first || level > chart.y_range->second)) continue;
-    const std::string y = gnuplot_number(level);
-    text += "set arrow " + std::to_string(++arrow) + " from graph 0, first " + y +
-            " to graph 1, first " + y +
-            " nohead linewidth 1.2 dashtype (2,3) linecolor '#555555'\n";
+    add(
+        fmt::format("from graph 0, first {0:.9g} to graph 1, first {0:.9g} nohead linewidth 1.2 "
+                    "dashtype (2,3) linecolor '#555555'",
+                    level));
   }
   for (const Mark& mark : chart.marks) {
-    text += "set arrow " + std::to_string(++arrow) + " from first " + gnuplot_number(mark.from) +
-            ", graph 0.985 to first " + gnuplot_number(mark.to) +
-            ", graph 0.985 nohead linewidth 5 linecolor '" + mark.colour + "' front\n";
+    add(
+        fmt::format("from first {:.9g}, graph 0.985 to first {:.9g}, graph 0.985 nohead "
+                    "linewidth 5 linecolor '{}' front",
+                    mark.from, mark.to, mark.colour));
   }
-  if (!shows_anything(chart)) {
+  return undone;
+}
+
+enum class TimeTics { shown, hidden };
+
+std::string plot(const Chart& chart, const std::string& prefix, TimeTics tics = TimeTics::shown) {
+  std::string text = axis_format("x", chart.logarithmic_x) + axis_format("y", chart.logarithmic_y) +
+                     (tics == TimeTics::hidden ? "set format x ''\n" : "") +
+                     range("x", chart.x_range) + range("y", chart.y_range) +
+                     fmt::format("set xlabel {} offset 0,0.3\nset ylabel {}\n",
+                                 gnuplot_text(chart.x_label), gnuplot_string(chart.y_label));
+  if (!chart.bars.empty()) return text + plot_bars(chart);
+
+  std::vector<std::string> curves;
+  for (const Curve& curve : chart.curves) {
+    const std::string block = prefix + std::to_string(curves.size());
+    text += data_block(block, curve, chart.logarithmic_x, chart.logarithmic_y);
+    curves.push_back(
+        fmt::format("${}{} {}", block, line_style(curve),
+                    curve.title.empty() ? "notitle" : "title " + gnuplot_string(curve.title)));
+  }
+  text += chart.note.empty() ? "unset label 2\n"
+                             : fmt::format(
+                                   "set label 2 {} at graph 0.99, graph 0.92 right font ',12' "
+                                   "textcolor '#555555' front\n",
+                                   gnuplot_text(chart.note));
+  const std::string undone = add_arrows(chart, text);
+  if (!has_something(chart)) {
     // gnuplot refuses to find a range in nothing.
     text += chart.logarithmic_x ? "set xrange [1:10]\n" : "";
     text += "set yrange [0.1:1]\n";
-    curves = "plot 10 notitle";
+    curves = {"10 notitle"};
   }
-  text += curves + "\n";
-  for (int i = 1; i <= arrow; ++i) text += "unset arrow " + std::to_string(i) + "\n";
-  return text;
+  return fmt::format("{}plot {}\n{}", text, fmt::join(curves, ", "), undone);
 }
 
 int height_of(const Chart& chart) {
@@ -146,17 +156,45 @@ int height_of(const Chart& chart) {
   return usual_height_px;
 }
 
+/// Charts that stand side by side.
+using Row = std::vector<const Chart*>;
+
+std::vector<Row> rows_of(const std::vector<Chart>& charts) {
+  const auto narrow =
+      std::count_if(charts.begin(), charts.end(), [](const Chart& chart) { return !chart.wide; });
+  const std::size_t columns = narrow > 3 ? 2 : 1;
+  std::vector<Row> rows;
+  for (const Chart& chart : charts) {
+    const bool joins =
+        !rows.empty() && !chart.wide && !rows.back().front()->wide && rows.back().size() < columns;
+    if (!joins) rows.emplace_back();
+    rows.back().push_back(&chart);
+  }
+  return rows;
+}
+
 }  // namespace
+
+bool has_something(const Chart& chart) {
+  const auto shown = [&](const Point& point) {
+    return std::isfinite(point.y) && (!chart.logarithmic_y || point.y > 0) &&
+           (!chart.logarithmic_x || point.x > 0);
+  };
+  return !chart.bars.empty() ||
+         std::any_of(chart.curves.begin(), chart.curves.end(), [&](const Curve& curve) {
+           return std::any_of(curve.points.begin(), curve.points.end(), shown);
+         });
+}
 
 std::string chart_commands(const std::vector<Chart>& charts,
                            const std::filesystem::path& directory) {
   std::string text;
   for (std::size_t i = 0; i < charts.size(); ++i) {
     const Chart& chart = charts[i];
-    text += style(std::to_string(chart.wide ? wide_px : width_px) + "," +
-                  std::to_string(height_of(chart)));
-    text += "set output " + gnuplot_string((directory / (chart.name + ".svg")).string()) + "\n";
-    text += plot(chart, "c" + std::to_string(i) + "_") + "unset output\n";
+    text += style(chart.wide ? wide_px : width_px, height_of(chart)) +
+            fmt::format("set output {}\n{}unset output\n",
+                        gnuplot_string((directory / (chart.name + ".svg")).string()),
+                        plot(chart, fmt::format("c{}_", i)));
   }
   return text;
 }
@@ -164,27 +202,49 @@ std::string chart_commands(const std::vector<Chart>& charts,
 std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::string& title,
                                    const std::filesystem::path& svg) {
   constexpr int title_px = 30;
-  constexpr int foot_px = 40;
-  constexpr int left_px = 96;
-  int height = title_px + foot_px;
-  for (const Chart& chart : charts) height += height_of(chart);
-  constexpr int width = 900;
-  std::string text = style(std::to_string(width) + "," + std::to_string(height));
-  text += "set output " + gnuplot_string(svg.string()) + "\nset multiplot\nset label 1 " +
-          gnuplot_text(title) + " at screen 0.012, screen " + gnuplot_number(1 - 15.0 / height) +
-          " left font ',15' front\n";
-  int top = title_px;
-  for (std::size_t i = 0; i < charts.size(); ++i) {
-    Chart chart = charts[i];
-    const bool last = i + 1 == charts.size();
-    if (!last) chart.x_label.clear();
-    const int bottom = top + height_of(chart);
-    const auto up = [&](double px) { return gnuplot_number(1 - px / height); };
-    text += "set lmargin at screen " + gnuplot_number(static_cast<double>(left_px) / width) +
-            "\nset rmargin at screen 0.98\nset tmargin at screen " + up(top + 26) +
-            "\nset bmargin at screen " + up(bottom - 24) + "\n" +
-            plot(chart, "c" + std::to_string(i) + "_") + "unset label 1\n";
-    top = bottom;
+  constexpr int key_px = 24;    // above each chart
+  constexpr int below_px = 14;  // below each chart
+  constexpr int tics_px = 24;   // below those that show times
+  constexpr int label_px = 26;  // below the last
+  constexpr double stack_px = 900;
+  const std::vector<Row> rows = rows_of(charts);
+  std::vector<int> tops = {title_px};
+  std::size_t columns = 1;
+  for (const Row& row : rows) columns = std::max(columns, row.size());
+  const auto columns_of = [&](std::size_t row) { return rows[row].front()->wide ? 1 : columns; };
+  const auto shows_times = [&](std::size_t row) {
+    return row + 1 == rows.size() || rows[row].size() > rows[row + 1].size() ||
+           columns_of(row) != columns_of(row + 1);
+  };
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Chart* highest = *std::max_element(
+        rows[i].begin(), rows[i].end(),
+        [](const Chart* a, const Chart* b) { return height_of(*a) < height_of(*b); });
+    tops.push_back(tops.back() + height_of(*highest) + (shows_times(i) ? tics_px : 0));
+  }
+  const double height = tops.back() + label_px;
+  // Placed by hand: gnuplot's own layout gives charts with wide tic labels less width, and their
+  // time axes would not line up.
+  std::string text = style(static_cast<int>(stack_px), static_cast<int>(height)) +
+                     fmt::format(
+                         "set output {}\nset multiplot\n"
+                         "set label 1 {} at screen 0.012, screen {:.9g} left font ',15' front\n",
+                         gnuplot_string(svg.string()), gnuplot_text(title), 1 - 15 / height);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const double cell = stack_px / static_cast<double>(columns_of(i));
+    const int bottom = tops[i + 1] - below_px - (shows_times(i) ? tics_px : 0);
+    for (std::size_t column = 0; column < rows[i].size(); ++column) {
+      Chart chart = *rows[i][column];
+      if (i + 1 != rows.size()) chart.x_label.clear();
+      const double left = static_cast<double>(column) * cell;
+      text += fmt::format(
+          "set lmargin at screen {:.9g}\nset rmargin at screen {:.9g}\n"
+          "set tmargin at screen {:.9g}\nset bmargin at screen {:.9g}\n{}unset label 1\n",
+          (left + 92) / stack_px, (left + cell - 20) / stack_px, 1 - (tops[i] + key_px) / height,
+          1 - bottom / height,
+          plot(chart, fmt::format("c{}_{}_", i, column),
+               shows_times(i) ? TimeTics::shown : TimeTics::hidden));
+    }
   }
   return text + "unset multiplot\nunset output\n";
 }

@@ -8,6 +8,8 @@
 
 #include "report/envelope.h"
 
+/// Charts as data, and the gnuplot commands that draw them: the one place that knows how a diagram
+/// of this project looks. Knows nothing of runs; runs gnuplot not itself (gnuplot.h).
 namespace tachless::report {
 
 enum class CurveStyle { line, steps, points };
@@ -37,7 +39,7 @@ struct Bars {
 /// One diagram: axes and what is drawn between them.
 struct Chart {
   std::string name;     ///< of its file, without ending; letters, digits and -
-  std::string caption;  ///< what is to be seen, for who does not see it; plain text
+  std::string caption;  ///< alternative text (screen readers); plain text
   std::string x_label = "time [s]";
   std::string y_label;  ///< gnuplot's enhanced text
   std::optional<std::pair<double, double>> x_range;
@@ -53,11 +55,15 @@ struct Chart {
   int height_px = 0;       ///< 0: as usual
 };
 
+/// Whether there is anything to be seen in it.
+bool has_something(const Chart& chart);
+
 /// gnuplot commands that draw each chart into DIRECTORY/name.svg.
 std::string chart_commands(const std::vector<Chart>& charts,
                            const std::filesystem::path& directory);
 
-/// gnuplot commands that draw all charts under each other into one file, on one abscissa.
+/// gnuplot commands that draw all charts into one file, below each other: a wide one over the whole
+/// width, more than three others in two columns. They share the time axis at their feet.
 std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::string& title,
                                    const std::filesystem::path& svg);
 

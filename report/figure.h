@@ -2,12 +2,28 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "report/gnuplot.h"
+#include "report/chart.h"
 #include "report/tracking.h"
 
+/// The charts of one run's signals: those of tracking.svg, and the pieces that the report's charts
+/// are made of too.
 namespace tachless::report {
+
+/// gnuplot's enhanced text for a symbol with a joint's number: q_1.
+std::string indexed(std::string_view symbol, std::size_t joint);
+
+/// Link angle, motor angle where there is one, and reference of one joint, named and labelled.
+Chart position_chart(const Tracking& tracking, std::size_t joint, const std::string& unit,
+                     std::size_t max_points);
+
+/// Where a kick would flatten the rest of a chart's curves, its axis is cut, and a note says so.
+void cut_kick(Chart& chart, const std::string& unit);
+
+/// Makes the ordinate logarithmic, from a floor that leaves out where curves swing through zero.
+void make_logarithmic(Chart& chart);
 
 struct FigureFacts {
   std::string title;  ///< scenario, law and period

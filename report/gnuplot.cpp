@@ -1,23 +1,18 @@
 #include "report/gnuplot.h"
 
-#include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
+#include <fmt/format.h>
 
-#include <array>
-#include <cstdio>
-#include <cstring>
 #include <fstream>
+#include <regex>
+#include <system_error>
 
 #include "diagnostics/failure.h"
-
-extern char** environ;
+#include "diagnostics/text.h"
+#include "process/child.h"
 
 namespace tachless::report {
 
-std::string gnuplot_string(const std::string& text) {
+std::string gnuplot_string(std::string_view text) {
   std::string quoted = "'";
   for (const char c : text) {
     if (c == '\'') quoted += '\'';
@@ -26,54 +21,46 @@ std::string gnuplot_string(const std::string& text) {
   return quoted + "'";
 }
 
-std::string gnuplot_text(const std::string& text) {
+std::string gnuplot_text(std::string_view text) {
+  constexpr std::string_view special = "_^{}@&~\\";
   std::string escaped;
   for (const char c : text) {
-    if (std::strchr("_^{}@&~\\", c) != nullptr && c != '\0') escaped += '\\';
+    if (special.find(c) != std::string_view::npos) escaped += '\\';
     escaped += static_cast<unsigned char>(c) < ' ' ? ' ' : c;
   }
   return gnuplot_string(escaped);
 }
 
-std::string gnuplot_number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", value);
-  return text;
+std::string gnuplot_complaint(const std::vector<std::string>& lines) {
+  // "FILE" line 3: cannot open file
+  static const std::regex located(R"(^".*" line [0-9]+: *(.*)$)");
+  std::string last = "it gave no reason";
+  for (const std::string& line : lines) {
+    std::smatch match;
+    if (std::regex_match(line, match, located)) return diagnostics::one_line(match[1].str());
+    if (const std::string text = diagnostics::one_line(line); !text.empty()) last = text;
+  }
+  return last;
 }
 
-void draw(const std::string& gnuplot_commands, const std::filesystem::path& svg) {
+void draw(const std::string& commands, const std::filesystem::path& svg) {
   const std::filesystem::path script = svg.string() + ".gnuplot";
-  const std::filesystem::path output = svg.string() + ".gnuplot-says";
-  std::ofstream(script) << gnuplot_commands;
-
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, output.c_str(),
-                                   O_WRONLY | O_CREAT | O_TRUNC, 0644);
-  posix_spawn_file_actions_adddup2(&actions, STDERR_FILENO, STDOUT_FILENO);
-  std::string program = "gnuplot";
-  std::string argument = script.string();
-  std::array<char*, 3> argv = {program.data(), argument.data(), nullptr};
-  pid_t pid = -1;
-  const int error = posix_spawnp(&pid, "gnuplot", &actions, nullptr, argv.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  int status = 0;
-  if (error == 0) waitpid(pid, &status, 0);
-
-  std::string says;
-  std::ifstream(output) >> std::ws&& std::getline(std::ifstream(output) >> std::ws, says);
+  std::ofstream(script) << commands;
+  process::Finished gnuplot;
+  try {
+    gnuplot = process::run({"gnuplot", script.string()});
+  } catch (const diagnostics::Failure&) {
+    std::filesystem::remove(script);
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               "figures need gnuplot, which is not installed; type: "
+                               "apt-get install gnuplot-nox");
+  }
   std::error_code ignored;
   std::filesystem::remove(script, ignored);
-  std::filesystem::remove(output, ignored);
-  if (error != 0) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               std::string("cannot start gnuplot: ") + std::strerror(error) +
-                                   "; type: apt-get install gnuplot-nox");
-  }
-  if (status != 0) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "gnuplot did not draw " + svg.string() + ": " + says);
+  if (!gnuplot.well()) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        fmt::format("gnuplot did not draw {}: {}", svg.string(), gnuplot_complaint(gnuplot.lines)));
   }
 }
 

@@ -1,7 +1,9 @@
 #include "report/html.h"
 
-#include <array>
+#include <charconv>
 #include <cstddef>
+#include <stdexcept>
+#include <utility>
 
 namespace tachless::report {
 namespace {
@@ -39,8 +41,8 @@ void erase(std::string& text, std::string_view from, std::string_view to) {
 
 }  // namespace
 
-std::string escaped(std::string_view text) {
-  std::string result;
+Html::Html(std::string_view text) {
+  std::string& result = markup_;
   result.reserve(text.size());
   while (!text.empty()) {
     const std::size_t length = utf8_length(text);
@@ -72,10 +74,60 @@ std::string escaped(std::string_view text) {
     }
     text.remove_prefix(length);
   }
+}
+
+Html Html::from_markup(std::string markup) {
+  Html result;
+  result.markup_ = std::move(markup);
   return result;
 }
 
-std::string inline_svg(std::string svg, const std::string& prefix, std::string_view caption) {
+Html& Html::operator+=(const Html& other) {
+  markup_ += other.markup_;
+  return *this;
+}
+
+std::string inserted(const Html& value) { return value.markup(); }
+
+Html joined(const std::vector<Html>& parts, const Html& separator) {
+  Html result;
+  for (const Html& part : parts) {
+    if (!result.empty()) result += separator;
+    result += part;
+  }
+  return result;
+}
+
+Html filled(std::string_view page, std::map<std::string, Html> parts) {
+  std::string result;
+  for (std::size_t begin; (begin = page.find("{{")) != std::string_view::npos;) {
+    const std::size_t end = page.find("}}", begin);
+    if (end == std::string_view::npos) break;
+    const auto part = parts.extract(std::string(page.substr(begin + 2, end - begin - 2)));
+    if (part.empty()) {
+      throw std::logic_error(fmt::format("no part for {}", page.substr(begin, end + 2 - begin)));
+    }
+    result += fmt::format("{}{}", page.substr(0, begin), part.mapped().markup());
+    page.remove_prefix(end + 2);
+  }
+  if (!parts.empty()) throw std::logic_error("no {{" + parts.begin()->first + "}} on the page");
+  return Html::from_markup(result += page);
+}
+
+Html number(std::string_view printed) {
+  const std::size_t e = printed.find('e');
+  const std::string_view mantissa = printed.substr(0, e);
+  Html result(mantissa.starts_with('-') ? fmt::format("−{}", mantissa.substr(1))
+                                        : std::string(mantissa));
+  if (e == std::string_view::npos) return result;
+  const bool negative = printed[e + 1] == '-';
+  int exponent = 0;
+  std::from_chars(printed.data() + e + 2, printed.data() + printed.size(), exponent);
+  if (exponent != 0) result += html("·10<sup>{}{}</sup>", negative ? "−" : "", exponent);
+  return result;
+}
+
+Html inline_svg(std::string svg, const std::string& prefix, std::string_view caption) {
   erase(svg, "<?xml", "?>");
   erase(svg, "<!DOCTYPE", ">");
   erase(svg, "<title>", "</title>");
@@ -83,17 +135,16 @@ std::string inline_svg(std::string svg, const std::string& prefix, std::string_v
   erase(svg, " xmlns=\"", "\"");
   erase(svg, " xmlns:xlink=\"", "\"");
   for (const char* quote : {"'", "\""}) {
-    replace_all(svg, std::string(" id=") + quote, std::string(" id=") + quote + prefix);
-    replace_all(svg, std::string("href=") + quote + "#",
-                std::string("href=") + quote + "#" + prefix);
+    replace_all(svg, fmt::format(" id={}", quote), fmt::format(" id={}{}", quote, prefix));
+    replace_all(svg, fmt::format("href={}#", quote), fmt::format("href={}#{}", quote, prefix));
   }
   replace_all(svg, "url(#", "url(#" + prefix);
   const std::size_t open = svg.find("<svg");
   if (open != std::string::npos) {
-    svg.insert(open + 4, " role=\"img\" aria-label=\"" + escaped(caption) + "\"");
+    svg.insert(open + 4, html(" role=\"img\" aria-label=\"{}\"", caption).markup());
     svg.erase(0, open);
   }
-  return svg;
+  return Html::from_markup(std::move(svg));
 }
 
 }  // namespace tachless::report

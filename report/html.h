@@ -1,17 +1,61 @@
 #pragma once
 
+#include <fmt/format.h>
+
+#include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace tachless::report {
 
-/// `text` as HTML text or attribute. Bytes that are not UTF-8, and control characters but line end
-/// and tab, become the replacement character: texts from a log can be anything.
-std::string escaped(std::string_view text);
+/// A piece of HTML. Text becomes HTML by being escaped and in no other way, so that a text from a
+/// log cannot act as markup. Does not check that elements are closed.
+class Html {
+ public:
+  Html() = default;
+  /// `text` as HTML text or attribute value. Bytes that are not UTF-8, and control characters but
+  /// line end and tab, become the replacement character: texts from a log can be anything.
+  explicit Html(std::string_view text);
+  /// What is HTML already. Never for a text that comes from outside of the program.
+  static Html from_markup(std::string markup);
+
+  Html& operator+=(const Html& other);
+  [[nodiscard]] const std::string& markup() const { return markup_; }
+  [[nodiscard]] bool empty() const { return markup_.empty(); }
+
+ private:
+  std::string markup_;
+};
+
+std::string inserted(const Html& value);
+template <class Value>
+std::string inserted(const Value& value) {
+  return Html(fmt::to_string(value)).markup();
+}
+
+template <class /*Value*/>
+using Inserted = std::string;
+
+/// fmt::format for HTML: the pattern is markup, known at compile time; a value that is not Html is
+/// text and gets escaped. html("<td>{}</td>", "a < b").
+template <class... Values>
+Html html(fmt::format_string<Inserted<Values>...> pattern, const Values&... values) {
+  return Html::from_markup(fmt::format(pattern, inserted(values)...));
+}
+
+Html joined(const std::vector<Html>& parts, const Html& separator);
+
+/// `page` with each {{name}} replaced by that part.
+/// @throw std::logic_error when a name has no part or a part no name
+Html filled(std::string_view page, std::map<std::string, Html> parts);
+
+/// A number as people write it, from what fmt printed: minus sign, powers of ten.
+Html number(std::string_view printed);
 
 /// What gnuplot drew, to stand in a page: without what only a file needs, ids and references
-/// prefixed (they are the page's, and a page has several), named `caption` for who does not see
-/// it.
-std::string inline_svg(std::string svg, const std::string& prefix, std::string_view caption);
+/// prefixed (they are the page's, and a page has several), with `caption` as alternative text
+/// (screen readers).
+Html inline_svg(std::string svg, const std::string& prefix, std::string_view caption);
 
 }  // namespace tachless::report

@@ -1,5 +1,7 @@
 #include "report/recorded_run.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -30,11 +32,26 @@ nlohmann::json read_outcome(const RecordedRun& run) {
   return ours ? json : nlohmann::json();
 }
 
-void add_controller_state(RecordedRun& run, const logger::TickRecord& record, double t_s) {
-  for (std::size_t filter = 0; filter < run.nu.size(); ++filter) {
-    for (std::size_t joint = 0; joint < run.nu[filter].size(); ++joint) {
-      run.nu[filter][joint].add(
-          t_s, record.controller_state->value[2 * filter + 1][static_cast<Eigen::Index>(joint)]);
+/// Those in rad are position errors, which the report has from the true positions.
+std::vector<LoggedSignal> declared_signals(const RecordedRun& run, std::size_t num_joints) {
+  std::vector<LoggedSignal> signals;
+  std::size_t row = 0;
+  for (const auto& [name, unit] :
+       loop::parse_signals(run.info.signals).value_or(std::vector<loop::Signal>())) {
+    if (unit != "rad") {
+      signals.push_back(
+          {std::string(name), std::string(unit), row, std::vector<Envelope>(num_joints)});
+    }
+    ++row;
+  }
+  return signals;
+}
+
+void add_signals(RecordedRun& run, const loop::LawSignals& values, double t_s) {
+  for (LoggedSignal& signal : run.signals) {
+    if (signal.row >= static_cast<std::size_t>(values.num)) continue;
+    for (std::size_t joint = 0; joint < signal.joints.size(); ++joint) {
+      signal.joints[joint].add(t_s, values.value[signal.row][static_cast<Eigen::Index>(joint)]);
     }
   }
 }
@@ -77,8 +94,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path,
   const robot::Model model = controller::rigid_model(run.scenario);
   run.units = joint_units(model);
   run.joint_names = model.joint_names;
-  run.num_filters = log.layout().num_signals / 2;  // pairs of an error and its rate
-  run.nu.assign(static_cast<std::size_t>(run.num_filters), std::vector<Envelope>(num_joints));
+  run.signals = declared_signals(run, num_joints);
   run.saturated.resize(num_joints);
 
   const auto lyapunov = certificate::lyapunov_function(run.scenario);
@@ -88,7 +104,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path,
   while (log.next(record)) {
     const double t_s = static_cast<double>(record.tick) * period_s;
     add(run.tracking, record, period_s);
-    if (record.controller_state) add_controller_state(run, record, t_s);
+    if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record);
     if (lyapunov && record.tick % stride == 0 && record.truth && record.reference &&
         record.controller_state && fits(*record.controller_state, run.scenario)) {
@@ -122,14 +138,16 @@ void label(std::vector<RecordedRun>& runs) {
   const std::vector<std::function<std::string(const RecordedRun&)>> names = {
       [](const RecordedRun& run) { return run.scenario.name; },
       [](const RecordedRun& run) { return run.scenario.controller.law; },
-      [](const RecordedRun& run) { return run.scenario.name + ", " + run.scenario.controller.law; },
+      [](const RecordedRun& run) {
+        return fmt::format("{}, {}", run.scenario.name, run.scenario.controller.law);
+      },
       [](const RecordedRun& run) {
         const auto directory = run.log.parent_path().filename().string();
         return directory.empty() ? run.log.filename().string() : directory;
       },
       [](const RecordedRun& run) { return run.log.string(); },
       [](const RecordedRun& run) {
-        return run.log.string() + ", run " + std::to_string(run.run_id);
+        return fmt::format("{}, run {}", run.log.string(), run.run_id);
       },
   };
   for (const auto& name : names) {

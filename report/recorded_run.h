@@ -35,6 +35,14 @@ class Stretches {
   bool cut_ = false;
 };
 
+/// A signal that the law declares, as the log names it.
+struct LoggedSignal {
+  std::string name;
+  std::string unit;     ///< on a revolute joint
+  std::size_t row = 0;  ///< of loop::LawSignals
+  std::vector<Envelope> joints;
+};
+
 /// All that a report shows of one run, in memory that does not grow with its length.
 struct RecordedRun {
   std::filesystem::path log;
@@ -47,8 +55,7 @@ struct RecordedRun {
 
   Tracking tracking;
   std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors
-  int num_filters = 0;
-  std::vector<std::vector<Envelope>> nu;  ///< [filter][joint]
+  std::vector<LoggedSignal> signals;        ///< of the law, but for position errors
 
   Envelope lyapunov;
   std::string lyapunov_formula;  ///< empty: the law has none here

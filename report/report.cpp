@@ -1,5 +1,7 @@
 #include "report/report.h"
 
+#include <fmt/format.h>
+
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -8,6 +10,7 @@
 
 #include "diagnostics/failure.h"
 #include "report/gnuplot.h"
+#include "report/report_charts.h"
 #include "report/report_page.h"
 
 namespace tachless::report {
@@ -21,8 +24,9 @@ class TemporaryDirectory {
     std::string pattern = (fs::temp_directory_path() / "tachless-report-XXXXXX").string();
     if (mkdtemp(pattern.data()) == nullptr) {
       throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 pattern + ": cannot make this directory: " + std::strerror(errno) +
-                                     "; set TMPDIR to a place that is writable");
+                                 fmt::format("{}: cannot make this directory: {}; set TMPDIR to a "
+                                             "place that is writable",
+                                             pattern, std::strerror(errno)));
     }
     path_ = pattern;
   }
@@ -68,8 +72,8 @@ void write_report(const std::vector<RecordedRun>& runs, const fs::path& html) {
     fs::remove(partial, ignored);
     throw diagnostics::Failure(
         diagnostics::ExitCode::bad_usage,
-        html.string() + ": cannot be written: " + (error ? error.message() : std::strerror(cause)) +
-            "; name another place with -o");
+        fmt::format("{}: cannot be written: {}; name another place with -o", html.string(),
+                    error ? error.message() : std::strerror(cause)));
   }
 }
 

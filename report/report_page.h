@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "report/overlay.h"
 #include "report/recorded_run.h"
-#include "report/report_charts.h"
 
 namespace tachless::report {
 

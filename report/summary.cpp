@@ -1,7 +1,7 @@
 #include "report/summary.h"
 
-#include <cmath>
-#include <cstdio>
+#include <fmt/format.h>
+
 #include <map>
 
 namespace tachless::report {
@@ -39,12 +39,22 @@ std::int64_t count(const nlohmann::json* counters, const char* key) {
 
 std::string percentile_row(const nlohmann::ordered_json& durations, const char* what) {
   if (!durations.at("p50").is_number()) return "";
-  char row[192];
-  std::snprintf(row, sizeof row,
-                "  %s %.0f µs (median), %.0f µs (99 %%), %.0f µs (99.9 %%), %.0f µs (max)\n", what,
-                durations.at("p50").get<double>(), durations.at("p99").get<double>(),
-                durations.at("p999").get<double>(), durations.at("max").get<double>());
-  return row;
+  const auto us = [&](const char* key) { return durations.at(key).get<double>(); };
+  return fmt::format(
+      "  {} {:.0f} µs (median), {:.0f} µs (99 %), {:.0f} µs (99.9 %), {:.0f} µs (max)\n", what,
+      us("p50"), us("p99"), us("p999"), us("max"));
+}
+
+/// Lines on how punctual a realtime run was.
+std::string realtime_rows(const nlohmann::ordered_json& summary) {
+  const auto number = [&](const char* key) { return summary.at(key).get<std::int64_t>(); };
+  return percentile_row(summary.at("command_age_us"), "command age   ") +
+         percentile_row(summary.at("wake_up_jitter_us"), "wake-up jitter") +
+         fmt::format(
+             "  missed deadlines {} (longest run of them {}), missed commands {} (longest run of "
+             "them {})\n",
+             number("missed_deadlines"), number("longest_miss"), number("missed_commands"),
+             number("longest_command_miss"));
 }
 
 }  // namespace
@@ -114,88 +124,58 @@ nlohmann::ordered_json summarise(const RunFacts& facts, const report::Tracking& 
 }
 
 std::string short_period(double period_s) {
-  char text[32];
-  if (period_s < 0.9995e-3) {
-    std::snprintf(text, sizeof text, "%.6g µs", period_s * 1e6);
-  } else {
-    std::snprintf(text, sizeof text, "%.6g ms", period_s * 1e3);
-  }
-  return text;
+  return period_s < 0.9995e-3 ? fmt::format("{:.6g} µs", period_s * 1e6)
+                              : fmt::format("{:.6g} ms", period_s * 1e3);
 }
 
 std::string closing_table(const nlohmann::ordered_json& summary,
                           const std::vector<std::string>& length_units,
                           const std::vector<std::string>& effort_units) {
-  char row[192];
-  std::snprintf(row, sizeof row, "  %5s  %35s   %25s\n  %5s  %11s %11s %11s   %12s %12s\n", "joint",
-                "position error", "torque", "", "peak", "rms", "final", "peak", "rms");
-  std::string text = row;
+  std::string text =
+      fmt::format("  {:>5}  {:>35}   {:>25}\n  {:>5}  {:>11} {:>11} {:>11}   {:>12} {:>12}\n",
+                  "joint", "position error", "torque", "", "peak", "rms", "final", "peak", "rms");
   const auto& error = summary.at("position_error_rad");
   const auto& torque = summary.at("torque_Nm");
   for (std::size_t i = 0; i < error.at("peak").size(); ++i) {
-    std::snprintf(row, sizeof row, "  %5zu  %11.3e %11.3e %+11.3e %-3s %11.5g %12.5g %s\n", i + 1,
-                  error.at("peak")[i].get<double>(), error.at("rms")[i].get<double>(),
-                  error.at("final")[i].get<double>(), length_units[i].c_str(),
-                  torque.at("peak")[i].get<double>(), torque.at("rms")[i].get<double>(),
-                  effort_units[i].c_str());
-    text += row;
+    const auto of = [i](const auto& signal, const char* key) {
+      return signal.at(key)[i].template get<double>();
+    };
+    text += fmt::format("  {:>5}  {:11.3e} {:11.3e} {:+11.3e} {:<3} {:11.5g} {:12.5g} {}\n", i + 1,
+                        of(error, "peak"), of(error, "rms"), of(error, "final"), length_units[i],
+                        of(torque, "peak"), of(torque, "rms"), effort_units[i]);
   }
 
-  std::snprintf(row, sizeof row, "\n  %lld ticks of %s, %s, in %.3g s",
-                static_cast<long long>(summary.at("ticks").get<std::int64_t>()),
-                short_period(summary.at("period_s").get<double>()).c_str(),
-                summary.at("mode").get<std::string>().c_str(), summary.at("wall_s").get<double>());
-  text += row;
+  text +=
+      fmt::format("\n  {} ticks of {}, {}, in {:.3g} s", summary.at("ticks").get<std::int64_t>(),
+                  short_period(summary.at("period_s").get<double>()),
+                  summary.at("mode").get<std::string>(), summary.at("wall_s").get<double>());
   if (summary.at("ticks_per_s").is_number()) {
-    std::snprintf(row, sizeof row, ": %s ticks/s, %.3g x real time",
-                  short_rate(summary.at("ticks_per_s").get<double>()).c_str(),
-                  summary.at("real_time_factor").get<double>());
-    text += row;
+    text += fmt::format(": {} ticks/s, {:.3g} x real time",
+                        short_rate(summary.at("ticks_per_s").get<double>()),
+                        summary.at("real_time_factor").get<double>());
   }
   text += "\n";
-  if (summary.at("mode") == "realtime") {
-    text += percentile_row(summary.at("command_age_us"), "command age   ");
-    text += percentile_row(summary.at("wake_up_jitter_us"), "wake-up jitter");
-    std::snprintf(row, sizeof row,
-                  "  missed deadlines %lld (longest run of them %lld), missed commands %lld "
-                  "(longest run of them %lld)\n",
-                  static_cast<long long>(summary.at("missed_deadlines").get<std::int64_t>()),
-                  static_cast<long long>(summary.at("longest_miss").get<std::int64_t>()),
-                  static_cast<long long>(summary.at("missed_commands").get<std::int64_t>()),
-                  static_cast<long long>(summary.at("longest_command_miss").get<std::int64_t>()));
-    text += row;
-  } else {
-    text += percentile_row(summary.at("round_trip_us"), "round trip");
-  }
+  text += summary.at("mode") == "realtime"
+              ? realtime_rows(summary)
+              : percentile_row(summary.at("round_trip_us"), "round trip");
   for (std::size_t i = 0; i < summary.at("saturated_ticks").size(); ++i) {
-    const auto ticks_saturated = summary.at("saturated_ticks")[i].get<std::int64_t>();
-    if (ticks_saturated == 0) continue;
-    std::snprintf(row, sizeof row, "  joint %zu at its torque limit in %lld ticks\n", i + 1,
-                  static_cast<long long>(ticks_saturated));
-    text += row;
+    const auto ticks = summary.at("saturated_ticks")[i].get<std::int64_t>();
+    if (ticks == 0) continue;
+    text += fmt::format("  joint {} at its torque limit in {} ticks\n", i + 1, ticks);
   }
   std::int64_t rejected = 0;
   for (const auto& [reason, count] : summary.at("rejected").items()) {
     rejected += count.get<std::int64_t>();
   }
-  std::snprintf(row, sizeof row, "  log gaps %lld, resends %lld, datagrams rejected %lld",
-                static_cast<long long>(summary.at("log").at("gaps").get<std::int64_t>()),
-                static_cast<long long>(summary.at("resends").get<std::int64_t>()),
-                static_cast<long long>(rejected));
-  text += row;
-  return text + "\n";
+  return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
+                            summary.at("log").at("gaps").get<std::int64_t>(),
+                            summary.at("resends").get<std::int64_t>(), rejected);
 }
 
 std::string short_rate(double per_s) {
-  char text[32];
-  if (per_s >= 1e6) {
-    std::snprintf(text, sizeof text, "%.1f M", per_s / 1e6);
-  } else if (per_s >= 1e3) {
-    std::snprintf(text, sizeof text, "%.1f k", per_s / 1e3);
-  } else {
-    std::snprintf(text, sizeof text, "%.0f", per_s);
-  }
-  return text;
+  if (per_s >= 1e6) return fmt::format("{:.1f} M", per_s / 1e6);
+  if (per_s >= 1e3) return fmt::format("{:.1f} k", per_s / 1e3);
+  return fmt::format("{:.0f}", per_s);
 }
 
 }  // namespace tachless::report

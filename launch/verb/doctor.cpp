@@ -1,10 +1,11 @@
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "launch/checkup.h"
+#include "launch/doctor.h"
 #include "launch/verb.h"
 #include "node/options.h"
 
@@ -18,10 +19,8 @@ struct Options {
 
 void print(const std::vector<Finding>& findings) {
   for (const Finding& finding : findings) {
-    char head[64];
-    std::snprintf(head, sizeof head, "%-4s %-20s", finding.ok ? "ok" : "--",
-                  finding.subject.c_str());
-    std::cout << head << finding.what << "\n";
+    std::cout << fmt::format("{:<4} {:<20}{}\n", finding.ok ? "ok" : "--", finding.subject,
+                             finding.what);
     if (finding.remedy) std::cout << "     type: " << *finding.remedy << "\n";
   }
 }
@@ -43,7 +42,7 @@ Verb::Action declare(CLI::App& command) {
   node::add_lcm_url(command, options->lcm_url);
   command.add_flag("--json", options->json, "As JSON");
   return [options] {
-    const std::vector<Finding> findings = check_up(options->lcm_url, ".");
+    const std::vector<Finding> findings = examine(options->lcm_url, ".");
     if (options->json) {
       print_json(findings);
     } else {

@@ -34,6 +34,7 @@
 #include "process/side_process.h"
 #include "reference/make_trajectory.h"
 #include "report/figure.h"
+#include "report/gnuplot.h"
 #include "report/joint_units.h"
 #include "report/log_tracking.h"
 #include "report/report.h"

@@ -1,12 +1,10 @@
+#include <fmt/format.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <sstream>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -14,6 +12,7 @@
 #include "bus/network_check.h"
 #include "launch/verb.h"
 #include "node/options.h"
+#include "process/child.h"
 #include "process/display.h"
 
 namespace tachless::launch::verb {
@@ -24,7 +23,7 @@ namespace fs = std::filesystem;
 constexpr const char* chart_jar = "/usr/share/java/jchart2d.jar";
 
 [[noreturn]] void refuse(const std::string& why) {
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, "spy: " + why);
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, fmt::format("spy: {}", why));
 }
 
 /// The java of the search path that can open windows.
@@ -40,8 +39,9 @@ fs::path find_java() {
   std::error_code error;
   const fs::path home = fs::canonical(java, error).parent_path().parent_path();
   if (!error && !fs::exists(home / "lib/libawt_xawt.so", error)) {
-    refuse(java.string() + " is one without windows (in " + home.string() +
-           "); as root, type: apt-get install default-jre");
+    refuse(
+        fmt::format("{} is one without windows (in {}); as root, type: apt-get install default-jre",
+                    java.string(), home.string()));
   }
   return java;
 }
@@ -53,35 +53,24 @@ std::string class_path() {
        {std::pair<fs::path, const char*>{LCM_JAR, "as root, type: apt-get install liblcm-java"},
         {chart_jar, "as root, type: apt-get install libjchart2d-java"},
         {types, "build the target tachless_types_jar"}}) {
-    if (!fs::exists(jar)) refuse("there is no " + jar.string() + "; " + remedy);
+    if (!fs::exists(jar)) refuse(fmt::format("there is no {}; {}", jar.string(), remedy));
   }
-  return std::string(LCM_JAR) + ":" + chart_jar + ":" + types.string();
+  return fmt::format("{}:{}:{}", LCM_JAR, chart_jar, types.string());
 }
 
 diagnostics::ExitCode spy_on(const std::string& lcm_url) {
   const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
   if (const auto problem = process::display_problem()) {
-    refuse(*problem + ", or see the same in a terminal: tachless watch");
+    refuse(fmt::format("{}, or see the same in a terminal: tachless watch", *problem));
   }
   if (const auto problem = bus::check_network(url)) {
-    refuse(problem->what + "; to mend it, type: " + problem->remedy);
+    refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));
   }
   // Not Debian's own lcm-spy: it passes options that its Java does not know any more, and does not
   // find the chart library.
-  std::vector<std::string> words = {find_java().string(),
-                                    "-Djava.net.preferIPv4Stack=true",
-                                    "-ea",
-                                    "-cp",
-                                    class_path(),
-                                    "lcm.spy.Spy",
-                                    "-l",
-                                    url.text()};
-  std::vector<char*> argv;
-  argv.reserve(words.size() + 1);
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  execv(argv[0], argv.data());
-  refuse("cannot start " + words.front() + ": " + std::strerror(errno));
+  process::become({find_java().string(), "-Djava.net.preferIPv4Stack=true", "-ea", "-cp",
+                   class_path(), "lcm.spy.Spy", "-l", url.text()},
+                  "as root, type: apt-get install default-jre");
 }
 
 Verb::Action declare(CLI::App& command) {

@@ -1,12 +1,9 @@
-#include <unistd.h>
-
-#include <cerrno>
-#include <cstring>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "launch/verb.h"
+#include "process/child.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -23,14 +20,7 @@ diagnostics::ExitCode hand_over(const Options& options) {
   if (!options.preset.empty()) words.push_back("--preset=" + options.preset);
   if (!options.label.empty()) words.push_back("--label=" + options.label);
   words.insert(words.end(), options.patterns.begin(), options.patterns.end());
-  std::vector<char*> argv;
-  argv.reserve(words.size() + 1);
-  for (std::string& word : words) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  execv(argv[0], argv.data());
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             "cannot start " + words.front() + ": " + std::strerror(errno) +
-                                 "; run `./tachless test` in the source tree");
+  process::become(words, "run `./tachless test` in the source tree");
 }
 
 Verb::Action declare(CLI::App& command) {

@@ -22,7 +22,7 @@ TEST(ProcessTree, KnowsAChildAndWhatItRunsUntilItIsGone) {
   }
   EXPECT_THAT(children_of(getpid()), Contains(child));
   EXPECT_THAT(threads_of(child), Contains(child));
-  EXPECT_EQ(program_of(child), "test_launch");
+  EXPECT_EQ(program_of(child), "test_process");
   ASSERT_TRUE(resident_kib(child).has_value());
   EXPECT_GT(*resident_kib(child), 100);
   kill(child, SIGKILL);

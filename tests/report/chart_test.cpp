@@ -15,6 +15,7 @@ namespace tachless::report {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 std::string drawn(const Chart& chart) {
   const TemporaryDirectory directory;
@@ -48,9 +49,27 @@ TEST(Chart, DrawsCurvesLevelsMarksAndNote) {
 
 TEST(Chart, LogarithmicAxisLeavesOutWhatIsNotPositive) {
   Chart chart = swing();
+  chart.curves[0].points = {{0, -0.25}, {0.25, 0}, {0.5, 0.01}, {1, 100}};
+  const auto has_row = [&](const std::string& row) {
+    return chart_commands({chart}, ".").find("\n" + row + "\n") != std::string::npos;
+  };
+  EXPECT_TRUE(has_row("0 -0.25") && has_row("0.25 0") && has_row("0.5 0.01"));
+  EXPECT_THAT(drawn(chart), HasSubstr("20</tspan>")) << "a tic of the linear axis";
+
   chart.logarithmic_y = true;
-  EXPECT_EQ(logarithmic_floor({}), std::nullopt);
-  EXPECT_THAT(drawn(chart), HasSubstr("−")) << "powers of ten below one";
+  EXPECT_TRUE(!has_row("0 -0.25") && !has_row("0.25 0") && has_row("0.5 0.01"));
+  const std::string svg = drawn(chart);
+  EXPECT_THAT(svg, Not(HasSubstr("20</tspan>")));
+  EXPECT_THAT(svg, HasSubstr(">−2</tspan>")) << "the exponent of 0.01";
+}
+
+TEST(Chart, LogarithmicFloorLeavesOutTheDips) {
+  Curve curve = swing().curves[0];
+  curve.points = {{0, 1e-12}};
+  for (int k = 1; k < 100; ++k) curve.points.push_back({k * 0.01, 3e-3});
+  EXPECT_EQ(logarithmic_floor({curve}), 1e-3);
+  curve.points = {{0, 0}, {1, -2}};
+  EXPECT_EQ(logarithmic_floor({curve}), std::nullopt);
 }
 
 TEST(Chart, DrawsBarsWithTheirNames) {
@@ -79,7 +98,25 @@ TEST(Chart, StacksChartsInOneFile) {
   draw(stacked_chart_commands({swing(), swing()}, "two_swings & more", svg), svg);
   const std::string text = logger::read_file(svg);
   EXPECT_THAT(text, HasSubstr("two_swings &amp; more"));
-  EXPECT_THAT(text, HasSubstr("viewBox=\"0 0 900 670\""));
+  EXPECT_THAT(text, HasSubstr("viewBox=\"0 0 900 680\""));
+}
+
+TEST(Chart, StacksMoreThanThreeInTwoColumnsAboveWideOnes) {
+  Chart wide = swing();
+  wide.wide = true;
+  const std::string commands =
+      stacked_chart_commands({swing(), swing(), swing(), swing(), swing(), wide}, "six", "a.svg");
+  // Three rows of five, one wide; below the second row a column ends, below the third they all do.
+  EXPECT_THAT(commands, HasSubstr(" size 900,1328 ")) << 30 + 4 * 300 + 3 * 24 + 26;
+  const auto count = [&](const std::string& what) {
+    std::size_t found = 0;
+    for (std::size_t at = 0; (at = commands.find(what, at)) != std::string::npos; ++at) ++found;
+    return found;
+  };
+  EXPECT_EQ(count("plot $"), 6U);
+  EXPECT_EQ(count("set lmargin at screen 0.602222222\n"), 2U) << "the right column";
+  EXPECT_EQ(count("set format x ''"), 2U) << "the first row alone has no times";
+  EXPECT_EQ(count("set xlabel 'time [s]'"), 1U);
 }
 
 }  // namespace

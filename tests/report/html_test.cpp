@@ -2,8 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <stdexcept>
+#include <type_traits>
+
 namespace tachless::report {
 namespace {
+
+std::string escaped(std::string_view text) { return Html(text).markup(); }
 
 TEST(Html, EscapesWhatHasAMeaning) {
   EXPECT_EQ(escaped("<b title=\"x\">'&'</b>"),
@@ -21,12 +26,39 @@ TEST(Html, ReplacesWhatIsNoText) {
   EXPECT_EQ(escaped(std::string("a\0b", 3)), "a\uFFFDb");
 }
 
+TEST(Html, PatternIsMarkupAndTextIsEscaped) {
+  const Html bold = html("<b>{}</b>", "a < b");
+  EXPECT_EQ(bold.markup(), "<b>a &lt; b</b>");
+  EXPECT_EQ(html("<p>{} {} {}</p>", bold, std::string("<p"), 7).markup(),
+            "<p><b>a &lt; b</b> &lt;p 7</p>");
+  static_assert(!std::is_convertible_v<std::string, Html>, "text becomes HTML visibly");
+  EXPECT_EQ(joined({Html("<"), bold}, html("<br>")).markup(), "&lt;<br><b>a &lt; b</b>");
+}
+
+TEST(Html, PageTakesEachPartOnce) {
+  EXPECT_EQ(
+      filled("<h1>{{a}}</h1>{{b}}.", {{"a", Html("<")}, {"b", html("<p>{{c}}</p>")}}).markup(),
+      "<h1>&lt;</h1><p>{c}</p>.");
+  EXPECT_THROW(filled("{{a}}", {}), std::logic_error);
+  EXPECT_THROW(filled("{{a}}", {{"a", {}}, {"b", {}}}), std::logic_error);
+}
+
+TEST(Html, NumbersHaveMinusSignsAndPowersOfTen) {
+  EXPECT_EQ(number("-1.50e-05").markup(), "−1.50·10<sup>−5</sup>");
+  EXPECT_EQ(number("2.00e+00").markup(), "2.00");
+  EXPECT_EQ(number("3e+12").markup(), "3·10<sup>12</sup>");
+  EXPECT_EQ(number("-4").markup(), "−4");
+}
+
 TEST(Html, MakesAFilesDrawingAPartOfAPage) {
-  const std::string svg = inline_svg(
-      "<?xml version=\"1.0\"?>\n<svg \n viewBox=\"0 0 5 3\"\n xmlns=\"http://www.w3.org/2000/svg\">"
-      "<title>Gnuplot</title><desc>x</desc><defs><circle id='gpDot'/></defs>"
-      "<use xlink:href='#gpDot'/><g clip-path=\"url(#a)\" id=\"g\"></g></svg>",
-      "p-", "a \"curve\"");
+  const std::string svg =
+      inline_svg(
+          "<?xml version=\"1.0\"?>\n<svg \n viewBox=\"0 0 5 3\"\n "
+          "xmlns=\"http://www.w3.org/2000/svg\">"
+          "<title>Gnuplot</title><desc>x</desc><defs><circle id='gpDot'/></defs>"
+          "<use xlink:href='#gpDot'/><g clip-path=\"url(#a)\" id=\"g\"></g></svg>",
+          "p-", "a \"curve\"")
+          .markup();
   EXPECT_EQ(svg,
             "<svg role=\"img\" aria-label=\"a &quot;curve&quot;\" \n viewBox=\"0 0 5 3\"\n>"
             "<defs><circle id='p-gpDot'/></defs><use xlink:href='#p-gpDot'/>"

@@ -178,8 +178,8 @@ document.querySelector('iframe').onload = (event) => {
     EXPECT_GE(pages.size(), 3U);
     EXPECT_LE(pages.size(), most_pages);
     constexpr double width = 595, height = 842, side = 39, edge = 42;  // margins of 14 and 15 mm
-    const std::set<std::string> headings = {"Tracking", "Position", "Torque",
-                                            "Filter",   "Lyapunov", "Timing"};
+    const std::set<std::string> headings = {"Tracking",   "Position", "Torque",
+                                            "Controller", "Lyapunov", "Timing"};
     int time_axes = 0;
     std::set<std::string> seen;
     for (std::size_t i = 0; i < pages.size(); ++i) {
@@ -231,7 +231,7 @@ TEST_F(Browser, ShowsTheReportOfOneRun) {
   std::vector<RecordedRun> runs;
   runs.push_back(recorded("one", support::shortened("practical_rigid.yaml", "1",
                                                     {"plant.drive.torque_limit_Nm=[500, 60]"})));
-  // Two joints' tracking, error, torque, filter; V; round trip; saturation.
+  // Two joints' tracking, error, torque, controller signals; V; round trip; saturation.
   look_at("one_run", runs, 11);
   print("one_run", 11, 5);
 }

@@ -8,6 +8,7 @@
 #include <set>
 
 #include "diagnostics/failure.h"
+#include "report/report_charts.h"
 #include "report/report_page.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"
@@ -52,19 +53,21 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
       write_log("a", support::in_process_log(support::shortened("practical_rigid.yaml", "0.5")));
   std::ofstream(log.parent_path() / "summary.json") << R"({"run_id": 7, "wall_s": 0.25,
     "real_time_factor": 2, "fault": null, "round_trip_us": {"p50": 30, "p99": 60, "p999": 90,
-    "max": 100, "histogram": [[30, 400], [34, 99], [90, 1]]}})";
+    "max": 100, "histogram": [[30, 400], [34, 99], [90, 1]]},
+    "command_age_us": {"histogram": [[20, 500]]},
+    "wake_up_jitter_us": {"histogram": [[1, 300], [2, 200]]}})";
   std::vector<RecordedRun> runs;
   runs.push_back(read_recorded_run(log));
   const auto html = directory_.path() / "report.html";
   write_report(runs, html);
   const std::string page = logger::read_file(html);
   for (const std::string figure :
-       {"tracking-1", "tracking-2", "error-1", "error-2", "torque-1", "torque-2", "filter-1",
-        "filter-2", "lyapunov-v", "round-trip"}) {
+       {"tracking-1", "tracking-2", "error-1", "error-2", "torque-1", "torque-2", "controller-1",
+        "controller-2", "lyapunov-v", "round-trip", "command-age", "wake-up"}) {
     EXPECT_THAT(page, HasSubstr("<figure id=\"" + figure + "\"")) << figure;
   }
-  EXPECT_EQ(count(page, "<figure"), 10U);
-  EXPECT_EQ(count(page, "role=\"img\""), 11U) << "the wide one also narrow";
+  EXPECT_EQ(count(page, "<figure"), 12U);
+  EXPECT_EQ(count(page, "role=\"img\""), 13U) << "the wide one also narrow";
   EXPECT_THAT(page, Not(HasSubstr("not drawn")));
   // Nothing to fetch, nothing to execute.
   EXPECT_THAT(page, AllOf(Not(HasSubstr("://")), Not(HasSubstr("<script")),
@@ -78,6 +81,19 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   for (std::sregex_iterator match(page.begin(), page.end(), id), end; match != end; ++match) {
     EXPECT_TRUE(ids.insert((*match)[1]).second) << (*match)[1];
   }
+}
+
+TEST_F(Report, NamesTheLawsSignals) {
+  const auto page = [&](const std::string& law, std::vector<std::string> overrides) {
+    overrides.push_back("controller.law=" + law);
+    return page_of({run(law, support::in_process_log(
+                                 support::shortened("practical_rigid.yaml", "0.01", overrides)))});
+  };
+  EXPECT_THAT(page("loria_ortega_rigid", {}),
+              AllOf(HasSubstr("<i>nu</i> [rad/s]"), HasSubstr("in place of the velocity error")));
+  EXPECT_THAT(
+      page("slotine_li", {"controller.gains={lambda: 20, ks: [100, 10]}"}),
+      AllOf(HasSubstr("<i>edot</i> [rad/s]: the velocity error"), Not(HasSubstr("in place of"))));
 }
 
 TEST_F(Report, GivesTheRateThatTheLinearisedLoopHas) {

@@ -10,6 +10,7 @@
 #include "replay/replay.h"
 #include "report/recorded_run.h"
 #include "report/report.h"
+#include "report/report_charts.h"
 #include "report/report_page.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"

@@ -1,4 +1,4 @@
-#include "launch/checkup.h"
+#include "launch/doctor.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ TEST(CheckUp, WantsAGibibyteOfDisk) {
 }
 
 TEST(CheckUp, NamesAUrlThatCannotBeUsed) {
-  const std::vector<Finding> findings = check_up("tcp://somewhere", ".");
+  const std::vector<Finding> findings = examine("tcp://somewhere", ".");
   EXPECT_EQ(findings.front().subject, "multicast");
   EXPECT_FALSE(findings.front().ok);
   EXPECT_THAT(*findings.front().remedy, HasSubstr("export LCM_DEFAULT_URL="));
@@ -71,7 +71,7 @@ TEST(CheckUp, FindsAPrivateNetworkFitAndEmpty) {
   ASSERT_GE(child, 0);
   if (child == 0) {
     process::enter_private_network();
-    const std::vector<Finding> findings = check_up("udpm://239.255.76.67:7667?ttl=0", ".");
+    const std::vector<Finding> findings = examine("udpm://239.255.76.67:7667?ttl=0", ".");
     const auto ok = [&](const char* subject) {
       return std::any_of(findings.begin(), findings.end(), [&](const Finding& finding) {
         return finding.subject == subject && finding.ok;
@@ -85,7 +85,7 @@ TEST(CheckUp, FindsAPrivateNetworkFitAndEmpty) {
 }
 
 TEST(CheckUp, TellsWhatToTypeExactlyWhereSomethingIsWrong) {
-  for (const Finding& finding : check_up("udpm://239.255.76.67:7667?ttl=3", ".")) {
+  for (const Finding& finding : examine("udpm://239.255.76.67:7667?ttl=3", ".")) {
     EXPECT_EQ(finding.ok, !finding.remedy.has_value()) << finding.subject;
     EXPECT_FALSE(finding.what.empty()) << finding.subject;
   }

@@ -1,13 +1,12 @@
-#include "launch/checkup.h"
+#include "launch/doctor.h"
 
+#include <fmt/format.h>
 #include <sched.h>
 #include <sys/mman.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
-#include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <fstream>
@@ -19,8 +18,9 @@
 
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
-#include "diagnostics/format.h"
+#include "diagnostics/text.h"
 #include "node/options.h"
+#include "process/child.h"
 #include "process/isolate.h"
 
 namespace tachless::launch {
@@ -40,9 +40,7 @@ std::string human_bytes(double bytes) {
     bytes /= 1024;
     ++unit;
   }
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g %s", bytes, units[unit]);
-  return text;
+  return fmt::format("{:.3g} {}", bytes, units[unit]);
 }
 
 Finding check_bus(const bus::LcmUrl& url) {
@@ -52,8 +50,8 @@ Finding check_bus(const bus::LcmUrl& url) {
   const auto route = bus::multicast_route(url);
   return {"multicast",
           true,
-          "messages to " + url.text() + " arrive" +
-              (route ? ", by way of " + route->interface : std::string()),
+          fmt::format("messages to {} arrive{}", url.text(),
+                      route ? ", by way of " + route->interface : ""),
           {}};
 }
 
@@ -69,27 +67,19 @@ Finding check_other_publishers(const bus::LcmUrl& url) {
     }
   }
   if (senders.empty()) return {"other publishers", true, "nobody else is on the bus", {}};
-  std::string list;
+  std::vector<std::string> list;
   for (const auto& [channel, sender] : senders) {
-    list += (list.empty() ? "" : ", ") + channel + " from " + sender;
+    list.push_back(fmt::format("{} from {}", channel, sender));
   }
   bus::LcmUrl other = url;
   other.port = static_cast<std::uint16_t>(url.port == 65535 ? url.port - 1 : url.port + 1);
-  return {"other publishers", false, list,
-          "export LCM_DEFAULT_URL='" + other.text() + "' (another bus), or run with --isolate"};
-}
-
-/// What `attempt` does to a process, it does to a child here.
-bool works_in_a_child(bool (*attempt)()) {
-  const pid_t pid = fork();
-  if (pid == 0) _exit(attempt() ? 0 : 1);
-  int status = 1;
-  if (pid > 0) waitpid(pid, &status, 0);
-  return pid > 0 && status == 0;
+  return {"other publishers", false, diagnostics::joined(list),
+          fmt::format("export LCM_DEFAULT_URL='{}' (another bus), or run with --isolate",
+                      other.text())};
 }
 
 Finding check_private_network() {
-  const bool works = works_in_a_child([] {
+  const bool works = process::works_in_a_copy([] {
     try {
       process::enter_private_network();
       return true;
@@ -103,7 +93,7 @@ Finding check_private_network() {
 }
 
 Finding check_real_time() {
-  const bool works = works_in_a_child([] {
+  const bool works = process::works_in_a_copy([] {
     const sched_param priority{1};
     return sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
   });
@@ -114,7 +104,7 @@ Finding check_real_time() {
 }
 
 Finding check_locked_memory() {
-  const bool works = works_in_a_child([] {
+  const bool works = process::works_in_a_copy([] {
     void* memory = mmap(nullptr, locked_memory_bytes, PROT_READ | PROT_WRITE,
                         MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
     // MLOCK_ONFAULT asks for the right without filling the memory.
@@ -122,8 +112,8 @@ Finding check_locked_memory() {
   });
   if (works) return {"locked memory", true, "permitted", {}};
   return {"locked memory", false,
-          "less than " + human_bytes(locked_memory_bytes) +
-              " is permitted; only --mode realtime wants it",
+          fmt::format("less than {} is permitted; only --mode realtime wants it",
+                      human_bytes(locked_memory_bytes)),
           "echo \"$USER - memlock unlimited\" | sudo tee "
           "/etc/security/limits.d/tachless-memlock.conf, then log in again"};
 }
@@ -165,7 +155,7 @@ Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface) {
   bus::LcmUrl local = url;
   local.ttl = 1;
   return {"ttl", false, ttl + ": messages are routed on",
-          "export LCM_DEFAULT_URL='" + local.text() + "'"};
+          fmt::format("export LCM_DEFAULT_URL='{}'", local.text())};
 }
 
 Finding judge_receive_buffer(long rmem_max_bytes) {
@@ -176,7 +166,7 @@ Finding judge_receive_buffer(long rmem_max_bytes) {
   if (!finding.ok) {
     finding.what += ", less than bursts want";
     finding.remedy =
-        "sudo sysctl -w net.core.rmem_max=" + std::to_string(useful_receive_buffer_bytes);
+        fmt::format("sudo sysctl -w net.core.rmem_max={}", useful_receive_buffer_bytes);
   }
   return finding;
 }
@@ -202,11 +192,11 @@ Finding judge_stolen_time(const std::string& proc_stat) {
   for (double& each : ticks) words >> each;
   if (!words || label != "cpu") return {"stolen time", true, "the kernel does not tell", {}};
   const double share = ticks.back() / std::accumulate(ticks.begin(), ticks.end(), 0.0);
-  Finding finding{"stolen time",
-                  share <= harmless,
-                  diagnostics::format(
-                      "the host took %.2f %% of this machine's time since it started", 100 * share),
-                  {}};
+  Finding finding{
+      "stolen time",
+      share <= harmless,
+      fmt::format("the host took {:.2f} % of this machine's time since it started", 100 * share),
+      {}};
   if (!finding.ok) {
     finding.what += "; --mode realtime may end in protective stops";
     finding.remedy =
@@ -219,21 +209,21 @@ Finding judge_stolen_time(const std::string& proc_stat) {
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory) {
   Finding finding{"disk",
                   free_bytes >= useful_disk_bytes,
-                  human_bytes(static_cast<double>(free_bytes)) + " free in " +
-                      std::filesystem::absolute(directory).lexically_normal().string(),
+                  fmt::format("{} free in {}", human_bytes(static_cast<double>(free_bytes)),
+                              std::filesystem::absolute(directory).lexically_normal().string()),
                   {}};
   if (!finding.ok) finding.remedy = "run with --out DIR on a disk with more room";
   return finding;
 }
 
-std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem::path& directory) {
+std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory) {
   std::vector<Finding> findings;
   bus::LcmUrl url;
   try {
     url = bus::parse_lcm_url(lcm_url);
   } catch (const std::invalid_argument& error) {
     findings.push_back({"multicast", false, error.what(),
-                        std::string("export LCM_DEFAULT_URL='") + node::default_lcm_url + "'"});
+                        fmt::format("export LCM_DEFAULT_URL='{}'", node::default_lcm_url)});
   }
   if (findings.empty()) {
     findings.push_back(check_bus(url));

@@ -8,6 +8,7 @@
 
 #include "bus/lcm_url.h"
 
+/// What `doctor` finds out about this machine. Changes and mends nothing.
 namespace tachless::launch {
 
 /// One line of `doctor`.
@@ -21,7 +22,7 @@ struct Finding {
 /// Looks at everything that a run of this machine on the bus `lcm_url` needs or would like: the
 /// bus, its buffers and who else is on it, private networks, real-time rights, clock, disk space
 /// of `directory`, programs. Takes about a second, changes nothing.
-std::vector<Finding> check_up(const std::string& lcm_url, const std::filesystem::path& directory);
+std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory);
 
 /// The judgement on single figures.
 /// @param interface the one that messages to the bus leave by; empty if there is none

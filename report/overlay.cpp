@@ -1,0 +1,68 @@
+#include "report/overlay.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "report/gnuplot.h"
+
+namespace tachless::report {
+
+void ReportSection::add(const std::string& chart_heading, Chart chart) {
+  if (has_something(chart)) charts.push_back({chart_heading, std::move(chart)});
+}
+
+std::string run_colour(std::size_t run) { return palette[run % palette.size()]; }
+
+std::string run_dash(std::size_t run) {
+  constexpr std::array<const char*, 4> dashes = {"", "(8,3)", "(3,2)", "(8,3,2,3)"};
+  return dashes[run / palette.size() % dashes.size()];
+}
+
+Overlay::Overlay(const std::vector<RecordedRun>& runs) : runs_(runs) {
+  for (const RecordedRun& run : runs_) {
+    num_joints_ = std::max(num_joints_, run.tracking.joints().size());
+    const auto ticks = static_cast<double>(run.summary.last_tick + 1);
+    end_s_ = std::max(end_s_, ticks * run.info.period_s);
+  }
+  if (!(end_s_ > 0)) end_s_ = 1;
+}
+
+Curve Overlay::curve(std::size_t run, const std::vector<Point>& points, const std::string& title,
+                     double width) const {
+  return {title, points, run_colour(run), width, dash(run), CurveStyle::line};
+}
+
+std::string Overlay::joint_heading(std::size_t joint) const {
+  for (const RecordedRun& run : runs_) {
+    if (joint >= run.joint_names.size()) continue;
+    return fmt::format("Joint {} · {}", joint + 1, run.joint_names[joint]);
+  }
+  return fmt::format("Joint {}", joint + 1);
+}
+
+std::string Overlay::length_unit(std::size_t joint) const {
+  for (const RecordedRun& run : runs_) {
+    if (joint < run.units.length.size()) return run.units.length[joint];
+  }
+  return "";
+}
+
+std::string Overlay::effort_unit(std::size_t joint) const {
+  for (const RecordedRun& run : runs_) {
+    if (joint < run.units.effort.size()) return run.units.effort[joint];
+  }
+  return "";
+}
+
+Chart Overlay::over_time(const std::string& name, const std::string& caption) const {
+  Chart chart;
+  chart.name = name;
+  chart.caption = caption;
+  chart.x_range = {{0, end_s_}};
+  return chart;
+}
+
+}  // namespace tachless::report
