@@ -70,7 +70,7 @@ void expect_identity(const robot::Model& model, const ErrorSystem& system, unsig
       const Inertia at = inertia_at(model, q);
       const Independent expected = independent(model, system, w, q, v_ref, z);
       const double Vdot = -z.dot(decrease_matrix(system, w, at, v_ref, delta) * z);
-      // Seen 5e-15 of the terms' size.
+      // Rounding: sums of some hundred products, each exact to 1e-16 of its size.
       ASSERT_NEAR(Vdot, expected.Vdot, 1e-13 * expected.size);
       ASSERT_NEAR(z.dot(lyapunov_matrix(system, w, at.M) * z) / 2, expected.V,
                   1e-12 * std::abs(expected.V) + 1e-12 * z.squaredNorm() * system.kp.norm());
