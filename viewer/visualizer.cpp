@@ -107,9 +107,11 @@ void give_up_opening(int /*signal*/) {
   _exit(static_cast<int>(diagnostics::ExitCode::bad_usage));
 }
 
+/// Simbody does not go on with a write that a signal has interrupted: the kernel has to.
 void handle(int signal, void (*handler)(int)) {
   struct sigaction action {};
   action.sa_handler = handler;
+  action.sa_flags = SA_RESTART;
   sigemptyset(&action.sa_mask);
   sigaction(signal, &action, nullptr);
 }
@@ -169,6 +171,7 @@ diagnostics::ExitCode show(const Options& options) {
   open(window, model, initial, "tachless: " + scenario.name);
   Viewer viewer;  // ended before the window
   const std::atomic<bool>& interrupted = process::catch_interruptions();
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) siginterrupt(signal, 0);  // as in `handle`
   std::cout << window_is_open << std::endl;
 
   PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);
