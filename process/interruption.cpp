@@ -13,11 +13,11 @@ void note_signal(int /*signal*/) { interrupted = true; }
 
 }  // namespace
 
-const std::atomic<bool>& catch_interruptions() {
+const std::atomic<bool>& catch_interruptions(int flags) {
   struct sigaction action {};
   action.sa_handler = note_signal;
   sigemptyset(&action.sa_mask);
-  action.sa_flags = 0;  // no SA_RESTART: a wait ends
+  action.sa_flags = flags;
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     if (sigaction(signal, &action, nullptr) != 0) throw std::logic_error("sigaction failed");
   }

@@ -170,8 +170,7 @@ diagnostics::ExitCode show(const Options& options) {
   std::optional<viewer::ArmWindow> window;
   open(window, model, initial, "tachless: " + scenario.name);
   Viewer viewer;  // ended before the window
-  const std::atomic<bool>& interrupted = process::catch_interruptions();
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) siginterrupt(signal, 0);  // as in `handle`
+  const std::atomic<bool>& interrupted = process::catch_interruptions(SA_RESTART);
   std::cout << window_is_open << std::endl;
 
   PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);

@@ -97,8 +97,11 @@ TEST_P(Damage, ReportSurvives) {
       runs.push_back(report::read_recorded_run(path_));
       label(runs);
       const auto sections = report::report_sections(runs);
-      ASSERT_FALSE(
-          report::chart_commands(report::drawn_charts(sections), directory_.path()).empty());
+      const auto charts = report::drawn_charts(sections);
+      // A log of no tick has nothing to draw, and its page says so.
+      if (runs.front().summary.ticks > 0) {
+        ASSERT_FALSE(report::chart_commands(charts, directory_.path()).empty());
+      }
       ASSERT_THAT(report::report_page(runs, sections, {}), HasSubstr("</html>"));
       ++reported;
       // gnuplot, a process of its own, on some of them: it draws, or says why it does not.
