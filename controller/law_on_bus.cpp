@@ -58,8 +58,8 @@ diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, 
   }
   return {diagnostics::ExitCode::protective_stop,
           fmt::format("{} of law {} at tick {} is not finite: the loop is unstable; shorten "
-                      "loop.period_s or soften the gains (docs/laws/{}.md tells the limit)",
-                      where, law, tick, law)};
+                      "loop.period_s or soften the gains",
+                      where, law, tick)};
 }
 
 /// What one step gave; valid until the next one.
