@@ -74,6 +74,31 @@ function(tachless_test name)
   set_tests_properties(${name} PROPERTIES LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
 endfunction()
 
+# Writes which target of a room links which libraries itself, a line for each: "plant: bus_truth node".
+# tests/style/link_graph_test.cpp says what that may come to.
+function(tachless_write_link_graph file)
+  set(graph "")
+  foreach(room IN LISTS TACHLESS_ROOMS)
+    get_property(targets DIRECTORY ${PROJECT_SOURCE_DIR}/${room} PROPERTY BUILDSYSTEM_TARGETS)
+    foreach(target IN LISTS targets)
+      get_target_property(type ${target} TYPE)
+      if(type STREQUAL "UTILITY")
+        continue()
+      elseif(type STREQUAL "INTERFACE_LIBRARY")
+        get_target_property(libraries ${target} INTERFACE_LINK_LIBRARIES)
+      else()
+        get_target_property(libraries ${target} LINK_LIBRARIES)
+      endif()
+      if(NOT libraries)
+        set(libraries "")
+      endif()
+      string(REPLACE ";" " " libraries "${libraries}")
+      string(APPEND graph "${target}: ${libraries}\n")
+    endforeach()
+  endforeach()
+  file(CONFIGURE OUTPUT ${file} CONTENT "${graph}" @ONLY)
+endfunction()
+
 # tachless_compile_fail(name FILE f.cpp LIBS …): passes when f.cpp compiles without -DFORBIDDEN and
 # fails to compile with it, so that the refusal has one cause.
 function(tachless_compile_fail name)

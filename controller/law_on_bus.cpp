@@ -11,6 +11,7 @@
 #include "bus/wire.h"
 #include "controller/law_stepper.h"
 #include "controller/registry.h"
+#include "diagnostics/logging.h"
 #include "protocol/lockstep/message_ring.h"
 
 namespace tachless::controller {
@@ -58,8 +59,8 @@ diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, 
   }
   return {diagnostics::ExitCode::protective_stop,
           fmt::format("{} of law {} at tick {} is not finite: the loop is unstable; shorten "
-                      "loop.period_s or soften the gains (docs/laws/{}.md tells the limit)",
-                      where, law, tick, law)};
+                      "loop.period_s or soften the gains",
+                      where, law, tick)};
 }
 
 /// What one step gave; valid until the next one.
@@ -152,7 +153,10 @@ LawOnBus::LawOnBus(const experiment::Scenario& scenario, bus::Transport& transpo
       reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
       command_channel_(loop::channel<loop::TorqueCommand>(scenario.robot.channel_prefix)),
       state_channel_(loop::channel<loop::LawSignals>(scenario.robot.channel_prefix)),
-      signals_(loop::text_of(law_facts(scenario.controller.law).signals)) {}
+      signals_(loop::text_of(law_facts(scenario.controller.law).signals)) {
+  diagnostics::log_detail(fmt::format("law {}, measures {}, publishes its signals {}",
+                                      scenario.controller.law, measured_->suffix(), signals_));
+}
 
 LawOnBus::~LawOnBus() = default;
 

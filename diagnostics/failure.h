@@ -1,7 +1,7 @@
 #pragma once
 
 #include <stdexcept>
-#include <string>
+#include <string_view>
 
 namespace tachless::diagnostics {
 
@@ -16,22 +16,14 @@ enum class ExitCode : int {
   interrupted = 130,
 };
 
-/// Ends a program with `code` and one line on stderr that says what, where and what to do. Line
-/// ends in `what` (a name or a value may hold them) become spaces.
+/// Ends a program with `code` and one line on stderr that says what, where and what to do: `what`
+/// as one_line() gives it, since a name or a value in it may hold line ends.
 class Failure : public std::runtime_error {
  public:
-  Failure(ExitCode code, const std::string& what)
-      : std::runtime_error(on_one_line(what)), code_(code) {}
+  Failure(ExitCode code, std::string_view what);
   [[nodiscard]] ExitCode code() const { return code_; }
 
  private:
-  static std::string on_one_line(std::string text) {
-    for (char& c : text) {
-      if (c == '\n' || c == '\r') c = ' ';
-    }
-    return text;
-  }
-
   ExitCode code_;
 };
 

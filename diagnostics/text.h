@@ -24,6 +24,10 @@ std::string shortest(double value);
 /// white space around them; white space at both ends goes.
 std::string one_line(std::string_view text);
 
+/// `text` with what would confuse a terminal or a JSON writer (control characters, bytes that are
+/// not UTF-8) replaced by question marks.
+std::string printable(std::string_view text);
+
 /// Which candidate was probably meant by a misspelt or shortened `word`; nothing when none is
 /// similar. Names may have parts, separated by dots. Similar is, best first:
 /// - the same but for upper and lower case;

@@ -95,7 +95,7 @@ int tachless(int argc, const char* const* argv) {
   try {
     return static_cast<int>(run(argc, argv));
   } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_error(diagnostics::one_line(failure.what()));
+    diagnostics::log_error(failure.what());
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {
     diagnostics::log_error(fmt::format("internal error: {}; please report it with the command line",

@@ -1,22 +1,21 @@
 #include "logger/info.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <array>
-#include <cinttypes>
-#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <string_view>
 
 #include "diagnostics/failure.h"
-#include "diagnostics/format.h"
+#include "diagnostics/text.h"
 #include "logger/message_types.h"
 #include "logger/run_info.h"
 
 namespace tachless::logger {
 namespace {
 
-using diagnostics::format;
+using diagnostics::printable;
 
 /// b - a for time stamps that may be anything.
 std::int64_t difference(std::int64_t b, std::int64_t a) {
@@ -26,26 +25,6 @@ std::int64_t difference(std::int64_t b, std::int64_t a) {
         b > a ? std::numeric_limits<std::int64_t>::max() : std::numeric_limits<std::int64_t>::min();
   }
   return result;
-}
-
-/// The length in bytes of the UTF-8 character that begins `text`; 0 when it is none.
-std::size_t utf8_length(std::string_view text) {
-  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
-  const unsigned char lead = byte(0);
-  const std::size_t length = lead < 0x80                   ? 1
-                             : lead >= 0xc2 && lead < 0xe0 ? 2
-                             : lead >= 0xe0 && lead < 0xf0 ? 3
-                             : lead >= 0xf0 && lead < 0xf5 ? 4
-                                                           : 0;
-  if (length == 0 || length > text.size()) return 0;
-  for (std::size_t i = 1; i < length; ++i) {
-    if (byte(i) < 0x80 || byte(i) >= 0xc0) return 0;
-  }
-  if (length < 3) return length;
-  const unsigned char second = byte(1);
-  const bool bad = (lead == 0xe0 && second < 0xa0) || (lead == 0xed && second >= 0xa0) ||
-                   (lead == 0xf0 && second < 0x90) || (lead == 0xf4 && second >= 0x90);
-  return bad ? 0 : length;
 }
 
 RunFacts facts_of(RunLog log) {
@@ -70,77 +49,109 @@ RunFacts facts_of(RunLog log) {
   return facts;
 }
 
-std::string seconds(std::int64_t us) { return format("%.6g s", static_cast<double>(us) * 1e-6); }
+std::string seconds(std::int64_t us) {
+  return fmt::format("{:.6g} s", static_cast<double>(us) * 1e-6);
+}
 
 std::string ranges(const PieceSummary& piece) {
-  std::string text;
   constexpr std::size_t shown = 5;
-  for (std::size_t i = 0; i < std::min(shown, piece.missing_list.size()); ++i) {
-    const auto& [first, last] = piece.missing_list[i];
-    text += (i == 0 ? "" : ", ") + std::to_string(first);
-    if (last != first) text += "-" + std::to_string(last);
+  std::vector<std::string> parts;
+  for (const auto& [first, last] : piece.missing_list) {
+    if (parts.size() == shown) {
+      parts.emplace_back("...");
+      break;
+    }
+    parts.push_back(first == last ? std::to_string(first) : fmt::format("{}-{}", first, last));
   }
-  return piece.missing_list.size() > shown ? text + ", ..." : text;
+  return diagnostics::joined(parts);
 }
 
 std::string run_text(const RunFacts& run) {
-  std::string text = format("run       %" PRId64 ": %s, %s, %s on %s (%d joints, %s)\n", run.run,
-                            run.scenario.c_str(), run.mode.c_str(), run.law.c_str(),
-                            run.robot.c_str(), run.num_joints, run.flexible ? "flexible" : "rigid");
-  text += format("recorded  by version %s; controller fed with %s\n", run.version.c_str(),
-                 run.measurement.c_str());
   const auto& summary = run.summary;
-  text += format("ticks     %" PRIu64 " of %" PRId64 " at %.9g s", summary.ticks, run.num_ticks,
-                 run.period_s);
+  std::string text = fmt::format(
+      "run       {}: {}, {}, {} on {} ({} joints, {})\n"
+      "recorded  by version {}; controller fed with {}\n"
+      "ticks     {} of {} at {:.9g} s",
+      run.run, run.scenario, run.mode, run.law, run.robot, run.num_joints,
+      run.flexible ? "flexible" : "rigid", run.version, run.measurement, summary.ticks,
+      run.num_ticks, run.period_s);
   if (summary.ticks != 0) {
-    text += format(" (%" PRId64 " to %" PRId64 ")", summary.first_tick, summary.last_tick);
+    text += fmt::format(" ({} to {})", summary.first_tick, summary.last_tick);
   }
-  text += format("\ngaps      %" PRIu64 "\n", summary.gaps());
+  text += fmt::format("\ngaps      {}\n", summary.gaps());
   for (const auto& piece : summary.pieces) {
-    if (piece.absent() && summary.ticks != 0) text += "          " + piece.channel + ": absent\n";
+    if (piece.absent() && summary.ticks != 0) {
+      text += fmt::format("          {}: absent\n", piece.channel);
+    }
     if (!piece.absent() && piece.missing != 0) {
-      text += format("          %s: %" PRIu64 " missing, ticks %s\n", piece.channel.c_str(),
-                     piece.missing, ranges(piece).c_str());
+      text += fmt::format("          {}: {} missing, ticks {}\n", piece.channel, piece.missing,
+                          ranges(piece));
     }
     if (piece.duplicates + piece.conflicts != 0) {
-      text +=
-          format("          %s: %" PRIu64 " repeated, %" PRIu64 " repeated with other contents\n",
-                 piece.channel.c_str(), piece.duplicates, piece.conflicts);
+      text += fmt::format("          {}: {} repeated, {} repeated with other contents\n",
+                          piece.channel, piece.duplicates, piece.conflicts);
     }
   }
   for (const auto& [reason, count] : summary.undecodable) {
-    text +=
-        format("undecodable  %" PRIu64 " (%s)\n", count, std::string(bus::name(reason)).c_str());
+    text += fmt::format("undecodable  {} ({})\n", count, bus::name(reason));
   }
-  const auto line = [&](std::uint64_t count, const char* what) {
-    if (count != 0) text += format("          %" PRIu64 " %s\n", count, what);
+  const auto line = [&](std::uint64_t count, std::string_view what) {
+    if (count != 0) text += fmt::format("          {} {}\n", count, what);
   };
   line(summary.wrong_tick, "with a tick outside of the run or at odds with its time");
   line(summary.too_late, "too far out of order to be used");
   line(summary.foreign_messages, "of other runs");
   for (const auto& fault : summary.faults) {
-    text += format("fault     %s at tick %" PRId64 ": %s\n",
-                   std::string(loop::name(fault.role)).c_str(), fault.tick, fault.text.c_str());
+    text += fmt::format("fault     {} at tick {}: {}\n", loop::name(fault.role), fault.tick,
+                        fault.text);
+  }
+  return text;
+}
+
+std::string damage_text(const Damage& damage) {
+  std::string text = "damage    none\n";
+  if (damage.any()) {
+    text = fmt::format(
+        "damage    {} bytes in {} places hold no message; {} message numbers missing, {} wrong; "
+        "{} messages beside damage\n",
+        damage.bytes_skipped, damage.stretches, damage.missing_numbers, damage.wrong_numbers,
+        damage.suspect_events);
+    constexpr std::size_t shown = 10;
+    for (std::size_t i = 0; i < std::min(shown, damage.listed.size()); ++i) {
+      text += fmt::format("          byte {}: {} bytes\n", damage.listed[i].offset,
+                          damage.listed[i].bytes);
+    }
+    if (damage.stretches > shown) text += "          ...\n";
+  }
+  if (damage.numbers_restarted != 0) {
+    text += fmt::format("          {} times the message numbers start over: logs appended\n",
+                        damage.numbers_restarted);
+  }
+  return text;
+}
+
+std::string channels_text(const LogInfo& info) {
+  std::size_t width = 7;
+  for (const auto& channel : info.channels) width = std::max(width, channel.name.size());
+  width = std::min<std::size_t>(width, 63);
+  std::string text = fmt::format("\n{:<{}} {:>10} {:>10} {:>10} {:>14}  {}\n", "channel", width,
+                                 "messages", "per s", "bytes", "silence", "type");
+  for (const auto& channel : info.channels) {
+    const auto rate = channel.rate_hz();
+    text += fmt::format("{:<{}} {:>10} {:>10} {:>10} {:>14}  {}", channel.name, width,
+                        channel.messages, rate ? fmt::format("{:.6g}", *rate) : "-", channel.bytes,
+                        seconds(channel.longest_silence_us),
+                        channel.type.empty() ? "not ours" : channel.type);
+    if (channel.other_type != 0) text += fmt::format(" ({} of another type)", channel.other_type);
+    text += '\n';
+  }
+  if (info.events_elsewhere != 0) {
+    text += fmt::format("and {} messages on further channels\n", info.events_elsewhere);
   }
   return text;
 }
 
 }  // namespace
-
-std::string printable(std::string_view text) {
-  std::string result;
-  while (!text.empty()) {
-    const std::size_t length = utf8_length(text);
-    const auto first = static_cast<unsigned char>(text[0]);
-    if (length == 0 || first < 0x20 || first == 0x7f) {
-      result += '?';
-    } else {
-      result += text.substr(0, length);
-    }
-    text.remove_prefix(std::max<std::size_t>(length, 1));
-  }
-  return result;
-}
 
 std::optional<double> ChannelInfo::rate_hz() const {
   const double span_s = 1e-6 * static_cast<double>(difference(last_utime, first_utime));
@@ -196,50 +207,12 @@ LogInfo read_info(const std::filesystem::path& path) {
 }
 
 std::string to_text(const LogInfo& info) {
-  std::string text = format("log       %s\n", info.path.c_str());
-  text += format("size      %" PRIu64 " bytes, %" PRIu64 " messages, %s\n", info.size_bytes,
-                 info.events, seconds(difference(info.last_utime, info.first_utime)).c_str());
-  text += info.run ? run_text(*info.run) : "run       unknown: " + info.run_problem + "\n";
-  const Damage& damage = info.damage;
-  if (!damage.any()) {
-    text += "damage    none\n";
-  } else {
-    text +=
-        format("damage    %" PRIu64 " bytes in %" PRIu64 " places hold no message; %" PRIu64
-               " message numbers missing, %" PRIu64 " wrong; %" PRIu64 " messages beside damage\n",
-               damage.bytes_skipped, damage.stretches, damage.missing_numbers, damage.wrong_numbers,
-               damage.suspect_events);
-    constexpr std::size_t shown = 10;
-    for (std::size_t i = 0; i < std::min(shown, damage.listed.size()); ++i) {
-      text += format("          byte %" PRIu64 ": %" PRIu64 " bytes\n", damage.listed[i].offset,
-                     damage.listed[i].bytes);
-    }
-    if (damage.stretches > shown) text += "          ...\n";
-  }
-  if (damage.numbers_restarted != 0) {
-    text += format("          %" PRIu64 " times the message numbers start over: logs appended\n",
-                   damage.numbers_restarted);
-  }
-  std::size_t width = 7;
-  for (const auto& channel : info.channels) width = std::max(width, channel.name.size());
-  const int column = static_cast<int>(std::min<std::size_t>(width, 63));
-  text += format("\n%-*s %10s %10s %10s %14s  %s\n", column, "channel", "messages", "per s",
-                 "bytes", "silence", "type");
-  for (const auto& channel : info.channels) {
-    const auto rate = channel.rate_hz();
-    text +=
-        format("%-*s %10" PRIu64 " %10s %10" PRIu64 " %14s  %s%s\n", column, channel.name.c_str(),
-               channel.messages, rate ? format("%.6g", *rate).c_str() : "-", channel.bytes,
-               seconds(channel.longest_silence_us).c_str(),
-               channel.type.empty() ? "not ours" : channel.type.c_str(),
-               channel.other_type == 0
-                   ? ""
-                   : format(" (%" PRIu64 " of another type)", channel.other_type).c_str());
-  }
-  if (info.events_elsewhere != 0) {
-    text += format("and %" PRIu64 " messages on further channels\n", info.events_elsewhere);
-  }
-  return text;
+  return fmt::format("log       {}\nsize      {} bytes, {} messages, {}\n", info.path.native(),
+                     info.size_bytes, info.events,
+                     seconds(difference(info.last_utime, info.first_utime))) +
+         (info.run ? run_text(*info.run)
+                   : fmt::format("run       unknown: {}\n", info.run_problem)) +
+         damage_text(info.damage) + channels_text(info);
 }
 
 nlohmann::json to_json(const LogInfo& info) {

@@ -69,8 +69,4 @@ std::string to_text(const LogInfo& info);
 /// The same for programs. Texts from the log are made valid UTF-8 first.
 nlohmann::json to_json(const LogInfo& info);
 
-/// `text` with what would confuse a terminal or a JSON writer (control characters, bytes that are
-/// not UTF-8) replaced by question marks.
-std::string printable(std::string_view text);
-
 }  // namespace tachless::logger

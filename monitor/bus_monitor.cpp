@@ -1,19 +1,17 @@
 #include "monitor/bus_monitor.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cinttypes>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "diagnostics/format.h"
-#include "logger/info.h"
+#include "diagnostics/text.h"
 
 namespace tachless::monitor {
 namespace {
 
-using diagnostics::format;
-using logger::printable;
+using diagnostics::printable;
 using Json = nlohmann::ordered_json;
 
 std::string_view short_type(std::string_view type) {
@@ -21,31 +19,29 @@ std::string_view short_type(std::string_view type) {
 }
 
 std::string per_s(const std::optional<double>& rate_hz) {
-  return rate_hz ? format("%.1f", *rate_hz) : "-";
+  return rate_hz ? fmt::format("{:.1f}", *rate_hz) : "-";
 }
 
 std::string microseconds(const std::optional<double>& s) {
-  return s ? format("%.1f", 1e6 * *s) : "-";
+  return s ? fmt::format("{:.1f}", 1e6 * *s) : "-";
 }
 
 std::string text_of(const MessageField& field) {
   struct Writer {
     std::string operator()(const std::vector<double>& values) const {
-      std::string text = "[";
-      for (const double value : values) text += (text.size() == 1 ? "" : " ") + (*this)(value);
-      return text + "]";
+      return fmt::format("[{:.6g}]", fmt::join(values, " "));
     }
-    std::string operator()(double value) const { return format("%.6g", value); }
+    std::string operator()(double value) const { return fmt::format("{:.6g}", value); }
     std::string operator()(std::int64_t value) const { return std::to_string(value); }
     std::string operator()(bool value) const { return value ? "true" : "false"; }
     std::string operator()(const std::string& value) const {
       constexpr std::size_t longest = 40;
       const std::string text = printable(value.substr(0, longest));
-      return "\"" + text + (value.size() > longest ? "…" : "") + "\"";
+      return fmt::format("\"{}{}\"", text, value.size() > longest ? "…" : "");
     }
   };
-  return std::string(field.name) + " " + std::visit(Writer{}, field.value) +
-         (field.unit.empty() ? "" : " " + std::string(field.unit));
+  return fmt::format("{} {}{}{}", field.name, std::visit(Writer{}, field.value),
+                     field.unit.empty() ? "" : " ", field.unit);
 }
 
 Json json_of(const MessageField& field) {
@@ -190,11 +186,11 @@ std::vector<std::string> BusMonitor::head_lines() const {
   std::uint64_t missing = 0;
   for (const auto& [address, sender] : senders_) missing += sender.sequence.missing();
   std::vector<std::string> lines = {
-      format("%" PRIu64 " messages of %zu senders in %.1f s; by the senders' own count %" PRIu64
-             " missing; undecodable %" PRIu64,
-             messages_, senders_.size(), seconds_, missing, undecodable())};
-  const auto note = [&](std::uint64_t count, const char* what) {
-    if (count != 0) lines.push_back(format("%" PRIu64 " %s", count, what));
+      fmt::format("{} messages of {} senders in {:.1f} s; by the senders' own count {} missing; "
+                  "undecodable {}",
+                  messages_, senders_.size(), seconds_, missing, undecodable())};
+  const auto note = [&](std::uint64_t count, std::string_view what) {
+    if (count != 0) lines.push_back(fmt::format("{} {}", count, what));
   };
   note(transport_.overflowed.value_or(0),
        "lost here: this program was too slow for the bus, and rates are higher than shown");
@@ -211,19 +207,18 @@ std::vector<std::string> BusMonitor::head_lines() const {
 std::vector<std::string> BusMonitor::channel_lines() const {
   std::size_t width = 7;
   for (const auto& [name, channel] : channels_) width = std::max(width, printable(name).size());
-  const int column = static_cast<int>(width);
-  std::vector<std::string> lines = {format("%-*s  %-28s %10s %9s %10s %9s %7s %11s", column,
-                                           "channel", "type", "messages", "per s", "jitter us",
-                                           "kB/s", "gaps", "undecodable")};
+  constexpr const char* row = "{:<{}}  {:<28} {:>10} {:>9} {:>10} {:>9} {:>7} {:>11}";
+  std::vector<std::string> lines = {fmt::format(row, "channel", width, "type", "messages", "per s",
+                                                "jitter us", "kB/s", "gaps", "undecodable")};
   for (const auto& [name, channel] : channels_) {
     const double bytes = static_cast<double>(channel.shown.bytes);
-    lines.push_back(format(
-        "%-*s  %-28s %10" PRIu64 " %9s %10s %9.1f %7s %11" PRIu64, column, printable(name).c_str(),
-        std::string(short_type(channel.type)).c_str(), channel.messages,
-        per_s(channel.shown.rate_hz()).c_str(), microseconds(channel.shown.jitter_s()).c_str(),
-        channel.shown_seconds > 0 ? 1e-3 * bytes / channel.shown_seconds : 0.0,
-        channel.once_per_tick ? std::to_string(channel.ticks.missing()).c_str() : "-",
-        channel.undecodable()));
+    const double kb_per_s = channel.shown_seconds > 0 ? 1e-3 * bytes / channel.shown_seconds : 0.0;
+    lines.push_back(
+        fmt::format(row, printable(name), width, short_type(channel.type), channel.messages,
+                    per_s(channel.shown.rate_hz()), microseconds(channel.shown.jitter_s()),
+                    fmt::format("{:.1f}", kb_per_s),
+                    channel.once_per_tick ? std::to_string(channel.ticks.missing()) : "-",
+                    channel.undecodable()));
   }
   return lines;
 }
@@ -234,10 +229,11 @@ std::vector<std::string> BusMonitor::value_lines() {
   std::vector<std::string> lines;
   for (const auto& [name, channel] : channels_) {
     if (channel.newest.empty()) continue;
-    std::string line = format("%-*s  tick %" PRId64, static_cast<int>(width),
-                              printable(name).c_str(), channel.newest_stamp.tick);
-    for (const MessageField& field : reader_.fields(channel.newest)) line += "  " + text_of(field);
-    lines.push_back(std::move(line));
+    std::vector<std::string> parts = {
+        fmt::format("{:<{}}  tick {}", printable(name), width, channel.newest_stamp.tick)};
+    for (const MessageField& field : reader_.fields(channel.newest))
+      parts.push_back(text_of(field));
+    lines.push_back(diagnostics::joined(parts, "  "));
   }
   return lines;
 }
@@ -253,7 +249,7 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
   if (rows != 0 && lines.size() > rows) {
     const std::size_t left_out = lines.size() - (rows - 1);
     lines.resize(rows - 1);
-    lines.push_back(format("… %zu lines more than this window has", left_out));
+    lines.push_back(fmt::format("… {} lines more than this window has", left_out));
   }
   for (std::string& line : lines) line = clipped(line, columns);
   return lines;

@@ -97,6 +97,16 @@ void Link::join(const Law& law, const Handler& other) {
   }
   if (resume_) wait_for_predecessor();
   statistics().run_id = run();
+  log_members();
+}
+
+void Link::log_members() const {
+  std::vector<std::string> others;
+  for (const Role role : {Role::plant, Role::reference, Role::controller, Role::logger}) {
+    if (role != role_) others.push_back(describe(role));
+  }
+  diagnostics::log_detail(
+      fmt::format("run {} on {}, with {}", run(), channel_, diagnostics::joined(others)));
 }
 
 /// Membership fails when the predecessor is heard: it is still there.

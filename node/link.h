@@ -89,6 +89,7 @@ class Link final : public Session {
   void announce_repeatedly();
   void handle_until(loop::Clock::time_point deadline);
   void wait_for_predecessor();
+  void log_members() const;
   void tell_who_is_missing(loop::Clock::time_point now);
 
   bus::Transport& raw_;

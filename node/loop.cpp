@@ -4,12 +4,15 @@
 
 #include <algorithm>
 
+#include "diagnostics/logging.h"
+
 namespace tachless::node {
 
 using protocol::lockstep::Verdict;
 
 void Loop::on(const std::string& channel, Handler handler) {
   transport_.subscribe(channel);
+  diagnostics::log_detail(fmt::format("receives {}", channel));
   handlers_.emplace_back(channel, std::move(handler));
 }
 

@@ -30,6 +30,8 @@ class Bus {
     } catch (const std::system_error& problem) {
       throw Failure(ExitCode::bad_usage, fmt::format("{}: {}", url, problem.what()));
     }
+    diagnostics::log_detail(
+        fmt::format("bus {}, receive buffer {} bytes", where.text(), udp_->receive_buffer_bytes()));
     // Nothing is repeated for a realtime logger: what its buffers do not hold while it waits for a
     // processor is lost.
     constexpr int enough_bytes = 2 << 20;  // bursts of a thousand messages, and to spare
@@ -62,6 +64,9 @@ Link::Config link_config(loop::Role role, const ProcessOptions& options,
   config.wait_s = options.wait_s;
   config.interrupted = &interrupted;
   if (options.key_path) config.key = read_key_file(*options.key_path);
+  diagnostics::log_detail(
+      config.key ? fmt::format("messages have the tag of the key in {}", options.key_path->string())
+                 : "messages have no tag: no --key-file");
   config.resume = options.controller.resume.has_value();
   return config;
 }

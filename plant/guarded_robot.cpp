@@ -7,9 +7,12 @@
 #include <string>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "loop/clock.h"
 #include "plant/emulated_robot.h"
 #include "plant/plant_model.h"
+#include "plant/spec.h"
 
 namespace tachless::plant {
 namespace {
@@ -36,6 +39,13 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
     throw scenario.complaint("plant.drive.torque_limit_Nm",
                              "no limit; a real robot needs one for each joint");
   }
+  const Spec& spec = scenario.plant;
+  diagnostics::log_detail(driver != nullptr
+                              ? "mechanics: the driver's robot"
+                              : fmt::format("mechanics {}, integrator {} with accuracy {}",
+                                            schema::name_of(spec.mechanics),
+                                            schema::name_of(spec.integrator.method),
+                                            diagnostics::shortest(spec.integrator.accuracy)));
 }
 
 void GuardedRobot::start() {

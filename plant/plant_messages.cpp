@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "diagnostics/logging.h"
 #include "diagnostics/version.h"
 #include "loop/measurements.h"
 
@@ -59,6 +60,7 @@ void PlantMessages::prepare() {
   }
   measurement_ = make_measurement_source(needed, scenario_, encoder_, layout_);
   measurement_port_ = {measurement_->channel(), measurement_->longest()};
+  diagnostics::log_detail(fmt::format("the law measures {}", needed));
 
   loop::RunInfo info;
   info.num_ticks = scenario_.loop.num_ticks;

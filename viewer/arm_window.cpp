@@ -10,14 +10,10 @@
 #include <string_view>
 #include <vector>
 
+#include "diagnostics/text.h"
+
 namespace tachless::viewer {
 namespace {
-
-std::string one_line(std::string_view text) {
-  std::string line(text);
-  std::replace(line.begin(), line.end(), '\n', ' ');
-  return line;
-}
 
 SimTK::Vec3 vec3(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z()}; }
 
@@ -285,9 +281,9 @@ ArmWindow::ArmWindow(const robot::Model& model, const robot::Vector& initial,
   } catch (const std::exception& error) {
     // Simbody's own words, in several lines, or none at all.
     const std::string_view why = error.what();
-    throw std::runtime_error(why == "std::exception"
-                                 ? viewer_ended
-                                 : "Simbody's window cannot be opened: " + one_line(why));
+    throw std::runtime_error(why == "std::exception" ? viewer_ended
+                                                     : "Simbody's window cannot be opened: " +
+                                                           diagnostics::one_line(why));
   }
 }
 
@@ -297,7 +293,8 @@ void ArmWindow::show(double t_s, const robot::Vector& q) {
   try {
     scene_->show(t_s, q);
   } catch (const std::exception& error) {
-    throw std::runtime_error("Simbody's window does not draw: " + one_line(error.what()));
+    throw std::runtime_error("Simbody's window does not draw: " +
+                             diagnostics::one_line(error.what()));
   }
 }
 

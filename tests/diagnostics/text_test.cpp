@@ -61,5 +61,12 @@ TEST(Text, NearestIsNothingWhenNoNameIsSimilar) {
   EXPECT_EQ(nearest("kp", std::vector<std::string>{}), std::nullopt);
 }
 
+TEST(Text, PrintableKeepsUtf8AndReplacesTheRest) {
+  EXPECT_EQ(printable("plain"), "plain");
+  EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");
+  EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
+  EXPECT_EQ(printable("\xc0\x80\xed\xa0\x80\xf5\xe2\x82"), "????????");
+}
+
 }  // namespace
 }  // namespace tachless::diagnostics

@@ -110,12 +110,5 @@ TEST_F(Info, BoundsTheNumberOfChannels) {
   EXPECT_EQ(info.events_elsewhere, 500u);
 }
 
-TEST(Printable, KeepsUtf8AndReplacesTheRest) {
-  EXPECT_EQ(printable("plain"), "plain");
-  EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");
-  EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
-  EXPECT_EQ(printable("\xc0\x80\xed\xa0\x80\xf5\xe2\x82"), "????????");
-}
-
 }  // namespace
 }  // namespace tachless::logger

@@ -205,7 +205,7 @@ int main(int argc, char** argv) {
   try {
     return static_cast<int>(soak::soak(argc, argv));
   } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_error(diagnostics::one_line(failure.what()));
+    diagnostics::log_error(failure.what());
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {
     diagnostics::log_error(fmt::format("internal error: {}", diagnostics::one_line(error.what())));

@@ -125,7 +125,7 @@ const std::vector<Rule> rules = {
      true},
     {"viewer/arm_window.h", {"robot/"}, {}},
     {"viewer/arm_window.cpp",
-     {"viewer/arm_window.h", "robot/"},
+     {"viewer/arm_window.h", "robot/", "diagnostics/text.h"},
      {"Eigen/", "SimTKsimbody.h"},
      true},
 

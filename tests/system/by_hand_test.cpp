@@ -27,6 +27,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 using system_test::FourPrograms;
 using system_test::roles;
@@ -107,6 +108,43 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, SameLog,
                            const std::string file = each.param;
                            return file.substr(0, file.find('.'));
                          });
+
+/// What each program writes to stderr, run with these options.
+std::map<std::string, std::string> errors_with(const std::vector<std::string>& options) {
+  FourPrograms run("paper_rigid.yaml");
+  run.settings.insert(run.settings.end(), options.begin(), options.end());
+  run.start_all();
+  run.expect_all_done();
+  std::map<std::string, std::string> errors;
+  for (const std::string role : roles) errors[role] = run[role].errors();
+  return errors;
+}
+
+TEST(ByHand, VerboseSaysWhatEachProgramWorksWith) {
+  const auto normal = errors_with({});
+  const auto verbose = errors_with({"--verbose"});
+  const std::map<std::string, std::vector<std::string>> expected = {
+      {"plant",
+       {"receives ARM_COMMAND\n", "mechanics simbody, integrator runge_kutta_merson with accuracy ",
+        "the law measures POSITION\n"}},
+      {"reference", {"receives ARM_TICK\n"}},
+      {"controller",
+       {"receives ARM_POSITION\n",
+        "law loria_ortega_rigid, measures POSITION, publishes its signals error:rad,nu:rad/s\n"}},
+      {"logger", {"receives ARM_TRUTH\n", "writes the log /"}}};
+  for (const auto& [role, lines] : expected) {
+    const std::string& more = verbose.at(role);
+    EXPECT_THAT(more, AllOf(HasSubstr("bus udpm://"), HasSubstr("?ttl=0, receive buffer "),
+                            HasSubstr("no --key-file\n"), HasSubstr("run 7 on ARM_PARTICIPANT, ")))
+        << role;
+    for (const std::string& line : lines) {
+      EXPECT_THAT(more, HasSubstr(line)) << role;
+      EXPECT_THAT(normal.at(role), Not(HasSubstr(line))) << role;
+    }
+    // Once each, not once per tick: of these there are 400.
+    EXPECT_LT(std::count(more.begin(), more.end(), '\n'), 25) << role;
+  }
+}
 
 TEST(ByHand, RefusesASecondControllerAndFinishesWithTheFirst) {
   FourPrograms run("paper_rigid.yaml");

@@ -1,0 +1,10 @@
+#include "diagnostics/failure.h"
+
+#include "diagnostics/text.h"
+
+namespace tachless::diagnostics {
+
+Failure::Failure(ExitCode code, std::string_view what)
+    : std::runtime_error(one_line(what)), code_(code) {}
+
+}  // namespace tachless::diagnostics
