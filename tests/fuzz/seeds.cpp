@@ -44,7 +44,12 @@ std::string contents(const std::filesystem::path& path) {
 /// Of one run; those of the log first, in its order.
 std::vector<Message> messages() {
   std::vector<Message> all;
-  loop::RunInfo info{num_ticks, 1e-3, "1.0", "ARM", "POSITION", {}, {}};
+  loop::RunInfo info;
+  info.num_ticks = num_ticks;
+  info.period_s = 1e-3;
+  info.version = "1.0";
+  info.robot = "ARM";
+  info.measurement = "POSITION";
   info.signals = "error:rad,nu:rad/s";
   info.scenario = contents(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml");
   info.scenario += "  # as it is in a log: with what the command line gave\n";
