@@ -390,27 +390,30 @@ diagnostics::ExitCode run_scenario(Options options) {
   std::optional<Window> window;
   if (options.visualize) window.emplace(options, isolated, screen);
   const Directory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
-  Watch watch;
+  SuperviseOptions supervise_options;
   if (scenario.loop.mode == experiment::Mode::realtime) {
     // The plant first brings the robot to rest, once it misses what was lost.
     const double noticed_s =
         std::min(scenario.loop.give_up_s, scenario.loop.period_s * (scenario.loop.max_missed + 1));
-    watch.grace += plant::RealtimeLoop::longest_stop +
-                   std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
+    supervise_options.grace +=
+        plant::RealtimeLoop::longest_stop +
+        std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
   }
-  watch.on_line = [&](std::string_view name, std::string_view line) { screen.pass_on(name, line); };
-  watch.on_restart = [&](std::string_view name, const std::string& how) {
+  supervise_options.on_line = [&](std::string_view name, std::string_view line) {
+    screen.pass_on(name, line);
+  };
+  supervise_options.on_restart = [&](std::string_view name, const std::string& how) {
     screen.clear();
     diagnostics::log_warning(how + "; another " + std::string(name) +
                              " has been started in its place");
   };
-  watch.on_wake = [&] {
+  supervise_options.on_wake = [&] {
     heartbeats.read_into(progress);
     screen.show(progress);
     if (window) window->attend();
   };
   const Clock::time_point begun = Clock::now();
-  const Supervision supervision = supervise(processes(options, out), watch);
+  const Supervision supervision = supervise(processes(options, out), supervise_options);
   if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
 
