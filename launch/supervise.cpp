@@ -27,7 +27,7 @@ constexpr std::chrono::milliseconds wake_interval{50};
   throw std::system_error(errno, std::generic_category(), call);
 }
 
-// Signals that end a run and were delivered while `Watch::on_wake` let them through.
+// Signals that end a run and were delivered while `SuperviseOptions::on_wake` let them through.
 volatile std::sig_atomic_t delivered = 0;
 void count_delivery(int /*signal*/) { delivered = delivered + 1; }
 
@@ -77,9 +77,9 @@ class Signals {
 
 class Run {
  public:
-  Run(const std::vector<Process>& processes, const Watch& watch)
+  Run(const std::vector<Process>& processes, const SuperviseOptions& options)
       : processes_(processes),
-        watch_(watch),
+        options_(options),
         result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
     for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
     try {
@@ -101,7 +101,7 @@ class Run {
       for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
       handle_interrupts();
       reap();
-      if (watch_.on_wake) watch_.on_wake();
+      if (options_.on_wake) options_.on_wake();
       enforce();
     }
     return std::move(result_);
@@ -124,7 +124,7 @@ class Run {
 
   void read_output(std::size_t i) {
     read_lines(children_[i], [&](std::string line) {
-      if (watch_.on_line) watch_.on_line(result_.ends[i].name, line);
+      if (options_.on_line) options_.on_line(result_.ends[i].name, line);
       result_.ends[i].last_line = std::move(line);
     });
   }
@@ -136,7 +136,7 @@ class Run {
     if (!result_.interrupted) {
       result_.interrupted = true;
       order(SIGINT);
-      terminate_at_ = Clock::now() + watch_.interrupt_grace;
+      terminate_at_ = Clock::now() + options_.interrupt_grace;
     }
     if (again && !killed_) {
       order(SIGKILL);
@@ -176,7 +176,7 @@ class Run {
     fresh.restarts = end.restarts + 1;
     end = std::move(fresh);
     children_[i] = process::start(processes_[i].restart, signals_.mask_before());
-    if (watch_.on_restart) watch_.on_restart(end.name, how);
+    if (options_.on_restart) options_.on_restart(end.name, how);
   }
 
   /// A process that went because of a peer is a victim, and says so: blame whoever fails otherwise.
@@ -193,10 +193,10 @@ class Run {
       if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
         result_.culprit = i;
       }
-      if (first) terminate_at_ = std::min(terminate_at_, now + watch_.grace);
+      if (first) terminate_at_ = std::min(terminate_at_, now + options_.grace);
     } else if (!ordered_ && !clean_end_) {
       clean_end_ = true;
-      stragglers_at_ = now + watch_.end_together;
+      stragglers_at_ = now + options_.end_together;
     }
   }
 
@@ -213,7 +213,7 @@ class Run {
     if (now >= terminate_at_ && !terminated_) {
       order(SIGTERM);
       terminated_ = true;
-      kill_at_ = now + watch_.patience;
+      kill_at_ = now + options_.patience;
     }
     if (now >= kill_at_ && !killed_) {
       order(SIGKILL);
@@ -241,7 +241,7 @@ class Run {
   }
 
   const std::vector<Process>& processes_;
-  const Watch& watch_;
+  const SuperviseOptions& options_;
   Signals signals_;
   std::vector<process::Child> children_;
   Supervision result_;
@@ -256,8 +256,8 @@ class Run {
 
 }  // namespace
 
-Supervision supervise(const std::vector<Process>& processes, const Watch& watch) {
-  return Run(processes, watch).finish();
+Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options) {
+  return Run(processes, options).finish();
 }
 
 std::string describe(const ProcessEnd& end) {

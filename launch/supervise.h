@@ -13,7 +13,7 @@
 
 namespace tachless::launch {
 
-/// A process to start. Its stdout and stderr come line by line to `Watch::on_line`.
+/// A process to start. Its stdout and stderr come line by line to `SuperviseOptions::on_line`.
 struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
@@ -36,7 +36,8 @@ struct ProcessEnd {
   [[nodiscard]] bool failed() const { return signal != 0 || exit_code != 0; }
 };
 
-struct Watch {
+/// How to supervise: callbacks, and how long to wait before ending what does not end by itself.
+struct SuperviseOptions {
   std::function<void(std::string_view name, std::string_view line)> on_line;
   /// A process was killed, as `how` says, and another has been started in its place.
   std::function<void(std::string_view name, const std::string& how)> on_restart;
@@ -59,7 +60,7 @@ struct Supervision {
 /// themselves, then SIGTERM, then SIGKILL. Should this process die, its children get SIGTERM.
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.
-Supervision supervise(const std::vector<Process>& processes, const Watch& watch);
+Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options);
 
 /// One line: "controller was killed by signal 9 (Killed); its last words: …".
 std::string describe(const ProcessEnd& end);

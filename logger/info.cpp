@@ -215,6 +215,60 @@ std::string to_text(const LogInfo& info) {
          damage_text(info.damage) + channels_text(info);
 }
 
+namespace {
+
+nlohmann::json json_of(const RunFacts& run) {
+  using nlohmann::json;
+  const RunSummary& summary = run.summary;
+  json pieces = json::array();
+  for (const auto& piece : summary.pieces) {
+    json missing = json::array();
+    for (const auto& range : piece.missing_list) missing.push_back({range.first, range.last});
+    pieces.push_back({{"channel", piece.channel},
+                      {"ticks", piece.count},
+                      {"absent", piece.absent()},
+                      {"duplicates", piece.duplicates},
+                      {"conflicts", piece.conflicts},
+                      {"missing", piece.missing},
+                      {"missing_ticks", missing}});
+  }
+  json undecodable = json::object();
+  for (const auto& [reason, count] : summary.undecodable) {
+    undecodable[std::string(bus::name(reason))] = count;
+  }
+  json faults = json::array();
+  for (const auto& fault : summary.faults) {
+    faults.push_back(
+        {{"role", loop::name(fault.role)}, {"tick", fault.tick}, {"text", fault.text}});
+  }
+  json foreign = json::object();
+  for (const auto& [id, count] : summary.foreign_runs) foreign[std::to_string(id)] = count;
+  return {{"id", run.run},
+          {"scenario", run.scenario},
+          {"robot", run.robot},
+          {"law", run.law},
+          {"measurement", run.measurement},
+          {"mode", run.mode},
+          {"version", run.version},
+          {"period_s", run.period_s},
+          {"num_ticks", run.num_ticks},
+          {"num_joints", run.num_joints},
+          {"flexible", run.flexible},
+          {"ticks", summary.ticks},
+          {"first_tick", summary.first_tick},
+          {"last_tick", summary.last_tick},
+          {"gaps", summary.gaps()},
+          {"pieces", pieces},
+          {"undecodable", undecodable},
+          {"wrong_tick", summary.wrong_tick},
+          {"too_late", summary.too_late},
+          {"foreign_messages", summary.foreign_messages},
+          {"foreign_runs", foreign},
+          {"faults", faults}};
+}
+
+}  // namespace
+
 nlohmann::json to_json(const LogInfo& info) {
   using nlohmann::json;
   json result;
@@ -255,53 +309,7 @@ nlohmann::json to_json(const LogInfo& info) {
     result["run_problem"] = info.run_problem;
     return result;
   }
-  const RunFacts& run = *info.run;
-  const RunSummary& summary = run.summary;
-  json pieces = json::array();
-  for (const auto& piece : summary.pieces) {
-    json missing = json::array();
-    for (const auto& range : piece.missing_list) missing.push_back({range.first, range.last});
-    pieces.push_back({{"channel", piece.channel},
-                      {"ticks", piece.count},
-                      {"absent", piece.absent()},
-                      {"duplicates", piece.duplicates},
-                      {"conflicts", piece.conflicts},
-                      {"missing", piece.missing},
-                      {"missing_ticks", missing}});
-  }
-  json undecodable = json::object();
-  for (const auto& [reason, count] : summary.undecodable) {
-    undecodable[std::string(bus::name(reason))] = count;
-  }
-  json faults = json::array();
-  for (const auto& fault : summary.faults) {
-    faults.push_back(
-        {{"role", loop::name(fault.role)}, {"tick", fault.tick}, {"text", fault.text}});
-  }
-  json foreign = json::object();
-  for (const auto& [id, count] : summary.foreign_runs) foreign[std::to_string(id)] = count;
-  result["run"] = {{"id", run.run},
-                   {"scenario", run.scenario},
-                   {"robot", run.robot},
-                   {"law", run.law},
-                   {"measurement", run.measurement},
-                   {"mode", run.mode},
-                   {"version", run.version},
-                   {"period_s", run.period_s},
-                   {"num_ticks", run.num_ticks},
-                   {"num_joints", run.num_joints},
-                   {"flexible", run.flexible},
-                   {"ticks", summary.ticks},
-                   {"first_tick", summary.first_tick},
-                   {"last_tick", summary.last_tick},
-                   {"gaps", summary.gaps()},
-                   {"pieces", pieces},
-                   {"undecodable", undecodable},
-                   {"wrong_tick", summary.wrong_tick},
-                   {"too_late", summary.too_late},
-                   {"foreign_messages", summary.foreign_messages},
-                   {"foreign_runs", foreign},
-                   {"faults", faults}};
+  result["run"] = json_of(*info.run);
   return result;
 }
 

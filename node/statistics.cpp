@@ -28,7 +28,7 @@ constexpr std::array<std::string_view, num_discards> discard_names = {"other_run
     NLOHMANN_JSON_EXPAND(NLOHMANN_JSON_PASTE(NLOHMANN_JSON_FROM, __VA_ARGS__)) \
   }
 
-static void to_json(Json& json, const LatencyHistogram& histogram) {
+void to_json(Json& json, const LatencyHistogram& histogram) {
   Json buckets = Json::array();
   for (const auto& bucket : histogram.buckets()) buckets.push_back({bucket.from_us, bucket.count});
   json = {{"p50", histogram.percentile_us(0.5)},

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -104,8 +105,9 @@ struct Statistics {
   [[nodiscard]] const LoggerStatistics& logger() const { return std::get<LoggerStatistics>(own); }
 };
 
-/// One JSON object: the head's fields, then the role's, named as above; durations are
 /// {p50, p99, p999, max, histogram [[from_us, count]…]} in microseconds.
+void to_json(nlohmann::ordered_json& json, const LatencyHistogram& histogram);
+/// One JSON object: the head's fields, then the role's, named as above.
 std::string to_json(const Statistics& statistics);
 /// The inverse. @throw std::invalid_argument when it is not that
 Statistics statistics_from_json(const std::string& text);

@@ -4,14 +4,34 @@
 
 #include <cerrno>
 #include <cstring>
+#include <system_error>
 #include <utility>
 
+#include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "report/chart.h"
 #include "report/figure.h"
 #include "report/gnuplot.h"
 
 namespace tachless::replay {
+namespace {
+
+/// Of the keys of a scenario, those that a controller's commands depend on.
+void require_of_controller(const std::vector<std::string>& overrides) {
+  for (const std::string& setting : overrides) {
+    if (setting.starts_with("controller.") || setting.starts_with("robot.") ||
+        setting.starts_with("loop.command_delay")) {
+      continue;
+    }
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        fmt::format("--set {}: has no effect on a replay, which takes measurements and references "
+                    "from the log; allowed: controller.…, robot.…, loop.command_delay",
+                    setting));
+  }
+}
+
+}  // namespace
 
 WhatIf::WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units)
     : csv_path_(std::move(csv)),
@@ -75,18 +95,53 @@ std::string WhatIf::figure(const std::string& title, const std::filesystem::path
   return report::stacked_chart_commands(charts, title, svg);
 }
 
-std::string what_if_table(const Replay& replay, const std::vector<std::string>& effort_units,
-                          double period_s) {
+Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
+                   const std::filesystem::path& out, const std::vector<std::string>& effort_units) {
+  require_of_controller(overrides);
+  if (!law.empty()) overrides.push_back("controller.law=" + law);
+  Comparison result{{},
+                    experiment::parse_scenario(log.info().scenario, log.info().robot_description,
+                                               log.path().string() + " (RUN_INFO)", overrides),
+                    "",
+                    {},
+                    {}};
+  const std::filesystem::path folder = out.empty() ? log.path().parent_path() : out;
+  std::error_code error;
+  if (!folder.empty()) std::filesystem::create_directories(folder, error);
+  result.csv = folder / "replay.csv";
+  result.svg = folder / "replay.svg";
+  const std::string& was = log.scenario().controller.law;
+  const std::string& is = result.scenario.controller.law;
+  result.title = fmt::format("{}: recorded under {}, replayed {}", log.scenario().name, was,
+                             is == was ? "with other settings" : "under " + is);
+
+  controller::scenario_law(result.scenario);  // complains before files are made
+  WhatIf what_if(result.csv, log.info().period_s, effort_units);
+  result.replay = replay(log, result.scenario,
+                         [&](std::int64_t tick, const auto& recorded, const auto& replayed) {
+                           what_if.add(tick, recorded, replayed);
+                         });
+  what_if.finish();
+  if (result.replay.compared > 0)
+    report::draw(what_if.figure(result.title, result.svg), result.svg);
+  return result;
+}
+
+std::string comparison_text(const Comparison& comparison,
+                            const std::vector<std::string>& effort_units, double period_s) {
+  const Replay& replay = comparison.replay;
   std::string text = fmt::format(
-      "  {:>5}  {:>37}   {:>25}\n  {:>5}  {:>12} {:>11} {:>12}   {:>12} {:>12}\n", "joint",
-      "replayed - recorded torque", "peak torque", "", "max", "at", "rms", "recorded", "replayed");
+      "{}\n{} ticks, {} of them with another command\n\n"
+      "  {:>5}  {:>37}   {:>25}\n  {:>5}  {:>12} {:>11} {:>12}   {:>12} {:>12}\n",
+      comparison.title, replay.compared, replay.different, "joint", "replayed - recorded torque",
+      "peak torque", "", "max", "at", "rms", "recorded", "replayed");
   for (std::size_t i = 0; i < replay.joints.size(); ++i) {
     const TorqueDifference& joint = replay.joints[i];
     text += fmt::format("  {:>5}  {:12.5g} {:9.4g} s {:12.5g}   {:12.5g} {:12.5g} {}\n", i + 1,
                         joint.max, static_cast<double>(joint.max_tick) * period_s, joint.rms,
                         joint.recorded_peak, joint.replayed_peak, effort_units[i]);
   }
-  return text;
+  return text + fmt::format("\n  {}\n  {}\n", comparison.svg.string(), comparison.csv.string());
 }
 
 nlohmann::ordered_json to_json(const Replay& replay) {

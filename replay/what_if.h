@@ -42,9 +42,24 @@ class WhatIf {
   std::vector<Joint> joints_;
 };
 
-/// Largest and rms difference per joint.
-std::string what_if_table(const Replay& replay, const std::vector<std::string>& effort_units,
-                          double period_s);
+/// A log replayed with another law or other settings, and the files made of it.
+struct Comparison {
+  Replay replay;
+  experiment::Scenario scenario;  ///< the log's, changed
+  std::string title;
+  std::filesystem::path csv, svg;  ///< there is no figure when no tick was compared
+};
+
+/// Replays `log` with `law` (empty: its own) and the settings `overrides`, and writes replay.csv
+/// and replay.svg into `out` (empty: beside the log).
+/// @throw diagnostics::Failure(bad_usage) for a setting that no command depends on, a scenario that
+/// is not valid, or a file that cannot be written
+Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
+                   const std::filesystem::path& out, const std::vector<std::string>& effort_units);
+
+/// Largest and rms difference per joint, and the files.
+std::string comparison_text(const Comparison& comparison,
+                            const std::vector<std::string>& effort_units, double period_s);
 
 /// `{compared_ticks, different_ticks, last_compared_tick, complete, ticks_without_command,
 /// ticks_passed_over, stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm,

@@ -1,13 +1,16 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "node/statistics.h"
+#include "report/joint_units.h"
 #include "report/tracking.h"
 
+/// A run in numbers: summary.json and the closing table. Reads no log and writes no file.
 namespace tachless::report {
 
 /// Everything about a run that is not in its signals.
@@ -24,15 +27,22 @@ struct RunFacts {
   std::optional<std::string> fault;
 };
 
-/// The content of summary.json. `counters` are what the processes wrote at their end (objects
-/// with the key "role"); a process that was killed has written none.
-nlohmann::ordered_json summarise(const RunFacts& facts, const report::Tracking& tracking,
-                                 const std::vector<nlohmann::json>& counters);
+struct RunSummary {
+  RunFacts facts;
+  Tracking tracking;
+  /// What the processes counted; a process that was killed has left none.
+  std::vector<node::Statistics> statistics;
+
+  /// From the start of the run to its end, by the plant's clock where it has told.
+  [[nodiscard]] double wall_s() const;
+  [[nodiscard]] double duration_s() const;  ///< of the motion
+};
+
+/// The content of summary.json.
+nlohmann::ordered_json to_json(const RunSummary& summary);
 
 /// The closing table: per joint error and torque, then how the run went.
-std::string closing_table(const nlohmann::ordered_json& summary,
-                          const std::vector<std::string>& length_units,
-                          const std::vector<std::string>& effort_units);
+std::string closing_table(const RunSummary& summary, const JointUnits& units);
 
 /// "50 µs", "1 ms": a period for people.
 std::string short_period(double period_s);

@@ -37,7 +37,7 @@ struct Result {
 
 /// `act(lines)` is called on each wake and may send signals.
 Result watch(const std::vector<Process>& processes,
-             const std::function<void(const Result&)>& act = {}, Watch options = {}) {
+             const std::function<void(const Result&)>& act = {}, SuperviseOptions options = {}) {
   Result result;
   options.on_line = [&](std::string_view name, std::string_view line) {
     result.lines[std::string(name)].emplace_back(line);
@@ -69,7 +69,7 @@ TEST(Supervise, RestartsAKilledProcessWhereItIsToldTo) {
   Process controller = shell("controller", "echo first; kill -9 $$");
   controller.restart = {"/bin/sh", "-c", "echo second; exit 0"};
   std::vector<std::string> told;
-  Watch options;
+  SuperviseOptions options;
   options.on_restart = [&](std::string_view name, const std::string& how) {
     told.push_back(std::string(name) + ": " + how);
   };
@@ -121,7 +121,7 @@ TEST(Supervise, PassesOnTheCulpritsExitCodeAndLastWords) {
 }
 
 TEST(Supervise, TellsOfAProtectiveStopWhoeverWasLost) {
-  Watch options;
+  SuperviseOptions options;
   options.grace = seconds(2);
   const Result result =
       watch({shell("plant", "sleep 0.2; exit 5"), shell("controller", "kill -9 $$"),
@@ -132,7 +132,7 @@ TEST(Supervise, TellsOfAProtectiveStopWhoeverWasLost) {
 }
 
 TEST(Supervise, BlamesTheCauseNotThePeerThatMissedIt) {
-  Watch options;
+  SuperviseOptions options;
   options.grace = seconds(2);
   const Result result =
       watch({shell("plant", "exit 3"), shell("controller", "sleep 0.1; exit 4")}, {}, options);
@@ -174,7 +174,7 @@ TEST(Supervise, KillsTheDeafAfterASecondCtrlC) {
 }
 
 TEST(Supervise, StopsWhoGoesOnLongAfterTheOthersHaveEnded) {
-  Watch options;
+  SuperviseOptions options;
   options.end_together = milliseconds(200);
   const Result result =
       watch({shell("plant", "exit 0"), shell("controller", obedient)}, {}, options);
@@ -193,7 +193,7 @@ TEST(Supervise, WakesAStoppedProcessToEndIt) {
 
 TEST(Supervise, NamesAProgramThatCannotBeStarted) {
   pid_t first = 0;
-  Watch options;
+  SuperviseOptions options;
   options.on_line = [&](std::string_view, std::string_view line) {
     first = static_cast<pid_t>(std::stol(std::string(line)));
   };
@@ -214,7 +214,7 @@ TEST(Supervise, LeavesNoChildWhenItDies) {
   const pid_t launcher = fork();
   ASSERT_GE(launcher, 0);
   if (launcher == 0) {
-    Watch options;
+    SuperviseOptions options;
     options.on_line = [&](std::string_view, std::string_view) {
       [[maybe_unused]] const auto n = write(held[1], "u", 1);
     };

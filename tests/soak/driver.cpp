@@ -73,12 +73,12 @@ class Driver {
   Observation run() {
     std::optional<PacketLoss> loss;
     if (spec_.round.fault == Fault::loss) loss.emplace(spec_.round.loss_percent);
-    launch::Watch watch;
-    watch.on_wake = [this] { on_wake(); };
-    watch.interrupt_grace = 20s;
+    launch::SuperviseOptions options;
+    options.on_wake = [this] { on_wake(); };
+    options.interrupt_grace = 20s;
     const auto begun = Clock::now();
     give_up_at_ = begun + longest_round;
-    const launch::Supervision done = launch::supervise({{"run", spec_.command}}, watch);
+    const launch::Supervision done = launch::supervise({{"run", spec_.command}}, options);
     if (done.interrupted || interrupted_) throw_interrupted();
     const auto ended = Clock::now();
     Observation seen;

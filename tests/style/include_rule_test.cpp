@@ -106,8 +106,8 @@ const std::vector<Rule> rules = {
      {"Eigen/"}},
 
     {"report/",
-     {"report/", "certificate/", "controller/registry.h", "logger/", "process/", "experiment/",
-      "robot/", "loop/", "diagnostics/"},
+     {"report/", "certificate/", "controller/registry.h", "logger/", "node/statistics.h",
+      "process/", "experiment/", "robot/", "loop/", "diagnostics/"},
      {"nlohmann/"},
      true},
     {"replay/",

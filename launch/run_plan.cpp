@@ -1,0 +1,194 @@
+#include "launch/run_plan.h"
+
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <system_error>
+#include <utility>
+
+#include "bus/network_check.h"
+#include "controller/registry.h"
+#include "diagnostics/logging.h"
+#include "node/process_options.h"
+#include "plant/plant_model.h"
+#include "process/isolate.h"
+#include "reference/make_trajectory.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
+constexpr std::array roles = {loop::Role::logger, loop::Role::controller, loop::Role::reference,
+                              loop::Role::plant};
+// Processes of one launcher find each other at once or never.
+constexpr const char* rendezvous_s = "10";
+constexpr double many_integrator_steps = 100;
+// From a controller's death until another one has taken its place, on a busy machine.
+constexpr double takeover_s = 2;
+
+void require_restartable(const RunOptions& options, const experiment::Scenario& scenario) {
+  if (options.restart.empty()) return;
+  if (scenario.loop.mode != experiment::Mode::lockstep) {
+    throw Failure(ExitCode::bad_usage,
+                  fmt::format("--restart {}: a realtime run does not wait for another controller: "
+                              "the robot is stopped; leave --restart out, or take --mode lockstep",
+                              options.restart));
+  }
+  if (scenario.loop.give_up_s < takeover_s) {
+    throw Failure(
+        ExitCode::bad_usage,
+        fmt::format("--restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so long "
+                    "may it take until another one has taken its place",
+                    options.restart, scenario.loop.give_up_s, takeover_s));
+  }
+}
+
+bool isolation_wanted(const RunOptions& options) {
+  const char* variable = std::getenv("TACHLESS_ISOLATE");
+  const std::string value = variable == nullptr ? "" : variable;
+  return options.isolate || !(value.empty() || value == "0");
+}
+
+}  // namespace
+
+std::vector<std::string> RunOptions::all_overrides() const {
+  std::vector<std::string> all = overrides;
+  if (!mode.empty()) all.push_back("loop.mode=" + mode);
+  if (!duration_s.empty()) all.push_back("loop.duration_s=" + duration_s);
+  return all;
+}
+
+experiment::Scenario checked_scenario(const RunOptions& options) {
+  experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.all_overrides());
+  reference::make_trajectory(scenario);
+  controller::scenario_law(scenario);
+  const robot::Model model = plant::plant_model(scenario);
+  plant::initial_state(scenario, model);
+  plant::make_drive(scenario, model);
+  require_restartable(options, scenario);
+  const double steps = plant::integrator_steps_per_tick(scenario, model);
+  if (steps > many_integrator_steps && !options.quiet) {
+    diagnostics::log_warning(
+        fmt::format("the joints are stiff for this period: about {} integrator steps a tick; "
+                    "expect a slow run",
+                    std::llround(steps)));
+  }
+  return scenario;
+}
+
+bool prepare_network(const RunOptions& options) {
+  const bus::LcmUrl url = node::parse_lcm_url(options.lcm_url);
+  if (!isolation_wanted(options)) {
+    const auto problem = bus::check_network(url);
+    if (!problem) return false;
+    diagnostics::log_warning(
+        fmt::format("this host has no usable multicast ({}): the run is isolated in a private "
+                    "network; to mend it, type: {}",
+                    problem->what, problem->remedy));
+  }
+  try {
+    process::enter_private_network();
+  } catch (const std::system_error& error) {
+    throw Failure(ExitCode::bad_usage, fmt::format("cannot isolate the run: {}", error.what()));
+  }
+  return true;
+}
+
+RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
+  std::error_code error;
+  fs::create_directories(path_, error);
+  if (error || !fs::is_directory(path_)) {
+    refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
+  }
+  lock_ = process::FileDescriptor(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
+  if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
+  if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
+  for (const char* file : our_files) {
+    if (!fs::remove(path_ / file, error) && error) {
+      refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
+    }
+  }
+  for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
+}
+
+fs::path RunDirectory::statistics_path(loop::Role role) const {
+  return path_ / fmt::format(".{}.json", loop::name(role));
+}
+
+std::vector<node::Statistics> RunDirectory::take_statistics() const {
+  std::vector<node::Statistics> all;
+  for (const loop::Role role : roles) {
+    const fs::path path = statistics_path(role);
+    std::ifstream file(path);
+    try {
+      all.push_back(node::statistics_from_json({std::istreambuf_iterator<char>(file), {}}));
+    } catch (const std::invalid_argument&) {  // it was killed and left none, or half of it
+    }
+    std::error_code ignored;
+    fs::remove(path, ignored);
+  }
+  return all;
+}
+
+std::vector<fs::path> RunDirectory::files() const {
+  std::vector<fs::path> found;
+  for (const char* file : our_files) {
+    if (fs::exists(path_ / file)) found.push_back(path_ / file);
+  }
+  return found;
+}
+
+void RunDirectory::refuse(const std::string& why) const {
+  throw Failure(ExitCode::bad_usage,
+                fmt::format("--out {}: {}; choose another directory", path_.string(), why));
+}
+
+std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
+  const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
+  std::vector<std::string> command = {(programs / program).string(), options.scenario.string(),
+                                      "--lcm-url", options.lcm_url};
+  if (!options.key_file.empty()) command.insert(command.end(), {"--key-file", options.key_file});
+  for (const std::string& value : options.all_overrides()) {
+    command.insert(command.end(), {"--set", value});
+  }
+  return command;
+}
+
+std::vector<Process> run_processes(const RunOptions& options, const RunDirectory& out) {
+  const std::string log = (out / "lcmlog").string();
+  std::vector<Process> all;
+  for (const loop::Role role : roles) {
+    std::vector<std::string> command = command_of(node::program_name(role), options);
+    command.insert(command.end(), {"--quiet", "--wait-s", rendezvous_s, "--stats",
+                                   out.statistics_path(role).string()});
+    if (role == loop::Role::plant) {
+      command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
+    }
+    if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
+    Process process{std::string(loop::name(role)), std::move(command), {}};
+    if (process.name == options.restart) {
+      process.restart = process.command;
+      process.restart.insert(process.restart.end(), {"--resume", log});
+    }
+    all.push_back(std::move(process));
+  }
+  return all;
+}
+
+}  // namespace tachless::launch

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "experiment/scenario.h"
+#include "launch/supervise.h"
+#include "loop/messages.h"
+#include "node/options.h"
+#include "node/statistics.h"
+
+/// What `tachless run` starts and where it writes, worked out and checked before anything is
+/// started. Starts no process.
+namespace tachless::launch {
+
+struct RunOptions {
+  std::filesystem::path scenario;
+  std::filesystem::path out;  ///< empty: out/<the scenario's name>
+  std::int64_t run_id = 0;    ///< 0: the time
+  std::vector<std::string> overrides;
+  std::string mode;
+  std::string duration_s;
+  std::string lcm_url = node::default_lcm_url;
+  std::string key_file;
+  std::string restart;  ///< the process to start again when a signal kills it; empty: none
+  bool isolate = false;
+  bool quiet = false;
+  bool json = false;
+  bool visualize = false;
+
+  [[nodiscard]] std::vector<std::string> all_overrides() const;
+};
+
+/// The scenario of a run. What a process would refuse later is refused here.
+/// @throw diagnostics::Failure(bad_usage)
+experiment::Scenario checked_scenario(const RunOptions& options);
+
+/// Moves this process into a private network where that is wanted, or needed because the host has
+/// no usable multicast. Returns whether it did.
+/// @throw diagnostics::Failure(bad_usage)
+bool prepare_network(const RunOptions& options);
+
+/// The run's directory, empty of our files and locked against a second run until destruction.
+class RunDirectory {
+ public:
+  /// @throw diagnostics::Failure(bad_usage) naming --out
+  explicit RunDirectory(std::filesystem::path path);
+
+  [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
+    return path_ / file;
+  }
+  /// Where a process leaves its counters, until they are in the summary.
+  [[nodiscard]] std::filesystem::path statistics_path(loop::Role role) const;
+  /// The counters of the processes that wrote them; removes their files.
+  [[nodiscard]] std::vector<node::Statistics> take_statistics() const;
+  /// Those of our files that exist, for people.
+  [[nodiscard]] std::vector<std::filesystem::path> files() const;
+
+ private:
+  [[noreturn]] void refuse(const std::string& why) const;
+
+  std::filesystem::path path_;
+  process::FileDescriptor lock_;
+};
+
+/// Path of `program` beside this one, and the arguments that say which experiment on which bus.
+std::vector<std::string> command_of(const std::string& program, const RunOptions& options);
+
+/// The four processes, in the order in which they are started.
+std::vector<Process> run_processes(const RunOptions& options, const RunDirectory& out);
+
+}  // namespace tachless::launch

@@ -1,0 +1,285 @@
+#include "launch/run_session.h"
+
+#include <fmt/core.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "bus/authenticated.h"
+#include "bus/udp_transport.h"
+#include "bus/wire.h"
+#include "diagnostics/logging.h"
+#include "launch/progress.h"
+#include "node/key_file.h"
+#include "plant/realtime_loop.h"
+#include "process/interruption.h"
+#include "process/side_process.h"
+#include "report/figure.h"
+#include "report/gnuplot.h"
+#include "report/joint_units.h"
+#include "report/log_tracking.h"
+#include "report/report.h"
+#include "report/summary.h"
+#include "viewer/visualizer.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+/// Reads the controller's heartbeats. Only listens.
+class Heartbeats {
+ public:
+  Heartbeats(const std::string& lcm_url, const std::optional<bus::Key>& key,
+             const experiment::Scenario& scenario, std::int64_t run)
+      : transport_(lcm_url),
+        codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
+        run_(run) {
+    if (key) authenticated_.emplace(transport_, *key);
+    transport_.subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+  }
+
+  void read_into(Progress& progress) {
+    bus::Transport& transport =
+        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+    while (const auto datagram = transport.receive(loop::Clock::time_point{})) {
+      loop::Stamp stamp;
+      loop::Participant participant;
+      if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
+          stamp.run == run_ && participant.role == loop::Role::controller) {
+        progress.note(stamp.tick, participant.error_norm, Clock::now());
+      }
+    }
+  }
+
+ private:
+  bus::UdpTransport transport_;
+  std::optional<bus::Authenticated> authenticated_;
+  bus::Codec<loop::Participant> codec_;
+  std::int64_t run_;
+};
+
+/// The progress line on stderr, and other lines between.
+class Screen {
+ public:
+  explicit Screen(bool quiet) : quiet_(quiet) {}
+
+  void show(const Progress& progress) {
+    const Clock::time_point now = Clock::now();
+    if (quiet_ || now < next_) return;
+    if (terminal_) {
+      std::cerr << "\r\033[K" << progress.line() << std::flush;
+      shown_ = true;
+      next_ = now + std::chrono::milliseconds(100);
+    } else {
+      if (next_ != Clock::time_point{}) std::cerr << progress.line() + "\n" << std::flush;
+      next_ = now + std::chrono::seconds(5);
+    }
+  }
+
+  void clear() {
+    if (std::exchange(shown_, false)) std::cerr << "\r\033[K" << std::flush;
+  }
+
+  void pass_on(std::string_view name, std::string_view line) {
+    if (line.ends_with(": interrupted")) return;  // written once, by the launcher
+    clear();
+    const bool named = line.starts_with("tachless-");
+    std::cerr << fmt::format("{}{}{}\n", named ? "" : name, named ? "" : ": ", line) << std::flush;
+  }
+
+ private:
+  bool quiet_;
+  bool terminal_ = isatty(STDERR_FILENO) == 1;
+  bool shown_ = false;
+  Clock::time_point next_{};
+};
+
+/// Simbody's 3D window beside the run. Closing it is reported but does not stop the run.
+class Window {
+ public:
+  /// @throw diagnostics::Failure(bad_usage) when none can be opened
+  Window(const RunOptions& options, bool isolated, Screen& screen) : screen_(screen) {
+    std::vector<std::string> command = command_of("tachless-visualizer", options);
+    command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
+    constexpr std::string_view itself = "tachless-visualizer: ";
+    try {
+      program_.emplace("tachless-visualizer", command, viewer::window_is_open,
+                       std::chrono::seconds(30),
+                       [&](std::string_view line) { screen_.pass_on("visualizer", line); });
+    } catch (const diagnostics::Failure& failure) {
+      std::string_view why = failure.what();
+      if (why.starts_with(itself)) why.remove_prefix(itself.size());
+      throw diagnostics::Failure(
+          failure.code(),
+          fmt::format(
+              "--visualize: {}; or leave out --visualize{}", why,
+              isolated ? " (this run is isolated: it reaches no display over the network)" : ""));
+    }
+  }
+
+  void attend() {
+    if (!program_->running()) return;
+    program_->attend();
+    if (program_->running()) return;
+    const std::string& trouble = program_->trouble();
+    screen_.clear();
+    diagnostics::log_warning(
+        fmt::format("the window {}; the run goes on",
+                    trouble.empty() ? "was closed" : fmt::format("is gone: {}", trouble)));
+  }
+
+  /// The run is over: what is left to show will be shown.
+  void run_is_over(bool interrupted) { interrupted ? program_->stop() : program_->signal(SIGUSR1); }
+
+  /// Waits until the window has shown everything, is closed, or the user interrupts.
+  void finish(bool quiet) {
+    const std::atomic<bool>& interrupted = process::catch_interruptions();
+    program_->attend();
+    if (program_->running() && !quiet) {
+      diagnostics::log_info(
+          "the window shows the run to its end, at the simulated pace; Ctrl-C closes it");
+    }
+    while (program_->running() && !interrupted) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      program_->attend();
+    }
+    program_->stop();
+  }
+
+ private:
+  Screen& screen_;
+  std::optional<process::SideProcess> program_;
+};
+
+SuperviseOptions supervise_options(const experiment::Scenario& scenario, Screen& screen) {
+  SuperviseOptions options;
+  if (scenario.loop.mode == experiment::Mode::realtime) {
+    // The plant first brings the robot to rest, once it misses what was lost.
+    const double noticed_s =
+        std::min(scenario.loop.give_up_s, scenario.loop.period_s * (scenario.loop.max_missed + 1));
+    options.grace += plant::RealtimeLoop::longest_stop +
+                     std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
+  }
+  options.on_line = [&](std::string_view name, std::string_view line) {
+    screen.pass_on(name, line);
+  };
+  options.on_restart = [&](std::string_view name, const std::string& how) {
+    screen.clear();
+    diagnostics::log_warning(
+        fmt::format("{}; another {} has been started in its place", how, name));
+  };
+  return options;
+}
+
+report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions& options,
+                          const Supervision& supervision, double wall_s) {
+  report::RunFacts facts;
+  facts.scenario = scenario.name;
+  facts.run_id = options.run_id;
+  facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
+  facts.law = scenario.controller.law;
+  facts.period_s = scenario.loop.period_s;
+  facts.wall_s = wall_s;
+  if (supervision.interrupted) {
+    facts.fault = "interrupted";
+  } else if (supervision.culprit) {
+    facts.fault = describe(supervision.ends[*supervision.culprit]);
+  }
+  return facts;
+}
+
+/// Reads the log back; writes summary, figure and report, and for people the closing table.
+void write_results(const experiment::Scenario& scenario, const RunOptions& options,
+                   const RunDirectory& out, report::RunFacts facts) {
+  facts.log_path = (out / "lcmlog").string();
+  report::Tracking tracking(scenario.num_joints);
+  try {
+    logger::RunLog log = logger::RunLog::open(facts.log_path, facts.run_id);
+    tracking = report::track(log);
+    facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
+    facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
+  } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_warning(failure.what());
+  }
+
+  const report::RunSummary summary{facts, tracking, out.take_statistics()};
+  const std::string json = to_json(summary).dump(2) + "\n";
+  const fs::path summary_path = out / "summary.json";
+  if (!(std::ofstream(summary_path) << json)) {
+    diagnostics::log_warning(
+        fmt::format("cannot write {}: {}", summary_path.string(), std::strerror(errno)));
+  }
+  const report::JointUnits units = report::joint_units(*scenario.model);
+  const report::FigureFacts figure{
+      fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
+      facts.period_s, units.length, units.effort};
+  if (tracking.num_ticks() > 0) {
+    try {
+      const fs::path svg = out / "tracking.svg";
+      report::draw(report::tracking_figure(tracking, figure, svg), svg);
+      report::write_report({report::read_recorded_run(facts.log_path, facts.run_id)},
+                           out / "report.html");
+    } catch (const diagnostics::Failure& failure) {
+      diagnostics::log_warning(failure.what());
+    }
+  }
+
+  if (options.json) {
+    std::cout << json;
+  } else if (!options.quiet) {
+    std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
+    for (const fs::path& file : out.files()) std::cout << fmt::format("  {}\n", file.string());
+  }
+}
+
+}  // namespace
+
+diagnostics::ExitCode run_session(RunOptions options) {
+  const experiment::Scenario scenario = checked_scenario(options);
+  std::optional<bus::Key> key;
+  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
+  const bool isolated = prepare_network(options);
+  if (options.run_id == 0) {
+    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
+  }
+
+  Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
+  Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
+  Screen screen(options.quiet);
+  std::optional<Window> window;
+  if (options.visualize) window.emplace(options, isolated, screen);
+  const RunDirectory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
+  SuperviseOptions supervising = supervise_options(scenario, screen);
+  supervising.on_wake = [&] {
+    heartbeats.read_into(progress);
+    screen.show(progress);
+    if (window) window->attend();
+  };
+  const Clock::time_point begun = Clock::now();
+  const Supervision supervision = supervise(run_processes(options, out), supervising);
+  if (window) window->run_is_over(supervision.interrupted);
+  screen.clear();
+  const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  const report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
+  if (facts.fault) diagnostics::log_error(*facts.fault);
+  write_results(scenario, options, out, facts);
+  if (window) window->finish(options.quiet);
+  return exit_code(supervision);
+}
+
+}  // namespace tachless::launch
