@@ -16,7 +16,8 @@ target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -Wsha
 # g++ 12 takes std::string's own copying for a write beyond its bounds wherever it inlines the
 # concatenation of a literal and a string (GCC bug 105651).
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
-  target_compile_options(tachless_options INTERFACE -Wno-array-bounds -Wno-restrict)
+  target_compile_options(tachless_options INTERFACE -Wno-array-bounds -Wno-restrict
+    -Wno-stringop-overflow -Wno-stringop-overread)
 endif()
 
 # tachless_library(robot SOURCES a.cpp … LIBS x … [STANDARD 17]): the library of one room.
