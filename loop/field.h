@@ -112,6 +112,7 @@ bool finite(const Other&) {
 
 inline bool same(const robot::Vector& a, const robot::Vector& b) {
   return a.size() == b.size() &&
+         // Bit for bit, on purpose. NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
          std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
 inline bool same(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
