@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -112,10 +113,11 @@ bool finite(const Other&) {
 
 inline bool same(const robot::Vector& a, const robot::Vector& b) {
   return a.size() == b.size() &&
-         // Bit for bit, on purpose. NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
          std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
 }
-inline bool same(double a, double b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+inline bool same(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
+}
 template <std::size_t size>
 bool same(const std::array<robot::Vector, size>& a, const std::array<robot::Vector, size>& b) {
   for (std::size_t i = 0; i < size; ++i) {
