@@ -7,7 +7,7 @@
 namespace tachless::reference {
 
 Trajectory make_trajectory(const experiment::Scenario& scenario) {
-  const Trajectory made(scenario.reference);
+  Trajectory made(scenario.reference);
   const robot::Model& model = *scenario.model;
   // A closed form need not be searched for its extremes: a limit that is passed between two of
   // these instants is passed by next to nothing.
