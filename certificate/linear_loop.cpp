@@ -191,10 +191,10 @@ MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double perio
   tau.leftCols(x) = gain * law.D * C;
   tau.middleCols(x, s) = gain * law.C;
   if (delay == 0) {
-    map.topRows(x) += step.Gamma * tau;
+    map.topRows(x) += step.Gam * tau;
     return map;
   }
-  map.block(0, x + s + (delay - 1) * n, x, n) = step.Gamma;
+  map.block(0, x + s + (delay - 1) * n, x, n) = step.Gam;
   map.middleRows(x + s, n) = tau;
   for (int i = 1; i < delay; ++i) {
     map.block(x + s + i * n, x + s + (i - 1) * n, n, n).setIdentity();

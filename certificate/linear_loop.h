@@ -80,7 +80,7 @@ LinearLaw linearised(const LawStep& law, const Eigen::VectorXd& memory,
 
 /// The plant over one period with its torque held: x' = Phi x + Gamma tau, exactly.
 struct HeldPlant {
-  Eigen::MatrixXd Phi, Gamma;
+  Eigen::MatrixXd Phi, Gam;
 };
 HeldPlant held(const LinearPlant& plant, double period_s);
 

@@ -72,7 +72,10 @@ std::optional<LyapunovFunction> function_of(const experiment::Scenario& scenario
 std::optional<LyapunovFunction> lyapunov_function(const experiment::Scenario& scenario) {
   std::optional<LyapunovFunction> function;
   const auto look_up = [&]<class... L>(controller::LawList<L...> /*laws*/) {
-    ((scenario.controller.law == L::name && (function = function_of<L>(scenario), true)) || ...);
+    const auto take = [&]<class Law>(std::type_identity<Law> /*law*/) {
+      if (scenario.controller.law == Law::name) function = function_of<Law>(scenario);
+    };
+    (take(std::type_identity<L>{}), ...);
   };
   look_up(controller::Laws{});
   return function;

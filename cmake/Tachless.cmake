@@ -10,6 +10,7 @@ endforeach()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
 
 add_library(tachless_options INTERFACE)
+target_link_libraries(tachless_options INTERFACE fmt::fmt)
 target_include_directories(tachless_options INTERFACE ${PROJECT_SOURCE_DIR})
 # Without contraction, every machine rounds alike and a log replays bit for bit.
 target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -ffp-contract=off)
@@ -20,6 +21,15 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
     -Wno-stringop-overflow -Wno-stringop-overread)
 endif()
 
+# What most sources include, parsed once: a third of the build. A source includes what it uses all the
+# same: the preset `dev` builds without.
+set(TACHLESS_COMMON_HEADERS <Eigen/Dense> <fmt/format.h> <algorithm> <array> <chrono> <cmath> <filesystem>
+  <fstream> <functional> <map> <memory> <optional> <span> <stdexcept> <string> <string_view> <variant> <vector>)
+file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
+add_library(common_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
+target_link_libraries(common_headers PRIVATE tachless_options Eigen3::Eigen)
+target_precompile_headers(common_headers PRIVATE ${TACHLESS_COMMON_HEADERS})
+
 # tachless_library(robot SOURCES a.cpp … LIBS x … [STANDARD 17]): the library of one room.
 function(tachless_library name)
   cmake_parse_arguments(arg "" "STANDARD" "SOURCES;LIBS;PRIVATE_LIBS" ${ARGN})
@@ -28,6 +38,8 @@ function(tachless_library name)
   target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
   if(arg_STANDARD)
     set_target_properties(${name} PROPERTIES CXX_STANDARD ${arg_STANDARD})
+  else()
+    target_precompile_headers(${name} REUSE_FROM common_headers)
   endif()
 endfunction()
 
@@ -36,19 +48,18 @@ function(tachless_program name)
   cmake_parse_arguments(arg "" "" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS})
+  target_precompile_headers(${name} REUSE_FROM common_headers)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 endfunction()
 
 # What most tests include, parsed once and read by every test program (most of a test's compile time
 # is parsing). A test includes what it uses all the same: the preset `dev` builds without.
 function(tachless_test_headers)
-  file(WRITE ${PROJECT_BINARY_DIR}/test_headers.cpp "")
-  add_library(test_headers OBJECT ${PROJECT_BINARY_DIR}/test_headers.cpp)
+  add_library(test_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
   tachless_test_options(test_headers)
   target_link_libraries(test_headers PRIVATE Eigen3::Eigen)
-  target_precompile_headers(test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h> <Eigen/Dense>
-    <algorithm> <array> <chrono> <filesystem> <fstream> <functional> <map> <random> <regex>
-    <sstream> <string> <thread> <vector>)
+  target_precompile_headers(test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>
+    ${TACHLESS_COMMON_HEADERS} <random> <regex> <sstream> <thread>)
 endfunction()
 
 # What all test programs are compiled with: the same, so that they share the headers above.
@@ -60,11 +71,13 @@ function(tachless_test_options name)
     TACHLESS_BINARY_DIR="${PROJECT_BINARY_DIR}")
 endfunction()
 
-# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW]): one GoogleTest program, one
-# CTest entry. SLOW: starts whole programs, or computes for longer than some seconds; all others get
-# the label `fast`, belong to the target `fast_tests`, and are run under the sanitizers too.
+# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW] [THREADS]): one GoogleTest
+# program, one CTest entry. SLOW: starts whole programs, or computes for longer than some seconds; all
+# others get the label `fast`, belong to the target `fast_tests`, and are run under the address and
+# undefined-behaviour sanitizers too. THREADS: more than one thread runs our code; these get the label
+# `threads`, belong to the target `thread_tests`, and are run under the thread sanitizer.
 function(tachless_test name)
-  cmake_parse_arguments(arg "SLOW" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "SLOW;THREADS" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
   target_link_libraries(${name} PRIVATE ${arg_LIBS})
@@ -76,6 +89,10 @@ function(tachless_test name)
   if(NOT arg_SLOW)
     list(APPEND arg_LABELS fast)
     add_dependencies(fast_tests ${name})
+  endif()
+  if(arg_THREADS)
+    list(APPEND arg_LABELS threads)
+    add_dependencies(thread_tests ${name})
   endif()
   set_tests_properties(${name} PROPERTIES LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
 endfunction()

@@ -23,7 +23,7 @@ constexpr std::size_t most_peers = 32;  // a flood of announcements must not gro
 // Replies to newcomers during a run are limited to one in this time.
 constexpr std::chrono::milliseconds shortest_reply_period{10};
 
-std::string quoted(const std::string& scenario) {
+std::string in_quotes(const std::string& scenario) {
   return scenario.empty() ? "another scenario" : fmt::format("scenario '{}'", scenario);
 }
 
@@ -255,9 +255,9 @@ void Membership::refuse(const Peer& other, Time now) {
       Failure(ExitCode::bad_usage,
               fmt::format("{} runs {} (digest {:016x}), this {} runs {} (digest {:016x}); give all "
                           "four programs the same file and the same --set",
-                          describe(other), quoted(other.participant.scenario),
+                          describe(other), in_quotes(other.participant.scenario),
                           static_cast<std::uint64_t>(other.participant.scenario_digest),
-                          loop::name(self_.role), quoted(self_.scenario),
+                          loop::name(self_.role), in_quotes(self_.scenario),
                           static_cast<std::uint64_t>(self_.digest))),
       now);
 }

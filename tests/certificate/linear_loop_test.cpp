@@ -54,7 +54,7 @@ TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
   const double h = 2e-3;
   const HeldPlant step = held(plant, h);
   VectorXd x = VectorXd::LinSpaced(8, -1, 1);
-  const VectorXd tau = both(3, -2), expected = step.Phi * x + step.Gamma * tau;
+  const VectorXd tau = both(3, -2), expected = step.Phi * x + step.Gam * tau;
   const int steps = 2000;  // of the midpoint rule, order 2: h^2 |A|^2 / 6 = 1e-7
   const MatrixXd I = MatrixXd::Identity(8, 8);
   const Eigen::PartialPivLU<MatrixXd> lu(I - h / steps / 2 * plant.A);
@@ -166,7 +166,7 @@ TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
     for (int k = 0; k < 6; ++k) {
       torque.push_back(law.C * s + law.D * x.head(2));
       s = (law.A * s + law.B * x.head(2)).eval();
-      x = (step.Phi * x + step.Gamma * torque[static_cast<std::size_t>(k)]).eval();
+      x = (step.Phi * x + step.Gam * torque[static_cast<std::size_t>(k)]).eval();
       z = (map * z).eval();
     }
     expect_near(z.head(4), x, 1e-9);

@@ -3,6 +3,7 @@
 #include <cctype>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
@@ -46,7 +47,19 @@ std::optional<std::string> VirtualDisplay::window(const std::string& title) cons
 }
 
 void VirtualDisplay::picture(const std::string& window, const std::filesystem::path& path) const {
-  output_of("import", {"-window", window, "-depth", "8", path}, directory_);
+  // Cut from the root window: of a window that has closed meanwhile, xdotool says so at once, where
+  // `import -window ID` waits for somebody to click on another one.
+  std::istringstream geometry(
+      output_of("xdotool", {"getwindowgeometry", "--shell", window}, directory_));
+  std::map<std::string, std::string> value;
+  for (std::string line; std::getline(geometry, line);) {
+    const auto equals = line.find('=');
+    if (equals != std::string::npos) value[line.substr(0, equals)] = line.substr(equals + 1);
+  }
+  const std::string part = value.at("WIDTH") + "x" + value.at("HEIGHT") + "+" + value.at("X") +
+                           "+" + value.at("Y");
+  output_of("import", {"-window", "root", "-crop", part, "+repage", "-depth", "8", path},
+            directory_);
 }
 
 void VirtualDisplay::double_click(const std::string& window, int x, int y) const {
