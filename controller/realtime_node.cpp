@@ -32,7 +32,10 @@ class RealtimeNode {
   void run() {
     session_.join({law_.needs(), law_.signals()}, {});
     try {
-      loop_.run_until_finished();
+      // The last ticks may be lost; then it is time that tells.
+      loop_.run_until_finished([this](loop::Clock::time_point now) {
+        return acted_ == num_ticks_ - 1 || pace_.due(num_ticks_ - 1, now);
+      });
     } catch (const diagnostics::Failure&) {
       tell_gaps();
       throw;

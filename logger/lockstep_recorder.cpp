@@ -11,13 +11,13 @@ LockstepRecorder::LockstepRecorder(const experiment::Scenario& scenario, bus::Tr
                                    node::Link& link, const std::filesystem::path& log_path)
     : Recorder(scenario, transport, link, log_path),
       window_(scenario.loop.num_ticks, messages().longest()),
-      participant_codec_(loop::Layout{}) {}
+      num_ticks_(scenario.loop.num_ticks) {}
 
 void LockstepRecorder::on_message(Slot slot, const loop::Stamp& stamp,
                                   const bus::Datagram& datagram) {
   const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
-  loop().count(verdict, role_of(slot), datagram, stamp.tick,
-               [&] { return window_.sender(stamp.tick, slot); });
+  count(verdict, role_of(slot), datagram, stamp.tick,
+        [&] { return window_.sender(stamp.tick, slot); });
 }
 
 void LockstepRecorder::after_message() {
@@ -46,26 +46,11 @@ void LockstepRecorder::write_complete_ticks() {
   }
 }
 
-void LockstepRecorder::on_participant(const bus::Datagram& datagram) {
-  loop::Stamp stamp;
-  loop::Participant who;
-  // The last one before this process ends is the cause; the others' follow from it.
-  if (concluding_ ||
-      participant_codec_.decode(datagram.payload, stamp, who) != bus::Rejection::none ||
-      stamp.run != link().run() || who.state != loop::ParticipantState::fault) {
-    return;
-  }
-  fault_channel_ = datagram.channel;
-  fault_.assign(datagram.payload.begin(), datagram.payload.end());
-}
-
 void LockstepRecorder::conclude(bool well) {
-  if (well) return;  // the plant has finished, and so has everything it waited for
-  concluding_ = true;
+  if (well) return;             // every tick is written
   constexpr int most = 10'000;  // a flood of datagrams must not keep this process from its end
   for (int i = 0; i < most && loop().receive(Clock::time_point()); ++i) {
   }
-  if (!fault_.empty()) append(utime_, fault_channel_, fault_);
 }
 
 }  // namespace tachless::logger

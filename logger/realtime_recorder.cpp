@@ -52,9 +52,11 @@ void RealtimeRecorder::on_message(Slot slot, const loop::Stamp& stamp,
   }
   const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
   heard_ = begin;
+  if (verdict == Verdict::conflicting && !concluding()) {
+    append(since_start(begin), datagram.channel, datagram.payload);
+  }
   if (verdict != Verdict::fresh) {
-    return loop().count(verdict, role_of(slot), datagram, stamp.tick,
-                        [] { return "an earlier sender"; });
+    return count(verdict, role_of(slot), datagram, stamp.tick, [] { return "an earlier sender"; });
   }
   if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
   append(since_start(begin), datagram.channel, datagram.payload);
@@ -74,13 +76,19 @@ void RealtimeRecorder::on_participant(const bus::Datagram& datagram) {
   if (introduced_) append(since_start(Clock::now()), datagram.channel, datagram.payload);
 }
 
+bool RealtimeRecorder::complete(Clock::time_point now) const {
+  // The last ticks may be lost; then it is time that tells.
+  return tally_.newest() == num_ticks_ - 1 || pace_.due(num_ticks_ - 1, now);
+}
+
 void RealtimeRecorder::conclude(bool well) {
   if (start_) {
     heard_ = Clock::now();
     const auto until = heard_ + longest_conclusion;
     const auto patience = well ? silence : silence_of_a_failing_plant;
     while (Clock::now() < std::min(until, heard_ + patience)) {
-      loop().receive(std::min(until, heard_ + patience));
+      if (!well) link().announce_if_due(Clock::now());
+      loop().receive(std::min({until, heard_ + patience, Clock::now() + silence}));
       file().flush_if_due(Clock::now());
     }
   }

@@ -24,7 +24,9 @@ class RealtimeRecorder final : public Recorder {
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override;
   void on_participant(const bus::Datagram& datagram) override;
   void after_message() override;
+  [[nodiscard]] bool complete(loop::Clock::time_point now) const override;
   void conclude(bool well) override;
+  [[nodiscard]] std::int64_t utime() const override { return since_start(loop::Clock::now()); }
 
   [[nodiscard]] std::int64_t since_start(loop::Clock::time_point now) const;
   void tell_what_is_missing();

@@ -20,8 +20,12 @@ Recorder::Recorder(const experiment::Scenario& scenario, bus::Transport& transpo
       ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
       run_info_codec_(loop::Layout{}),
       ack_codec_(loop::Layout{}),
+      participant_codec_(loop::Layout{}),
       file_(log_path) {
-  loop_.on_session([this](const bus::Datagram& datagram) { on_participant(datagram); });
+  loop_.on_session([this](const bus::Datagram& datagram) {
+    keep_fault(datagram);
+    on_participant(datagram);
+  });
   loop_.on(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix),
            [this](const bus::Datagram& datagram) {
              on_run_info(datagram);
@@ -44,11 +48,12 @@ void Recorder::record(Slot slot) {
 void Recorder::run() {
   try {
     link_.join({}, {});
-    loop_.run_until_finished([this](Clock::time_point now) {
-      file_.flush_if_due(now);
-      // A flush is due soon after what is in the buffer now.
-      return now + LogWriter::flush_interval / 2;
-    });
+    loop_.run_until_finished([this](Clock::time_point now) { return complete(now); },
+                             [this](Clock::time_point now) {
+                               file_.flush_if_due(now);
+                               // A flush is due soon after what is in the buffer now.
+                               return now + LogWriter::flush_interval / 2;
+                             });
   } catch (const diagnostics::Failure& failure) {
     save_the_rest(failure);
     throw;
@@ -77,8 +82,7 @@ void Recorder::on_run_info(const bus::Datagram& datagram) {
   const bool same = std::ranges::equal(run_info_, datagram.payload);
   const Verdict verdict = take_run_info(first || same);
   if (verdict == Verdict::conflicting) {
-    loop_.count(verdict, loop::Role::plant, datagram, stamp.tick,
-                [this] { return run_info_sender_; });
+    count(verdict, loop::Role::plant, datagram, stamp.tick, [this] { return run_info_sender_; });
   }
   if (!first) {
     ++statistics.duplicates;
@@ -115,9 +119,22 @@ loop::Role Recorder::role_of(Slot slot) {
   }
 }
 
+/// The first announcement of a fault after which this process has to end is the cause.
+void Recorder::keep_fault(const bus::Datagram& announcement) {
+  if (concluding_ || !fault_.empty() || !link_.failed()) return;
+  loop::Stamp stamp;
+  loop::Participant who;
+  if (participant_codec_.decode(announcement.payload, stamp, who) == bus::Rejection::none &&
+      who.state == loop::ParticipantState::fault) {
+    fault_.assign(announcement.payload.begin(), announcement.payload.end());
+  }
+}
+
+/// What has arrived already still belongs into the log, and in realtime how the robot is brought to
+/// rest, for which the plant has to know.
 void Recorder::save_the_rest(const diagnostics::Failure& cause) {
   try {
-    conclude(false);
+    record_end(cause);
   } catch (const diagnostics::Failure&) {
     // The first failure is the one to tell.
   }
@@ -126,6 +143,14 @@ void Recorder::save_the_rest(const diagnostics::Failure& cause) {
   } catch (const diagnostics::Failure& failure) {
     if (std::string_view(failure.what()) != cause.what()) diagnostics::log_warning(failure.what());
   }
+}
+
+void Recorder::record_end(const diagnostics::Failure& cause) {
+  const auto own = link_.ending(cause);
+  if (fault_.empty()) fault_.assign(own.begin(), own.end());
+  concluding_ = true;
+  conclude(false);
+  if (!run_info_.empty()) append(utime(), link_.channel(), fault_);
 }
 
 }  // namespace tachless::logger

@@ -161,9 +161,17 @@ bool Link::handle(const bus::Datagram& datagram) {
   return true;
 }
 
-void Link::announce(Clock::time_point now) {
+std::span<const std::byte> Link::announce(Clock::time_point now) {
   const auto& announcement = membership_->announce(now);
-  transport().publish(channel_, codec_.encode(announcement.stamp, announcement.participant));
+  const auto bytes = codec_.encode(announcement.stamp, announcement.participant);
+  transport().publish(channel_, bytes);
+  return bytes;
+}
+
+std::span<const std::byte> Link::ending(const Failure& failure) {
+  const auto now = Clock::now();
+  membership_->failed(failure, now);
+  return announce(now);
 }
 
 void Link::stopping(const Failure& failure, Clock::time_point now) {
@@ -193,15 +201,23 @@ void Link::leave() {
   const auto begin = Clock::now();
   note_end(begin);
   membership_->finished(begin);
-  if (role_ != Role::plant) return announce_repeatedly();
-  // The others' announcements may be lost: the record is complete, nobody waits for ever.
-  while (Clock::now() < begin + longest_leaving) {
+  if (role_ == Role::plant) {
+    wait_until_all_have_finished(begin + longest_leaving);
+  } else {
+    announce_repeatedly();
+  }
+  if (membership_->failure()) throw Failure(*membership_->failure());
+}
+
+/// The others' announcements may be lost: the record is acknowledged, nobody waits for ever.
+void Link::wait_until_all_have_finished(Clock::time_point until) {
+  const auto is_over = [&] { return membership_->all_finished() || membership_->failure(); };
+  while (!is_over() && Clock::now() < until) {
     announce(Clock::now());
     const auto next = Clock::now() + leaving_period;
-    while (!membership_->all_finished() && Clock::now() < next) {
+    while (!is_over() && Clock::now() < next) {
       if (const auto datagram = transport().receive(next)) handle(*datagram);
     }
-    if (membership_->all_finished()) break;
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <initializer_list>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "bus/authenticated.h"
@@ -49,13 +50,22 @@ class Link final : public Session {
   void progressed(std::int64_t tick, double error_norm = 0) override {
     membership_->progressed(tick, error_norm);
   }
+  void complete() override { membership_->complete(); }
   [[nodiscard]] bool finished() const override { return membership_->plant_finished(); }
   /// The plant waits until the others have finished too, a second at most.
+  /// @throw Failure when one of them has failed at the last moment
   void leave() override;
 
   /// This process will end with `failure`, and tells the others at once, but has to bring the robot
   /// to rest before it does.
   void stopping(const diagnostics::Failure& failure, loop::Clock::time_point now);
+  /// This process ends with `failure`: tells the others now, though it still has to conclude, and
+  /// returns what it tells; valid until the next announcement.
+  std::span<const std::byte> ending(const diagnostics::Failure& failure);
+  /// That announcements travel on.
+  [[nodiscard]] const std::string& channel() const { return channel_; }
+  /// Whether another's announcement ends this process: `poll` will throw.
+  [[nodiscard]] bool failed() const { return membership_->failure().has_value(); }
   /// The announcement alone, if it is due: for a process that is ending.
   void announce_if_due(loop::Clock::time_point now) {
     if (now >= next_poll()) announce(now);
@@ -85,10 +95,11 @@ class Link final : public Session {
 
  private:
   void announce_fault(const diagnostics::Failure& failure) override;
-  void announce(loop::Clock::time_point now);
+  std::span<const std::byte> announce(loop::Clock::time_point now);
   void announce_repeatedly();
   void handle_until(loop::Clock::time_point deadline);
   void wait_for_predecessor();
+  void wait_until_all_have_finished(loop::Clock::time_point until);
   void log_members() const;
   void tell_who_is_missing(loop::Clock::time_point now);
 

@@ -25,8 +25,12 @@ void Loop::run_until(const std::function<bool()>& done, const Turn& turn) {
   }
 }
 
-void Loop::run_until_finished(const Turn& turn) {
-  run_until([this] { return session_.finished(); }, turn);
+void Loop::run_until_finished(const std::function<bool(Time)>& complete, const Turn& turn) {
+  run_until([this] { return session_.finished(); },
+            [&](Time now) {
+              if (complete(now)) session_.complete();
+              return turn ? turn(now) : Time::max();
+            });
 }
 
 bool Loop::receive(Time deadline) {

@@ -33,7 +33,9 @@ class Loop {
   /// Polls the session and handles what comes until `done`.
   void run_until(const std::function<bool()>& done, const Turn& turn = {});
   /// The same until the session's run is over.
-  void run_until_finished(const Turn& turn = {});
+  /// @param complete whether all ticks of this process are there: before that nobody is believed
+  /// who says that it is over
+  void run_until_finished(const std::function<bool(Time now)>& complete, const Turn& turn = {});
 
   /// Handles one datagram, if one comes before the deadline. @return whether one did
   bool receive(Time deadline);

@@ -27,6 +27,7 @@ class Playback final : public Session {
   bool handle(const bus::Datagram& /*datagram*/) override { return false; }
   void handle_pending() override { poll(loop::Clock::now()); }
   void progressed(std::int64_t tick, double error_norm) override;
+  void complete() override {}  // the last tick is the end
   [[nodiscard]] bool finished() const override { return tick_ >= last_tick_; }
   void leave() override { note_end(loop::Clock::now()); }
   [[nodiscard]] std::int64_t tick_of(loop::Role /*role*/) const override { return -1; }

@@ -68,6 +68,8 @@ class Session {
 
   /// Newest tick handled, and (controller) the norm of its position error.
   virtual void progressed(std::int64_t tick, double error_norm = 0) = 0;
+  /// All ticks of this process are there: only now is it believed that the plant has finished.
+  virtual void complete() = 0;
   /// The run is over: the plant has finished.
   [[nodiscard]] virtual bool finished() const = 0;
   /// This process's part is done: tells the others.

@@ -14,8 +14,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::array<std::string_view, num_discards> discard_names = {"other_run", "not_asked",
-                                                                      "too_old", "unauthenticated"};
+constexpr std::array<std::string_view, num_discards> discard_names = {
+    "other_run", "not_asked", "too_old", "other_sender", "unauthenticated"};
 
 }  // namespace
 

@@ -19,8 +19,8 @@
 namespace tachless::node {
 
 /// Why a message of a subscribed channel was not used, beyond what bus::Rejection says.
-enum class Discard { other_run, not_asked, too_old, unauthenticated };
-inline constexpr int num_discards = 4;
+enum class Discard { other_run, not_asked, too_old, other_sender, unauthenticated };
+inline constexpr int num_discards = 5;
 
 /// How many messages were dropped, by reason. Counting allocates nothing.
 class RejectionTally {

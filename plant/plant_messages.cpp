@@ -134,7 +134,10 @@ bool PlantMessages::accept_command(const bus::Datagram& datagram, loop::Stamp& s
 
 bool PlantMessages::accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp,
                                loop::LogAck& ack) {
-  return link_.accept(ack_codec_, datagram, stamp, ack);
+  if (!link_.accept(ack_codec_, datagram, stamp, ack)) return false;
+  if (link_.is_from(loop::Role::logger, datagram.sender)) return true;
+  link_.statistics().rejected.add(node::Discard::other_sender);
+  return false;
 }
 
 bool PlantMessages::is_command(std::span<const std::byte> payload) const {

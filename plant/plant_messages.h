@@ -61,7 +61,8 @@ class PlantMessages {
   /// is not finite. (Anybody else's is dropped.)
   bool accept_command(const bus::Datagram& datagram, loop::Stamp& stamp);
   [[nodiscard]] const loop::TorqueCommand& command() const { return command_; }
-  /// Whether it is an acknowledgement of this run.
+  /// Whether it is an acknowledgement of this run, from the address of the logger that has joined;
+  /// counts it if not.
   bool accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack);
   /// Whether bytes on the command channel have the shape of a command of whatever run.
   [[nodiscard]] bool is_command(std::span<const std::byte> payload) const;

@@ -75,8 +75,9 @@ Event Membership::event_of(const loop::Stamp& stamp, const loop::Participant& pe
   const bool own_scenario = peer.scenario_digest == self_.digest;
   if (is_over(peer.state)) {
     if (!own_role && in_joined_run(stamp, peer)) {
-      return peer.state == ParticipantState::finished ? Event::member_finished
-                                                      : Event::member_failed;
+      if (peer.state == ParticipantState::fault) return Event::member_failed;
+      if (complete_) return Event::member_finished;
+      return watches(peer.role) ? Event::early_finish : Event::departure;
     }
     if (is_bad_usage(peer) && !own_role && !own_scenario) return Event::refusal;
     const bool successor = self_.role == Role::plant && may_take_over(stamp, peer);
@@ -97,6 +98,9 @@ void Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
   const Event event = event_of(stamp, peer, now);
   if (!is_over(state_) && peer.role == Role::controller && holder(peer.role) == peer.instance) {
     failed_successor_.reset();  // the controller is still there
+  }
+  if (!is_over(peer.state) && holder(peer.role) == peer.instance) {
+    early_finish_[static_cast<std::size_t>(peer.role)].reset();
   }
   const auto peer_now = [&]() -> Peer& { return remember(stamp, peer, sender, now); };
   switch (reaction(event, state_)) {
@@ -121,6 +125,11 @@ void Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
       done_[static_cast<std::size_t>(peer.role)] = true;
       plant_finished_ = plant_finished_ || peer.role == Role::plant;
       return is_over(state_) ? void() : forget(peer);
+    case Reaction::doubt: {
+      auto& since = early_finish_[static_cast<std::size_t>(peer.role)];
+      if (!since) since = now;
+      return;
+    }
     case Reaction::follow:
       return fail(consequence_of(peer_now()), now);
     case Reaction::keep_failure:
@@ -143,6 +152,7 @@ void Membership::act(Event event, const Failure* failure, Time now) {
       return;
     case Reaction::finish:
       state_ = ParticipantState::finished;
+      complete_ = true;
       announce_at_ = now;
       return;
     case Reaction::fail:
@@ -266,11 +276,18 @@ void Membership::poll(Time now) {
   const auto passed = now - std::exchange(polled_, now);
   if (passed > 3 * period) {
     for (Peer& each : peers_) each.heard += passed - period;
+    for (auto& since : early_finish_) {
+      if (since) *since += passed - period;
+    }
   }
   const auto matters = [&](Event event) { return reaction(event, state_) != Reaction::ignore; };
   for (const Role role : all_roles) {
-    // The plant watches all, the others the plant.
-    if (holder(role) == 0 || (self_.role != Role::plant && role != Role::plant)) continue;
+    if (!watches(role)) continue;
+    const auto& finish = early_finish_[static_cast<std::size_t>(role)];
+    if (finish && now - *finish >= finish_stands_after && matters(Event::finish_stands)) {
+      const Failure failure = incomplete(role);
+      return act(Event::finish_stands, &failure, now);
+    }
     const auto silent = silence(role, now);
     if (!silent || *silent < self_.give_up || !matters(Event::holder_silent)) continue;
     const Failure lost(
@@ -315,6 +332,14 @@ Failure Membership::consequence_of(const Peer& failed) {
     if (failed.participant.fault_code == static_cast<int>(passed_on)) code = passed_on;
   }
   return {code, fmt::format("ended because of {}: {}", describe(failed), failed.participant.fault)};
+}
+
+Failure Membership::incomplete(Role role) const {
+  return {ExitCode::protocol_violated,
+          fmt::format("{} says that it has finished, but this {} has got no further than tick {}: "
+                      "somebody else has spoken for one of the run's processes; find it with "
+                      "`tachless watch`, or use a key (--key-file)",
+                      describe(role), loop::name(self_.role), tick_)};
 }
 
 bool Membership::all_finished() const {

@@ -38,6 +38,8 @@ class Membership {
   static constexpr std::chrono::milliseconds simultaneous{300};
   /// A controller silent for so long may be replaced: five announcements.
   static constexpr std::chrono::milliseconds takeover_after{500};
+  /// A holder that has not contradicted its early finish for so long has said it itself.
+  static constexpr std::chrono::milliseconds finish_stands_after{500};
 
   struct Self {
     loop::Role role = loop::Role::plant;
@@ -92,7 +94,9 @@ class Membership {
     tick_ = tick;
     error_norm_ = error_norm;
   }
-  /// All of this process's ticks are done.
+  /// All of this process's ticks are there: from now on it is believed that the plant has finished.
+  void complete() { complete_ = true; }
+  /// This process's part is done.
   void finished(Time now) { act(MembershipEvent::part_finished, nullptr, now); }
   /// This process ends with a fault.
   void failed(const diagnostics::Failure& failure, Time now) {
@@ -157,6 +161,11 @@ class Membership {
   [[nodiscard]] static diagnostics::Failure consequence_of(const Peer& failed);
 
   void act(MembershipEvent event, const diagnostics::Failure* failure, Time now);
+  /// The plant watches all holders, the others the plant.
+  [[nodiscard]] bool watches(loop::Role role) const {
+    return holder(role) != 0 && (self_.role == loop::Role::plant || role == loop::Role::plant);
+  }
+  [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
   Peer& remember(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
                  Time now);
   void forget(const loop::Participant& peer);
@@ -178,6 +187,8 @@ class Membership {
   bool joined_ = false;
   bool outside_ = false;  ///< refused or superfluous: its fault is announced outside any run
   bool plant_finished_ = false;
+  bool complete_ = false;
+  std::array<std::optional<Time>, loop::num_roles> early_finish_{};  ///< since when, uncontradicted
   int takeovers_ = 0;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;

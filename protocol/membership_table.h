@@ -21,19 +21,21 @@ enum class MembershipEvent {
   newcomer,          ///< a process of a role that another process holds
   successor,         ///< the same, and the controller's place is free for it
   peer,              ///< the holder of another role, or a process of a role without holder
-  member_finished,   ///< a member of the joined run has finished
+  member_finished,   ///< a member of the joined run has finished, and so have this process's ticks
+  early_finish,      ///< a watched holder says so before that
   member_failed,     ///< a member of the joined run announces a fault
   refusal,           ///< another role with another scenario ends because of the difference
   failed_successor,  ///< plant: a successor of the controller could not resume
   departure,         ///< any other process announces that it has finished or failed
   holder_silent,     ///< a watched holder has been silent for the time to give up
+  finish_stands,     ///< a holder's early finish has not been contradicted by it for a while
   takeover_failed,   ///< the controller is silent, and its successor could not resume
   wait_over,         ///< the time to wait for the others at the start has passed
   run_started,       ///< own: first message of the run sent or accepted
   part_finished,     ///< own: all ticks are done
   failure,           ///< own: ends with a fault
 };
-inline constexpr std::size_t num_membership_events = 17;
+inline constexpr std::size_t num_membership_events = 19;
 
 enum class MembershipReaction {
   ignore,         ///< nothing changes
@@ -44,6 +46,7 @@ enum class MembershipReaction {
   refuse,         ///< fail (exit code 2) naming both scenarios
   take_over,      ///< the newcomer is the controller from now on
   note_finished,  ///< the member's role is done
+  doubt,          ///< wait whether the holder contradicts: it may not have said so itself
   follow,         ///< fail with the consequence of the member's fault
   keep_failure,   ///< remember why the successor failed, until the old controller is heard or lost
   forget,         ///< no longer remember the process, unless it is a holder
@@ -70,11 +73,13 @@ inline constexpr std::array<Row, num_membership_events> rows = {{
     {"successor", {ignore, observe, take_over, ignore, ignore}},
     {"peer", {join, observe, observe, ignore, ignore}},
     {"member finished", {ignore, note_finished, note_finished, note_finished, ignore}},
-    {"member failed", {ignore, follow, follow, ignore, ignore}},
+    {"early finish", {ignore, doubt, doubt, ignore, ignore}},
+    {"member failed", {ignore, follow, follow, follow, ignore}},
     {"refusal", {refuse, refuse, forget, ignore, ignore}},
     {"failed successor", {forget, forget, keep_failure, ignore, ignore}},
     {"departure", {forget, forget, forget, ignore, ignore}},
     {"holder silent", {ignore, fail, fail, ignore, ignore}},
+    {"finish stands", {ignore, fail, fail, ignore, ignore}},
     {"takeover failed", {ignore, ignore, fail, ignore, ignore}},
     {"wait over", {fail, fail, ignore, ignore, ignore}},
     {"run started", {reject, start, ignore, ignore, ignore}},
@@ -83,9 +88,10 @@ inline constexpr std::array<Row, num_membership_events> rows = {{
 }};
 
 /// As docs/protocol.md writes them, in the order of MembershipReaction.
-inline constexpr std::array<std::string_view, 15> reaction_names = {
-    "ignore", "observe",      "join",   "contest", "answer", "refuse", "take over", "note finished",
-    "follow", "keep failure", "forget", "start",   "finish", "fail",   "reject"};
+inline constexpr std::array<std::string_view, 16> reaction_names = {
+    "ignore",    "observe",       "join",  "contest", "answer",       "refuse",
+    "take over", "note finished", "doubt", "follow",  "keep failure", "forget",
+    "start",     "finish",        "fail",  "reject"};
 
 }  // namespace membership_table
 

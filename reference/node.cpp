@@ -31,7 +31,7 @@ class Node {
 
   void run() {
     link_.join({}, {});
-    loop_.run_until_finished();
+    loop_.run_until_finished([this](Clock::time_point now) { return complete(now); });
     link_.leave();
   }
 
@@ -41,6 +41,7 @@ class Node {
         link_(link),
         loop_(transport, link),
         period_s_(scenario.loop.period_s),
+        last_tick_(scenario.loop.num_ticks - 1),
         trajectory_(make_trajectory(scenario)),
         reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
         tick_codec_(layout(scenario)),
@@ -55,9 +56,12 @@ class Node {
 
   /// A TICK of this run.
   virtual void on_tick(std::int64_t tick, const bus::Datagram& datagram) = 0;
+  /// Whether all references have been asked for.
+  [[nodiscard]] virtual bool complete(Clock::time_point now) const = 0;
 
   [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
   [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
+  [[nodiscard]] std::int64_t last_tick() const { return last_tick_; }
   node::Link& link() { return link_; }
   node::Loop& loop() { return loop_; }
 
@@ -99,6 +103,7 @@ class Node {
   node::Link& link_;
   node::Loop loop_;
   double period_s_;
+  std::int64_t last_tick_;
   Trajectory trajectory_;
   std::string reference_channel_;
   bus::Codec<loop::Tick> tick_codec_;
@@ -128,6 +133,10 @@ class LockstepNode final : public Node {
     answered(tick, responder_.newest());
   }
 
+  [[nodiscard]] bool complete(Clock::time_point /*now*/) const override {
+    return responder_.newest() == last_tick();
+  }
+
   protocol::lockstep::ReferenceResponder responder_;
 };
 
@@ -151,6 +160,11 @@ class RealtimeNode final : public Node {
     link().started(now);
     for (std::int64_t k = answer.first; k <= answer.last; ++k) compute(k);
     answered(tick, responder_.newest());
+  }
+
+  [[nodiscard]] bool complete(Clock::time_point now) const override {
+    // The last ticks may be lost; then it is time that tells.
+    return responder_.newest() == last_tick() || pace_.due(last_tick(), now);
   }
 
   protocol::realtime::ReferenceResponder responder_;

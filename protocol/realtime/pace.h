@@ -25,11 +25,20 @@ class Pace {
   bool possible(std::int64_t tick, loop::Clock::time_point now) {
     if (tick < 0) return false;
     if (!first_) first_ = First{tick, now};
-    const double passed_s = std::chrono::duration<double>(now - first_->at + slack).count();
-    return static_cast<double>(tick - first_->tick) <= passed_s / period_s_ + 2;
+    return static_cast<double>(tick - first_->tick) <= periods_until(now + slack) + 2;
+  }
+
+  /// Whether it is time for `tick` to have begun, heard or not.
+  [[nodiscard]] bool due(std::int64_t tick, loop::Clock::time_point now) const {
+    return first_ && static_cast<double>(tick - first_->tick) <= periods_until(now);
   }
 
  private:
+  /// Since the first tick shown.
+  [[nodiscard]] double periods_until(loop::Clock::time_point now) const {
+    return std::chrono::duration<double>(now - first_->at).count() / period_s_;
+  }
+
   struct First {
     std::int64_t tick = 0;
     loop::Clock::time_point at;

@@ -118,10 +118,16 @@ class Cell {
       case Event::peer:
         return join();
       case Event::member_finished:
+        member_->complete();
         for (const Role each : others()) {
           hear(each, instance_of(each), ParticipantState::finished, {.run = run});
         }
         return;
+      case Event::early_finish:
+        return hear(peer, instance_of(peer), ParticipantState::finished, {.run = run});
+      case Event::finish_stands:
+        tell(Event::early_finish);
+        return pass(700ms);
       case Event::member_failed:
         fault_code_ = ExitCode::protective_stop;
         return hear(peer, instance_of(peer), ParticipantState::fault, {.run = run});
@@ -214,6 +220,12 @@ class Cell {
         EXPECT_TRUE(member_->all_finished());
         EXPECT_FALSE(failure);
         return;
+      case Reaction::doubt:
+        EXPECT_FALSE(failure);
+        EXPECT_FALSE(member_->all_finished());
+        pass(700ms);
+        EXPECT_TRUE(failure);
+        return;
       case Reaction::follow:
         EXPECT_THAT(after, HasSubstr("exit code 5"));
         return;
@@ -298,10 +310,13 @@ class Cell {
 
 /// Without a run nobody is a member; a successor is awaited in a run, and by the plant.
 bool can_occur(Role role, ParticipantState state, Event event) {
-  static const std::set<Event> of_a_joined_run = {Event::newcomer,        Event::successor,
-                                                  Event::member_finished, Event::member_failed,
-                                                  Event::holder_silent,   Event::takeover_failed};
+  static const std::set<Event> of_a_joined_run = {
+      Event::newcomer,      Event::successor,     Event::member_finished, Event::early_finish,
+      Event::member_failed, Event::holder_silent, Event::finish_stands,   Event::takeover_failed};
   if (state == ParticipantState::waiting && of_a_joined_run.contains(event)) return false;
+  // What has finished has completed its ticks.
+  if (event == Event::early_finish && state == ParticipantState::finished) return false;
+  if (event == Event::finish_stands && state == ParticipantState::finished) return false;
   if (event == Event::takeover_failed && state != ParticipantState::running) return false;
   const bool plants = event == Event::failed_successor || event == Event::takeover_failed;
   return role == Role::plant || !plants;
@@ -323,7 +338,7 @@ TEST(MembershipTable, IsWhatAMemberDoes) {
       }
     }
   }
-  EXPECT_EQ(cells, 2 * 5 * 17 - 2 * (6 + 3) - (5 + 1));
+  EXPECT_EQ(cells, 2 * 5 * 19 - 2 * (8 + 2 + 3) - (5 + 1));
 }
 
 }  // namespace

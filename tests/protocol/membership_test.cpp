@@ -339,6 +339,7 @@ TEST_F(ARunningMembership, YieldsToNobodyOutsideItsRun) {
 }
 
 TEST_F(ARunningMembership, EndsWhenAllHaveFinished) {
+  for (auto* each : {&reference, &controller, &logger}) each->complete();
   plant.finished(network.now());
   EXPECT_FALSE(plant.all_finished());
   network.pass(200ms);
@@ -350,6 +351,31 @@ TEST_F(ARunningMembership, EndsWhenAllHaveFinished) {
   logger.finished(network.now());
   network.pass(200ms);
   EXPECT_TRUE(plant.all_finished());
+}
+
+TEST_F(ARunningMembership, DoesNotBelieveThatItIsOverBeforeItsLastTick) {
+  auto said = plant.announce(network.now());
+  said.participant.state = ParticipantState::finished;
+  controller.handle(said.stamp, said.participant, "plant1", network.now());
+  EXPECT_FALSE(controller.plant_finished());
+  network.pass(2s);
+  EXPECT_EQ(text(controller), "") << "the plant is heard to be running";
+  controller.complete();
+  controller.handle(said.stamp, said.participant, "plant1", network.now());
+  EXPECT_TRUE(controller.plant_finished());
+}
+
+TEST_F(ARunningMembership, FailsWhenThePlantHasReallyFinishedBeforeItsLastTick) {
+  for (auto* each : {&reference, &controller}) each->complete();
+  logger.progressed(17, 0);
+  plant.finished(network.now());
+  network.pass(400ms);
+  EXPECT_EQ(text(logger), "");
+  network.pass(300ms);
+  EXPECT_EQ(code(logger), diagnostics::ExitCode::protocol_violated);
+  EXPECT_THAT(text(logger), HasSubstr("the plant (process 1 on arm-1, plant1) says that it has "
+                                      "finished, but this logger has got no further than tick 17"));
+  EXPECT_EQ(code(plant), diagnostics::ExitCode::protocol_violated) << "though it had finished";
 }
 
 TEST_F(ARunningMembership, SaysHowFarItIs) {
@@ -432,6 +458,7 @@ TEST_F(ATakeover, BeginsWhenTheControllerHasBeenSilentForHalfASecond) {
   next.started(network.now());
   network.pass(7s);
   EXPECT_FALSE(plant->failure()) << "the old one is missed by nobody";
+  plant->finished(network.now());
   next.finished(network.now());
   network.pass(200ms);
   EXPECT_FALSE(plant->failure());

@@ -1,4 +1,5 @@
 // The four real nodes in four threads: the same log whatever the network does, and clean ends.
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <random>
+#include <thread>
 
 #include "bus/truth/truth_wire.h"
 #include "logger/log_file.h"
@@ -38,6 +40,22 @@ const std::string& clean_log() {
     return result.log;
   }();
   return log;
+}
+
+/// The last event of the log, in words, if it is a fault.
+std::string end_of(const FourThreads& threads) {
+  logger::LogReader log(threads.log_path());
+  std::string end;
+  const bus::Codec<loop::Participant> codec(loop::Layout{});
+  while (const auto event = log.next()) {
+    loop::Stamp stamp;
+    loop::Participant who;
+    const bool fault = event->channel == "ARM_PARTICIPANT" &&
+                       codec.decode(event->data, stamp, who) == bus::Rejection::none &&
+                       who.state == loop::ParticipantState::fault;
+    end = fault ? fmt::format("the {}: {}", loop::name(who.role), who.fault) : "";
+  }
+  return end;
 }
 
 /// A thread of a test that listens or makes trouble until it is stopped.
@@ -207,6 +225,7 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
         bus::Codec<loop::LogAck> acks(layout(scenario));
         bus::Codec<loop::TorqueCommand> codec(layout(scenario));
         std::int64_t newest = -1;
+        link.complete();  // it does not mind what it misses
         while (!link.finished() && !stop) {
           link.poll(Clock::now());
           const auto datagram = endpoint->receive(Clock::now() + 1ms);
@@ -294,6 +313,113 @@ TEST(TheLoop, IsNotDisturbedByAStormOfBadAndOldMessages) {
   }
 }
 
+/// Announces for a process that is running what it has announced, with another state.
+void announce_for(bus::Transport& bus, const bus::Datagram& heard, loop::ParticipantState state) {
+  bus::Codec<loop::Participant> codec(loop::Layout{});
+  loop::Stamp stamp;
+  loop::Participant who;
+  if (codec.decode(heard.payload, stamp, who) != bus::Rejection::none) return;
+  if (who.state != loop::ParticipantState::running) return;
+  who.state = state;
+  bus.publish("ARM_PARTICIPANT", codec.encode(stamp, who));
+}
+
+/// Acknowledges every tick that is over as soon as it hears of the next one.
+void acknowledge_for_the_logger(bus::Transport& bus, const std::atomic<bool>& stop) {
+  bus.subscribe("ARM_TICK");
+  bus::Codec<loop::LogAck> codec(loop::Layout{});
+  while (!stop) {
+    const auto heard = bus.receive(Clock::now() + 1ms);
+    if (!heard) continue;
+    const loop::Stamp stamp = bus::stamp_of(heard->payload);
+    bus.publish("ARM_LOG_ACK", codec.encode({0, stamp.run, stamp.tick - 1}, loop::LogAck{}));
+  }
+}
+
+TEST(AForgedAcknowledgement, OfAStrangerIsNotBelieved) {
+  FourThreads threads(short_run(), {.loss = 0.05, .seed = 2});
+  const auto stranger = threads.network().connect("a stranger");
+  std::optional<Bystander> forger;
+  forger.emplace(
+      [&](const std::atomic<bool>& stop) { acknowledge_for_the_logger(*stranger, stop); });
+  const RunResult result = threads.finish();
+  forger.reset();
+  ASSERT_EQ(result.complaints(), "");
+  EXPECT_TRUE(result.log == clean_log());
+  std::int64_t dropped = 0;
+  for (const auto& entry : result.of.at(Role::plant).statistics.rejected.entries()) {
+    if (entry.reason == "other_sender") dropped = entry.count;
+  }
+  EXPECT_GT(dropped, 0);
+}
+
+TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
+  /// A logger that does not get the truth of the second half.
+  class Deaf : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+      for (;;) {
+        auto heard = Wrapped::receive(deadline);
+        if (!heard || heard->channel != "ARM_TRUTH" || bus::stamp_of(heard->payload).tick < 150) {
+          return heard;
+        }
+      }
+    }
+  };
+  FourThreads threads(short_run());
+  threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role != Role::logger) return inner;
+    return std::unique_ptr<bus::Transport>(new Deaf(std::move(inner)));
+  });
+  const auto stranger = threads.network().connect("logger's endpoint");
+  std::optional<Bystander> forger;
+  forger.emplace(
+      [&](const std::atomic<bool>& stop) { acknowledge_for_the_logger(*stranger, stop); });
+  const auto last_ack = threads.network().connect("logger's endpoint");
+  std::optional<Bystander> last;
+  last.emplace([&](const std::atomic<bool>& stop) {
+    // The last tick is over when its truth is out.
+    last_ack->subscribe("ARM_TRUTH");
+    bus::Codec<loop::LogAck> codec(loop::Layout{});
+    while (!stop) {
+      const auto heard = last_ack->receive(Clock::now() + 1ms);
+      if (!heard) continue;
+      const loop::Stamp stamp = bus::stamp_of(heard->payload);
+      if (stamp.tick < 299) continue;
+      for (int i = 0; i < 100 && !stop; ++i) {
+        last_ack->publish("ARM_LOG_ACK", codec.encode({0, stamp.run, 299}, loop::LogAck{}));
+        std::this_thread::sleep_for(1ms);
+      }
+    }
+  });
+  const RunResult result = threads.finish();
+  forger.reset();
+  last.reset();
+  EXPECT_EQ(result.of.at(Role::logger).statistics.logger().log.ticks, 150);
+  for (const Role role : {Role::plant, Role::logger}) {
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_THAT(result.of.at(role).fault, HasSubstr("says that it has finished"));
+  }
+}
+
+TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
+  FourThreads threads(short_run());
+  const auto stranger = threads.network().connect("a stranger");
+  stranger->subscribe("ARM_PARTICIPANT");
+  std::optional<Bystander> forger;
+  forger.emplace([&](const std::atomic<bool>& stop) {
+    while (!stop) {
+      const auto heard = stranger->receive(Clock::now() + 1ms);
+      if (heard) announce_for(*stranger, *heard, loop::ParticipantState::finished);
+    }
+  });
+  const RunResult result = threads.finish();
+  forger.reset();
+  ASSERT_EQ(result.complaints(), "");
+  EXPECT_TRUE(result.log == clean_log());
+}
+
 TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
   // Answers a measurement with a torque of its own.
   FourThreads threads(scenario("paper_rigid", {}));
@@ -319,6 +445,7 @@ TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
   const std::string all = result.complaints();
   EXPECT_THAT(all, HasSubstr("controller's endpoint"));
   EXPECT_THAT(all, HasSubstr("second controller"));
+  EXPECT_THAT(end_of(threads), HasSubstr("two processes are the controller"));
 }
 
 TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
@@ -340,9 +467,10 @@ TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
     }
     // Up to the interruption the log is readable and whole.
     EXPECT_FALSE(result.log.empty());
-    // RUN_INFO, six messages a tick, and the fault, unless the logger was the one.
+    // RUN_INFO, six messages a tick, and the fault.
     EXPECT_EQ(result.of.at(Role::logger).statistics.logger().log.events,
-              1 + 6 * result.of.at(Role::logger).statistics.ticks + (victim != Role::logger));
+              1 + 6 * result.of.at(Role::logger).statistics.ticks + 1);
+    EXPECT_THAT(end_of(threads), HasSubstr(fmt::format("the {}: interrupted", loop::name(victim))));
   }
 }
 
@@ -378,6 +506,7 @@ TEST(TheLoop, EndsWithExitCode3WhenAPeerDiesWithoutAWord) {
       if (role == victim) continue;
       EXPECT_THAT(outcome.fault, HasSubstr(std::string(loop::name(victim))));
     }
+    EXPECT_THAT(end_of(threads), HasSubstr(std::string(loop::name(victim))));
   }
 }
 

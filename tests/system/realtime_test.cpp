@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <set>
+#include <thread>
 
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
@@ -171,6 +173,71 @@ TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
   EXPECT_GT(braked, 1);
   ASSERT_FALSE(log.summary.faults.empty());
   EXPECT_THAT(log.summary.faults.front().text, HasSubstr("21 commands in a row"));
+}
+
+/// From the first to the last tick whose drives braked; nothing is missing between.
+void expect_stop_recorded(const Recorded& log, const Outcome& plant) {
+  ASSERT_FALSE(log.ticks.empty());
+  const auto stops = std::ranges::count_if(log.ticks, [](const logger::TickRecord& each) {
+    return each.truth && each.truth->fault == DriveFault::protective_stop;
+  });
+  EXPECT_GT(stops, 1);
+  ASSERT_TRUE(log.ticks.back().truth);
+  EXPECT_EQ(log.ticks.back().truth->fault, DriveFault::protective_stop);
+  EXPECT_EQ(log.ticks.back().tick, plant.statistics.ticks - 1) << "the stop is recorded to its end";
+}
+
+/// A stranger answers a message of `channel` with the same, but for its last number.
+void contradict(bus::Transport& bus, const std::string& channel, const std::atomic<bool>& stop) {
+  bus.subscribe(channel);
+  while (!stop) {
+    const auto heard = bus.receive(Clock::now() + 1ms);
+    if (!heard || bus::stamp_of(heard->payload).tick < 50) continue;
+    std::vector<std::byte> other(heard->payload.begin(), heard->payload.end());
+    other[channel == "ARM_COMMAND" ? other.size() - 1 : other.size() - 8 - 3] ^= std::byte{1};
+    bus.publish(channel, other);
+  }
+}
+
+TEST(AProtectiveStop, IsInTheLogWhoeverNoticesFirstThatTwoCommand) {
+  // Of a conflict in TRUTH only the logger knows.
+  for (const std::string channel : {"ARM_COMMAND", "ARM_TRUTH"}) {
+    SCOPED_TRACE(channel);
+    FourThreads threads(
+        at_rest({"loop.duration_s=60", "plant.initial.velocity_rad_per_s=[0.1, 0.1]"}));
+    const auto stranger = threads.network().connect("a stranger");
+    std::atomic<bool> stop = false;
+    std::thread rival([&] { contradict(*stranger, channel, stop); });
+    const RunResult result = threads.finish();
+    stop = true;
+    rival.join();
+    for (const Role role : all_roles) {
+      EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+    }
+    const Recorded log = recorded_by(threads);
+    expect_stop_recorded(log, result.of.at(Role::plant));
+    EXPECT_GT(
+        log.summary.of(channel == "ARM_TRUTH" ? loop::Slot::truth : loop::Slot::command).conflicts,
+        0u);
+    ASSERT_FALSE(log.summary.faults.empty());
+    EXPECT_THAT(log.summary.faults.back().text, HasSubstr("a stranger"));
+  }
+}
+
+TEST(AProtectiveStop, IsInTheLogWhenTheLoggerIsInterrupted) {
+  FourThreads threads(
+      at_rest({"loop.duration_s=60", "plant.initial.velocity_rad_per_s=[0.1, 0.1]"}));
+  const auto listener = threads.network().connect("listener");
+  listener->subscribe("ARM_COMMAND");
+  for (const Role role : all_roles) threads.start(role);
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(listener->receive(Clock::now() + 60s));
+  threads.interrupt(Role::logger);
+  const RunResult result = threads.finish();
+  EXPECT_EQ(result.of.at(Role::logger).code, ExitCode::interrupted);
+  EXPECT_EQ(result.of.at(Role::plant).code, ExitCode::peer_lost);
+  const Recorded log = recorded_by(threads);
+  expect_stop_recorded(log, result.of.at(Role::plant));
+  EXPECT_EQ(log.summary.faults.back().text, "interrupted");
 }
 
 /// Puts a node on the real bus.
