@@ -8,10 +8,14 @@ passed=$build_dir/clang-tidy-passed
 mkdir -p "$passed"
 cd "$source_dir"
 
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
 # ninja's own record of what each object was made from: "object: …" and then indented lines.
-dependencies=$(mktemp)
-trap 'rm -f "$dependencies"' EXIT
+dependencies=$scratch/dependencies
 ninja -C "$build_dir" -t deps >"$dependencies"
+# g++'s precompiled headers are not clang's.
+sed -E 's/ -Winvalid-pch -include [^ ]*cmake_pch\.hxx//' "$build_dir/compile_commands.json" \
+  >"$scratch/compile_commands.json"
 
 check() {
   local file=$1 hash inputs said
@@ -21,7 +25,7 @@ check() {
     grep "^$source_dir/" | sort -u || true)
   hash=$(cat .clang-tidy "$file" $inputs | sha256sum | cut -d' ' -f1)
   [[ -e $passed/$hash ]] && return
-  if ! said=$(clang-tidy -p "$build_dir" --extra-arg=-Wno-unknown-warning-option --header-filter="$headers" --quiet "$file" 2>&1); then
+  if ! said=$(clang-tidy -p "$scratch" --extra-arg=-Wno-unknown-warning-option --header-filter="$headers" --quiet "$file" 2>&1); then
     echo "$said"
     echo "clang-tidy objects to $file"
     return 1
@@ -29,7 +33,7 @@ check() {
   touch "$passed/$hash"
 }
 export -f check
-export source_dir build_dir passed dependencies
+export source_dir scratch passed dependencies
 
 mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
 headers="/($(IFS='|'; echo "${rooms[*]}"))/([^/]*/)*[^/]*\.h\$"
