@@ -16,6 +16,52 @@ struct BodyState {
   Vector3Of<Scalar> f, n;      ///< force on the body through its joint, moment about the origin
 };
 
+/// What a body's inertia asks of its joint: `b.f` and `b.n` from the motion of `b`.
+template <bool two, class Scalar>
+void set_force(const Body& body, BodyState<Scalar>& b) {
+  using Vector3 = Vector3Of<Scalar>;
+  const Eigen::Vector3d& c_d = body.p_Bcm;
+  const Vector3 c = c_d.cast<Scalar>();
+  const Eigen::Matrix3d& I = body.I_Bcm;
+  Vector3 acc_cm = b.acc + b.alpha.cross(c);
+  b.n = I * b.alpha;
+  if constexpr (two) {
+    acc_cm += 0.5 * (b.w_x.cross(b.w_y.cross(c)) + b.w_y.cross(b.w_x.cross(c)));
+    const Vector3 L_x = I * b.w_x;
+    const Vector3 L_y = I * b.w_y;
+    b.n += 0.5 * (b.w_x.cross(L_y) + b.w_y.cross(L_x));
+  } else {
+    acc_cm += b.w_x.cross(b.w_x.cross(c));
+    const Vector3 L_x = I * b.w_x;
+    b.n += b.w_x.cross(L_x);
+  }
+  b.f = acc_cm * body.mass;
+  b.n += c.cross(b.f);
+}
+
+/// The sweep in: joint forces from those on the bodies. What a body hands to its parent is added to
+/// the parent's.
+template <class Scalar>
+VectorOf<Scalar> joint_forces(const Model& model, BodyState<Scalar>* state) {
+  VectorOf<Scalar> tau(model.num_joints);
+  for (int j = 0; j < model.num_joints; ++j) tau[j] = Scalar(0);
+  for (int i = static_cast<int>(model.bodies.size()) - 1; i >= 0; --i) {
+    const Body& body = model.bodies[i];
+    const BodyState<Scalar>& b = state[i];
+    const Vector3Of<Scalar>& along = body.type == JointType::revolute ? b.n : b.f;
+    const Scalar tau_tree =
+        body.axis_B[0] * along[0] + body.axis_B[1] * along[1] + body.axis_B[2] * along[2];
+    tau[body.coordinate] += body.multiplier * tau_tree;
+    if (body.parent >= 0) {
+      BodyState<Scalar>& p = state[body.parent];
+      const Vector3Of<Scalar> f_P = b.X_PB.R * b.f;
+      p.f += f_P;
+      p.n += b.X_PB.R * b.n + b.X_PB.p.cross(f_P);
+    }
+  }
+  return tau;
+}
+
 /// M a + C(q,x) y + g for gravity `gravity`, by one sweep out and one sweep in. Every product of
 /// two velocities is symmetrised, which makes the result bilinear and symmetric in (x, y); with
 /// `two` false x stands for both.
@@ -75,41 +121,10 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
       b.acc += s_a + turning * 2.0;
     }
 
-    const Eigen::Vector3d& c_d = body.p_Bcm;
-    const Vector3 c = c_d.cast<Scalar>();
-    const Eigen::Matrix3d& I = body.I_Bcm;
-    Vector3 acc_cm = b.acc + b.alpha.cross(c);
-    b.n = I * b.alpha;
-    if constexpr (two) {
-      acc_cm += 0.5 * (b.w_x.cross(b.w_y.cross(c)) + b.w_y.cross(b.w_x.cross(c)));
-      const Vector3 L_x = I * b.w_x;
-      const Vector3 L_y = I * b.w_y;
-      b.n += 0.5 * (b.w_x.cross(L_y) + b.w_y.cross(L_x));
-    } else {
-      acc_cm += b.w_x.cross(b.w_x.cross(c));
-      const Vector3 L_x = I * b.w_x;
-      b.n += b.w_x.cross(L_x);
-    }
-    b.f = acc_cm * body.mass;
-    b.n += c.cross(b.f);
+    set_force<two>(body, b);
   }
 
-  VectorOf<Scalar> tau(model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) tau[j] = Scalar(0);
-  for (int i = num_bodies - 1; i >= 0; --i) {
-    const Body& body = model.bodies[i];
-    const BodyState<Scalar>& b = state[i];
-    const Vector3& along = body.type == JointType::revolute ? b.n : b.f;
-    const Scalar tau_tree =
-        body.axis_B[0] * along[0] + body.axis_B[1] * along[1] + body.axis_B[2] * along[2];
-    tau[body.coordinate] += body.multiplier * tau_tree;
-    if (body.parent >= 0) {
-      BodyState<Scalar>& p = state[body.parent];
-      const Vector3 f_P = b.X_PB.R * b.f;
-      p.f += f_P;
-      p.n += b.X_PB.R * b.n + b.X_PB.p.cross(f_P);
-    }
-  }
+  VectorOf<Scalar> tau = joint_forces(model, state);
   if (model.rotor_inertia.size() != 0) {
     require_size(model, model.rotor_inertia.size(), "rotor_inertia");
     for (int j = 0; j < model.num_joints; ++j) tau[j] += model.rotor_inertia[j] * a[j];

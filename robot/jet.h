@@ -14,8 +14,8 @@ namespace tachless::robot {
 /// computes from jets of its inputs is the jet of its output, exact to rounding.
 ///
 /// Ordering compares values alone, so that algorithms branch as they do in double; equality
-/// compares all three. At a point where a function is not twice differentiable (sqrt and log at
-/// 0, abs at 0) the derivatives are those of IEEE arithmetic: infinite or not a number.
+/// compares all three. At a point where a function is not twice differentiable (sqrt and abs
+/// at 0) the derivatives are those of IEEE arithmetic: infinite or not a number.
 struct Jet2 {
   double value;
   double first;   ///< [1/s]
@@ -100,65 +100,7 @@ inline Jet2 cos(const Jet2& x) {
   const double c = std::cos(x.value);
   return chain(x, c, -std::sin(x.value), -c);
 }
-inline Jet2 tan(const Jet2& x) {
-  const double t = std::tan(x.value), d = 1 + t * t;
-  return chain(x, t, d, 2 * t * d);
-}
-inline Jet2 asin(const Jet2& x) {
-  const double d = 1 / std::sqrt(1 - x.value * x.value);
-  return chain(x, std::asin(x.value), d, x.value * d * d * d);
-}
-inline Jet2 acos(const Jet2& x) {
-  const double d = 1 / std::sqrt(1 - x.value * x.value);
-  return chain(x, std::acos(x.value), -d, -x.value * d * d * d);
-}
-inline Jet2 atan(const Jet2& x) {
-  const double d = 1 / (1 + x.value * x.value);
-  return chain(x, std::atan(x.value), d, -2 * x.value * d * d);
-}
-inline Jet2 sinh(const Jet2& x) {
-  const double s = std::sinh(x.value);
-  return chain(x, s, std::cosh(x.value), s);
-}
-inline Jet2 cosh(const Jet2& x) {
-  const double c = std::cosh(x.value);
-  return chain(x, c, std::sinh(x.value), c);
-}
-inline Jet2 tanh(const Jet2& x) {
-  const double t = std::tanh(x.value), c = std::cosh(x.value), d = 1 / (c * c);
-  return chain(x, t, d, -2 * t * d);
-}
-inline Jet2 exp(const Jet2& x) {
-  const double f = std::exp(x.value);
-  return chain(x, f, f, f);
-}
-inline Jet2 log(const Jet2& x) {
-  const double d = 1 / x.value;
-  return chain(x, std::log(x.value), d, -d * d);
-}
-/// x^n for a constant exponent. Powers 0 and 1 have exact derivatives at x = 0 as well.
-inline Jet2 pow(const Jet2& x, double n) {
-  const double df = n == 0 ? 0 : n * std::pow(x.value, n - 1);
-  const double ddf = n == 0 || n == 1 ? 0 : n * (n - 1) * std::pow(x.value, n - 2);
-  return chain(x, std::pow(x.value, n), df, ddf);
-}
-/// x^y for x > 0.
-inline Jet2 pow(const Jet2& x, const Jet2& y) {
-  Jet2 f = exp(y * log(x));
-  f.value = std::pow(x.value, y.value);
-  return f;
-}
-inline Jet2 pow(double x, const Jet2& y) { return pow(Jet2(x), y); }
-/// With r2 = x^2 + y^2: angle' = (x y' - y x') / r2, and once more for angle''.
-inline Jet2 atan2(const Jet2& y, const Jet2& x) {
-  const double r2 = x.value * x.value + y.value * y.value;
-  const double n = x.value * y.first - y.value * x.first;
-  const double n1 = x.value * y.second - y.value * x.second;
-  const double r2_1 = 2 * (x.value * x.first + y.value * y.first);
-  return {std::atan2(y.value, x.value), n / r2, (n1 - n * r2_1 / r2) / r2};
-}
 inline Jet2 abs(const Jet2& x) { return std::signbit(x.value) ? -x : x; }
-inline Jet2 abs2(const Jet2& x) { return x * x; }
 constexpr const Jet2& conj(const Jet2& x) { return x; }
 constexpr const Jet2& real(const Jet2& x) { return x; }
 constexpr Jet2 imag(const Jet2&) { return Jet2(0); }

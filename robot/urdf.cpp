@@ -1,49 +1,27 @@
 #include <console_bridge/console.h>
+#include <fmt/format.h>
 #include <urdf_parser/urdf_parser.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <locale>
+#include <exception>
 #include <map>
 #include <mutex>
 #include <random>
 #include <set>
-#include <sstream>
-#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "robot/cholesky.h"
 #include "robot/mass_matrix.h"
 #include "robot/mass_properties.h"
 #include "robot/model.h"
+#include "robot/urdf_tree.h"
 
 namespace tachless::robot {
 namespace {
-
-/// Composes "<source>: <thing> '<name>': <problem>" and throws it, on one line.
-class Complaint {
- public:
-  explicit Complaint(const std::string& source) {
-    out_.imbue(std::locale::classic());
-    out_ << source << ": ";
-  }
-  template <class T>
-  Complaint& operator<<(const T& part) {
-    out_ << part;
-    return *this;
-  }
-  [[noreturn]] void raise() const {
-    std::string line = out_.str();
-    std::replace_if(
-        line.begin(), line.end(), [](char c) { return c == '\n' || c == '\r' || c == '\t'; }, ' ');
-    throw std::invalid_argument(line);
-  }
-
- private:
-  std::ostringstream out_;
-};
 
 /// While it lives, what urdfdom would print is kept instead. One at a time: urdfdom's channel is
 /// global.
@@ -72,101 +50,6 @@ class UrdfdomMessages : public console_bridge::OutputHandler {
   console_bridge::LogLevel level_;
 };
 
-/// What urdfdom does not tell: the order of the joints in the file.
-struct Outline {
-  std::map<std::string, int> joint_order;
-};
-
-/// Refuses joints that close a chain, before urdfdom sees them: it accepts some, and its links own
-/// each other, so that a cycle would never be freed.
-class TreeCheck {
- public:
-  explicit TreeCheck(const std::string& source) : source_(source) {}
-
-  void add(const std::string& joint, const std::string& parent, const std::string& child) {
-    const auto [above, fresh] = above_.emplace(child, Above{joint, parent});
-    if (!fresh) {
-      (Complaint(source_) << "link '" << child << "' is the child of two joints, '"
-                          << above->second.joint << "' and '" << joint
-                          << "': closed chains are not supported; cut one")
-          .raise();
-    }
-  }
-
-  /// Walks from every link towards the root, each link once.
-  void finish() const {
-    std::set<std::string> leads_to_root;
-    for (const auto& [start, unused] : above_) {
-      std::set<std::string> walked;
-      for (auto at = above_.find(start); at != above_.end() && leads_to_root.count(at->first) == 0;
-           at = above_.find(at->second.parent)) {
-        if (!walked.insert(at->first).second) {
-          (Complaint(source_) << "joint '" << at->second.joint << "' hangs link '" << at->first
-                              << "' on its own descendant; hang it on a link nearer the root")
-              .raise();
-        }
-      }
-      leads_to_root.merge(walked);
-    }
-  }
-
- private:
-  struct Above {
-    std::string joint, parent;
-  };
-  std::string source_;
-  std::map<std::string, Above> above_;  ///< by child link
-};
-
-Outline outline_of(const std::string& text, const std::string& source) {
-  TiXmlDocument document;
-  document.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
-  if (document.Error()) {
-    std::string why = document.ErrorDesc();
-    if (!why.empty() && why.back() == '.') why.pop_back();
-    (Complaint(source) << "line " << document.ErrorRow() << ": malformed XML: " << why
-                       << "; correct the file's XML")
-        .raise();
-  }
-  const TiXmlElement* robot = document.FirstChildElement("robot");
-  if (robot == nullptr) {
-    (Complaint(source) << "no <robot> element; give a URDF file").raise();
-  }
-  Outline outline;
-  TreeCheck tree(source);
-  std::set<std::string> links;
-  for (const TiXmlElement* e = robot->FirstChildElement(); e != nullptr;
-       e = e->NextSiblingElement()) {
-    const bool is_joint = e->ValueStr() == "joint";
-    if (!is_joint && e->ValueStr() != "link") continue;
-    const char* kind = is_joint ? "joint" : "link";
-    const char* name = e->Attribute("name");
-    if (name == nullptr || *name == '\0') {
-      (Complaint(source) << "line " << e->Row() << ": a " << kind
-                         << " has no name; give it name=\"...\"")
-          .raise();
-    }
-    const bool fresh =
-        is_joint
-            ? outline.joint_order.emplace(name, static_cast<int>(outline.joint_order.size())).second
-            : links.insert(name).second;
-    if (!fresh) {
-      (Complaint(source) << "line " << e->Row() << ": " << kind << " '" << name
-                         << "' is defined twice; rename one")
-          .raise();
-    }
-    if (!is_joint) continue;
-    const TiXmlElement* parent = e->FirstChildElement("parent");
-    const TiXmlElement* child = e->FirstChildElement("child");
-    const char* parent_link = parent != nullptr ? parent->Attribute("link") : nullptr;
-    const char* child_link = child != nullptr ? child->Attribute("link") : nullptr;
-    // urdfdom says which joint lacks one.
-    if (parent_link != nullptr && child_link != nullptr) tree.add(name, parent_link, child_link);
-  }
-  tree.finish();
-  return outline;
-}
-
 Eigen::Vector3d vector_of(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
 Eigen::Matrix3d rotation_of(const urdf::Rotation& r) {
   return Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
@@ -181,7 +64,7 @@ struct Drive {
 class Loader {
  public:
   Loader(const std::string& text, const std::string& source)
-      : source_(source), outline_(outline_of(text, source)) {
+      : source_(source), joint_order_(joint_order(text, source)) {
     UrdfdomMessages messages;
     try {
       urdf_ = urdf::parseURDF(text);
@@ -190,9 +73,8 @@ class Loader {
     }
     // A link whose <inertial> does not parse is kept without it; urdfdom only prints the error.
     if (!urdf_ || !messages.text.empty()) {
-      complaint() << "not a robot description: "
-                  << (messages.text.empty() ? "urdfdom gives no reason" : messages.text)
-                  << "; correct the URDF" << Raise{};
+      refuse("not a robot description: {}; correct the URDF",
+             messages.text.empty() ? "urdfdom gives no reason" : messages.text);
     }
   }
 
@@ -206,22 +88,10 @@ class Loader {
   }
 
  private:
-  struct Raise {};
-  /// A complaint that `<< Raise{}` ends.
-  class Sentence {
-   public:
-    explicit Sentence(const std::string& source) : complaint_(source) {}
-    template <class T>
-    Sentence& operator<<(const T& part) {
-      complaint_ << part;
-      return *this;
-    }
-    [[noreturn]] void operator<<(Raise) { complaint_.raise(); }
-
-   private:
-    Complaint complaint_;
-  };
-  Sentence complaint() const { return Sentence(source_); }
+  template <class... Args>
+  [[noreturn]] void refuse(fmt::format_string<Args...> text, Args&&... args) const {
+    refuse_urdf(source_, fmt::format(text, std::forward<Args>(args)...));
+  }
 
   static bool moves(const urdf::Joint& joint) { return joint.type != urdf::Joint::FIXED; }
   static bool independent(const urdf::Joint& joint) { return moves(joint) && !joint.mimic; }
@@ -238,7 +108,7 @@ class Loader {
     }
     for (auto& [link, joints] : below_) {
       std::sort(joints.begin(), joints.end(), [this](const auto* a, const auto* b) {
-        return outline_.joint_order.at(a->name) < outline_.joint_order.at(b->name);
+        return joint_order_.at(a->name) < joint_order_.at(b->name);
       });
     }
   }
@@ -248,24 +118,23 @@ class Loader {
       const std::string where = "joint '" + name + "'";
       const urdf::Pose& X = joint->parent_to_joint_origin_transform;
       if (!vector_of(X.position).allFinite() || !rotation_of(X.rotation).allFinite()) {
-        complaint() << where << ": origin is not finite; give finite numbers" << Raise{};
+        refuse("{}: origin is not finite; give finite numbers", where);
       }
       if (joint->type == urdf::Joint::FLOATING || joint->type == urdf::Joint::PLANAR) {
-        complaint() << where << ": type "
-                    << (joint->type == urdf::Joint::PLANAR ? "planar" : "floating")
-                    << " is not supported; use revolute, continuous, prismatic or fixed" << Raise{};
+        refuse("{}: type {} is not supported; use revolute, continuous, prismatic or fixed", where,
+               joint->type == urdf::Joint::PLANAR ? "planar" : "floating");
       }
       if (!moves(*joint)) {
         if (joint->mimic) {
-          complaint() << where << ": a fixed joint cannot mimic '" << joint->mimic->joint_name
-                      << "'; remove <mimic> or let it move" << Raise{};
+          refuse("{}: a fixed joint cannot mimic '{}'; remove <mimic> or let it move", where,
+                 joint->mimic->joint_name);
         }
         continue;
       }
       const Eigen::Vector3d axis = vector_of(joint->axis);
       if (!axis.allFinite() || axis.norm() < 1e-9) {
-        complaint() << where << ": axis " << axis.transpose()
-                    << " has no direction; give a vector of length 1" << Raise{};
+        refuse("{}: axis {} has no direction; give a vector of length 1", where,
+               fmt::join(axis, " "));
       }
       drive_of(*joint);
       if (independent(*joint)) check_limits(*joint, where);
@@ -275,22 +144,22 @@ class Loader {
   void check_limits(const urdf::Joint& joint, const std::string& where) const {
     if (!joint.limits) {
       if (joint.type == urdf::Joint::CONTINUOUS) return;
-      complaint() << where << ": has no <limit>; give lower, upper, effort and velocity" << Raise{};
+      refuse("{}: has no <limit>; give lower, upper, effort and velocity", where);
     }
     const urdf::JointLimits& limits = *joint.limits;
     for (const auto& [what, value] :
          {std::pair{"effort", limits.effort}, std::pair{"velocity", limits.velocity}}) {
       if (!std::isfinite(value) || value < 0) {
-        complaint() << where << ": " << what << " limit " << value
-                    << " is not a limit; give a finite value above 0, or 0 for none" << Raise{};
+        refuse("{}: {} limit {} is not a limit; give a finite value above 0, or 0 for none", where,
+               what, value);
       }
     }
     if (joint.type == urdf::Joint::CONTINUOUS) return;
     if (!std::isfinite(limits.lower) || !std::isfinite(limits.upper) ||
         limits.lower >= limits.upper) {
-      complaint() << where << ": limits lower " << limits.lower << ", upper " << limits.upper
-                  << " leave no room; give lower < upper"
-                  << (joint.type == urdf::Joint::REVOLUTE ? ", or type continuous" : "") << Raise{};
+      refuse("{}: limits lower {}, upper {} leave no room; give lower < upper{}", where,
+             limits.lower, limits.upper,
+             joint.type == urdf::Joint::REVOLUTE ? ", or type continuous" : "");
     }
   }
 
@@ -303,21 +172,21 @@ class Loader {
       const urdf::JointMimic& mimic = *at->mimic;
       const std::string where = "joint '" + at->name + "'";
       if (!std::isfinite(mimic.multiplier) || !std::isfinite(mimic.offset)) {
-        complaint() << where << ": mimic multiplier " << mimic.multiplier << " and offset "
-                    << mimic.offset << " must be finite" << Raise{};
+        refuse("{}: mimic multiplier {} and offset {} must be finite", where, mimic.multiplier,
+               mimic.offset);
       }
       if (!seen.insert(at->name).second) {
-        complaint() << where << ": mimics itself by way of '" << mimic.joint_name
-                    << "'; let one joint of the cycle be independent" << Raise{};
+        refuse("{}: mimics itself by way of '{}'; let one joint of the cycle be independent", where,
+               mimic.joint_name);
       }
       const auto next = urdf_->getJoint(mimic.joint_name);
       if (!next) {
-        complaint() << where << ": mimics joint '" << mimic.joint_name
-                    << "', which does not exist; correct the name" << Raise{};
+        refuse("{}: mimics joint '{}', which does not exist; correct the name", where,
+               mimic.joint_name);
       }
       if (!moves(*next)) {
-        complaint() << where << ": mimics joint '" << mimic.joint_name
-                    << "', which is fixed; mimic a joint that moves" << Raise{};
+        refuse("{}: mimics joint '{}', which is fixed; mimic a joint that moves", where,
+               mimic.joint_name);
       }
       drive.offset += drive.multiplier * mimic.offset;
       drive.multiplier *= mimic.multiplier;
@@ -337,7 +206,7 @@ class Loader {
     MassProperties mass{in.mass, vector_of(in.origin.position), I};
     const std::string why = R.allFinite() ? why_not_physical(mass)
                                           : "inertial origin is not finite; give finite numbers";
-    if (!why.empty()) complaint() << "link '" << link.name << "': " << why << Raise{};
+    if (!why.empty()) refuse("link '{}': {}", link.name, why);
     // Not for R = 1, which would only round.
     if (!R.isIdentity(0)) {
       I = R * mass.I_cm * R.transpose();
@@ -392,15 +261,15 @@ class Loader {
       push_below(joint.child_link_name);
     }
     if (model_.num_joints == 0) {
-      complaint() << "no joint moves; a robot needs at least one" << Raise{};
+      refuse("no joint moves; a robot needs at least one");
     }
   }
 
   /// Appends the body that `joint` moves, in its parent's `frame`; returns its index.
   int add_body(const urdf::Joint& joint, const Frame& frame) {
     if (model_.bodies.size() == max_bodies) {
-      complaint() << "joint '" << joint.name << "': more than " << max_bodies
-                  << " moving bodies; merge some by fixed joints" << Raise{};
+      refuse("joint '{}': more than {} moving bodies; merge some by fixed joints", joint.name,
+             max_bodies);
     }
     Body body;
     body.link = joint.child_link_name;
@@ -413,8 +282,8 @@ class Loader {
     if (const double length = body.axis_B.norm(); length != 1) body.axis_B /= length;
     if (independent(joint)) {
       if (model_.num_joints == max_joints) {
-        complaint() << "joint '" << joint.name << "': more than " << max_joints
-                    << " joints; fix some or let them mimic others" << Raise{};
+        refuse("joint '{}': more than {} joints; fix some or let them mimic others", joint.name,
+               max_joints);
       }
       coordinate_[joint.name] = model_.num_joints++;
     }
@@ -463,17 +332,17 @@ class Loader {
       Matrix M = mass_matrix<double>(model_, q);
       const int failed = factorise(M, rounding);
       if (failed >= 0) {
-        complaint() << "joint '" << model_.joint_names[failed]
-                    << "' moves no inertia of its own (the inertia matrix is not positive "
-                       "definite); give the links it moves a mass and an inertia"
-                    << Raise{};
+        refuse(
+            "joint '{}' moves no inertia of its own (the inertia matrix is not positive definite); "
+            "give the links it moves a mass and an inertia",
+            model_.joint_names[failed]);
       }
       for (double& angle : q) angle = 2.0 * random() / random.max() - 1.0;
     }
   }
 
   std::string source_;
-  Outline outline_;
+  std::map<std::string, int> joint_order_;  ///< in the file
   urdf::ModelInterfaceSharedPtr urdf_;
   std::map<std::string, std::vector<const urdf::Joint*>> below_;
   std::map<std::string, int> coordinate_;

@@ -23,8 +23,7 @@ struct Elementary {
 
 const std::vector<Elementary>& elementary_functions() {
   using D = double;
-  static const std::vector<double> all{-2.5, -0.7, 0.0, 0.3, 1.9}, positive{0.2, 0.9, 3.7},
-      inside{-0.8, 0.0, 0.6};
+  static const std::vector<double> all{-2.5, -0.7, 0.0, 0.3, 1.9}, positive{0.2, 0.9, 3.7};
   static const std::vector<Elementary> list{
       {"sqrt", [](const Jet2& x) { return sqrt(x); }, [](D x) { return std::sqrt(x); },
        [](D x) { return 1 / (2 * std::sqrt(x)); }, [](D x) { return -1 / (4 * x * std::sqrt(x)); },
@@ -33,50 +32,12 @@ const std::vector<Elementary>& elementary_functions() {
        [](D x) { return std::cos(x); }, [](D x) { return -std::sin(x); }, all},
       {"cos", [](const Jet2& x) { return cos(x); }, [](D x) { return std::cos(x); },
        [](D x) { return -std::sin(x); }, [](D x) { return -std::cos(x); }, all},
-      {"tan", [](const Jet2& x) { return tan(x); }, [](D x) { return std::tan(x); },
-       [](D x) { return std::pow(std::cos(x), -2); },
-       [](D x) { return 2 * std::sin(x) * std::pow(std::cos(x), -3); }, all},
-      {"asin", [](const Jet2& x) { return asin(x); }, [](D x) { return std::asin(x); },
-       [](D x) { return std::pow(1 - x * x, -0.5); },
-       [](D x) { return x * std::pow(1 - x * x, -1.5); }, inside},
-      {"acos", [](const Jet2& x) { return acos(x); }, [](D x) { return std::acos(x); },
-       [](D x) { return -std::pow(1 - x * x, -0.5); },
-       [](D x) { return -x * std::pow(1 - x * x, -1.5); }, inside},
-      {"atan", [](const Jet2& x) { return atan(x); }, [](D x) { return std::atan(x); },
-       [](D x) { return 1 / (1 + x * x); }, [](D x) { return -2 * x * std::pow(1 + x * x, -2); },
-       all},
-      {"sinh", [](const Jet2& x) { return sinh(x); }, [](D x) { return std::sinh(x); },
-       [](D x) { return std::cosh(x); }, [](D x) { return std::sinh(x); }, all},
-      {"cosh", [](const Jet2& x) { return cosh(x); }, [](D x) { return std::cosh(x); },
-       [](D x) { return std::sinh(x); }, [](D x) { return std::cosh(x); }, all},
-      {"tanh", [](const Jet2& x) { return tanh(x); }, [](D x) { return std::tanh(x); },
-       [](D x) { return std::pow(std::cosh(x), -2); },
-       [](D x) { return -2 * std::sinh(x) * std::pow(std::cosh(x), -3); }, all},
-      {"exp", [](const Jet2& x) { return exp(x); }, [](D x) { return std::exp(x); },
-       [](D x) { return std::exp(x); }, [](D x) { return std::exp(x); }, all},
-      {"log", [](const Jet2& x) { return log(x); }, [](D x) { return std::log(x); },
-       [](D x) { return 1 / x; }, [](D x) { return -1 / (x * x); }, positive},
       {"abs",
        [](const Jet2& x) { return abs(x); },
        [](D x) { return std::abs(x); },
        [](D x) { return x < 0 ? -1.0 : 1.0; },
        [](D) { return 0.0; },
        {-2.0, -0.3, 0.4}},
-      {"cube", [](const Jet2& x) { return pow(x, 3.0); }, [](D x) { return x * x * x; },
-       [](D x) { return 3 * x * x; }, [](D x) { return 6 * x; }, all},
-      {"pow 1", [](const Jet2& x) { return pow(x, 1.0); }, [](D x) { return x; },
-       [](D) { return 1.0; }, [](D) { return 0.0; }, all},
-      {"pow 0", [](const Jet2& x) { return pow(x, 0.0); }, [](D) { return 1.0; },
-       [](D) { return 0.0; }, [](D) { return 0.0; }, all},
-      {"pow -1.5", [](const Jet2& x) { return pow(x, -1.5); },
-       [](D x) { return std::pow(x, -1.5); }, [](D x) { return -1.5 * std::pow(x, -2.5); },
-       [](D x) { return 3.75 * std::pow(x, -3.5); }, positive},
-      {"2^x", [](const Jet2& x) { return pow(2.0, x); }, [](D x) { return std::pow(2, x); },
-       [](D x) { return std::log(2) * std::pow(2, x); },
-       [](D x) { return std::log(2) * std::log(2) * std::pow(2, x); }, all},
-      {"x^x", [](const Jet2& x) { return pow(x, x); }, [](D x) { return std::pow(x, x); },
-       [](D x) { return std::pow(x, x) * (std::log(x) + 1); },
-       [](D x) { return std::pow(x, x) * (std::pow(std::log(x) + 1, 2) + 1 / x); }, positive},
       {"1/x", [](const Jet2& x) { return 1.0 / x; }, [](D x) { return 1 / x; },
        [](D x) { return -1 / (x * x); }, [](D x) { return 2 / (x * x * x); }, positive},
   };
@@ -121,14 +82,7 @@ TEST(Jet2, ObeysIdentitiesBetweenFunctions) {
       EXPECT_NEAR(a.second, b.second, 128 * eps);
     };
     expect_equal(sin(t) * sin(t) + cos(t) * cos(t), Jet2(1));
-    expect_equal(cosh(t) * cosh(t) - sinh(t) * sinh(t), Jet2(1));
-    expect_equal(log(exp(t)), t);
-    expect_equal(sqrt(abs2(t)), abs(t));
-    expect_equal(tan(atan(t)), t);
-    expect_equal(asin(sin(t)), t);
-    expect_equal(atan2(sin(t), cos(t)), t);
-    expect_equal(atan2(-2.0 * sin(t), -2.0 * cos(t)),
-                 t + (x < 0 ? 3.14159265358979323846 : -3.14159265358979323846));
+    expect_equal(sqrt(t * t), abs(t));
     Jet2 s, c;
     sin_cos(t, s, c);
     EXPECT_EQ(s, sin(t));
