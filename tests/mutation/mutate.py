@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Which faults of the code does no test notice?
 
-Flips one operator or constant at a time, builds the test programs of that room, runs them, and
-writes down whether one failed. The checkout itself is not touched: each worker has a git worktree
-and a build of its own under build/mutation. Results are kept one a line in
-build/mutation/results.jsonl; what is there is not tried again, so a run can be ended and taken up.
+Flips one operator or constant at a time, builds and runs the unit tests that are compiled from that
+file, the file's own test first, until one fails, and writes down whether one did. The checkout itself
+is not touched: each worker has a git worktree and a build of its own under build/mutation (--work).
+Results are kept one a line in results.jsonl there; what is there is not tried again, so a run can be
+ended and taken up.
 A survivor that no test can kill is argued in tests/mutation/argued.txt.
 
     tests/mutation/mutate.py                       240 mutants, drawn evenly from all areas
@@ -29,8 +30,6 @@ import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-WORK = ROOT / "build/mutation"
-RESULTS = WORK / "results.jsonl"
 ARGUED = pathlib.Path(__file__).with_name("argued.txt")
 
 # Area: files, and the test programs that are to notice. Not fuzzers, whole runs or compile-fail tests.
@@ -109,10 +108,11 @@ def drawn(all_mutants, number, seed):
 class Worker:
     """A worktree with a build of its own."""
 
-    def __init__(self, index):
-        self.tree = WORK / f"tree-{index}"
+    def __init__(self, work, index):
+        self.tree = work / f"tree-{index}"
         self.build = self.tree / "build/release"
         self.run_s = {}
+        self.compiled_from = {}
         commit = output("git", "-C", ROOT, "rev-parse", "HEAD").strip()
         if not self.tree.exists():
             subprocess.run(["git", "-C", ROOT, "worktree", "prune"], check=True)
@@ -120,26 +120,43 @@ class Worker:
                            check=True)
         subprocess.run(["git", "-C", self.tree, "checkout", "-q", "--force", commit], check=True)
         subprocess.run(["cmake", "-S", self.tree, "--preset", "release", "-DTACHLESS_TESTS=ON",
-                        "-DCMAKE_CXX_FLAGS_RELEASE=-O1"], check=True, stdout=subprocess.DEVNULL)
+                        "-DCMAKE_CXX_FLAGS_RELEASE=-O0"], check=True, stdout=subprocess.DEVNULL)
         targets = output("ninja", "-C", self.build, "-t", "targets", "all")
         self.targets = sorted(set(re.findall(r"^(test_\w+): phony", targets, re.M)))
 
+    def targets_of(self, area):
+        return [target for target in self.targets if re.fullmatch(AREAS[area][1], target)]
+
     def targets_for(self, area, file):
-        """Those that have the file's name in theirs first: they most probably notice."""
-        stem = pathlib.Path(file).stem
-        own = [t for t in self.targets if re.fullmatch(AREAS[area][1], t)]
-        return sorted(own, key=lambda target: (stem not in target, target))
+        """Those with objects that are compiled from the file: the one with its own test first, then
+        those with the least to compile. Known once all have been built."""
+        if not self.compiled_from:
+            objects = re.findall(r"^(\S+\.o): #deps.*\n((?:    .*\n)*)",
+                                 output("ninja", "-C", self.build, "-t", "deps"), re.M)
+            self.compiled_from = {name: set(files.split()) for name, files in objects}
+        own_test = f"/{pathlib.Path(file).stem}_test.cpp.o"
+        ranked = []
+        for target in self.targets_of(area):
+            objects = [each for each in output("ninja", "-C", self.build, "-t", "inputs", target).split()
+                       if each.endswith(".o")]
+            to_compile = sum(any(each.endswith("/" + file) for each in self.compiled_from.get(name, ()))
+                             for name in objects)
+            if to_compile:
+                ranked.append((not any(each.endswith(own_test) for each in objects), to_compile, target))
+        return [target for *_, target in sorted(ranked)]
 
     def compile(self, target):
         return subprocess.run(["nice", "ninja", "-C", self.build, "-j1", target],
                               stdout=subprocess.DEVNULL).returncode == 0
 
-    def passes(self, target):
+    def passes(self, target, suites=()):
         program = next(self.build.glob(f"tests/**/{target}"))
-        inside = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec " + str(program)
+        chosen = ":".join(f"{suite}.*:*/{suite}.*:{suite}/*" for suite in suites) or "*"
+        inside = ("ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && "
+                  f"exec {program} --gtest_fail_fast '--gtest_filter={chosen}'")
         began = time.monotonic()
         try:
-            ended = subprocess.run(["unshare", "-rn", "bash", "-c", inside + " --gtest_fail_fast"],
+            ended = subprocess.run(["unshare", "-rn", "bash", "-c", inside],
                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                                    timeout=20 + 10 * self.run_s.get(target, 6))
         except subprocess.TimeoutExpired:
@@ -149,7 +166,7 @@ class Worker:
 
     def baseline(self, areas):
         for area in areas:
-            for target in self.targets_for(area, ""):
+            for target in self.targets_of(area):
                 if not (self.compile(target) and self.passes(target)):
                     sys.exit(f"mutate: {target} fails without a mutant; mend it first")
 
@@ -164,7 +181,8 @@ class Worker:
             for target in self.targets_for(mutant["area"], mutant["file"]):
                 if not self.compile(target):
                     return "does not compile", None
-                if not self.passes(target):
+                own = own_suites(mutant["file"])
+                if (own and not self.passes(target, own)) or not self.passes(target):
                     return "killed", target
             return "survived", None
         finally:
@@ -172,14 +190,23 @@ class Worker:
             path.write_text("".join(lines))
 
 
+def own_suites(file):
+    """The suites of the file's own test, which are run before the others of the same program."""
+    test = ROOT / "tests" / pathlib.Path(file).parent / f"{pathlib.Path(file).stem}_test.cpp"
+    if not test.exists():
+        return []
+    return sorted(set(re.findall(r"^(?:TYPED_)?TEST(?:_[FP])?\((\w+),", test.read_text(), re.M)))
+
+
 def output(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout
 
 
-def results():
-    if not RESULTS.exists():
+def results(work):
+    file = work / "results.jsonl"
+    if not file.exists():
         return {}
-    return {each["id"]: each for each in map(json.loads, RESULTS.read_text().splitlines())}
+    return {each["id"]: each for each in map(json.loads, file.read_text().splitlines())}
 
 
 def argued():
@@ -190,9 +217,9 @@ def argued():
     return {row[0]: row[1] for row in rows if len(row) == 2}
 
 
-def report():
+def report(work):
     """Prints score and survivors. @return how many survivors nobody has argued"""
-    done, reasons, unargued = results(), argued(), 0
+    done, reasons, unargued = results(work), argued(), 0
     for area in AREAS:
         own = [each for each in done.values() if each["area"] == area]
         counted = [each for each in own if each["outcome"] != "does not compile"]
@@ -214,10 +241,10 @@ def report():
     return unargued
 
 
-def run(chosen, workers):
-    WORK.mkdir(parents=True, exist_ok=True)
+def run(chosen, workers, work):
+    work.mkdir(parents=True, exist_ok=True)
     areas = sorted({mutant["area"] for mutant in chosen})
-    idle, lock = [Worker(index) for index in range(workers)], threading.Lock()
+    idle, lock = [Worker(work, index) for index in range(workers)], threading.Lock()
     with concurrent.futures.ThreadPoolExecutor(workers) as pool:
         list(pool.map(lambda worker: worker.baseline(areas), idle))
 
@@ -227,7 +254,7 @@ def run(chosen, workers):
             outcome, by = worker.outcome(mutant)
             with lock:
                 idle.append(worker)
-                with RESULTS.open("a") as file:
+                with (work / "results.jsonl").open("a") as file:
                     file.write(json.dumps({**mutant, "outcome": outcome, "by": by}) + "\n")
                 print(f"{outcome:16} {mutant['file']}:{mutant['number']}: {mutant['mutated'].strip()}",
                       flush=True)
@@ -241,6 +268,8 @@ def main():
     parser.add_argument("--number", type=int, default=240, help="of mutants (default 240)")
     parser.add_argument("--seed", type=int, default=1, help="of the draw (default 1)")
     parser.add_argument("--workers", type=int, default=2, help="worktrees at work (default 2)")
+    parser.add_argument("--work", type=pathlib.Path, default=ROOT / "build/mutation",
+                        help="where worktrees and results are (default build/mutation)")
     parser.add_argument("--list", action="store_true", help="list the mutants and end")
     parser.add_argument("--report", action="store_true", help="report on the results so far and end")
     options = parser.parse_args()
@@ -251,9 +280,9 @@ def main():
                 print(f"{each['id']}  {each['file']}:{each['number']}\n"
                       f"  - {each['line'].strip()}\n  + {each['mutated'].strip()}")
             return 0
-        done = results()
-        run([each for each in chosen if each["id"] not in done], options.workers)
-    return 1 if report() else 0
+        done = results(options.work)
+        run([each for each in chosen if each["id"] not in done], options.workers, options.work)
+    return 1 if report(options.work) else 0
 
 
 if __name__ == "__main__":

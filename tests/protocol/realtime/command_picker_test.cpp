@@ -61,6 +61,13 @@ TEST_F(Picking, GoesOnAfterAGapLongerThanItsMemory) {
   EXPECT_EQ(due(), 501);
 }
 
+TEST_F(Picking, ActsOnTheOldestTickThatIsKept) {
+  refer(2), measure(2);
+  // The memory is 64 ticks; reference 65 takes the place of tick 1.
+  measure(64), refer(65);
+  EXPECT_EQ(due(), 2);
+}
+
 TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
   measure(0), refer(0);
   EXPECT_EQ(measure(0), Verdict::repeated);
