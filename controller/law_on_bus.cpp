@@ -107,7 +107,7 @@ class LawOnBus::MeasuredBy final : public LawOnBus::Measured {
       : stepper_(std::move(law), scenario.loop), codec_(layout(scenario)) {}
 
   [[nodiscard]] std::string_view suffix() const override {
-    return loop::ChannelOf<Measurement>::suffix;
+    return loop::MessageOf<Measurement>::suffix;
   }
   [[nodiscard]] std::size_t longest() const override { return codec_.longest(); }
   bool accept(node::Session& session, const bus::Datagram& datagram, loop::Stamp& stamp) override {

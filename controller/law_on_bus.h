@@ -5,7 +5,6 @@
 #include <memory>
 #include <span>
 #include <string>
-#include <string_view>
 
 #include "bus/transport.h"
 #include "experiment/scenario.h"

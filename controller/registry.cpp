@@ -18,7 +18,7 @@ template <class L>
 LawFacts facts_of() {
   LawFacts facts;
   facts.name = L::name;
-  facts.measurement = loop::ChannelOf<typename L::Measurement>::suffix;
+  facts.measurement = loop::MessageOf<typename L::Measurement>::suffix;
   facts.signals = L::signals;
   schema::for_each_key<typename L::Gains>(
       [&]<class Member>(const schema::Key<typename L::Gains, Member>& key) {

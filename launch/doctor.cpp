@@ -7,14 +7,12 @@
 
 #include <array>
 #include <chrono>
-#include <cstdlib>
 #include <exception>
 #include <fstream>
 #include <iterator>
 #include <map>
 #include <numeric>
 #include <sstream>
-#include <system_error>
 
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
@@ -132,11 +130,8 @@ Finding check_stolen_time() {
 }
 
 Finding check_gnuplot() {
-  std::istringstream path(std::getenv("PATH") == nullptr ? "" : std::getenv("PATH"));
-  for (std::string directory; std::getline(path, directory, ':');) {
-    if (access((directory + "/gnuplot").c_str(), X_OK) == 0) {
-      return {"gnuplot", true, directory + "/gnuplot", {}};
-    }
+  if (const auto gnuplot = process::find_program("gnuplot")) {
+    return {"gnuplot", true, gnuplot->string(), {}};
   }
   return {"gnuplot", false, "not found; figures need it", "sudo apt-get install gnuplot-nox"};
 }
@@ -144,18 +139,18 @@ Finding check_gnuplot() {
 }  // namespace
 
 Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface) {
-  const std::string ttl = std::to_string(url.ttl);
-  if (url.ttl == 0) return {"ttl", true, ttl + ": messages stay on this host", {}};
+  if (url.ttl == 0) return {"ttl", true, "0: messages stay on this host", {}};
   if (interface == "lo") {
     return {"ttl", false,
-            ttl + ", but the multicast route is by way of lo: nothing leaves this host",
+            fmt::format("{}, but the multicast route is by way of lo: nothing leaves this host",
+                        url.ttl),
             "sudo ip route replace 224.0.0.0/4 dev eth0 (or what `ip -brief link` calls the "
             "interface to the other hosts)"};
   }
-  if (url.ttl == 1) return {"ttl", true, ttl + ": messages reach the local network", {}};
+  if (url.ttl == 1) return {"ttl", true, "1: messages reach the local network", {}};
   bus::LcmUrl local = url;
   local.ttl = 1;
-  return {"ttl", false, ttl + ": messages are routed on",
+  return {"ttl", false, fmt::format("{}: messages are routed on", url.ttl),
           fmt::format("export LCM_DEFAULT_URL='{}'", local.text())};
 }
 

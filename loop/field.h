@@ -10,7 +10,6 @@
 #include <string>
 #include <string_view>
 #include <tuple>
-#include <type_traits>
 
 #include "loop/signals.h"
 
@@ -157,14 +156,8 @@ bool same(const Value& a, const Value& b) {
   return result;
 }
 
-/// Channel suffix of each message type: the node takes its channel from the type, never from an
-/// option.
-template <class Value>
-struct ChannelOf {
-  static constexpr std::string_view suffix = MessageOf<Value>::suffix;
-};
-
-/// Full channel name, e.g. "ARM_POSITION". `robot` is already upper case.
+/// Full channel name, e.g. "ARM_POSITION": from the type, never from an option. `robot` is already
+/// upper case.
 template <class Value>
 std::string channel(std::string_view robot) {
   return std::string(robot) + "_" + std::string(MessageOf<Value>::suffix);

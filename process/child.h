@@ -3,7 +3,9 @@
 #include <sys/types.h>
 #include <csignal>
 
+#include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +48,9 @@ struct Finished {
 /// Runs a program as `start` does, to its end.
 /// @throw diagnostics::Failure as `start`
 Finished run(const std::vector<std::string>& command);
+
+/// Where the search path has a program of this name that may be executed.
+std::optional<std::filesystem::path> find_program(const std::string& name);
 
 /// Replaces this process by a program (a path) with its arguments.
 /// @throw diagnostics::Failure(bad_usage) naming the program and `remedy`

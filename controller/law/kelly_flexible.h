@@ -2,17 +2,16 @@
 
 #include <array>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
 #include "controller/law/filter.h"
+#include "controller/law/filter_gains.h"
 #include "controller/law/flexible_robot.h"
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/energy.h"
 #include "robot/inverse_dynamics.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -42,19 +41,8 @@ class KellyFlexible {
 
   using Robot = FlexibleRobot;
   using Measurement = loop::MotorPositionMeasurement;
+  using Gains = FilterGains;
   using Memory = Filter::Memory;
-
-  struct Gains {
-    robot::Vector kp, kd, a, b;
-
-    static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
-            schema::positive),
-        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
-        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
-  };
 
   KellyFlexible(Robot robot, Gains gains, const Settings& settings)
       : robot_(std::move(robot)),

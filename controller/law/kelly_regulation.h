@@ -1,19 +1,14 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
+#include "controller/law/equation_15.h"
 #include "controller/law/filter.h"
 #include "controller/law/law.h"
-#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
-#include "robot/model.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -27,7 +22,7 @@ namespace tachless::controller::law {
 ///
 /// Measures: link position. Memory: the filter. The reference is constant by assumption, so a
 /// feed-forward lead changes nothing.
-class KellyRegulation {
+class KellyRegulation : public Equation15 {
  public:
   static constexpr std::string_view name = "kelly_regulation";
   static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
@@ -40,25 +35,11 @@ class KellyRegulation {
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 
-  using Robot = robot::Model;
   using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
 
-  struct Gains {
-    robot::Vector kp, kd, a, b;
-
-    static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
-            schema::positive),
-        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
-        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
-  };
-
   KellyRegulation(Robot model, Gains gains, const Settings& settings)
-      : model_(std::move(model)),
-        gains_(std::move(gains)),
+      : Equation15(std::move(model), std::move(gains)),
         filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s) {}
 
   [[nodiscard]] Memory start(const Measurement& measurement,
@@ -77,25 +58,7 @@ class KellyRegulation {
     return result;
   }
 
-  /// Eq. 15, with epsilon the weight of its cross term.
-  static constexpr std::string_view lyapunov_formula =
-      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε (e − ν)′Mė";
-  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double epsilon) const {
-    const robot::Vector edot = state.v - reference.v_ref;
-    return equation_15(state.q - reference.q_ref, edot, state.controller.value[1],
-                       robot::mass_matrix(model_, state.q) * edot, gains_.kp,
-                       gains_.kd.cwiseQuotient(gains_.b), epsilon);
-  }
-  [[nodiscard]] double epsilon_bound(double largest_inertia) const {
-    return epsilon_bound_by_norms(
-        std::min(gains_.kp.minCoeff(), gains_.kd.cwiseQuotient(gains_.b).minCoeff()),
-        largest_inertia);
-  }
-
  private:
-  robot::Model model_;
-  Gains gains_;
   Filter filter_;
 };
 

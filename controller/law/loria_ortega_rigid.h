@@ -1,20 +1,15 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
+#include "controller/law/equation_15.h"
 #include "controller/law/feedforward.h"
 #include "controller/law/filter.h"
 #include "controller/law/law.h"
-#include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
 #include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
-#include "robot/model.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -27,7 +22,7 @@ namespace tachless::controller::law {
 ///
 /// Measures: link position. Memory: the filter. With `feedforward_lead_s`, v_ref and vdot_ref of
 /// the first two terms are taken that much ahead; q stays the measured one.
-class LoriaOrtegaRigid {
+class LoriaOrtegaRigid : public Equation15 {
  public:
   static constexpr std::string_view name = "loria_ortega_rigid";
   static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
@@ -48,25 +43,11 @@ class LoriaOrtegaRigid {
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = true;
 
-  using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
   using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
 
-  struct Gains {
-    robot::Vector kp, kd, a, b;
-
-    static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
-            schema::positive),
-        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
-        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
-  };
-
   LoriaOrtegaRigid(Robot model, Gains gains, const Settings& settings)
-      : model_(std::move(model)),
-        gains_(std::move(gains)),
+      : Equation15(std::move(model), std::move(gains)),
         filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s),
         lead_s_(settings.feedforward_lead_s) {}
 
@@ -87,25 +68,7 @@ class LoriaOrtegaRigid {
     return result;
   }
 
-  /// Eq. 15, with epsilon the weight of its cross term.
-  static constexpr std::string_view lyapunov_formula =
-      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε (e − ν)′Mė";
-  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double epsilon) const {
-    const robot::Vector edot = state.v - reference.v_ref;
-    return equation_15(state.q - reference.q_ref, edot, state.controller.value[1],
-                       robot::mass_matrix(model_, state.q) * edot, gains_.kp,
-                       gains_.kd.cwiseQuotient(gains_.b), epsilon);
-  }
-  [[nodiscard]] double epsilon_bound(double largest_inertia) const {
-    return epsilon_bound_by_norms(
-        std::min(gains_.kp.minCoeff(), gains_.kd.cwiseQuotient(gains_.b).minCoeff()),
-        largest_inertia);
-  }
-
  private:
-  robot::Model model_;
-  Gains gains_;
   Filter filter_;
   double lead_s_;
 };

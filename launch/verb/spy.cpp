@@ -1,12 +1,9 @@
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <memory>
-#include <sstream>
+#include <optional>
 #include <string>
-#include <vector>
 
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
@@ -28,22 +25,16 @@ constexpr const char* chart_jar = "/usr/share/java/jchart2d.jar";
 
 /// The java of the search path that can open windows.
 fs::path find_java() {
-  const char* variable = std::getenv("PATH");
-  std::istringstream path(variable == nullptr ? "" : variable);
-  fs::path java;
-  for (std::string folder; java.empty() && std::getline(path, folder, ':');) {
-    const fs::path candidate = fs::path(folder) / "java";
-    if (access(candidate.c_str(), X_OK) == 0) java = candidate;
-  }
-  if (java.empty()) refuse("there is no java; as root, type: apt-get install default-jre");
+  const std::optional<fs::path> java = process::find_program("java");
+  if (!java) refuse("there is no java; as root, type: apt-get install default-jre");
   std::error_code error;
-  const fs::path home = fs::canonical(java, error).parent_path().parent_path();
+  const fs::path home = fs::canonical(*java, error).parent_path().parent_path();
   if (!error && !fs::exists(home / "lib/libawt_xawt.so", error)) {
     refuse(
         fmt::format("{} is one without windows (in {}); as root, type: apt-get install default-jre",
-                    java.string(), home.string()));
+                    java->string(), home.string()));
   }
-  return java;
+  return *java;
 }
 
 std::string class_path() {

@@ -30,7 +30,7 @@ CommandResponder::Answer CommandResponder::on_measurement(std::int64_t tick,
   }
   const Verdict verdict = ring_.put(tick, measurement_kind, bytes, sender);
   if (verdict == Verdict::fresh) return {verdict, compute_if_ready()};
-  // A predecessor's answers are not kept here; whoever asks for them is answered by the log.
+  // The predecessor's replies are not kept here: they are in the log.
   if (verdict == Verdict::repeated && ring_.has(tick, command_kind)) {
     return {verdict, Action::repeat};
   }
@@ -60,12 +60,6 @@ void CommandResponder::computed(std::span<const std::byte> command,
   ++next_;
 }
 
-std::span<const std::byte> CommandResponder::measurement(std::int64_t tick) const {
-  return ring_.bytes(tick, measurement_kind);
-}
-std::span<const std::byte> CommandResponder::reference(std::int64_t tick) const {
-  return ring_.bytes(tick, reference_kind);
-}
 std::span<const std::byte> CommandResponder::command(std::int64_t tick) const {
   return ring_.bytes(tick, command_kind);
 }

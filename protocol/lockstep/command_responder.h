@@ -29,9 +29,9 @@ class CommandResponder {
 
   CommandResponder(std::int64_t num_ticks, const Lengths& lengths);
 
-  /// The ticks before `next` have been answered by a predecessor, or are in the log: goes on there.
-  /// Called before anything is heard. What the predecessor had been asked already comes again in
-  /// any order, so up to `reach` ticks from `next` on are kept until their turn comes.
+  /// Takes over from a controller that has commanded the ticks before `next`: the next command is
+  /// that of `next`. Called before any message is handled. Requests that the predecessor received
+  /// may be repeated in any order, so those of up to `reach` ticks from `next` on are kept.
   void resume(std::int64_t next);
   static constexpr std::int64_t reach = MessageRing::depth;
 
@@ -41,15 +41,13 @@ class CommandResponder {
 
   /// Tick whose command is the next to be computed.
   [[nodiscard]] std::int64_t next() const { return next_; }
-  /// Whether its inputs are there: the next may be, at once after one is computed, while a
-  /// successor catches up.
+  /// Whether both its inputs are there. While a new controller catches up, this may hold again
+  /// right after `computed`.
   [[nodiscard]] bool ready() const;
 
-  /// The answers of tick `next()`.
+  /// The replies of tick `next()`.
   void computed(std::span<const std::byte> command, std::span<const std::byte> state);
 
-  [[nodiscard]] std::span<const std::byte> measurement(std::int64_t tick) const;
-  [[nodiscard]] std::span<const std::byte> reference(std::int64_t tick) const;
   [[nodiscard]] std::span<const std::byte> command(std::int64_t tick) const;
   [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const;
   /// Who sent the input that is kept for `tick`.
@@ -62,7 +60,7 @@ class CommandResponder {
 
   std::int64_t num_ticks_;
   std::int64_t next_ = 0;
-  std::int64_t asked_before_ = 0;  ///< ticks before this may have been asked of a predecessor
+  std::int64_t asked_before_ = 0;  ///< ticks before this may have been requested of a predecessor
   MessageRing ring_;
 };
 

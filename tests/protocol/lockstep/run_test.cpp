@@ -234,6 +234,7 @@ class SimulatedRun {
                                  tick[static_cast<int>(Slot::reference)]));
     }
     controller_ = CommandResponder(num_ticks_, {8, 8, 8, 8});
+    inputs_.clear();
     controller_.resume(logged);
     announced_ = logged - 1;
   }
@@ -249,6 +250,7 @@ class SimulatedRun {
       return;
     }
     note(answer.verdict);
+    if (answer.verdict == Verdict::fresh) inputs_[{message.kind, message.tick}] = message.content;
     std::int64_t k = message.tick;
     if (answer.action == CommandResponder::Action::nothing) return;
     if (answer.action == CommandResponder::Action::repeat) return publish_answers(k);
@@ -259,8 +261,8 @@ class SimulatedRun {
       } else {
         ++computations_[{controller, k}];
       }
-      memory_ = mix(
-          memory_, mix(number_in(controller_.measurement(k)), number_in(controller_.reference(k))));
+      memory_ =
+          mix(memory_, mix(inputs_.at({Kind::measurement, k}), inputs_.at({Kind::reference, k})));
       commands_.insert(k);
       controller_.computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
       publish_answers(k);
@@ -321,6 +323,7 @@ class SimulatedRun {
   std::map<std::int64_t, std::uint64_t> measurements_, truths_;
   std::vector<std::uint64_t> written_;
   std::map<std::pair<int, std::int64_t>, int> computations_;
+  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< of the living controller
   std::int64_t published_ = 0, repeats_ = 0, acks_ = 0, widest_ = 0;
   int conflicts_ = 0;
 };
