@@ -1,9 +1,10 @@
 #include "launch/progress.h"
 
-#include "report/summary.h"
+#include <fmt/core.h>
 
 #include <algorithm>
-#include <cstdio>
+
+#include "report/summary.h"
 
 namespace tachless::launch {
 namespace {
@@ -37,13 +38,11 @@ std::string Progress::line() const {
   std::string bar(static_cast<std::size_t>(filled), '=');
   if (filled < bar_width) bar += '>';
   bar.resize(bar_width, ' ');
-  char text[160];
-  std::snprintf(text, sizeof text, "%.3f of %g s  [%s]", static_cast<double>(done) * period_s_,
-                static_cast<double>(num_ticks_) * period_s_, bar.c_str());
-  std::string line = text;
-  if (ticks_per_s_) line += "  " + report::short_rate(*ticks_per_s_) + " ticks/s";
-  std::snprintf(text, sizeof text, "  |e| %.1e rad", error_norm_);
-  return line + text;
+  return fmt::format(
+      "{:.3f} of {:g} s  [{}]{}  |e| {:.1e} rad", static_cast<double>(done) * period_s_,
+      static_cast<double>(num_ticks_) * period_s_, bar,
+      ticks_per_s_ ? fmt::format("  {} ticks/s", report::short_rate(*ticks_per_s_)) : "",
+      error_norm_);
 }
 
 }  // namespace tachless::launch

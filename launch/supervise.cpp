@@ -1,9 +1,8 @@
 #include "launch/supervise.h"
 
-#include <fcntl.h>
+#include <fmt/core.h>
 #include <poll.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -265,17 +264,15 @@ std::string describe(const ProcessEnd& end) {
   if (end.overdue) {
     text += " went on after the others had ended, and was stopped";
   } else if (end.signal != 0) {
-    text +=
-        " was killed by signal " + std::to_string(end.signal) + " (" + strsignal(end.signal) + ")";
+    text += fmt::format(" was killed by signal {} ({})", end.signal, strsignal(end.signal));
   } else if (end.exit_code == 0) {
     text += " ended";
   } else {
-    text += " ended with exit code " + std::to_string(end.exit_code);
+    text += fmt::format(" ended with exit code {}", end.exit_code);
   }
   if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
   if (end.restarts > 0) {
-    text +=
-        ", after " + std::to_string(end.restarts) + (end.restarts == 1 ? " restart" : " restarts");
+    text += fmt::format(", after {} restart{}", end.restarts, end.restarts == 1 ? "" : "s");
   }
   if (!end.last_line.empty()) text += (end.failed() ? ": " : ", saying: ") + end.last_line;
   return text;

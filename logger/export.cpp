@@ -1,7 +1,5 @@
 #include "logger/export.h"
 
-#include <array>
-#include <cerrno>
 #include <system_error>
 #include <utility>
 

@@ -1,6 +1,9 @@
+// Writer and reader in one file, though it is long: the bytes of an event's header stand here
+// alone.
 #include "logger/log_file.h"
 
 #include <fcntl.h>
+#include <fmt/core.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -65,6 +68,23 @@ void put_header(std::byte* to, std::int64_t number, std::int64_t utime, std::siz
 
 std::string text_of(int error) { return std::generic_category().message(error); }
 
+std::string remedy_for_creating(int error, const std::string& directory) {
+  switch (error) {
+    case EEXIST:
+      return "move it away, or name another file";
+    case ENOENT:
+      return "create the directory " + directory;
+    case EACCES:
+    case EROFS:
+    case EPERM:
+      return "name a file in a directory you may write to, not in " + directory;
+    case ENOSPC:
+      return "free some space on that disk";
+    default:
+      return "name another file";
+  }
+}
+
 /// Whether an event `number` at `offset` can come after event `earlier` at `earlier_offset` with
 /// nothing but events between them: each takes room.
 bool could_follow(std::int64_t number, std::uint64_t offset, std::int64_t earlier,
@@ -81,30 +101,12 @@ LogWriter::LogWriter(std::filesystem::path path, Existing existing)
   file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | policy, 0644);
   if (file_ < 0) {
     const int error = errno;
-    const auto directory =
-        path_.has_parent_path() ? path_.parent_path().string() : std::string(".");
-    std::string remedy;
-    switch (error) {
-      case EEXIST:
-        remedy = "move it away, or name another file";
-        break;
-      case ENOENT:
-        remedy = "create the directory " + directory;
-        break;
-      case EACCES:
-      case EROFS:
-      case EPERM:
-        remedy = "name a file in a directory you may write to, not in " + directory;
-        break;
-      case ENOSPC:
-        remedy = "free some space on that disk";
-        break;
-      default:
-        remedy = "name another file";
-    }
     throw diagnostics::Failure(
         diagnostics::ExitCode::bad_usage,
-        path_.string() + ": cannot create the log: " + text_of(error) + "; " + remedy);
+        fmt::format(
+            "{}: cannot create the log: {}; {}", path_.string(), text_of(error),
+            remedy_for_creating(
+                error, path_.has_parent_path() ? path_.parent_path().string() : std::string("."))));
   }
   buffer_.resize(buffer_bytes);  // touches every page, so that none is missing later
 }
@@ -201,15 +203,16 @@ void LogWriter::fail(int error) {
                            ? "free some space on that disk, or name a log on another one"
                        : error == EFBIG ? "raise the limit on file sizes (ulimit -f)"
                                         : "check that disk, or name a log on another one";
-  failure_ = path_.string() + ": cannot write the log: " + text_of(error) + "; the first " +
-             std::to_string(whole_) + " bytes are kept, all whole events; " + remedy;
+  failure_ =
+      fmt::format("{}: cannot write the log: {}; the first {} bytes are kept, all whole events; {}",
+                  path_.string(), text_of(error), whole_, remedy);
   throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
 }
 
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
   const auto refuse = [&](const std::string& problem) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               path.string() + ": cannot read the log: " + problem);
+                               fmt::format("{}: cannot read the log: {}", path.string(), problem));
   };
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) refuse(text_of(errno) + "; name an LCM log");

@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <string>
 
 #include "logger/recorder.h"
 #include "logger/tick_tally.h"

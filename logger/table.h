@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "logger/run_log.h"
-#include "robot/model.h"
 
 /// The columns of an export: which quantities a run has, by name, unit and place in a TickRecord.
 namespace tachless::logger {

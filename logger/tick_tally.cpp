@@ -1,5 +1,7 @@
 #include "logger/tick_tally.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 
 namespace tachless::logger {
@@ -8,7 +10,7 @@ namespace {
 using loop::num_slots;
 using protocol::lockstep::Verdict;
 
-/// FNV-1a: tells a copy from a contradiction.
+/// FNV-1a: tells a repeat from a conflicting message.
 std::uint64_t digest_of(std::span<const std::byte> bytes) {
   std::uint64_t digest = 0xcbf29ce484222325;
   for (const std::byte byte : bytes) {
@@ -71,11 +73,11 @@ std::string text_of(const TickTally::Missing& missing) {
   std::string text;
   for (const TickTally::Range& range : missing.listed) {
     if (!text.empty()) text += ", ";
-    text += std::to_string(range.first);
-    if (range.last > range.first) text += "-" + std::to_string(range.last);
+    text += range.last > range.first ? fmt::format("{}-{}", range.first, range.last)
+                                     : fmt::format("{}", range.first);
   }
   const auto more = missing.ranges - static_cast<std::int64_t>(missing.listed.size());
-  if (more > 0) text += " and " + std::to_string(more) + " more";
+  if (more > 0) text += fmt::format(" and {} more", more);
   return text;
 }
 

@@ -11,13 +11,13 @@
 
 namespace tachless::logger {
 
-/// Keeps account of what has been recorded in order of arrival: which pieces each tick has, which
-/// come again, which never came. Bounded memory; all of it taken at construction.
+/// Counts what a realtime run's logger has received: which messages each tick has, which were
+/// repeated, which were lost. Keeps no message. Preallocated.
 class TickTally {
  public:
   using Slot = loop::Slot;
 
-  /// Pieces may come this many ticks out of order; what comes later still is too old.
+  /// A message may be this many ticks late; a later one is too old.
   static constexpr std::int64_t window = 1024;
   static constexpr std::size_t max_listed = 5;
 
@@ -27,16 +27,17 @@ class TickTally {
   protocol::lockstep::Verdict on_message(Slot slot, std::int64_t tick,
                                          std::span<const std::byte> bytes);
 
-  /// The run is over: `last` is the last tick that may be asked of the log.
+  /// The run is over; `last` is its last tick.
   void finish(std::int64_t last);
 
-  /// Newest tick of which anything but a reference (it is a tick ahead) has come; -1 before.
+  /// Newest tick of which a message other than the reference (it is a tick ahead) was received; -1
+  /// before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
-  /// Ticks with all their pieces, and ticks that lack some; of those that are settled.
+  /// Ticks with all their messages, and ticks that lack some; of those that are over.
   [[nodiscard]] std::int64_t complete() const { return complete_; }
   [[nodiscard]] std::int64_t incomplete() const { return incomplete_; }
 
-  /// Ticks in a row that lack a piece.
+  /// Consecutive ticks that lack a message.
   struct Range {
     std::int64_t first = 0;
     std::int64_t last = 0;
@@ -63,13 +64,13 @@ class TickTally {
   std::int64_t num_ticks_;
   std::vector<Entry> entries_;
   std::int64_t newest_ = -1;
-  std::int64_t settled_ = 0;  ///< all ticks before are
+  std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
   std::int64_t incomplete_ = 0;
   std::array<Missing, loop::num_slots> missing_;
 };
 
-/// "12, 40-55 and 3 more": where pieces are missing.
+/// "12, 40-55 and 3 more": ticks that lack a message.
 std::string text_of(const TickTally::Missing& missing);
 
 }  // namespace tachless::logger

@@ -111,7 +111,7 @@ MessageReader::Glance MessageReader::glance(std::span<const std::byte> message) 
   glance.type = logger::type_name(message);
   if (glance.type.empty()) return glance;
   OfType* reader = reader_of(glance.type);
-  if (reader == nullptr) throw std::logic_error("no reader for " + std::string(glance.type));
+  if (reader == nullptr) throw std::logic_error(fmt::format("no reader for {}", glance.type));
   glance.once_per_tick = reader->once_per_tick;
   glance.rejection = reader->decode(message, glance.stamp);
   if (glance.rejection == bus::Rejection::wrong_size && message.size() > bus::tag_size) {

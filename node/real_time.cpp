@@ -1,5 +1,6 @@
 #include "node/real_time.h"
 
+#include <fmt/core.h>
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -13,8 +14,8 @@
 namespace tachless::node {
 namespace {
 
-/// Below the kernel's own threads (99) and timers. The clock comes first, then who answers it in
-/// the same tick; the reference is a tick ahead.
+/// Below the kernel's own threads (99). The plant, which sets the pace, comes first, then the
+/// controller, which has to reply within the tick; the reference is a tick ahead.
 int priority_of(loop::Role role) {
   switch (role) {
     case loop::Role::plant:
@@ -35,22 +36,22 @@ void request_real_time(loop::Role role) {
   std::string missing;
   ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
   if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
-    missing +=
-        std::string("its memory locked (") + std::strerror(errno) + "; `ulimit -l unlimited`)";
+    missing += fmt::format("its memory locked ({}; `ulimit -l unlimited`)", std::strerror(errno));
   }
   if (const int priority = priority_of(role); priority > 0) {
     sched_param parameters{};
     parameters.sched_priority = priority;
     if (::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) != 0) {
-      missing += std::string(missing.empty() ? "" : " and ") + "SCHED_FIFO priority " +
-                 std::to_string(priority) + " (" + std::strerror(errno) + "; `ulimit -r " +
-                 std::to_string(priority) + "`)";
+      missing +=
+          fmt::format("{}SCHED_FIFO priority {} ({}; `ulimit -r {}`)",
+                      missing.empty() ? "" : " and ", priority, std::strerror(errno), priority);
     }
   }
   if (missing.empty()) return;
-  diagnostics::log_info("realtime without " + missing +
-                        "; for good: the lines `* - rtprio 90` and `* - memlock unlimited` in "
-                        "/etc/security/limits.d/realtime.conf, then log in again");
+  diagnostics::log_info(
+      fmt::format("realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock "
+                  "unlimited` in /etc/security/limits.d/realtime.conf, then log in again",
+                  missing));
 }
 
 }  // namespace tachless::node

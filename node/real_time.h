@@ -1,13 +1,14 @@
 #pragma once
 
-#include "bus/wire.h"
+#include "loop/messages.h"
 
 namespace tachless::node {
 
-/// What a process of a realtime run asks of the kernel: memory that stays where it is (mlockall),
-/// timers without slack, and, but for the logger, a scheduling class that nobody interrupts
-/// (SCHED_FIFO). Where it is not permitted the process runs on without, and one line at level info
-/// says what is missing and how to permit it. For the calling thread, before the run begins.
+/// What a process of a realtime run requests of the kernel, for the calling thread, before the run
+/// begins: memory that is not paged out (mlockall), timers without slack, and, for all roles but
+/// the logger, the scheduling class SCHED_FIFO, which no ordinary process preempts. Without the
+/// permission the process runs all the same, and one line at level info says what is missing and
+/// how to permit it.
 void request_real_time(loop::Role role);
 
 }  // namespace tachless::node

@@ -5,9 +5,7 @@
 #include <SimTKcommon/internal/SystemGuts.h>
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <stdexcept>
-#include <string>
 #include <utility>
 #include <vector>
 

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <string>
-
 namespace tachless::reference {
 
 Trajectory make_trajectory(const experiment::Scenario& scenario) {

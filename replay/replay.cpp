@@ -1,5 +1,7 @@
 #include "replay/replay.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -16,9 +18,12 @@
 namespace tachless::replay {
 namespace {
 
-[[noreturn]] void refuse(const logger::RunLog& log, const std::string& problem) {
+template <class... Args>
+[[noreturn]] void refuse(const logger::RunLog& log, fmt::format_string<Args...> problem,
+                         Args&&... args) {
   throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             log.path().string() + ": " + problem);
+                             fmt::format("{}: {}", log.path().string(),
+                                         fmt::format(problem, std::forward<Args>(args)...)));
 }
 
 /// What the law measures, from what was measured: a state holds the lesser measurements too.
@@ -48,24 +53,22 @@ bool holds(std::string_view had, std::string_view wanted) {
 void require_fitting(const logger::RunLog& log, const experiment::Scenario& scenario) {
   const experiment::Scenario& recorded = log.scenario();
   if (scenario.num_joints != recorded.num_joints) {
-    refuse(log, "recorded with " + std::to_string(recorded.num_joints) + " joints, not " +
-                    std::to_string(scenario.num_joints));
+    refuse(log, "recorded with {} joints, not {}", recorded.num_joints, scenario.num_joints);
   }
   if (scenario.loop.period_s != recorded.loop.period_s) {
     refuse(log, "recorded with another loop.period_s; commands between its ticks cannot be had");
   }
   if (scenario.robot.flexible.has_value() != recorded.robot.flexible.has_value()) {
-    refuse(log, "recorded from a robot whose joints are " +
-                    std::string(recorded.robot.flexible ? "flexible" : "rigid") +
-                    "; robot.joints must stay so");
+    refuse(log, "recorded from a robot whose joints are {}; robot.joints must stay so",
+           recorded.robot.flexible ? "flexible" : "rigid");
   }
   const auto& law = scenario.controller.law;
   const auto names = controller::law_names();
   if (std::find(names.begin(), names.end(), law) == names.end()) return;  // scenario_law complains
   const std::string_view wanted = controller::measurement_suffix(law);
   if (!holds(log.info().measurement, wanted)) {
-    refuse(log, "law " + law + " needs the measurement " + std::string(wanted) +
-                    ", which cannot be had from the recorded one, " + log.info().measurement);
+    refuse(log, "law {} needs the measurement {}, which cannot be had from the recorded one, {}",
+           law, wanted, log.info().measurement);
   }
 }
 
@@ -116,7 +119,7 @@ class Comparison {
   void stop(const std::string& why) { result_.stopped_by = why; }
   void stop_not_finite(std::int64_t tick) {
     result_.not_finite = true;
-    stop("the law's torque at tick " + std::to_string(tick) + " is not finite");
+    stop(fmt::format("the law's torque at tick {} is not finite", tick));
   }
 
   Replay finish() {
@@ -136,7 +139,7 @@ class Comparison {
 };
 
 std::string missing(const logger::RunLog& log, std::int64_t tick, loop::Slot piece) {
-  return "tick " + std::to_string(tick) + " has no " + log.summary().of(piece).channel;
+  return fmt::format("tick {} has no {}", tick, log.summary().of(piece).channel);
 }
 
 /// Whether any tick from the one in `record` on has a command.
@@ -194,8 +197,8 @@ class Replayer {
       tau = stepper_.step(record.tick, measurement, *record.reference).output.command.tau;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
-      comparison_.stop("the law cannot be evaluated at tick " + std::to_string(record.tick) + ": " +
-                       error.what());
+      comparison_.stop(
+          fmt::format("the law cannot be evaluated at tick {}: {}", record.tick, error.what()));
       return false;
     }
     if (!tau.allFinite()) {

@@ -98,13 +98,14 @@ std::string WhatIf::figure(const std::string& title, const std::filesystem::path
 Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
                    const std::filesystem::path& out, const std::vector<std::string>& effort_units) {
   require_of_controller(overrides);
-  if (!law.empty()) overrides.push_back("controller.law=" + law);
-  Comparison result{{},
-                    experiment::parse_scenario(log.info().scenario, log.info().robot_description,
-                                               log.path().string() + " (RUN_INFO)", overrides),
-                    "",
-                    {},
-                    {}};
+  if (!law.empty()) overrides.push_back(fmt::format("controller.law={}", law));
+  Comparison result{
+      {},
+      experiment::parse_scenario(log.info().scenario, log.info().robot_description,
+                                 fmt::format("{} (RUN_INFO)", log.path().string()), overrides),
+      "",
+      {},
+      {}};
   const std::filesystem::path folder = out.empty() ? log.path().parent_path() : out;
   std::error_code error;
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
@@ -113,7 +114,7 @@ Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std:
   const std::string& was = log.scenario().controller.law;
   const std::string& is = result.scenario.controller.law;
   result.title = fmt::format("{}: recorded under {}, replayed {}", log.scenario().name, was,
-                             is == was ? "with other settings" : "under " + is);
+                             is == was ? "with other settings" : fmt::format("under {}", is));
 
   controller::scenario_law(result.scenario);  // complains before files are made
   WhatIf what_if(result.csv, log.info().period_s, effort_units);

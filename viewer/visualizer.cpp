@@ -1,5 +1,6 @@
 #include "viewer/visualizer.h"
 
+#include <fmt/core.h>
 #include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -80,7 +81,7 @@ std::optional<Options> parse(int argc, const char* const* argv) {
       return std::nullopt;
     }
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               std::string(error.what()) + "; see tachless-visualizer --help");
+                               fmt::format("{}; see tachless-visualizer --help", error.what()));
   }
   return options;
 }
@@ -92,7 +93,7 @@ TruthListener listener_on(const Options& options, const experiment::Scenario& sc
     return {node::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
   } catch (const std::system_error& error) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               options.lcm_url + ": " + error.what());
+                               fmt::format("{}: {}", options.lcm_url, error.what()));
   }
 }
 

@@ -16,21 +16,22 @@ namespace tachless::protocol::lockstep {
 using loop::num_slots;
 using loop::Slot;
 
-/// The logger's side: collects the six messages of each tick in whatever order they come, yields
-/// complete ticks one after the other, and says when to acknowledge and what is missing.
+/// The logger's side: collects the six messages of each tick in any order of arrival, gives
+/// complete ticks in order, and decides when to acknowledge and what to report as missing. Writes
+/// nothing.
 class LogWindow {
  public:
   struct Ack {
     std::int64_t tick = -2;     ///< last without a gap; -1: RUN_INFO only; -2: not even that
     std::uint64_t missing = 0;  ///< bit i: tick + 1 + i has begun but is incomplete
   };
-  /// Acknowledges at least every so many ticks.
+  /// Most ticks between two acknowledgements.
   static constexpr std::int64_t ack_interval = 16;
 
   /// `longest`: of each slot's message [bytes].
   LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest);
 
-  /// RUN_INFO of this run has come; `same`: it equals the one before, if there was one.
+  /// RUN_INFO of this run was received; `same`: it equals the one before, if there was one.
   Verdict on_run_info(bool same);
 
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes,
@@ -48,7 +49,7 @@ class LogWindow {
 
   /// Last tick in the log without a gap.
   [[nodiscard]] std::int64_t last_written() const { return written_; }
-  /// Newest tick of which anything but a reference has come.
+  /// Newest tick of which a message other than the reference was received.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 
  private:
@@ -61,8 +62,8 @@ class LogWindow {
   std::int64_t newest_ = -1;
   Ack acked_;                       ///< the last one taken
   std::int64_t newest_acked_ = -1;  ///< newest_ at that time
-  bool asked_again_ = false;        ///< the plant repeats: it wants to know
-  bool filled_late_ = false;        ///< a gap has been filled since
+  bool asked_again_ = false;  ///< the plant has repeated a message: it lacks an acknowledgement
+  bool filled_late_ = false;  ///< a gap has been filled since
 };
 
 }  // namespace tachless::protocol::lockstep

@@ -12,10 +12,10 @@
 namespace tachless::protocol::lockstep {
 
 /// The messages of the last `depth` ticks, a fixed number of kinds per tick, each kept once with
-/// its sender. All memory is taken at construction.
+/// its sender. Preallocated.
 class MessageRing {
  public:
-  /// More than the window (TickMaster::Config) plus the tick of foresight of the reference.
+  /// More than the window (TickMaster::Config) plus one tick, by which the reference is ahead.
   static constexpr std::int64_t depth = 64;
 
   /// `capacities`: longest message of each kind [bytes].

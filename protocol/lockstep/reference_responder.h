@@ -10,9 +10,9 @@
 
 namespace tachless::protocol::lockstep {
 
-/// The reference's side: TICK(k) asks for every reference up to k + 1 that is not yet published,
-/// so that the reference is never waited for, and a lost TICK(k) is healed by TICK(k + 1). A TICK
-/// that comes again is answered with what is kept.
+/// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
+/// that nobody waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply to a
+/// repeated TICK is the same bytes again.
 class ReferenceResponder {
  public:
   /// An empty range has last < first.

@@ -14,28 +14,28 @@
 
 namespace tachless::protocol::lockstep {
 
-/// The plant's side of the protocol. A run is: RUN_INFO until the logger has it; then for each
-/// tick a question (TICK and measurement) until its command is in, an advance of the plant, the
-/// TRUTH; at the end the logger's last acknowledgement. The tick_master says when the next step may
-/// be taken, what has to be repeated when, and when to give up.
+/// The plant's side of the protocol. A run is: RUN_INFO until the logger has acknowledged it; then
+/// for each tick a request (TICK and measurement) until the command is received, an advance of the
+/// plant, the TRUTH; at the end the logger's last acknowledgement. Decides when the next of these
+/// may happen, what to repeat when, and when to give up.
 class TickMaster {
  public:
   struct Config {
     std::int64_t num_ticks = 0;
-    /// Ticks begun but not yet acknowledged by the logger are at most this many.
+    /// Most ticks that may have begun without being acknowledged by the logger.
     int window = 48;
-    /// A question is repeated after the time that answers usually take, within these bounds
+    /// A request is repeated after the time that replies usually take, within these bounds
     /// (docs/decisions/0005-repeats.md), `patience` times; then after twice as long each time, up
     /// to the longest.
     std::chrono::nanoseconds shortest_timeout = std::chrono::microseconds(500);
     std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(2);
     std::chrono::nanoseconds longest_timeout = std::chrono::milliseconds(320);
     int patience = 8;
-    /// Without progress for so long: a peer is lost.
+    /// A peer is lost after this long without progress.
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);
   };
 
-  /// One thing to send again.
+  /// One message, or those of one tick, to send again.
   struct Repeat {
     enum class What {
       run_info,
@@ -48,7 +48,7 @@ class TickMaster {
 
   enum class Waiting { nobody, logger_for_run_info, command, logger_for_window, logger_for_end };
 
-  /// @throw std::logic_error when the window does not fit the rings of the other side.
+  /// @throw std::logic_error when the window is larger than what the other roles keep.
   TickMaster(const Config& config, std::size_t longest_command);
 
   /// RUN_INFO has been published for the first time.
@@ -58,44 +58,44 @@ class TickMaster {
   [[nodiscard]] bool may_begin() const;
   [[nodiscard]] std::int64_t next_tick() const { return next_tick_; }
 
-  /// The question of tick `next_tick()` has been published for the first time.
+  /// The request of tick `next_tick()` has been published for the first time.
   void asked(loop::Clock::time_point now);
 
-  /// A command of this run. `fresh`: it is the one waited for.
+  /// A command of this run was received. `fresh`: of the present tick.
   Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender,
                      loop::Clock::time_point now);
   [[nodiscard]] bool commanded() const { return asking_ && commanded_; }
-  /// From the first question of the newest commanded tick to its command.
+  /// From the first request of the newest commanded tick to its command.
   [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
   /// Who sent the command that is kept for `tick`.
   [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
 
-  /// TRUTH of the tick asked for has been published; the tick is over.
+  /// TRUTH of the present tick has been published; the tick is over.
   void completed(loop::Clock::time_point now);
 
-  /// The logger's acknowledgement. `not_asked`: of a tick that has not been.
+  /// The logger's acknowledgement was received. `not_asked`: of a tick that has not begun.
   Verdict on_ack(std::int64_t tick, std::uint64_t missing, loop::Clock::time_point now);
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
-  /// The controller's place has been taken by one that has to catch up: it is asked again what has
-  /// been asked since the tick it has got to, until it has commanded the newest.
+  /// Another controller has taken over and has to catch up: the requests since the newest tick that
+  /// it has computed are repeated, until it has commanded the newest.
   void replaced(loop::Clock::time_point now);
-  /// The tick that it has got to, as it says. Nothing new unless it is catching up; an advance is
-  /// progress.
+  /// The newest tick that it has computed, as it announces. Ignored unless it is catching up; a
+  /// higher one is progress.
   void successor_at(std::int64_t tick, loop::Clock::time_point now);
   [[nodiscard]] bool catching_up() const { return successor_.has_value(); }
 
-  /// What to send again now; call until it yields nothing, and again by `deadline` or 0.1 s later.
-  /// Time in which this process was kept from it is nobody's lack of progress.
+  /// What to repeat now; call until it returns nothing, and again by `deadline` or 0.1 s later. If
+  /// this process was suspended meanwhile, that time does not count as lack of progress.
   std::optional<Repeat> next_repeat(loop::Clock::time_point now);
 
-  /// When to call `next_repeat` and `given_up` again if nothing else happens.
+  /// When to call `next_repeat` and `given_up` again if no message is received.
   [[nodiscard]] loop::Clock::time_point deadline() const;
 
   [[nodiscard]] Waiting waiting() const;
-  /// Whether there has been no progress for so long that a peer must be lost.
+  /// Whether `Config::give_up` has passed without progress.
   [[nodiscard]] bool given_up(loop::Clock::time_point now) const;
-  /// Whether the logger has said anything since progress stopped: then it is not the lost one.
+  /// Whether a message of the logger was received since the last progress: then another is lost.
   [[nodiscard]] bool logger_heard() const { return logger_heard_; }
 
   /// All ticks are completed and acknowledged.
@@ -122,14 +122,14 @@ class TickMaster {
   std::array<loop::Clock::time_point, MessageRing::depth>
       sent_{};  ///< last time a tick's all was sent
   loop::Clock::time_point progress_;
-  loop::Clock::time_point waited_;  ///< since then; later than progress_ by what was slept
-  loop::Clock::time_point looked_;  ///< at the clock
+  loop::Clock::time_point waited_;  ///< progress_, later by the time suspended
+  loop::Clock::time_point looked_;  ///< last call of next_repeat
   loop::Clock::time_point repeat_at_;
   std::chrono::nanoseconds timeout_{};
   int repeats_ = 0;                        ///< since the last progress
   std::optional<std::int64_t> successor_;  ///< newest tick of a controller that is catching up
-  std::int64_t ask_again_ = 0;             ///< it is to be asked from here on now,
-  std::int64_t ask_again_last_ = -1;       ///< to here
+  std::int64_t ask_again_ = 0;             ///< first tick to request of it again now
+  std::int64_t ask_again_last_ = -1;       ///< last one
   std::chrono::nanoseconds round_trip_{};
   std::chrono::nanoseconds usual_{}, deviation_{};  ///< of round trips, smoothed
 };

@@ -1,15 +1,15 @@
 #pragma once
 
 /// The tick protocol as pure state machines: events in, actions out, time passed in as a value.
-/// They neither send nor receive, know no message type, and compute nothing. docs/protocol.md
-/// tells the whole.
+/// They neither send nor receive, know no message type, and compute no message. docs/protocol.md
+/// describes the protocol as a whole.
 namespace tachless::protocol::lockstep {
 
-/// What became of one message.
+/// What was done with one message.
 enum class Verdict {
   fresh,        ///< taken
   repeated,     ///< the same bytes as before
-  not_asked,    ///< of a tick that nobody has asked for
+  not_asked,    ///< of a tick that was not requested
   too_old,      ///< of a tick whose messages are no longer kept
   conflicting,  ///< other bytes than before for the same tick: two processes have one role
 };

@@ -11,8 +11,8 @@
 
 namespace tachless::protocol::realtime {
 
-/// The controller's side: acts on the newest measurement whose reference is there, once. Ticks may
-/// be passed over, and none is returned to.
+/// The controller's side: chooses the newest tick whose measurement and reference are both there,
+/// once. Ticks may be skipped, and a skipped one is not computed later.
 class CommandPicker {
  public:
   enum class Input { measurement, reference };
@@ -24,9 +24,9 @@ class CommandPicker {
   lockstep::Verdict on_reference(std::int64_t tick, std::span<const std::byte> bytes,
                                  std::string_view sender);
 
-  /// The tick to act on now; nothing when there is none that is newer than the last one.
+  /// The tick to compute now; nothing when there is none newer than the last one.
   [[nodiscard]] std::optional<std::int64_t> due() const;
-  /// `tick`, which was due, has been acted on.
+  /// The command of `tick`, which was due, is computed.
   void acted(std::int64_t tick);
 
   [[nodiscard]] std::span<const std::byte> measurement(std::int64_t tick) const;
@@ -36,7 +36,7 @@ class CommandPicker {
 
  private:
   std::int64_t num_ticks_;
-  std::int64_t last_ = -1;    ///< newest tick acted on
+  std::int64_t last_ = -1;    ///< newest tick computed
   std::int64_t newest_ = -1;  ///< newest measurement
   lockstep::MessageRing ring_;
 };

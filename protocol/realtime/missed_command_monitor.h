@@ -9,8 +9,9 @@
 
 namespace tachless::protocol::realtime {
 
-/// The plant's side: accepts a command only within its tick, counts the ticks that went without one
-/// and says when too many in a row did. Holds no torque and stops nothing: the plant does.
+/// The plant's side: accepts a command only within its tick, counts the ticks without a command and
+/// reports when too many in a row had none. Does not hold the torque or stop the robot: the plant
+/// does.
 class MissedCommandMonitor {
  public:
   /// @param max_missed commands that may be missed in a row
@@ -22,7 +23,7 @@ class MissedCommandMonitor {
   /// over; `not_asked`: of a tick that has not begun.
   lockstep::Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes,
                                std::string_view sender);
-  /// Whether this tick's command is in.
+  /// Whether this tick's command was received.
   [[nodiscard]] bool commanded() const { return commanded_; }
   /// Who sent the command that is kept for `tick`.
   [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;

@@ -8,15 +8,16 @@
 #include "loop/clock.h"
 
 /// The tick protocol of the realtime mode as pure state machines, beside that of lockstep: events
-/// in, verdicts out, time passed in as a value. Nothing is repeated; what comes too late is late.
+/// in, verdicts out, time passed in as a value. No message is repeated or waited for.
 namespace tachless::protocol::realtime {
 
-/// Which ticks can have begun, seen from a process that is not the clock: ticks come one a period,
-/// so a stranger's message from the far future is none of this run's. Holds on to the first tick
-/// it is shown; that one may have been late by more than `slack`, so ask only about strangers.
+/// Which ticks can have begun, as a process other than the plant can tell: one begins each period,
+/// so a message of a tick far ahead is not of this run. Counts from the first tick that it is
+/// given, whose message may have been late by more than `slack`: so a refusal is certain only for
+/// senders that are not members.
 class Pace {
  public:
-  /// How much later than all others the first message may have been.
+  /// By how much more than the others the first message may have been delayed.
   static constexpr std::chrono::milliseconds slack{200};
 
   explicit Pace(double period_s) : period_s_(period_s) {}

@@ -10,8 +10,8 @@
 
 namespace tachless::protocol::realtime {
 
-/// The reference's side: TICK(k) asks for the references of k and k + 1 that are not yet published.
-/// Those of ticks that went by unheard are of no use any more.
+/// The reference's side: TICK(k) requests the references of k and k + 1 that are not yet published.
+/// Those of ticks whose TICK was lost are not published later.
 class ReferenceResponder {
  public:
   struct Answer {
@@ -27,7 +27,7 @@ class ReferenceResponder {
 
   /// Who sent the TICK that is kept.
   [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
-  /// Newest tick whose reference has been asked for; -1 before the first.
+  /// Newest tick whose reference was requested; -1 before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 
  private:
