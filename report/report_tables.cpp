@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <functional>
 #include <initializer_list>
-#include <stdexcept>
+#include <string_view>
 #include <utility>
+#include <variant>
 
 #include "controller/registry.h"
 #include "report/overlay.h"
 #include "report/summary.h"
+#include "schema/schema.h"
 
 namespace tachless::report {
 namespace {
@@ -21,33 +23,9 @@ Html bracketed(const robot::Vector& values) {
   return html("[{}]", joined(numbers, Html(", ")));
 }
 
-std::string_view text_of(const reference::Spec& reference) {
-  struct Name {
-    std::string_view operator()(const reference::trajectory::Hold&) { return "hold"; }
-    std::string_view operator()(const reference::trajectory::Sinusoid&) { return "sinusoid"; }
-    std::string_view operator()(const reference::trajectory::MultiSine&) {
-      return "sum of sinusoids";
-    }
-    std::string_view operator()(const reference::trajectory::PointToPoint&) {
-      return "point to point";
-    }
-    std::string_view operator()(const reference::trajectory::Waypoints&) { return "waypoints"; }
-  };
-  return std::visit(Name{}, reference);
-}
-
-std::string filter_text(const experiment::ControllerSpec& controller) {
-  switch (controller.filter) {
-    case controller::law::Discretisation::first_order_hold:
-      return "first-order hold";
-    case controller::law::Discretisation::tustin:
-      return "Tustin";
-    case controller::law::Discretisation::backward_euler:
-      return "backward Euler";
-    case controller::law::Discretisation::zero_order_hold:
-      return "zero-order hold";
-  }
-  throw std::logic_error("report: no such filter");
+/// The name by which the scenario chooses it.
+std::string_view name_of(const reference::Spec& reference) {
+  return std::visit([](const auto& trajectory) { return trajectory.name; }, reference);
 }
 
 /// In the law's order; a law unknown to this version has none.
@@ -173,7 +151,7 @@ Html filter_fact(const RecordedRun& run) {
   const bool has_filter =
       std::any_of(run.signals.begin(), run.signals.end(),
                   [](const LoggedSignal& signal) { return signal.name.starts_with("nu"); });
-  return has_filter ? Html(filter_text(run.scenario.controller)) : Html();
+  return has_filter ? Html(schema::name_of(run.scenario.controller.filter)) : Html();
 }
 
 Html lead_text(const RecordedRun& run) {
@@ -206,7 +184,7 @@ const std::vector<Fact>& facts() {
       {"Gains", gains_text},
       {"Filter", filter_fact},
       {"Feed-forward lead", lead_text},
-      {"Reference", [](const Run& run) { return Html(text_of(run.scenario.reference)); }},
+      {"Reference", [](const Run& run) { return Html(name_of(run.scenario.reference)); }},
       {"Sampling", sampling_text},
       {"Encoder", [](const Run& run) { return encoder_text(run.scenario.plant.encoder); }},
       {"Torque limit", torque_limit_text},

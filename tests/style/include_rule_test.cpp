@@ -107,7 +107,7 @@ const std::vector<Rule> rules = {
 
     {"report/",
      {"report/", "certificate/", "controller/registry.h", "logger/", "node/statistics.h",
-      "process/", "experiment/", "robot/", "loop/", "diagnostics/"},
+      "process/", "experiment/", "schema/", "robot/", "loop/", "diagnostics/"},
      {"nlohmann/"},
      true},
     {"replay/",
