@@ -1,7 +1,7 @@
 #include "robot/urdf_tree.h"
 
 #include <fmt/format.h>
-#include <urdf_parser/urdf_parser.h>
+#include <tinyxml.h>
 
 #include <algorithm>
 #include <set>

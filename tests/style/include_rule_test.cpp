@@ -32,7 +32,8 @@ const std::vector<Rule> rules = {
     {"schema/", {"schema/", "robot/quantities.h"}, {"fmt/"}},
 
     {"robot/", {"robot/"}, {"Eigen/"}},
-    {"robot/urdf", {"robot/"}, {"Eigen/", "urdf_parser/", "urdf_model/", "console_bridge/"}},
+    {"robot/urdf_tree.cpp", {"robot/"}, {"tinyxml.h"}},
+    {"robot/urdf.cpp", {"robot/"}, {"Eigen/", "urdf_parser/", "urdf_model/", "console_bridge/"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
 
