@@ -18,7 +18,7 @@ const std::atomic<bool>& catch_interruptions(int flags) {
   action.sa_handler = note_signal;
   sigemptyset(&action.sa_mask);
   action.sa_flags = flags;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE}) {
     if (sigaction(signal, &action, nullptr) != 0) throw std::logic_error("sigaction failed");
   }
   return interrupted;
