@@ -56,8 +56,8 @@ void VirtualDisplay::picture(const std::string& window, const std::filesystem::p
     const auto equals = line.find('=');
     if (equals != std::string::npos) value[line.substr(0, equals)] = line.substr(equals + 1);
   }
-  const std::string part = value.at("WIDTH") + "x" + value.at("HEIGHT") + "+" + value.at("X") +
-                           "+" + value.at("Y");
+  const std::string part =
+      value.at("WIDTH") + "x" + value.at("HEIGHT") + "+" + value.at("X") + "+" + value.at("Y");
   output_of("import", {"-window", "root", "-crop", part, "+repage", "-depth", "8", path},
             directory_);
 }
