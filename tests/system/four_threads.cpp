@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "controller/node.h"
+#include "diagnostics/logging.h"
 #include "logger/node.h"
 #include "plant/node.h"
 #include "reference/node.h"
@@ -58,6 +59,9 @@ void FourThreads::give(Role role, const experiment::Scenario& scenario) {
 }
 
 void FourThreads::start(Role role) {
+  // Before there is a second thread, as the programs do, and once.
+  [[maybe_unused]] static const bool logging =
+      (diagnostics::start_logging("four_threads", diagnostics::Verbosity::normal), true);
   const auto index = static_cast<std::size_t>(role);
   const auto mine = own_.find(role);
   const experiment::Scenario& scenario = mine != own_.end() ? mine->second : scenario_;
