@@ -21,8 +21,8 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
     -Wno-stringop-overflow -Wno-stringop-overread)
 endif()
 
-# What most sources include, parsed once: a third of the build. A source includes what it uses all the
-# same: the preset `dev` builds without.
+# What most sources include, parsed once. A source includes what it uses all the same: the preset `dev`
+# builds without.
 set(TACHLESS_COMMON_HEADERS <Eigen/Dense> <fmt/format.h> <algorithm> <array> <chrono> <cmath> <filesystem>
   <fstream> <functional> <map> <memory> <optional> <span> <stdexcept> <string> <string_view> <variant> <vector>)
 file(WRITE ${PROJECT_BINARY_DIR}/empty.cpp "")
@@ -52,8 +52,7 @@ function(tachless_program name)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 endfunction()
 
-# What most tests include, parsed once and read by every test program (most of a test's compile time
-# is parsing). A test includes what it uses all the same: the preset `dev` builds without.
+# The same for the test programs, which have options of their own.
 function(tachless_test_headers)
   add_library(test_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
   tachless_test_options(test_headers)

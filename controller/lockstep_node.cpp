@@ -21,7 +21,6 @@ class LockstepNode {
         session_(session),
         loop_(transport, session),
         law_(scenario, transport, session),
-        num_ticks_(scenario.loop.num_ticks),
         responder_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
                                              law_.longest_command(), law_.longest_state()}) {
     loop_.on(law_.measurement_channel(), [this](const auto& each) { on_measurement(each); });
@@ -32,7 +31,7 @@ class LockstepNode {
   void run(const std::optional<std::filesystem::path>& log) {
     session_.join({law_.needs(), law_.signals()}, {});
     if (log) resume(*log);
-    loop_.run_until_finished([this](auto) { return responder_.next() == num_ticks_; });
+    loop_.run_until_finished([this](auto) { return responder_.all_computed(); });
     session_.leave();
   }
 
@@ -106,7 +105,6 @@ class LockstepNode {
   node::Session& session_;
   node::Loop loop_;
   LawOnBus law_;
-  std::int64_t num_ticks_;
   Responder responder_;
 };
 

@@ -32,10 +32,8 @@ class RealtimeNode {
   void run() {
     session_.join({law_.needs(), law_.signals()}, {});
     try {
-      // The last ticks may be lost; then it is time that tells.
-      loop_.run_until_finished([this](loop::Clock::time_point now) {
-        return acted_ == num_ticks_ - 1 || pace_.due(num_ticks_ - 1, now);
-      });
+      loop_.run_until_finished(
+          [this](loop::Clock::time_point now) { return pace_.over(acted_, num_ticks_ - 1, now); });
     } catch (const diagnostics::Failure&) {
       tell_gaps();
       throw;

@@ -10,8 +10,7 @@ using protocol::lockstep::Verdict;
 LockstepRecorder::LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
                                    node::Link& link, const std::filesystem::path& log_path)
     : Recorder(scenario, transport, link, log_path),
-      window_(scenario.loop.num_ticks, messages().longest()),
-      num_ticks_(scenario.loop.num_ticks) {}
+      window_(scenario.loop.num_ticks, messages().longest()) {}
 
 void LockstepRecorder::on_message(Slot slot, const loop::Stamp& stamp,
                                   const bus::Datagram& datagram) {

@@ -23,7 +23,7 @@ class LockstepRecorder final : public Recorder {
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override;
   void after_message() override;
   [[nodiscard]] bool complete(loop::Clock::time_point /*now*/) const override {
-    return window_.last_written() == num_ticks_ - 1;
+    return window_.all_written();
   }
   void conclude(bool well) override;
   [[nodiscard]] std::int64_t utime() const override { return utime_; }
@@ -31,7 +31,6 @@ class LockstepRecorder final : public Recorder {
   void write_complete_ticks();
 
   protocol::lockstep::LogWindow window_;
-  std::int64_t num_ticks_;
   std::int64_t utime_ = 0;  ///< of the last tick written
 };
 

@@ -77,8 +77,7 @@ void RealtimeRecorder::on_participant(const bus::Datagram& datagram) {
 }
 
 bool RealtimeRecorder::complete(Clock::time_point now) const {
-  // The last ticks may be lost; then it is time that tells.
-  return tally_.newest() == num_ticks_ - 1 || pace_.due(num_ticks_ - 1, now);
+  return pace_.over(tally_.newest(), num_ticks_ - 1, now);
 }
 
 void RealtimeRecorder::conclude(bool well) {

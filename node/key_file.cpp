@@ -47,8 +47,8 @@ bus::Key read_key_file(const std::filesystem::path& path) {
   const process::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (file.get() < 0) {
     const int error = errno;
-    throw refuse(fmt::format("cannot be read: {}{}{}", std::strerror(error),
-                             error == ENOENT ? "; " : "", error == ENOENT ? make : ""));
+    throw refuse(fmt::format("cannot be read: {}{}", std::strerror(error),
+                             error == ENOENT ? "; " + make : ""));
   }
   struct stat status {};
   if (::fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) {

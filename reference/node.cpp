@@ -162,8 +162,7 @@ class RealtimeNode final : public Node {
   }
 
   [[nodiscard]] bool complete(Clock::time_point now) const override {
-    // The last ticks may be lost; then it is time that tells.
-    return responder_.newest() == last_tick() || pace_.due(last_tick(), now);
+    return pace_.over(responder_.newest(), last_tick(), now);
   }
 
   protocol::realtime::ReferenceResponder responder_;

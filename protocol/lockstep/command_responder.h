@@ -41,6 +41,8 @@ class CommandResponder {
 
   /// Tick whose command is the next to be computed.
   [[nodiscard]] std::int64_t next() const { return next_; }
+  /// Whether the run's last tick is computed.
+  [[nodiscard]] bool all_computed() const { return next_ == num_ticks_; }
   /// Whether both its inputs are there. While a new controller catches up, this may hold again
   /// right after `computed`.
   [[nodiscard]] bool ready() const;

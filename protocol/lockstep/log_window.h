@@ -49,6 +49,8 @@ class LogWindow {
 
   /// Last tick in the log without a gap.
   [[nodiscard]] std::int64_t last_written() const { return written_; }
+  /// Whether the run's last tick is.
+  [[nodiscard]] bool all_written() const { return written_ == num_ticks_ - 1; }
   /// Newest tick of which a message other than the reference was received.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 

@@ -29,9 +29,12 @@ class Pace {
     return static_cast<double>(tick - first_->tick) <= periods_until(now + slack) + 2;
   }
 
-  /// Whether it is time for `tick` to have begun, heard or not.
-  [[nodiscard]] bool due(std::int64_t tick, loop::Clock::time_point now) const {
-    return first_ && static_cast<double>(tick - first_->tick) <= periods_until(now);
+  /// Whether no tick is to come: the last of the run is the `newest` received or, for its message
+  /// may be lost, it is time for it to have begun.
+  [[nodiscard]] bool over(std::int64_t newest, std::int64_t last,
+                          loop::Clock::time_point now) const {
+    return newest == last ||
+           (first_ && static_cast<double>(last - first_->tick) <= periods_until(now));
   }
 
  private:
