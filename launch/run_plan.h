@@ -26,6 +26,7 @@ struct RunOptions {
   std::string key_file;
   std::string restart;  ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
+  bool force = false;  ///< run a loop that is unstable when linearised
   bool quiet = false;
   bool json = false;
   bool visualize = false;

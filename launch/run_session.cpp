@@ -21,6 +21,7 @@
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
 #include "launch/progress.h"
+#include "launch/run_verdict.h"
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
@@ -249,6 +250,7 @@ void write_results(const experiment::Scenario& scenario, const RunOptions& optio
 
 diagnostics::ExitCode run_session(RunOptions options) {
   const experiment::Scenario scenario = checked_scenario(options);
+  say_verdict(scenario, options);
   std::optional<bus::Key> key;
   if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
   const bool isolated = prepare_network(options);
