@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "certificate/postures.h"
 #include "schema/schema.h"
@@ -113,6 +114,25 @@ std::string stability_text(const Certificate& all) {
       "  It holds in continuous time, with an exact model, without saturation, quantisation, delay "
       "or lead.\n";
   for (const std::string& proviso : s.provisos) text += fmt::format("  Proviso: {}.\n", proviso);
+  return text;
+}
+
+std::string feasibility_text(const Feasibility& f) {
+  std::string text = "What the reference asks for (errors come on top)\n";
+  const auto limit = [](const std::optional<double>& value) {
+    return value ? fmt::format("{:g}", *value) : std::string("none");
+  };
+  for (std::size_t i = 0; i < f.joints.size(); ++i) {
+    const JointDemand& joint = f.joints[i];
+    text += line(fmt::format("joint {}", i + 1),
+                 fmt::format("torque at rest {:.4g}, moving {:.4g}, limit {}; speed {:.4g}, limit "
+                             "{}; f h = {:.2g}",
+                             joint.at_rest, joint.moving, limit(joint.torque_limit), joint.speed,
+                             limit(joint.speed_limit), joint.cycles_per_tick));
+  }
+  for (const std::string& problem : f.impossible)
+    text += fmt::format("  IMPOSSIBLE: {}.\n", problem);
+  for (const std::string& doubt : f.doubtful) text += fmt::format("  Doubtful: {}.\n", doubt);
   return text;
 }
 
@@ -268,6 +288,20 @@ void add(Json& json, const StabilityCertificate& s) {
   json["provisos"] = s.provisos;
 }
 
+void add(Json& json, const Feasibility& f) {
+  Json joints = Json::array();
+  for (const JointDemand& joint : f.joints) {
+    joints.push_back({{"torque_at_rest", number(joint.at_rest)},
+                      {"torque_moving", number(joint.moving)},
+                      {"torque_limit", number(joint.torque_limit)},
+                      {"speed", number(joint.speed)},
+                      {"speed_limit", number(joint.speed_limit)},
+                      {"cycles_per_tick", number(joint.cycles_per_tick)}});
+  }
+  json["feasibility"] = {
+      {"joints", joints}, {"impossible", f.impossible}, {"doubtful", f.doubtful}};
+}
+
 void add(Json& json, const SampledCertificate& s) {
   Json limits = Json::object();
   for (const FilterLimits& f : s.limits) {
@@ -308,6 +342,7 @@ std::string period_text(double seconds) {
 
 Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_progress) {
   Certificate result;
+  result.feasibility = feasibility(scenario);
   result.sampled = sampled_certificate(scenario, on_progress);
   if (on_progress) on_progress("constants of the robot");
   const robot::Model model = error_model(scenario);
@@ -317,11 +352,20 @@ Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_p
   return result;
 }
 
+std::vector<std::string> objections(const Certificate& certificate) {
+  std::vector<std::string> all = certificate.feasibility.impossible;
+  if (certificate.sampled && !certificate.sampled->stable) {
+    all.insert(all.begin(), "the sampled loop is unstable at this period");
+  }
+  return all;
+}
+
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario) {
-  return fmt::format("{}: {}, h = {}, delay {}\n\n{}\n{}\n{}", scenario.name,
+  return fmt::format("{}: {}, h = {}, delay {}\n\n{}\n{}\n{}\n{}", scenario.name,
                      scenario.controller.law, period_text(scenario.loop.period_s),
                      scenario.loop.command_delay, sampled_text(certificate.sampled),
-                     stability_text(certificate), constants_text(certificate.constants));
+                     feasibility_text(certificate.feasibility), stability_text(certificate),
+                     constants_text(certificate.constants));
 }
 
 Json to_json(const Certificate& certificate) {
@@ -333,6 +377,7 @@ Json to_json(const Certificate& certificate) {
     json["no_stability_certificate"] = certificate.no_stability;
   }
   if (certificate.sampled) add(json, *certificate.sampled);
+  add(json, certificate.feasibility);
   return json;
 }
 

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "certificate/feasibility.h"
 #include "certificate/sampled_certificate.h"
 #include "certificate/stability_certificate.h"
 
@@ -11,6 +12,7 @@
 namespace tachless::certificate {
 
 struct Certificate {
+  Feasibility feasibility;
   RobotConstants constants;
   std::optional<StabilityCertificate> stability;
   std::string no_stability;  ///< why not
@@ -19,6 +21,10 @@ struct Certificate {
 
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
 Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_progress = {});
+
+/// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
+/// Empty when nothing stands against it.
+std::vector<std::string> objections(const Certificate& certificate);
 
 /// A page for people.
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario);

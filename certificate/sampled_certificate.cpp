@@ -83,8 +83,8 @@ std::vector<PeriodMargin> margins_by_period(const SampledLoop& loop, double peri
   return result;
 }
 
-/// Torque per measured angle of each joint's own position; the larger one where link and motor are
-/// both measured.
+}  // namespace
+
 VectorXd own_gain(const LinearLaw& law) {
   const Eigen::Index n = law.D.rows();
   VectorXd gain = VectorXd::Zero(n);
@@ -95,8 +95,6 @@ VectorXd own_gain(const LinearLaw& law) {
   }
   return gain;
 }
-
-}  // namespace
 
 double radius_over_motion(const ScenarioLoop& loop, int pieces, std::vector<AlongPoint>* along) {
   const double h = loop.settings().period_s;

@@ -56,6 +56,10 @@ struct SampledCertificate {
 std::optional<SampledCertificate> sampled_certificate(const experiment::Scenario& scenario,
                                                       const OnProgress& on_progress = {});
 
+/// Torque per measured angle of each joint's own position [N m/rad]; the larger one where link and
+/// motor are both measured.
+Eigen::VectorXd own_gain(const LinearLaw& law);
+
 /// Per period over the motion, in `pieces` each of which stands for equally many periods.
 double radius_over_motion(const ScenarioLoop& loop, int pieces,
                           std::vector<AlongPoint>* along = nullptr);

@@ -1,10 +1,14 @@
 #include "certificate/scenario_loop.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
+#include <stdexcept>
 #include <type_traits>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "controller/laws.h"
 #include "controller/registry.h"
@@ -134,14 +138,6 @@ void set(experiment::Scenario& scenario, const LoopSettings& settings) {
   scenario.loop.period_s = settings.period_s;
 }
 
-robot::Model plant_of(const experiment::Scenario& scenario) {
-  robot::Model model = *scenario.model;
-  if (!scenario.robot.flexible) model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
-  const auto& payload = scenario.plant.payload;
-  return payload.mass_kg > 0 ? robot::with_payload(std::move(model), payload.mass_kg, payload.link)
-                             : model;
-}
-
 double span_of(const experiment::Scenario& scenario) {
   const auto* sine = std::get_if<reference::trajectory::Sinusoid>(&scenario.reference);
   if (sine == nullptr || sine->frequency_hz.size() == 0) return scenario.loop.duration_s;
@@ -154,6 +150,18 @@ double span_of(const experiment::Scenario& scenario) {
 
 LoopSettings settings_of(const experiment::Scenario& scenario) {
   return {scenario.controller.filter, scenario.loop.command_delay, scenario.loop.period_s};
+}
+
+robot::Model plant_of(const experiment::Scenario& scenario) {
+  robot::Model model = *scenario.model;
+  if (!scenario.robot.flexible) model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+  const auto& payload = scenario.plant.payload;
+  if (payload.mass_kg <= 0) return model;
+  try {
+    return robot::with_payload(std::move(model), payload.mass_kg, payload.link);
+  } catch (const std::invalid_argument& problem) {
+    throw scenario.complaint("plant.payload", problem.what());
+  }
 }
 
 ReferencePoint held_at(const Vector& q) {

@@ -65,6 +65,10 @@ class ScenarioLoop {
   bool moves_ = false;
 };
 
+/// The robot as the plant has it: rotors of rigid joints and payload included.
+/// @throw diagnostics::Failure(bad_usage) for a payload on no link.
+robot::Model plant_of(const experiment::Scenario& scenario);
+
 /// At rest in `q`.
 loop::ReferencePoint held_at(const robot::Vector& q);
 

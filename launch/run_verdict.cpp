@@ -1,11 +1,15 @@
 #include "launch/run_verdict.h"
 
+#include "certificate/feasibility.h"
 #include "certificate/verdict.h"
 #include "diagnostics/logging.h"
 
 namespace tachless::launch {
 
 void say_verdict(const experiment::Scenario& scenario, const RunOptions& options) {
+  const certificate::Feasibility feasibility = certificate::feasibility(scenario);
+  for (const std::string& problem : feasibility.impossible) diagnostics::log_warning(problem);
+  for (const std::string& doubt : feasibility.doubtful) diagnostics::log_warning(doubt);
   const certificate::Verdict verdict = certificate::verdict(scenario);
   if (verdict.known && !verdict.stable) {
     if (!options.force) {

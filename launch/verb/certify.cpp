@@ -59,11 +59,11 @@ diagnostics::ExitCode certify(const Options& options) {
   } else {
     std::cout << page(result, scenario);
   }
-  if (result.sampled && !result.sampled->stable) {
-    diagnostics::log_error(
-        fmt::format("{}: the sampled loop is unstable at this period", options.scenario.string()));
-    return diagnostics::ExitCode::check_said_no;
+  const std::vector<std::string> objections = certificate::objections(result);
+  for (const std::string& objection : objections) {
+    diagnostics::log_error(fmt::format("{}: {}", options.scenario.string(), objection));
   }
+  if (!objections.empty()) return diagnostics::ExitCode::check_said_no;
   return diagnostics::ExitCode::done;
 }
 

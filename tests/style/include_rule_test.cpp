@@ -97,7 +97,8 @@ const std::vector<Rule> rules = {
 
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
-      "experiment/", "loop/signals.h", "reference/make_trajectory.h", "robot/", "schema/"},
+      "diagnostics/failure.h", "experiment/", "loop/signals.h", "reference/make_trajectory.h",
+      "robot/", "schema/"},
      {"Eigen/", "unsupported/Eigen/MatrixFunctions", "nlohmann/"}},
     {"certificate/optimise.cpp", {"certificate/"}, {"Eigen/", "nlopt.h"}},
 
