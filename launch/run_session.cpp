@@ -250,7 +250,7 @@ void write_results(const experiment::Scenario& scenario, const RunOptions& optio
 
 diagnostics::ExitCode run_session(RunOptions options) {
   const experiment::Scenario scenario = checked_scenario(options);
-  say_verdict(scenario, options);
+  const RunVerdict verdict = judge(scenario, options);
   std::optional<bus::Key> key;
   if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
   const bool isolated = prepare_network(options);
@@ -272,6 +272,7 @@ diagnostics::ExitCode run_session(RunOptions options) {
     screen.show(progress);
     if (window) window->attend();
   };
+  say(verdict, options.quiet);
   const Clock::time_point begun = Clock::now();
   const Supervision supervision = supervise(run_processes(options, out), supervising);
   if (window) window->run_is_over(supervision.interrupted);

@@ -6,20 +6,27 @@
 
 namespace tachless::launch {
 
-void say_verdict(const experiment::Scenario& scenario, const RunOptions& options) {
-  const certificate::Feasibility feasibility = certificate::feasibility(scenario);
-  for (const std::string& problem : feasibility.impossible) diagnostics::log_warning(problem);
-  for (const std::string& doubt : feasibility.doubtful) diagnostics::log_warning(doubt);
-  const certificate::Verdict verdict = certificate::verdict(scenario);
-  if (verdict.known && !verdict.stable) {
-    if (!options.force) {
-      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 certificate::refusal(verdict, options.scenario.string()));
-    }
-    diagnostics::log_warning(certificate::text(verdict));
-  } else if (!options.quiet) {
-    diagnostics::log_info(certificate::text(verdict));
+RunVerdict judge(const experiment::Scenario& scenario, const RunOptions& options) {
+  const certificate::Verdict loop = certificate::verdict(scenario);
+  const bool unstable = loop.known && !loop.stable;
+  if (unstable && !options.force) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               certificate::refusal(loop, options.scenario.string()));
   }
+  const certificate::Feasibility feasibility = certificate::feasibility(scenario);
+  RunVerdict verdict{certificate::text(loop), unstable, feasibility.impossible};
+  verdict.warnings.insert(verdict.warnings.end(), feasibility.doubtful.begin(),
+                          feasibility.doubtful.end());
+  return verdict;
+}
+
+void say(const RunVerdict& verdict, bool quiet) {
+  if (verdict.warns) {
+    diagnostics::log_warning(verdict.line);
+  } else if (!quiet) {
+    diagnostics::log_info(verdict.line);
+  }
+  for (const std::string& warning : verdict.warnings) diagnostics::log_warning(warning);
 }
 
 }  // namespace tachless::launch
