@@ -46,8 +46,8 @@ VectorXcd balanced_eigenvalues(MatrixXd map) {
 
 /// The last stable value before `outside`, which is not, by bisection.
 template <class Stable>
-double edge(double inside, double outside, const Stable& stable) {
-  while (outside - inside > 1e-7 * inside) {
+double edge(double inside, double outside, double precision, const Stable& stable) {
+  while (outside - inside > precision * inside) {
     const double middle = (inside + outside) / 2;
     (stable(middle) ? inside : outside) = middle;
   }
@@ -109,10 +109,10 @@ class Response {
   VectorXcd poles_;
 };
 
-std::vector<double> frequencies(const Response& response) {
-  constexpr int num_points = 500;
+std::vector<double> frequencies(const Response& response, int num_points) {
   std::vector<double> w;
   const double ratio = std::pow(response.highest() / response.lowest(), 1.0 / num_points);
+  w.reserve(static_cast<std::size_t>(num_points) + 1);
   for (int k = 0; k <= num_points; ++k) w.push_back(response.lowest() * std::pow(ratio, k));
   return w;
 }
@@ -151,7 +151,8 @@ std::complex<double> nearest(const VectorXcd& values, const std::complex<double>
 
 /// Phase and delay margin: where an eigenvalue of L crosses the unit circle, turned by its
 /// distance from -1 it makes 1 + L singular.
-void crossings(const Response& response, const std::vector<double>& w, Margins& margins) {
+void crossings(const Response& response, const std::vector<double>& w, int halvings,
+               Margins& margins) {
   margins.phase_deg = 180;
   margins.delay_s = infinity;
   VectorXcd before = response.eigenvalues(w[0]);
@@ -161,7 +162,7 @@ void crossings(const Response& response, const std::vector<double>& w, Margins& 
       std::complex<double> low = start, high = nearest(now, start);
       if ((std::abs(low) > 1) == (std::abs(high) > 1)) continue;
       double w_low = w[k - 1], w_high = w[k];
-      for (int i = 0; i < 40; ++i) {
+      for (int i = 0; i < halvings; ++i) {
         const double middle = (w_low + w_high) / 2;
         const std::complex<double> value =
             nearest(response.eigenvalues(middle), (low + high) / 2.0);
@@ -191,7 +192,7 @@ std::optional<double> largest_stable_period(const SampledLoop& loop, const Limit
   if (!stable(inside)) return {};
   while (inside < options.longest_s) {
     const double next = std::min(inside * options.ratio, options.longest_s);
-    if (!stable(next)) return edge(inside, next, stable);
+    if (!stable(next)) return edge(inside, next, options.precision, stable);
     inside = next;
   }
   return options.longest_s;
@@ -236,16 +237,23 @@ Margins margins(const SampledLoop& loop, double period_s) {
   constexpr double factor = 1.1, largest_gain = 1e4;
   for (double gain = 1; gain < largest_gain; gain *= factor) {
     if (stable(gain * factor)) continue;
-    result.gain = edge(gain, gain * factor, stable);
+    result.gain = edge(gain, gain * factor, 1e-7, stable);
     break;
   }
   const Response response(loop, period_s);
-  const std::vector<double> w = frequencies(response);
+  const std::vector<double> w = frequencies(response, 500);
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
-  crossings(response, w, result);
+  crossings(response, w, 40, result);
   return result;
+}
+
+double phase_margin_deg(const SampledLoop& loop, double period_s) {
+  const Response response(loop, period_s);
+  Margins result;
+  crossings(response, frequencies(response, 60), 5, result);
+  return result.phase_deg;
 }
 
 double radius_along(const std::function<MatrixXd(int)>& map_at, int ticks) {

@@ -23,10 +23,11 @@ double spectral_radius(const Eigen::MatrixXd& map);
 
 struct LimitOptions {
   double shortest_s = 1e-7, longest_s = 1;
-  double ratio = 1.1;  ///< of the periods that are tried until one is unstable
+  double ratio = 1.1;       ///< of the periods that are tried until one is unstable
+  double precision = 1e-7;  ///< relative, of the answer
 };
-/// The period below which the loop is stable, to rounding [s]; `longest_s` when no unstable one was
-/// found; nothing when the shortest is unstable, so that no sampling is to blame.
+/// The period below which the loop is stable [s]; `longest_s` when no unstable one was found;
+/// nothing when the shortest is unstable, so that no sampling is to blame.
 std::optional<double> largest_stable_period(const SampledLoop& loop,
                                             const LimitOptions& options = {});
 
@@ -58,6 +59,10 @@ struct Margins {
 };
 /// Of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
+
+/// The phase margin alone, of a stable loop, on a coarse grid of frequencies [deg]: to a degree or
+/// two, in some milliseconds.
+double phase_margin_deg(const SampledLoop& loop, double period_s);
 
 /// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
 /// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.

@@ -26,6 +26,8 @@ struct RunOptions {
   std::string key_file;
   std::string restart;  ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
+  bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
+  bool force = false;        ///< run a loop that is unstable when linearised
   bool quiet = false;
   bool json = false;
   bool visualize = false;

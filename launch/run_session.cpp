@@ -21,6 +21,7 @@
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
 #include "launch/progress.h"
+#include "launch/run_verdict.h"
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
@@ -201,9 +202,10 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
   return facts;
 }
 
-/// Reads the log back; writes summary, figure and report, and for people the closing table.
-void write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                   const RunDirectory& out, report::RunFacts facts) {
+/// Reads the log back; writes summary, figure and report, and for people the closing table. Why the
+/// run failed, as its signals show; empty when it did not.
+std::string write_results(const experiment::Scenario& scenario, const RunOptions& options,
+                          const RunDirectory& out, report::RunFacts facts) {
   facts.log_path = (out / "lcmlog").string();
   report::Tracking tracking(scenario.num_joints);
   try {
@@ -215,14 +217,14 @@ void write_results(const experiment::Scenario& scenario, const RunOptions& optio
     diagnostics::log_warning(failure.what());
   }
 
+  const report::JointUnits units = report::joint_units(*scenario.model);
   const report::RunSummary summary{facts, tracking, out.take_statistics()};
-  const std::string json = to_json(summary).dump(2) + "\n";
+  const std::string json = to_json(summary, units).dump(2) + "\n";
   const fs::path summary_path = out / "summary.json";
   if (!(std::ofstream(summary_path) << json)) {
     diagnostics::log_warning(
         fmt::format("cannot write {}: {}", summary_path.string(), std::strerror(errno)));
   }
-  const report::JointUnits units = report::joint_units(*scenario.model);
   const report::FigureFacts figure{
       fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
       facts.period_s, units.length, units.effort};
@@ -243,12 +245,15 @@ void write_results(const experiment::Scenario& scenario, const RunOptions& optio
     std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
     for (const fs::path& file : out.files()) std::cout << fmt::format("  {}\n", file.string());
   }
+  const report::Observed observed = summary.observed();
+  return observed.bad() ? text(observed, units) : std::string();
 }
 
 }  // namespace
 
 diagnostics::ExitCode run_session(RunOptions options) {
   const experiment::Scenario scenario = checked_scenario(options);
+  const RunVerdict verdict = judge(scenario, options);
   std::optional<bus::Key> key;
   if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
   const bool isolated = prepare_network(options);
@@ -270,6 +275,7 @@ diagnostics::ExitCode run_session(RunOptions options) {
     screen.show(progress);
     if (window) window->attend();
   };
+  say(verdict, options.quiet);
   const Clock::time_point begun = Clock::now();
   const Supervision supervision = supervise(run_processes(options, out), supervising);
   if (window) window->run_is_over(supervision.interrupted);
@@ -277,9 +283,12 @@ diagnostics::ExitCode run_session(RunOptions options) {
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
   const report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
   if (facts.fault) diagnostics::log_error(*facts.fault);
-  write_results(scenario, options, out, facts);
+  const std::string failure = write_results(scenario, options, out, facts);
   if (window) window->finish(options.quiet);
-  return exit_code(supervision);
+  const diagnostics::ExitCode code = exit_code(supervision);
+  if (failure.empty() || options.any_verdict || code != diagnostics::ExitCode::done) return code;
+  diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure", failure));
+  return diagnostics::ExitCode::check_said_no;
 }
 
 }  // namespace tachless::launch

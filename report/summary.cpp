@@ -112,7 +112,9 @@ double RunSummary::duration_s() const {
   return static_cast<double>(tracking.num_ticks()) * facts.period_s;
 }
 
-nlohmann::ordered_json to_json(const RunSummary& summary) {
+Observed RunSummary::observed() const { return observe(tracking, plant_of(*this).saturated_ticks); }
+
+nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& units) {
   const RunFacts& facts = summary.facts;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.tracking.num_ticks());
@@ -129,6 +131,7 @@ nlohmann::ordered_json to_json(const RunSummary& summary) {
   add_signals(json, summary.tracking);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
+  json["verdict"] = text(summary.observed(), units);
   json["fault"] = facts.fault ? Json(*facts.fault) : Json();
   return json;
 }
@@ -164,6 +167,7 @@ std::string closing_table(const RunSummary& summary, const JointUnits& units) {
   }
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
+  text += fmt::format("  {}\n", report::text(summary.observed(), units));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
 }

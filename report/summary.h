@@ -8,6 +8,7 @@
 
 #include "node/statistics.h"
 #include "report/joint_units.h"
+#include "report/observed.h"
 #include "report/tracking.h"
 
 /// A run in numbers: summary.json and the closing table. Reads no log and writes no file.
@@ -36,10 +37,12 @@ struct RunSummary {
   /// From the start of the run to its end, by the plant's clock where it has told.
   [[nodiscard]] double wall_s() const;
   [[nodiscard]] double duration_s() const;  ///< of the motion
+  /// What the run did, from its signals and the plant's counters.
+  [[nodiscard]] Observed observed() const;
 };
 
 /// The content of summary.json.
-nlohmann::ordered_json to_json(const RunSummary& summary);
+nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& units);
 
 /// The closing table: per joint error and torque, then how the run went.
 std::string closing_table(const RunSummary& summary, const JointUnits& units);

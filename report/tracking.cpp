@@ -36,6 +36,7 @@ void Tracking::add(double t_s, const robot::Vector& q, const robot::Vector& q_re
     joint.q.add(t_s, q[i]);
     joint.q_ref.add(t_s, q_ref[i]);
     joint.abs_error.add(t_s, std::abs(error));
+    joint.error_over_time.add(t_s, error);
     joint.tau.add(t_s, tau[i]);
     if (has_motors_) joint.theta.add(t_s, theta[i]);
   }

@@ -29,6 +29,7 @@ struct JointTracking {
   Extent error;   ///< q - q_ref [rad; m if prismatic]
   Extent torque;  ///< applied [N m; N if prismatic]
   Envelope q, q_ref, theta, abs_error, tau;
+  Envelope error_over_time;  ///< signed
 };
 
 /// What the closing table, the summary and the figure say about a run, gathered tick by tick.

@@ -29,6 +29,11 @@ Verb::Action declare(CLI::App& command) {
           "Start this process again when a signal kills it, 5 times at most; lockstep only. "
           "The run goes on from its log, to the same result")
       ->check(CLI::IsMember({"controller"}));
+  command.add_flag("--any-verdict", options->any_verdict,
+                   "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly "
+                   "saturated");
+  command.add_flag("--force", options->force,
+                   "Run a loop too that is unstable at its period, as its linearisation shows");
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");
   command.add_flag(

@@ -97,8 +97,9 @@ const std::vector<Rule> rules = {
 
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
-      "experiment/", "loop/signals.h", "robot/"},
-     {"Eigen/", "unsupported/Eigen/MatrixFunctions"}},
+      "diagnostics/failure.h", "experiment/", "loop/signals.h", "reference/make_trajectory.h",
+      "robot/", "schema/"},
+     {"Eigen/", "unsupported/Eigen/MatrixFunctions", "nlohmann/"}},
     {"certificate/optimise.cpp", {"certificate/"}, {"Eigen/", "nlopt.h"}},
 
     {"study/",
@@ -131,9 +132,9 @@ const std::vector<Rule> rules = {
      true},
 
     {"launch/",
-     {"launch/", "report/", "replay/", "monitor/", "controller/registry.h", "plant/", "reference/",
-      "logger/", "node/", "bus/", "experiment/", "process/", "robot/", "loop/", "diagnostics/",
-      "viewer/"},
+     {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
+      "plant/", "reference/", "logger/", "node/", "bus/", "experiment/", "process/", "robot/",
+      "loop/", "diagnostics/", "viewer/"},
      {"CLI/", "nlohmann/"},
      true},
 

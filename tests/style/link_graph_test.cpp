@@ -75,6 +75,7 @@ TEST(LinkGraph, KeepsFromATargetWhatItDoesNotUse) {
       {"logger_export", {simbody, sockets, "node"}},
       {"logger_node", {simbody, hdf5, "logger_runs", "logger_info"}},
       {"certificate", {"bus_", "process", "node", "logger_", simbody}},
+      {"certificate_scenario", {"bus_", "process", "node", "logger_", simbody}},
       {"certificate_numbers", {"bus_", "process", "experiment", "diagnostics", simbody}},
       {"study", {"bus_", "protocol_", "process", "node", "logger_", hdf5, "Lcm::lcm"}},
       // Of node/, the counters' file alone: whoever links all of it has node_options.

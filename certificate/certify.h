@@ -1,0 +1,37 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "certificate/feasibility.h"
+#include "certificate/sampled_certificate.h"
+#include "certificate/stability_certificate.h"
+
+/// `tachless certify`: all that is known of a scenario before it is run, for people and as JSON.
+namespace tachless::certificate {
+
+struct Certificate {
+  Feasibility feasibility;
+  RobotConstants constants;
+  std::optional<StabilityCertificate> stability;
+  std::string no_stability;  ///< why not
+  std::optional<SampledCertificate> sampled;
+};
+
+/// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
+Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_progress = {});
+
+/// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
+/// Empty when nothing stands against it.
+std::vector<std::string> objections(const Certificate& certificate);
+
+/// A page for people.
+std::string page(const Certificate& certificate, const experiment::Scenario& scenario);
+
+nlohmann::ordered_json to_json(const Certificate& certificate);
+
+/// "9.71e-05 s", "3.6 ms": a period for people.
+std::string period_text(double seconds);
+
+}  // namespace tachless::certificate

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "certificate/sampled_certificate.h"
+#include "experiment/scenario.h"
+
+/// Gains for a scenario's law, by the sampled loop. They start from a rule of thumb: with
+/// m_j = 1 / (M^-1)_jj (what joint j feels when the others are free) and a bandwidth w,
+///
+///   kp = w^2 m_j,  kd = 2 w m_j,  a = b = r w,
+///
+/// which has two real poles at w for r → infinity; then the largest w and the best r are
+/// searched for which the margins hold at all postures looked at.
+namespace tachless::certificate {
+
+struct DesignGoal {
+  std::optional<double> bandwidth_hz;  ///< w / 2 pi, at most
+  std::optional<double> settling_s;    ///< to 1 %, of the slowest mode
+  double modulus = 0.5;                ///< least modulus margin
+  double count_share = 0.01;           ///< of the torque limit, by one encoder count
+};
+
+struct Design {
+  std::map<std::string, robot::Vector> gains;
+  double w = 0;             ///< [rad/s]
+  double filter_ratio = 0;  ///< a / w; 0 for a law without filter
+  double modulus = 0;       ///< the least at the postures looked at
+  double gain_margin = 0;
+  double phase_margin_deg = 0;
+  double settling_s = 0;  ///< at the reference's slowest posture
+  int postures = 0;
+  std::string binds;             ///< what keeps w from being larger
+  std::optional<double> missed;  ///< the settling time asked for, when it is not reached [s]
+};
+
+/// Postures: those of the reference and some spread over the robot's whole range.
+/// @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque limit below
+/// gravity, a motion that is too fast, margins that no bandwidth has.
+Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
+              const OnProgress& on_progress = {});
+
+/// The gains as overrides of a scenario: "controller.gains.kp=[…]".
+std::vector<std::string> overrides_of(const Design& design);
+
+/// A scenario for a bare URDF, with gains that only a design makes useful: point to point, a 20-bit
+/// encoder, one tick of delay. @param urdf as it is to stand in the file
+std::string scenario_text(const robot::Model& model, const std::string& name,
+                          const std::string& urdf, double period_s);
+
+}  // namespace tachless::certificate

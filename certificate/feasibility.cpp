@@ -1,0 +1,134 @@
+#include "certificate/feasibility.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "certificate/scenario_loop.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/jet.h"
+
+namespace tachless::certificate {
+namespace {
+
+using loop::ReferencePoint;
+using robot::Vector;
+
+constexpr double fastest_cycles_per_tick = 0.1;
+
+/// Torque of the drives on the reference: inverse dynamics and friction, and with flexible joints
+/// what turns the rotors.
+Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& model,
+                    const ReferencePoint& r) {
+  const Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  const auto& drive = scenario.robot.flexible;
+  const robot::JetVector links = robot::inverse_dynamics(
+      model, robot::jet(r.q_ref, r.v_ref, r.a_ref), robot::jet(r.v_ref, r.a_ref, r.jerk_ref),
+      robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
+  Vector torque = robot::value(links);
+  if (friction.size() > 0) torque += friction.cwiseProduct(r.v_ref);
+  if (!drive) return torque;
+  const Vector thetadot = r.v_ref + robot::first_derivative(links).cwiseQuotient(drive->stiffness);
+  const Vector thetaddot =
+      r.a_ref + robot::second_derivative(links).cwiseQuotient(drive->stiffness);
+  torque += drive->rotor_inertia.cwiseProduct(thetaddot);
+  if (drive->motor_damping.size() > 0) torque += drive->motor_damping.cwiseProduct(thetadot);
+  return torque;
+}
+
+void take_largest(double& largest, double value) { largest = std::max(largest, std::abs(value)); }
+
+std::string joint_name(const robot::Model& model, std::size_t i) {
+  return fmt::format("joint {} ({})", i + 1, model.joint_names[i]);
+}
+
+/// "m" or "rad", and the like.
+struct Units {
+  const char *angle, *torque, *speed;
+};
+Units units_of(const robot::Model& model, std::size_t i) {
+  return model.joint_types[i] == robot::JointType::prismatic ? Units{"m", "N", "m/s"}
+                                                             : Units{"rad", "N m", "rad/s"};
+}
+
+void judge(Feasibility& result, const experiment::Scenario& scenario, const robot::Model& model) {
+  for (std::size_t i = 0; i < result.joints.size(); ++i) {
+    const JointDemand& joint = result.joints[i];
+    const std::string name = joint_name(model, i);
+    const Units units = units_of(model, i);
+    if (joint.torque_limit && joint.at_rest > *joint.torque_limit) {
+      result.impossible.push_back(fmt::format(
+          "{} needs {:.4g} {} to stand still, and its limit is {:g} {}; raise "
+          "plant.drive.torque_limit_Nm if the limit is wrong, as in many URDFs, or choose other "
+          "postures",
+          name, joint.at_rest, units.torque, *joint.torque_limit, units.torque));
+    } else if (joint.torque_limit && joint.moving > *joint.torque_limit) {
+      result.impossible.push_back(
+          fmt::format("{} needs up to {:.4g} {} to follow the reference, and its limit is {:g} {}; "
+                      "slow the reference down or raise plant.drive.torque_limit_Nm",
+                      name, joint.moving, units.torque, *joint.torque_limit, units.torque));
+    }
+    if (joint.speed_limit && joint.speed > *joint.speed_limit) {
+      result.impossible.push_back(fmt::format(
+          "{} is to move at up to {:.4g} {}, and the URDF allows {:g} {}; slow the reference down",
+          name, joint.speed, units.speed, *joint.speed_limit, units.speed));
+    }
+    if (joint.cycles_per_tick > fastest_cycles_per_tick) {
+      result.doubtful.push_back(fmt::format(
+          "the reference of {} turns {:.2g} of a cycle in one tick: a frequency of {:.4g} Hz at a "
+          "sampling rate of {:.4g} Hz; was a frequency in Hz meant, not rad/s?",
+          name, joint.cycles_per_tick, joint.cycles_per_tick / scenario.loop.period_s,
+          1 / scenario.loop.period_s));
+    }
+    const Vector& q = scenario.plant.initial.position_rad;
+    const auto k = static_cast<Eigen::Index>(i);
+    if (q.size() > k && model.joint_types[i] == robot::JointType::revolute &&
+        std::abs(q[k]) > 2 * std::numbers::pi) {
+      result.doubtful.push_back(fmt::format(
+          "{} starts at {:g} rad, more than a full turn; angles are in rad, were degrees meant?",
+          name, q[k]));
+    }
+  }
+}
+
+}  // namespace
+
+Feasibility feasibility(const experiment::Scenario& scenario) {
+  const robot::Model model = plant_of(scenario);
+  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+  const auto n = static_cast<std::size_t>(model.num_joints);
+  Feasibility result;
+  result.joints.resize(n);
+  std::vector<double> acceleration(n);
+  constexpr int instants = 2000;
+  for (int k = 0; k <= instants; ++k) {
+    const ReferencePoint r = trajectory.at(scenario.loop.duration_s * k / instants);
+    const Vector torque = drive_torque(scenario, model, r);
+    const Vector gravity = robot::gravity_torque(model, r.q_ref);
+    for (std::size_t i = 0; i < n; ++i) {
+      const auto joint = static_cast<Eigen::Index>(i);
+      take_largest(result.joints[i].at_rest, gravity[joint]);
+      take_largest(result.joints[i].moving, torque[joint]);
+      take_largest(result.joints[i].speed, r.v_ref[joint]);
+      take_largest(acceleration[i], r.a_ref[joint]);
+    }
+  }
+  const auto& limit = scenario.plant.drive.torque_limit_Nm;
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto joint = static_cast<Eigen::Index>(i);
+    JointDemand& demand = result.joints[i];
+    if (limit && std::isfinite((*limit)[joint])) demand.torque_limit = (*limit)[joint];
+    const double speed_limit = model.velocity_limit[joint];
+    if (std::isfinite(speed_limit)) demand.speed_limit = speed_limit;
+    if (demand.speed > 0) {
+      demand.cycles_per_tick =
+          acceleration[i] / demand.speed / (2 * std::numbers::pi) * scenario.loop.period_s;
+    }
+  }
+  judge(result, scenario, model);
+  return result;
+}
+
+}  // namespace tachless::certificate

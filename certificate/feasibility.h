@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "experiment/scenario.h"
+
+/// What a scenario's reference asks of its drives and joints, against what these can do. Of the
+/// reference alone: what errors ask for comes on top.
+namespace tachless::certificate {
+
+struct JointDemand {
+  double at_rest = 0;  ///< largest |torque| that holds the arm still on the way [N m; N]
+  double moving = 0;   ///< largest |torque| along the motion [N m; N]
+  double speed = 0;    ///< largest |v_ref| [rad/s; m/s]
+  /// Angular frequency sup|a_ref| / sup|v_ref| over the sampling rate, in cycles per tick: f h of a
+  /// sinusoid.
+  double cycles_per_tick = 0;
+  std::optional<double> torque_limit, speed_limit;  ///< nothing: none is given
+};
+
+struct Feasibility {
+  std::vector<JointDemand> joints;
+  /// What the drives or joints cannot do, one line each: joint, numbers, remedy.
+  std::vector<std::string> impossible;
+  /// What is possible and probably a mistake.
+  std::vector<std::string> doubtful;
+};
+
+/// With the plant's own inertia, payload, friction and rotors, at 2000 instants of the run.
+/// @throw diagnostics::Failure(bad_usage) when reference or robot cannot be made of it.
+Feasibility feasibility(const experiment::Scenario& scenario);
+
+}  // namespace tachless::certificate

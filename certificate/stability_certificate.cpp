@@ -1,0 +1,207 @@
+#include "certificate/stability_certificate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "controller/laws.h"
+#include "controller/registry.h"
+#include "reference/make_trajectory.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+
+namespace tachless::certificate {
+namespace {
+
+using controller::law::KellyRegulation;
+using controller::law::LoriaOrtegaFlexible;
+using controller::law::LoriaOrtegaRigid;
+using Eigen::VectorXd;
+using robot::Vector;
+
+Vector or_zero(const Vector& x, int size) { return x.size() == 0 ? Vector(Vector::Zero(size)) : x; }
+
+/// sup |v_ref| over the run: between two instants |v_ref| exceeds its chord by at most
+/// dt^2/8 sup |jerk|.
+double velocity_bound(const experiment::Scenario& scenario) {
+  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+  constexpr int instants = 20000;
+  const double dt = scenario.loop.duration_s / instants;
+  double speed = 0, jerk = 0;
+  for (int k = 0; k <= instants; ++k) {
+    const loop::ReferencePoint r = trajectory.at(k * dt);
+    speed = std::max(speed, r.v_ref.norm());
+    jerk = std::max(jerk, r.jerk_ref.norm());
+  }
+  return speed == 0 ? 0 : speed + dt * dt / 8 * jerk;
+}
+
+VectorXd joined(std::initializer_list<Vector> parts) {
+  std::vector<double> all;
+  for (const Vector& part : parts) all.insert(all.end(), part.begin(), part.end());
+  return Eigen::Map<const VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
+}
+
+/// The state at t = 0 and the error system, by law.
+struct Start {
+  const experiment::Scenario& scenario;
+  loop::ReferencePoint reference;
+  Vector q, v;
+
+  explicit Start(const experiment::Scenario& of)
+      : scenario(of),
+        reference(reference::make_trajectory(of).at(0)),
+        q(or_zero(of.plant.initial.position_rad, of.num_joints)),
+        v(or_zero(of.plant.initial.velocity_rad_per_s, of.num_joints)) {}
+
+  template <class L>
+  [[nodiscard]] VectorXd rigid() const {
+    const L law = controller::make_law<L>(scenario);
+    const typename L::Measurement measured{q};
+    const auto first = law.step(law.start(measured, reference), measured, reference);
+    return joined({q - reference.q_ref, first.signals.value[1], v - reference.v_ref});
+  }
+  [[nodiscard]] VectorXd flexible() const {
+    const auto law = controller::make_law<LoriaOrtegaFlexible>(scenario);
+    const auto& drive = *scenario.robot.flexible;
+    const auto& given = scenario.plant.initial;
+    const Vector theta = given.motor_position_rad.value_or(
+        Vector(q + robot::gravity_torque(*scenario.model, q).cwiseQuotient(drive.stiffness)));
+    const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
+    const loop::LinkStateMeasurement measured{q, v, theta};
+    const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
+    const Vector theta_ref_rate = law.theta_ref_rate(measured, reference, signals.value[1]);
+    return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
+                   v - reference.v_ref, thetadot - theta_ref_rate});
+  }
+};
+
+ErrorSystem system_of(const experiment::Scenario& scenario) {
+  const auto& law = controller::law_facts(scenario.controller.law);
+  if (law.name == LoriaOrtegaFlexible::name) {
+    const auto g = controller::gains_of<LoriaOrtegaFlexible::Gains>(scenario, law);
+    const auto& drive = *scenario.robot.flexible;
+    return flexible_error_system(drive.stiffness, drive.rotor_inertia, {g.kp1, g.kd1, g.a1, g.b1},
+                                 {g.kp2, g.kd2, g.a2, g.b2});
+  }
+  const auto g = controller::gains_of<LoriaOrtegaRigid::Gains>(scenario, law);
+  return rigid_error_system({g.kp, g.kd, g.a, g.b});
+}
+
+std::string refusal(const experiment::Scenario& scenario) {
+  const std::string& law = scenario.controller.law;
+  if (law != LoriaOrtegaRigid::name && law != LoriaOrtegaFlexible::name &&
+      law != KellyRegulation::name) {
+    return fmt::format("{} has no certificate here: only its sampled loop is examined", law);
+  }
+  if (law != LoriaOrtegaFlexible::name && scenario.robot.flexible) {
+    return fmt::format(
+        "{} takes the joints for rigid, and they are flexible: its proof does not hold", law);
+  }
+  return {};
+}
+
+void add_provisos(StabilityCertificate& result, const experiment::Scenario& scenario) {
+  if (scenario.plant.payload.mass_kg > 0) {
+    result.provisos.push_back(
+        fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
+                    scenario.plant.payload.mass_kg));
+  }
+  const VectorXd friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  if (friction.size() > 0 && !friction.isZero(0)) {
+    result.provisos.emplace_back("the joints' viscous friction is not in it");
+  }
+  const auto& choice = result.largest ? result.largest : result.fastest;
+  if (!choice) return;
+  const robot::Model& model = *scenario.model;
+  for (int i = 0; i < model.num_joints; ++i) {
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
+    result.provisos.push_back(fmt::format(
+        "joint {} ({}) is prismatic and its range was sampled: it holds while |e_{}| stays in that "
+        "range; from the whole level set it may reach {:g} m",
+        i + 1, model.joint_names[static_cast<std::size_t>(i)], i + 1,
+        choice->certified.region.e_reached[i]));
+  }
+}
+
+/// All that weights are searched for.
+void search(StabilityCertificate& result, const RobotConstants& constants,
+            const robot::Model& model, const Vector& q,
+            const std::function<void(std::string_view)>& tell) {
+  tell("matrix condition: postures");
+  PostureOptions few;
+  few.circle_points = 24;
+  few.bound_between = false;  // the search is no proof: what it finds is proved on the fine ones
+  few.samples = 128;
+  const Postures coarse_postures(model, few), postures(model);
+  result.proved = postures.proved();
+  const ScalarCondition scalar(result.system, constants, postures, result.B_d);
+  result.completed = scalar.solve();
+  const VelocitySet v_ref = VelocitySet::ball(result.B_d);
+  const MatrixCondition coarse(result.system, coarse_postures, v_ref, {0, false});
+  const MatrixCondition fine(result.system, postures, v_ref);
+  const auto chosen = [&](std::optional<Certified> found) -> std::optional<Choice> {
+    if (!found) return {};
+    Choice choice{std::move(*found), {}};
+    choice.initial.V =
+        lyapunov_value(result.system, choice.certified.weights, model, q, result.initial);
+    choice.initial.certified = choice.initial.V <= choice.certified.region.level;
+    return choice;
+  };
+  tell("matrix condition: fastest rate");
+  result.fastest = chosen(fastest_rate(coarse, fine));
+  // At a constant reference the ball has no limit: the weights would go to 0.
+  if (result.held) return;
+  tell("matrix condition: largest ball");
+  result.largest = chosen(largest_ball(coarse, fine));
+  tell("matrix condition: one weight");
+  result.one_weight = chosen(largest_ball_one_weight(coarse, fine));
+  if (!result.fastest || !result.largest) return;
+  tell("matrix condition: trade-off");
+  result.trade_off =
+      trade_off(coarse, fine, result.fastest->certified, result.largest->certified,
+                result.proved ? std::vector<double>{0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95}
+                              : std::vector<double>{0.03, 0.1, 0.3});
+  std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
+}
+
+}  // namespace
+
+robot::Model error_model(const experiment::Scenario& scenario) {
+  return scenario.robot.flexible ? *scenario.model : controller::rigid_model(scenario);
+}
+
+double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
+                      const Vector& q, const VectorXd& x) {
+  return x.dot(lyapunov_matrix(system, weights, robot::mass_matrix(links, q)) * x) / 2;
+}
+
+std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
+                                                          const RobotConstants& constants,
+                                                          std::string& why_not,
+                                                          const OnProgress& on_progress) {
+  const auto tell = [&](std::string_view what) {
+    if (on_progress) on_progress(what);
+  };
+  why_not = refusal(scenario);
+  if (!why_not.empty()) return {};
+  const robot::Model model = error_model(scenario);
+  StabilityCertificate result;
+  result.system = system_of(scenario);
+  result.B_d = velocity_bound(scenario);
+  result.held = result.B_d == 0;
+  const Start start(scenario);
+  const std::string& law = scenario.controller.law;
+  result.initial = law == LoriaOrtegaFlexible::name ? start.flexible()
+                   : law == KellyRegulation::name   ? start.rigid<KellyRegulation>()
+                                                    : start.rigid<LoriaOrtegaRigid>();
+  result.printed = printed_conditions(result.system, constants, result.B_d);
+  result.printed_gamma_free =
+      printed_conditions(result.system, constants, result.B_d, {false, true});
+  search(result, constants, model, start.q, tell);
+  add_provisos(result, scenario);
+  return result;
+}
+
+}  // namespace tachless::certificate

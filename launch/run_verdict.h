@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "experiment/scenario.h"
+#include "launch/run_plan.h"
+
+namespace tachless::launch {
+
+/// What is said of a run before it starts.
+struct RunVerdict {
+  std::string line;  ///< whether the linearised loop is stable at its rate
+  bool warns = false;
+  std::vector<std::string> warnings;  ///< what the reference asks in vain of drives and joints
+};
+
+/// @throw diagnostics::Failure(bad_usage) for an unstable loop without --force
+RunVerdict judge(const experiment::Scenario& scenario, const RunOptions& options);
+
+/// On stderr; with `quiet` the warnings alone.
+void say(const RunVerdict& verdict, bool quiet);
+
+}  // namespace tachless::launch

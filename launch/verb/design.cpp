@@ -1,0 +1,158 @@
+#include "certificate/design.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <iostream>
+#include <iterator>
+#include <memory>
+#include <numbers>
+#include <stdexcept>
+
+#include "certificate/certify.h"
+#include "diagnostics/logging.h"
+#include "launch/verb.h"
+#include "node/options.h"
+
+namespace tachless::launch::verb {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+struct Options {
+  fs::path input;
+  std::vector<std::string> overrides;
+  certificate::DesignGoal goal;
+  double period_s = 0;
+  fs::path write;
+  bool quiet = false;
+
+  [[nodiscard]] bool bare_urdf() const { return input.extension() == ".urdf"; }
+};
+
+/// The scenario of a bare URDF, from text.
+struct Urdf {
+  std::string urdf_text, scenario_text;
+};
+
+Urdf read_urdf(const Options& options) {
+  std::ifstream file(options.input);
+  if (!file) {
+    throw Failure(
+        ExitCode::bad_usage,
+        fmt::format("{} cannot be read; name a scenario or a URDF file", options.input.string()));
+  }
+  Urdf urdf{{std::istreambuf_iterator<char>(file), {}}, {}};
+  try {
+    const robot::Model model = robot::model_from_urdf(urdf.urdf_text, options.input.string());
+    urdf.scenario_text = certificate::scenario_text(model, options.input.stem().string(),
+                                                    fs::absolute(options.input).string(),
+                                                    options.period_s > 0 ? options.period_s : 1e-3);
+  } catch (const std::invalid_argument& problem) {
+    throw Failure(ExitCode::bad_usage, problem.what());
+  }
+  return urdf;
+}
+
+/// The scenario with these overrides; its URDF by absolute path, so that it can be written
+/// anywhere.
+experiment::Scenario load(const Options& options, std::vector<std::string> overrides) {
+  if (options.period_s > 0) overrides.push_back(fmt::format("loop.period_s={}", options.period_s));
+  overrides.insert(overrides.begin(), options.overrides.begin(), options.overrides.end());
+  if (options.bare_urdf()) {
+    const Urdf urdf = read_urdf(options);
+    return experiment::parse_scenario(urdf.scenario_text, urdf.urdf_text, options.input.string(),
+                                      overrides);
+  }
+  const experiment::Scenario first = experiment::load_scenario(options.input, overrides);
+  const fs::path path = options.input.parent_path() / first.robot.urdf_path;
+  overrides.push_back(fmt::format("robot.urdf={}", fs::absolute(path).lexically_normal().string()));
+  return experiment::load_scenario(options.input, overrides);
+}
+
+void print(const certificate::Design& design, const experiment::Scenario& scenario) {
+  std::cout << fmt::format(
+      "{}: gains of {} at h = {}, delay {}\n", scenario.name, scenario.controller.law,
+      certificate::period_text(scenario.loop.period_s), scenario.loop.command_delay);
+  for (const std::string& gain : certificate::overrides_of(design)) {
+    std::cout << fmt::format("  --set '{}'\n", gain);
+  }
+  std::cout << fmt::format(
+      "  bandwidth {:.3g} Hz{}; what binds: {}\n"
+      "  at {} postures: modulus margin {:.2g}, gain margin {:.2g}, phase margin {:.0f} deg\n"
+      "  settles to 1 % in {:.2g} s\n",
+      design.w / (2 * std::numbers::pi),
+      design.filter_ratio > 0 ? fmt::format(", filters {:g} times as fast", design.filter_ratio)
+                              : "",
+      design.binds, design.postures, design.modulus, design.gain_margin, design.phase_margin_deg,
+      design.settling_s);
+}
+
+ExitCode run_design(const Options& options) {
+  const experiment::Scenario scenario = load(options, {});
+  const bool terminal = isatty(STDERR_FILENO) == 1;
+  const certificate::Design design =
+      certificate::design(scenario, options.goal, [&](std::string_view what) {
+        if (!options.quiet) {
+          std::cerr << fmt::format("{}{}{}", terminal ? "\r\033[K" : "", what, terminal ? "" : "\n")
+                    << std::flush;
+        }
+      });
+  if (terminal && !options.quiet) std::cerr << "\r\033[K" << std::flush;
+  print(design, scenario);
+  if (!options.write.empty()) {
+    const experiment::Scenario designed = load(options, certificate::overrides_of(design));
+    if (!(std::ofstream(options.write) << designed.text)) {
+      throw Failure(
+          ExitCode::bad_usage,
+          fmt::format("--write {}: cannot be written; name another file", options.write.string()));
+    }
+    std::cout << fmt::format("  {}\n", options.write.string());
+  }
+  if (!design.missed) return ExitCode::done;
+  diagnostics::log_error(
+      fmt::format("{}: settling in {:g} s is not reached, but in {:.2g} s: {} binds",
+                  options.input.string(), *design.missed, design.settling_s, design.binds));
+  return ExitCode::check_said_no;
+}
+
+Verb::Action declare(CLI::App& command) {
+  auto options = std::make_shared<Options>();
+  command.add_option("SCENARIO", options->input, "A scenario, or a URDF file")->required();
+  command.add_option("--set", options->overrides, "key.path=value; may be repeated")
+      ->allow_extra_args(false);
+  auto* bandwidth = command.add_option("--bandwidth", options->goal.bandwidth_hz,
+                                       "At most [Hz]; default: 0.005 of the sampling rate");
+  bandwidth->check(CLI::PositiveNumber);
+  command.add_option("--settling", options->goal.settling_s, "To 1 % of an error [s]")
+      ->check(CLI::PositiveNumber)
+      ->excludes(bandwidth);
+  command.add_option("--margin", options->goal.modulus, "Least modulus margin; default: 0.5")
+      ->check(CLI::Range(0.05, 0.95));
+  command
+      .add_option("--count-share", options->goal.count_share,
+                  "Largest torque of one encoder count, as a part of the torque limit; default: "
+                  "0.01")
+      ->check(CLI::PositiveNumber);
+  command
+      .add_option("--period", options->period_s,
+                  "Sampling period [s]; default: the scenario's, 1 ms for a URDF")
+      ->check(CLI::PositiveNumber);
+  command.add_option("--write", options->write, "The scenario with these gains, as a file");
+  command.add_flag("-q,--quiet", options->quiet, "No progress on stderr");
+  return [options] { return run_design(*options); };
+}
+
+}  // namespace
+
+extern const Verb design;
+const Verb design = {
+    "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",
+    "  tachless design scenarios/practical_rigid.yaml --settling 0.2\n"
+    "  tachless design robot.urdf --bandwidth 3 --write robot.yaml && tachless run robot.yaml",
+    declare};
+
+}  // namespace tachless::launch::verb

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "report/joint_units.h"
+#include "report/tracking.h"
+
+/// What a run did, judged by its errors and torques alone: afterwards, whatever was predicted.
+namespace tachless::report {
+
+enum class Outcome {
+  converged,    ///< the error fell below 1 % of its peak and stayed there
+  followed,     ///< neither, and none of those below: a slow decay, an error that the motion makes
+  saturated,    ///< a joint was at its torque limit for more than half of the run
+  limit_cycle,  ///< the error swings, without decaying, faster than the reference asks for
+  diverging,    ///< the error grows
+  not_judged,   ///< too few ticks
+};
+
+struct Observed {
+  Outcome outcome = Outcome::not_judged;
+  std::size_t joint = 0;       ///< the one that decides, of the last four
+  double amplitude = 0;        ///< largest |e| in the last quarter of the run, of that joint
+  double frequency_hz = 0;     ///< of a limit cycle, at least
+  double settled_s = 0;        ///< of `converged`: when the error was last above 1 % of its peak
+  double saturated_share = 0;  ///< largest of the joints' shares of ticks
+
+  /// Whether a run that ended so is a failure.
+  [[nodiscard]] bool bad() const;
+};
+
+/// @param saturated_ticks per joint; may be empty
+Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& saturated_ticks);
+
+/// "converged, settled within 0.21 s", "limit cycle: joint 2 swings by 0.03 rad at 61 Hz", …
+std::string text(const Observed& observed, const JointUnits& units);
+
+}  // namespace tachless::report

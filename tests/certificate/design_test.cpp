@@ -1,0 +1,86 @@
+#include "certificate/design.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "study/in_process_loop.h"
+#include "tests/certificate/scenarios.h"
+#include "tests/robot/robots.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using ::testing::HasSubstr;
+
+/// The scenario with the gains of a design.
+experiment::Scenario with_gains(experiment::Scenario scenario, const Design& design) {
+  scenario.controller.gains = design.gains;
+  return scenario;
+}
+
+/// When |e| is last above 1 % of its beginning, in a run from a small error.
+double observed_settling(experiment::Scenario scenario) {
+  robot::Vector& q = scenario.plant.initial.position_rad;
+  if (q.size() == 0) q = robot::Vector::Zero(scenario.num_joints);
+  q.array() += 1e-3;
+  double first = 0, last_above = 0;
+  study::run_in_process(scenario, [&](const study::TickRecord& tick) {
+    const double e = (tick.truth.q - tick.reference.q_ref).norm();
+    if (tick.tick == 0) first = e;
+    if (e > 0.01 * first) last_above = tick.time_s;
+    return true;
+  });
+  return last_above;
+}
+
+TEST(Design, OfAHeldTwoLinkArmSettlesAsPredicted) {
+  const experiment::Scenario scenario =
+      shipped("regulation", {"loop.command_delay=1", "reference.hold.position_rad=[0, 0]"});
+  DesignGoal goal;
+  goal.settling_s = 0.4;
+  const Design found = design(scenario, goal);
+  EXPECT_FALSE(found.missed);
+  EXPECT_GE(found.modulus, 0.5);
+  EXPECT_GE(found.gain_margin, 1.5);
+  EXPECT_NEAR(found.settling_s, 0.4, 0.02);
+  EXPECT_NEAR(observed_settling(with_gains(scenario, found)), found.settling_s,
+              0.2 * found.settling_s);
+}
+
+TEST(Design, OfABareUrdfFollowsItsReference) {
+  const robot::Model model = robot::testing::two_link();
+  const std::string text = scenario_text(model, "bare", "two_link.urdf", 1e-3);
+  const experiment::Scenario scenario =
+      experiment::parse_scenario(text, shipped("paper_rigid").robot.urdf_text, "bare");
+  const Design found = design(scenario, {});
+  double worst = 0;
+  study::run_in_process(with_gains(scenario, found), [&](const study::TickRecord& tick) {
+    worst = std::max(worst, (tick.truth.q - tick.reference.q_ref).cwiseAbs().maxCoeff());
+    return true;
+  });
+  // The motion is 0.3 rad; a tick late at its peak speed of 0.37 rad/s is 4e-4 rad.
+  EXPECT_LT(worst, 4e-3);
+}
+
+TEST(Design, SaysWhatBindsAndWhyItCannot) {
+  const experiment::Scenario weak = shipped("regulation", {"reference.hold.position_rad=[1.5, 0]",
+                                                           "plant.drive.torque_limit_Nm=[30, 30]"});
+  try {
+    design(weak, {});
+    FAIL() << "gravity is beyond the limit";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::check_said_no);
+    EXPECT_THAT(failure.what(), HasSubstr("to stand still"));
+  }
+  DesignGoal fast;
+  fast.bandwidth_hz = 200;  // at 1 kHz with a tick of delay
+  const Design found = design(shipped("regulation", {"loop.command_delay=1"}), fast);
+  EXPECT_LT(found.w, 2 * 3.14 * 200);
+  EXPECT_THAT(found.binds, HasSubstr("margin"));
+}
+
+}  // namespace
+}  // namespace tachless::certificate

@@ -1,0 +1,91 @@
+#include "certificate/scenario_loop.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/certificate/loops.h"
+#include "tests/certificate/scenarios.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using controller::law::Discretisation;
+
+double radius(const SampledLoop& loop, double period_s) {
+  return spectral_radius(period_map(loop.plant, loop.law(period_s), period_s, loop.delay));
+}
+
+/// Differences of the law itself against the law written out in linear_loop.h.
+TEST(ScenarioLoop, IsTheRigidLawWrittenOut) {
+  const ScenarioLoop loop(shipped("practical_rigid"));
+  const robot::Model model = robot::testing::two_link();
+  const robot::Vector q = both(0);
+  const Eigen::MatrixXd gradient = dynamics_gradient(model, rest_at(q)).of_q;
+  for (const double h : {1e-4, 1e-3, 3e-3}) {
+    const SampledLoop own{
+        rigid_plant(model, rest_at(q)),
+        [&](double period_s) {
+          return linear_rigid_law(practical_rigid(), gradient, {Discretisation::tustin, period_s});
+        },
+        1};
+    // Central differences: gains of 1e6 with an error of 1e-10 of them.
+    EXPECT_NEAR(radius(loop.at(held_at(q)), h), radius(own, h), 1e-7) << h;
+  }
+}
+
+TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
+  const ScenarioLoop loop(shipped("practical_flexible"));
+  const robot::Model model = robot::testing::two_link();
+  const robot::Vector q = both(0.3, -0.4);
+  for (const double h : {1e-4, 1e-3, 3e-3}) {
+    const SampledLoop own{flexible_plant(model, rest_at(q), stiffness(), rotors()),
+                          [&](double period_s) {
+                            return linear_flexible_law(model, q, stiffness(), rotors(),
+                                                       practical_link(), practical_motor(),
+                                                       {Discretisation::tustin, period_s});
+                          },
+                          0};
+    EXPECT_NEAR(radius(loop.at(held_at(q)), h), radius(own, h), 1e-6) << h;
+  }
+}
+
+/// Every law of the catalogue that the shipped scenarios can be run under.
+TEST(ScenarioLoop, LinearisesEveryLaw) {
+  const struct {
+    const char *scenario, *law;
+    std::vector<std::string> gains;
+  } rows[] = {{"regulation", "kelly_regulation", {}},
+              {"flexible_regulation", "kelly_flexible", {}},
+              {"practical_rigid", "wen_bayard", {}},
+              {"practical_rigid",
+               "slotine_li",
+               {"controller.gains.lambda=20", "controller.gains.ks=[500, 30]"}},
+              {"practical_flexible",
+               "slotine_li_flexible",
+               {"controller.gains.lambda=20", "controller.gains.ks1=[500, 30]",
+                "controller.gains.ks2=[10, 10]"}}};
+  for (const auto& row : rows) {
+    std::vector<std::string> overrides = row.gains;
+    overrides.push_back(std::string("controller.law=") + row.law);
+    const ScenarioLoop loop(shipped(row.scenario, overrides));
+    EXPECT_TRUE(loop.has_linear_law()) << row.law;
+    const double at_one_kilohertz = radius(loop.at(loop.rests(1)[0]), 1e-3);
+    EXPECT_LT(at_one_kilohertz, 1) << row.law;
+    EXPECT_GT(at_one_kilohertz, 0.9) << row.law;
+    EXPECT_GT(radius(loop.at(loop.rests(1)[0]), 0.2), 1) << row.law;
+  }
+}
+
+TEST(ScenarioLoop, KnowsWhetherAndHowLongTheReferenceMoves) {
+  EXPECT_DOUBLE_EQ(ScenarioLoop(shipped("paper_rigid")).span_s(), 0.2);  // of 5 Hz
+  EXPECT_TRUE(ScenarioLoop(shipped("paper_rigid")).moves());
+  const ScenarioLoop held(shipped("regulation"));
+  EXPECT_FALSE(held.moves());
+  EXPECT_EQ(held.rests(9).size(), 1U);
+  const ScenarioLoop points(shipped("iiwa_point_to_point"));
+  EXPECT_DOUBLE_EQ(points.span_s(), 4);
+  EXPECT_DOUBLE_EQ(points.rests(5).back().q_ref[0], 0.6);
+}
+
+}  // namespace
+}  // namespace tachless::certificate
