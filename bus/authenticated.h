@@ -38,7 +38,6 @@ std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
 /// of a message of the same session verifies, and the protocol makes it harmless.
 class Authenticated final : public Transport {
  public:
-  /// @throw std::runtime_error if the machine's cryptographic library cannot be used
   Authenticated(Transport& inner, const Key& key);
 
   /// From now on the messages of this session verify, and no others'.

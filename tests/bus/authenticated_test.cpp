@@ -20,7 +20,7 @@ using Bytes = std::vector<std::byte>;
 bus::Key key_of(unsigned char seed) {
   bus::Key key;
   for (std::size_t i = 0; i < bus::Key::size; ++i) {
-    key.bytes[i] = static_cast<unsigned char>(seed + 3 * i);
+    key.bytes()[i] = static_cast<unsigned char>(seed + 3 * i);
   }
   return key;
 }
