@@ -58,13 +58,16 @@ Authenticated::Authenticated(Transport& inner, const Key& key)
       tagged_(lcm_packet::max_short_size),
       codec_(loop::Layout{}) {}
 
-void Authenticated::enter(std::int64_t run, std::int64_t plant_instance) {
-  std::array<unsigned char, 16> context{};
-  for (std::size_t i = 0; i < 8; ++i) {
-    context[i] = static_cast<unsigned char>(static_cast<std::uint64_t>(run) >> 8 * i);
-    context[8 + i] =
-        static_cast<unsigned char>(static_cast<std::uint64_t>(plant_instance) >> 8 * i);
-  }
+void Authenticated::enter(std::int64_t run, const loop::PerRole& roster) {
+  std::array<unsigned char, 8 * (1 + loop::num_roles)> context{};
+  auto to = context.begin();
+  const auto put = [&](std::int64_t number) {
+    for (int i = 0; i < 8; ++i) {
+      *to++ = static_cast<unsigned char>(static_cast<std::uint64_t>(number) >> 8 * i);
+    }
+  };
+  put(run);
+  for (const std::int64_t instance : roster) put(instance);
   session_ = derived(base_, for_session, context);
 }
 
