@@ -56,8 +56,8 @@ void measure_messages() {
     const auto a = network.connect("a"), b = network.connect("b");
     plain.push_back(us_per_message(*a, *b));
     bus::Authenticated tagging(*a, {}), checking(*b, {});
-    tagging.enter(7, 1);
-    checking.enter(7, 1);
+    tagging.enter(7, {1, 2, 3, 4});
+    checking.enter(7, {1, 2, 3, 4});
     keyed.push_back(us_per_message(tagging, checking));
   }
   std::printf("a message tagged and checked: %.2f us (of which the memory bus %.2f us)\n",

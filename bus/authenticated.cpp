@@ -29,22 +29,15 @@ const unsigned char* bytes_of(std::string_view text) {
 Key derived(const Key& base, std::string_view purpose, std::span<const unsigned char> context) {
   Key result;
   crypto_generichash_state state;
-  crypto_generichash_init(&state, base.bytes.data(), base.bytes.size(), result.bytes.size());
+  crypto_generichash_init(&state, base.bytes().data(), Key::size, Key::size);
   crypto_generichash_update(&state, bytes_of(purpose), purpose.size());
   crypto_generichash_update(&state, context.data(), context.size());
-  crypto_generichash_final(&state, result.bytes.data(), result.bytes.size());
+  crypto_generichash_final(&state, result.bytes().data(), Key::size);
   sodium_memzero(&state, sizeof state);
   return result;
 }
 
-Key ready(const Key& key) {
-  if (sodium_init() < 0) throw std::runtime_error("libsodium cannot be used on this machine");
-  return key;
-}
-
 }  // namespace
-
-Key::~Key() { sodium_memzero(bytes.data(), bytes.size()); }
 
 std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
                                            const Codec<loop::Participant>& codec,
@@ -60,18 +53,21 @@ std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
 
 Authenticated::Authenticated(Transport& inner, const Key& key)
     : inner_(inner),
-      base_(ready(key)),
+      base_(key),
       participants_(derived(key, for_participants, {})),
       tagged_(lcm_packet::max_short_size),
       codec_(loop::Layout{}) {}
 
-void Authenticated::enter(std::int64_t run, std::int64_t plant_instance) {
-  std::array<unsigned char, 16> context{};
-  for (std::size_t i = 0; i < 8; ++i) {
-    context[i] = static_cast<unsigned char>(static_cast<std::uint64_t>(run) >> 8 * i);
-    context[8 + i] =
-        static_cast<unsigned char>(static_cast<std::uint64_t>(plant_instance) >> 8 * i);
-  }
+void Authenticated::enter(std::int64_t run, const loop::PerRole& roster) {
+  std::array<unsigned char, 8 * (1 + loop::num_roles)> context{};
+  auto to = context.begin();
+  const auto put = [&](std::int64_t number) {
+    for (int i = 0; i < 8; ++i) {
+      *to++ = static_cast<unsigned char>(static_cast<std::uint64_t>(number) >> 8 * i);
+    }
+  };
+  put(run);
+  for (const std::int64_t instance : roster) put(instance);
   session_ = derived(base_, for_session, context);
 }
 
@@ -80,7 +76,7 @@ Authenticated::Tag Authenticated::tag(const Key& key, std::string_view channel,
   Tag result;
   const unsigned char nul = 0;
   crypto_generichash_state state;
-  crypto_generichash_init(&state, key.bytes.data(), key.bytes.size(), result.size());
+  crypto_generichash_init(&state, key.bytes().data(), Key::size, result.size());
   crypto_generichash_update(&state, bytes_of(channel), channel.size());
   crypto_generichash_update(&state, &nul, 1);  // where the channel ends
   crypto_generichash_update(&state, reinterpret_cast<const unsigned char*>(payload.data()),

@@ -32,18 +32,19 @@ std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
 
 /// A bus on which only holders of the key are heard. Every payload carries a tag of 16 bytes at its
 /// end, keyed BLAKE2b over channel and payload: announcements (…_PARTICIPANT) under a key derived
-/// from the bus's, everything else under one that is derived for the session besides, so that
-/// nothing recorded in an earlier session verifies in a later one, the same run id or not.
-/// What does not verify is dropped and counted. Does not encrypt, and does not know ticks: a copy
-/// of a message of the same session verifies, and the protocol makes it harmless.
+/// from the bus's, everything else under one that is derived for the session besides, to which each
+/// of the four has contributed a random number, so that nothing recorded in an earlier session
+/// verifies in a later one, the same run id or not. What does not verify is dropped and counted.
+/// Does not encrypt, and does not know what is fresh: copies of announcements verify, and
+/// protocol::Membership makes them harmless; so do copies of messages of the same session, and the
+/// tick protocol does.
 class Authenticated final : public Transport {
  public:
-  /// @throw std::runtime_error if the machine's cryptographic library cannot be used
   Authenticated(Transport& inner, const Key& key);
 
   /// From now on the messages of this session verify, and no others'.
-  /// @param run its id  @param plant_instance random number that the session's plant has chosen
-  void enter(std::int64_t run, std::int64_t plant_instance);
+  /// @param run its id  @param roster random numbers that its four processes have chosen
+  void enter(std::int64_t run, const loop::PerRole& roster);
 
   void subscribe(const std::string& channel) override { inner_.subscribe(channel); }
   /// @throw std::length_error when payload and tag do not fit one datagram

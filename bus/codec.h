@@ -91,6 +91,7 @@ constexpr std::size_t size_of(Kind kind) {
 /// Entries of one row.
 constexpr int length_of(Count count, const loop::Layout& layout) {
   if (count == Count::one) return 1;
+  if (count == Count::roles) return loop::num_roles;
   return count == Count::motors ? layout.num_motors : layout.num_joints;
 }
 

@@ -254,9 +254,9 @@ std::string write_results(const experiment::Scenario& scenario, const RunOptions
 diagnostics::ExitCode run_session(RunOptions options) {
   const experiment::Scenario scenario = checked_scenario(options);
   const RunVerdict verdict = judge(scenario, options);
-  std::optional<bus::Key> key;
-  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
   const bool isolated = prepare_network(options);
+  std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
+  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
   if (options.run_id == 0) {
     options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
                          std::chrono::system_clock::now().time_since_epoch())

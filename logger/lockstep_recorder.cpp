@@ -36,6 +36,7 @@ void LockstepRecorder::write_complete_ticks() {
       append(stamp.utime, messages().channel(static_cast<Slot>(slot)),
              window_.bytes(*tick, static_cast<Slot>(slot)));
     }
+    truth_digest_.add(window_.bytes(*tick, Slot::truth));
     utime_ = stamp.utime;
     window_.written();
     link().progressed(*tick);
@@ -45,9 +46,20 @@ void LockstepRecorder::write_complete_ticks() {
   }
 }
 
+/// A stranger's TRUTH contradicts the plant's own, and is noticed by that, unless that one is lost.
+void LockstepRecorder::compare_truth() {
+  if (link().truth_digest() == truth_digest_.value()) return;
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::protocol_violated,
+      "what is recorded on " + messages().channel(Slot::truth) + " is not what " +
+          link().describe(loop::Role::plant) +
+          " has published: somebody else has published there too; find it with `tachless watch`, "
+          "or use a key (--key-file)");
+}
+
 void LockstepRecorder::conclude(bool well) {
-  if (well) return;             // every tick is written
-  constexpr int most = 10'000;  // a flood of datagrams must not keep this process from its end
+  if (well) return compare_truth();  // every tick is written
+  constexpr int most = 10'000;       // a flood of datagrams must not keep this process from its end
   for (int i = 0; i < most && loop().receive(Clock::time_point()); ++i) {
   }
 }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 
+#include "bus/digest.h"
 #include "logger/recorder.h"
 #include "protocol/lockstep/log_window.h"
 
@@ -29,9 +30,11 @@ class LockstepRecorder final : public Recorder {
   [[nodiscard]] std::int64_t utime() const override { return utime_; }
 
   void write_complete_ticks();
+  void compare_truth();
 
   protocol::lockstep::LogWindow window_;
-  std::int64_t utime_ = 0;  ///< of the last tick written
+  bus::Digest truth_digest_;  ///< of what is written
+  std::int64_t utime_ = 0;    ///< of the last tick written
 };
 
 }  // namespace tachless::logger

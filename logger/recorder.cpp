@@ -54,11 +54,11 @@ void Recorder::run() {
                                // A flush is due soon after what is in the buffer now.
                                return now + LogWriter::flush_interval / 2;
                              });
+    conclude(true);
   } catch (const diagnostics::Failure& failure) {
     save_the_rest(failure);
     throw;
   }
-  conclude(true);
   file_.close();
   link_.leave();
 }

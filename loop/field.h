@@ -35,6 +35,7 @@ enum class Count {
   joints,   ///< one per joint
   motors,   ///< one per joint of a flexible-joint robot, none on a rigid one
   signals,  ///< one per joint, in as many rows as the law declares signals
+  roles,    ///< one per role, in the order of loop::Role
 };
 
 constexpr double no_limit = std::numeric_limits<double>::infinity();
@@ -180,6 +181,10 @@ template <class Value, class Member>
 constexpr auto number(std::string_view name, std::string_view unit, Kind kind,
                       Member Value::*member, double lowest = -no_limit, double highest = no_limit) {
   return Field<Value, Member>{name, name, unit, kind, Count::one, member, {}, lowest, highest};
+}
+template <class Value, class Member>
+constexpr auto per_role(std::string_view name, Member Value::*member) {
+  return Field<Value, Member>{name, name, {}, Kind::int64, Count::roles, member};
 }
 template <class Value, class Member>
 constexpr auto text(std::string_view name, std::size_t longest, Member Value::*member) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <string>
@@ -47,6 +48,9 @@ std::string_view name(Role role);
 enum class ParticipantState : std::int8_t { waiting, ready, running, finished, fault };
 std::string_view name(ParticipantState state);
 
+/// A number for each role, in the order of Role; 0: none.
+using PerRole = std::array<std::int64_t, num_roles>;
+
 struct Participant {
   std::int64_t instance = 0;
   std::int64_t scenario_digest = 0;
@@ -60,6 +64,13 @@ struct Participant {
   std::string measurement;  ///< controller only: channel suffix of what it needs
   std::string signals;      ///< controller only: what its law declares, as `text_of` gives it
   std::string fault;
+  std::int64_t counter = 0;  ///< rises with every announcement of an instance
+  /// Of one process of each role that the sender has heard: its instance, and the newest of its
+  /// counters. What answers one of the receiver's own is no recording.
+  PerRole heard_instance{}, heard_counter{};
+  /// The instances that take part in the run: chosen by the plant, confirmed by the others.
+  PerRole roster{};
+  std::int64_t truth_digest = 0;  ///< lockstep plant that has finished: of all TRUTH, in order
 };
 
 struct RunInfo {
@@ -190,7 +201,12 @@ struct MessageOf<Participant> {
                  number("fault_code", "", Kind::uint8, &Value::fault_code, 0, 255),
                  text("fault", max_participant_text, &Value::fault),
                  number("instance", "", Kind::int64, &Value::instance),
-                 number("scenario_digest", "", Kind::int64, &Value::scenario_digest)};
+                 number("scenario_digest", "", Kind::int64, &Value::scenario_digest),
+                 number("counter", "", Kind::int64, &Value::counter),
+                 per_role("heard_instance", &Value::heard_instance),
+                 per_role("heard_counter", &Value::heard_counter),
+                 per_role("roster", &Value::roster),
+                 number("truth_digest", "", Kind::int64, &Value::truth_digest)};
 };
 
 template <>

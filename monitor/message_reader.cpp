@@ -30,6 +30,11 @@ void describe(const loop::Field<Value, Member>& field, const Value& value, Field
     add(list(member));
   } else if constexpr (std::is_same_v<Member, std::array<bool, robot::max_joints>>) {
     add(std::vector<double>(member.begin(), member.begin() + value.tau.size()));
+  } else if constexpr (std::is_same_v<Member, loop::PerRole>) {
+    for (std::size_t i = 0; i < member.size(); ++i) {
+      fields.push_back(
+          {fmt::format("{}[{}]", field.name, name(static_cast<loop::Role>(i))), "", member[i]});
+    }
   } else if constexpr (std::is_same_v<Value, loop::LawSignals>) {
     for (std::size_t i = 0; i < static_cast<std::size_t>(value.num); ++i) {
       fields.push_back({fmt::format("{}[{}]", field.name, i), field.unit, list(member[i])});

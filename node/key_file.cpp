@@ -9,10 +9,13 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <iterator>
+#include <stdexcept>
 #include <string>
 
 #include "diagnostics/failure.h"
 #include "process/file_descriptor.h"
+#include "process/private_memory.h"
 
 namespace tachless::node {
 namespace {
@@ -34,6 +37,34 @@ struct Content {
   ~Content() { explicit_bzero(bytes.data(), bytes.size()); }
   std::array<unsigned char, hex_size + 3> bytes{};  // more than any valid file holds
 };
+
+/// The key in the first `size` bytes of a file.
+/// @throw std::invalid_argument in words, without the content
+bus::Key decoded(const Content& content, std::size_t size) {
+  bus::Key key;
+  if (size == bus::Key::size) {
+    std::copy_n(content.bytes.begin(), size, key.bytes().begin());
+    return key;
+  }
+  std::size_t digits = size;
+  while (digits > 0 && (content.bytes[digits - 1] == '\n' || content.bytes[digits - 1] == '\r')) {
+    --digits;
+  }
+  if (digits != hex_size) {
+    throw std::invalid_argument("a key is 32 bytes or 64 hexadecimal digits");
+  }
+  for (std::size_t i = 0; i < bus::Key::size; ++i) {
+    const int high = digit(content.bytes[2 * i]);
+    const int low = digit(content.bytes[2 * i + 1]);
+    if (high < 0 || low < 0) {
+      throw std::invalid_argument(fmt::format(
+          "character {} is no hexadecimal digit; a key is 32 bytes or 64 hexadecimal digits",
+          2 * i + (high < 0 ? 1 : 2)));
+    }
+    key.bytes()[i] = static_cast<unsigned char>(high << 4 | low);
+  }
+  return key;
+}
 
 }  // namespace
 
@@ -62,26 +93,16 @@ bus::Key read_key_file(const std::filesystem::path& path) {
   Content content;
   const ssize_t got = ::read(file.get(), content.bytes.data(), content.bytes.size());
   if (got < 0) throw refuse(fmt::format("cannot be read: {}", std::strerror(errno)));
-  auto size = static_cast<std::size_t>(got);
-  bus::Key key;
-  if (size == bus::Key::size) {
-    std::copy_n(content.bytes.begin(), size, key.bytes.begin());
-    return key;
-  }
-  while (size > 0 && (content.bytes[size - 1] == '\n' || content.bytes[size - 1] == '\r')) --size;
-  if (size != hex_size) {
-    throw refuse(fmt::format("holds {} bytes; a key is 32 bytes or 64 hexadecimal digits; {}",
-                             status.st_size, make));
-  }
-  for (std::size_t i = 0; i < bus::Key::size; ++i) {
-    const int high = digit(content.bytes[2 * i]);
-    const int low = digit(content.bytes[2 * i + 1]);
-    if (high < 0 || low < 0) {
-      throw refuse(fmt::format(
-          "character {} is no hexadecimal digit; a key is 32 bytes or 64 hexadecimal digits",
-          2 * i + (high < 0 ? 1 : 2)));
+  process::make_memory_private();
+  const bus::Key key = [&] {
+    try {
+      return decoded(content, static_cast<std::size_t>(got));
+    } catch (const std::invalid_argument& problem) {
+      throw refuse(fmt::format("holds {} bytes: {}; {}", status.st_size, problem.what(), make));
     }
-    key.bytes[i] = static_cast<unsigned char>(high << 4 | low);
+  }();
+  if (std::ranges::count(key.bytes(), 0) == std::ssize(key.bytes())) {
+    throw refuse("is all zeros, which anybody can guess; " + make);
   }
   return key;
 }

@@ -144,7 +144,7 @@ bool Link::handle(const bus::Datagram& datagram) {
   const auto now = Clock::now();
   const bus::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
   if (rejection != bus::Rejection::none) {
-    if (!entered_ && !authenticated_) {
+    if (entered_ == loop::PerRole{} && !authenticated_) {
       loop::Participant who;
       const auto kind = bus::foreign_participant(datagram.payload, codec_, who);
       if (kind) key_check_.foreign(*kind, who, datagram.sender, now);
@@ -154,9 +154,9 @@ bool Link::handle(const bus::Datagram& datagram) {
   }
   membership_->handle(stamp_, peer_, datagram.sender, now);
   key_check_.accepted();
-  if (!entered_ && membership_->joined()) {
-    entered_ = true;
-    if (authenticated_) authenticated_->enter(run(), membership_->plant_instance());
+  if (membership_->joined() && membership_->roster() != entered_) {
+    entered_ = membership_->roster();
+    if (authenticated_) authenticated_->enter(run(), membership_->roster());
   }
   return true;
 }

@@ -51,6 +51,9 @@ class Link final : public Session {
     membership_->progressed(tick, error_norm);
   }
   void complete() override { membership_->complete(); }
+  /// Lockstep: the plant tells with its end what TRUTH it has published; the others are told.
+  void published(std::int64_t truth_digest) { membership_->published(truth_digest); }
+  [[nodiscard]] std::int64_t truth_digest() const { return membership_->truth_digest(); }
   [[nodiscard]] bool finished() const override { return membership_->plant_finished(); }
   /// The plant waits until the others have finished too, a second at most.
   /// @throw Failure when one of them has failed at the last moment
@@ -114,7 +117,7 @@ class Link final : public Session {
   loop::Stamp stamp_;       ///< of the last announcement heard
   loop::Participant peer_;  ///< its content
   KeyCheck key_check_;
-  bool entered_ = false;  ///< the bus's key of this run is set
+  loop::PerRole entered_{};  ///< roster of the session that the bus has entered
   loop::Clock::time_point next_notice_;
 };
 

@@ -55,6 +55,7 @@ void LockstepLoop::run() {
                     give_up_if_lost(now);
                     return tick_master_.deadline();
                   });
+  link_.published(truth_digest_.value());
   link_.leave();
 }
 
@@ -118,6 +119,7 @@ void LockstepLoop::end_tick() {
   const auto truth = messages_.truth(k, loop::truth::DriveFault::none);
   transport_.publish(messages_.truth_port().channel, truth);
   sent_->put(k, truth_kind, truth);
+  truth_digest_.add(truth);
   link_.statistics().work_us.add(robot_.advance(k));
   robot_.end_tick();
   tick_master_.completed(Clock::now());

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "bus/digest.h"
 #include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
@@ -40,6 +41,7 @@ class LockstepLoop {
   GuardedRobot robot_;
   PlantMessages messages_;
   protocol::lockstep::TickMaster tick_master_;
+  bus::Digest truth_digest_;
   std::optional<protocol::lockstep::MessageRing> sent_;  // sized when the measurement is known
 };
 

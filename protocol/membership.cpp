@@ -1,3 +1,5 @@
+// More than 400 lines: recognising the events and carrying out the reactions is one state machine;
+// who is known and who has proven to be there is protocol/peers.
 #include "protocol/membership.h"
 
 #include <fmt/core.h>
@@ -19,8 +21,7 @@ using Event = MembershipEvent;
 using Reaction = MembershipReaction;
 
 constexpr std::array all_roles = {Role::plant, Role::reference, Role::controller, Role::logger};
-constexpr std::size_t most_peers = 32;  // a flood of announcements must not grow our memory
-// Replies to newcomers during a run are limited to one in this time.
+// Replies to newcomers are limited to one in this time.
 constexpr std::chrono::milliseconds shortest_reply_period{10};
 
 std::string in_quotes(const std::string& scenario) {
@@ -44,7 +45,13 @@ bool is_bad_usage(const loop::Participant& peer) {
 }  // namespace
 
 Membership::Membership(const Self& self, Time now)
-    : self_(self), start_(now), announce_at_(now), polled_(now), run_(self.run) {
+    : self_(self),
+      start_(now),
+      announce_at_(now),
+      announced_(now - period),
+      polled_(now),
+      run_(self.run),
+      peers_(self.role, self.instance) {
   if ((self.role == Role::plant) != (self.run > 0)) {
     throw std::logic_error("a run is chosen by the plant and by nobody else");
   }
@@ -59,9 +66,10 @@ Membership::Membership(const Self& self, Time now)
   mine.signals = self.signals;
 }
 
-bool Membership::in_joined_run(const loop::Stamp& stamp, const loop::Participant& peer) const {
+bool Membership::in_own_run(const loop::Stamp& stamp, const loop::Participant& peer) const {
   const std::int64_t known = holder(peer.role);
-  return joined_ && stamp.run == run_ && (known == 0 || known == peer.instance);
+  const bool in_run = self_.role == Role::plant ? joined_ : state_ != ParticipantState::waiting;
+  return in_run && stamp.run == run_ && (known == 0 || known == peer.instance);
 }
 
 bool Membership::may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const {
@@ -74,11 +82,13 @@ Event Membership::event_of(const loop::Stamp& stamp, const loop::Participant& pe
   const bool own_role = peer.role == self_.role;
   const bool own_scenario = peer.scenario_digest == self_.digest;
   if (is_over(peer.state)) {
-    if (!own_role && in_joined_run(stamp, peer)) {
+    if (!own_role && in_own_run(stamp, peer)) {
       if (peer.state == ParticipantState::fault) return Event::member_failed;
       if (complete_) return Event::member_finished;
       return watches(peer.role) ? Event::early_finish : Event::departure;
     }
+    const bool begins = self_.role == Role::plant && !joined_;
+    if (begins && holder(peer.role) == peer.instance) return Event::holder_gone;
     if (is_bad_usage(peer) && !own_role && !own_scenario) return Event::refusal;
     const bool successor = self_.role == Role::plant && may_take_over(stamp, peer);
     return is_bad_usage(peer) && successor ? Event::failed_successor : Event::departure;
@@ -86,45 +96,77 @@ Event Membership::event_of(const loop::Stamp& stamp, const loop::Participant& pe
   if (own_role) return stamp.run == run_ ? Event::rival : Event::rival_elsewhere;
   if (!own_scenario) return Event::foreign_scenario;
   const std::int64_t known = holder(peer.role);
-  if (known == 0 || known == peer.instance) return Event::peer;
+  if (known == 0 || known == peer.instance) return event_of_roster(peer);
   const auto silent = silence(peer.role, now);
   const bool free = !silent || *silent >= takeover_after;
   return may_take_over(stamp, peer) && free ? Event::successor : Event::newcomer;
 }
 
+Event Membership::event_of_roster(const loop::Participant& peer) const {
+  if (self_.role == Role::plant) {
+    return roster_known() && peer.roster == roster_ ? Event::roster : Event::peer;
+  }
+  if (peer.role != Role::plant || !names_roster(peer)) return Event::peer;
+  // Before the run begins the plant may choose anew.
+  const bool with_self =
+      running()
+          ? peer.roster == roster_
+          : self_.resumes || peer.roster[static_cast<std::size_t>(self_.role)] == self_.instance;
+  return with_self ? Event::roster : Event::other_roster;
+}
+
 void Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
                         std::string_view sender, Time now) {
-  if (peer.instance == self_.instance) return;
-  const Event event = event_of(stamp, peer, now);
-  if (!is_over(state_) && peer.role == Role::controller && holder(peer.role) == peer.instance) {
+  if (peer.instance == self_.instance || !peers_.is_new(peer)) return;
+  const auto lived = peers_.answered(peer);
+  if (!lived && is_over(peer.state)) return;  // nobody is there to be asked
+  const Event event = lived ? event_of(stamp, peer, now) : Event::unproven;
+  if (lived && !is_over(state_) && peer.role == Role::controller &&
+      holder(peer.role) == peer.instance) {
     failed_successor_.reset();  // the controller is still there
   }
-  if (!is_over(peer.state) && holder(peer.role) == peer.instance) {
+  if (lived && !is_over(peer.state) && holder(peer.role) == peer.instance) {
     early_finish_[static_cast<std::size_t>(peer.role)].reset();
   }
-  const auto peer_now = [&]() -> Peer& { return remember(stamp, peer, sender, now); };
+  const auto peer_now = [&]() -> const Peer& {
+    const auto [remembered, first] = peers_.remember(stamp, peer, sender, lived, now);
+    if (first) announce_soon(now);  // a newcomer need not wait for our next one
+    return remembered;
+  };
   switch (reaction(event, state_)) {
+    case Reaction::challenge:
     case Reaction::observe:
-      return observe(peer_now());
+      peer_now();
+      return;
     case Reaction::join:
       return join(peer_now(), now);
+    case Reaction::agree: {
+      const Peer& from = peer_now();
+      if (self_.role == Role::plant) return confirm(from.participant.role);
+      return take_roster(from.participant.roster, now);
+    }
+    case Reaction::dissolve:
+      return dissolve(now);
+    case Reaction::yield:
+      return yield(peer_now(), now);
     case Reaction::contest:
       return contest(stamp, peer_now(), now);
     case Reaction::answer:
-      announce_at_ =
-          std::min(announce_at_, std::max(now, announce_at_ - period + shortest_reply_period));
-      return;
+      peer_now();
+      return announce_soon(now);
     case Reaction::refuse:
       return refuse(peer_now(), now);
     case Reaction::take_over:
-      holder(peer.role) = peer.instance;
+      peer_now();
+      peers_.set_holder(peer.role, peer.instance);
       failed_successor_.reset();
       ++takeovers_;
-      return observe(peer_now());
+      return;
     case Reaction::note_finished:
+      peer_now();
       done_[static_cast<std::size_t>(peer.role)] = true;
       plant_finished_ = plant_finished_ || peer.role == Role::plant;
-      return is_over(state_) ? void() : forget(peer);
+      return;
     case Reaction::doubt: {
       auto& since = early_finish_[static_cast<std::size_t>(peer.role)];
       if (!since) since = now;
@@ -133,11 +175,11 @@ void Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
     case Reaction::follow:
       return fail(consequence_of(peer_now()), now);
     case Reaction::keep_failure:
-      failed_successor_ =
-          consequence_of({peer, stamp.run, stamp.tick, std::string(sender), now, now});
-      return forget(peer);
+      failed_successor_ = consequence_of(
+          {peer, stamp.run, stamp.tick, std::string(sender), peer.counter, now, now, {}});
+      return peers_.forget(peer.instance);
     case Reaction::forget:
-      return forget(peer);
+      return peers_.forget(peer.instance);
     default:
       return;
   }
@@ -164,85 +206,88 @@ void Membership::act(Event event, const Failure* failure, Time now) {
   }
 }
 
-Membership::Peer& Membership::remember(const loop::Stamp& stamp, const loop::Participant& peer,
-                                       std::string_view sender, Time now) {
-  const auto known = std::ranges::find_if(
-      peers_, [&](const Peer& each) { return each.participant.instance == peer.instance; });
-  if (known != peers_.end()) {
-    known->participant = peer;
-    known->run = stamp.run;
-    known->tick = stamp.tick;
-    known->heard = now;
-    return *known;
-  }
-  if (peers_.size() >= most_peers) {
-    // The one heard longest ago is dropped, unless it holds a role.
-    peers_.erase(std::ranges::min_element(peers_, {}, [&](const Peer& each) {
-      const bool holds = holder(each.participant.role) == each.participant.instance;
-      return holds ? Time::max() : each.heard;
-    }));
-  } else {
-    announce_at_ = std::min(announce_at_, now);  // a newcomer need not wait for our next one
-  }
-  peers_.push_back({peer, stamp.run, stamp.tick, std::string(sender), now, now});
-  return peers_.back();
-}
-
-void Membership::forget(const loop::Participant& peer) {
-  if (holder(peer.role) == peer.instance) return;
-  std::erase_if(peers_,
-                [&](const Peer& each) { return each.participant.instance == peer.instance; });
-}
-
-void Membership::forget_silent(Time now) {
-  std::erase_if(peers_, [&](const Peer& each) { return now - each.heard >= forgotten_after; });
-}
-
-/// The plant knows all holders from the moment it has joined; the others learn them from who runs.
-void Membership::observe(const Peer& peer) {
-  const loop::Participant& who = peer.participant;
-  if (self_.role != Role::plant && joined_ && peer.run == run_ && holder(who.role) == 0 &&
-      who.state == ParticipantState::running) {
-    holder(who.role) = who.instance;
-  }
+void Membership::announce_soon(Time now) {
+  announce_at_ = std::min(announce_at_, std::max(now, announced_ + shortest_reply_period));
 }
 
 void Membership::join(const Peer& peer, Time now) {
-  if (self_.role == Role::plant) return join_as_plant(now);
+  if (self_.role == Role::plant) return choose_roster(now);
   const loop::Participant& who = peer.participant;
-  // A plant that is running has started with other processes.
-  const bool late = who.state == ParticipantState::running && !self_.resumes;
+  // A plant that has a roster begins, or has begun, with other processes.
+  const bool late = names_roster(who) && !self_.resumes;
   if (who.role != Role::plant || peer.run <= 0 || late) return;
   run_ = peer.run;
-  holder(Role::plant) = who.instance;
+  peers_.set_holder(Role::plant, who.instance);
   ready(now);
+  if (names_roster(who)) take_roster(who.roster, now);
 }
 
-void Membership::join_as_plant(Time now) {
-  forget_silent(now);
-  std::array<std::int64_t, loop::num_roles> found{};
-  for (const Peer& each : peers_) {
+void Membership::choose_roster(Time now) {
+  loop::PerRole found{};
+  for (const Peer& each : peers_.all()) {
     if (each.participant.role == Role::plant) continue;
+    if (!each.lived || now - *each.lived >= forgotten_after) continue;
     std::int64_t& instance = found[static_cast<std::size_t>(each.participant.role)];
     if (instance != 0) return;  // two of them; one will fail
     if (each.participant.state != ParticipantState::ready || each.run != run_) return;
     instance = each.participant.instance;
   }
-  if (std::ranges::count(found, 0) > 1) return;  // the plant's own place
-  holders_ = found;
+  found[static_cast<std::size_t>(Role::plant)] = self_.instance;
+  if (std::ranges::count(found, 0) > 0) return;
+  roster_ = found;
+  for (const Role role : all_roles) {
+    if (role != Role::plant) peers_.set_holder(role, found[static_cast<std::size_t>(role)]);
+  }
   ready(now);
 }
 
-void Membership::ready(Time now) {
+void Membership::take_roster(const loop::PerRole& roster, Time now) {
+  if (joined_ && roster == roster_) return;
+  roster_ = roster;
+  for (const Role role : all_roles) {
+    if (role != self_.role) peers_.set_holder(role, roster[static_cast<std::size_t>(role)]);
+  }
   joined_ = true;
+  announce_at_ = now;
+}
+
+void Membership::confirm(Role role) {
+  confirmed_[static_cast<std::size_t>(role)] = true;
+  joined_ = std::ranges::count(confirmed_, true) == loop::num_roles - 1;
+}
+
+/// Those who have confirmed it are ready, and take another.
+void Membership::dissolve(Time now) {
+  for (const Role role : all_roles) peers_.set_holder(role, 0);
+  roster_ = {};
+  confirmed_ = {};
+  state_ = ParticipantState::waiting;
+  announce_at_ = now;
+}
+
+void Membership::yield(const Peer& plant, Time now) {
+  outside_ = true;
+  fail(Failure(ExitCode::protocol_violated,
+               fmt::format("{} begins run {} with another {}; end that first, or use another bus "
+                           "(--lcm-url)",
+                           describe(plant), plant.run, loop::name(self_.role))),
+       now);
+}
+
+void Membership::ready(Time now) {
   state_ = ParticipantState::ready;
   announce_at_ = now;
 }
 
 void Membership::contest(const loop::Stamp& stamp, const Peer& rival, Time now) {
-  const bool rival_runs = rival.participant.state == ParticipantState::running;
-  bool yields = rival_runs;
-  if (running() == rival_runs) {
+  // A member of a run never yields to who is not in it.
+  const auto rank = [](ParticipantState state, bool in_roster) {
+    return state == ParticipantState::running ? 2 : in_roster ? 1 : 0;
+  };
+  const int own = rank(state_, roster_known());
+  const int other = rank(rival.participant.state, names_roster(rival.participant));
+  bool yields = own < other;
+  if (own == other) {
     // How much older this process is. The two may see the difference unlike by the time a message
     // takes; a process still heard after a second tells that more counts as simultaneous.
     const auto older = (now - start_) - std::chrono::microseconds(stamp.utime);
@@ -275,7 +320,7 @@ void Membership::refuse(const Peer& other, Time now) {
 void Membership::poll(Time now) {
   const auto passed = now - std::exchange(polled_, now);
   if (passed > 3 * period) {
-    for (Peer& each : peers_) each.heard += passed - period;
+    peers_.excuse(passed - period);
     for (auto& since : early_finish_) {
       if (since) *since += passed - period;
     }
@@ -283,12 +328,16 @@ void Membership::poll(Time now) {
   const auto matters = [&](Event event) { return reaction(event, state_) != Reaction::ignore; };
   for (const Role role : all_roles) {
     if (!watches(role)) continue;
+    const auto silent = silence(role, now);
+    const bool begins = self_.role == Role::plant && !joined_;
+    if (begins && silent && *silent >= forgotten_after && matters(Event::holder_gone)) {
+      return dissolve(now);
+    }
     const auto& finish = early_finish_[static_cast<std::size_t>(role)];
     if (finish && now - *finish >= finish_stands_after && matters(Event::finish_stands)) {
       const Failure failure = incomplete(role);
       return act(Event::finish_stands, &failure, now);
     }
-    const auto silent = silence(role, now);
     if (!silent || *silent < self_.give_up || !matters(Event::holder_silent)) continue;
     const Failure lost(
         ExitCode::peer_lost,
@@ -301,7 +350,7 @@ void Membership::poll(Time now) {
     const Failure failed = *failed_successor_;
     return act(Event::takeover_failed, &failed, now);
   }
-  if (!joined_) forget_silent(now);
+  peers_.forget_silent(now);
   if (matters(Event::wait_over) && self_.wait_limit && now - start_ >= *self_.wait_limit) {
     std::vector<std::string_view> roles;
     for (const Role role : missing()) roles.push_back(loop::name(role));
@@ -351,26 +400,23 @@ bool Membership::all_finished() const {
 std::vector<Role> Membership::missing() const {
   std::vector<Role> result;
   for (const Role role : all_roles) {
-    if (role != self_.role && find(role) == nullptr) result.push_back(role);
+    if (role != self_.role && peers_.find(role) == nullptr) result.push_back(role);
   }
   return result;
 }
 
-const Membership::Peer* Membership::find(Role role) const {
-  const auto found = std::ranges::find_if(peers_, [&](const Peer& each) {
-    return each.participant.role == role &&
-           (holder(role) == 0 || holder(role) == each.participant.instance);
-  });
-  return found != peers_.end() ? &*found : nullptr;
+std::int64_t Membership::truth_digest() const {
+  const Peer* plant = peers_.find(Role::plant);
+  return plant != nullptr ? plant->participant.truth_digest : 0;
 }
 
 std::string Membership::measurement() const {
-  const Peer* controller = find(Role::controller);
+  const Peer* controller = peers_.find(Role::controller);
   return controller != nullptr ? controller->participant.measurement : std::string();
 }
 
 std::string Membership::signals() const {
-  const Peer* controller = find(Role::controller);
+  const Peer* controller = peers_.find(Role::controller);
   return controller != nullptr ? controller->participant.signals : std::string();
 }
 
@@ -382,39 +428,42 @@ std::string Membership::describe(const Peer& peer) {
 }
 
 std::string Membership::describe(Role role) const {
-  const Peer* peer = find(role);
+  const Peer* peer = peers_.find(role);
   return peer != nullptr ? describe(*peer) : fmt::format("the {}", loop::name(role));
 }
 
 std::optional<std::chrono::nanoseconds> Membership::silence(Role role, Time now) const {
-  const Peer* peer = find(role);
+  const Peer* peer = peers_.find(role);
   if (peer == nullptr) return std::nullopt;
-  return now - peer->heard;
+  return now - *peer->lived;
 }
 
 std::int64_t Membership::tick_of(Role role) const {
-  const Peer* peer = find(role);
+  const Peer* peer = peers_.find(role);
   return peer != nullptr ? peer->tick : -1;
 }
 
 bool Membership::is_from(Role role, std::string_view sender) const {
-  const Peer* peer = find(role);
+  const Peer* peer = peers_.find(role);
   return peer != nullptr && peer->sender == sender;
 }
 
 bool Membership::knows(std::string_view sender) const {
-  return std::ranges::any_of(peers_, [&](const Peer& each) {
-    return each.participant.scenario_digest == self_.digest && each.sender == sender;
+  return std::ranges::any_of(peers_.all(), [&](const Peer& each) {
+    return each.lived && each.participant.scenario_digest == self_.digest && each.sender == sender;
   });
 }
 
 const Membership::Announcement& Membership::announce(Time now) {
+  announced_ = now;
   announce_at_ = now + period;
   announcement_.stamp.utime = (now - start_) / std::chrono::microseconds(1);
   announcement_.stamp.run = outside_ ? 0 : run_;
   announcement_.stamp.tick = tick_;
   announcement_.participant.state = state_;
   announcement_.participant.error_norm = error_norm_;
+  announcement_.participant.roster = roster_;
+  peers_.sign(announcement_.participant, is_over(state_), now);
   // The first cause: others may have ended since.
   if (const auto& fault = stopping_ ? stopping_ : failure_; fault) {
     announcement_.participant.fault_code = static_cast<int>(fault->code());

@@ -13,6 +13,7 @@
 #include "loop/clock.h"
 #include "loop/messages.h"
 #include "protocol/membership_table.h"
+#include "protocol/peers.h"
 
 namespace tachless::protocol {
 
@@ -21,10 +22,16 @@ namespace tachless::protocol {
 /// the announcement to publish comes out, time is a value. Sends and receives nothing and knows no
 /// tick protocol; what happens at which event is membership_table.h.
 ///
+/// Nothing is believed but what answers one of the last announcements of this process
+/// (protocol/peers.h): a recording has no effect but that its sender is named, and may answer.
+///
 /// The plant chooses the run; the others adopt it from the plant's announcement when the digests
-/// of their scenarios agree, and are then ready. The plant has joined when each other role is held
-/// by exactly one process that is ready. Of two processes with one role the later one fails (exit
-/// code 4); of two started at the same time, the one with the larger instance.
+/// of their scenarios agree, and are then ready. When each other role has exactly one process that
+/// is ready, the plant announces the roster of the four; a member that finds itself in it confirms
+/// it by announcing it too, and has joined. The plant has joined when all three have confirmed; if
+/// one of them ends before that, it chooses anew. Of
+/// two processes with one role the later one fails (exit code 4); of two started at the same time,
+/// the one with the larger instance; who is in the roster never yields to who is not.
 ///
 /// In lockstep another controller may take over from one that has died: a process that `resumes`
 /// adopts a run under way, and takes the place of a controller not heard for `takeover_after`.
@@ -33,7 +40,7 @@ class Membership {
   using Time = loop::Clock::time_point;
 
   static constexpr std::chrono::milliseconds period{100};  ///< between announcements
-  static constexpr std::chrono::milliseconds forgotten_after{1000};
+  static constexpr std::chrono::milliseconds forgotten_after = Peers::forgotten_after;
   /// Processes started within this of each other count as started at the same time.
   static constexpr std::chrono::milliseconds simultaneous{300};
   /// A controller silent for so long may be replaced: five announcements.
@@ -77,13 +84,11 @@ class Membership {
   /// Why this process has to end, if it has to.
   [[nodiscard]] const std::optional<diagnostics::Failure>& failure() const { return failure_; }
 
-  /// Plant: the run may start. Others: the plant's run is known.
+  /// The roster is known, and (plant) confirmed by all: the run may start.
   [[nodiscard]] bool joined() const { return joined_; }
   [[nodiscard]] std::int64_t run() const { return run_; }
-  /// The instance of the run's plant, which may be this process; 0 before joining.
-  [[nodiscard]] std::int64_t plant_instance() const {
-    return self_.role == loop::Role::plant ? self_.instance : holder(loop::Role::plant);
-  }
+  /// The instances of the four that the run began with; zeros before joining.
+  [[nodiscard]] const loop::PerRole& roster() const { return roster_; }
 
   /// The first message of the run has been sent or accepted. No effect when running already.
   /// @throw std::logic_error before joining.
@@ -96,6 +101,12 @@ class Membership {
   }
   /// All of this process's ticks are there: from now on it is believed that the plant has finished.
   void complete() { complete_ = true; }
+  /// Lockstep plant: digest of every TRUTH of the run, for the others to compare.
+  void published(std::int64_t truth_digest) {
+    announcement_.participant.truth_digest = truth_digest;
+  }
+  /// What the plant has said of that when it finished; 0 before.
+  [[nodiscard]] std::int64_t truth_digest() const;
   /// This process's part is done.
   void finished(Time now) { act(MembershipEvent::part_finished, nullptr, now); }
   /// This process ends with a fault.
@@ -128,7 +139,7 @@ class Membership {
   [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const;
   /// Whether another process of this scenario sends from that address.
   [[nodiscard]] bool knows(std::string_view sender) const;
-  /// Time since the role's holder was last heard; nothing if never.
+  /// Time since the role's holder has proven to have lived; nothing if it never has.
   [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(loop::Role role, Time now) const;
 
   [[nodiscard]] Time next_announcement() const { return announce_at_; }
@@ -137,26 +148,18 @@ class Membership {
   const Announcement& announce(Time now);
 
  private:
-  struct Peer {
-    loop::Participant participant;
-    std::int64_t run = 0;
-    std::int64_t tick = -1;
-    std::string sender;
-    Time first_heard;
-    Time heard;
-  };
+  using Peer = Peers::Peer;
 
   [[nodiscard]] MembershipEvent event_of(const loop::Stamp& stamp, const loop::Participant& peer,
                                          Time now) const;
-  [[nodiscard]] bool in_joined_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
+  [[nodiscard]] bool in_own_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
+  [[nodiscard]] MembershipEvent event_of_roster(const loop::Participant& peer) const;
   [[nodiscard]] bool may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const;
-  [[nodiscard]] std::int64_t& holder(loop::Role role) {
-    return holders_[static_cast<std::size_t>(role)];
+  [[nodiscard]] std::int64_t holder(loop::Role role) const { return peers_.holder(role); }
+  [[nodiscard]] static bool names_roster(const loop::Participant& who) {
+    return who.roster[static_cast<std::size_t>(loop::Role::plant)] != 0;
   }
-  [[nodiscard]] std::int64_t holder(loop::Role role) const {
-    return holders_[static_cast<std::size_t>(role)];
-  }
-  [[nodiscard]] const Peer* find(loop::Role role) const;
+  [[nodiscard]] bool roster_known() const { return roster_ != loop::PerRole{}; }
   [[nodiscard]] static std::string describe(const Peer& peer);
   [[nodiscard]] static diagnostics::Failure consequence_of(const Peer& failed);
 
@@ -166,13 +169,13 @@ class Membership {
     return holder(role) != 0 && (self_.role == loop::Role::plant || role == loop::Role::plant);
   }
   [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
-  Peer& remember(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
-                 Time now);
-  void forget(const loop::Participant& peer);
-  void forget_silent(Time now);
-  void observe(const Peer& peer);
+  void announce_soon(Time now);
   void join(const Peer& peer, Time now);
-  void join_as_plant(Time now);
+  void choose_roster(Time now);
+  void take_roster(const loop::PerRole& roster, Time now);
+  void confirm(loop::Role role);
+  void dissolve(Time now);
+  void yield(const Peer& plant, Time now);
   void contest(const loop::Stamp& stamp, const Peer& rival, Time now);
   void refuse(const Peer& other, Time now);
   void ready(Time now);
@@ -181,6 +184,7 @@ class Membership {
   Self self_;
   Time start_;
   Time announce_at_;
+  Time announced_;
   Time polled_;
   loop::ParticipantState state_ = loop::ParticipantState::waiting;
   std::int64_t run_ = 0;
@@ -192,9 +196,10 @@ class Membership {
   int takeovers_ = 0;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
-  std::vector<Peer> peers_;
+  Peers peers_;
   Announcement announcement_;
-  std::array<std::int64_t, loop::num_roles> holders_{};  ///< instances; 0: not known yet
+  loop::PerRole roster_{};
+  std::array<bool, loop::num_roles> confirmed_{};  ///< plant: who has taken the roster
   std::array<bool, loop::num_roles> done_{};
   std::optional<diagnostics::Failure> failure_;
   std::optional<diagnostics::Failure> stopping_;

@@ -15,18 +15,22 @@ namespace tachless::protocol {
 /// An announcement heard (of a process that is there unless it says otherwise), the clock, or this
 /// process itself. "Holder" of a role: the process that has it in the run this member has joined.
 enum class MembershipEvent {
+  unproven,          ///< it answers none of this process's last announcements: perhaps a recording
   rival,             ///< another process of the own role announces this run, or both have none
   rival_elsewhere,   ///< another process of the own role announces another run
   foreign_scenario,  ///< a process of another role announces another scenario digest
   newcomer,          ///< a process of a role that another process holds
   successor,         ///< the same, and the controller's place is free for it
   peer,              ///< the holder of another role, or a process of a role without holder
+  roster,            ///< the same, and it names the roster: the run's plant, or (plant) a member
+  other_roster,      ///< the run's plant names a roster without this process
   member_finished,   ///< a member of the joined run has finished, and so have this process's ticks
   early_finish,      ///< a watched holder says so before that
   member_failed,     ///< a member of the joined run announces a fault
   refusal,           ///< another role with another scenario ends because of the difference
   failed_successor,  ///< plant: a successor of the controller could not resume
   departure,         ///< any other process announces that it has finished or failed
+  holder_gone,       ///< plant: one of the roster has ended before all have confirmed, or is silent
   holder_silent,     ///< a watched holder has been silent for the time to give up
   finish_stands,     ///< a holder's early finish has not been contradicted by it for a while
   takeover_failed,   ///< the controller is silent, and its successor could not resume
@@ -35,14 +39,18 @@ enum class MembershipEvent {
   part_finished,     ///< own: all ticks are done
   failure,           ///< own: ends with a fault
 };
-inline constexpr std::size_t num_membership_events = 19;
+inline constexpr std::size_t num_membership_events = 23;
 
 enum class MembershipReaction {
   ignore,         ///< nothing changes
-  observe,        ///< remember the process; if its role has no holder and it runs, it is that
+  challenge,      ///< name the process in the next announcements, so that it can prove itself
+  observe,        ///< remember the process
   join,           ///< observe; plant: ready when all are there; others: adopt the plant's run
+  agree,          ///< observe; others: take the roster; plant: count who has taken it
+  dissolve,       ///< choose a roster anew
+  yield,          ///< fail (exit code 4): another process of this role takes part
   contest,        ///< fail (exit code 4) unless this process has precedence
-  answer,         ///< announce within 10 ms, so that the newcomer gives way before it starts a run
+  answer,         ///< observe, and announce within 10 ms, so that the newcomer gives way soon
   refuse,         ///< fail (exit code 2) naming both scenarios
   take_over,      ///< the newcomer is the controller from now on
   note_finished,  ///< the member's role is done
@@ -66,18 +74,22 @@ using enum MembershipReaction;
 
 // Where an event cannot meet a state: ignore. (Without a run nobody holds a role.)
 inline constexpr std::array<Row, num_membership_events> rows = {{
+    {"unproven", {challenge, challenge, challenge, ignore, ignore}},
     {"rival", {contest, contest, contest, ignore, ignore}},
     {"rival elsewhere", {contest, contest, answer, ignore, ignore}},
-    {"foreign scenario", {refuse, refuse, ignore, ignore, ignore}},
-    {"newcomer", {ignore, observe, ignore, ignore, ignore}},
+    {"foreign scenario", {refuse, refuse, answer, ignore, ignore}},
+    {"newcomer", {ignore, observe, observe, ignore, ignore}},
     {"successor", {ignore, observe, take_over, ignore, ignore}},
     {"peer", {join, observe, observe, ignore, ignore}},
+    {"roster", {join, agree, observe, ignore, ignore}},
+    {"other roster", {join, yield, ignore, ignore, ignore}},
     {"member finished", {ignore, note_finished, note_finished, note_finished, ignore}},
     {"early finish", {ignore, doubt, doubt, ignore, ignore}},
     {"member failed", {ignore, follow, follow, follow, ignore}},
     {"refusal", {refuse, refuse, forget, ignore, ignore}},
     {"failed successor", {forget, forget, keep_failure, ignore, ignore}},
     {"departure", {forget, forget, forget, ignore, ignore}},
+    {"holder gone", {ignore, dissolve, ignore, ignore, ignore}},
     {"holder silent", {ignore, fail, fail, ignore, ignore}},
     {"finish stands", {ignore, fail, fail, ignore, ignore}},
     {"takeover failed", {ignore, ignore, fail, ignore, ignore}},
@@ -88,10 +100,10 @@ inline constexpr std::array<Row, num_membership_events> rows = {{
 }};
 
 /// As docs/protocol.md writes them, in the order of MembershipReaction.
-inline constexpr std::array<std::string_view, 16> reaction_names = {
-    "ignore",    "observe",       "join",  "contest", "answer",       "refuse",
-    "take over", "note finished", "doubt", "follow",  "keep failure", "forget",
-    "start",     "finish",        "fail",  "reject"};
+inline constexpr std::array<std::string_view, 20> reaction_names = {
+    "ignore",       "challenge", "observe", "join",      "agree",         "dissolve", "yield",
+    "contest",      "answer",    "refuse",  "take over", "note finished", "doubt",    "follow",
+    "keep failure", "forget",    "start",   "finish",    "fail",          "reject"};
 
 }  // namespace membership_table
 

@@ -33,13 +33,13 @@ void TruthListener::drain(const std::function<void(double t_s, const robot::Vect
 void TruthListener::note_plant(const bus::Datagram& datagram) {
   loop::Stamp stamp;
   loop::Participant participant;
-  if (entered_ ||
-      participant_codec_.decode(datagram.payload, stamp, participant) != bus::Rejection::none ||
-      participant.role != loop::Role::plant || stamp.run == 0 || (run_ != 0 && stamp.run != run_)) {
+  if (participant_codec_.decode(datagram.payload, stamp, participant) != bus::Rejection::none ||
+      participant.role != loop::Role::plant || participant.roster == roster_ ||
+      participant.roster == loop::PerRole{} || (run_ != 0 && stamp.run != run_)) {
     return;
   }
-  authenticated_->enter(stamp.run, participant.instance);
-  entered_ = true;
+  roster_ = participant.roster;
+  authenticated_->enter(stamp.run, roster_);
 }
 
 }  // namespace tachless::viewer

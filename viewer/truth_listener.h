@@ -35,7 +35,7 @@ class TruthListener {
   bus::Codec<loop::Participant> participant_codec_;
   double period_s_;
   std::int64_t run_;
-  bool entered_ = false;  // the session's key is known
+  loop::PerRole roster_{};  // of the session whose key is known
   loop::Stamp stamp_;
   loop::truth::PlantTruth truth_;
 };

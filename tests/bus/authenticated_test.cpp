@@ -20,7 +20,7 @@ using Bytes = std::vector<std::byte>;
 bus::Key key_of(unsigned char seed) {
   bus::Key key;
   for (std::size_t i = 0; i < bus::Key::size; ++i) {
-    key.bytes[i] = static_cast<unsigned char>(seed + 3 * i);
+    key.bytes()[i] = static_cast<unsigned char>(seed + 3 * i);
   }
   return key;
 }
@@ -34,6 +34,8 @@ Bytes announcement() {
   const auto bytes = codec.encode({0, 7, -1}, who);
   return {bytes.begin(), bytes.end()};
 }
+
+constexpr loop::PerRole roster = {99, 100, 101, 102};
 
 class AnAuthenticatedBus : public testing::Test {
  protected:
@@ -64,8 +66,8 @@ class AnAuthenticatedBus : public testing::Test {
 };
 
 TEST_F(AnAuthenticatedBus, CarriesWhatItsOwnSayAndTakesTheTagOff) {
-  alice.enter(7, 99);
-  bob.enter(7, 99);
+  alice.enter(7, roster);
+  bob.enter(7, roster);
   alice.publish("ARM_COMMAND", payload);
   EXPECT_EQ(heard(bob), payload);
   EXPECT_EQ(heard(*listener)->size(), payload.size() + bus::tag_size);
@@ -79,8 +81,8 @@ TEST_F(AnAuthenticatedBus, CarriesAnnouncementsBeforeTheSession) {
 }
 
 TEST_F(AnAuthenticatedBus, DropsAMessageInWhichAnyOneBitIsFlipped) {
-  alice.enter(7, 99);
-  bob.enter(7, 99);
+  alice.enter(7, roster);
+  bob.enter(7, roster);
   alice.publish("ARM_COMMAND", payload);
   const Bytes sound = *heard(*listener);
   heard(bob);
@@ -94,8 +96,8 @@ TEST_F(AnAuthenticatedBus, DropsAMessageInWhichAnyOneBitIsFlipped) {
 }
 
 TEST_F(AnAuthenticatedBus, DropsWhatIsCutOrHasNoTagOrCameOnAnotherChannel) {
-  alice.enter(7, 99);
-  bob.enter(7, 99);
+  alice.enter(7, roster);
+  bob.enter(7, roster);
   alice.publish("ARM_COMMAND", payload);
   const Bytes sound = *heard(*listener);
   heard(bob);
@@ -110,17 +112,21 @@ TEST_F(AnAuthenticatedBus, DropsWhatIsCutOrHasNoTagOrCameOnAnotherChannel) {
 }
 
 TEST_F(AnAuthenticatedBus, DropsWhatWasSaidInAnotherSessionAlsoOfTheSameRun) {
-  alice.enter(7, 99);
+  alice.enter(7, roster);
   alice.publish("ARM_COMMAND", payload);
   const Bytes earlier = *heard(*listener);
   EXPECT_EQ(heard(bob), std::nullopt) << "before it has a session";
-  for (const auto& [run, instance] :
-       std::vector<std::pair<std::int64_t, std::int64_t>>{{7, 100}, {8, 99}, {99, 7}}) {
-    bob.enter(run, instance);
+  bob.enter(8, roster);
+  listener->publish("ARM_COMMAND", earlier);
+  EXPECT_EQ(heard(bob), std::nullopt);
+  for (std::size_t role = 0; role < roster.size(); ++role) {
+    loop::PerRole other = roster;
+    ++other[role];
+    bob.enter(7, other);
     listener->publish("ARM_COMMAND", earlier);
-    EXPECT_EQ(heard(bob), std::nullopt);
+    EXPECT_EQ(heard(bob), std::nullopt) << "the key depends on all four: " << role;
   }
-  bob.enter(7, 99);
+  bob.enter(7, roster);
   listener->publish("ARM_COMMAND", earlier);
   EXPECT_EQ(heard(bob), payload);
 }
@@ -149,7 +155,7 @@ TEST_F(AnAuthenticatedBus, TellsAParticipantWithAnotherKeyFromOneWithoutAndFromG
 }
 
 TEST_F(AnAuthenticatedBus, RefusesAMessageThatDoesNotFitWithItsTag) {
-  alice.enter(7, 99);
+  alice.enter(7, roster);
   EXPECT_THROW(alice.publish("ARM_COMMAND", Bytes(65'499)), std::length_error);
 }
 

@@ -141,6 +141,13 @@ struct ParticipantType {
     m.measurement = "POSITION";
     m.signals = "error:rad";
     m.fault = "";
+    m.counter = 812;
+    m.truth_digest = -0x123456789abcdef;
+    for (int role = 0; role < 4; ++role) {
+      m.heard_instance[role] = 0x7edcba9876543210 - role;
+      m.heard_counter[role] = -role;
+      m.roster[role] = 1LL << (60 - role);
+    }
     return m;
   }
 };

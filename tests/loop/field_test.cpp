@@ -67,6 +67,8 @@ std::string lcm_size(Count count) {
       return "[num_joints]";
     case Count::motors:
       return "[num_motors]";
+    case Count::roles:
+      return "[4]";
     case Count::signals:
       return "[num_signals][num_joints]";
   }

@@ -2,10 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/prctl.h>
 #include <sys/stat.h>
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 #include <string>
 
 #include "diagnostics/failure.h"
@@ -47,7 +50,7 @@ TEST_F(AKeyFile, Holds32BytesOr64HexadecimalDigits) {
   for (const std::string& content : {bytes, digits, digits + "\n", digits + "\r\n"}) {
     write(content);
     const bus::Key key = node::read_key_file(path);
-    for (std::size_t i = 0; i < 32; ++i) EXPECT_EQ(key.bytes[i], i);
+    for (std::size_t i = 0; i < 32; ++i) EXPECT_EQ(key.bytes()[i], i);
   }
 }
 
@@ -70,6 +73,51 @@ TEST_F(AKeyFile, IsRefusedWithAnotherLengthOrDigitsThatAreNone) {
   }
   write("zz" + digits.substr(2));
   EXPECT_THAT(refusal(), HasSubstr("character 1"));
+}
+
+TEST_F(AKeyFile, IsRefusedWhenAllZeros) {
+  for (const std::string& content : {std::string(32, '\0'), std::string(64, '0')}) {
+    write(content);
+    EXPECT_THAT(refusal(), AllOf(HasSubstr("all zeros"), HasSubstr("/dev/urandom")));
+  }
+}
+
+TEST_F(AKeyFile, MakesTheMemoryOfWhoReadsItPrivate) {
+  write(digits);
+  ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);
+  (void)node::read_key_file(path);
+  EXPECT_EQ(prctl(PR_GET_DUMPABLE), 0);
+  ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);
+}
+
+/// Flags of the mapping that holds the byte, as /proc/self/smaps has them.
+std::string flags_of(const unsigned char* byte) {
+  const auto address = reinterpret_cast<std::uintptr_t>(byte);
+  std::ifstream maps("/proc/self/smaps");
+  std::string line;
+  bool inside = false;
+  while (std::getline(maps, line)) {
+    std::uintptr_t begin = 0, end = 0;
+    char dash = 0;
+    std::istringstream words(line);
+    if (words >> std::hex >> begin >> dash >> end && dash == '-') {
+      inside = begin <= address && address < end;
+    } else if (inside && line.starts_with("VmFlags:")) {
+      return line + " ";
+    }
+  }
+  return "";
+}
+
+TEST_F(AKeyFile, IsKeptInMemoryThatIsLockedAndInNoDump) {
+  write(digits);
+  const bus::Key key = node::read_key_file(path);
+  const bus::Key copy = key;
+  ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);  // or this test may not look
+  for (const bus::Key* each : {&key, &copy}) {
+    const std::string flags = flags_of(each->bytes().data());
+    EXPECT_THAT(flags, AllOf(HasSubstr(" lo "), HasSubstr(" dd ")));
+  }
 }
 
 TEST_F(AKeyFile, IsNotAppearingInAnyMessage) {

@@ -19,6 +19,7 @@
 #include "bus/wire.h"
 #include "node/link.h"
 #include "plant/node.h"
+#include "protocol/membership.h"
 
 namespace tachless::plant {
 
@@ -87,11 +88,19 @@ class Peers : public bus::Transport {
       loop::Participant plant;
       ASSERT_EQ(participants_.decode(payload, stamp, plant), bus::Rejection::none);
       run_ = stamp.run;
-      if (heard_plant.empty()) on_first_announcement();
+      if (heard_plant.empty()) {
+        on_first_announcement();
+        start_members();
+      }
       heard_plant.push_back(plant);
-      for (const loop::Role role :
-           {loop::Role::reference, loop::Role::controller, loop::Role::logger})
-        announce(role);
+      const auto now = loop::Clock::now();
+      for (protocol::Membership& each : members_) {
+        each.handle(stamp, plant, "plant's address", now);
+        if (each.plant_finished()) each.finished(now);
+        const auto& said = each.announce(now);
+        queue("ARM_PARTICIPANT", participants_.encode(said.stamp, said.participant),
+              std::string(loop::name(said.participant.role)) + "'s address");
+      }
     } else if (channel == "ARM_RUN_INFO") {
       on_run_info();
       bus::Codec<loop::LogAck> codec(layout_);
@@ -129,17 +138,16 @@ class Peers : public bus::Transport {
     loop::Clock::time_point at;  ///< it arrives then
   };
 
-  void announce(loop::Role role) {
-    loop::Participant self;
-    self.instance = 100 + static_cast<int>(role);
-    self.scenario_digest = digest_;
-    const auto plants = heard_plant.back().state;
-    self.state =
-        plants == loop::ParticipantState::finished ? plants : loop::ParticipantState::ready;
-    self.role = role;
-    if (role == loop::Role::controller) self.measurement = measurement;
-    queue("ARM_PARTICIPANT", participants_.encode({0, run_, -1}, self),
-          std::string(loop::name(role)) + "'s address");
+  void start_members() {
+    for (const loop::Role role :
+         {loop::Role::reference, loop::Role::controller, loop::Role::logger}) {
+      protocol::Membership::Self self;
+      self.role = role;
+      self.instance = 100 + static_cast<int>(role);
+      self.digest = digest_;
+      if (role == loop::Role::controller) self.measurement = measurement;
+      members_.emplace_back(self, loop::Clock::now()).complete();
+    }
   }
 
   std::int64_t digest_;
@@ -149,6 +157,7 @@ class Peers : public bus::Transport {
   bus::Codec<loop::PositionMeasurement> positions_{layout_};
   bus::Codec<loop::Tick> ticks_{layout_};
   bus::Codec<loop::truth::PlantTruth> truths_{layout_};
+  std::list<protocol::Membership> members_;
   std::list<Message> messages_;
   Message current_;
 };

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <set>
@@ -25,6 +26,7 @@ using loop::ParticipantState;
 using loop::Role;
 using Event = MembershipEvent;
 using Reaction = MembershipReaction;
+using testing::AllOf;
 using testing::HasSubstr;
 
 std::string name(Reaction reaction) {
@@ -86,8 +88,13 @@ class Cell {
     self.takeover = true;
     if (event == Event::wait_over) self.wait_limit = 2s;
     member_.emplace(self, now_);
-    if (state != ParticipantState::waiting) join();
-    if (event != Event::peer) visit();
+    announce();
+    const bool undecided =
+        event == Event::roster || event == Event::other_roster || event == Event::holder_gone;
+    if (state != ParticipantState::waiting) join(state != ParticipantState::ready || !undecided);
+    static const std::set<Event> of_the_visitor = {Event::refusal, Event::failed_successor,
+                                                   Event::departure};
+    if (of_the_visitor.contains(event)) visit();
     if (state == ParticipantState::running || state == ParticipantState::finished) {
       member_->started(now_);
     }
@@ -95,7 +102,7 @@ class Cell {
     if (state == ParticipantState::fault) {
       member_->failed(Failure(ExitCode::interrupted, "interrupted"), now_);
     }
-    EXPECT_EQ(member_->announce(now_).participant.state, state);
+    EXPECT_EQ(announce().participant.state, state);
     announced_ = now_;
     now_ += 20ms;
   }
@@ -103,6 +110,16 @@ class Cell {
   void tell(Event event) {
     const Role peer = role_ == Role::plant ? Role::reference : Role::plant;
     switch (event) {
+      case Event::unproven:
+        proves_ = false;
+        return hear(Role::reference, 96, ParticipantState::ready, {.run = run});
+      case Event::roster:
+        return name_roster(roster());
+      case Event::other_roster: {
+        loop::PerRole other = roster();
+        ++other[static_cast<std::size_t>(role_)];
+        return name_roster(other);
+      }
       case Event::rival:
         return hear(role_, 90, ParticipantState::running, {.utime = older, .run = member_->run()});
       case Event::rival_elsewhere:
@@ -116,7 +133,7 @@ class Cell {
         now_ += Membership::takeover_after;
         return hear(Role::controller, 96, ParticipantState::ready, {.run = run});
       case Event::peer:
-        return join();
+        return join(true);
       case Event::member_finished:
         member_->complete();
         for (const Role each : others()) {
@@ -140,6 +157,9 @@ class Cell {
         return hear(Role::controller, visitor, ParticipantState::fault, {.run = run});
       case Event::departure:
         return hear(Role::controller, visitor, ParticipantState::finished, {});
+      case Event::holder_gone:
+        fault_code_ = ExitCode::protocol_violated;
+        return hear(Role::reference, instance_of(Role::reference), ParticipantState::fault, {});
       case Event::holder_silent:
         return pass(5200ms);
       case Event::takeover_failed:
@@ -160,12 +180,18 @@ class Cell {
   std::string seen() {
     const bool early = member_->next_announcement() < announced_ + Membership::period;
     announced_ = now_;
-    const auto& said = member_->announce(now_);
+    // Every other announcement names who has not proven to be there.
+    const Membership::Announcement said = announce();
+    const Membership::Announcement next = announce();
     std::string text = "state " + std::to_string(static_cast<int>(said.participant.state)) +
                        ", run " + std::to_string(said.stamp.run);
     if (early) text += ", announces";
     if (member_->failure()) {
       text += ", exit code " + std::to_string(static_cast<int>(member_->failure()->code()));
+    }
+    for (const auto* each : {&said, &next}) {
+      const auto& named = each->participant.heard_instance;
+      if (std::ranges::find(named, 96) != named.end()) text += ", names the newcomer";
     }
     if (member_->knows(visitors_address)) text += ", knows the visitor";
     if (member_->knows("96's address")) text += ", knows the newcomer";
@@ -192,16 +218,30 @@ class Cell {
       case Reaction::ignore:
         EXPECT_EQ(after, before);
         return;
+      case Reaction::challenge:
+        EXPECT_THAT(after, AllOf(HasSubstr("names the newcomer"), HasSubstr("announces")));
+        EXPECT_THAT(after, testing::Not(HasSubstr("knows the newcomer")));
+        return;
       case Reaction::observe:
         EXPECT_NE(after, before);
-        EXPECT_TRUE(event == Event::peer ? after.ends_with("up to date")
-                                         : after.ends_with("knows the newcomer"))
+        EXPECT_TRUE(event == Event::peer || event == Event::roster
+                        ? after.ends_with("up to date")
+                        : after.ends_with("knows the newcomer"))
             << after;
         return;
       case Reaction::join:
         EXPECT_TRUE(member_->joined());
         EXPECT_EQ(member_->run(), run);
         return;
+      case Reaction::agree:
+        EXPECT_TRUE(member_->joined());
+        EXPECT_EQ(announce().participant.roster, roster());
+        return;
+      case Reaction::dissolve:
+        EXPECT_THAT(after, HasSubstr("state 0, run 77, announces"));
+        EXPECT_EQ(announce().participant.roster, loop::PerRole{});
+        return;
+      case Reaction::yield:
       case Reaction::contest:
         EXPECT_THAT(after, HasSubstr("run 0, announces, exit code 4"));
         return;
@@ -265,8 +305,28 @@ class Cell {
     return roles;
   }
 
+  static loop::PerRole roster() {
+    loop::PerRole instances{};
+    for (const Role role : {Role::plant, Role::reference, Role::controller, Role::logger}) {
+      instances[static_cast<std::size_t>(role)] = instance_of(role);
+    }
+    return instances;
+  }
+
+  const Membership::Announcement& announce() {
+    const auto& said = member_->announce(now_);
+    counter_ = said.participant.counter;
+    return said;
+  }
+
   void hear(Role role, std::int64_t instance, ParticipantState state, loop::Stamp stamp) {
     loop::Participant who;
+    who.counter = ++heard_counter_;
+    if (proves_) {
+      who.heard_instance[static_cast<std::size_t>(role_)] = instance_of(role_);
+      who.heard_counter[static_cast<std::size_t>(role_)] = counter_;
+    }
+    who.roster = roster_;
     who.role = role;
     who.instance = instance;
     who.scenario_digest = digest_;
@@ -278,10 +338,18 @@ class Cell {
         instance == visitor ? visitors_address : std::to_string(instance) + "'s address", now_);
   }
 
-  /// The others announce what makes the member join; the plant's holders are ready, the others'
-  /// run.
-  void join() {
+  /// Who decides about this member's roster announces one: the plant, or all others.
+  void name_roster(const loop::PerRole& roster) {
+    roster_ = roster;
+    for (const Role each : role_ == Role::plant ? others() : std::vector{Role::plant}) {
+      hear(each, instance_of(each), ParticipantState::ready, {.run = run});
+    }
+  }
+
+  /// The others announce what makes the member ready, and (`whole`) what makes it join.
+  void join(bool whole) {
     const bool plant = role_ == Role::plant;
+    roster_ = {};
     for (const Role each : others()) {
       const bool waits = each == Role::plant;
       hear(each, instance_of(each),
@@ -290,6 +358,7 @@ class Cell {
                    : ParticipantState::running,
            {.run = run});
     }
+    if (whole) name_roster(roster());
   }
 
   void visit() { hear(Role::controller, visitor, ParticipantState::waiting, {}); }
@@ -304,6 +373,10 @@ class Cell {
   Membership::Time announced_{};
   std::int64_t digest_ = digest;
   std::int64_t tick_ = -1;
+  std::int64_t counter_ = 0;        ///< of the member's last announcement
+  std::int64_t heard_counter_ = 0;  ///< of the others' last one
+  loop::PerRole roster_{};          ///< that the others announce
+  bool proves_ = true;              ///< what they announce answers the member
   ExitCode fault_code_ = ExitCode::done;
   std::optional<Membership> member_;
 };
@@ -311,9 +384,15 @@ class Cell {
 /// Without a run nobody is a member; a successor is awaited in a run, and by the plant.
 bool can_occur(Role role, ParticipantState state, Event event) {
   static const std::set<Event> of_a_joined_run = {
+      Event::roster,        Event::other_roster,
+
       Event::newcomer,      Event::successor,     Event::member_finished, Event::early_finish,
       Event::member_failed, Event::holder_silent, Event::finish_stands,   Event::takeover_failed};
   if (state == ParticipantState::waiting && of_a_joined_run.contains(event)) return false;
+  if (role == Role::plant && event == Event::other_roster) return false;
+  if (event == Event::holder_gone) {
+    return role == Role::plant && state == ParticipantState::ready;
+  }
   // What has finished has completed its ticks.
   if (event == Event::early_finish && state == ParticipantState::finished) return false;
   if (event == Event::finish_stands && state == ParticipantState::finished) return false;
@@ -338,7 +417,7 @@ TEST(MembershipTable, IsWhatAMemberDoes) {
       }
     }
   }
-  EXPECT_EQ(cells, 2 * 5 * 19 - 2 * (8 + 2 + 3) - (5 + 1));
+  EXPECT_EQ(cells, 2 * 5 * 23 - 2 * (10 + 2 + 3) - (5 + 1) - 4 - 9);
 }
 
 }  // namespace

@@ -107,6 +107,15 @@ class Network {
   std::vector<Process> processes_;
 };
 
+/// Makes `said` a new announcement that answers the last one of `whom`.
+void answer(Membership::Announcement& said, Membership& whom, Membership::Time now) {
+  const loop::Participant asked = whom.announce(now).participant;
+  const auto role = static_cast<std::size_t>(asked.role);
+  ++said.participant.counter;
+  said.participant.heard_instance[role] = asked.instance;
+  said.participant.heard_counter[role] = asked.counter;
+}
+
 diagnostics::ExitCode code(const Membership& process) {
   return process.failure() ? process.failure()->code() : diagnostics::ExitCode::done;
 }
@@ -322,8 +331,10 @@ TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
                network.now());
   auto said = other.announce(network.now());
   said.stamp.run = 1234;
+  answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
   said.stamp.run = plants_run;  // in our run, but not the controller we started with
+  answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
   EXPECT_EQ(text(plant), "");
 }
@@ -334,6 +345,7 @@ TEST_F(ARunningMembership, YieldsToNobodyOutsideItsRun) {
   said.stamp.utime = 1'000'000'000;  // older than all of ours
   said.participant.instance = 0x5eed;
   said.participant.state = loop::ParticipantState::running;
+  answer(said, plant, network.now());
   plant.handle(said.stamp, said.participant, "somebody", network.now());
   EXPECT_EQ(text(plant), "");
 }
@@ -356,11 +368,14 @@ TEST_F(ARunningMembership, EndsWhenAllHaveFinished) {
 TEST_F(ARunningMembership, DoesNotBelieveThatItIsOverBeforeItsLastTick) {
   auto said = plant.announce(network.now());
   said.participant.state = ParticipantState::finished;
+  answer(said, controller, network.now());
   controller.handle(said.stamp, said.participant, "plant1", network.now());
   EXPECT_FALSE(controller.plant_finished());
   network.pass(2s);
   EXPECT_EQ(text(controller), "") << "the plant is heard to be running";
   controller.complete();
+  answer(said, controller, network.now());
+  said.participant.counter += 100;  // the plant has announced meanwhile
   controller.handle(said.stamp, said.participant, "plant1", network.now());
   EXPECT_TRUE(controller.plant_finished());
 }
@@ -493,14 +508,17 @@ TEST_F(ATakeover, OfOneThatCannotResumeEndsTheRunOnceTheOldOneIsGone) {
 }
 
 TEST_F(ATakeover, OfOneThatCannotResumeIsForgottenWhenTheOldOneSpeaks) {
-  loop::Participant failed;
+  Membership::Announcement said;
+  loop::Participant& failed = said.participant;
   failed.role = Role::controller;
   failed.instance = 5;
   failed.scenario_digest = 5;
   failed.state = loop::ParticipantState::fault;
   failed.fault_code = static_cast<int>(diagnostics::ExitCode::bad_usage);
   failed.fault = "the log ends too early";
-  plant->handle({0, plants_run, -1}, failed, "controller5", network.now());
+  said.stamp.run = plants_run;
+  answer(said, *plant, network.now());
+  plant->handle(said.stamp, failed, "controller5", network.now());
   network.pass(300ms);
   network.kill(*controller);
   network.pass(2s);

@@ -22,15 +22,47 @@ EveryoneElse::EveryoneElse(const experiment::Scenario& scenario, const std::stri
       states_(layout),
       truths_(layout) {
   transport_.subscribe(prefix_ + "LOG_ACK");
+  transport_.subscribe(prefix_ + "PARTICIPANT");
+  for (const loop::Role role : {loop::Role::plant, loop::Role::reference, loop::Role::controller}) {
+    protocol::Membership::Self self;
+    self.role = role;
+    self.instance = 99 + static_cast<int>(role);
+    self.digest = scenario.digest;
+    if (role == loop::Role::plant) self.run = run_id;
+    if (role == loop::Role::controller) self.measurement = "POSITION";
+    members_.emplace_back(self, loop::Clock::now());
+  }
+}
+
+void EveryoneElse::publish(protocol::Membership& member) {
+  const auto now = loop::Clock::now();
+  const auto& said = member.announce(now);
+  transport_.publish(prefix_ + "PARTICIPANT", participants_.encode(said.stamp, said.participant));
+  for (protocol::Membership& other : members_) {
+    if (&other != &member) other.handle(said.stamp, said.participant, "everyone else", now);
+  }
+}
+
+/// The members hear what the logger announces. @return whether it has acknowledged something
+bool EveryoneElse::handle_until(loop::Clock::time_point deadline) {
+  bool acknowledged = false;
+  while (const auto datagram = transport_.receive(deadline)) {
+    loop::Stamp stamp;
+    loop::Participant logger;
+    if (datagram->channel.ends_with("LOG_ACK")) acknowledged = true;
+    if (participants_.decode(datagram->payload, stamp, logger) != bus::Rejection::none) continue;
+    for (protocol::Membership& each : members_) {
+      each.handle(stamp, logger, datagram->sender, loop::Clock::now());
+    }
+  }
+  return acknowledged;
 }
 
 void EveryoneElse::announce(loop::ParticipantState state) {
-  loop::Participant plant;
-  plant.instance = 99;
-  plant.scenario_digest = scenario_.digest;
-  plant.state = state;
-  plant.role = loop::Role::plant;
-  transport_.publish(prefix_ + "PARTICIPANT", participants_.encode({0, run_id, -1}, plant));
+  handle_until(loop::Clock::time_point());
+  protocol::Membership& plant = members_.front();
+  if (state == loop::ParticipantState::finished) plant.finished(loop::Clock::now());
+  publish(plant);
 }
 
 void EveryoneElse::meet_the_logger() {
@@ -41,10 +73,14 @@ void EveryoneElse::meet_the_logger() {
   info.measurement = "POSITION";
   info.scenario = scenario_.text;
   info.robot_description = scenario_.robot.urdf_text;
+  protocol::Membership& plant = members_.front();
   do {
-    announce(loop::ParticipantState::waiting);
-    transport_.publish(prefix_ + "RUN_INFO", run_infos_.encode({0, run_id, -1}, info));
-  } while (!transport_.receive(loop::Clock::now() + std::chrono::milliseconds(10)));
+    for (protocol::Membership& each : members_) publish(each);
+    if (plant.joined()) {
+      plant.started(loop::Clock::now());
+      transport_.publish(prefix_ + "RUN_INFO", run_infos_.encode({0, run_id, -1}, info));
+    }
+  } while (!handle_until(loop::Clock::now() + std::chrono::milliseconds(10)));
 }
 
 void EveryoneElse::say(std::int64_t k) {

@@ -2,11 +2,13 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "bus/truth/truth_wire.h"
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "experiment/scenario.h"
+#include "protocol/membership.h"
 
 namespace tachless::system_test {
 
@@ -21,7 +23,7 @@ class EveryoneElse {
 
   /// Until the logger has acknowledged RUN_INFO.
   void meet_the_logger();
-  /// The plant's heartbeat.
+  /// The plant announces that it runs, or (then) that it has finished.
   void announce(loop::ParticipantState state);
   /// All messages of tick k at once.
   void say(std::int64_t k);
@@ -29,9 +31,13 @@ class EveryoneElse {
   [[nodiscard]] std::uint64_t unsent() const { return transport_.statistics().unsent; }
 
  private:
+  void publish(protocol::Membership& member);
+  bool handle_until(loop::Clock::time_point deadline);
+
   const experiment::Scenario& scenario_;
   bus::UdpTransport transport_;
   std::string prefix_;
+  std::vector<protocol::Membership> members_;  ///< plant, reference, controller
   bus::Codec<loop::Participant> participants_;
   bus::Codec<loop::RunInfo> run_infos_;
   bus::Codec<loop::Tick> ticks_;

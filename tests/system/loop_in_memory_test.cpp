@@ -321,6 +321,7 @@ void announce_for(bus::Transport& bus, const bus::Datagram& heard, loop::Partici
   if (codec.decode(heard.payload, stamp, who) != bus::Rejection::none) return;
   if (who.state != loop::ParticipantState::running) return;
   who.state = state;
+  ++who.counter;  // or it would be a copy
   bus.publish("ARM_PARTICIPANT", codec.encode(stamp, who));
 }
 
@@ -401,6 +402,37 @@ TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
     EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
     EXPECT_THAT(result.of.at(role).fault, HasSubstr("says that it has finished"));
   }
+}
+
+TEST(AForgedTruth, IsNoticedAtTheEndThoughThePlantsOwnIsLost) {
+  /// A logger that hears another truth of the last tick, and never the plant's.
+  class Deceived : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+      auto heard = Wrapped::receive(deadline);
+      if (heard && heard->channel == "ARM_TRUTH" && bus::stamp_of(heard->payload).tick == 299) {
+        forged_.assign(heard->payload.begin(), heard->payload.end());
+        forged_[44] ^= std::byte{1};  // in the mantissa of a position
+        heard->payload = forged_;
+      }
+      return heard;
+    }
+
+   private:
+    std::vector<std::byte> forged_;
+  };
+  FourThreads threads(short_run());
+  threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role != Role::logger) return inner;
+    return std::unique_ptr<bus::Transport>(new Deceived(std::move(inner)));
+  });
+  const RunResult result = threads.finish();
+  for (const Role role : {Role::plant, Role::logger}) {
+    EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_THAT(result.of.at(role).fault, HasSubstr("what is recorded on ARM_TRUTH is not what"));
+  }
+  EXPECT_THAT(end_of(threads), HasSubstr("the logger: what is recorded on ARM_TRUTH"));
 }
 
 TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {

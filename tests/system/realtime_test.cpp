@@ -240,6 +240,50 @@ TEST(AProtectiveStop, IsInTheLogWhenTheLoggerIsInterrupted) {
   EXPECT_EQ(log.summary.faults.back().text, "interrupted");
 }
 
+TEST(RealtimeRun, EndsWhenTheLoggerDiesThoughSomebodyRepeatsWhatItHasAnnounced) {
+  /// Falls silent at its tenth message.
+  class Mortal : public Wrapped {
+   public:
+    using Wrapped::Wrapped;
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      if (++published_ < 10) Wrapped::publish(channel, payload);
+    }
+    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+      auto datagram = Wrapped::receive(deadline);
+      if (published_ >= 10) return std::nullopt;
+      return datagram;
+    }
+
+   private:
+    int published_ = 0;
+  };
+  FourThreads threads(at_rest({"loop.duration_s=60", "loop.give_up_s=1"}));
+  threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role != Role::logger) return inner;
+    return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
+  });
+  const auto stranger = threads.network().connect("a stranger");
+  stranger->subscribe("ARM_PARTICIPANT");
+  std::atomic<bool> stop = false;
+  std::thread repeater([&] {
+    std::vector<std::vector<std::byte>> said;
+    while (!stop) {
+      const auto heard = stranger->receive(Clock::now() + 5ms);
+      if (heard && heard->sender == "logger's endpoint") {
+        said.emplace_back(heard->payload.begin(), heard->payload.end());
+      }
+      for (const auto& each : said) stranger->publish("ARM_PARTICIPANT", each);
+    }
+  });
+  const RunResult result = threads.finish();
+  stop = true;
+  repeater.join();
+  EXPECT_EQ(result.of.at(Role::plant).code, ExitCode::peer_lost);
+  EXPECT_THAT(result.of.at(Role::plant).fault, HasSubstr("has been silent for 1 s"));
+  // Half a second to its death, one second, half a second of braking; the rest for a busy machine.
+  EXPECT_LT(result.of.at(Role::plant).statistics.ticks, 5'000);
+}
+
 /// Puts a node on the real bus.
 Wrapper on_the_network(const std::string& url) {
   return [url](Role, std::unique_ptr<bus::Transport>) {
