@@ -27,11 +27,16 @@ struct RunOptions {
   std::string restart;  ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
   bool quiet = false;
+  bool verbose = false;
   bool json = false;
   bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
 };
+
+/// Whether the four programs can open what they need.
+/// @throw diagnostics::Failure(bad_usage) naming the limit
+void require_open_files();
 
 /// The scenario of a run. What a process would refuse later is refused here.
 /// @throw diagnostics::Failure(bad_usage)

@@ -5,13 +5,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstring>
-#include <fstream>
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -19,7 +15,11 @@
 #include "bus/authenticated.h"
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
+#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
+#include "launch/doctor.h"
 #include "launch/progress.h"
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
@@ -52,9 +52,7 @@ class Heartbeats {
   }
 
   void read_into(Progress& progress) {
-    bus::Transport& transport =
-        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
-    while (const auto datagram = transport.receive(loop::Clock::time_point{})) {
+    while (const auto datagram = transport().receive(loop::Clock::time_point{})) {
       loop::Stamp stamp;
       loop::Participant participant;
       if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
@@ -64,7 +62,33 @@ class Heartbeats {
     }
   }
 
+  /// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
+  /// @throw diagnostics::Failure(protocol_violated) when a robot of this name has its processes
+  /// here
+  void require_free_bus() {
+    const auto until = loop::Clock::now() + std::chrono::milliseconds(250);
+    while (loop::Clock::now() < until) {
+      const auto datagram = transport().receive(until);
+      loop::Stamp stamp;
+      loop::Participant other;
+      if (!datagram || codec_.decode(datagram->payload, stamp, other) != bus::Rejection::none ||
+          other.state == loop::ParticipantState::finished ||
+          other.state == loop::ParticipantState::fault) {
+        continue;
+      }
+      throw diagnostics::Failure(
+          diagnostics::ExitCode::protocol_violated,
+          fmt::format("another run is on this bus: there is already the {} (process {} on {}, {}); "
+                      "run beside it with --isolate, or end it first",
+                      loop::name(other.role), other.pid, other.host, datagram->sender));
+    }
+  }
+
  private:
+  bus::Transport& transport() {
+    return authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+  }
+
   bus::UdpTransport transport_;
   std::optional<bus::Authenticated> authenticated_;
   bus::Codec<loop::Participant> codec_;
@@ -94,10 +118,11 @@ class Screen {
   }
 
   void pass_on(std::string_view name, std::string_view line) {
-    if (line.ends_with(": interrupted")) return;  // written once, by the launcher
     clear();
     const bool named = line.starts_with("tachless-");
-    std::cerr << fmt::format("{}{}{}\n", named ? "" : name, named ? "" : ": ", line) << std::flush;
+    std::cerr << fmt::format("{}{}{}\n", named ? "" : name, named ? "" : ": ",
+                             diagnostics::printable(line))
+              << std::flush;
   }
 
  private:
@@ -201,53 +226,113 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
   return facts;
 }
 
-/// Reads the log back; writes summary, figure and report, and for people the closing table.
-void write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                   const RunDirectory& out, report::RunFacts facts) {
-  facts.log_path = (out / "lcmlog").string();
-  report::Tracking tracking(scenario.num_joints);
-  try {
-    logger::RunLog log = logger::RunLog::open(facts.log_path, facts.run_id);
-    tracking = report::track(log);
-    facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
-    facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
-  } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_warning(failure.what());
-  }
+/// The log of a run, read back.
+struct ReadBack {
+  explicit ReadBack(int num_joints) : tracking(num_joints) {}
 
-  const report::RunSummary summary{facts, tracking, out.take_statistics()};
-  const std::string json = to_json(summary).dump(2) + "\n";
-  const fs::path summary_path = out / "summary.json";
-  if (!(std::ofstream(summary_path) << json)) {
-    diagnostics::log_warning(
-        fmt::format("cannot write {}: {}", summary_path.string(), std::strerror(errno)));
+  report::Tracking tracking;
+  std::int64_t ticks = 0;
+  std::int64_t gaps = 0;
+  bool damaged = false;
+  std::string problem;  ///< why it cannot be read; empty: it can
+};
+
+ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
+                   std::int64_t run) {
+  ReadBack result(scenario.num_joints);
+  try {
+    logger::RunLog log = logger::RunLog::open(path, run);
+    result.tracking = report::track(log);
+    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
+    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
+    result.damaged = log.damage().any();
+  } catch (const diagnostics::Failure& failure) {
+    result.problem = failure.what();
   }
+  return result;
+}
+
+/// What is wrong with the log of a run of which every program says that it ended well; empty:
+/// nothing. In realtime ticks may be missing, which the logger then has said.
+std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
+                        const std::string& path) {
+  if (!log.problem.empty()) return log.problem;
+  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
+  const std::int64_t expected = scenario.loop.num_ticks;
+  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
+  return fmt::format(
+      "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
+      "again, "
+      "and leave it alone until the run has ended",
+      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
+}
+
+/// The table, and the files.
+void show(const report::RunSummary& summary, const report::FigureFacts& figure,
+          const report::JointUnits& units, const RunDirectory& out) {
+  std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
+  for (const fs::path& file : out.files()) {
+    std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
+  }
+}
+
+/// Writes summary, figure and report of the log that was read back, and for people the closing
+/// table. Of a run that has not begun there is no table.
+void write_results(const experiment::Scenario& scenario, const RunOptions& options,
+                   const RunDirectory& out, const report::RunSummary& summary) {
+  const report::Tracking& tracking = summary.tracking;
+  const report::RunFacts& facts = summary.facts;
+  const std::string json = diagnostics::json_text(to_json(summary), 2) + "\n";
   const report::JointUnits units = report::joint_units(*scenario.model);
   const report::FigureFacts figure{
       fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
       facts.period_s, units.length, units.effort};
-  if (tracking.num_ticks() > 0) {
-    try {
-      const fs::path svg = out / "tracking.svg";
-      report::draw(report::tracking_figure(tracking, figure, svg), svg);
+  const std::string_view remedy = "name another directory with --out";
+  try {
+    diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
+    if (tracking.num_ticks() > 0) {
+      diagnostics::UnfinishedFile svg(out / "tracking.svg", remedy);
+      report::draw(report::tracking_figure(tracking, figure, svg.name()), svg.name());
+      svg.finish();
       report::write_report({report::read_recorded_run(facts.log_path, facts.run_id)},
                            out / "report.html");
-    } catch (const diagnostics::Failure& failure) {
-      diagnostics::log_warning(failure.what());
     }
+  } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_warning(failure.what());
   }
-
   if (options.json) {
     std::cout << json;
-  } else if (!options.quiet) {
-    std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
-    for (const fs::path& file : out.files()) std::cout << fmt::format("  {}\n", file.string());
+  } else if (!options.quiet && tracking.num_ticks() > 0) {
+    show(summary, figure, units, out);
+  }
+}
+
+/// The first cause, once; who else ended, in one line.
+void tell_end(const report::RunFacts& facts, const Supervision& supervision,
+              const RunOptions& options, bool late) {
+  if (options.verbose) {
+    for (const ProcessEnd& end : supervision.ends) {
+      if (end.failed()) diagnostics::log_info(describe(end));
+    }
+  }
+  if (!facts.fault) return;
+  diagnostics::log_error(*facts.fault);
+  const std::string others = others_that_failed(supervision);
+  if (!supervision.interrupted && !others.empty()) {
+    diagnostics::log_info(fmt::format("because of it ended: {}{}", others,
+                                      options.verbose ? "" : "; details with --verbose"));
+  }
+  if (!late) return;
+  for (const Finding& finding : examine_punctuality()) {
+    diagnostics::log_info(fmt::format("{}: {}; type: {}", finding.subject, finding.what,
+                                      finding.remedy.value_or("tachless doctor")));
   }
 }
 
 }  // namespace
 
 diagnostics::ExitCode run_session(RunOptions options) {
+  require_open_files();
   const experiment::Scenario scenario = checked_scenario(options);
   std::optional<bus::Key> key;
   if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
@@ -258,8 +343,10 @@ diagnostics::ExitCode run_session(RunOptions options) {
                          .count();
   }
 
+  process::survive_broken_pipes();
   Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
   Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
+  if (!isolated) heartbeats.require_free_bus();
   Screen screen(options.quiet);
   std::optional<Window> window;
   if (options.visualize) window.emplace(options, isolated, screen);
@@ -275,11 +362,25 @@ diagnostics::ExitCode run_session(RunOptions options) {
   if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
-  const report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
-  if (facts.fault) diagnostics::log_error(*facts.fault);
-  write_results(scenario, options, out, facts);
+  report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
+  facts.log_path = (out / "lcmlog").string();
+  const ReadBack log = read_back(scenario, facts.log_path, options.run_id);
+  facts.log_ticks = log.ticks;
+  facts.log_gaps = log.gaps;
+  diagnostics::ExitCode code = exit_code(supervision);
+  const bool whole = code == diagnostics::ExitCode::done;
+  const bool late = code == diagnostics::ExitCode::check_said_no;
+  if (whole) {
+    const std::string problem = log_problem(log, scenario, facts.log_path);
+    if (!problem.empty()) {
+      facts.fault = problem;
+      code = diagnostics::ExitCode::check_said_no;
+    }
+  }
+  tell_end(facts, supervision, options, late);
+  write_results(scenario, options, out, {facts, log.tracking, out.take_statistics()});
   if (window) window->finish(options.quiet);
-  return exit_code(supervision);
+  return code;
 }
 
 }  // namespace tachless::launch

@@ -18,12 +18,14 @@ const std::atomic<bool>& catch_interruptions(int flags) {
   action.sa_handler = note_signal;
   sigemptyset(&action.sa_mask);
   action.sa_flags = flags;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE}) {
     if (sigaction(signal, &action, nullptr) != 0) throw std::logic_error("sigaction failed");
   }
   return interrupted;
 }
 
 void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }
+
+void survive_broken_pipes() { std::signal(SIGPIPE, SIG_IGN); }
 
 }  // namespace tachless::process

@@ -243,6 +243,14 @@ class Loader {
     }
   }
 
+  /// Farther away, an inertia about a joint has no digit of the body's own left.
+  void require_near(const std::string& what, const Eigen::Vector3d& offset) const {
+    constexpr double farthest_m = 1e4;
+    if (offset.norm() <= farthest_m) return;
+    complaint() << what << " is " << offset.norm() << " m away; allowed: up to " << farthest_m
+                << " m (is it in another unit?)" << Raise{};
+  }
+
   void check_joints() {
     for (const auto& [name, joint] : urdf_->joints_) {
       const std::string where = "joint '" + name + "'";
@@ -250,6 +258,7 @@ class Loader {
       if (!vector_of(X.position).allFinite() || !rotation_of(X.rotation).allFinite()) {
         complaint() << where << ": origin is not finite; give finite numbers" << Raise{};
       }
+      require_near(where + ": origin", vector_of(X.position));
       if (joint->type == urdf::Joint::FLOATING || joint->type == urdf::Joint::PLANAR) {
         complaint() << where << ": type "
                     << (joint->type == urdf::Joint::PLANAR ? "planar" : "floating")
@@ -338,6 +347,7 @@ class Loader {
     const std::string why = R.allFinite() ? why_not_physical(mass)
                                           : "inertial origin is not finite; give finite numbers";
     if (!why.empty()) complaint() << "link '" << link.name << "': " << why << Raise{};
+    require_near("link '" + link.name + "': inertial origin", mass.p_cm);
     // Not for R = 1, which would only round.
     if (!R.isIdentity(0)) {
       I = R * mass.I_cm * R.transpose();
