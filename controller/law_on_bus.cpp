@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <utility>
 #include <variant>
@@ -192,7 +194,9 @@ LawOnBus::Result LawOnBus::step(std::int64_t tick) {
   const auto state = messages_->state_codec.encode(stamp, advance.signals);
   transport_.publish(state_channel_, state);
 
-  session_.progressed(tick, advance.signals.num > 0 ? advance.signals.value[0].norm() : 0);
+  // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
+  const double error_norm = advance.signals.num > 0 ? advance.signals.value[0].stableNorm() : 0;
+  session_.progressed(tick, std::min(error_norm, std::numeric_limits<double>::max()));
   session_.statistics().ticks = tick + 1;
   session_.statistics().work_us.add(loop::Clock::now() - begin);
   return {command, state, advance.skipped, advance.restarted};

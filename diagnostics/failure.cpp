@@ -5,6 +5,6 @@
 namespace tachless::diagnostics {
 
 Failure::Failure(ExitCode code, std::string_view what)
-    : std::runtime_error(one_line(what)), code_(code) {}
+    : std::runtime_error(printable(one_line(what))), code_(code) {}
 
 }  // namespace tachless::diagnostics

@@ -6,12 +6,14 @@
 #include <memory>
 #include <string>
 
+#include "diagnostics/text.h"
+
 namespace tachless::diagnostics {
 
-void start_logging(std::string_view program, Verbosity verbosity) {
+void start_logging(std::string_view program, Verbosity verbosity, Marks marks) {
   auto logger = std::make_shared<spdlog::logger>(std::string(program),
                                                  std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  logger->set_pattern("%n: %v");
+  logger->set_pattern(marks == Marks::levels ? "<%l> %n: %v" : "%n: %v");
   logger->set_level(verbosity == Verbosity::quiet    ? spdlog::level::warn
                     : verbosity == Verbosity::normal ? spdlog::level::info
                                                      : spdlog::level::debug);
@@ -20,9 +22,9 @@ void start_logging(std::string_view program, Verbosity verbosity) {
 }
 
 // "{}" keeps a brace in a line from being read as a format.
-void log_detail(std::string_view line) { spdlog::debug("{}", line); }
-void log_info(std::string_view line) { spdlog::info("{}", line); }
-void log_warning(std::string_view line) { spdlog::warn("{}", line); }
-void log_error(std::string_view line) { spdlog::error("{}", line); }
+void log_detail(std::string_view line) { spdlog::debug("{}", printable(line)); }
+void log_info(std::string_view line) { spdlog::info("{}", printable(line)); }
+void log_warning(std::string_view line) { spdlog::warn("{}", printable(line)); }
+void log_error(std::string_view line) { spdlog::error("{}", printable(line)); }
 
 }  // namespace tachless::diagnostics

@@ -8,9 +8,15 @@ namespace tachless::diagnostics {
 
 enum class Verbosity { quiet, normal, verbose };
 
+/// What stands before a line: nothing, or its level ("<error> "), for a program that reads it.
+enum class Marks { none, levels };
+inline constexpr std::string_view error_mark = "<error> ";
+inline constexpr std::string_view warning_mark = "<warning> ";
+
 /// Sets the program's name and what is shown: quiet = warnings and errors, normal = also what
 /// happens once per run, verbose = also details. To be called once, before the first line.
-void start_logging(std::string_view program, Verbosity verbosity);
+/// All lines are made printable (text.h).
+void start_logging(std::string_view program, Verbosity verbosity, Marks marks = Marks::none);
 
 void log_detail(std::string_view line);  ///< shown with --verbose
 void log_info(std::string_view line);

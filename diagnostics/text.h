@@ -24,8 +24,9 @@ std::string shortest(double value);
 /// white space around them; white space at both ends goes.
 std::string one_line(std::string_view text);
 
-/// `text` with what would confuse a terminal or a JSON writer (control characters, bytes that are
-/// not UTF-8) replaced by question marks.
+/// `text` with what would confuse a terminal or a JSON writer replaced by question marks: control
+/// characters (of both sets, up to U+001F and U+007F to U+009F) and bytes that are not UTF-8. Every
+/// line for people passes through it.
 std::string printable(std::string_view text);
 
 /// Which candidate was probably meant by a misspelt or shortened `word`; nothing when none is

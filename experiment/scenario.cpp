@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <stdexcept>
 
@@ -194,8 +196,19 @@ std::string text_of(const std::filesystem::path& path) {
   if (status.type() == std::filesystem::file_type::directory) {
     throw std::runtime_error("is a directory; allowed: a file");
   }
+  // It is read by each program of the run, and a pipe would be waited for.
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+    throw std::runtime_error("is a pipe or a device; allowed: a file");
+  }
+  errno = 0;
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw std::runtime_error("cannot be read; see its permissions");
+  if (!file) {
+    const int cause = errno;
+    throw std::runtime_error(fmt::format("cannot be read: {}; {}", std::strerror(cause),
+                                         cause == EMFILE || cause == ENFILE
+                                             ? "allow more open files, for example: ulimit -n 1024"
+                                             : "see its permissions"));
+  }
   std::string text(max_file_bytes + 1, '\0');
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
   if (file.bad()) throw std::runtime_error("cannot be read");

@@ -88,6 +88,7 @@ struct LoopSpec {
   std::int64_t num_ticks = 1000;  ///< duration / period, an integer
   int command_delay = 0;
   int max_missed = 20;
+  double max_missed_share = 0.01;
   double give_up_s = 5;
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;
@@ -110,6 +111,12 @@ struct LoopSpec {
       schema::Key{"max_missed", &LoopSpec::max_missed, "ticks",
                   "Realtime: commands missed in a row before the protective stop"}
           .in({0, 1e6})
+          .by_default(),
+      schema::Key{
+          "max_missed_share", &LoopSpec::max_missed_share, "",
+          "Realtime: share of deadlines that the plant may miss; a run that missed more ends "
+          "with exit code 1"}
+          .in({0, 1})
           .by_default(),
       schema::Key{"give_up_s", &LoopSpec::give_up_s, "s", "A peer silent for this long is lost"}
           .in({0, 3600, true, false})

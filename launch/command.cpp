@@ -7,9 +7,11 @@
 #include <exception>
 #include <iostream>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "diagnostics/logging.h"
+#include "diagnostics/system_failure.h"
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "launch/verb.h"
@@ -95,6 +97,10 @@ int tachless(int argc, const char* const* argv) {
   try {
     return static_cast<int>(run(argc, argv));
   } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_error(failure.what());
+    return static_cast<int>(failure.code());
+  } catch (const std::system_error& error) {
+    const diagnostics::Failure failure = diagnostics::system_failure(error);
     diagnostics::log_error(failure.what());
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {

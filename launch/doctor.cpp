@@ -212,6 +212,13 @@ Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& direc
   return finding;
 }
 
+std::vector<Finding> examine_punctuality() {
+  std::vector<Finding> findings = {check_real_time(), check_locked_memory(), check_clock(),
+                                   check_stolen_time()};
+  std::erase_if(findings, [](const Finding& finding) { return finding.ok; });
+  return findings;
+}
+
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory) {
   std::vector<Finding> findings;
   bus::LcmUrl url;

@@ -23,6 +23,10 @@ struct Finding {
 /// of `directory`, programs. Takes about a second, changes nothing.
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory);
 
+/// What is not well with this machine's punctuality: real-time rights, clock, time that a host
+/// takes.
+std::vector<Finding> examine_punctuality();
+
 /// The judgement on single figures.
 /// @param interface the one that messages to the bus leave by; empty if there is none
 Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface);

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/file.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <array>
@@ -70,6 +71,17 @@ std::vector<std::string> RunOptions::all_overrides() const {
   if (!mode.empty()) all.push_back("loop.mode=" + mode);
   if (!duration_s.empty()) all.push_back("loop.duration_s=" + duration_s);
   return all;
+}
+
+void require_open_files() {
+  constexpr rlim_t needed = 64;  // pipes to the programs, sockets, log
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= needed) return;
+  throw Failure(
+      ExitCode::bad_usage,
+      fmt::format("a program may have {} files open here; a run needs {}; type: ulimit -n "
+                  "1024",
+                  limit.rlim_cur, needed));
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {
@@ -175,8 +187,9 @@ std::vector<Process> run_processes(const RunOptions& options, const RunDirectory
   std::vector<Process> all;
   for (const loop::Role role : roles) {
     std::vector<std::string> command = command_of(node::program_name(role), options);
-    command.insert(command.end(), {"--quiet", "--wait-s", rendezvous_s, "--stats",
-                                   out.statistics_path(role).string()});
+    command.insert(command.end(),
+                   {options.verbose ? "--verbose" : "--quiet", "--mark-levels", "--wait-s",
+                    rendezvous_s, "--stats", out.statistics_path(role).string()});
     if (role == loop::Role::plant) {
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }

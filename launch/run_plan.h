@@ -29,11 +29,16 @@ struct RunOptions {
   bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
   bool force = false;        ///< run a loop that is unstable when linearised
   bool quiet = false;
+  bool verbose = false;
   bool json = false;
   bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
 };
+
+/// Whether the four programs can open what they need.
+/// @throw diagnostics::Failure(bad_usage) naming the limit
+void require_open_files();
 
 /// The scenario of a run. What a process would refuse later is refused here.
 /// @throw diagnostics::Failure(bad_usage)

@@ -5,13 +5,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstring>
-#include <fstream>
 #include <iostream>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -20,17 +16,15 @@
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
+#include "launch/doctor.h"
 #include "launch/progress.h"
+#include "launch/run_results.h"
 #include "launch/run_verdict.h"
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
 #include "process/side_process.h"
-#include "report/figure.h"
-#include "report/gnuplot.h"
 #include "report/joint_units.h"
-#include "report/log_tracking.h"
-#include "report/report.h"
 #include "report/summary.h"
 #include "viewer/visualizer.h"
 
@@ -53,9 +47,7 @@ class Heartbeats {
   }
 
   void read_into(Progress& progress) {
-    bus::Transport& transport =
-        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
-    while (const auto datagram = transport.receive(loop::Clock::time_point{})) {
+    while (const auto datagram = transport().receive(loop::Clock::time_point{})) {
       loop::Stamp stamp;
       loop::Participant participant;
       if (codec_.decode(datagram->payload, stamp, participant) == bus::Rejection::none &&
@@ -65,7 +57,33 @@ class Heartbeats {
     }
   }
 
+  /// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
+  /// @throw diagnostics::Failure(protocol_violated) when a robot of this name has its processes
+  /// here
+  void require_free_bus() {
+    const auto until = loop::Clock::now() + std::chrono::milliseconds(250);
+    while (loop::Clock::now() < until) {
+      const auto datagram = transport().receive(until);
+      loop::Stamp stamp;
+      loop::Participant other;
+      if (!datagram || codec_.decode(datagram->payload, stamp, other) != bus::Rejection::none ||
+          other.state == loop::ParticipantState::finished ||
+          other.state == loop::ParticipantState::fault) {
+        continue;
+      }
+      throw diagnostics::Failure(
+          diagnostics::ExitCode::protocol_violated,
+          fmt::format("another run is on this bus: there is already the {} (process {} on {}, {}); "
+                      "run beside it with --isolate, or end it first",
+                      loop::name(other.role), other.pid, other.host, datagram->sender));
+    }
+  }
+
  private:
+  bus::Transport& transport() {
+    return authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+  }
+
   bus::UdpTransport transport_;
   std::optional<bus::Authenticated> authenticated_;
   bus::Codec<loop::Participant> codec_;
@@ -95,10 +113,11 @@ class Screen {
   }
 
   void pass_on(std::string_view name, std::string_view line) {
-    if (line.ends_with(": interrupted")) return;  // written once, by the launcher
     clear();
     const bool named = line.starts_with("tachless-");
-    std::cerr << fmt::format("{}{}{}\n", named ? "" : name, named ? "" : ": ", line) << std::flush;
+    std::cerr << fmt::format("{}{}{}\n", named ? "" : name, named ? "" : ": ",
+                             diagnostics::printable(line))
+              << std::flush;
   }
 
  private:
@@ -202,56 +221,32 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
   return facts;
 }
 
-/// Reads the log back; writes summary, figure and report, and for people the closing table. Why the
-/// run failed, as its signals show; empty when it did not.
-std::string write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                          const RunDirectory& out, report::RunFacts facts) {
-  facts.log_path = (out / "lcmlog").string();
-  report::Tracking tracking(scenario.num_joints);
-  try {
-    logger::RunLog log = logger::RunLog::open(facts.log_path, facts.run_id);
-    tracking = report::track(log);
-    facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
-    facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
-  } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_warning(failure.what());
-  }
-
-  const report::JointUnits units = report::joint_units(*scenario.model);
-  const report::RunSummary summary{facts, tracking, out.take_statistics()};
-  const std::string json = to_json(summary, units).dump(2) + "\n";
-  const fs::path summary_path = out / "summary.json";
-  if (!(std::ofstream(summary_path) << json)) {
-    diagnostics::log_warning(
-        fmt::format("cannot write {}: {}", summary_path.string(), std::strerror(errno)));
-  }
-  const report::FigureFacts figure{
-      fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
-      facts.period_s, units.length, units.effort};
-  if (tracking.num_ticks() > 0) {
-    try {
-      const fs::path svg = out / "tracking.svg";
-      report::draw(report::tracking_figure(tracking, figure, svg), svg);
-      report::write_report({report::read_recorded_run(facts.log_path, facts.run_id)},
-                           out / "report.html");
-    } catch (const diagnostics::Failure& failure) {
-      diagnostics::log_warning(failure.what());
+/// The first cause, once; who else ended, in one line.
+void tell_end(const report::RunFacts& facts, const Supervision& supervision,
+              const RunOptions& options) {
+  if (options.verbose) {
+    for (const ProcessEnd& end : supervision.ends) {
+      if (end.failed()) diagnostics::log_info(describe(end));
     }
   }
-
-  if (options.json) {
-    std::cout << json;
-  } else if (!options.quiet) {
-    std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
-    for (const fs::path& file : out.files()) std::cout << fmt::format("  {}\n", file.string());
+  if (!facts.fault) return;
+  diagnostics::log_error(*facts.fault);
+  const std::string others = others_that_failed(supervision);
+  if (!supervision.interrupted && !others.empty()) {
+    diagnostics::log_info(fmt::format("because of it ended: {}{}", others,
+                                      options.verbose ? "" : "; details with --verbose"));
   }
-  const report::Observed observed = summary.observed();
-  return observed.bad() ? text(observed, units) : std::string();
+  if (exit_code(supervision) != diagnostics::ExitCode::check_said_no) return;
+  for (const Finding& finding : examine_punctuality()) {
+    diagnostics::log_info(fmt::format("{}: {}; type: {}", finding.subject, finding.what,
+                                      finding.remedy.value_or("tachless doctor")));
+  }
 }
 
 }  // namespace
 
 diagnostics::ExitCode run_session(RunOptions options) {
+  require_open_files();
   const experiment::Scenario scenario = checked_scenario(options);
   const RunVerdict verdict = judge(scenario, options);
   const bool isolated = prepare_network(options);
@@ -263,8 +258,10 @@ diagnostics::ExitCode run_session(RunOptions options) {
                          .count();
   }
 
+  process::survive_broken_pipes();
   Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
   Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
+  if (!isolated) heartbeats.require_free_bus();
   Screen screen(options.quiet);
   std::optional<Window> window;
   if (options.visualize) window.emplace(options, isolated, screen);
@@ -281,13 +278,28 @@ diagnostics::ExitCode run_session(RunOptions options) {
   if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
-  const report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
-  if (facts.fault) diagnostics::log_error(*facts.fault);
-  const std::string failure = write_results(scenario, options, out, facts);
+  report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
+  facts.log_path = (out / "lcmlog").string();
+  const ReadBack log = read_back(scenario, facts.log_path, options.run_id);
+  facts.log_ticks = log.ticks;
+  facts.log_gaps = log.gaps;
+  diagnostics::ExitCode code = exit_code(supervision);
+  const bool done = code == diagnostics::ExitCode::done;
+  if (done) {
+    const std::string problem = log_problem(log, scenario, facts.log_path);
+    if (!problem.empty()) {
+      facts.fault = problem;
+      code = diagnostics::ExitCode::check_said_no;
+    }
+  }
+  tell_end(facts, supervision, options);
+  const report::RunSummary summary{facts, log.tracking, out.take_statistics()};
+  write_results(scenario, options, out, summary);
   if (window) window->finish(options.quiet);
-  const diagnostics::ExitCode code = exit_code(supervision);
-  if (failure.empty() || options.any_verdict || code != diagnostics::ExitCode::done) return code;
-  diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure", failure));
+  const report::Observed observed = summary.observed();
+  if (!done || options.any_verdict || !observed.bad()) return code;
+  diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
+                                     text(observed, report::joint_units(*scenario.model))));
   return diagnostics::ExitCode::check_said_no;
 }
 

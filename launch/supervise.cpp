@@ -12,8 +12,12 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <string_view>
 #include <system_error>
 #include <utility>
+
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 
 namespace tachless::launch {
 namespace {
@@ -21,9 +25,20 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds wake_interval{50};
+constexpr int check_said_no = static_cast<int>(diagnostics::ExitCode::check_said_no);
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
+}
+
+// starts_with, of a line handed over by value: g++ 12 warns falsely of memory that is not set.
+bool has_mark(const std::string& line, std::string_view mark) { return line.rfind(mark, 0) == 0; }
+
+/// "tachless-plant: protective stop …" without the program's name.
+std::string without_program(const std::string& line) {
+  constexpr std::string_view separator = ": ";
+  const std::size_t end = line.starts_with("tachless-") ? line.find(separator) : std::string::npos;
+  return end == std::string::npos ? line : line.substr(end + separator.size());
 }
 
 // Signals that end a run and were delivered while `SuperviseOptions::on_wake` let them through.
@@ -36,7 +51,7 @@ class Signals {
   Signals() {
     sigset_t set;
     sigemptyset(&set);
-    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) sigaddset(&set, signal);
+    for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGCHLD}) sigaddset(&set, signal);
     if (sigprocmask(SIG_BLOCK, &set, &mask_before_) != 0) fail("sigprocmask");
     delivered = 0;
     struct sigaction count {};
@@ -67,7 +82,7 @@ class Signals {
   }
 
  private:
-  static constexpr std::array ending = {SIGINT, SIGTERM, SIGHUP};
+  static constexpr std::array ending = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
 
   sigset_t mask_before_{};
   std::array<struct sigaction, ending.size()> before_{};
@@ -123,8 +138,16 @@ class Run {
 
   void read_output(std::size_t i) {
     read_lines(children_[i], [&](std::string line) {
-      if (options_.on_line) options_.on_line(result_.ends[i].name, line);
-      result_.ends[i].last_line = std::move(line);
+      ProcessEnd& end = result_.ends[i];
+      if (has_mark(line, diagnostics::error_mark)) {
+        end.cause = without_program(line.substr(diagnostics::error_mark.size()));
+        return;
+      }
+      if (has_mark(line, diagnostics::warning_mark)) {
+        line.erase(0, diagnostics::warning_mark.size());
+      }
+      if (options_.on_line) options_.on_line(end.name, line);
+      end.last_line = std::move(line);
     });
   }
 
@@ -186,13 +209,17 @@ class Run {
       const auto is_victim = [](const ProcessEnd& e) {
         return e.signal == 0 &&
                (e.exit_code == static_cast<int>(diagnostics::ExitCode::peer_lost) ||
-                e.last_line.find("ended because of ") != std::string::npos);
+                e.cause.starts_with("ended because of "));
       };
       const bool first = !result_.culprit.has_value();
       if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
         result_.culprit = i;
       }
-      if (first) terminate_at_ = std::min(terminate_at_, now + options_.grace);
+      if (first && end.signal == 0 && end.exit_code == check_said_no) {
+        stragglers_at_ = now + options_.end_together;  // it came to its end, as the others will
+      } else {
+        terminate_at_ = std::min(terminate_at_, now + options_.grace);
+      }
     } else if (!ordered_ && !clean_end_) {
       clean_end_ = true;
       stragglers_at_ = now + options_.end_together;
@@ -201,7 +228,7 @@ class Run {
 
   void enforce() {
     const Clock::time_point now = Clock::now();
-    if (now >= stragglers_at_ && !result_.culprit && !ordered_) {
+    if (now >= stragglers_at_ && terminate_at_ == Clock::time_point::max() && !ordered_) {
       for (std::size_t i = 0; i < children_.size(); ++i) {
         if (!children_[i].running) continue;
         result_.ends[i].overdue = true;
@@ -261,7 +288,10 @@ Supervision supervise(const std::vector<Process>& processes, const SuperviseOpti
 
 std::string describe(const ProcessEnd& end) {
   std::string text = end.name;
-  if (end.overdue) {
+  const bool told = end.signal == 0 && !end.overdue && !end.cause.empty();
+  if (told) {
+    // The cause follows below.
+  } else if (end.overdue) {
     text += " went on after the others had ended, and was stopped";
   } else if (end.signal != 0) {
     text += fmt::format(" was killed by signal {} ({})", end.signal, strsignal(end.signal));
@@ -274,8 +304,20 @@ std::string describe(const ProcessEnd& end) {
   if (end.restarts > 0) {
     text += fmt::format(", after {} restart{}", end.restarts, end.restarts == 1 ? "" : "s");
   }
-  if (!end.last_line.empty()) text += (end.failed() ? ": " : ", saying: ") + end.last_line;
+  const std::string& words = told ? end.cause : end.last_line;
+  if (!words.empty()) text += (end.failed() ? ": " : ", saying: ") + words;
   return text;
+}
+
+std::string others_that_failed(const Supervision& supervision) {
+  std::vector<std::string> others;
+  for (std::size_t i = 0; i < supervision.ends.size(); ++i) {
+    const ProcessEnd& end = supervision.ends[i];
+    if (i == supervision.culprit || !end.failed()) continue;
+    others.push_back(end.signal != 0 ? fmt::format("{} (signal {})", end.name, end.signal)
+                                     : fmt::format("{} (exit code {})", end.name, end.exit_code));
+  }
+  return diagnostics::joined(others);
 }
 
 diagnostics::ExitCode exit_code(const Supervision& supervision) {

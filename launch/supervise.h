@@ -13,7 +13,9 @@
 
 namespace tachless::launch {
 
-/// A process to start. Its stdout and stderr come line by line to `SuperviseOptions::on_line`.
+/// A process to start. Its stdout and stderr come line by line to `SuperviseOptions::on_line`; but
+/// a line that is marked as an error (diagnostics::error_mark) is the process's
+/// `ProcessEnd::cause`.
 struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
@@ -31,6 +33,7 @@ struct ProcessEnd {
   bool on_order = false;  ///< it ended after it had been told to
   bool overdue = false;   ///< it went on for long after another had ended well
   std::string last_line;  ///< the last line it wrote
+  std::string cause;      ///< why it ended, where it has said so: without mark and program's name
   int restarts = 0;       ///< before this end
 
   [[nodiscard]] bool failed() const { return signal != 0 || exit_code != 0; }
@@ -51,19 +54,22 @@ struct SuperviseOptions {
 struct Supervision {
   std::vector<ProcessEnd> ends;        ///< in the order of the processes given
   std::optional<std::size_t> culprit;  ///< index of the process because of which the run ended
-  bool interrupted = false;            ///< by SIGINT, SIGTERM or SIGHUP to this process
+  bool interrupted = false;            ///< by a signal to this process
 };
 
 /// Starts `processes`, each in a process group of its own (so that Ctrl-C reaches this process
-/// alone), and returns when all have ended. SIGINT, SIGTERM and SIGHUP are passed on once, as
-/// SIGINT; a second one kills. When one process fails, the others get `grace` to end by
+/// alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and SIGPIPE are passed
+/// on once, as SIGINT; a second one kills. When one process fails, the others get `grace` to end by
 /// themselves, then SIGTERM, then SIGKILL. Should this process die, its children get SIGTERM.
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.
 Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options);
 
-/// One line: "controller was killed by signal 9 (Killed); its last words: …".
+/// One line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at tick …".
 std::string describe(const ProcessEnd& end);
+
+/// Who else failed, in a few words: "plant (exit code 3), logger (exit code 3)"; empty: nobody.
+std::string others_that_failed(const Supervision& supervision);
 
 /// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal
 /// killed it, say) 5 if another brought the robot to a protective stop, else 3.

@@ -1,9 +1,9 @@
 #include "logger/export.h"
 
 #include <system_error>
-#include <utility>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/unfinished_file.h"
 #include "logger/csv_file.h"
 #include "logger/hdf5_file.h"
 #include "logger/table.h"
@@ -11,48 +11,14 @@
 namespace tachless::logger {
 namespace {
 
-/// The name under which a file is written until it is whole.
-class Unfinished {
- public:
-  Unfinished(std::filesystem::path path, bool force) : path_(std::move(path)) {
-    std::error_code error;
-    const auto status = std::filesystem::status(path_, error);
-    if (std::filesystem::is_directory(status)) {
-      refuse("is a directory; name a file");
-    }
-    // A pipe or a terminal is written to as it is.
-    direct_ = std::filesystem::exists(status) && !std::filesystem::is_regular_file(status);
-    if (std::filesystem::exists(status) && !direct_ && !force) {
-      refuse("exists already; name another file, or overwrite it with --force");
-    }
-    if (!direct_) partial_ = path_.string() + ".partial";
-  }
-  Unfinished(const Unfinished&) = delete;
-  Unfinished& operator=(const Unfinished&) = delete;
-  ~Unfinished() {
-    std::error_code ignored;
-    if (!direct_) std::filesystem::remove(partial_, ignored);
-  }
-
-  [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : partial_; }
-  [[nodiscard]] bool direct() const { return direct_; }
-
-  void finish() {
-    if (direct_) return;
-    std::error_code error;
-    std::filesystem::rename(partial_, path_, error);
-    if (error) refuse("cannot be written: " + error.message());
-  }
-
- private:
-  [[noreturn]] void refuse(const std::string& problem) const {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, path_.string() + ": " + problem);
-  }
-
-  std::filesystem::path path_;
-  std::filesystem::path partial_;
-  bool direct_ = false;
-};
+/// @throw Failure(bad_usage) when there is a file already that is not to be replaced
+void require_free(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return;
+  throw diagnostics::Failure(
+      diagnostics::ExitCode::bad_usage,
+      path.string() + ": exists already; name another file, or overwrite it with --force");
+}
 
 template <class File>
 void write_rows(RunLog& log, const std::vector<Quantity>& quantities, File& file,
@@ -97,7 +63,8 @@ std::string ExportResult::text() const {
 
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFormat format,
                         bool force) {
-  Unfinished unfinished(path, force);
+  if (!force) require_free(path);
+  diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
   const auto quantities = quantities_of(log);
   ExportResult result;
   log.rewind();

@@ -207,8 +207,8 @@ LogInfo read_info(const std::filesystem::path& path) {
 }
 
 std::string to_text(const LogInfo& info) {
-  return fmt::format("log       {}\nsize      {} bytes, {} messages, {}\n", info.path.native(),
-                     info.size_bytes, info.events,
+  return fmt::format("log       {}\nsize      {} bytes, {} messages, {}\n",
+                     printable(info.path.native()), info.size_bytes, info.events,
                      seconds(difference(info.last_utime, info.first_utime))) +
          (info.run ? run_text(*info.run)
                    : fmt::format("run       unknown: {}\n", info.run_problem)) +
@@ -272,7 +272,7 @@ nlohmann::json json_of(const RunFacts& run) {
 nlohmann::json to_json(const LogInfo& info) {
   using nlohmann::json;
   json result;
-  result["path"] = printable(info.path.string());
+  result["path"] = info.path.string();
   result["size_bytes"] = info.size_bytes;
   result["messages"] = info.events;
   result["messages_on_further_channels"] = info.events_elsewhere;

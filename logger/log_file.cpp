@@ -150,6 +150,7 @@ void LogWriter::append(std::int64_t utime, std::string_view channel,
 
 void LogWriter::flush() {
   require_usable();
+  require_own_file();
   write_out({buffer_.data(), filled_});
   whole_ = written_;
   filled_ = 0;
@@ -168,6 +169,26 @@ void LogWriter::close() {
   // A log on something that cannot be synchronised, such as a pipe, is no error.
   if (fsync(file_) != 0 && errno != EINVAL && errno != EROFS) fail(errno);
   if (::close(std::exchange(file_, -1)) != 0) fail(errno);
+}
+
+void LogWriter::require_own_file() {
+  struct stat open {};
+  if (fstat(file_, &open) != 0) fail(errno);
+  if (!S_ISREG(open.st_mode)) return;
+  struct stat named {};
+  const bool exists = stat(path_.c_str(), &named) == 0;
+  const bool same = exists && named.st_dev == open.st_dev && named.st_ino == open.st_ino;
+  const auto size = static_cast<std::uint64_t>(open.st_size);
+  if (same && size == written_) return;
+  const std::string what = !exists ? "was removed or moved away"
+                           : !same ? "was replaced by another file"
+                                   : "was " + std::to_string(written_) + " bytes long and has " +
+                                         std::to_string(size) + " now";
+  filled_ = 0;
+  ::close(std::exchange(file_, -1));
+  failure_ = path_.string() + ": the log " + what +
+             " while it was being written; leave it alone until the run has ended";
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
 }
 
 void LogWriter::write_out(std::span<const std::byte> data) {

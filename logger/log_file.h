@@ -61,6 +61,8 @@ class LogWriter {
   void write_out(std::span<const std::byte> data);
   [[noreturn]] void fail(int error);
   void require_usable() const;
+  /// @throw diagnostics::Failure(bad_usage) when others have removed, replaced or cut the file
+  void require_own_file();
 
   std::filesystem::path path_;
   int file_ = -1;

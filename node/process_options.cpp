@@ -7,7 +7,9 @@
 #include <cmath>
 #include <exception>
 #include <iostream>
+#include <system_error>
 
+#include "diagnostics/system_failure.h"
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "node/options.h"
@@ -65,6 +67,7 @@ struct Given {
   std::string log_path;
   bool verbose = false;
   bool quiet = false;
+  bool mark_levels = false;
 };
 
 void add_role_options(CLI::App& cli, loop::Role role, Given& given) {
@@ -103,6 +106,8 @@ void add_options(CLI::App& cli, loop::Role role, ProcessOptions& options, Given&
   add_role_options(cli, role, given);
   auto* quiet = cli.add_flag("-q,--quiet", given.quiet, "Warnings and errors only");
   cli.add_flag("-v,--verbose", given.verbose, "More detail on stderr")->excludes(quiet);
+  // For `tachless run`, which tells the cause of an end from other lines by it; not in --help.
+  cli.add_flag("--mark-levels", given.mark_levels)->group("");
 }
 
 std::filesystem::path default_log_path() {
@@ -168,6 +173,7 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
   }
   if (given.quiet) options.verbosity = diagnostics::Verbosity::quiet;
   if (given.verbose) options.verbosity = diagnostics::Verbosity::verbose;
+  if (given.mark_levels) options.marks = diagnostics::Marks::levels;
   return options;
 }
 
@@ -177,9 +183,13 @@ int run_process(loop::Role role, int argc, const char* const* argv,
   try {
     const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);
     if (!options) return static_cast<int>(ExitCode::done);
-    diagnostics::start_logging(program_name(role), options->verbosity);
+    diagnostics::start_logging(program_name(role), options->verbosity, options->marks);
     return static_cast<int>(run(*options));
   } catch (const Failure& failure) {
+    diagnostics::log_error(failure.what());
+    return static_cast<int>(failure.code());
+  } catch (const std::system_error& error) {
+    const Failure failure = diagnostics::system_failure(error);
     diagnostics::log_error(failure.what());
     return static_cast<int>(failure.code());
   } catch (const std::exception& error) {

@@ -38,6 +38,7 @@ struct ProcessOptions {
   double wait_s = 0;  ///< longest wait for the other processes at the start; 0 = unlimited
   std::optional<std::filesystem::path> stats_path;  ///< where counters go, as JSON, at the end
   diagnostics::Verbosity verbosity = diagnostics::Verbosity::normal;
+  diagnostics::Marks marks = diagnostics::Marks::none;  ///< --mark-levels, for who reads the lines
   PlantOptions plant;
   ControllerOptions controller;
   LoggerOptions logger;
@@ -57,7 +58,8 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
 std::filesystem::path next_log_path(const std::filesystem::path& directory, const std::tm& date);
 
 /// The whole of a `main`: options, logging, then `run`. A Failure becomes its one line on stderr
-/// and its exit code; any other exception becomes one line and exit code 4 (an internal error).
+/// and its exit code, as does what the system refuses (code 2); any other exception becomes one
+/// line and exit code 4 (an internal error).
 int run_process(loop::Role role, int argc, const char* const* argv,
                 const std::function<diagnostics::ExitCode(const ProcessOptions&)>& run);
 

@@ -123,6 +123,8 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
     throw;
   }
   report();
+  // The run went to its end, and a check of it said no.
+  if (statistics().fault) throw Failure(statistics().exit_code, *statistics().fault);
   return ExitCode::done;
 }
 

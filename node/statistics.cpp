@@ -3,10 +3,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "diagnostics/json_text.h"
+#include "diagnostics/unfinished_file.h"
 #include "loop/messages.h"
 
 namespace tachless::node {
@@ -117,7 +118,7 @@ std::string to_json(const Statistics& statistics) {
                {"fault", statistics.fault ? Json(*statistics.fault) : Json()}};
   to_json(json, statistics);
   std::visit([&](const auto& own) { to_json(json, own); }, statistics.own);
-  return json.dump();
+  return diagnostics::json_text(json);
 }
 
 Statistics statistics_from_json(const std::string& text) {
@@ -141,14 +142,8 @@ Statistics statistics_from_json(const std::string& text) {
 }
 
 void write_statistics(const Statistics& statistics, const std::filesystem::path& path) {
-  std::ofstream file(path);
-  file << to_json(statistics) << '\n';
-  file.close();
-  if (!file) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("--stats: cannot write {}; name a file in a writable place", path.string()));
-  }
+  diagnostics::UnfinishedFile(path, "name a file in a writable place with --stats")
+      .write(to_json(statistics) + "\n");
 }
 
 }  // namespace tachless::node

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "bus/wire.h"
+#include "diagnostics/text.h"
 #include "diagnostics/time.h"
 
 namespace tachless::plant {
@@ -73,6 +74,22 @@ void RealtimeLoop::run() {
   }
   robot_.stop();
   link_.leave();
+  judge_deadlines();
+}
+
+/// The run is whole and stays so; whether it was one in real time is another question.
+void RealtimeLoop::judge_deadlines() {
+  const auto missed = link_.statistics().plant().missed_deadlines;
+  const double share = static_cast<double>(missed) / static_cast<double>(scenario_.loop.num_ticks);
+  if (share <= scenario_.loop.max_missed_share) return;
+  link_.statistics().exit_code = ExitCode::check_said_no;
+  link_.statistics().fault = fmt::format(
+      "{} of {} deadlines were missed ({:.3g} %), more than loop.max_missed_share ({}) allows: "
+      "this "
+      "machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; type: "
+      "tachless doctor; or lengthen loop.period_s",
+      missed, scenario_.loop.num_ticks, 100 * share,
+      diagnostics::shortest(scenario_.loop.max_missed_share), 1e3 * scenario_.loop.period_s);
 }
 
 void RealtimeLoop::refuse_early(const bus::Datagram& datagram) {

@@ -26,4 +26,6 @@ const std::atomic<bool>& catch_interruptions(int flags) {
 
 void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }
 
+void survive_broken_pipes() { std::signal(SIGPIPE, SIG_IGN); }
+
 }  // namespace tachless::process

@@ -14,4 +14,7 @@ const std::atomic<bool>& catch_interruptions(int flags = 0);
 /// told to the user, instead of ending the process.
 void survive_file_size_limit();
 
+/// From now on a write to a pipe that nobody reads fails, instead of ending the process.
+void survive_broken_pipes();
+
 }  // namespace tachless::process

@@ -16,6 +16,8 @@
 namespace tachless::replay {
 namespace {
 
+constexpr std::string_view remedy = "name another place with --out";
+
 /// Of the keys of a scenario, those that a controller's commands depend on.
 void require_of_controller(const std::vector<std::string>& overrides) {
   for (const std::string& setting : overrides) {
@@ -34,8 +36,8 @@ void require_of_controller(const std::vector<std::string>& overrides) {
 }  // namespace
 
 WhatIf::WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units)
-    : csv_path_(std::move(csv)),
-      csv_(csv_path_),
+    : file_(std::move(csv), remedy),
+      csv_(file_.name()),
       period_s_(period_s),
       effort_units_(std::move(effort_units)),
       joints_(effort_units_.size()) {
@@ -46,13 +48,7 @@ WhatIf::WhatIf(std::filesystem::path csv, double period_s, std::vector<std::stri
     }
   }
   csv_ << '\n';
-  if (!csv_) refuse();
-}
-
-void WhatIf::refuse() const {
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             fmt::format("{}: cannot be written: {}; name another place with --out",
-                                         csv_path_.string(), std::strerror(errno)));
+  if (!csv_) file_.refuse(std::strerror(errno));
 }
 
 void WhatIf::add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
@@ -72,7 +68,8 @@ void WhatIf::add(std::int64_t tick, const robot::Vector& recorded, const robot::
 
 void WhatIf::finish() {
   csv_.close();
-  if (!csv_) refuse();
+  if (!csv_) file_.refuse(std::strerror(errno));
+  file_.finish();
 }
 
 std::string WhatIf::figure(const std::string& title, const std::filesystem::path& svg) const {
@@ -108,7 +105,6 @@ Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std:
       {}};
   const std::filesystem::path folder = out.empty() ? log.path().parent_path() : out;
   std::error_code error;
-  if (!folder.empty()) std::filesystem::create_directories(folder, error);
   result.csv = folder / "replay.csv";
   result.svg = folder / "replay.svg";
   const std::string& was = log.scenario().controller.law;
@@ -117,14 +113,18 @@ Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std:
                              is == was ? "with other settings" : fmt::format("under {}", is));
 
   controller::scenario_law(result.scenario);  // complains before files are made
+  if (!folder.empty()) std::filesystem::create_directories(folder, error);
   WhatIf what_if(result.csv, log.info().period_s, effort_units);
   result.replay = replay(log, result.scenario,
                          [&](std::int64_t tick, const auto& recorded, const auto& replayed) {
                            what_if.add(tick, recorded, replayed);
                          });
+  diagnostics::UnfinishedFile svg(result.svg, remedy);
+  if (result.replay.compared > 0) {
+    report::draw(what_if.figure(result.title, svg.name()), svg.name());
+    svg.finish();
+  }
   what_if.finish();
-  if (result.replay.compared > 0)
-    report::draw(what_if.figure(result.title, result.svg), result.svg);
   return result;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnostics/unfinished_file.h"
 #include "replay/replay.h"
 #include "report/envelope.h"
 
@@ -15,8 +16,8 @@ namespace tachless::replay {
 /// side, as a CSV table and as a figure.
 class WhatIf {
  public:
-  /// Starts the table `csv`: tick, t_s, then tau_1_Nm (recorded) and tau_replayed_1_Nm, … .
-  /// `effort_units`: per joint, "N m" or "N".
+  /// Starts the table that `finish` puts at `csv`: tick, t_s, then tau_1_Nm (recorded) and
+  /// tau_replayed_1_Nm, … . `effort_units`: per joint, "N m" or "N".
   /// @throw diagnostics::Failure(bad_usage) when it cannot be written.
   WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units);
 
@@ -30,12 +31,10 @@ class WhatIf {
                                    const std::filesystem::path& svg) const;
 
  private:
-  [[noreturn]] void refuse() const;
-
   struct Joint {
     report::Envelope recorded, replayed, difference;
   };
-  std::filesystem::path csv_path_;
+  diagnostics::UnfinishedFile file_;
   std::ofstream csv_;
   double period_s_;
   std::vector<std::string> effort_units_;

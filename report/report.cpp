@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/unfinished_file.h"
 #include "report/gnuplot.h"
 #include "report/report_charts.h"
 #include "report/report_page.h"
@@ -18,21 +19,23 @@ namespace {
 
 namespace fs = std::filesystem;
 
-class TemporaryDirectory {
+constexpr std::string_view remedy = "name another place with -o";
+
+/// A directory beside `file`, for what the file is made of: where it can be written, so can this.
+class WorkDirectory {
  public:
-  TemporaryDirectory() {
-    std::string pattern = (fs::temp_directory_path() / "tachless-report-XXXXXX").string();
+  explicit WorkDirectory(const fs::path& file) {
+    std::string pattern = file.string() + ".XXXXXX";
     if (mkdtemp(pattern.data()) == nullptr) {
       throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 fmt::format("{}: cannot make this directory: {}; set TMPDIR to a "
-                                             "place that is writable",
-                                             pattern, std::strerror(errno)));
+                                 fmt::format("{}: cannot be written: {}; {}", file.string(),
+                                             std::strerror(errno), remedy));
     }
     path_ = pattern;
   }
-  TemporaryDirectory(const TemporaryDirectory&) = delete;
-  TemporaryDirectory& operator=(const TemporaryDirectory&) = delete;
-  ~TemporaryDirectory() {
+  WorkDirectory(const WorkDirectory&) = delete;
+  WorkDirectory& operator=(const WorkDirectory&) = delete;
+  ~WorkDirectory() {
     std::error_code ignored;
     fs::remove_all(path_, ignored);
   }
@@ -42,9 +45,9 @@ class TemporaryDirectory {
   fs::path path_;
 };
 
-Drawings drawings_of(const std::vector<Chart>& charts) {
+Drawings drawings_of(const std::vector<Chart>& charts, const fs::path& html) {
   if (charts.empty()) return {};
-  const TemporaryDirectory directory;
+  const WorkDirectory directory(html);
   draw(chart_commands(charts, directory.path()), directory.path() / "report");
   Drawings drawings;
   for (const Chart& chart : charts) {
@@ -59,22 +62,8 @@ Drawings drawings_of(const std::vector<Chart>& charts) {
 
 void write_report(const std::vector<RecordedRun>& runs, const fs::path& html) {
   const std::vector<ReportSection> sections = report_sections(runs);
-  const std::string page = report_page(runs, sections, drawings_of(drawn_charts(sections)));
-  const fs::path partial = html.string() + ".partial";
-  std::ofstream file(partial);
-  file << page;
-  file.close();
-  std::error_code error;
-  if (file) fs::rename(partial, html, error);
-  if (!file || error) {
-    const int cause = errno;
-    std::error_code ignored;
-    fs::remove(partial, ignored);
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("{}: cannot be written: {}; name another place with -o", html.string(),
-                    error ? error.message() : std::strerror(cause)));
-  }
+  diagnostics::UnfinishedFile(html, remedy)
+      .write(report_page(runs, sections, drawings_of(drawn_charts(sections), html)));
 }
 
 }  // namespace tachless::report

@@ -108,21 +108,24 @@ double RunSummary::wall_s() const {
   return plant != nullptr ? plant->wall_s : facts.wall_s;
 }
 
-double RunSummary::duration_s() const {
-  return static_cast<double>(tracking.num_ticks()) * facts.period_s;
+std::int64_t RunSummary::ticks() const {
+  const Statistics* plant = of_role(*this, loop::Role::plant);
+  return plant != nullptr ? plant->ticks : tracking.num_ticks();
 }
+
+double RunSummary::duration_s() const { return static_cast<double>(ticks()) * facts.period_s; }
 
 Observed RunSummary::observed() const { return observe(tracking, plant_of(*this).saturated_ticks); }
 
 nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& units) {
   const RunFacts& facts = summary.facts;
   const double wall_s = summary.wall_s();
-  const auto ticks = static_cast<double>(summary.tracking.num_ticks());
+  const auto ticks = static_cast<double>(summary.ticks());
   Json json = {{"scenario", facts.scenario},
                {"run_id", facts.run_id},
                {"mode", facts.mode},
                {"law", facts.law},
-               {"ticks", summary.tracking.num_ticks()},
+               {"ticks", summary.ticks()},
                {"period_s", facts.period_s},
                {"duration_s", summary.duration_s()},
                {"wall_s", wall_s},
@@ -139,7 +142,7 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& unit
 std::string closing_table(const RunSummary& summary, const JointUnits& units) {
   const Tracking& tracking = summary.tracking;
   const double wall_s = summary.wall_s();
-  const auto ticks = static_cast<double>(tracking.num_ticks());
+  const auto ticks = static_cast<double>(summary.ticks());
   const node::PlantStatistics plant = plant_of(summary);
   std::string text =
       fmt::format("  {:>5}  {:>35}   {:>25}\n  {:>5}  {:>11} {:>11} {:>11}   {:>12} {:>12}\n",
@@ -151,7 +154,7 @@ std::string closing_table(const RunSummary& summary, const JointUnits& units) {
                         joint.torque.peak(), joint.torque.rms(), units.effort[i]);
   }
 
-  text += fmt::format("\n  {} ticks of {}, {}, in {:.3g} s", tracking.num_ticks(),
+  text += fmt::format("\n  {} ticks of {}, {}, in {:.3g} s", summary.ticks(),
                       short_period(summary.facts.period_s), summary.facts.mode, wall_s);
   if (wall_s > 0) {
     text += fmt::format(": {} ticks/s, {:.3g} x real time", short_rate(ticks / wall_s),

@@ -36,6 +36,8 @@ struct RunSummary {
 
   /// From the start of the run to its end, by the plant's clock where it has told.
   [[nodiscard]] double wall_s() const;
+  /// Ticks of the run, by the plant's count where it has told: of these the log may lack some.
+  [[nodiscard]] std::int64_t ticks() const;
   [[nodiscard]] double duration_s() const;  ///< of the motion
   /// What the run did, from its signals and the plant's counters.
   [[nodiscard]] Observed observed() const;

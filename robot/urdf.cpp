@@ -113,6 +113,14 @@ class Loader {
     }
   }
 
+  /// Farther away, an inertia about a joint has no digit of the body's own left.
+  void require_near(const std::string& what, const Eigen::Vector3d& offset) const {
+    constexpr double farthest_m = 1e4;
+    if (offset.norm() <= farthest_m) return;
+    refuse("{} is {} m away; allowed: up to {} m (is it in another unit?)", what, offset.norm(),
+           farthest_m);
+  }
+
   void check_joints() {
     for (const auto& [name, joint] : urdf_->joints_) {
       const std::string where = "joint '" + name + "'";
@@ -120,6 +128,7 @@ class Loader {
       if (!vector_of(X.position).allFinite() || !rotation_of(X.rotation).allFinite()) {
         refuse("{}: origin is not finite; give finite numbers", where);
       }
+      require_near(where + ": origin", vector_of(X.position));
       if (joint->type == urdf::Joint::FLOATING || joint->type == urdf::Joint::PLANAR) {
         refuse("{}: type {} is not supported; use revolute, continuous, prismatic or fixed", where,
                joint->type == urdf::Joint::PLANAR ? "planar" : "floating");
@@ -207,6 +216,7 @@ class Loader {
     const std::string why = R.allFinite() ? why_not_physical(mass)
                                           : "inertial origin is not finite; give finite numbers";
     if (!why.empty()) refuse("link '{}': {}", link.name, why);
+    require_near("link '" + link.name + "': inertial origin", mass.p_cm);
     // Not for R = 1, which would only round.
     if (!R.isIdentity(0)) {
       I = R * mass.I_cm * R.transpose();

@@ -5,6 +5,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "diagnostics/json_text.h"
 #include "launch/doctor.h"
 #include "launch/verb.h"
 #include "node/options.h"
@@ -34,7 +35,7 @@ void print_json(const std::vector<Finding>& findings) {
                     {"remedy", finding.remedy ? nlohmann::ordered_json(*finding.remedy)
                                               : nlohmann::ordered_json()}});
   }
-  std::cout << list.dump(2) << "\n";
+  std::cout << diagnostics::json_text(list, 2) << "\n";
 }
 
 Verb::Action declare(CLI::App& command) {

@@ -2,8 +2,8 @@
 
 #include <iostream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
+#include "diagnostics/json_text.h"
 #include "launch/verb.h"
 
 namespace tachless::launch::verb {
@@ -20,7 +20,8 @@ Verb::Action declare(CLI::App& command) {
   command.add_flag("--json", options->json, "As JSON");
   return [options] {
     const logger::LogInfo info = logger::read_info(options->log);
-    std::cout << (options->json ? logger::to_json(info).dump(2) + "\n" : logger::to_text(info));
+    std::cout << (options->json ? diagnostics::json_text(logger::to_json(info), 2) + "\n"
+                                : logger::to_text(info));
     return diagnostics::ExitCode::done;
   };
 }

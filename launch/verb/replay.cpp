@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "controller/registry.h"
+#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "launch/verb.h"
 #include "replay/verdict.h"
@@ -50,7 +51,7 @@ ExitCode verify(const Options& options, logger::RunLog& log, const report::Joint
                  {"same", problem.empty()}};
     json.update(to_json(result));
     json["wall_s"] = wall_s;
-    std::cout << json.dump(2) << "\n";
+    std::cout << diagnostics::json_text(json, 2) << "\n";
   } else if (problem.empty()) {
     std::cout << replay::verified_text(result, log, wall_s);
   }
@@ -76,7 +77,7 @@ ExitCode compare(const Options& options, logger::RunLog& log, const report::Join
     json.update(to_json(result));
     json["csv"] = comparison.csv.string();
     json["figure"] = result.compared > 0 ? Json(comparison.svg.string()) : Json();
-    std::cout << json.dump(2) << "\n";
+    std::cout << diagnostics::json_text(json, 2) << "\n";
   } else if (result.compared > 0) {
     std::cout << replay::comparison_text(comparison, units.effort, log.info().period_s);
   }

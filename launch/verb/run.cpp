@@ -40,7 +40,11 @@ Verb::Action declare(CLI::App& command) {
       "--visualize", options->visualize,
       "Show the robot in Simbody's 3D window, at the simulated pace, to the end of the "
       "motion; closing the window does not end the run");
-  command.add_flag("-q,--quiet", options->quiet, "No progress and no table");
+  auto* quiet = command.add_flag("-q,--quiet", options->quiet, "No progress and no table");
+  command
+      .add_flag("-v,--verbose", options->verbose,
+                "What each of the four programs works with, and why each of them ended")
+      ->excludes(quiet);
   command.add_flag("--json", options->json, "The summary on stdout, instead of the table");
   return [options] { return run_session(*options); };
 }

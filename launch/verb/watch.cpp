@@ -10,6 +10,7 @@
 #include <system_error>
 
 #include "bus/udp_transport.h"
+#include "diagnostics/json_text.h"
 #include "launch/verb.h"
 #include "monitor/bus_monitor.h"
 #include "monitor/listener.h"
@@ -44,7 +45,7 @@ bus::UdpTransport join(const std::string& lcm_url) {
 std::string json_text(const std::string& url, monitor::BusMonitor& monitor, int indent = -1) {
   nlohmann::ordered_json result = {{"lcm_url", url}};
   result.update(monitor.to_json());
-  return result.dump(indent) + "\n";
+  return diagnostics::json_text(result, indent) + "\n";
 }
 
 diagnostics::ExitCode watch_bus(const Options& options) {

@@ -25,5 +25,22 @@ TEST(Logging, NamesTheProgramAndShowsWhatWasAskedFor) {
             "tachless-plant: detail\ntachless-plant: info {}\n" + serious);
 }
 
+TEST(Logging, MarksErrorsAndWarningsForAProgramThatReadsThem) {
+  ::testing::internal::CaptureStderr();
+  start_logging("tachless-plant", Verbosity::quiet, Marks::levels);
+  log_warning("late");
+  log_error("lost");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(),
+            std::string(warning_mark) + "tachless-plant: late\n" + std::string(error_mark) +
+                "tachless-plant: lost\n");
+}
+
+TEST(Logging, ShowsNoTerminalEscapesAndNoBytesThatAreNotUtf8) {
+  ::testing::internal::CaptureStderr();
+  start_logging("tachless", Verbosity::normal);
+  log_warning("a \x1b[31mred\xc2\x9bK j\xf6rg");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "tachless: a ?[31mred?K j?rg\n");
+}
+
 }  // namespace
 }  // namespace tachless::diagnostics

@@ -65,6 +65,10 @@ TEST(Text, PrintableKeepsUtf8AndReplacesTheRest) {
   EXPECT_EQ(printable("plain"), "plain");
   EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");
   EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
+  EXPECT_EQ(printable("\xc2\x9b"
+                      "31m \xc2\xb5s"),
+            "?31m \xc2\xb5s")
+      << "CSI in one character";
   EXPECT_EQ(printable("\xc0\x80\xed\xa0\x80\xf5\xe2\x82"), "????????");
 }
 

@@ -218,6 +218,7 @@ TEST(Scenario, FillsInTheDocumentedDefaultsWhichAreThoseOfTheStruct) {
   EXPECT_EQ(s.loop.num_ticks, d.loop.num_ticks);
   EXPECT_EQ(s.loop.command_delay, d.loop.command_delay);
   EXPECT_EQ(s.loop.max_missed, d.loop.max_missed);
+  EXPECT_EQ(s.loop.max_missed_share, 0.01);
   EXPECT_EQ(s.loop.give_up_s, d.loop.give_up_s);
 }
 

@@ -7,6 +7,8 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -15,6 +17,7 @@
 #include <sstream>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "logger/run_log.h"
@@ -46,9 +49,13 @@ class Run : public ::testing::Test {
   }
 
   void start(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"--isolate", "--out", out().string()});
+    start_on_this_network(std::move(arguments));
+  }
+
+  void start_on_this_network(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), {TACHLESS_BINARY_DIR "/bin/tachless", "run",
-                                         TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml",
-                                         "--isolate", "--out", out().string()});
+                                         TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml"});
     std::vector<char*> argv;
     for (std::string& word : arguments) argv.push_back(word.data());
     argv.push_back(nullptr);
@@ -186,6 +193,84 @@ TEST_F(Run, EndsCleanlyOnCtrlC) {
   EXPECT_EQ(summary()["fault"], "interrupted");
   EXPECT_EQ(summary()["log"]["gaps"], 0);
   EXPECT_GT(ticks_of(out() / "lcmlog"), 100);
+}
+
+std::size_t count(const std::string& text, const std::string& word) {
+  std::size_t found = 0;
+  for (std::size_t at = 0; (at = text.find(word, at)) != std::string::npos; ++at) ++found;
+  return found;
+}
+
+TEST_F(Run, TellsTheFirstCauseOnceAndWhoElseEnded) {
+  start({"--duration", "1000"});
+  wait_until_running();
+  kill(child("tachless-controller").value_or(0), SIGKILL);
+  EXPECT_EQ(finish(), 3);
+  const std::string errors = standard_error();
+  EXPECT_EQ(count(errors, "controller was killed by signal 9"), 1U) << errors;
+  EXPECT_EQ(count(errors, "ended because of"), 0U) << errors;
+}
+
+TEST_F(Run, EndsWhenItsLogIsRemovedReplacedOrCut) {
+  const std::vector<std::pair<std::string, void (*)(const fs::path&)>> acts = {
+      {"was removed", [](const fs::path& log) { fs::remove(log); }},
+      {"was replaced",
+       [](const fs::path& log) {
+         fs::remove(log);
+         std::ofstream(log) << "another";
+       }},
+      {"bytes long and has", [](const fs::path& log) { fs::resize_file(log, 0); }}};
+  for (const auto& [said, act] : acts) {
+    start({"--duration", "1000", "--quiet"});
+    wait_until_running();
+    act(out() / "lcmlog");
+    EXPECT_EQ(finish(), 2) << standard_error();
+    EXPECT_EQ(count(standard_error(), said), 1U) << standard_error();
+    fs::remove_all(out());
+  }
+}
+
+TEST_F(Run, NeedsNoDirectoryForTemporaryFiles) {
+  setenv("TMPDIR", "/missing", 1);
+  start({"--duration", "0.01"});
+  unsetenv("TMPDIR");
+  EXPECT_EQ(finish(), 0) << standard_error();
+  EXPECT_THAT(text_of(out() / "report.html"), HasSubstr("</html>"));
+}
+
+TEST_F(Run, EndsWithCode5AndNoInternalErrorWhenTheSquareOfTheErrorOverflows) {
+  start({"--duration", "0.01", "--set", "plant.initial.position_rad=[1e155, 0]"});
+  EXPECT_EQ(finish(), 5) << standard_error();
+  EXPECT_EQ(count(standard_error(), "internal error"), 0U) << standard_error();
+}
+
+TEST_F(Run, BesideAnotherOneIsRefusedNamingIsolateAndTouchesNothing) {
+  const fs::path second = directory_ / "second";
+  fs::create_directories(second);
+  std::ofstream(second / "summary.json") << "earlier";
+  start_on_this_network({"--out", out().string(), "--duration", "1000"});
+  wait_until_running();
+  const pid_t first = launcher_;
+  start_on_this_network({"--out", second.string(), "--duration", "0.01"});
+  EXPECT_EQ(finish(), 4);
+  EXPECT_THAT(standard_error(), AllOf(HasSubstr("there is already the"), HasSubstr("--isolate")));
+  EXPECT_EQ(count(standard_error(), "\n"), 1U) << standard_error();
+  EXPECT_EQ(standard_output(), "") << "no table of what did not happen";
+  EXPECT_EQ(text_of(second / "summary.json"), "earlier");
+  launcher_ = first;
+  kill(launcher_, SIGINT);
+  EXPECT_EQ(finish(), 130);
+}
+
+TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
+  for (const int signal : {SIGHUP, SIGQUIT, SIGPIPE, SIGTERM}) {
+    start({"--duration", "1000", "--quiet"});
+    wait_until_running();
+    kill(launcher_, signal);
+    EXPECT_EQ(finish(), 130) << strsignal(signal) << standard_error();
+    EXPECT_EQ(summary()["fault"], "interrupted") << strsignal(signal);
+    fs::remove_all(out());
+  }
 }
 
 TEST_F(Run, RefusesADirectoryThatAnotherRunWritesTo) {

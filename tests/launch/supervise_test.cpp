@@ -120,6 +120,30 @@ TEST(Supervise, PassesOnTheCulpritsExitCodeAndLastWords) {
             "plant ended with exit code 5: tau_1 is not finite");
 }
 
+TEST(Supervise, KeepsTheCauseThatAProcessGivesAndPassesOtherLinesOn) {
+  const Result result = watch(
+      {shell("plant",
+             "echo '<warning> tachless-plant: late'; echo '<error> tachless-plant: tau: nan'; exit "
+             "5"),
+       shell("logger",
+             "sleep 0.1; echo '<error> tachless-logger: ended because of the plant'; exit 3")});
+  EXPECT_THAT(result.lines.at("plant"), ElementsAre("tachless-plant: late"));
+  EXPECT_EQ(result.lines.count("logger"), 0U);
+  ASSERT_EQ(result.supervision.culprit, 0U);
+  EXPECT_EQ(describe(result.supervision.ends[0]), "plant: tau: nan");
+  EXPECT_EQ(others_that_failed(result.supervision), "logger (exit code 3)");
+}
+
+TEST(Supervise, LetsTheOthersEndByThemselvesWhenACheckSaidNo) {
+  SuperviseOptions options;
+  options.grace = milliseconds(50);
+  const Result result =
+      watch({shell("plant", "exit 1"), shell("logger", "sleep 0.5; echo whole")}, {}, options);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::check_said_no);
+  EXPECT_THAT(result.lines.at("logger"), ElementsAre("whole"));
+  EXPECT_FALSE(result.supervision.ends[1].on_order);
+}
+
 TEST(Supervise, TellsOfAProtectiveStopWhoeverWasLost) {
   SuperviseOptions options;
   options.grace = seconds(2);

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstring>
 #include <ctime>
+#include <fstream>
 #include <lcm/lcm-cpp.hpp>
 #include <random>
 #include <set>
@@ -52,6 +53,33 @@ class LogFile : public testing::Test {
     return "no failure";
   }
 };
+
+TEST_F(LogFile, SaysSoWhenItIsRemovedReplacedOrCutWhileItIsWritten) {
+  struct Case {
+    void (*act)(const std::filesystem::path&);
+    const char* said;
+  };
+  const std::vector<Case> cases = {
+      {[](const auto& path) { std::filesystem::remove(path); }, "was removed or moved away"},
+      {[](const auto& path) {
+         std::filesystem::rename(path, path.string() + ".old");
+         std::ofstream(path) << "another";
+       },
+       "was replaced by another file"},
+      {[](const auto& path) { std::filesystem::resize_file(path, 0); }, "bytes long and has 0 now"},
+  };
+  for (const Case& each : cases) {
+    SCOPED_TRACE(each.said);
+    LogWriter writer(path_, Existing::overwrite);
+    writer.append(1, "A", bytes_of("one"));
+    writer.flush();
+    each.act(path_);
+    writer.append(2, "A", bytes_of("two"));
+    EXPECT_THAT(failure_of([&] { writer.close(); }), HasSubstr(each.said));
+    EXPECT_THAT(failure_of([&] { writer.append(3, "A", bytes_of("three")); }),
+                HasSubstr("leave it alone until the run has ended"));
+  }
+}
 
 TEST_F(LogFile, IsByteForByteWhatLcmWrites) {
   const auto twin = directory_.path() / "twin";

@@ -137,6 +137,28 @@ TEST(RealtimeLoop, CountsDeadlinesItMissesAndLosesNoTickOverThem) {
   EXPECT_EQ(peers.truths[29].tau, torque_of(28));
 }
 
+TEST(RealtimeLoop, NotesThatMoreDeadlinesWereMissedThanTheScenarioAllows) {
+  for (const char* share : {"0.1", "1"}) {
+    SCOPED_TRACE(share);
+    const experiment::Scenario s = scenario({std::string("loop.max_missed_share=") + share});
+    Peers peers(s);
+    peers.on_measurement = [&](std::int64_t k) {
+      peers.command(k, torque_of(k));
+      if (k == 10) std::this_thread::sleep_for(6500us);  // 5 of 30 begin too late
+    };
+    const Outcome outcome = run(s, peers);
+    ASSERT_EQ(outcome.fault, "") << "the run itself comes to its end";
+    EXPECT_EQ(peers.truths.size(), 30u);
+    const bool allowed = std::string_view(share) == "1";
+    EXPECT_EQ(outcome.statistics.exit_code, allowed ? ExitCode::done : ExitCode::check_said_no);
+    EXPECT_EQ(outcome.statistics.fault.has_value(), !allowed);
+    if (allowed) continue;
+    EXPECT_THAT(*outcome.statistics.fault, testing::AllOf(HasSubstr("of 30 deadlines were missed"),
+                                                          HasSubstr("loop.max_missed_share (0.1)"),
+                                                          HasSubstr("tachless doctor")));
+  }
+}
+
 TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
   const experiment::Scenario s = scenario({"loop.duration_s=0.1"});
   ASSERT_EQ(s.loop.max_missed, 20);

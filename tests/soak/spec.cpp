@@ -29,6 +29,7 @@ std::vector<std::string> overrides(const Setting& setting, const Round& round,
         round.fault == Fault::realtime_kill &&
         (round.victim == loop::Role::controller || round.victim == loop::Role::reference);
     all.emplace_back(commands_end ? "loop.max_missed=300" : "loop.max_missed=1000");
+    all.emplace_back("loop.max_missed_share=1");
     all.emplace_back("loop.give_up_s=1");
     share = realtime_share;
   } else {

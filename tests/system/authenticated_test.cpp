@@ -113,8 +113,8 @@ TEST(AKey, KeepsForgedCommandsFromARobotOnTheWallClock) {
   const TemporaryDirectory directory;
   WholeRun run({"--key-file", key_file(directory, '5')});
   // Whatever a busy machine makes the controller miss.
-  run.programs.settings = {"--set", "loop.duration_s=2",   "--set", "loop.mode=realtime",
-                           "--set", "loop.max_missed=1000"};
+  run.programs.settings = {"--set", "loop.duration_s=2",    "--set", "loop.mode=realtime",
+                           "--set", "loop.max_missed=1000", "--set", "loop.max_missed_share=1"};
   const loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 0};
   bus::Codec<loop::TorqueCommand> codec(layout);
   std::int64_t forged = 0;

@@ -52,7 +52,8 @@ class ExampleDriver : public testing::Test {
 };
 
 TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
-  play({"--set", "loop.max_missed=80"});  // no busy machine shall end this run
+  play({"--set", "loop.max_missed=80", "--set",
+        "loop.max_missed_share=1"});  // no busy machine shall end this run
   run.expect_all_done();
   const auto record = ticks();
   ASSERT_EQ(record.size(), 2000U);

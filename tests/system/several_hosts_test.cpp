@@ -226,7 +226,8 @@ class RealtimeOnFourHosts : public testing::Test {
  protected:
   void play(const std::vector<std::string>& values) {
     run.programs.settings = set(values);
-    run.programs.settings.insert(run.programs.settings.end(), {"--set", "loop.mode=realtime"});
+    run.programs.settings.insert(run.programs.settings.end(), {"--set", "loop.mode=realtime",
+                                                               "--set", "loop.max_missed_share=1"});
     run.start_all();
   }
   [[nodiscard]] nlohmann::json of(const std::string& role) const {

@@ -80,7 +80,8 @@ TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
   });
   // A busy machine may miss commands: that is not what this is about.
   tachless({"run", scenario, "--mode", "realtime", "--duration", "1", "--run-id", "8", "--quiet",
-            "--set", "loop.max_missed=1000", "--out", directory / "out"},
+            "--set", "loop.max_missed=1000", "--set", "loop.max_missed_share=1", "--out",
+            directory / "out"},
            directory);
   recorder.signal(SIGINT);
   EXPECT_EQ(recorder.wait(), 0) << recorder.errors();

@@ -53,7 +53,10 @@ std::vector<std::string> run_of(const TemporaryDirectory& directory, const std::
 
 /// A realtime run that no busy machine ends.
 std::vector<std::string> on_the_wall_clock(const std::string& duration_s) {
-  return {"--mode", "realtime", "--duration", duration_s, "--set", "loop.max_missed=1000",
+  return {"--mode",     "realtime",
+          "--duration", duration_s,
+          "--set",      "loop.max_missed=1000",
+          "--set",      "loop.max_missed_share=1",
           "--quiet"};
 }
 

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace tachless::diagnostics {
+
+/// A file that is written beside its place and put there when it is whole: until then, and if it
+/// never is, what was there before stays. A pipe or a terminal is written to as it is.
+class UnfinishedFile {
+ public:
+  /// @param remedy what to do when it cannot be written: "name another file with -o"
+  /// @throw Failure(bad_usage) naming `path` when that is a directory
+  explicit UnfinishedFile(std::filesystem::path path, std::string_view remedy);
+  UnfinishedFile(const UnfinishedFile&) = delete;
+  UnfinishedFile& operator=(const UnfinishedFile&) = delete;
+  ~UnfinishedFile();
+
+  /// The name to write to.
+  [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : partial_; }
+  /// Whether that is a pipe or the like, not a file.
+  [[nodiscard]] bool direct() const { return direct_; }
+
+  /// Writes all of the content, and finishes. @throw as `finish`
+  void write(std::string_view content);
+  /// Puts the file, which is whole and closed, in its place.
+  /// @throw Failure(bad_usage) naming `path`, cause and remedy
+  void finish();
+
+  /// @throw Failure(bad_usage) naming `path` and remedy: "<path>: cannot be written: <cause>;
+  /// <remedy>"
+  [[noreturn]] void refuse(std::string_view cause) const;
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path partial_;
+  std::string remedy_;
+  bool direct_ = false;
+};
+
+}  // namespace tachless::diagnostics

@@ -1,0 +1,90 @@
+#include "launch/run_results.h"
+
+#include <fmt/core.h>
+
+#include <filesystem>
+#include <iostream>
+#include <string_view>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
+#include "logger/run_log.h"
+#include "report/figure.h"
+#include "report/gnuplot.h"
+#include "report/joint_units.h"
+#include "report/report.h"
+
+namespace tachless::launch {
+namespace {
+
+/// The table, and the files.
+void show(const report::RunSummary& summary, const report::FigureFacts& figure,
+          const report::JointUnits& units, const RunDirectory& out) {
+  std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
+  for (const std::filesystem::path& file : out.files()) {
+    std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
+  }
+}
+
+}  // namespace
+
+ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
+                   std::int64_t run) {
+  ReadBack result(scenario.num_joints);
+  try {
+    logger::RunLog log = logger::RunLog::open(path, run);
+    result.tracking = report::track(log);
+    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
+    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
+    result.damaged = log.damage().any();
+  } catch (const diagnostics::Failure& failure) {
+    result.problem = failure.what();
+  }
+  return result;
+}
+
+std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
+                        const std::string& path) {
+  if (!log.problem.empty()) return log.problem;
+  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
+  const std::int64_t expected = scenario.loop.num_ticks;
+  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
+  return fmt::format(
+      "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
+      "again, and leave it alone until the run has ended",
+      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
+}
+
+void write_results(const experiment::Scenario& scenario, const RunOptions& options,
+                   const RunDirectory& out, const report::RunSummary& summary) {
+  const report::Tracking& tracking = summary.tracking;
+  const report::RunFacts& facts = summary.facts;
+  const report::JointUnits units = report::joint_units(*scenario.model);
+  const std::string json = diagnostics::json_text(to_json(summary, units), 2) + "\n";
+  const report::FigureFacts figure{
+      fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
+      facts.period_s, units.length, units.effort};
+  const std::string_view remedy = "name another directory with --out";
+  try {
+    diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
+    if (tracking.num_ticks() > 0) {
+      diagnostics::UnfinishedFile svg(out / "tracking.svg", remedy);
+      report::draw(report::tracking_figure(tracking, figure, svg.name()), svg.name());
+      svg.finish();
+      report::write_report({report::read_recorded_run(facts.log_path, facts.run_id)},
+                           out / "report.html");
+    }
+  } catch (const diagnostics::Failure& failure) {
+    diagnostics::log_warning(failure.what());
+  }
+  if (options.json) {
+    std::cout << json;
+  } else if (!options.quiet && tracking.num_ticks() > 0) {
+    show(summary, figure, units, out);
+  }
+}
+
+}  // namespace tachless::launch
