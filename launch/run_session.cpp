@@ -16,6 +16,7 @@
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "launch/doctor.h"
 #include "launch/progress.h"
 #include "launch/run_results.h"

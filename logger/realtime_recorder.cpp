@@ -13,10 +13,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// After the plant's last message others may still be on their way.
-constexpr auto silence = 50ms;
+// What has to pass without a message, in waits of their own: a machine that stands still makes one
+// of them longer, and is no silence. After the plant's last message others may still be on their
+// way.
+constexpr auto silent_wait = 10ms;
+constexpr int silence = 5;
 // A plant that fails brings the robot to rest first, which is recorded too.
-constexpr auto silence_of_a_failing_plant = 150ms;
+constexpr int silence_of_a_failing_plant = 15;
 constexpr auto longest_conclusion = 1500ms;
 
 }  // namespace
@@ -51,7 +54,7 @@ void RealtimeRecorder::on_message(Slot slot, const loop::Stamp& stamp,
     return loop().count(Verdict::not_asked);
   }
   const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
-  heard_ = begin;
+  silent_waits_ = 0;
   if (verdict == Verdict::conflicting && !concluding()) {
     append(since_start(begin), datagram.channel, datagram.payload);
   }
@@ -82,12 +85,12 @@ bool RealtimeRecorder::complete(Clock::time_point now) const {
 
 void RealtimeRecorder::conclude(bool well) {
   if (start_) {
-    heard_ = Clock::now();
-    const auto until = heard_ + longest_conclusion;
-    const auto patience = well ? silence : silence_of_a_failing_plant;
-    while (Clock::now() < std::min(until, heard_ + patience)) {
+    const auto until = Clock::now() + longest_conclusion;
+    const int patience = well ? silence : silence_of_a_failing_plant;
+    silent_waits_ = 0;
+    while (silent_waits_ < patience && Clock::now() < until) {
       if (!well) link().announce_if_due(Clock::now());
-      loop().receive(std::min({until, heard_ + patience, Clock::now() + silence}));
+      if (!loop().receive(std::min(until, Clock::now() + silent_wait))) ++silent_waits_;
       file().flush_if_due(Clock::now());
     }
   }

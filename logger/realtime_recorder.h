@@ -36,7 +36,7 @@ class RealtimeRecorder final : public Recorder {
   protocol::realtime::Pace pace_;
   TickTally tally_;
   std::optional<loop::Clock::time_point> start_;  ///< of tick 0, as seen from here
-  loop::Clock::time_point heard_;                 ///< the last message of a tick
+  int silent_waits_ = 0;  ///< of the conclusion, since the last message of a tick
 };
 
 }  // namespace tachless::logger

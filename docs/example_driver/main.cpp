@@ -25,7 +25,7 @@ class RigDriver final : public plant::RobotDriver {
   plant::ArmState read() override {
     if (rig_.watchdog_has_tripped()) {
       throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
-                                 "the rig's drives had no torque for 100 ms and have braked");
+                                 "the rig's drives had no torque for 500 ms and have braked");
     }
     const auto now = std::chrono::steady_clock::now();
     plant::ArmState state;

@@ -13,7 +13,7 @@ namespace tachless::example_driver {
 /// as the program lives or not. Replace it by yours.
 class Rig {
  public:
-  static constexpr std::chrono::milliseconds watchdog{100};
+  static constexpr std::chrono::milliseconds watchdog{500};
 
   /// Hangs still at q = 0, brakes closed.
   explicit Rig(const robot::Model& model);

@@ -52,8 +52,8 @@ class ExampleDriver : public testing::Test {
 };
 
 TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
-  play({"--set", "loop.max_missed=80", "--set",
-        "loop.max_missed_share=1"});  // no busy machine shall end this run
+  // No busy machine shall end this run.
+  play({"--set", "loop.max_missed=400", "--set", "loop.max_missed_share=1"});
   run.expect_all_done();
   const auto record = ticks();
   ASSERT_EQ(record.size(), 2000U);
@@ -70,16 +70,16 @@ TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
 }
 
 TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
-  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=50"});
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=400"});
   wait_until_it_moves();
   run["controller"].signal(SIGKILL);
   for (const char* role : {"plant", "reference", "logger"}) {
     EXPECT_EQ(run[role].wait(), 5) << run[role].errors();
-    // 51, or fewer when a busy machine makes the held torque's age come first.
+    // 401, or fewer when a busy machine makes the held torque's age come first.
     EXPECT_THAT(run[role].errors(),
                 AllOf(HasSubstr("commands in a row did not come in time from the controller"),
-                      AnyOf(HasSubstr("51 commands in a row"),
-                            HasSubstr("longer than loop.max_missed (50) allows"))))
+                      AnyOf(HasSubstr("401 commands in a row"),
+                            HasSubstr("longer than loop.max_missed (400) allows"))))
         << role;
   }
   loop::truth::PlantTruth last;
@@ -96,11 +96,11 @@ TEST_F(ExampleDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
   wait_until_it_moves();
   // For longer than the rig's watchdog, and not so long that the others give up.
   run["plant"].signal(SIGSTOP);
-  std::this_thread::sleep_for(300ms);
+  std::this_thread::sleep_for(700ms);
   run["plant"].signal(SIGCONT);
   for (const char* role : roles) {
     EXPECT_EQ(run[role].wait(), 5) << run[role].errors();
-    EXPECT_THAT(run[role].errors(), HasSubstr("had no torque for 100 ms")) << role;
+    EXPECT_THAT(run[role].errors(), HasSubstr("had no torque for 500 ms")) << role;
   }
 }
 
