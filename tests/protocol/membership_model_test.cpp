@@ -40,8 +40,8 @@ Membership member(Role role, std::int64_t first_instance) {
 
 /// Four processes, and everything that was announced.
 struct World {
-  explicit World(std::int64_t first_instance) : first_instance(first_instance) {
-    for (const Role role : all_roles) members.push_back(member(role, first_instance));
+  explicit World(std::int64_t first) : first_instance(first) {
+    for (const Role role : all_roles) members.push_back(member(role, first));
   }
 
   Membership& of(Role role) { return members[static_cast<std::size_t>(role)]; }

@@ -128,7 +128,7 @@ TEST(Summary, OfARunThatNeverBeganSaysSo) {
   failed.fault = "plant was killed by signal 9 (Killed)";
   failed.log_ticks = 0;
   const RunSummary run{failed, Tracking(2), {}};
-  const nlohmann::ordered_json summary = to_json(run);
+  const nlohmann::ordered_json summary = to_json(run, two_rotary);
   EXPECT_EQ(summary["fault"], "plant was killed by signal 9 (Killed)");
   EXPECT_EQ(summary["ticks"], 0);
   EXPECT_TRUE(summary["position_error_rad"]["peak"].empty());
