@@ -149,7 +149,7 @@ std::string margins_text(const SampledCertificate& s) {
     text += line("along the reference, per period", fmt::format("{:.6g}", s.radius_along));
   }
   if (m.stable) {
-    text += line("settles to 1 % in", fmt::format("{:.3g} s", settling_time(m)));
+    text += line("settles to 1 % in", fmt::format("{:.3g} s", m.settling_s));
   }
   text += line("least damped mode",
                m.least_damping < 1
@@ -318,7 +318,7 @@ void add(Json& json, const SampledCertificate& s) {
       {"limits_s", limits},
       {"spectral_radius", number(s.modes.radius)},
       {"spectral_radius_along", number(s.radius_along)},
-      {"settling_s", number(settling_time(s.modes))},
+      {"settling_s", number(s.modes.settling_s)},
       {"least_damped",
        {{"hz", number(s.modes.least_damped_hz)}, {"damping", number(s.modes.least_damping)}}},
       {"margins",

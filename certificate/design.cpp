@@ -159,7 +159,7 @@ class Search {
       design.phase_margin_deg = std::min(design.phase_margin_deg, each.phase_deg);
     }
     for (std::size_t i = 0; i < num_reference_; ++i) {
-      design.settling_s = std::max(design.settling_s, settling_time(mode[i]));
+      design.settling_s = std::max(design.settling_s, mode[i].settling_s);
     }
     return design;
   }

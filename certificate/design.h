@@ -19,7 +19,7 @@ namespace tachless::certificate {
 
 struct DesignGoal {
   std::optional<double> bandwidth_hz;  ///< w / 2 pi, at most
-  std::optional<double> settling_s;    ///< to 1 %, of the slowest mode
+  std::optional<double> settling_s;    ///< to 1 % of an error in all joints
   double modulus = 0.5;                ///< least modulus margin
   double count_share = 0.01;           ///< of the torque limit, by one encoder count
 };

@@ -36,14 +36,13 @@ struct Modes {
   bool stable = false;
   double radius = 0;       ///< spectral radius of the one-period map
   double decay_per_s = 0;  ///< of the slowest mode
+  /// Until an error that begins alike in all joints, at rest, stays below 1 % of itself [s].
+  double settling_s = 0;
   double least_damped_hz = 0;
   double least_damping = 1;    ///< 1: no mode oscillates
   Eigen::VectorXd slow_per_s;  ///< decay of the slowest modes, as many as joints, slowest first
 };
 Modes modes(const SampledLoop& loop, double period_s);
-
-/// Time until an error has shrunk to `part` of itself, at the decay of the slowest mode [s].
-double settling_time(const Modes& modes, double part = 0.01);
 
 /// Margins of the loop broken at the plant's torques, all joints at once.
 struct Margins {

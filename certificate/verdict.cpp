@@ -81,7 +81,7 @@ Verdict verdict(const experiment::Scenario& scenario) {
   }
   if (result.stable) {
     result.phase_margin_deg = radius < 1 ? phase_margin_deg(binding, h) : 0;
-    result.settles_s = radius < 1 ? std::log(0.01) * h / std::log(std::min(radius, 1 - 1e-16)) : 0;
+    result.settles_s = radius < 1 ? modes(binding, h).settling_s : 0;
   } else {
     result.growth_per_s = std::log(deciding) / h;
   }

@@ -16,7 +16,7 @@ struct Verdict {
   int delay = 0;
   std::optional<double> limit_s;  ///< largest stable period that was found; nothing: none
   double phase_margin_deg = 0;    ///< of a stable loop
-  double settles_s = 0;           ///< to 1 %, at the decay of the slowest mode
+  double settles_s = 0;           ///< to 1 % of an error in all joints
   double growth_per_s = 0;        ///< of an unstable loop
 };
 

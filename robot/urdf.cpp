@@ -117,7 +117,7 @@ class Loader {
   void require_near(const std::string& what, const Eigen::Vector3d& offset) const {
     constexpr double farthest_m = 1e4;
     if (offset.norm() <= farthest_m) return;
-    refuse("{} is {} m away; allowed: up to {} m (is it in another unit?)", what, offset.norm(),
+    refuse("{} is {:g} m away; allowed: up to {:g} m (is it in another unit?)", what, offset.norm(),
            farthest_m);
   }
 

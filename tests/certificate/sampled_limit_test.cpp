@@ -144,7 +144,10 @@ TEST_F(SampledLimit, ModesAndMarginsAtOneKilohertz) {
     EXPECT_TRUE(at.stable);
     EXPECT_NEAR(at.decay_per_s, row.decay, 0.06);
     EXPECT_NEAR(at.radius, std::exp(-1e-3 * at.decay_per_s), 1e-12);
-    EXPECT_NEAR(settling_time(at, std::exp(-1.0)), 1 / at.decay_per_s, 1e-12);
+    // One slow mode needs ln 100; more of them, or one that the error does not begin in, another
+    // time.
+    EXPECT_GT(at.settling_s, 0.5 * std::log(100) / at.decay_per_s);
+    EXPECT_LT(at.settling_s, 2 * std::log(100) / at.decay_per_s);
     const Margins margin = margins(row.loop, 1e-3);
     // Quoted with two digits. Gain margins are quoted up to 2 % and moduli up to 3 % off what is
     // seen here, where MarginsAreThoseOfTheLoopItself stands by it.
