@@ -164,10 +164,9 @@ void Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
       return;
     case Reaction::note_finished:
       peer_now();
-      done_[static_cast<std::size_t>(peer.role)] = true;
-      plant_finished_ = plant_finished_ || peer.role == Role::plant;
-      return;
+      return note_finished(peer.role);
     case Reaction::doubt: {
+      peer_now();  // its announcements are still to be answered
       auto& since = early_finish_[static_cast<std::size_t>(peer.role)];
       if (!since) since = now;
       return;
@@ -204,6 +203,11 @@ void Membership::act(Event event, const Failure* failure, Time now) {
     default:
       return;
   }
+}
+
+void Membership::note_finished(Role role) {
+  done_[static_cast<std::size_t>(role)] = true;
+  plant_finished_ = plant_finished_ || role == Role::plant;
 }
 
 void Membership::announce_soon(Time now) {
@@ -335,6 +339,7 @@ void Membership::poll(Time now) {
     }
     const auto& finish = early_finish_[static_cast<std::size_t>(role)];
     if (finish && now - *finish >= finish_stands_after && matters(Event::finish_stands)) {
+      if (complete_) return note_finished(role);  // it was early then, and may not be said again
       const Failure failure = incomplete(role);
       return act(Event::finish_stands, &failure, now);
     }

@@ -171,6 +171,7 @@ class Membership {
   [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
   void announce_soon(Time now);
   void join(const Peer& peer, Time now);
+  void note_finished(loop::Role role);
   void choose_roster(Time now);
   void take_roster(const loop::PerRole& roster, Time now);
   void confirm(loop::Role role);

@@ -54,7 +54,7 @@ enum class MembershipReaction {
   refuse,         ///< fail (exit code 2) naming both scenarios
   take_over,      ///< the newcomer is the controller from now on
   note_finished,  ///< the member's role is done
-  doubt,          ///< wait whether the holder contradicts: it may not have said so itself
+  doubt,          ///< observe; wait whether the holder contradicts: it may not have said so itself
   follow,         ///< fail with the consequence of the member's fault
   keep_failure,   ///< remember why the successor failed, until the old controller is heard or lost
   forget,         ///< no longer remember the process, unless it is a holder

@@ -46,6 +46,7 @@ const JointUnits two_rotary = {{"rad", "rad"}, {"N m", "N m"}};
 std::vector<node::Statistics> counters() {
   node::Statistics plant(loop::Role::plant);
   plant.wall_s = 0.125;
+  plant.ticks = 2;
   plant.resends = 3;
   plant.duplicates = 1;
   plant.rejected.add(bus::Rejection::wrong_size);

@@ -45,6 +45,8 @@ const std::vector<Rule> rules = {
     {"bus/truth/", {"bus/", "loop/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
     {"bus/authenticated.cpp", {"bus/", "loop/"}, {"sodium.h"}, true},
+    {"bus/digest.cpp", {"bus/"}, {"sodium.h"}, true},
+    {"bus/key.cpp", {"bus/"}, {"sodium.h"}, true},
 
     {"protocol/", {"protocol/", "loop/", "diagnostics/"}, {}},
     {"protocol/lockstep/", {"protocol/lockstep/", "loop/clock.h", "loop/slot.h"}, {}},

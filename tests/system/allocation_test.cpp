@@ -1,7 +1,9 @@
-// After the first ticks, no node allocates. Each is given again what it heard in a real run. The
-// plant is not among them: Simbody's integrators allocate in every step.
+// After the first ticks, no node allocates. Each is given again what it heard in a real run, with
+// announcements that answer its own. The plant is not among them: Simbody's integrators allocate in
+// every step.
 #include <gtest/gtest.h>
 
+#include "bus/wire.h"
 #include "controller/node.h"
 #include "logger/node.h"
 #include "reference/node.h"
@@ -47,9 +49,16 @@ class Recorder : public bus::Transport {
 /// last: the run's middle three fifths.
 class Replay : public bus::Transport {
  public:
-  explicit Replay(const std::vector<Heard>& heard) : heard_(heard) {}
+  Replay(Role role, const std::vector<Heard>& heard)
+      : role_(static_cast<std::size_t>(role)), heard_(heard) {}
   void subscribe(const std::string& /*channel*/) override {}
-  void publish(std::string_view /*channel*/, std::span<const std::byte> /*payload*/) override {}
+  void publish(std::string_view channel, std::span<const std::byte> payload) override {
+    if (!channel.ends_with("_PARTICIPANT")) return;
+    const std::size_t so_far = allocations;
+    loop::Stamp stamp;
+    EXPECT_EQ(codec_.decode(payload, stamp, own_), bus::Rejection::none);
+    before_ += allocations - so_far;  // not the node's
+  }
   std::optional<bus::Datagram> receive(loop::Clock::time_point /*deadline*/) override {
     const std::size_t begin = heard_.size() / 5;
     const std::size_t end = heard_.size() * 4 / 5;
@@ -60,12 +69,24 @@ class Replay : public bus::Transport {
     if (next_ >= heard_.size())
       throw diagnostics::Failure(diagnostics::ExitCode::interrupted, "all replayed");
     const Heard& each = heard_[next_++];
-    return bus::Datagram{each.channel, each.payload, each.sender};
+    if (!each.channel.ends_with("_PARTICIPANT")) {
+      return bus::Datagram{each.channel, each.payload, each.sender};
+    }
+    loop::Stamp stamp;
+    loop::Participant who;
+    EXPECT_EQ(codec_.decode(each.payload, stamp, who), bus::Rejection::none);
+    who.heard_instance[role_] = own_.instance;
+    who.heard_counter[role_] = own_.counter;
+    if (who.roster[role_] != 0) who.roster[role_] = own_.instance;
+    return bus::Datagram{each.channel, codec_.encode(stamp, who), each.sender};
   }
   [[nodiscard]] std::optional<std::size_t> counted() const { return counted_; }
 
  private:
+  std::size_t role_;
   const std::vector<Heard>& heard_;
+  loop::Participant own_;
+  bus::Codec<loop::Participant> codec_{loop::Layout{}};
   std::size_t next_ = 0;
   std::size_t before_ = 0;
   std::optional<std::size_t> counted_;
@@ -87,7 +108,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
     ASSERT_EQ(threads.finish().complaints(), "");
   }
   const FourThreads elsewhere(scenario);  // for its log's path
-  Replay replay(heard);
+  Replay replay(role, heard);
   node::Link link(
       scenario, replay,
       {.role = role, .run_id = {}, .wait_s = 60, .interrupted = nullptr, .instance = 0});

@@ -448,8 +448,12 @@ TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
   });
   const RunResult result = threads.finish();
   forger.reset();
-  ASSERT_EQ(result.complaints(), "");
-  EXPECT_TRUE(result.log == clean_log());
+  // Said between the last tick and the plant's own end it is plausible, but not what TRUTH was.
+  for (const Role role : all_roles) {
+    const ExitCode code = result.of.at(role).code;
+    EXPECT_TRUE(code == ExitCode::done || code == ExitCode::protocol_violated) << loop::name(role);
+  }
+  EXPECT_TRUE(result.log.starts_with(clean_log()));
 }
 
 TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
