@@ -1,5 +1,6 @@
 #include "experiment/scenario.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -237,9 +238,17 @@ TEST(Scenario, TorqueLimitIsTheUrdfsUnlessNullOrGiven) {
       ElementsAre(7, 7));
 }
 
-TEST(Scenario, CommandDelayIsOneByDefaultInRealtime) {
-  EXPECT_EQ(parsed(minimal, {"loop.mode=realtime"}).loop.command_delay, 1);
-  EXPECT_EQ(parsed(minimal, {"loop.mode=lockstep"}).loop.command_delay, 0);
+TEST(Scenario, AsksAboutDegreesWhereARangeIsLeftByMoreThanATurn) {
+  EXPECT_THAT(refusal_of(minimal, {"plant.initial.position_rad=[0, 90]"}),
+              AllOf(HasSubstr("90 of joint elbow"), HasSubstr("were degrees given?")));
+  EXPECT_THAT(refusal_of(minimal, {"plant.initial.position_rad=[0, 3]"}),
+              AllOf(HasSubstr("3 of joint elbow"), Not(HasSubstr("degrees"))));
+}
+
+TEST(Scenario, CommandDelayIsOneByDefaultInBothModes) {
+  for (const char* mode : {"realtime", "lockstep"}) {
+    EXPECT_EQ(parsed(minimal, {fmt::format("loop.mode={}", mode)}).loop.command_delay, 1) << mode;
+  }
 }
 
 TEST(Scenario, ReadsFlexibleJoints) {
