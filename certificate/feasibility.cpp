@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string_view>
+#include <variant>
 
 #include "certificate/scenario_loop.h"
 #include "robot/inverse_dynamics.h"
@@ -17,6 +19,40 @@ using loop::ReferencePoint;
 using robot::Vector;
 
 constexpr double fastest_cycles_per_tick = 0.1;
+
+/// What says how fast a reference moves.
+struct Pace {
+  std::string key;
+  std::string_view question;  ///< the likely mistake in its value
+  /// Per joint the highest frequency that the key gives [Hz]; nothing: it gives times. Read, not
+  /// sampled: the instants looked at may lie at the same phase of each period.
+  std::optional<Vector> frequency_hz;
+};
+
+Pace pace_of(const experiment::Scenario& scenario) {
+  Pace pace;
+  const auto take = [&](const auto& sine) {
+    pace.question = "frequencies are in Hz, was rad/s given?";
+    if (!pace.frequency_hz) pace.frequency_hz = Vector::Zero(scenario.num_joints);
+    for (Eigen::Index i = 0; i < scenario.num_joints; ++i) {
+      if (sine.amplitude_rad[i] == 0) continue;
+      (*pace.frequency_hz)[i] = std::max((*pace.frequency_hz)[i], sine.frequency_hz[i]);
+    }
+  };
+  const auto look_at = [&]<class Kind>(const Kind& kind) {
+    pace.key = fmt::format("reference.{}", Kind::name);
+    pace.question = "times are in s, was another unit given?";
+    if constexpr (requires { kind.frequency_hz; }) {
+      pace.key += ".frequency_hz";
+      take(kind);
+    } else if constexpr (requires { kind.terms; }) {
+      pace.key += ".terms";
+      for (const auto& term : kind.terms) take(term);
+    }
+  };
+  std::visit(look_at, scenario.reference);
+  return pace;
+}
 
 /// Torque of the drives on the reference: inverse dynamics and friction, and with flexible joints
 /// what turns the rotors.
@@ -53,7 +89,8 @@ Units units_of(const robot::Model& model, std::size_t i) {
                                                              : Units{"rad", "N m", "rad/s"};
 }
 
-void judge(Feasibility& result, const experiment::Scenario& scenario, const robot::Model& model) {
+void judge(Feasibility& result, const experiment::Scenario& scenario, const robot::Model& model,
+           const Pace& pace) {
   for (std::size_t i = 0; i < result.joints.size(); ++i) {
     const JointDemand& joint = result.joints[i];
     const std::string name = joint_name(model, i);
@@ -77,18 +114,18 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
     }
     if (joint.cycles_per_tick > fastest_cycles_per_tick) {
       result.doubtful.push_back(fmt::format(
-          "the reference of {} turns {:.2g} of a cycle in one tick: a frequency of {:.4g} Hz at a "
-          "sampling rate of {:.4g} Hz; was a frequency in Hz meant, not rad/s?",
-          name, joint.cycles_per_tick, joint.cycles_per_tick / scenario.loop.period_s,
-          1 / scenario.loop.period_s));
+          "{}: {:.4g} Hz for {} is more than a tenth of the sampling rate of {:.4g} Hz; {}",
+          pace.key, joint.cycles_per_tick / scenario.loop.period_s, name,
+          1 / scenario.loop.period_s, pace.question));
     }
     const Vector& q = scenario.plant.initial.position_rad;
     const auto k = static_cast<Eigen::Index>(i);
     if (q.size() > k && model.joint_types[i] == robot::JointType::revolute &&
         std::abs(q[k]) > 2 * std::numbers::pi) {
       result.doubtful.push_back(fmt::format(
-          "{} starts at {:g} rad, more than a full turn; angles are in rad, were degrees meant?",
-          name, q[k]));
+          "plant.initial.position_rad: {:g} rad for {} is more than a full turn; angles are in "
+          "rad, were degrees given?",
+          q[k], name));
     }
   }
 }
@@ -101,6 +138,7 @@ Feasibility feasibility(const experiment::Scenario& scenario) {
   const auto n = static_cast<std::size_t>(model.num_joints);
   Feasibility result;
   result.joints.resize(n);
+  const Pace pace = pace_of(scenario);
   std::vector<double> acceleration(n);
   constexpr int instants = 2000;
   for (int k = 0; k <= instants; ++k) {
@@ -122,12 +160,14 @@ Feasibility feasibility(const experiment::Scenario& scenario) {
     if (limit && std::isfinite((*limit)[joint])) demand.torque_limit = (*limit)[joint];
     const double speed_limit = model.velocity_limit[joint];
     if (std::isfinite(speed_limit)) demand.speed_limit = speed_limit;
-    if (demand.speed > 0) {
+    if (pace.frequency_hz) {
+      demand.cycles_per_tick = (*pace.frequency_hz)[joint] * scenario.loop.period_s;
+    } else if (demand.speed > 0) {
       demand.cycles_per_tick =
           acceleration[i] / demand.speed / (2 * std::numbers::pi) * scenario.loop.period_s;
     }
   }
-  judge(result, scenario, model);
+  judge(result, scenario, model, pace);
   return result;
 }
 

@@ -14,8 +14,8 @@ struct JointDemand {
   double at_rest = 0;  ///< largest |torque| that holds the arm still on the way [N m; N]
   double moving = 0;   ///< largest |torque| along the motion [N m; N]
   double speed = 0;    ///< largest |v_ref| [rad/s; m/s]
-  /// Angular frequency sup|a_ref| / sup|v_ref| over the sampling rate, in cycles per tick: f h of a
-  /// sinusoid.
+  /// Frequency of the reference over the sampling rate: f h of its fastest sinusoid; without one
+  /// sup|a_ref| / sup|v_ref| over 2 pi, times h.
   double cycles_per_tick = 0;
   std::optional<double> torque_limit, speed_limit;  ///< nothing: none is given
 };

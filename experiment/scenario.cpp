@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <numbers>
 #include <stdexcept>
 
 #include "diagnostics/text.h"
@@ -62,11 +63,15 @@ void require_possible_initial_state(const Scenario& scenario) {
   const robot::Model& model = *scenario.model;
   for (int i = 0; i < scenario.num_joints; ++i) {
     if (position[i] >= model.lower[i] && position[i] <= model.upper[i]) continue;
+    const auto joint = static_cast<std::size_t>(i);
+    const bool degrees = model.joint_types[joint] == robot::JointType::revolute &&
+                         std::abs(position[i]) > 2 * std::numbers::pi;
     throw scenario.complaint(
         "plant.initial.position_rad",
-        fmt::format("{} of joint {} is outside its limits in the URDF; allowed: in [{}, {}]",
-                    shortest(position[i]), model.joint_names[static_cast<std::size_t>(i)],
-                    shortest(model.lower[i]), shortest(model.upper[i])));
+        fmt::format("{} of joint {} is outside its limits in the URDF; allowed: in [{}, {}]{}",
+                    shortest(position[i]), model.joint_names[joint], shortest(model.lower[i]),
+                    shortest(model.upper[i]),
+                    degrees ? "; angles are in rad, were degrees given?" : ""));
   }
 }
 
@@ -176,11 +181,7 @@ Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
   for (char& c : scenario.robot.channel_prefix) {
     if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
   }
-  LoopSpec& loop = scenario.loop;
-  loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(loop));
-  if (!scenario.gives("loop.command_delay")) {
-    loop.command_delay = loop.mode == Mode::realtime ? 1 : 0;
-  }
+  scenario.loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(scenario.loop));
   require_possible_initial_state(scenario);
   require_motors_only_behind_springs(scenario);
   require_payload_link(scenario);

@@ -86,7 +86,7 @@ struct LoopSpec {
   double period_s = 1e-3;
   double duration_s = 1;
   std::int64_t num_ticks = 1000;  ///< duration / period, an integer
-  int command_delay = 0;
+  int command_delay = 1;
   int max_missed = 20;
   double max_missed_share = 0.01;
   double give_up_s = 5;
@@ -107,7 +107,7 @@ struct LoopSpec {
       schema::Key{"command_delay", &LoopSpec::command_delay, "ticks",
                   "The torque computed from tick k acts over tick k + delay"}
           .in({0, 1})
-          .by_default("0 in lockstep, 1 in realtime"),
+          .by_default(),
       schema::Key{"max_missed", &LoopSpec::max_missed, "ticks",
                   "Realtime: commands missed in a row before the protective stop"}
           .in({0, 1e6})

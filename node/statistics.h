@@ -58,6 +58,8 @@ struct PlantStatistics {
   std::int64_t missed_commands = 0, longest_command_miss = 0, late_commands = 0;
   std::int64_t takeovers = 0;                 ///< lockstep: controllers that replaced one that died
   std::vector<std::int64_t> saturated_ticks;  ///< per joint
+  /// Per joint: ticks outside of its range or faster than its limit, with plant.on_limit: warn.
+  std::vector<std::int64_t> beyond_limit_ticks;
 };
 
 struct ReferenceStatistics {};

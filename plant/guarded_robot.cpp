@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
@@ -24,6 +25,10 @@ using loop::Clock;
 bool all_finite(const ArmState& state) {
   return state.q.allFinite() && state.v.allFinite() && state.theta.allFinite() &&
          state.thetadot.allFinite();
+}
+
+std::string when(std::int64_t tick) {
+  return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
 }
 
 }  // namespace
@@ -68,6 +73,7 @@ void GuardedRobot::start() {
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   state_ = driver_.read();
   if (!emulated()) require_sound(tick);
+  watch_limits(tick);
   return state_;
 }
 
@@ -77,22 +83,47 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
       state_.theta.size() != num_motors || state_.thetadot.size() != num_motors) {
     throw std::logic_error("the robot's driver reads other joints than the scenario has");
   }
-  const std::string when = tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
   if (!all_finite(state_)) {
     throw Failure(ExitCode::protective_stop,
                   fmt::format("the robot's driver read a number that is not finite {}; see its "
                               "encoders",
-                              when));
+                              when(tick)));
   }
+}
+
+void GuardedRobot::watch_limits(std::int64_t tick) {
+  const bool warns = emulated() && scenario_.plant.on_limit == OnLimit::warn;
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
-    if (state_.q[i] >= model_.lower[i] && state_.q[i] <= model_.upper[i]) continue;
-    throw Failure(
-        ExitCode::protective_stop,
-        fmt::format("joint {} ({}) is at {:.6g} {}, outside of its range {:.6g} to {:.6g} "
-                    "in {}",
-                    i + 1, model_.joint_names[static_cast<std::size_t>(i)], state_.q[i], when,
-                    model_.lower[i], model_.upper[i], scenario_.robot.urdf_path));
+    // An emulated state that is not finite is none of these; it ends the run elsewhere.
+    const bool outside = state_.q[i] < model_.lower[i] || state_.q[i] > model_.upper[i];
+    const bool fast = emulated() && std::abs(state_.v[i]) > model_.velocity_limit[i];
+    const auto joint = static_cast<std::size_t>(i);
+    beyond_limit_[joint] = warns && (outside || fast);
+    if (stopped_ || (!outside && !fast)) continue;
+    if (!warns) throw Failure(ExitCode::protective_stop, limit_text(i, outside, tick));
+    if (std::exchange(warned_[joint], true)) continue;
+    diagnostics::log_warning(limit_text(i, outside, tick));
   }
+}
+
+std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const {
+  const auto j = static_cast<std::size_t>(joint);
+  const char* unit = model_.joint_types[j] == robot::JointType::prismatic ? "m" : "rad";
+  const std::string what =
+      outside ? fmt::format("is at {:.6g} {} {}, outside of its range {:.6g} to {:.6g} {}",
+                            state_.q[joint], unit, when(tick), model_.lower[joint],
+                            model_.upper[joint], unit)
+              : fmt::format("moves at {:.6g} {}/s {}, faster than its limit of {:.6g} {}/s",
+                            state_.v[joint], unit, when(tick), model_.velocity_limit[joint], unit);
+  const char* remedy = "";
+  if (emulated()) {
+    remedy = scenario_.plant.on_limit == OnLimit::warn
+                 ? "; the run goes on (plant.on_limit: warn), further ticks are only counted"
+                 : "; slow the reference or soften the gains, or go on all the same with "
+                   "plant.on_limit: warn";
+  }
+  return fmt::format("joint {} ({}) {} in {}{}", joint + 1, model_.joint_names[j], what,
+                     scenario_.robot.urdf_path, remedy);
 }
 
 void GuardedRobot::accept(const loop::TorqueCommand& command) {

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "experiment/scenario.h"
 #include "loop/signals.h"
@@ -14,9 +16,9 @@
 namespace tachless::plant {
 
 /// A robot (the emulator, or a real one's driver) with what must hold before anything is believed
-/// of it or given to it: readings finite and within the joints' ranges, the start where the
-/// scenario begins, torques finite and within the drives' limits. Knows no bus and not when a tick
-/// is.
+/// of it or given to it: readings finite, joints within their ranges and (the emulator's) speeds,
+/// the start where the scenario begins, torques finite and within the drives' limits. Knows no bus
+/// and not when a tick is.
 class GuardedRobot {
  public:
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null. What
@@ -36,10 +38,16 @@ class GuardedRobot {
   static constexpr double start_tolerance = 0.01;  ///< [rad; m]
 
   /// The state at the beginning of `tick`.
-  /// @throw diagnostics::Failure(protective_stop) when a real robot's is not finite, or a joint is
-  /// outside of its range; std::logic_error when it has other joints than the scenario.
+  /// @throw diagnostics::Failure(protective_stop) when a real robot's is not finite, or, unless the
+  /// robot is stopped already, a joint is outside of its range or an emulated one too fast (with
+  /// plant.on_limit: warn an emulated one is warned of instead, once per joint); std::logic_error
+  /// when it has other joints than the scenario.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
+  /// The joints that were outside of range or too fast when last read, where that is no stop.
+  [[nodiscard]] const std::array<bool, robot::max_joints>& beyond_limit() const {
+    return beyond_limit_;
+  }
 
   /// The drives take the command as this tick's.
   /// @throw std::logic_error unless it is finite: the caller has to check
@@ -59,6 +67,8 @@ class GuardedRobot {
 
  private:
   void require_sound(std::int64_t tick) const;
+  void watch_limits(std::int64_t tick);
+  [[nodiscard]] std::string limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const;
 
   const experiment::Scenario& scenario_;
   robot::Model model_;
@@ -66,6 +76,7 @@ class GuardedRobot {
   RobotDriver& driver_;
   Drive drive_;
   ArmState state_;
+  std::array<bool, robot::max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;
 };

@@ -46,8 +46,9 @@ PlantMessages::PlantMessages(const experiment::Scenario& scenario, const Guarded
       truth_port_(port<loop::truth::PlantTruth>(scenario, truth_codec_.longest())),
       run_info_port_(port<loop::RunInfo>(scenario)),
       ack_port_(port<loop::LogAck>(scenario, ack_codec_.longest())) {
-  link_.statistics().plant().saturated_ticks.assign(static_cast<std::size_t>(scenario.num_joints),
-                                                    0);
+  const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
+  link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
+  link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
 }
 
 void PlantMessages::prepare() {
@@ -108,9 +109,11 @@ std::span<const std::byte> PlantMessages::truth(std::int64_t tick, loop::truth::
   truth_.tau = applied.tau;
   truth_.saturated = applied.saturated;
   truth_.fault = fault;
+  node::PlantStatistics& statistics = link_.statistics().plant();
   for (int i = 0; i < scenario_.num_joints; ++i) {
     const auto joint = static_cast<std::size_t>(i);
-    link_.statistics().plant().saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
+    statistics.saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
+    statistics.beyond_limit_ticks[joint] += robot_.beyond_limit()[joint] ? 1 : 0;
   }
   if (!bus::all_finite(truth_)) throw not_finite(tick);
   return truth_codec_.encode(stamp(tick), truth_);

@@ -154,6 +154,12 @@ struct PayloadSpec {
           .by_default("the leaf link farthest from the root")};
 };
 
+/// What the emulator does when a link leaves the URDF's range or exceeds the URDF's velocity.
+enum class OnLimit {
+  stop,  ///< the protective stop, as a real robot's driver does
+  warn   ///< says so once per joint, and counts
+};
+
 /// The scenario's `plant` map.
 struct Spec {
   InitialState initial;
@@ -162,6 +168,7 @@ struct Spec {
   EncoderSpec encoder;
   DriveSpec drive;
   PayloadSpec payload;
+  OnLimit on_limit = OnLimit::stop;
 
   static constexpr std::tuple keys{
       schema::Key{"initial", &Spec::initial},
@@ -173,7 +180,11 @@ struct Spec {
       schema::Key{"integrator", &Spec::integrator},
       schema::Key{"encoder", &Spec::encoder},
       schema::Key{"drive", &Spec::drive},
-      schema::Key{"payload", &Spec::payload}};
+      schema::Key{"payload", &Spec::payload},
+      schema::Key{"on_limit", &Spec::on_limit, "",
+                  "When a joint leaves the URDF's range or exceeds its velocity: `stop` ends the "
+                  "run with exit code 5, `warn` says so once per joint and counts the ticks"}
+          .by_default()};
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const {
     const bool explicit_runge_kutta = integrator.method <= Integrator::runge_kutta_feldberg;
@@ -192,6 +203,10 @@ namespace tachless::schema {
 template <>
 inline constexpr std::array<Name<plant::Mechanics>, 2> names<plant::Mechanics>{
     {{plant::Mechanics::simbody, "simbody"}, {plant::Mechanics::native, "native"}}};
+
+template <>
+inline constexpr std::array<Name<plant::OnLimit>, 2> names<plant::OnLimit>{
+    {{plant::OnLimit::stop, "stop"}, {plant::OnLimit::warn, "warn"}}};
 
 template <>
 inline constexpr std::array<Name<plant::Integrator>, 6> names<plant::Integrator>{

@@ -99,6 +99,7 @@ void add_statistics(Json& json, const RunSummary& summary) {
   json["wake_up_jitter_us"] = durations(plant.wake_up_jitter_us);
   json["command_age_us"] = durations(plant.command_age_us);
   json["saturated_ticks"] = plant.saturated_ticks;
+  json["beyond_limit_ticks"] = plant.beyond_limit_ticks;
 }
 
 }  // namespace
@@ -167,6 +168,11 @@ std::string closing_table(const RunSummary& summary, const JointUnits& units) {
     if (plant.saturated_ticks[i] == 0) continue;
     text += fmt::format("  joint {} at its torque limit in {} ticks\n", i + 1,
                         plant.saturated_ticks[i]);
+  }
+  for (std::size_t i = 0; i < plant.beyond_limit_ticks.size(); ++i) {
+    if (plant.beyond_limit_ticks[i] == 0) continue;
+    text += fmt::format("  joint {} beyond its range or its speed in {} ticks\n", i + 1,
+                        plant.beyond_limit_ticks[i]);
   }
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();

@@ -1,5 +1,6 @@
 #include "certificate/feasibility.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -58,14 +59,39 @@ TEST(Feasibility, CountsTheRotorsOfFlexibleJoints) {
   EXPECT_NEAR(torque("[1.1, 0.1]") - torque("[0.1, 0.1]"), 31.4, 1);
 }
 
-TEST(Feasibility, DoubtsDegreesAndRadiansPerSecond) {
+TEST(Feasibility, DoubtsDegreesAndRadiansPerSecondNamingKeyValueAndMistake) {
   const Feasibility degrees =
-      feasibility(shipped("regulation", {"plant.initial.position_rad=[30, 0]"}));
-  EXPECT_THAT(degrees.doubtful, ElementsAre(HasSubstr("were degrees meant?")));
-  const Feasibility fast =
-      feasibility(shipped("practical_rigid", {"reference.sinusoid.frequency_hz=[150, 5]",
-                                              "reference.sinusoid.amplitude_rad=[0.001, 0.03]"}));
-  EXPECT_THAT(fast.doubtful, ElementsAre(HasSubstr("of a cycle in one tick")));
+      feasibility(shipped("regulation", {"plant.initial.position_rad=[30, 6.28]"}));
+  EXPECT_THAT(degrees.doubtful,
+              ElementsAre("plant.initial.position_rad: 30 rad for joint 1 (shoulder) is more than "
+                          "a full turn; angles are in rad, were degrees given?"));
+  // The run's 2000 instants see 200 Hz at the turning points of its speed alone, where a_ref is 0.
+  for (const char* hz : {"150", "200", "100.1"}) {
+    const Feasibility fast = feasibility(
+        shipped("practical_rigid", {fmt::format("reference.sinusoid.frequency_hz=[{}, 100]", hz),
+                                    "reference.sinusoid.amplitude_rad=[0.001, 0.03]"}));
+    EXPECT_THAT(fast.doubtful,
+                ElementsAre(fmt::format(
+                    "reference.sinusoid.frequency_hz: {} Hz for joint 1 (shoulder) is more than a "
+                    "tenth of the sampling rate of 1000 Hz; frequencies are in Hz, was rad/s "
+                    "given?",
+                    hz)));
+  }
+}
+
+TEST(Feasibility, DoubtsTheFastestTermOfASumAndAMotionOfAFewTicks) {
+  const Feasibility sum = feasibility(shipped(
+      "practical_rigid", {"reference={multi_sine: {terms: [{amplitude_rad: 0.1, frequency_hz: 1}, "
+                          "{amplitude_rad: [0, 0.001], frequency_hz: 314}]}}"}));
+  EXPECT_THAT(sum.doubtful,
+              ElementsAre(HasSubstr("reference.multi_sine.terms: 314 Hz for joint 2 (elbow)")));
+  // A ninth-degree polynomial over T has sup|a| / sup|v| of about 3.8 / T: 0.6 / T Hz.
+  const Feasibility motion = feasibility(
+      shipped("practical_rigid", {"loop.duration_s=0.01",
+                                  "reference={point_to_point: {from_rad: 0, to_rad: [0.001, 0], "
+                                  "start_s: 0, duration_s: 0.003}}"}));
+  EXPECT_THAT(motion.doubtful, ElementsAre(AllOf(HasSubstr("reference.point_to_point: "),
+                                                 HasSubstr("times are in s"))));
 }
 
 }  // namespace

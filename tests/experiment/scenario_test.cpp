@@ -1,5 +1,6 @@
 #include "experiment/scenario.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -209,6 +210,7 @@ TEST(Scenario, FillsInTheDocumentedDefaultsWhichAreThoseOfTheStruct) {
   EXPECT_THAT(values(s.plant.drive.viscous_friction_Nms_per_rad), ElementsAre(0, 0));
   EXPECT_EQ(s.plant.payload.mass_kg, d.plant.payload.mass_kg);
   EXPECT_EQ(s.plant.payload.link, d.plant.payload.link);
+  EXPECT_EQ(s.plant.on_limit, plant::OnLimit::stop);
   EXPECT_EQ(s.controller.filter, d.controller.filter);
   EXPECT_EQ(s.controller.filter_start, d.controller.filter_start);
   EXPECT_EQ(s.controller.feedforward_lead, d.controller.feedforward_lead);
@@ -237,9 +239,23 @@ TEST(Scenario, TorqueLimitIsTheUrdfsUnlessNullOrGiven) {
       ElementsAre(7, 7));
 }
 
-TEST(Scenario, CommandDelayIsOneByDefaultInRealtime) {
-  EXPECT_EQ(parsed(minimal, {"loop.mode=realtime"}).loop.command_delay, 1);
-  EXPECT_EQ(parsed(minimal, {"loop.mode=lockstep"}).loop.command_delay, 0);
+TEST(Scenario, AsksAboutDegreesWhereARangeIsLeftByMoreThanATurn) {
+  EXPECT_THAT(refusal_of(minimal, {"plant.initial.position_rad=[0, 90]"}),
+              AllOf(HasSubstr("90 of joint elbow"), HasSubstr("were degrees given?")));
+  EXPECT_THAT(refusal_of(minimal, {"plant.initial.position_rad=[0, 3]"}),
+              AllOf(HasSubstr("3 of joint elbow"), Not(HasSubstr("degrees"))));
+}
+
+TEST(Scenario, ReadsWhatALimitDoes) {
+  EXPECT_EQ(parsed(minimal, {"plant.on_limit=warn"}).plant.on_limit, plant::OnLimit::warn);
+  EXPECT_THAT(refusal_of(minimal, {"plant.on_limit=ignore"}),
+              AllOf(HasSubstr("plant.on_limit: ignore"), HasSubstr("stop, warn")));
+}
+
+TEST(Scenario, CommandDelayIsOneByDefaultInBothModes) {
+  for (const char* mode : {"realtime", "lockstep"}) {
+    EXPECT_EQ(parsed(minimal, {fmt::format("loop.mode={}", mode)}).loop.command_delay, 1) << mode;
+  }
 }
 
 TEST(Scenario, ReadsFlexibleJoints) {

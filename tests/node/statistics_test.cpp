@@ -22,6 +22,7 @@ TEST(Statistics, AreReadBackAsTheyWereWritten) {
   plant.rejected.add(Discard::too_old, 4);
   plant.plant().takeovers = 2;
   plant.plant().saturated_ticks = {0, 9};
+  plant.plant().beyond_limit_ticks = {3, 0};
   for (const int us : {15, 80, 81, 950}) {
     plant.plant().round_trip_us.add(std::chrono::microseconds(us));
   }
@@ -35,6 +36,7 @@ TEST(Statistics, AreReadBackAsTheyWereWritten) {
   EXPECT_EQ(read.rejected.total(), 5);
   EXPECT_EQ(read.plant().takeovers, 2);
   EXPECT_EQ(read.plant().saturated_ticks, (std::vector<std::int64_t>{0, 9}));
+  EXPECT_EQ(read.plant().beyond_limit_ticks, (std::vector<std::int64_t>{3, 0}));
   EXPECT_EQ(read.plant().round_trip_us.count(), 4);
   EXPECT_EQ(read.plant().round_trip_us.max_us(), 950);
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/plant/peers.h"
+#include "tests/support/limited_elbow.h"
 
 namespace tachless::plant {
 namespace {
@@ -321,6 +322,34 @@ TEST(RealtimeStart, IsNotStoppedByNoiseOnTheCommandChannel) {
   const std::vector<std::byte> noise(57, std::byte{0x5a});
   peers.on_first_announcement = [&] { peers.queue("ARM_COMMAND", noise, "10.0.0.9:4000"); };
   EXPECT_EQ(run(s, peers).fault, "");
+}
+
+TEST_F(Stopping, BrakesAnEmulatedRobotThatLeavesItsRange) {
+  const experiment::Scenario s =
+      with_limited_elbow(s_, R"(lower="-0.05" upper="2" effort="100" velocity="10")");
+  Peers peers(s);
+  peers.on_measurement = [&](std::int64_t k) { peers.command(k, robot::Vector::Zero(2)); };
+  const Outcome outcome = run(s, peers);
+  EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+  EXPECT_THAT(outcome.fault, HasSubstr("joint 2 (elbow) is at -0.05"));
+  // The stop is recorded from the tick outside to rest.
+  const auto first = std::ranges::find_if(peers.truths, [](const loop::truth::PlantTruth& each) {
+    return each.fault == DriveFault::protective_stop;
+  });
+  ASSERT_NE(first, peers.truths.end());
+  EXPECT_LT(first->q[1], -0.05);
+  EXPECT_LT(peers.truths.back().v.norm(), 0.05 * first->v.norm());
+}
+
+TEST_F(Stopping, GoesOnBeyondALimitWhereTheScenarioSaysSoAndCounts) {
+  const experiment::Scenario s = with_limited_elbow(
+      scenario({"plant.on_limit=warn", "plant.initial.velocity_rad_per_s=[0, -2]"}),
+      R"(lower="-3" upper="2" effort="100" velocity="1.5")");
+  Peers peers(s);
+  peers.on_measurement = [&](std::int64_t k) { peers.command(k, robot::Vector::Zero(2)); };
+  const Outcome outcome = run(s, peers);
+  EXPECT_EQ(outcome.fault, "");
+  EXPECT_EQ(outcome.statistics.plant().beyond_limit_ticks, (std::vector<std::int64_t>{0, 30}));
 }
 
 TEST(RealtimeLoop, FlagsAndCountsSaturationPerJoint) {

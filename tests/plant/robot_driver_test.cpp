@@ -13,6 +13,7 @@
 
 #include "tests/plant/peers.h"
 #include "tests/support/counting_new.h"
+#include "tests/support/limited_elbow.h"
 
 namespace tachless::plant {
 namespace {
@@ -20,7 +21,9 @@ namespace {
 using namespace std::chrono_literals;
 using diagnostics::ExitCode;
 using loop::truth::DriveFault;
+using testing::AllOf;
 using testing::HasSubstr;
+using testing::Not;
 
 /// A robot that stands where it is put and writes down what is done to it.
 class Recording : public RobotDriver {
@@ -168,20 +171,18 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
 }
 
 TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
-  const experiment::Scenario unbounded = limited();
-  std::string urdf = unbounded.robot.urdf_text;
-  const std::string elbow = R"(<joint name="elbow" type="continuous">)";
-  urdf.replace(urdf.find(elbow), elbow.size(),
-               R"(<joint name="elbow" type="revolute">
-                  <limit lower="-1.5" upper="2" effort="100" velocity="10"/>)");
-  const experiment::Scenario s = experiment::parse_scenario(unbounded.text, urdf, "bounded.yaml");
+  // A real robot is not told to go on.
+  const experiment::Scenario s = with_limited_elbow(
+      limited({"plant.on_limit=warn"}), R"(lower="-1.5" upper="2" effort="100" velocity="10")");
   Recording robot;
   robot.at = 10;
   robot.fault = [&robot] { robot.state.q[1] = 3; };
   const Outcome outcome = drive(s, robot);
   EXPECT_EQ(outcome.code, ExitCode::protective_stop);
   EXPECT_THAT(outcome.fault,
-              HasSubstr("joint 2 (elbow) is at 3 at tick 10, outside of its range -1.5 to 2"));
+              AllOf(HasSubstr("joint 2 (elbow) is at 3 rad at tick 10, outside of its range -1.5 "
+                              "to 2 rad"),
+                    Not(HasSubstr("plant.on_limit"))));
   expect_stopped(robot);
 }
 

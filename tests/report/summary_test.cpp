@@ -61,6 +61,7 @@ std::vector<node::Statistics> counters() {
   own.late_commands = 5;
   own.takeovers = 2;
   own.saturated_ticks = {0, 9};
+  own.beyond_limit_ticks = {3, 0};
   node::Statistics controller(loop::Role::controller);
   controller.resends = 1;
   controller.controller().skipped_ticks = 8;
@@ -78,13 +79,14 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
   const nlohmann::ordered_json summary = summarise(facts(), two_ticks(), counters());
   std::vector<std::string> keys;
   for (const auto& [key, value] : summary.items()) keys.push_back(key);
-  EXPECT_THAT(keys, ElementsAre("scenario", "run_id", "mode", "law", "ticks", "period_s",
-                                "duration_s", "wall_s", "ticks_per_s", "real_time_factor",
-                                "position_error_rad", "torque_Nm", "round_trip_us", "resends",
-                                "duplicates", "rejected", "takeovers", "missed_deadlines",
-                                "longest_miss", "missed_commands", "longest_command_miss",
-                                "late_commands", "skipped_ticks", "wake_up_jitter_us",
-                                "command_age_us", "saturated_ticks", "log", "verdict", "fault"));
+  EXPECT_THAT(
+      keys,
+      ElementsAre("scenario", "run_id", "mode", "law", "ticks", "period_s", "duration_s", "wall_s",
+                  "ticks_per_s", "real_time_factor", "position_error_rad", "torque_Nm",
+                  "round_trip_us", "resends", "duplicates", "rejected", "takeovers",
+                  "missed_deadlines", "longest_miss", "missed_commands", "longest_command_miss",
+                  "late_commands", "skipped_ticks", "wake_up_jitter_us", "command_age_us",
+                  "saturated_ticks", "beyond_limit_ticks", "log", "verdict", "fault"));
 }
 
 TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {
@@ -116,6 +118,7 @@ TEST(Summary, AddsUpTheProcessesCounters) {
   EXPECT_EQ(summary["takeovers"], 2);
   EXPECT_EQ(summary["skipped_ticks"], 8);
   EXPECT_EQ(summary["saturated_ticks"], (std::vector<int>{0, 9}));
+  EXPECT_EQ(summary["beyond_limit_ticks"], (std::vector<int>{3, 0}));
   EXPECT_EQ(summary["command_age_us"]["max"], 50);
   EXPECT_TRUE(summary["wake_up_jitter_us"]["p50"].is_null()) << "nothing was measured";
   EXPECT_EQ(summary["wall_s"], 0.125);
@@ -157,6 +160,7 @@ TEST(Summary, TableOfARealtimeRunShowsMissedDeadlines) {
   EXPECT_THAT(table, HasSubstr("missed commands 7 (longest run of them 6)"));
   EXPECT_THAT(table, HasSubstr("command age    50 µs (median)"));
   EXPECT_THAT(table, HasSubstr("joint 2 at its torque limit in 9 ticks"));
+  EXPECT_THAT(table, HasSubstr("joint 1 beyond its range or its speed in 3 ticks"));
 }
 
 TEST(Summary, GivesPeriodsInTheUnitPeopleUse) {

@@ -32,7 +32,7 @@ experiment::Scenario scenario(const std::string& joints, const std::string& law_
           "controller: {" +
           law_and_gains +
           "}\n"
-          "loop: {period_s: 1.0e-4, duration_s: 0.5}\n",
+          "loop: {period_s: 1.0e-4, duration_s: 0.5, command_delay: 0}\n",
       urdf_text.str(), "rigid_limit");
 }
 

@@ -15,6 +15,7 @@
 #include "logger/log_file.h"
 #include "protocol/lockstep/tick_master.h"
 #include "study/in_process_loop.h"
+#include "tests/support/limited_elbow.h"
 #include "tests/system/four_threads.h"
 #include "tests/system/wrapped.h"
 
@@ -129,6 +130,34 @@ TEST(TheLoop, CommandsWhatTheInProcessLoopCommandsToTheLastBit) {
     EXPECT_EQ(ticks, scenario.loop.num_ticks);
     EXPECT_EQ(recorded.size(), static_cast<std::size_t>(ticks));
   }
+}
+
+/// The elbow goes to -0.3 rad: out of this range and faster than this on its way.
+constexpr const char* narrow = R"(lower="-0.1" upper="2" effort="1e5" velocity="0.5")";
+
+TEST(TheLoop, EndsAtALimitOfTheRobotForAllFourAndTheLogSaysWhy) {
+  FourThreads threads(with_limited_elbow(scenario("regulation", {}), narrow));
+  const RunResult result = threads.finish();
+  const Outcome& plant = result.of.at(Role::plant);
+  EXPECT_EQ(plant.code, ExitCode::protective_stop);
+  EXPECT_THAT(plant.fault, HasSubstr("joint 2 (elbow) moves at -"));
+  EXPECT_THAT(plant.fault, HasSubstr("faster than its limit of 0.5 rad/s"));
+  for (const Role role : all_roles) EXPECT_NE(result.of.at(role).code, ExitCode::done);
+  EXPECT_THAT(end_of(threads), HasSubstr("the plant: joint 2 (elbow) moves at"));
+}
+
+TEST(TheLoop, CommandsTheSameBeyondALimitWhereTheScenarioSaysSo) {
+  const experiment::Scenario free =
+      scenario("regulation", {"plant.on_limit=warn", "loop.duration_s=0.5"});
+  const RunResult limited = run(with_limited_elbow(free, narrow));
+  EXPECT_EQ(limited.complaints(), "");
+  const node::PlantStatistics& plant = limited.of.at(Role::plant).statistics.plant();
+  EXPECT_EQ(plant.beyond_limit_ticks.at(0), 0);
+  EXPECT_GT(plant.beyond_limit_ticks.at(1), 300);  // it stays at -0.3 rad
+  // But for RUN_INFO, which holds the URDF, the logs are the same, byte for byte.
+  const std::string unlimited = run(free).log;
+  const auto ticks = [](const std::string& log) { return log.substr(log.find("ARM_TICK")); };
+  EXPECT_TRUE(ticks(limited.log) == ticks(unlimited));
 }
 
 TEST(TheLoop, GivesTheSameLogEachTime) {
