@@ -23,8 +23,8 @@ using Eigen::VectorXd;
 class Panel {
  public:
   Panel(const std::string& title, const std::string& x, const std::string& y)
-      : commands_(fmt::format("set title {}\nset xlabel {}\nset ylabel {}\n", gnuplot_text(title),
-                              gnuplot_text(x), gnuplot_text(y))) {}
+      : commands_(fmt::format("set title {}\nset xlabel {} offset 0,0.5\nset ylabel {}\n",
+                              gnuplot_text(title), gnuplot_text(x), gnuplot_text(y))) {}
 
   void command(const std::string& text) { commands_ += text + "\n"; }
   void curve(const std::string& name, const std::string& with, std::size_t colour,
@@ -40,7 +40,7 @@ class Panel {
   }
   [[nodiscard]] std::string text() const {
     return data_ + commands_ + fmt::format("plot {}\n", fmt::join(plots_, ", ")) +
-           "unset logscale\nset autoscale\n";
+           "unset logscale\nset autoscale\nset xtics autofreq\n";
   }
 
  private:
@@ -57,8 +57,9 @@ Panel period_panel(const SampledCertificate& s) {
   }
   Panel panel("Margin against sampling period", "period [ms]", "modulus margin, spectral radius");
   constexpr double top = 1.3;
-  panel.command(fmt::format("set logscale x\nset xrange [{:.9g}:{:.9g}]\nset yrange [0:{:g}]",
-                            margin.front().first, margin.back().first, top));
+  panel.command(fmt::format(
+      "set logscale x\nset xtics 1e-6,2\nset xrange [{:.9g}:{:.9g}]\nset yrange [0:{:g}]",
+      margin.front().first, margin.back().first, top));
   panel.curve("modulus margin", "linespoints pt 7 ps 0.4 lw 1.6", 0, margin);
   panel.curve("spectral radius", "lines lw 1.6", 1, radius);
   const auto vertical = [&](const std::string& name, double period_s, std::size_t colour) {

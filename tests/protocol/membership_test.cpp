@@ -393,6 +393,28 @@ TEST_F(ARunningMembership, FailsWhenThePlantHasReallyFinishedBeforeItsLastTick) 
   EXPECT_EQ(code(plant), diagnostics::ExitCode::protocol_violated) << "though it had finished";
 }
 
+TEST_F(ARunningMembership, IsBelievedByAPlantThatHasFinishedHoweverOftenThatSaysSo) {
+  for (auto* each : {&reference, &controller}) each->complete();
+  plant.finished(network.now());
+  for (int i = 0; i < 35; ++i) {  // as it does while it waits for the others' end
+    const auto said = plant.announce(network.now());
+    logger.handle(said.stamp, said.participant, "plant1", network.now());
+    network.pass(20ms);
+  }
+  EXPECT_EQ(code(logger), diagnostics::ExitCode::protocol_violated);
+  EXPECT_EQ(code(plant), diagnostics::ExitCode::protocol_violated);
+}
+
+TEST_F(ARunningMembership, IsOverWithItsLastTickThoughThePlantsEndCameBeforeAndIsNotSaidAgain) {
+  plant.finished(network.now());
+  network.pass(200ms);
+  network.kill(plant);
+  logger.complete();
+  network.pass(500ms);
+  EXPECT_EQ(text(logger), "");
+  EXPECT_TRUE(logger.plant_finished());
+}
+
 TEST_F(ARunningMembership, SaysHowFarItIs) {
   controller.progressed(17, 0.25);
   const auto said = controller.announce(network.now());
