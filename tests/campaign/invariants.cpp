@@ -23,7 +23,7 @@ constexpr double braking_s = 0.5;
 /// The log without the fault at its end.
 std::span<const Event> run_of(const Evidence& evidence) {
   std::span<const Event> log = evidence.log;
-  if (!log.empty() && !log.back().fault().empty()) log = log.first(log.size() - 1);
+  if (!log.empty() && log.back().is_fault()) log = log.first(log.size() - 1);
   return log;
 }
 
@@ -110,7 +110,8 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence) {
     if (std::ranges::find(documented, code) == documented.end()) {
       return fmt::format("the {} ends with {}", loop::name(role), static_cast<int>(code));
     }
-    if (fault.empty() || fault.find("internal error") != std::string::npos) {
+    if (fault.empty() || fault.ends_with(": ") ||
+        fault.find("internal error") != std::string::npos) {
       return fmt::format("the {} does not say why it ends", loop::name(role));
     }
     for (std::size_t i = 0; i + a_sentence <= fault.size(); ++i) {
@@ -125,7 +126,7 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence) {
 std::string the_log_ends_with_the_fault(const Evidence& evidence) {
   if (evidence.of(Role::logger).code == ExitCode::done || !evidence.lives(Role::logger)) return "";
   // A run that has not begun has no log.
-  if (evidence.log.empty() || !evidence.log.back().fault().empty()) return "";
+  if (evidence.log.empty() || evidence.log.back().is_fault()) return "";
   return fmt::format("the log of a run that failed ends with {}", evidence.log.back().channel);
 }
 

@@ -109,15 +109,15 @@ const Clean& clean(Pace pace, bool keyed) {
 
 }  // namespace
 
-std::string Event::fault() const {
+bool Event::is_fault() const {
   static const std::string participants = loop::channel<loop::Participant>("ARM");
-  if (channel != participants) return "";
+  if (channel != participants) return false;
   const bus::Codec<loop::Participant> codec(loop::Layout{});
   loop::Stamp stamp;
   loop::Participant who;
   const auto bytes = std::as_bytes(std::span(data));
-  if (codec.decode(bytes, stamp, who) != bus::Rejection::none) return "";
-  return who.state == loop::ParticipantState::fault ? who.fault : "";
+  return codec.decode(bytes, stamp, who) == bus::Rejection::none &&
+         who.state == loop::ParticipantState::fault;
 }
 
 bool Evidence::lives(Role role) const {

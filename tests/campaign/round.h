@@ -19,8 +19,8 @@ struct Event {
   std::string data;
 
   bool operator==(const Event&) const = default;
-  /// Of an announcement that says so; else "".
-  [[nodiscard]] std::string fault() const;
+  /// An announcement of a fault.
+  [[nodiscard]] bool is_fault() const;
 };
 
 /// What is judged of a round.
