@@ -2,8 +2,6 @@
 
 #include <chrono>
 
-#include "bus/wire.h"
-
 namespace tachless::campaign {
 
 using namespace std::chrono_literals;
@@ -46,9 +44,18 @@ void HostileMember::listen() {
     if (!datagram) continue;
     heard_.push_back(
         {std::string(datagram->channel), {datagram->payload.begin(), datagram->payload.end()}});
+    if (plan_ && plan_->acknowledges) acknowledge();
     if (!plan_ || heard_.size() <= static_cast<std::size_t>(plan_->from)) continue;
     if (chance(plan_->rate)) act();
   }
+}
+
+/// A tick is over when its TRUTH is out.
+void HostileMember::acknowledge() {
+  if (heard_.back().channel != "ARM_TRUTH") return;
+  const loop::Stamp stamp = bus::stamp_of(heard_.back().payload);
+  endpoint_->publish("ARM_LOG_ACK", acks_.encode(stamp, loop::LogAck{}));
+  ++num_sent_;
 }
 
 /// Mostly what was said last.

@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "bus/in_memory.h"
+#include "bus/wire.h"
 #include "tests/campaign/forger.h"
 #include "tests/campaign/plan.h"
 #include "tests/system/wrapped.h"
@@ -50,6 +50,7 @@ class HostileMember {
 
  private:
   void listen();
+  void acknowledge();
   void act();
   const Sent& pick();
   std::uint64_t below(std::uint64_t bound) { return random_() % bound; }
@@ -63,6 +64,7 @@ class HostileMember {
   Forger forger_;
   const std::vector<Sent>& recording_;
   Lies& lies_;
+  bus::Codec<loop::LogAck> acks_{loop::Layout{}};
   std::vector<Sent> heard_;
   std::size_t replayed_ = 0;  ///< of the recording, in order
   std::int64_t num_sent_ = 0;

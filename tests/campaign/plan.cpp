@@ -32,12 +32,14 @@ Hostility hostility_of(Draw& draw) {
   plan.forges = draw.chance(0.4);
   plan.damages = draw.chance(0.3);
   plan.contradicts = draw.chance(0.3);
+  plan.acknowledges = draw.chance(0.15);
   plan.rate = std::pow(10, -3.5 * draw.share());
   plan.from = draw.chance(0.3) ? 0 : static_cast<int>(draw.below(1800));
   if (draw.chance(0.2)) plan.races = std::pow(10, -3 * draw.share());
   if (draw.chance(0.5)) plan.drops = 0.3 * draw.share();
   const auto role = static_cast<loop::Role>(draw.below(loop::num_roles));
   plan.sender = draw.chance(0.7) ? "a stranger" : std::string(loop::name(role)) + "'s endpoint";
+  if (plan.acknowledges) plan.sender = "logger's endpoint";
   return plan;
 }
 
@@ -101,6 +103,7 @@ std::string describe(const Plan& plan) {
     if (hostile->forges) text += " forges";
     if (hostile->damages) text += " damages";
     if (hostile->contradicts) text += " contradicts";
+    if (hostile->acknowledges) text += " acknowledges";
     if (hostile->races > 0) text += fmt::format(" races {:.3f}", hostile->races);
     if (hostile->races > 0) text += fmt::format(" drops {:.2f}", hostile->drops);
   }

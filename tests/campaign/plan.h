@@ -16,6 +16,7 @@ struct Hostility {
   bool forges = false;                ///< fields at extremes
   bool damages = false;               ///< bits, lengths
   bool contradicts = false;           ///< sound messages with other numbers
+  bool acknowledges = false;          ///< in the logger's place, what it may not have
   double rate = 0;                    ///< probability to act at a datagram
   int from = 0;                       ///< it has heard so many before it begins
   double races = 0;                   ///< probability that it answers before the honest sender does
@@ -23,7 +24,9 @@ struct Hostility {
   std::string sender = "a stranger";  ///< address that receivers see
 
   /// Says what no member has ever said.
-  [[nodiscard]] bool lies() const { return forges || damages || contradicts || races > 0; }
+  [[nodiscard]] bool lies() const {
+    return forges || damages || contradicts || acknowledges || races > 0;
+  }
 };
 
 /// What happens to one of the four.
