@@ -84,9 +84,11 @@ class Link final : public Session {
   [[nodiscard]] std::string describe(loop::Role role) const override {
     return membership_->describe(role);
   }
-  /// Whether the holder of the role sends from that address.
+  /// Whether a message may be the role's holder's: on a bus with a key it is one of the four's,
+  /// from wherever it comes (their announcements may have been passed on by others); without one it
+  /// is when it comes from the holder's address.
   [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const {
-    return membership_->is_from(role, sender);
+    return authenticated_ || membership_->is_from(role, sender);
   }
   [[nodiscard]] bool knows(std::string_view sender) const override {
     return membership_->knows(sender);

@@ -385,7 +385,9 @@ Failure Membership::consequence_of(const Peer& failed) {
   for (const ExitCode passed_on : {ExitCode::protocol_violated, ExitCode::protective_stop}) {
     if (failed.participant.fault_code == static_cast<int>(passed_on)) code = passed_on;
   }
-  return {code, fmt::format("ended because of {}: {}", describe(failed), failed.participant.fault)};
+  const std::string& fault = failed.participant.fault;
+  return {code, fmt::format("ended because of {}: {}", describe(failed),
+                            fault.empty() ? "it does not say why" : fault)};
 }
 
 Failure Membership::incomplete(Role role) const {

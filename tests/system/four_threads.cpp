@@ -72,7 +72,7 @@ void FourThreads::start(Role role) {
     node::Link link(scenario, *endpoint,
                     {.role = role,
                      .run_id = role == Role::plant ? std::optional<std::int64_t>(7) : std::nullopt,
-                     .wait_s = 60,
+                     .wait_s = wait_s_,
                      .interrupted = &interrupted_.at(index),
                      .key = key_});
     try {

@@ -49,6 +49,8 @@ class FourThreads {
   void wrap(Wrapper wrapper) { wrapper_ = std::move(wrapper); }
   /// All four have it.
   void give_key(const bus::Key& key) { key_ = key; }
+  /// At the start, at most; default: a minute.
+  void wait_for_others(double wait_s) { wait_s_ = wait_s; }
   /// The scenario of one role alone.
   void give(loop::Role role, const experiment::Scenario& scenario);
   /// What a user's Ctrl-C in that process does.
@@ -69,6 +71,7 @@ class FourThreads {
   TemporaryDirectory directory_;
   Wrapper wrapper_;
   std::optional<bus::Key> key_;
+  double wait_s_ = 60;
   std::array<std::atomic<bool>, loop::num_roles> interrupted_{};
   std::array<Outcome, loop::num_roles> outcomes_;
   std::array<std::thread, loop::num_roles> threads_;

@@ -433,6 +433,32 @@ TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
   }
 }
 
+TEST(AKeyedBus, BelievesAcknowledgementsThoughAStrangerPassesOnTheLoggersAnnouncements) {
+  /// The logger's announcements come from another address, the originals are lost.
+  class PassedOn : public Wrapped {
+   public:
+    PassedOn(std::unique_ptr<bus::Transport> inner, std::unique_ptr<bus::Transport> stranger)
+        : Wrapped(std::move(inner)), stranger_(std::move(stranger)) {}
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      if (channel != "ARM_PARTICIPANT") return Wrapped::publish(channel, payload);
+      stranger_->publish(channel, payload);
+    }
+
+   private:
+    std::unique_ptr<bus::Transport> stranger_;
+  };
+  FourThreads threads(short_run());
+  threads.give_key({});
+  threads.wrap([&](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role != Role::logger) return inner;
+    return std::unique_ptr<bus::Transport>(
+        new PassedOn(std::move(inner), threads.network().connect("a stranger")));
+  });
+  const RunResult result = threads.finish();
+  ASSERT_EQ(result.complaints(), "");
+  EXPECT_TRUE(result.log == clean_log());
+}
+
 TEST(AForgedTruth, IsNoticedAtTheEndThoughThePlantsOwnIsLost) {
   /// A logger that hears another truth of the last tick, and never the plant's.
   class Deceived : public Wrapped {

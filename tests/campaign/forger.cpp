@@ -1,0 +1,198 @@
+#include "tests/campaign/forger.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <limits>
+#include <type_traits>
+
+#include "bus/wire.h"
+#include "loop/messages.h"
+#include "loop/truth/plant_truth.h"
+
+namespace tachless::campaign {
+namespace {
+
+using loop::Count;
+using loop::Kind;
+
+constexpr std::size_t num_joints = 2;
+constexpr std::size_t num_signals = 2;
+
+std::size_t size_of(Kind kind) {
+  if (kind == Kind::real || kind == Kind::int64) return sizeof(std::int64_t);
+  return kind == Kind::int32 ? sizeof(std::int32_t) : 1;
+}
+
+std::size_t entries_of(Count count) {
+  switch (count) {
+    case Count::one:
+      return 1;
+    case Count::joints:
+      return num_joints;
+    case Count::motors:
+      return 0;
+    case Count::signals:
+      return num_signals * num_joints;
+    case Count::roles:
+      return loop::num_roles;
+  }
+  return 0;
+}
+
+std::uint64_t get(std::span<const std::byte> bytes) {
+  std::uint64_t value = 0;
+  for (const std::byte each : bytes) value = value << 8 | std::to_integer<std::uint64_t>(each);
+  return value;
+}
+
+void put(std::uint64_t value, std::span<std::byte> bytes) {
+  for (std::size_t i = bytes.size(); i-- > 0; value >>= 8) bytes[i] = static_cast<std::byte>(value);
+}
+
+class FieldList {
+ public:
+  explicit FieldList(std::span<const std::byte> payload) : payload_(payload) {}
+
+  void add(std::string_view name, Kind kind, std::size_t size) {
+    if (offset_ + size > payload_.size()) size = 0;
+    if (size > 0) fields_.push_back({name, offset_, size, kind});
+    offset_ += size;
+  }
+  void add_text(std::string_view name) {
+    const std::size_t before = offset_;
+    add("length", Kind::int32, sizeof(std::int32_t));
+    if (offset_ == before) return;
+    const auto length = get(payload_.subspan(before, sizeof(std::int32_t)));
+    if (length > 1) add(name, Kind::text, length - 1);
+    if (length > 0) ++offset_;
+  }
+  std::vector<FieldAt> take() { return std::move(fields_); }
+
+ private:
+  std::span<const std::byte> payload_;
+  std::size_t offset_ = 0;
+  std::vector<FieldAt> fields_;
+};
+
+template <class Value>
+void list(FieldList& to) {
+  for (const auto* name : {"fingerprint", "utime", "run", "tick"}) to.add(name, Kind::int64, 8);
+  if constexpr (loop::has_count<Value>(Count::signals)) to.add("num_signals", Kind::int32, 4);
+  if constexpr (loop::has_joint_count<Value>()) to.add("num_joints", Kind::int32, 4);
+  if constexpr (loop::has_count<Value>(Count::motors)) to.add("num_motors", Kind::int32, 4);
+  loop::for_each_field<Value>([&](const auto& field) {
+    if (field.kind == Kind::text) return to.add_text(field.name);
+    for (std::size_t i = 0; i < entries_of(field.count); ++i) {
+      to.add(field.name, field.kind, size_of(field.kind));
+    }
+  });
+}
+
+}  // namespace
+
+std::vector<FieldAt> fields_of(std::string_view channel, std::span<const std::byte> payload) {
+  FieldList fields(payload);
+  const auto list_if = [&]<class Value>(std::type_identity<Value>) {
+    if (channel == loop::channel<Value>("ARM")) list<Value>(fields);
+  };
+  loop::for_each_type(loop::Messages(), list_if);
+  list_if(std::type_identity<loop::truth::PlantTruth>());
+  return fields.take();
+}
+
+void Forger::change(std::span<std::byte> value, Kind kind) {
+  using Int = std::numeric_limits<std::int64_t>;
+  using Real = std::numeric_limits<double>;
+  const std::uint64_t old = get(value);
+  if (kind == Kind::text) {
+    const auto some = value.subspan(below(value.size()));
+    for (std::byte& each : some) each = static_cast<std::byte>(1 + below(255));
+    return;
+  }
+  if (kind == Kind::real) {
+    const double was = std::bit_cast<double>(old);
+    const std::array extremes = {0.0,
+                                 -0.0,
+                                 1.0,
+                                 Real::quiet_NaN(),
+                                 Real::infinity(),
+                                 -Real::infinity(),
+                                 Real::max(),
+                                 -Real::max(),
+                                 1e154,
+                                 Real::denorm_min(),
+                                 was + 1,
+                                 std::bit_cast<double>(old ^ 1)};
+    return put(std::bit_cast<std::uint64_t>(extremes.at(below(extremes.size()))), value);
+  }
+  const std::array<std::uint64_t, 10> extremes = {
+      0,
+      std::uint64_t(-1),
+      std::uint64_t(Int::min()) >> 8 * (8 - value.size()),
+      (std::uint64_t(Int::max()) << 1) >> (8 * (8 - value.size()) + 1),
+      old + 1,
+      old - 1,
+      old + 1000,
+      2 + below(4),
+      0x20000000,
+      random_()};
+  put(extremes.at(below(extremes.size())), value);
+}
+
+std::vector<std::byte> Forger::forge(const Sent& honest) {
+  auto forged = honest.payload;
+  const auto fields = fields_of(honest.channel, forged);
+  if (fields.empty()) return forged;
+  const auto bytes_of = [&](const FieldAt& field) {
+    return std::span(forged).subspan(field.offset, field.size);
+  };
+  // An announcement that is not newer than its sender's last is a copy: mostly it is newer.
+  const auto counter = std::ranges::find(fields, "counter", &FieldAt::name);
+  if (counter != fields.end() && below(4) != 0) {
+    put(get(bytes_of(*counter)) + (below(8) == 0 ? 1'000'000 : 1), bytes_of(*counter));
+  }
+  do {
+    const FieldAt& field = fields[below(fields.size())];
+    change(bytes_of(field), field.kind);
+  } while (below(3) == 0);
+  return forged;
+}
+
+std::vector<std::byte> Forger::contradict(const Sent& honest) {
+  auto forged = honest.payload;
+  const auto fields = fields_of(honest.channel, forged);
+  const bool announcement = honest.channel == loop::channel<loop::Participant>("ARM");
+  for (auto field = fields.rbegin(); field != fields.rend(); ++field) {
+    const auto bytes = std::span(forged).subspan(field->offset, field->size);
+    if (announcement) {
+      if (field->name == "counter") put(get(bytes) + 1, bytes);
+      if (field->name != "state") continue;
+      put(below(5), bytes);
+      break;
+    }
+    if (field->kind == Kind::text || field->name == "fault") continue;
+    put(get(bytes) ^ 1, bytes);
+    break;
+  }
+  return forged;
+}
+
+std::vector<std::byte> Forger::damage(const Sent& honest) {
+  auto damaged = honest.payload;
+  switch (below(3)) {
+    case 0:
+      damaged.resize(below(damaged.size()));
+      break;
+    case 1:
+      damaged.resize(damaged.size() + 1 + below(64), static_cast<std::byte>(random_()));
+      break;
+    default:
+      for (std::uint64_t flips = 1 + below(4); flips > 0 && !damaged.empty(); --flips) {
+        damaged[below(damaged.size())] ^= static_cast<std::byte>(1U << below(8));
+      }
+  }
+  return damaged;
+}
+
+}  // namespace tachless::campaign

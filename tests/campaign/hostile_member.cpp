@@ -1,0 +1,127 @@
+#include "tests/campaign/hostile_member.h"
+
+#include <chrono>
+
+namespace tachless::campaign {
+
+using namespace std::chrono_literals;
+using loop::Clock;
+
+void Lies::note(std::span<const std::byte> payload) {
+  if (payload.size() < bus::stamp_end) return;
+  const std::lock_guard lock(mutex_);
+  ticks_.insert(bus::stamp_of(payload).tick);
+}
+
+std::set<std::int64_t> Lies::ticks() const {
+  const std::lock_guard lock(mutex_);
+  return ticks_;
+}
+
+HostileMember::HostileMember(bus::InMemoryNetwork& network, const std::optional<Hostility>& plan,
+                             std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies)
+    : endpoint_(network.connect(plan ? plan->sender : "a listener")),
+      plan_(plan),
+      random_(seed),
+      forger_(seed),
+      recording_(recording),
+      lies_(lies) {
+  for (const auto* suffix : {"TICK", "POSITION", "REFERENCE", "COMMAND", "CONTROLLER_STATE",
+                             "TRUTH", "RUN_INFO", "LOG_ACK", "PARTICIPANT"}) {
+    endpoint_->subscribe(std::string("ARM_") + suffix);
+  }
+  thread_ = std::thread([this] { listen(); });
+}
+
+void HostileMember::stop() {
+  stop_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+void HostileMember::listen() {
+  while (!stop_) {
+    const auto datagram = endpoint_->receive(Clock::now() + 5ms);
+    if (!datagram) continue;
+    heard_.push_back(
+        {std::string(datagram->channel), {datagram->payload.begin(), datagram->payload.end()}});
+    if (plan_ && plan_->acknowledges) acknowledge();
+    if (!plan_ || heard_.size() <= static_cast<std::size_t>(plan_->from)) continue;
+    if (chance(plan_->rate)) act();
+  }
+}
+
+/// A tick is over when its TRUTH is out.
+void HostileMember::acknowledge() {
+  if (heard_.back().channel != "ARM_TRUTH") return;
+  const loop::Stamp stamp = bus::stamp_of(heard_.back().payload);
+  endpoint_->publish("ARM_LOG_ACK", acks_.encode(stamp, loop::LogAck{}));
+  ++num_sent_;
+}
+
+/// Mostly what was said last.
+const Sent& HostileMember::pick() {
+  const auto draw = below(10);
+  if (draw == 0 && !recording_.empty()) return recording_[below(recording_.size())];
+  return draw < 3 ? heard_[below(heard_.size())] : heard_.back();
+}
+
+void HostileMember::act() {
+  const auto say = [this](std::string_view channel, std::span<const std::byte> payload) {
+    endpoint_->publish(channel, payload);
+    ++num_sent_;
+  };
+  const auto lie = [&](const Sent& honest, const std::vector<std::byte>& payload) {
+    lies_.note(payload);
+    say(honest.channel, payload);
+  };
+  if (plan_->replays) {
+    const Sent& old = heard_[below(heard_.size())];
+    for (auto copies = 1 + below(3); copies > 0; --copies) say(old.channel, old.payload);
+  }
+  if (plan_->recordings && !recording_.empty()) {
+    // Now in the order of the earlier run, now any.
+    for (int i = 0; i < 4; ++i) {
+      const std::size_t next = below(2) == 0 ? replayed_++ : below(recording_.size());
+      const Sent& old = recording_[next % recording_.size()];
+      say(old.channel, old.payload);
+    }
+  }
+  const Sent honest = pick();
+  if (plan_->forges) lie(honest, forger_.forge(honest));
+  if (plan_->damages) lie(honest, forger_.damage(honest));
+  if (plan_->contradicts) lie(honest, forger_.contradict(honest));
+}
+
+void Raced::publish(std::string_view channel, std::span<const std::byte> payload) {
+  const auto chance = [this](double probability) {
+    return static_cast<double>(random_() >> 11) * 0x1p-53 < probability;
+  };
+  if (!chance(plan_.races)) return Wrapped::publish(channel, payload);
+  const Sent honest{std::string(channel), {payload.begin(), payload.end()}};
+  const auto lie = chance(0.5) ? forger_.contradict(honest) : forger_.forge(honest);
+  lies_.note(lie);
+  rival_->publish(channel, lie);
+  if (!chance(plan_.drops)) Wrapped::publish(channel, payload);
+}
+
+void Afflicted::count() {
+  if (++count_ != mishap_.at + 1) return;
+  happened_ = true;
+  if (mishap_.kind == Mishap::Kind::stop) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(mishap_.stop_ms));
+  }
+  if (mishap_.kind == Mishap::Kind::interrupt) interrupt_();
+}
+
+void Afflicted::publish(std::string_view channel, std::span<const std::byte> payload) {
+  count();
+  if (!dead()) Wrapped::publish(channel, payload);
+}
+
+std::optional<bus::Datagram> Afflicted::receive(Clock::time_point deadline) {
+  auto datagram = Wrapped::receive(deadline);
+  if (datagram) count();
+  return dead() ? std::nullopt : datagram;
+}
+
+}  // namespace tachless::campaign

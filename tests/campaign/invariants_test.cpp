@@ -1,0 +1,144 @@
+// Each invariant says no to a round that breaks it, and to nothing else.
+#include "tests/campaign/invariants.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "bus/wire.h"
+
+namespace tachless::campaign {
+namespace {
+
+using diagnostics::ExitCode;
+using loop::Role;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+const std::string reason = "interrupted";
+
+Event fault_event() {
+  bus::Codec<loop::Participant> codec(loop::Layout{});
+  loop::Participant who;
+  who.state = loop::ParticipantState::fault;
+  who.fault = reason;
+  const auto bytes = codec.encode({0, 7, 1}, who);
+  return {"ARM_PARTICIPANT", 1, {reinterpret_cast<const char*>(bytes.data()), bytes.size()}};
+}
+
+/// Two ticks in lockstep that ended well.
+Evidence good() {
+  Evidence evidence;
+  evidence.num_ticks = 2;
+  evidence.period_s = 1;
+  evidence.give_up_s = 3;
+  evidence.log.push_back({"ARM_RUN_INFO", -1, "info"});
+  for (std::int64_t k = 0; k < 2; ++k) {
+    for (const auto* channel : {"ARM_TICK", "ARM_POSITION", "ARM_REFERENCE", "ARM_COMMAND",
+                                "ARM_CONTROLLER_STATE", "ARM_TRUTH"}) {
+      evidence.log.push_back({channel, k, "said"});
+    }
+  }
+  evidence.clean_log = evidence.log;
+  for (const Role role : system_test::all_roles) evidence.result.of[role].code = ExitCode::done;
+  return evidence;
+}
+
+/// The same without a key and with a stranger, in which all fail after the first tick.
+Evidence failed() {
+  Evidence evidence = good();
+  evidence.plan.hostility = Hostility();
+  evidence.plan.hostility->forges = true;
+  evidence.log.resize(7);
+  evidence.log.push_back(fault_event());
+  for (auto& [role, outcome] : evidence.result.of) {
+    outcome.code = ExitCode::protocol_violated;
+    outcome.fault = reason;
+  }
+  return evidence;
+}
+
+TEST(Invariants, HoldOfAGoodRunAndOfOneThatFailsAsItShould) {
+  EXPECT_THAT(violations(good()), IsEmpty());
+  EXPECT_THAT(violations(failed()), IsEmpty());
+}
+
+TEST(Invariants, SayThatSomebodyEndsWellWithoutAWholeLog) {
+  Evidence evidence = failed();
+  evidence.result.of[Role::plant].code = ExitCode::done;
+  EXPECT_THAT(violations(evidence),
+              ElementsAre("the plant ends with 0: the log has 7 of 13 events"));
+  evidence.plan.pace = Pace::realtime;
+  EXPECT_THAT(nobody_ends_well_without_a_whole_log(evidence), HasSubstr("lacks ARM_TICK of 1"));
+}
+
+TEST(Invariants, SayThatTheLogIsNotTheCleanOneUnlessAStrangerHasLiedWithoutAKey) {
+  Evidence evidence = good();
+  evidence.log[10].data = "other";
+  const std::string complaint = "ARM_COMMAND of tick 1 is not the clean run's";
+  EXPECT_EQ(the_log_is_a_beginning_of_the_clean_one(evidence), complaint);
+  EXPECT_EQ(nobody_ends_well_without_a_whole_log(evidence), "the plant ends with 0: " + complaint);
+  evidence.lies = {1};
+  EXPECT_THAT(violations(evidence), IsEmpty());
+  evidence.plan.keyed = true;
+  EXPECT_EQ(the_log_is_a_beginning_of_the_clean_one(evidence), complaint);
+}
+
+TEST(Invariants, SayThatALogHasPartOfATickOrDamage) {
+  Evidence evidence = failed();
+  evidence.log.erase(evidence.log.begin() + 6);
+  EXPECT_THAT(violations(evidence), ElementsAre("the log's 6 events are not whole ticks"));
+  evidence.log_damaged = true;
+  EXPECT_THAT(violations(evidence), ElementsAre("the log is damaged"));
+}
+
+TEST(Invariants, SayThatARunWithAKeyDidNotEndWell) {
+  Evidence evidence = failed();
+  evidence.plan.keyed = true;
+  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("nothing could end this run")));
+  evidence.plan.mishap.emplace().kind = Mishap::Kind::interrupt;
+  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("nothing could end this run")));
+  evidence.mishap_happened = true;
+  EXPECT_THAT(violations(evidence), IsEmpty());
+}
+
+TEST(Invariants, SayThatAFaultHasNoCodeOrNoCauseOrTwo) {
+  Evidence evidence = failed();
+  evidence.result.of[Role::reference].code = static_cast<ExitCode>(77);
+  EXPECT_THAT(violations(evidence), ElementsAre("the reference ends with 77"));
+  evidence = failed();
+  evidence.result.of[Role::logger].fault = "";
+  EXPECT_THAT(violations(evidence), ElementsAre("the logger does not say why it ends"));
+  evidence = failed();
+  const std::string sentence = "lost is the controller (process 4123 on host arm-1, 10.0.0.2:4123)";
+  evidence.result.of[Role::plant].fault = sentence + ": " + sentence;
+  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the plant says twice 'lost is")));
+}
+
+TEST(Invariants, SayThatTheLogDoesNotEndWithTheFaultThoughTheLoggerLives) {
+  Evidence evidence = failed();
+  evidence.log.pop_back();
+  EXPECT_THAT(violations(evidence),
+              ElementsAre("the log of a run that failed ends with ARM_TRUTH"));
+  evidence.plan.mishap.emplace().role = Role::logger;
+  evidence.mishap_happened = true;
+  EXPECT_THAT(violations(evidence), IsEmpty());
+}
+
+TEST(Invariants, SayThatTheRobotMovesUnrecordedOrThatARoundTakesTooLong) {
+  Evidence evidence = failed();
+  evidence.plan.pace = Pace::realtime;
+  evidence.result.of[Role::plant].statistics.ticks = 1 + 3;
+  EXPECT_THAT(violations(evidence), IsEmpty());
+  evidence.result.of[Role::plant].statistics.ticks = 1 + 4;
+  EXPECT_THAT(violations(evidence), ElementsAre("the robot moves for 4 s after the log's end"));
+  evidence = good();
+  evidence.wall_s = 40;
+  EXPECT_THAT(violations(evidence), ElementsAre("it takes 40 s"));
+  evidence.wall_s = 1;
+  evidence.hung = true;
+  EXPECT_THAT(violations(evidence), ElementsAre("it takes 1 s, interrupted"));
+}
+
+}  // namespace
+}  // namespace tachless::campaign

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "bus/in_memory.h"
+#include "loop/messages.h"
+
+namespace tachless::campaign {
+
+/// What a stranger does who hears everything. It acts at some of the datagrams that it hears.
+struct Hostility {
+  bool replays = false;               ///< of this run
+  bool recordings = false;            ///< of an earlier run of the same scenario and run id
+  bool forges = false;                ///< fields at extremes
+  bool damages = false;               ///< bits, lengths
+  bool contradicts = false;           ///< sound messages with other numbers
+  bool acknowledges = false;          ///< in the logger's place, what it may not have
+  double rate = 0;                    ///< probability to act at a datagram
+  int from = 0;                       ///< it has heard so many before it begins
+  double races = 0;                   ///< probability that it answers before the honest sender does
+  double drops = 0;                   ///< … and that the honest answer is lost then
+  std::string sender = "a stranger";  ///< address that receivers see
+
+  /// Says what no member has ever said.
+  [[nodiscard]] bool lies() const {
+    return forges || damages || contradicts || acknowledges || races > 0;
+  }
+};
+
+/// What happens to one of the four.
+struct Mishap {
+  enum class Kind { kill, stop, interrupt };
+  Kind kind = Kind::kill;
+  loop::Role role = loop::Role::plant;
+  int at = 0;       ///< it has sent and received so many datagrams
+  int stop_ms = 0;  ///< how long it stands still
+};
+
+enum class Pace {
+  lockstep,
+  realtime,       ///< 0.3 s
+  realtime_long,  ///< longer than it takes to notice that a peer is lost
+};
+
+/// A round of the campaign; everything follows from the seed but the threads' interleaving.
+struct Plan {
+  std::uint64_t seed = 0;
+  Pace pace = Pace::lockstep;
+  bool keyed = false;
+  bus::NetworkFaults network;
+  std::optional<Hostility> hostility;
+  std::optional<Mishap> mishap;
+
+  [[nodiscard]] bool lockstep() const { return pace == Pace::lockstep; }
+  /// Whether nothing may keep the run from its good end and its clean log.
+  [[nodiscard]] bool must_end_well() const;
+};
+
+Plan plan_of(std::uint64_t seed);
+/// "keyed lockstep, loss 0.2, replays, kill of the logger at 81"
+std::string describe(const Plan& plan);
+/// The same without numbers: rounds of one kind are counted together.
+std::string kind_of(const Plan& plan);
+
+}  // namespace tachless::campaign

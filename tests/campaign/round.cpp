@@ -1,0 +1,167 @@
+#include "tests/campaign/round.h"
+
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdlib>
+#include <future>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "bus/wire.h"
+#include "logger/log_file.h"
+#include "tests/campaign/hostile_member.h"
+
+namespace tachless::campaign {
+namespace {
+
+using namespace std::chrono_literals;
+using loop::Clock;
+using loop::Role;
+using system_test::FourThreads;
+
+// All wait so long for each other at most; no round needs longer than twice that.
+constexpr double wait_s = 10;
+constexpr auto hung_after = 30s;
+
+experiment::Scenario scenario_of(Pace pace) {
+  if (pace == Pace::lockstep) {
+    return system_test::scenario(
+        "paper_rigid", {"loop.duration_s=0.01", "loop.give_up_s=3", "plant.mechanics=native"});
+  }
+  std::vector<std::string> at_rest = {"loop.mode=realtime",
+                                      "loop.max_missed=1000000",
+                                      "loop.max_missed_share=1",
+                                      "robot.gravity_m_per_s2=0",
+                                      "plant.mechanics=native",
+                                      "plant.encoder.resolution_bits=null",
+                                      "reference={hold: {position_rad: [0, 0]}}"};
+  at_rest.emplace_back(pace == Pace::realtime ? "loop.duration_s=0.3" : "loop.duration_s=3");
+  at_rest.emplace_back(pace == Pace::realtime ? "loop.give_up_s=3" : "loop.give_up_s=1");
+  return system_test::scenario("practical_rigid", at_rest);
+}
+
+bus::Key key() {
+  bus::Key key;
+  std::ranges::fill(key.bytes(), static_cast<unsigned char>(0x35));
+  return key;
+}
+
+void read_log(const FourThreads& threads, Evidence& into) {
+  if (into.result.log.empty()) return;
+  logger::LogReader log(threads.log_path());
+  while (const auto event = log.next()) {
+    const bool stamped = event->data.size() >= bus::stamp_end;
+    into.log.push_back({std::string(event->channel),
+                        stamped ? bus::stamp_of(event->data).tick : -2,
+                        {reinterpret_cast<const char*>(event->data.data()), event->data.size()}});
+  }
+  into.log_damaged = log.damage().any();
+}
+
+/// Starts and waits for all. A run that does not end is interrupted; if that does not help, nothing
+/// will.
+void finish(FourThreads& threads, Evidence& into) {
+  auto result = std::async(std::launch::async, [&] { return threads.finish(); });
+  if (result.wait_for(hung_after) != std::future_status::ready) {
+    into.hung = true;
+    for (const Role role : system_test::all_roles) threads.interrupt(role);
+    if (result.wait_for(hung_after) != std::future_status::ready) {
+      fmt::print(stderr, "seed {} hangs for ever: {}\n", into.plan.seed, describe(into.plan));
+      std::abort();
+    }
+  }
+  into.result = result.get();
+}
+
+/// The run of this scenario that nothing happens to, and everything that is said in it.
+struct Clean {
+  experiment::Scenario scenario;
+  std::vector<Event> log;
+  std::vector<Sent> recording;
+};
+
+const Clean& clean(Pace pace, bool keyed) {
+  static std::array<std::once_flag, 6> once;
+  static std::array<std::unique_ptr<Clean>, 6> runs;
+  const std::size_t index = 2 * static_cast<std::size_t>(pace) + (keyed ? 1 : 0);
+  std::call_once(once.at(index), [&] {
+    auto run = std::make_unique<Clean>(Clean{scenario_of(pace), {}, {}});
+    FourThreads threads(run->scenario);
+    if (keyed) threads.give_key(key());
+    Evidence evidence;
+    Lies none;
+    HostileMember listener(threads.network(), {}, 0, {}, none);
+    finish(threads, evidence);
+    listener.stop();
+    if (!evidence.all_done()) throw std::runtime_error(evidence.result.complaints());
+    read_log(threads, evidence);
+    run->log = std::move(evidence.log);
+    run->recording = listener.heard();
+    runs.at(index) = std::move(run);
+  });
+  return *runs.at(index);
+}
+
+}  // namespace
+
+bool Event::is_fault() const {
+  static const std::string participants = loop::channel<loop::Participant>("ARM");
+  if (channel != participants) return false;
+  const bus::Codec<loop::Participant> codec(loop::Layout{});
+  loop::Stamp stamp;
+  loop::Participant who;
+  const auto bytes = std::as_bytes(std::span(data));
+  return codec.decode(bytes, stamp, who) == bus::Rejection::none &&
+         who.state == loop::ParticipantState::fault;
+}
+
+bool Evidence::lives(Role role) const {
+  return !(mishap_happened && plan.mishap->kind == Mishap::Kind::kill && plan.mishap->role == role);
+}
+
+Evidence play(const Plan& plan) {
+  // Both, so that a log with a key is compared with one without.
+  const Clean& plain = clean(plan.pace, false);
+  const Clean& earlier = clean(plan.pace, plan.keyed);
+  Evidence evidence;
+  evidence.plan = plan;
+  evidence.num_ticks = plain.scenario.loop.num_ticks;
+  evidence.period_s = plain.scenario.loop.period_s;
+  evidence.give_up_s = plain.scenario.loop.give_up_s;
+  evidence.clean_log = plain.log;
+
+  Lies lies;
+  std::atomic<bool> happened = false;
+  FourThreads threads(plain.scenario, plan.network);
+  threads.wait_for_others(wait_s);
+  if (plan.keyed) threads.give_key(key());
+  threads.wrap([&](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (plan.hostility && plan.hostility->races > 0) {
+      inner = std::make_unique<Raced>(
+          std::move(inner), threads.network().connect(plan.hostility->sender), *plan.hostility,
+          plan.seed + static_cast<std::uint64_t>(role), lies);
+    }
+    if (plan.mishap && plan.mishap->role == role) {
+      inner = std::make_unique<Afflicted>(std::move(inner), *plan.mishap, happened,
+                                          [&threads, role] { threads.interrupt(role); });
+    }
+    return inner;
+  });
+  HostileMember hostile(threads.network(), plan.hostility, plan.seed, earlier.recording, lies);
+  const auto start = Clock::now();
+  finish(threads, evidence);
+  evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
+  hostile.stop();
+  evidence.num_hostile = plan.hostility ? hostile.num_sent() : 0;
+  evidence.lies = lies.ticks();
+  evidence.mishap_happened = happened;
+  read_log(threads, evidence);
+  return evidence;
+}
+
+}  // namespace tachless::campaign

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "experiment/scenario.h"
+#include "tests/campaign/plan.h"
+#include "tests/system/four_threads.h"
+
+namespace tachless::campaign {
+
+/// An event of a log.
+struct Event {
+  std::string channel;
+  std::int64_t tick = 0;
+  std::string data;
+
+  bool operator==(const Event&) const = default;
+  /// An announcement of a fault.
+  [[nodiscard]] bool is_fault() const;
+};
+
+/// What is judged of a round.
+struct Evidence {
+  Plan plan;
+  std::int64_t num_ticks = 0;
+  double period_s = 0;
+  double give_up_s = 0;
+  system_test::RunResult result;
+  std::vector<Event> log;
+  bool log_damaged = false;
+  std::vector<Event> clean_log;  ///< lockstep: of the run that nothing happened to
+  std::set<std::int64_t> lies;   ///< ticks for which a stranger has said something else
+  std::int64_t num_hostile = 0;  ///< datagrams of the hostile member
+  bool mishap_happened = false;
+  bool hung = false;  ///< had to be interrupted
+  double wall_s = 0;
+
+  [[nodiscard]] const system_test::Outcome& of(loop::Role role) const { return result.of.at(role); }
+  /// Whether the member is there to the end.
+  [[nodiscard]] bool lives(loop::Role role) const;
+  [[nodiscard]] bool all_done() const { return result.complaints().empty(); }
+};
+
+/// Plays a round: the four nodes in four threads, beside whom and what the plan says.
+Evidence play(const Plan& plan);
+
+}  // namespace tachless::campaign
