@@ -201,22 +201,27 @@ void Link::leave() {
   const auto begin = Clock::now();
   note_end(begin);
   membership_->finished(begin);
+  // The plant ends well only when all have: it waits for who is not silent for give_up_s. The
+  // others wait until it knows of their end, which is not theirs any more.
   if (role_ == Role::plant) {
-    wait_until_all_have_finished(begin + longest_leaving);
-  } else {
+    announce_until([&] { return membership_->all_finished(); });
     announce_repeatedly();
+  } else {
+    announce_until(
+        [&] { return membership_->end_is_known() || Clock::now() - begin >= longest_leaving; });
   }
   if (membership_->failure()) throw Failure(*membership_->failure());
 }
 
-/// The others' announcements may be lost: the record is acknowledged, nobody waits for ever.
-void Link::wait_until_all_have_finished(Clock::time_point until) {
-  const auto is_over = [&] { return membership_->all_finished() || membership_->failure(); };
-  while (!is_over() && Clock::now() < until) {
-    announce(Clock::now());
-    const auto next = Clock::now() + leaving_period;
-    while (!is_over() && Clock::now() < next) {
-      if (const auto datagram = transport().receive(next)) handle(*datagram);
+void Link::announce_until(const std::function<bool()>& known) {
+  const auto over = [&] { return membership_->failure() || known(); };
+  while (!over()) {
+    throw_if_interrupted();
+    const auto now = Clock::now();
+    membership_->poll(now);
+    announce(now);
+    while (!over() && Clock::now() < now + leaving_period) {
+      if (const auto datagram = transport().receive(now + leaving_period)) handle(*datagram);
     }
   }
 }

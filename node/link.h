@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <initializer_list>
 #include <optional>
 #include <span>
@@ -104,7 +105,7 @@ class Link final : public Session {
   void announce_repeatedly();
   void handle_until(loop::Clock::time_point deadline);
   void wait_for_predecessor();
-  void wait_until_all_have_finished(loop::Clock::time_point until);
+  void announce_until(const std::function<bool()>& known);
   void log_members() const;
   void tell_who_is_missing(loop::Clock::time_point now);
 

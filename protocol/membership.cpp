@@ -404,6 +404,14 @@ bool Membership::all_finished() const {
   });
 }
 
+bool Membership::end_is_known() const {
+  const Peer* plant = peers_.find(Role::plant);
+  if (plant == nullptr || end_counter_ == 0) return false;
+  const auto own = static_cast<std::size_t>(self_.role);
+  return plant->participant.heard_instance[own] == self_.instance &&
+         plant->participant.heard_counter[own] >= end_counter_;
+}
+
 std::vector<Role> Membership::missing() const {
   std::vector<Role> result;
   for (const Role role : all_roles) {
@@ -471,6 +479,9 @@ const Membership::Announcement& Membership::announce(Time now) {
   announcement_.participant.error_norm = error_norm_;
   announcement_.participant.roster = roster_;
   peers_.sign(announcement_.participant, is_over(state_), now);
+  if (state_ == ParticipantState::finished && end_counter_ == 0) {
+    end_counter_ = announcement_.participant.counter;
+  }
   // The first cause: others may have ended since.
   if (const auto& fault = stopping_ ? stopping_ : failure_; fault) {
     announcement_.participant.fault_code = static_cast<int>(fault->code());

@@ -126,6 +126,8 @@ class Membership {
   [[nodiscard]] bool plant_finished() const { return plant_finished_; }
   /// The three others have.
   [[nodiscard]] bool all_finished() const;
+  /// The plant has named an announcement in which this process had finished: it knows.
+  [[nodiscard]] bool end_is_known() const;
 
   /// Roles of which no process is known.
   [[nodiscard]] std::vector<loop::Role> missing() const;
@@ -164,9 +166,10 @@ class Membership {
   [[nodiscard]] static diagnostics::Failure consequence_of(const Peer& failed);
 
   void act(MembershipEvent event, const diagnostics::Failure* failure, Time now);
-  /// The plant watches all holders, the others the plant.
+  /// The plant watches all holders, the others the plant, until they have finished.
   [[nodiscard]] bool watches(loop::Role role) const {
-    return holder(role) != 0 && (self_.role == loop::Role::plant || role == loop::Role::plant);
+    const bool own_concern = self_.role == loop::Role::plant || role == loop::Role::plant;
+    return own_concern && holder(role) != 0 && !done_[static_cast<std::size_t>(role)];
   }
   [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
   void announce_soon(Time now);
@@ -202,6 +205,7 @@ class Membership {
   loop::PerRole roster_{};
   std::array<bool, loop::num_roles> confirmed_{};  ///< plant: who has taken the roster
   std::array<bool, loop::num_roles> done_{};
+  std::int64_t end_counter_ = 0;  ///< of the first own announcement of having finished
   std::optional<diagnostics::Failure> failure_;
   std::optional<diagnostics::Failure> stopping_;
   /// A successor announces once that it could not resume, perhaps before the old controller has

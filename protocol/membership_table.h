@@ -31,13 +31,14 @@ enum class MembershipEvent {
   failed_successor,  ///< plant: a successor of the controller could not resume
   departure,         ///< any other process announces that it has finished or failed
   holder_gone,       ///< plant: one of the roster has ended before all have confirmed, or is silent
-  holder_silent,     ///< a watched holder has been silent for the time to give up
-  finish_stands,     ///< a holder's early finish has not been contradicted by it for a while
-  takeover_failed,   ///< the controller is silent, and its successor could not resume
-  wait_over,         ///< the time to wait for the others at the start has passed
-  run_started,       ///< own: first message of the run sent or accepted
-  part_finished,     ///< own: all ticks are done
-  failure,           ///< own: ends with a fault
+  holder_silent,    ///< a watched holder that has not finished has been silent for the time to give
+                    ///< up
+  finish_stands,    ///< a holder's early finish has not been contradicted by it for a while
+  takeover_failed,  ///< the controller is silent, and its successor could not resume
+  wait_over,        ///< the time to wait for the others at the start has passed
+  run_started,      ///< own: first message of the run sent or accepted
+  part_finished,    ///< own: all ticks are done
+  failure,          ///< own: ends with a fault
 };
 inline constexpr std::size_t num_membership_events = 23;
 
@@ -90,7 +91,7 @@ inline constexpr std::array<Row, num_membership_events> rows = {{
     {"failed successor", {forget, forget, keep_failure, ignore, ignore}},
     {"departure", {forget, forget, forget, ignore, ignore}},
     {"holder gone", {ignore, dissolve, ignore, ignore, ignore}},
-    {"holder silent", {ignore, fail, fail, ignore, ignore}},
+    {"holder silent", {ignore, fail, fail, fail, ignore}},
     {"finish stands", {ignore, fail, fail, ignore, ignore}},
     {"takeover failed", {ignore, ignore, fail, ignore, ignore}},
     {"wait over", {fail, fail, ignore, ignore, ignore}},

@@ -23,23 +23,11 @@ std::uint64_t number(const char* variable, std::uint64_t otherwise) {
   return text == nullptr ? otherwise : std::stoull(text);
 }
 
-/// An open fault of the protocol, counted and not hidden: who acknowledges from the logger's own
-/// address, without a key, can make others than the logger end with 0 though the logger fails
-/// (docs/operations.md, "Fault campaign").
-bool is_open_fault(const Evidence& evidence) {
-  const auto& hostile = evidence.plan.hostility;
-  return !evidence.plan.keyed && hostile && hostile->acknowledges &&
-         evidence.of(loop::Role::logger).code != diagnostics::ExitCode::done &&
-         violations(evidence).size() == 1 &&
-         !nobody_ends_well_without_a_whole_log(evidence).empty();
-}
-
 /// Of the rounds of one kind.
 struct Tally {
   int rounds = 0;
   int ended_well = 0;
   int broken = 0;
-  int open = 0;  ///< broken by the open fault alone
   std::int64_t hostile = 0;
   double longest_s = 0;
 };
@@ -62,22 +50,20 @@ class Campaign {
   void report() const {
     for (const auto& [kind, of] : tallies_) {
       fmt::print(
-          "{}: {} rounds, {} ended well, {} broken, {} by the open fault, {} hostile datagrams, "
+          "{}: {} rounds, {} ended well, {} broken, {} hostile datagrams, "
           "longest {:.2f} s\n",
-          kind, of.rounds, of.ended_well, of.broken, of.open, of.hostile, of.longest_s);
+          kind, of.rounds, of.ended_well, of.broken, of.hostile, of.longest_s);
     }
   }
 
  private:
   void add(const Evidence& evidence) {
-    const bool open = is_open_fault(evidence);
-    const auto broken = open ? std::vector<std::string>() : violations(evidence);
+    const auto broken = violations(evidence);
     const std::lock_guard lock(mutex_);
     Tally& of = tallies_[kind_of(evidence.plan)];
     ++of.rounds;
     of.ended_well += evidence.all_done() ? 1 : 0;
     of.broken += broken.empty() ? 0 : 1;
-    of.open += open ? 1 : 0;
     of.hostile += evidence.num_hostile;
     of.longest_s = std::max(of.longest_s, evidence.wall_s);
     if (++done_ % 500 == 0) fmt::print(stderr, "{} rounds\n", done_);
