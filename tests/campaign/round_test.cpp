@@ -23,15 +23,19 @@ std::uint64_t number(const char* variable, std::uint64_t otherwise) {
   return text == nullptr ? otherwise : std::stoull(text);
 }
 
-/// An open fault of the protocol, counted and not hidden: who acknowledges from the logger's own
-/// address, without a key, can make others than the logger end with 0 though the logger fails
-/// (docs/operations.md, "Fault campaign").
+/// Two open faults of the product, counted and not hidden (docs/operations.md, "Fault campaign"):
+/// without a key, who acknowledges from the logger's own address can make others than the logger
+/// end with 0 though it fails; and a fault that the logger hears while it leaves is not in its log,
+/// which is whole.
 bool is_open_fault(const Evidence& evidence) {
   const auto& hostile = evidence.plan.hostility;
-  return !evidence.plan.keyed && hostile && hostile->acknowledges &&
-         evidence.of(loop::Role::logger).code != diagnostics::ExitCode::done &&
-         violations(evidence).size() == 1 &&
-         !nobody_ends_well_without_a_whole_log(evidence).empty();
+  if (evidence.plan.keyed || !hostile || violations(evidence).size() != 1) return false;
+  const bool logger_fails = evidence.of(loop::Role::logger).code != diagnostics::ExitCode::done;
+  const bool acknowledged = hostile->acknowledges && logger_fails &&
+                            !nobody_ends_well_without_a_whole_log(evidence).empty();
+  const bool left = evidence.plan.lockstep() && evidence.log.size() == evidence.clean_log.size() &&
+                    !the_log_ends_with_the_fault(evidence).empty();
+  return acknowledged || left;
 }
 
 /// Of the rounds of one kind.
@@ -39,7 +43,7 @@ struct Tally {
   int rounds = 0;
   int ended_well = 0;
   int broken = 0;
-  int open = 0;  ///< broken by the open fault alone
+  int open = 0;  ///< broken by an open fault alone
   std::int64_t hostile = 0;
   double longest_s = 0;
 };
@@ -62,7 +66,7 @@ class Campaign {
   void report() const {
     for (const auto& [kind, of] : tallies_) {
       fmt::print(
-          "{}: {} rounds, {} ended well, {} broken, {} by the open fault, {} hostile datagrams, "
+          "{}: {} rounds, {} ended well, {} broken, {} by an open fault, {} hostile datagrams, "
           "longest {:.2f} s\n",
           kind, of.rounds, of.ended_well, of.broken, of.open, of.hostile, of.longest_s);
     }
