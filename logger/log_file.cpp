@@ -163,11 +163,15 @@ void LogWriter::flush_if_due(std::chrono::steady_clock::time_point now) {
   if (filled_ != 0) flush();
 }
 
-void LogWriter::close() {
-  if (failure_.empty() && file_ < 0) return;
+void LogWriter::sync() {
   flush();
   // A log on something that cannot be synchronised, such as a pipe, is no error.
   if (fsync(file_) != 0 && errno != EINVAL && errno != EROFS) fail(errno);
+}
+
+void LogWriter::close() {
+  if (failure_.empty() && file_ < 0) return;
+  sync();
   if (::close(std::exchange(file_, -1)) != 0) fail(errno);
 }
 

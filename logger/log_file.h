@@ -49,7 +49,10 @@ class LogWriter {
   /// `flush` when `flush_interval` has passed since the last one. Cheap otherwise.
   void flush_if_due(std::chrono::steady_clock::time_point now);
 
-  /// Flushes, waits until the disk has it, and closes.
+  /// Flushes, and waits until the disk has it.
+  void sync();
+
+  /// The same, and closes.
   void close();
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }

@@ -55,12 +55,14 @@ void Recorder::run() {
                                return now + LogWriter::flush_interval / 2;
                              });
     conclude(true);
+    file_.sync();
+    whole_ = true;
+    link_.leave();
   } catch (const diagnostics::Failure& failure) {
     save_the_rest(failure);
     throw;
   }
   file_.close();
-  link_.leave();
 }
 
 void Recorder::on_slot(Slot slot, const bus::Datagram& datagram) {
@@ -148,8 +150,10 @@ void Recorder::save_the_rest(const diagnostics::Failure& cause) {
 void Recorder::record_end(const diagnostics::Failure& cause) {
   const auto own = link_.ending(cause);
   if (fault_.empty()) fault_.assign(own.begin(), own.end());
-  concluding_ = true;
-  conclude(false);
+  if (!whole_) {
+    concluding_ = true;
+    conclude(false);
+  }
   if (!run_info_.empty()) append(utime(), link_.channel(), fault_);
 }
 

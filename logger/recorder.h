@@ -88,6 +88,7 @@ class Recorder {
   std::vector<std::byte> run_info_;
   std::string run_info_sender_;
   bool concluding_ = false;       ///< the run has failed
+  bool whole_ = false;            ///< every tick is on the disk
   std::vector<std::byte> fault_;  ///< announcement of the member's fault that has ended it, if any
 };
 

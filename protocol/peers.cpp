@@ -45,9 +45,7 @@ Peers::Remembered Peers::remember(const loop::Stamp& stamp, const loop::Particip
     peer.participant = who;
     peer.first_heard = now;
   }
-  // Whoever repeats an announcement has another address, and may come before the original: the
-  // original's successor puts it right.
-  if (!known || lived) peer.sender = sender;
+  if (!known || proves) peer.sender = sender;  // whoever repeats a recording has another address
   peer.counter = who.counter;
   peer.heard = now;
   if (lived) {

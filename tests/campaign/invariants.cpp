@@ -102,8 +102,8 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence) {
   constexpr std::array documented = {ExitCode::check_said_no,   ExitCode::bad_usage,
                                      ExitCode::peer_lost,       ExitCode::protocol_violated,
                                      ExitCode::protective_stop, ExitCode::interrupted};
-  // Longer than what two processes' names have in common.
-  constexpr std::size_t a_sentence = 60;
+  // Longer than the description of a process with its host and address, which may come twice.
+  constexpr std::size_t a_sentence = 100;
   for (const Role role : all_roles) {
     const auto& [code, fault, statistics] = evidence.of(role);
     if (code == ExitCode::done) continue;

@@ -110,7 +110,9 @@ TEST(Invariants, SayThatAFaultHasNoCodeOrNoCauseOrTwo) {
   evidence.result.of[Role::logger].fault = "";
   EXPECT_THAT(violations(evidence), ElementsAre("the logger does not say why it ends"));
   evidence = failed();
-  const std::string sentence = "lost is the controller (process 4123 on host arm-1, 10.0.0.2:4123)";
+  const std::string sentence =
+      "lost is the controller (process 4123 on host arm-1, 10.0.0.2:4123)"
+      ", silent for 3 s; see its output (loop.give_up_s)";
   evidence.result.of[Role::plant].fault = sentence + ": " + sentence;
   EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the plant says twice 'lost is")));
 }

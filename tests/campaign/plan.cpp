@@ -48,8 +48,10 @@ Hostility hostility_of(Draw& draw) {
 bool Plan::must_end_well() const {
   if (mishap && mishap->kind != Mishap::Kind::stop) return false;
   if (keyed || !hostility) return true;
-  // Without a key, copies of what was said in this run change nothing, unless the address is false.
-  return !hostility->lies() && !hostility->recordings && hostility->sender == "a stranger";
+  // Without a key, copies of what was said in this run change nothing, unless the address is false
+  // or, the original being lost, is taken for the member's.
+  return network.loss == 0 && !hostility->lies() && !hostility->recordings &&
+         hostility->sender == "a stranger";
 }
 
 Plan plan_of(std::uint64_t seed) {
