@@ -186,7 +186,10 @@ void Link::handle_until(Clock::time_point deadline) {
 }
 
 void Link::announce_repeatedly() {
-  for (int i = 0; i < last_announcements; ++i) {
+  // Before a run, so long that who was started at the same time can meet this process, and hear
+  // why.
+  const auto until = Clock::now() + (membership_->joined() ? 0ms : Membership::simultaneous);
+  for (int i = 0; i < last_announcements || Clock::now() < until; ++i) {
     announce(Clock::now());
     handle_until(Clock::now() + last_announcements_period);
   }

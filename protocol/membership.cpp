@@ -478,7 +478,7 @@ const Membership::Announcement& Membership::announce(Time now) {
   announcement_.participant.state = state_;
   announcement_.participant.error_norm = error_norm_;
   announcement_.participant.roster = roster_;
-  peers_.sign(announcement_.participant, is_over(state_), now);
+  peers_.sign(announcement_.participant, is_over(state_) && joined_, now);
   if (state_ == ParticipantState::finished && end_counter_ == 0) {
     end_counter_ = announcement_.participant.counter;
   }

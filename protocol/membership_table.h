@@ -75,7 +75,7 @@ using enum MembershipReaction;
 
 // Where an event cannot meet a state: ignore. (Without a run nobody holds a role.)
 inline constexpr std::array<Row, num_membership_events> rows = {{
-    {"unproven", {challenge, challenge, challenge, ignore, ignore}},
+    {"unproven", {challenge, challenge, challenge, ignore, challenge}},
     {"rival", {contest, contest, contest, ignore, ignore}},
     {"rival elsewhere", {contest, contest, answer, ignore, ignore}},
     {"foreign scenario", {refuse, refuse, answer, ignore, ignore}},

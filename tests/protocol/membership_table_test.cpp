@@ -91,7 +91,11 @@ class Cell {
     announce();
     const bool undecided =
         event == Event::roster || event == Event::other_roster || event == Event::holder_gone;
-    if (state != ParticipantState::waiting) join(state != ParticipantState::ready || !undecided);
+    // A member that fails is there for its run alone.
+    const bool alone = event == Event::unproven && state == ParticipantState::fault;
+    if (state != ParticipantState::waiting && !alone) {
+      join(state != ParticipantState::ready || !undecided);
+    }
     static const std::set<Event> of_the_visitor = {Event::refusal, Event::failed_successor,
                                                    Event::departure};
     if (of_the_visitor.contains(event)) visit();

@@ -406,6 +406,7 @@ TEST_F(ARunningMembership, IsBelievedByAPlantThatHasFinishedHoweverOftenThatSays
 }
 
 TEST_F(ARunningMembership, IsOverWithItsLastTickThoughThePlantsEndCameBeforeAndIsNotSaidAgain) {
+  for (auto* each : {&reference, &controller}) each->complete();
   plant.finished(network.now());
   network.pass(200ms);
   network.kill(plant);
