@@ -9,8 +9,8 @@
 namespace tachless::campaign {
 
 /// A 0 of plant or logger is a promise that the log has the run: in lockstep every message of every
-/// tick, equal to the clean run's up to a tick for which a stranger without a key has said something
-/// else; in realtime what the plant says of every tick.
+/// tick, equal to the clean run's up to a tick for which a stranger without a key has said
+/// something else; in realtime what the plant says of every tick.
 std::string nobody_ends_well_without_a_whole_log(const Evidence& evidence);
 
 /// Also of a run that fails: in lockstep the log is whole ticks of the clean run, then the fault.
