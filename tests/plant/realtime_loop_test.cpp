@@ -154,7 +154,8 @@ TEST(RealtimeLoop, GivesTicksThatItIsLateForTimeForTheirCommands) {
     return peers.tick_utimes[k] - 1000 * static_cast<std::int64_t>(k);
   };
   EXPECT_GE(delay_us(11), 28'000);
-  // It does catch up: a late tick takes less than its period, unless the machine stands still again.
+  // It does catch up: a late tick takes less than its period, unless the machine stands still
+  // again.
   std::int64_t shortest_us = 1000;
   for (std::size_t k = 12; k < 100; ++k) {
     shortest_us = std::min(shortest_us, peers.tick_utimes[k] - peers.tick_utimes[k - 1]);
