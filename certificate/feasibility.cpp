@@ -10,7 +10,6 @@
 
 #include "certificate/scenario_loop.h"
 #include "robot/inverse_dynamics.h"
-#include "robot/jet.h"
 
 namespace tachless::certificate {
 namespace {
@@ -60,9 +59,7 @@ Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& mo
                     const ReferencePoint& r) {
   const Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
   const auto& drive = scenario.robot.flexible;
-  const robot::JetVector links = robot::inverse_dynamics(
-      model, robot::jet(r.q_ref, r.v_ref, r.a_ref), robot::jet(r.v_ref, r.a_ref, r.jerk_ref),
-      robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
+  const robot::JetVector links = torque_on(model, r);
   Vector torque = robot::value(links);
   if (friction.size() > 0) torque += friction.cwiseProduct(r.v_ref);
   if (!drive) return torque;

@@ -21,10 +21,6 @@ constexpr int anywhere_postures = 96;
 constexpr int motion_pieces = 240;
 constexpr double shortest_s = 1e-7, longest_s = 1;
 
-double radius_at(const SampledLoop& loop, double period_s) {
-  return spectral_radius(period_map(loop.plant, loop.law(period_s), period_s, loop.delay));
-}
-
 struct WorstLimit {
   std::optional<double> limit_s;
   std::size_t index = 0;

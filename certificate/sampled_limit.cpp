@@ -149,20 +149,20 @@ std::complex<double> nearest(const VectorXcd& values, const std::complex<double>
   return best;
 }
 
-/// All joints displaced by one, rotors with their links, the law's memory as if they had been so
-/// for long, and no torque under way.
-Eigen::VectorXd displaced(const SampledLoop& loop, const LinearLaw& law, Index size) {
-  const Index n = loop.plant.num_joints, plant = loop.plant.A.rows(), memory = law.A.rows();
-  Eigen::VectorXd state = Eigen::VectorXd::Zero(size);
+/// The state of `map` (plant, memory, torques under way) with all joints displaced by one, rotors
+/// with their links, the law's memory as if they had been so for long, and no torque under way.
+Eigen::VectorXd displaced(const SampledLoop& loop, const MatrixXd& map) {
+  const Index n = loop.plant.num_joints, plant = loop.plant.A.rows();
+  const Index memory = map.rows() - plant - loop.delay * n;
+  Eigen::VectorXd state = Eigen::VectorXd::Zero(map.rows());
   state.head(n).setOnes();
   if (plant == 4 * n) state.segment(2 * n, n).setOnes();
-  Eigen::VectorXd measured(n * static_cast<Index>(law.measured.size()));
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    measured.segment(static_cast<Index>(i) * n, n) =
-        state.segment(static_cast<Index>(law.measured[i]) * n, n);
+  const Eigen::FullPivLU<MatrixXd> to_rest(MatrixXd::Identity(memory, memory) -
+                                           map.block(plant, plant, memory, memory));
+  if (to_rest.isInvertible()) {
+    state.segment(plant, memory) =
+        to_rest.solve(map.block(plant, 0, memory, plant) * state.head(plant));
   }
-  const Eigen::FullPivLU<MatrixXd> to_rest(MatrixXd::Identity(memory, memory) - law.A);
-  if (to_rest.isInvertible()) state.segment(plant, memory) = to_rest.solve(law.B * measured);
   return state;
 }
 
@@ -175,7 +175,7 @@ double settling_time(const SampledLoop& loop, const MatrixXd& map, double period
   // Several slowest modes together need longer than one; more than threefold none has been seen.
   const double longest_s = -3 * std::log(part) / decay_per_s;
   for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-  Eigen::VectorXd state = displaced(loop, loop.law(period_s), map.rows());
+  Eigen::VectorXd state = displaced(loop, map);
   const Index n = loop.plant.num_joints;
   const double first = state.head(n).norm();
   double settled_s = 0;
@@ -223,8 +223,12 @@ double spectral_radius(const MatrixXd& map) {
   return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
 }
 
+double radius_at(const SampledLoop& loop, double period_s) {
+  return spectral_radius(map_of(loop, period_s));
+}
+
 std::optional<double> largest_stable_period(const SampledLoop& loop, const LimitOptions& options) {
-  const auto stable = [&](double h) { return spectral_radius(map_of(loop, h)) < 1; };
+  const auto stable = [&](double h) { return radius_at(loop, h) < 1; };
   double inside = options.shortest_s;
   if (!stable(inside)) return {};
   while (inside < options.longest_s) {

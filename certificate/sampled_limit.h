@@ -20,6 +20,8 @@ struct SampledLoop {
 };
 
 double spectral_radius(const Eigen::MatrixXd& map);
+/// Of the map of one period.
+double radius_at(const SampledLoop& loop, double period_s);
 
 struct LimitOptions {
   double shortest_s = 1e-7, longest_s = 1;

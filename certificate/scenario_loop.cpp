@@ -13,7 +13,6 @@
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "robot/inverse_dynamics.h"
-#include "robot/jet.h"
 
 namespace tachless::certificate {
 namespace {
@@ -71,9 +70,7 @@ std::array<Vector, 4> state_on(const ReferencePoint& r, const robot::Model& mode
                                const experiment::Scenario& scenario) {
   std::array<Vector, 4> state = {r.q_ref, r.v_ref, Vector(), Vector()};
   if (const auto& drive = scenario.robot.flexible) {
-    const robot::JetVector torque = robot::inverse_dynamics(
-        model, robot::jet(r.q_ref, r.v_ref, r.a_ref), robot::jet(r.v_ref, r.a_ref, r.jerk_ref),
-        robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
+    const robot::JetVector torque = torque_on(model, r);
     state[2] = r.q_ref + robot::value(torque).cwiseQuotient(drive->stiffness);
     state[3] = r.v_ref + robot::first_derivative(torque).cwiseQuotient(drive->stiffness);
   }
@@ -162,6 +159,12 @@ robot::Model plant_of(const experiment::Scenario& scenario) {
   } catch (const std::invalid_argument& problem) {
     throw scenario.complaint("plant.payload", problem.what());
   }
+}
+
+robot::JetVector torque_on(const robot::Model& links, const ReferencePoint& r) {
+  return robot::inverse_dynamics(links, robot::jet(r.q_ref, r.v_ref, r.a_ref),
+                                 robot::jet(r.v_ref, r.a_ref, r.jerk_ref),
+                                 robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
 }
 
 ReferencePoint held_at(const Vector& q) {

@@ -9,6 +9,7 @@
 #include "experiment/scenario.h"
 #include "loop/signals.h"
 #include "reference/make_trajectory.h"
+#include "robot/jet.h"
 
 /// A scenario's closed loop, linearised: its plant (payload and friction included) about its
 /// reference, and its law, whichever of the catalogue. Saturation, quantisation and noise are not
@@ -71,5 +72,8 @@ robot::Model plant_of(const experiment::Scenario& scenario);
 
 /// At rest in `q`.
 loop::ReferencePoint held_at(const robot::Vector& q);
+
+/// Inverse dynamics of the links on the reference, with its first two derivatives in time [N m; N].
+robot::JetVector torque_on(const robot::Model& links, const loop::ReferencePoint& reference);
 
 }  // namespace tachless::certificate

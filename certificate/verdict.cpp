@@ -16,10 +16,6 @@ constexpr double shortest_s = 1e-7;
 constexpr double ratio = 1.3;
 constexpr double precision = 2e-3;
 
-double radius_at(const SampledLoop& loop, double period_s) {
-  return spectral_radius(period_map(loop.plant, loop.law(period_s), period_s, loop.delay));
-}
-
 /// The largest stable period at or around `period_s`, which `stable` says of itself.
 std::optional<double> limit_near(const SampledLoop& loop, double period_s, bool stable) {
   double from = period_s;

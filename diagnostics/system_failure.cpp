@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <exception>
 #include <string_view>
+
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 
 namespace tachless::diagnostics {
 namespace {
@@ -24,6 +28,24 @@ std::string_view remedy(const std::error_code& code) {
 Failure system_failure(const std::system_error& error) {
   return {ExitCode::bad_usage,
           fmt::format("the system refuses: {}; {}", error.what(), remedy(error.code()))};
+}
+
+int told_exception(std::string_view evidence) {
+  const auto tell = [](const Failure& failure) {
+    log_error(failure.what());
+    return static_cast<int>(failure.code());
+  };
+  try {
+    throw;
+  } catch (const Failure& failure) {
+    return tell(failure);
+  } catch (const std::system_error& error) {
+    return tell(system_failure(error));
+  } catch (const std::exception& error) {
+    return tell(
+        {ExitCode::protocol_violated, fmt::format("internal error: {}; please report it with {}",
+                                                  one_line(error.what()), evidence)});
+  }
 }
 
 }  // namespace tachless::diagnostics

@@ -7,7 +7,6 @@
 #include <exception>
 #include <iostream>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "diagnostics/logging.h"
@@ -96,17 +95,8 @@ int tachless(int argc, const char* const* argv) {
   process::survive_file_size_limit();
   try {
     return static_cast<int>(run(argc, argv));
-  } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_error(failure.what());
-    return static_cast<int>(failure.code());
-  } catch (const std::system_error& error) {
-    const diagnostics::Failure failure = diagnostics::system_failure(error);
-    diagnostics::log_error(failure.what());
-    return static_cast<int>(failure.code());
-  } catch (const std::exception& error) {
-    diagnostics::log_error(fmt::format("internal error: {}; please report it with the command line",
-                                       diagnostics::one_line(error.what())));
-    return static_cast<int>(diagnostics::ExitCode::protocol_violated);
+  } catch (const std::exception&) {
+    return diagnostics::told_exception("the command line");
   }
 }
 

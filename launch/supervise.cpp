@@ -286,20 +286,21 @@ Supervision supervise(const std::vector<Process>& processes, const SuperviseOpti
   return Run(processes, options).finish();
 }
 
-std::string describe(const ProcessEnd& end) {
-  std::string text = end.name;
-  const bool told = end.signal == 0 && !end.overdue && !end.cause.empty();
-  if (told) {
-    // The cause follows below.
-  } else if (end.overdue) {
-    text += " went on after the others had ended, and was stopped";
-  } else if (end.signal != 0) {
-    text += fmt::format(" was killed by signal {} ({})", end.signal, strsignal(end.signal));
-  } else if (end.exit_code == 0) {
-    text += " ended";
-  } else {
-    text += fmt::format(" ended with exit code {}", end.exit_code);
+namespace {
+
+std::string how_it_ended(const ProcessEnd& end) {
+  if (end.overdue) return " went on after the others had ended, and was stopped";
+  if (end.signal != 0) {
+    return fmt::format(" was killed by signal {} ({})", end.signal, strsignal(end.signal));
   }
+  return end.exit_code == 0 ? " ended" : fmt::format(" ended with exit code {}", end.exit_code);
+}
+
+}  // namespace
+
+std::string describe(const ProcessEnd& end) {
+  const bool told = end.signal == 0 && !end.overdue && !end.cause.empty();
+  std::string text = end.name + (told ? "" : how_it_ended(end));
   if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
   if (end.restarts > 0) {
     text += fmt::format(", after {} restart{}", end.restarts, end.restarts == 1 ? "" : "s");

@@ -56,7 +56,8 @@ class Link final : public Session {
   void published(std::int64_t truth_digest) { membership_->published(truth_digest); }
   [[nodiscard]] std::int64_t truth_digest() const { return membership_->truth_digest(); }
   [[nodiscard]] bool finished() const override { return membership_->plant_finished(); }
-  /// The plant waits until the others have finished too, a second at most.
+  /// The plant waits until the others have finished too, or have been silent for too long; the
+  /// others until the plant knows that they have, a second at most.
   /// @throw Failure when one of them has failed at the last moment
   void leave() override;
 

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <exception>
 #include <iostream>
-#include <system_error>
 
 #include "diagnostics/system_failure.h"
 #include "diagnostics/text.h"
@@ -185,18 +184,8 @@ int run_process(loop::Role role, int argc, const char* const* argv,
     if (!options) return static_cast<int>(ExitCode::done);
     diagnostics::start_logging(program_name(role), options->verbosity, options->marks);
     return static_cast<int>(run(*options));
-  } catch (const Failure& failure) {
-    diagnostics::log_error(failure.what());
-    return static_cast<int>(failure.code());
-  } catch (const std::system_error& error) {
-    const Failure failure = diagnostics::system_failure(error);
-    diagnostics::log_error(failure.what());
-    return static_cast<int>(failure.code());
-  } catch (const std::exception& error) {
-    diagnostics::log_error(
-        fmt::format("internal error: {}; please report it with the scenario and the options",
-                    diagnostics::one_line(error.what())));
-    return static_cast<int>(ExitCode::protocol_violated);
+  } catch (const std::exception&) {
+    return diagnostics::told_exception("the scenario and the options");
   }
 }
 

@@ -85,8 +85,8 @@ void RealtimeLoop::judge_deadlines() {
   link_.statistics().exit_code = ExitCode::check_said_no;
   link_.statistics().fault = fmt::format(
       "{} of {} deadlines were missed ({:.3g} %), more than loop.max_missed_share ({}) allows: "
-      "this "
-      "machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; type: "
+      "this machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; "
+      "type: "
       "tachless doctor; or lengthen loop.period_s",
       missed, scenario_.loop.num_ticks, 100 * share,
       diagnostics::shortest(scenario_.loop.max_missed_share), 1e3 * scenario_.loop.period_s);

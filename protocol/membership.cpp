@@ -205,10 +205,7 @@ void Membership::act(Event event, const Failure* failure, Time now) {
   }
 }
 
-void Membership::note_finished(Role role) {
-  done_[static_cast<std::size_t>(role)] = true;
-  plant_finished_ = plant_finished_ || role == Role::plant;
-}
+void Membership::note_finished(Role role) { done_[static_cast<std::size_t>(role)] = true; }
 
 void Membership::announce_soon(Time now) {
   announce_at_ = std::min(announce_at_, std::max(now, announced_ + shortest_reply_period));

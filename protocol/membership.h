@@ -123,7 +123,9 @@ class Membership {
   [[nodiscard]] std::int64_t tick_of(loop::Role role) const;
 
   /// The run's plant has announced that it has finished.
-  [[nodiscard]] bool plant_finished() const { return plant_finished_; }
+  [[nodiscard]] bool plant_finished() const {
+    return done_[static_cast<std::size_t>(loop::Role::plant)];
+  }
   /// The three others have.
   [[nodiscard]] bool all_finished() const;
   /// The plant has named an announcement in which this process had finished: it knows.
@@ -194,7 +196,6 @@ class Membership {
   std::int64_t run_ = 0;
   bool joined_ = false;
   bool outside_ = false;  ///< refused or superfluous: its fault is announced outside any run
-  bool plant_finished_ = false;
   bool complete_ = false;
   std::array<std::optional<Time>, loop::num_roles> early_finish_{};  ///< since when, uncontradicted
   int takeovers_ = 0;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnostics/unfinished_file.h"
 #include "report/gnuplot.h"
 
 namespace tachless::report {
@@ -165,6 +166,7 @@ void draw_certificate(const certificate::Certificate& certificate,
     }
   }
   if (panels.empty()) return;
+  diagnostics::UnfinishedFile unfinished(svg, "name another file with --plot");
   const std::size_t columns = panels.size() > 4 ? 3 : 2;
   const std::size_t rows = (panels.size() + columns - 1) / columns;
   std::string commands = fmt::format(
@@ -172,10 +174,11 @@ void draw_certificate(const certificate::Certificate& certificate,
       "set multiplot layout {},{} title {} font ',14'\n"
       "set key below horizontal samplen 2\nset grid lc rgb '#dddddd'\nset border 3\nset tics "
       "nomirror\n",
-      420 * columns, 320 * rows + 30, gnuplot_string(svg.string()), rows, columns,
+      420 * columns, 320 * rows + 30, gnuplot_string(unfinished.name().string()), rows, columns,
       gnuplot_text(fmt::format("{}: {}", scenario.name, scenario.controller.law)));
   for (const Panel& panel : panels) commands += panel.text();
-  draw(commands + "unset multiplot\n", svg);
+  draw(commands + "unset multiplot\n", unfinished.name());
+  unfinished.finish();
 }
 
 }  // namespace tachless::report

@@ -1,12 +1,13 @@
 #include "certificate/certify.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <iostream>
 #include <memory>
 
+#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "launch/progress_line.h"
 #include "launch/verb.h"
 #include "node/options.h"
 #include "report/certificate_figure.h"
@@ -22,40 +23,20 @@ struct Options {
   bool quiet = false;
 };
 
-/// One line on a terminal, replaced by the next; elsewhere a line each.
-class ProgressLine {
- public:
-  explicit ProgressLine(bool quiet) : quiet_(quiet) {}
-  ProgressLine(const ProgressLine&) = delete;
-  ProgressLine& operator=(const ProgressLine&) = delete;
-  ~ProgressLine() {
-    if (terminal_ && !quiet_) std::cerr << "\r\033[K" << std::flush;
-  }
-  void show(std::string_view what) const {
-    if (quiet_) return;
-    std::cerr << fmt::format("{}certify: {}{}", terminal_ ? "\r\033[K" : "", what,
-                             terminal_ ? " …" : "\n")
-              << std::flush;
-  }
-
- private:
-  bool quiet_;
-  bool terminal_ = isatty(STDERR_FILENO) == 1;
-};
-
 diagnostics::ExitCode certify(const Options& options) {
   const experiment::Scenario scenario =
       experiment::load_scenario(options.scenario, options.overrides);
   certificate::Certificate result;
   {
     const ProgressLine progress(options.quiet);
-    result = certificate::certify(scenario, [&](std::string_view what) { progress.show(what); });
+    result = certificate::certify(
+        scenario, [&](std::string_view what) { progress.show(fmt::format("certify: {}", what)); });
   }
   if (!options.plot.empty()) report::draw_certificate(result, scenario, options.plot);
   if (options.json) {
     nlohmann::ordered_json json = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
     json.update(to_json(result));
-    std::cout << json.dump(2) << "\n";
+    std::cout << diagnostics::json_text(json, 2) << "\n";
   } else {
     std::cout << page(result, scenario);
   }

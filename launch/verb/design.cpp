@@ -1,7 +1,6 @@
 #include "certificate/design.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <fstream>
 #include <iostream>
@@ -9,9 +8,12 @@
 #include <memory>
 #include <numbers>
 #include <stdexcept>
+#include <utility>
 
 #include "certificate/certify.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/unfinished_file.h"
+#include "launch/progress_line.h"
 #include "launch/verb.h"
 #include "node/options.h"
 
@@ -57,20 +59,26 @@ Urdf read_urdf(const Options& options) {
   return urdf;
 }
 
-/// The scenario with these overrides; its URDF by absolute path, so that it can be written
-/// anywhere.
+/// The scenario with these overrides.
 experiment::Scenario load(const Options& options, std::vector<std::string> overrides) {
   if (options.period_s > 0) overrides.push_back(fmt::format("loop.period_s={}", options.period_s));
   overrides.insert(overrides.begin(), options.overrides.begin(), options.overrides.end());
-  if (options.bare_urdf()) {
-    const Urdf urdf = read_urdf(options);
-    return experiment::parse_scenario(urdf.scenario_text, urdf.urdf_text, options.input.string(),
-                                      overrides);
+  if (!options.bare_urdf()) return experiment::load_scenario(options.input, overrides);
+  const Urdf urdf = read_urdf(options);
+  return experiment::parse_scenario(urdf.scenario_text, urdf.urdf_text, options.input.string(),
+                                    overrides);
+}
+
+/// The scenario with the design's gains, as text that can stand anywhere: its URDF has an absolute
+/// path.
+std::string designed_text(const Options& options, const experiment::Scenario& scenario,
+                          const certificate::Design& design) {
+  std::vector<std::string> overrides = certificate::overrides_of(design);
+  if (!options.bare_urdf()) {
+    const fs::path urdf = options.input.parent_path() / scenario.robot.urdf_path;
+    overrides.push_back("robot.urdf=" + fs::absolute(urdf).lexically_normal().string());
   }
-  const experiment::Scenario first = experiment::load_scenario(options.input, overrides);
-  const fs::path path = options.input.parent_path() / first.robot.urdf_path;
-  overrides.push_back(fmt::format("robot.urdf={}", fs::absolute(path).lexically_normal().string()));
-  return experiment::load_scenario(options.input, overrides);
+  return load(options, std::move(overrides)).text;
 }
 
 void print(const certificate::Design& design, const experiment::Scenario& scenario) {
@@ -93,23 +101,16 @@ void print(const certificate::Design& design, const experiment::Scenario& scenar
 
 ExitCode run_design(const Options& options) {
   const experiment::Scenario scenario = load(options, {});
-  const bool terminal = isatty(STDERR_FILENO) == 1;
-  const certificate::Design design =
-      certificate::design(scenario, options.goal, [&](std::string_view what) {
-        if (!options.quiet) {
-          std::cerr << fmt::format("{}{}{}", terminal ? "\r\033[K" : "", what, terminal ? "" : "\n")
-                    << std::flush;
-        }
-      });
-  if (terminal && !options.quiet) std::cerr << "\r\033[K" << std::flush;
+  certificate::Design design;
+  {
+    const ProgressLine progress(options.quiet);
+    design = certificate::design(scenario, options.goal,
+                                 [&](std::string_view what) { progress.show(what); });
+  }
   print(design, scenario);
   if (!options.write.empty()) {
-    const experiment::Scenario designed = load(options, certificate::overrides_of(design));
-    if (!(std::ofstream(options.write) << designed.text)) {
-      throw Failure(
-          ExitCode::bad_usage,
-          fmt::format("--write {}: cannot be written; name another file", options.write.string()));
-    }
+    diagnostics::UnfinishedFile(options.write, "name another file with --write")
+        .write(designed_text(options, scenario, design));
     std::cout << fmt::format("  {}\n", options.write.string());
   }
   if (!design.missed) return ExitCode::done;

@@ -6,7 +6,7 @@
 #include <limits>
 #include <type_traits>
 
-#include "bus/wire.h"
+#include "bus/codec.h"
 #include "loop/messages.h"
 #include "loop/truth/plant_truth.h"
 
@@ -16,28 +16,11 @@ namespace {
 using loop::Count;
 using loop::Kind;
 
-constexpr std::size_t num_joints = 2;
-constexpr std::size_t num_signals = 2;
-
-std::size_t size_of(Kind kind) {
-  if (kind == Kind::real || kind == Kind::int64) return sizeof(std::int64_t);
-  return kind == Kind::int32 ? sizeof(std::int32_t) : 1;
-}
+constexpr loop::Layout layout{.num_joints = 2, .num_motors = 0, .num_signals = 2};
 
 std::size_t entries_of(Count count) {
-  switch (count) {
-    case Count::one:
-      return 1;
-    case Count::joints:
-      return num_joints;
-    case Count::motors:
-      return 0;
-    case Count::signals:
-      return num_signals * num_joints;
-    case Count::roles:
-      return loop::num_roles;
-  }
-  return 0;
+  const int rows = count == Count::signals ? layout.num_signals : 1;
+  return static_cast<std::size_t>(rows * bus::detail::length_of(count, layout));
 }
 
 std::uint64_t get(std::span<const std::byte> bytes) {
@@ -84,7 +67,7 @@ void list(FieldList& to) {
   loop::for_each_field<Value>([&](const auto& field) {
     if (field.kind == Kind::text) return to.add_text(field.name);
     for (std::size_t i = 0; i < entries_of(field.count); ++i) {
-      to.add(field.name, field.kind, size_of(field.kind));
+      to.add(field.name, field.kind, bus::detail::size_of(field.kind));
     }
   });
 }
