@@ -186,6 +186,14 @@ void Link::handle_until(Clock::time_point deadline) {
 }
 
 void Link::announce_repeatedly() {
+  // Who was busy for long has answered announcements that are too old to count: first what waits.
+  announce(Clock::now());
+  const auto until_heard = Clock::now() + longest_leaving;
+  while (Clock::now() < until_heard) {
+    const auto datagram = transport().receive(Clock::time_point());
+    if (!datagram) break;
+    handle(*datagram);
+  }
   // Before a run, so long that who was started at the same time can meet this process, and hear
   // why.
   const auto until = Clock::now() + (membership_->joined() ? 0ms : Membership::simultaneous);

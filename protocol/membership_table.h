@@ -75,17 +75,17 @@ using enum MembershipReaction;
 
 // Where an event cannot meet a state: ignore. (Without a run nobody holds a role.)
 inline constexpr std::array<Row, num_membership_events> rows = {{
-    {"unproven", {challenge, challenge, challenge, ignore, challenge}},
+    {"unproven", {challenge, challenge, challenge, challenge, challenge}},
     {"rival", {contest, contest, contest, ignore, ignore}},
     {"rival elsewhere", {contest, contest, answer, ignore, ignore}},
     {"foreign scenario", {refuse, refuse, answer, ignore, ignore}},
     {"newcomer", {ignore, observe, observe, ignore, ignore}},
     {"successor", {ignore, observe, take_over, ignore, ignore}},
-    {"peer", {join, observe, observe, ignore, ignore}},
-    {"roster", {join, agree, observe, ignore, ignore}},
+    {"peer", {join, observe, observe, observe, observe}},
+    {"roster", {join, agree, observe, observe, observe}},
     {"other roster", {join, yield, ignore, ignore, ignore}},
-    {"member finished", {ignore, note_finished, note_finished, note_finished, ignore}},
-    {"early finish", {ignore, doubt, doubt, ignore, ignore}},
+    {"member finished", {ignore, note_finished, note_finished, note_finished, observe}},
+    {"early finish", {ignore, doubt, doubt, ignore, observe}},
     {"member failed", {ignore, follow, follow, follow, ignore}},
     {"refusal", {refuse, refuse, forget, ignore, ignore}},
     {"failed successor", {forget, forget, keep_failure, ignore, ignore}},

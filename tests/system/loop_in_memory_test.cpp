@@ -565,6 +565,40 @@ TEST(TheLoop, EndsForAllWhenOneIsInterrupted) {
   }
 }
 
+TEST(TheLoop, EndsForAllWhenAPlantFailsThatWasBusyForLong) {
+  /// Hears nothing for two seconds at tick 100, then slowly what has come meanwhile.
+  class Busy : public Wrapped {
+   public:
+    Busy(std::unique_ptr<bus::Transport> inner, FourThreads& threads)
+        : Wrapped(std::move(inner)), threads_(threads) {}
+    void publish(std::string_view channel, std::span<const std::byte> payload) override {
+      Wrapped::publish(channel, payload);
+      if (busy_ || channel != "ARM_TICK" || bus::stamp_of(payload).tick != 100) return;
+      busy_ = true;
+      // More announcements of the others than may be answered late.
+      std::this_thread::sleep_for(2s);
+      threads_.interrupt(Role::plant);
+    }
+    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
+      if (busy_) std::this_thread::sleep_for(2ms);
+      return Wrapped::receive(deadline);
+    }
+
+   private:
+    FourThreads& threads_;
+    bool busy_ = false;
+  };
+  FourThreads threads(short_run());
+  threads.wrap([&](Role role, std::unique_ptr<bus::Transport> inner) {
+    if (role != Role::plant) return inner;
+    return std::unique_ptr<bus::Transport>(new Busy(std::move(inner), threads));
+  });
+  const RunResult result = threads.finish();
+  for (const Role role : all_roles) {
+    EXPECT_THAT(result.of.at(role).fault, HasSubstr("interrupted")) << loop::name(role);
+  }
+}
+
 TEST(TheLoop, EndsWithExitCode3WhenAPeerDiesWithoutAWord) {
   /// Falls silent at its 40th message: nothing goes out any more, nothing comes in.
   class Mortal : public Wrapped {

@@ -28,7 +28,6 @@ namespace fs = std::filesystem;
 using system_test::FourPrograms;
 using system_test::scenarios;
 using ::testing::AllOf;
-using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 std::uintmax_t size_of(const fs::path& file) {
