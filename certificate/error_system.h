@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 
 #include "certificate/postures.h"
+#include "controller/law/lyapunov.h"
 
 /// The closed loop in the paper's error coordinates (eq. 14, 29), rigid and flexible in one form,
 ///
@@ -43,12 +44,7 @@ ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,
 /// The weights of the cross terms in
 ///
 ///   V = 1/2 edot' M edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + eps_1 e' M edot - eps_2 nu' M edot.
-///
-/// The paper's V (eq. 15) has one weight: eps_1 [1/s] and eps_2 [1] both eps.
-struct Weights {
-  double eps_1 = 0;
-  double eps_2 = 0;
-};
+using Weights = controller::law::LyapunovWeights;
 
 /// P of V = 1/2 x' P x, x = (e, nu, edot).
 Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,

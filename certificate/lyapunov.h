@@ -4,10 +4,12 @@
 #include <optional>
 #include <string>
 
+#include "certificate/stability_certificate.h"
 #include "controller/law/lyapunov.h"
 #include "experiment/scenario.h"
 
-/// The Lyapunov functions that laws declare, with a scenario's robot and gains. Certifies nothing.
+/// The Lyapunov functions that laws declare, with a scenario's robot and gains, and what is
+/// certified of them along its run.
 namespace tachless::certificate {
 
 using controller::law::LoopState;
@@ -15,10 +17,8 @@ using controller::law::LoopState;
 /// The Lyapunov function by which a law's stability is proved.
 struct LyapunovFunction {
   std::string formula;  ///< for people
-  /// Of the cross term: 5 % of the weight below which V is positive definite by norms
-  /// (controller/law/lyapunov.h), with lambda_max(M) the largest over 256 sampled postures. 0 where
-  /// the function has no cross term.
-  double epsilon = 0;
+  /// Its weights and a bound; without it V has no cross terms, or their weights are 0.
+  std::optional<CertifiedRun> certified;
   /// V [J].
   std::function<double(const LoopState&, const loop::ReferencePoint&)> at;
 };

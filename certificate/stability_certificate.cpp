@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "controller/laws.h"
 #include "controller/registry.h"
@@ -43,7 +44,7 @@ VectorXd joined(std::initializer_list<Vector> parts) {
   return Eigen::Map<const VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
 }
 
-/// The state at t = 0 and the error system, by law.
+/// The state at t = 0.
 struct Start {
   const experiment::Scenario& scenario;
   loop::ReferencePoint reference;
@@ -55,6 +56,14 @@ struct Start {
         q(or_zero(of.plant.initial.position_rad, of.num_joints)),
         v(or_zero(of.plant.initial.velocity_rad_per_s, of.num_joints)) {}
 
+  /// (e, nu, edot)
+  [[nodiscard]] VectorXd error() const {
+    const std::string& law = scenario.controller.law;
+    if (law == LoriaOrtegaFlexible::name) return flexible();
+    return law == KellyRegulation::name ? rigid<KellyRegulation>() : rigid<LoriaOrtegaRigid>();
+  }
+
+ private:
   template <class L>
   [[nodiscard]] VectorXd rigid() const {
     const L law = controller::make_law<L>(scenario);
@@ -102,45 +111,66 @@ std::string refusal(const experiment::Scenario& scenario) {
   return {};
 }
 
-void add_provisos(StabilityCertificate& result, const experiment::Scenario& scenario) {
+/// @param region of the weights chosen, if any
+std::vector<std::string> provisos(const experiment::Scenario& scenario, const Region* region) {
+  std::vector<std::string> result;
   if (scenario.plant.payload.mass_kg > 0) {
-    result.provisos.push_back(
-        fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
-                    scenario.plant.payload.mass_kg));
+    result.push_back(fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
+                                 scenario.plant.payload.mass_kg));
   }
   const VectorXd friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
   if (friction.size() > 0 && !friction.isZero(0)) {
-    result.provisos.emplace_back("the joints' viscous friction is not in it");
+    result.emplace_back("the joints' viscous friction is not in it");
   }
-  const auto& choice = result.largest ? result.largest : result.fastest;
-  if (!choice) return;
   const robot::Model& model = *scenario.model;
-  for (int i = 0; i < model.num_joints; ++i) {
+  for (int i = 0; region != nullptr && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
-    result.provisos.push_back(fmt::format(
+    result.push_back(fmt::format(
         "joint {} ({}) is prismatic and its range was sampled: it holds while |e_{}| stays in that "
         "range; from the whole level set it may reach {:g} m",
-        i + 1, model.joint_names[static_cast<std::size_t>(i)], i + 1,
-        choice->certified.region.e_reached[i]));
+        i + 1, model.joint_names[static_cast<std::size_t>(i)], i + 1, region->e_reached[i]));
   }
+  return result;
 }
+
+/// The matrix condition over few postures, to search, and over many, to certify.
+struct Conditions {
+  Postures coarse_postures, postures;
+  MatrixCondition coarse, fine;
+
+  /// @param samples of each, where postures are sampled
+  Conditions(const ErrorSystem& system, const robot::Model& model, double B_d, int few, int many)
+      : coarse_postures(model, coarsely(few)),
+        postures(model, finely(many)),
+        coarse(system, coarse_postures, VelocitySet::ball(B_d), {0, false}),
+        fine(system, postures, VelocitySet::ball(B_d)) {}
+  Conditions(const Conditions&) = delete;
+  Conditions& operator=(const Conditions&) = delete;
+
+  static PostureOptions finely(int samples) {
+    PostureOptions options;
+    options.samples = samples;
+    return options;
+  }
+  static PostureOptions coarsely(int samples) {
+    PostureOptions options = finely(samples);
+    options.circle_points = 24;
+    options.bound_between = false;  // the search is no proof: what it finds is proved on the others
+    return options;
+  }
+};
 
 /// All that weights are searched for.
 void search(StabilityCertificate& result, const RobotConstants& constants,
             const robot::Model& model, const Vector& q,
             const std::function<void(std::string_view)>& tell) {
   tell("matrix condition: postures");
-  PostureOptions few;
-  few.circle_points = 24;
-  few.bound_between = false;  // the search is no proof: what it finds is proved on the fine ones
-  few.samples = 128;
-  const Postures coarse_postures(model, few), postures(model);
-  result.proved = postures.proved();
-  const ScalarCondition scalar(result.system, constants, postures, result.B_d);
-  result.completed = scalar.solve();
-  const VelocitySet v_ref = VelocitySet::ball(result.B_d);
-  const MatrixCondition coarse(result.system, coarse_postures, v_ref, {0, false});
-  const MatrixCondition fine(result.system, postures, v_ref);
+  const Conditions conditions(result.system, model, result.B_d, 128, PostureOptions().samples);
+  const MatrixCondition& coarse = conditions.coarse;
+  const MatrixCondition& fine = conditions.fine;
+  result.proved = conditions.postures.proved();
+  result.completed =
+      ScalarCondition(result.system, constants, conditions.postures, result.B_d).solve();
   const auto chosen = [&](std::optional<Certified> found) -> std::optional<Choice> {
     if (!found) return {};
     Choice choice{std::move(*found), {}};
@@ -192,16 +222,47 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   result.B_d = velocity_bound(scenario);
   result.held = result.B_d == 0;
   const Start start(scenario);
-  const std::string& law = scenario.controller.law;
-  result.initial = law == LoriaOrtegaFlexible::name ? start.flexible()
-                   : law == KellyRegulation::name   ? start.rigid<KellyRegulation>()
-                                                    : start.rigid<LoriaOrtegaRigid>();
+  result.initial = start.error();
   result.printed = printed_conditions(result.system, constants, result.B_d);
   result.printed_gamma_free =
       printed_conditions(result.system, constants, result.B_d, {false, true});
   search(result, constants, model, start.q, tell);
-  add_provisos(result, scenario);
+  const auto& choice = result.largest ? result.largest : result.fastest;
+  result.provisos = provisos(scenario, choice ? &choice->certified.region : nullptr);
   return result;
+}
+
+std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) {
+  if (!refusal(scenario).empty()) return {};
+  const robot::Model model = error_model(scenario);
+  const ErrorSystem system = system_of(scenario);
+  const Start start(scenario);
+  const VectorXd initial = start.error();
+  const double B_d = velocity_bound(scenario);
+  const auto V0 = [&](const Weights& weights) {
+    return lyapunov_value(system, weights, model, start.q, initial);
+  };
+  if (B_d == 0) {
+    return CertifiedRun{{}, V0({}), std::numeric_limits<double>::infinity(),
+                        0,  true,   provisos(scenario, nullptr)};
+  }
+  const Conditions conditions(system, model, B_d, 32, 128);
+  const bool proved = conditions.postures.proved();
+  std::optional<CertifiedRun> best;
+  const auto consider = [&](const std::optional<Certified>& found) {
+    if (!found) return;
+    const auto& [weights, region, rate_near_zero] = *found;
+    const double V = V0(weights);
+    // From V on, |delta| stays below sqrt(2 w V).
+    const double rate =
+        V <= region.level ? conditions.fine.rate(weights, std::sqrt(2 * region.w * V)) : -1;
+    if (best && rate <= best->rate) return;
+    best = CertifiedRun{weights, V, region.level, rate, proved, provisos(scenario, &region)};
+  };
+  consider(fastest_rate(conditions.coarse, conditions.fine));
+  // With more joints that search takes long.
+  if (proved) consider(largest_ball(conditions.coarse, conditions.fine));
+  return best;
 }
 
 }  // namespace tachless::certificate

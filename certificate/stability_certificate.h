@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -45,6 +47,26 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
                                                           const RobotConstants& constants,
                                                           std::string& why_not,
                                                           const OnProgress& on_progress = {});
+
+/// What is certified of V along the scenario's own run.
+struct CertifiedRun {
+  Weights weights;
+  double V0 = 0;     ///< at the start [J]
+  double level = 0;  ///< V <= level is invariant [J]; infinite at a constant reference
+  double rate = 0;   ///< V <= V0 exp(-rate t) [1/s]; negative: the start is in no certified region
+  bool proved = false;  ///< of all postures; otherwise of the sampled ones
+  std::vector<std::string> provisos;
+
+  /// Of V after t_s [J], in continuous time; infinite where nothing is certified.
+  [[nodiscard]] double bound(double t_s) const {
+    return rate < 0 ? std::numeric_limits<double>::infinity() : V0 * std::exp(-rate * t_s);
+  }
+};
+
+/// With those weights, of the fastest rate and (two joints) of the largest ball, that certify the
+/// faster decay from the scenario's start; without cross terms at a constant reference, where V
+/// does not rise. Nothing as above, or where no weights are certified at all.
+std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario);
 
 /// V [J] of the error state x at posture q.
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,

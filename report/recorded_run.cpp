@@ -68,6 +68,16 @@ void add_drives(RecordedRun& run, const logger::TickRecord& record) {
   }
 }
 
+void add_lyapunov(RecordedRun& run, double t_s, double V) {
+  run.lyapunov.add(t_s, V);
+  if (!run.certified || run.above_bound_s) return;
+  // The bound is of continuous time: what a torque that is held over a tick or an encoder's count
+  // leaves of V is no violation.
+  const auto& [weights, V0, level, rate, proved, provisos] = *run.certified;
+  const double margin = 1e-3 * (std::isfinite(level) ? level : V0);
+  if (V > run.certified->bound(t_s) + margin) run.above_bound_s = t_s;
+}
+
 }  // namespace
 
 void Stretches::add(std::int64_t tick) {
@@ -98,6 +108,10 @@ RecordedRun read_recorded_run(const std::filesystem::path& path,
   run.saturated.resize(num_joints);
 
   const auto lyapunov = certificate::lyapunov_function(run.scenario);
+  if (lyapunov) {
+    run.lyapunov_formula = lyapunov->formula;
+    run.certified = lyapunov->certified;
+  }
   const std::int64_t stride = std::max<std::int64_t>(1, run.info.num_ticks / most_evaluations);
   const double period_s = run.info.period_s;
   logger::TickRecord record;
@@ -113,15 +127,13 @@ RecordedRun read_recorded_run(const std::filesystem::path& path,
         const double V =
             lyapunov->at({truth.q, truth.v, truth.theta, truth.thetadot, *record.controller_state},
                          *record.reference);
-        if (std::isfinite(V)) run.lyapunov.add(t_s, V);
+        if (std::isfinite(V)) add_lyapunov(run, t_s, V);
       } catch (const std::logic_error&) {
         // A damaged posture without an inertia matrix has no V; the curve lacks a point there.
       }
     }
   }
   if (lyapunov) {
-    run.lyapunov_formula = lyapunov->formula;
-    run.lyapunov_epsilon = lyapunov->epsilon;
     run.lyapunov_decay = fit_decay(run.lyapunov.points());
   }
   for (const JointTracking& joint : run.tracking.joints()) {

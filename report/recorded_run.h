@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "certificate/stability_certificate.h"
 #include "logger/run_log.h"
 #include "report/decay.h"
 #include "report/envelope.h"
@@ -59,7 +60,8 @@ struct RecordedRun {
 
   Envelope lyapunov;
   std::string lyapunov_formula;  ///< empty: the law has none here
-  double lyapunov_epsilon = 0;
+  std::optional<certificate::CertifiedRun> certified;
+  std::optional<double> above_bound_s;  ///< when V first exceeded the certified bound
   std::optional<Decay> lyapunov_decay;
 
   std::vector<Stretches> saturated;  ///< per joint

@@ -183,19 +183,57 @@ ReportSection signals_section(const Overlay& all) {
   return section;
 }
 
+/// What is certified of V, and whether the run kept to it.
+Html certified_text(const RecordedRun& run) {
+  const certificate::CertifiedRun& certified = *run.certified;
+  const auto number = [](double x) { return fmt::format("{:.3g}", x); };
+  Html text = html(" With ε<sub>1</sub> = {} 1/s, ε<sub>2</sub> = {}",
+                   number(certified.weights.eps_1), number(certified.weights.eps_2));
+  if (certified.rate < 0) {
+    text += html(
+        " the matrix condition certifies V ≤ {} J, which does not hold this run's start "
+        "with {} J: no bound.",
+        number(certified.level), number(certified.V0));
+    return text;
+  }
+  text += certified.rate == 0
+              ? html(" V does not rise (in continuous time, proved for a constant reference).")
+              : html(
+                    " the matrix condition certifies from this start V ≤ V(0) exp(−{} t) in "
+                    "continuous time ({}; dashed), and that V stays below {} J from anywhere "
+                    "below.",
+                    number(certified.rate), certified.proved ? "proved" : "sampled postures",
+                    number(certified.level));
+  for (const std::string& each : certified.provisos) text += html(" But {}.", each);
+  if (run.above_bound_s) {
+    text += html(
+        " <b class=\"alarm\">The bound is violated from {} s on</b>: the loop is not the one that "
+        "is "
+        "certified; see its period, delay, torque limits and model.",
+        number(*run.above_bound_s));
+  }
+  return text;
+}
+
 Html lyapunov_text(const RecordedRun& run) {
   if (run.lyapunov_formula.empty()) {
     return html("for {} no function is evaluated.", run.scenario.controller.law);
   }
-  Html epsilon;
-  if (run.lyapunov_epsilon > 0) {
-    epsilon = html(
-        " with ε = {} 1/s, 5 % of the largest for which V is positive definite by norms, where "
-        "λ<sub>max</sub>(M) is the largest of 256 sampled postures",
-        fmt::format("{:.3g}", run.lyapunov_epsilon));
+  return html("<i>V</i> = {}, at the plant's true state and the law's own model.{}",
+              run.lyapunov_formula, run.certified ? certified_text(run) : Html());
+}
+
+/// The certified bound from the start to the run's end, down to where V ends.
+Curve bound_of(const RecordedRun& run, const std::vector<Point>& V) {
+  Curve bound{"", {}, alarm_colour, 1.2, "(2,3)", CurveStyle::line};
+  double least = V.front().y;
+  for (const Point& each : V) least = each.y > 0 ? std::min(least, each.y) : least;
+  constexpr int pieces = 200;
+  for (int k = 0; k <= pieces; ++k) {
+    const double t_s = V.back().x * k / pieces;
+    if (const double y = run.certified->bound(t_s); y >= least) bound.points.push_back({t_s, y});
   }
-  return html("<i>V</i> = {}{}, at the plant's true state and the law's own model.",
-              run.lyapunov_formula, epsilon);
+  return bound;
 }
 
 ReportSection lyapunov_section(const Overlay& all) {
@@ -207,7 +245,11 @@ ReportSection lyapunov_section(const Overlay& all) {
   const auto& runs = all.runs();
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (runs[i].lyapunov_formula.empty()) continue;
-    chart.curves.push_back(all.curve(i, runs[i].lyapunov.points(all.budget()), "", 1.4));
+    const std::vector<Point> V = runs[i].lyapunov.points(all.budget());
+    chart.curves.push_back(all.curve(i, V, "", 1.4));
+    if (runs[i].certified && runs[i].certified->rate >= 0 && V.size() > 1) {
+      fits.push_back(bound_of(runs[i], V));
+    }
     if (runs[i].lyapunov_decay) fits.push_back(fitted(all, *runs[i].lyapunov_decay, i));
   }
   const bool alike = std::all_of(runs.begin(), runs.end(), [&](const RecordedRun& run) {
@@ -218,8 +260,8 @@ ReportSection lyapunov_section(const Overlay& all) {
     section.text += html("<p>{}{}</p>", alike ? "" : run.label + ": ", lyapunov_text(run));
   }
   section.text += html(
-      "<p>In continuous time V falls to zero; a torque that is held over a tick, an encoder's "
-      "counts and a payload keep it above.</p>");
+      "<p>A torque that is held over a tick, an encoder's counts and a payload keep V above "
+      "zero.</p>");
   section.without =
       "There is no V to draw: it takes the true state (TRUTH), the reference and the controller's "
       "state, of a law whose function is known.";

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <string_view>
 #include <utility>
 
@@ -19,22 +18,15 @@ class Equation15 {
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
 
   static constexpr std::string_view lyapunov_formula =
-      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε (e − ν)′Mė";
+      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė";
 
-  /// [J], with epsilon the weight of the cross term.
+  /// [J]
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double epsilon) const {
+                                const LyapunovWeights& weights) const {
     const robot::Vector edot = state.v - reference.v_ref;
     return equation_15(state.q - reference.q_ref, edot, state.controller.value[1],
                        robot::mass_matrix(model_, state.q) * edot, gains_.kp,
-                       gains_.kd.cwiseQuotient(gains_.b), epsilon);
-  }
-
-  /// As `HasCrossTerm` says.
-  [[nodiscard]] double epsilon_bound(double largest_inertia) const {
-    return epsilon_bound_by_norms(
-        std::min(gains_.kp.minCoeff(), gains_.kd.cwiseQuotient(gains_.b).minCoeff()),
-        largest_inertia);
+                       gains_.kd.cwiseQuotient(gains_.b), weights);
   }
 
  protected:

@@ -72,7 +72,7 @@ class KellyFlexible {
       "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + "
       "½ ν′Kd B⁻¹ν";
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double /*epsilon*/) const {
+                                const LyapunovWeights& /*weights*/) const {
     const robot::Vector g = gravity(reference);
     const robot::Vector e1 = state.q - reference.q_ref;
     const robot::Vector e2 = state.theta - theta_ref(reference, g);

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <string_view>
 #include <tuple>
@@ -151,9 +150,9 @@ class LoriaOrtegaFlexible {
   /// Eq. 15 with e = (e1, e2), nu = (nu1, nu2), M = blockdiag(M_l, J), Kp = [Kp1 + K, -K; -K, Kp2 +
   /// K], Kd and B block diagonal; theta_ref and its derivative at the true state.
   static constexpr std::string_view lyapunov_formula =
-      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε (e − ν)′Mė, links and motors";
+      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė, links and motors";
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double epsilon) const {
+                                const LyapunovWeights& weights) const {
     const robot::Vector& nu1 = state.controller.value[1];
     const robot::Vector& nu2 = state.controller.value[3];
     const Measurement measured{state.q, state.v, state.theta};
@@ -162,17 +161,10 @@ class LoriaOrtegaFlexible {
     const robot::Vector e1dot = state.v - reference.v_ref;
     const robot::Vector e2dot = state.thetadot - theta_ref_rate(measured, reference, nu1);
     return equation_15(e1, e1dot, nu1, robot::mass_matrix(robot_.links, state.q) * e1dot,
-                       gains_.kp1, gains_.kd1.cwiseQuotient(gains_.b1), epsilon) +
+                       gains_.kp1, gains_.kd1.cwiseQuotient(gains_.b1), weights) +
            equation_15(e2, e2dot, nu2, robot_.rotor_inertia.cwiseProduct(e2dot), gains_.kp2,
-                       gains_.kd2.cwiseQuotient(gains_.b2), epsilon) +
+                       gains_.kd2.cwiseQuotient(gains_.b2), weights) +
            0.5 * weighted(robot_.stiffness, e1 - e2);
-  }
-  [[nodiscard]] double epsilon_bound(double largest_inertia) const {
-    // The springs' part of Kp only adds.
-    return epsilon_bound_by_norms(std::min({gains_.kp1.minCoeff(), gains_.kp2.minCoeff(),
-                                            gains_.kd1.cwiseQuotient(gains_.b1).minCoeff(),
-                                            gains_.kd2.cwiseQuotient(gains_.b2).minCoeff()}),
-                                  std::max(largest_inertia, robot_.rotor_inertia.maxCoeff()));
   }
 
   /// First time derivative of eq. 10's theta_ref [rad/s], with nu1 [rad/s] the link filter's

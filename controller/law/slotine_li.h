@@ -79,7 +79,7 @@ class SlotineLi {
   /// Vdot = -edot' Ks edot - e' Lambda Ks Lambda e.
   static constexpr std::string_view lyapunov_formula = "½ s′M s + e′Λ Ks e,  s = ė + Λ e";
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double /*epsilon*/) const {
+                                const LyapunovWeights& /*weights*/) const {
     const robot::Vector e = state.q - reference.q_ref;
     const robot::Vector s = state.v - reference.v_ref + gains_.lambda.cwiseProduct(e);
     return 0.5 * s.dot(robot::mass_matrix(model_, state.q) * s) +

@@ -138,7 +138,7 @@ class SlotineLiFlexible {
   static constexpr std::string_view lyapunov_formula =
       "½ s₁′M s₁ + ½ s₂′J s₂ + ½ (e₁ − e₂)′K (e₁ − e₂),  s = ė + Λ e";
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double /*epsilon*/) const {
+                                const LyapunovWeights& /*weights*/) const {
     const robot::JetVector theta_ref =
         motor_reference({state.q, state.v, state.theta, state.thetadot}, reference);
     const robot::Vector e1 = state.q - reference.q_ref;

@@ -76,7 +76,7 @@ class WenBayard {
 
   static constexpr std::string_view lyapunov_formula = "½ ė′Mė + ½ e′Kp e";
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
-                                double /*epsilon*/) const {
+                                const LyapunovWeights& /*weights*/) const {
     const robot::Vector edot = state.v - reference.v_ref;
     return 0.5 * edot.dot(robot::mass_matrix(model_, state.q) * edot) +
            0.5 * weighted(gains_.kp, state.q - reference.q_ref);

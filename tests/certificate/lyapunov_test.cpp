@@ -47,7 +47,9 @@ LoopState rigid_state(Random& random) {
 TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
   const experiment::Scenario experiment = scenario("paper_rigid.yaml");
   const auto V = lyapunov_function(experiment);
-  ASSERT_TRUE(V);
+  ASSERT_TRUE(V && V->certified);
+  EXPECT_GT(V->certified->weights.eps_1, 0);
+  EXPECT_GT(V->certified->weights.eps_2, 0);
   const robot::Model model = controller::rigid_model(experiment);
   Random random;
   for (int k = 0; k < 200; ++k) {
@@ -58,13 +60,13 @@ TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
     Eigen::Matrix<double, 6, 6> P = Eigen::Matrix<double, 6, 6>::Zero();
     P.block<2, 2>(0, 0) = M;
     P.diagonal().tail<4>() << 5000, 6000, 7000.0 / 1000, 8800.0 / 1000;
-    P.block<2, 2>(0, 2) = P.block<2, 2>(2, 0) = V->epsilon * M;
-    P.block<2, 2>(0, 4) = P.block<2, 2>(4, 0) = -V->epsilon * M;
+    P.block<2, 2>(0, 2) = P.block<2, 2>(2, 0) = V->certified->weights.eps_1 * M;
+    P.block<2, 2>(0, 4) = P.block<2, 2>(4, 0) = -V->certified->weights.eps_2 * M;
     Eigen::Matrix<double, 6, 1> z;
     z << x.v - r.v_ref, x.q - r.q_ref, x.controller.value[1];
     const double expected = 0.5 * z.dot(P * z);
     EXPECT_NEAR(V->at(x, r), expected, 1e-13 * (P.norm() * z.squaredNorm()));  // rounding
-    // eps is below the bound of positive definiteness.
+    // Its weights are certified: V is positive definite.
     EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
   }
 }
@@ -128,7 +130,7 @@ TEST(Lyapunov, OfKellysFlexibleLoopFalls) {
       scenario("flexible_regulation.yaml", {"loop.duration_s=0.5"});
   const auto V = lyapunov_function(experiment);
   ASSERT_TRUE(V);
-  EXPECT_EQ(V->epsilon, 0);
+  EXPECT_FALSE(V->certified);
   std::vector<double> values;
   study::run_in_process(experiment, [&](const study::TickRecord& record) {
     values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
@@ -142,17 +144,51 @@ TEST(Lyapunov, OfKellysFlexibleLoopFalls) {
   }
 }
 
-TEST(Lyapunov, HasTheEpsilonOfItsNormBound) {
-  // Closed form of the arm, without payload: M = [8.77 + 1.02 c, 0.76 + 0.51 c; ., 0.62], largest
-  // at c = cos q2 = 1. The largest over sampled postures is below it, by less than 1 %.
-  Eigen::Matrix2d M;
-  M << 9.79, 1.27, 1.27, 0.62;
-  const double largest = M.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
-  const double bound = 0.05 * std::sqrt(7.0 / (2 * largest));  // Kd B^-1 = 7 is the smallest weight
-  const auto V = lyapunov_function(scenario("paper_rigid.yaml"));
-  ASSERT_TRUE(V);
-  EXPECT_GE(V->epsilon, bound * (1 - 1e-12));
-  EXPECT_LE(V->epsilon, bound * 1.005);
+TEST(Lyapunov, StaysBelowItsCertifiedBound) {
+  // The bound is of continuous time: these periods change V by less than 1e-3 of its first value.
+  const std::vector<std::string> near = {
+      "loop.duration_s=0.2", "loop.period_s=5e-5", "loop.command_delay=0",
+      "plant.initial.position_rad=[0.003, -0.002]", "controller.feedforward_lead=none"};
+  for (const char* file : {"paper_rigid.yaml", "practical_rigid.yaml", "practical_flexible.yaml"}) {
+    const experiment::Scenario experiment = scenario(file, near);
+    const auto V = lyapunov_function(experiment);
+    ASSERT_TRUE(V && V->certified) << file;
+    EXPECT_TRUE(V->certified->proved) << file;
+    ASSERT_GT(V->certified->rate, 0)
+        << file << ": V0 " << V->certified->V0 << " J of " << V->certified->level << " J";
+    EXPECT_LE(V->certified->V0, V->certified->level);
+    std::int64_t above = 0;
+    study::run_in_process(experiment, [&](const study::TickRecord& record) {
+      const double value = V->at({record.truth.q, record.truth.v, record.truth.theta,
+                                  record.truth.thetadot, record.controller},
+                                 record.reference);
+      if (record.tick == 0) {
+        EXPECT_NEAR(value, V->certified->V0, 1e-12 * V->certified->V0) << file;
+      }
+      const double t_s = static_cast<double>(record.tick) * experiment.loop.period_s;
+      if (value > V->certified->bound(t_s) + 1e-3 * V->certified->V0) ++above;
+      return true;
+    });
+    EXPECT_EQ(above, 0) << file;
+  }
+}
+
+TEST(Lyapunov, HasNoBoundFromWhereNothingIsCertified) {
+  const auto far =
+      lyapunov_function(scenario("practical_rigid.yaml", {"plant.initial.position_rad=[50, -50]"}));
+  ASSERT_TRUE(far && far->certified);
+  EXPECT_GT(far->certified->V0, far->certified->level);
+  EXPECT_LT(far->certified->rate, 0);
+  EXPECT_EQ(far->certified->bound(1), INFINITY);
+}
+
+TEST(Lyapunov, OfAConstantReferenceHasNoCrossTermsAndDoesNotRise) {
+  const auto V = lyapunov_function(scenario("regulation.yaml"));
+  ASSERT_TRUE(V && V->certified);
+  EXPECT_EQ(V->certified->weights.eps_1, 0);
+  EXPECT_EQ(V->certified->weights.eps_2, 0);
+  EXPECT_EQ(V->certified->rate, 0);
+  EXPECT_EQ(V->certified->bound(10), V->certified->V0);
 }
 
 TEST(Lyapunov, OfLawsThatMeasureVelocityFalls) {
@@ -175,7 +211,7 @@ TEST(Lyapunov, OfLawsThatMeasureVelocityFalls) {
   for (const experiment::Scenario& experiment : scenarios) {
     const auto V = lyapunov_function(experiment);
     ASSERT_TRUE(V);
-    EXPECT_EQ(V->epsilon, 0);
+    EXPECT_FALSE(V->certified);
     std::vector<double> values;
     study::run_in_process(experiment, [&](const study::TickRecord& record) {
       values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
