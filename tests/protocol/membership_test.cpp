@@ -15,6 +15,7 @@ namespace {
 using namespace std::chrono_literals;
 using loop::ParticipantState;
 using loop::Role;
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr std::int64_t plants_run = 77;
@@ -236,7 +237,9 @@ TEST(AMembership, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
       network.pass(2s);
       EXPECT_EQ(code(second), diagnostics::ExitCode::protocol_violated);
       EXPECT_THAT(text(second),
-                  HasSubstr("there is already the controller (process 5 on arm-1, controller5)"));
+                  AllOf(HasSubstr("there is already the controller (process 5 on arm-1, "
+                                  "controller5)"),
+                        HasSubstr("--isolate"), HasSubstr("--lcm-url")));
       for (const auto* each : others) EXPECT_EQ(text(*each), "");
       EXPECT_EQ(first.running(), all_there);
     }
