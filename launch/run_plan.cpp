@@ -131,15 +131,11 @@ RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
   if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
   if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
   if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
-  for (const char* file : our_files) {
-    if (fs::is_directory(path_ / file)) refuse(fmt::format("{} there is a directory", file));
-  }
   // What a launcher that was killed has left aside: either its run has begun, or its log is empty.
   look();
   if (!std::exchange(begun_, false)) restore();
   for (const char* file : our_files) {
-    if (!fs::exists(path_ / file)) continue;
-    fs::rename(path_ / file, aside(file), error);
+    if (fs::exists(path_ / file)) fs::rename(path_ / file, aside(file), error);
     if (!error) continue;
     restore();
     refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
@@ -166,7 +162,7 @@ void RunDirectory::restore() {
   std::error_code ignored;
   if (fs::is_empty(path_ / "lcmlog", ignored)) fs::remove(path_ / "lcmlog", ignored);
   for (const char* file : our_files) {
-    if (fs::exists(aside(file), ignored)) fs::rename(aside(file), path_ / file, ignored);
+    fs::rename(aside(file), path_ / file, ignored);
   }
 }
 
