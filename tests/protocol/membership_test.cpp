@@ -327,6 +327,32 @@ TEST_F(ARunningMembership, NoticesAPlantThatDies) {
   }
 }
 
+TEST_F(ARunningMembership, NoticesAPlantThatDiesAlsoWhenAStrangerHasGivenItAnotherRole) {
+  auto said = plant.announce(network.now());
+  said.participant.role = Role::reference;
+  said.participant.counter += 1'000'000;  // what the plant says from now on is older
+  answer(said, controller, network.now());
+  controller.handle(said.stamp, said.participant, "a stranger", network.now());
+  network.pass(1s);
+  EXPECT_EQ(text(controller), "");
+  for (const auto* each : {&plant, &reference, &logger}) network.kill(*each);
+  network.pass(5200ms);
+  EXPECT_EQ(code(controller), diagnostics::ExitCode::peer_lost);
+  EXPECT_THAT(text(controller), HasSubstr("the plant (process 1"));
+}
+
+TEST(AMembership, BelievesNoRosterOfAPlantThatIsNotInIt) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  auto& controller = network.start(Role::controller, 3);
+  network.pass(1s);
+  auto said = plant.announce(network.now());
+  said.participant.roster = {9, 2, 3, 4};
+  answer(said, controller, network.now());
+  controller.handle(said.stamp, said.participant, "plant1", network.now());
+  EXPECT_FALSE(controller.joined()) << "a plant of which nothing is heard cannot be missed";
+}
+
 TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {
   Network elsewhere;
   auto& other = elsewhere.start(Role::controller, 90);
