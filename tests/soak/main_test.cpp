@@ -47,7 +47,7 @@ TEST(Soak, EndsWithItsReportOnCtrlC) {
 
 TEST(Soak, PlaysRoundsOfTheFaultCampaignWithTheRealPrograms) {
   const TemporaryDirectory directory;
-  // Among them: a key and copies, a kill, lies from a member's address.
+  // Among them: a key, the wall clock, a Ctrl-C, acknowledgements from the logger's address.
   Program soak("tachless-soak",
                {"--attacks", "--rounds", "5", "--seed", "205", "--out", directory / "out"},
                directory.path());
