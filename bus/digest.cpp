@@ -3,7 +3,8 @@
 #include <sodium.h>
 
 #include <cstring>
-#include <stdexcept>
+
+#include "bus/key.h"
 
 namespace tachless::bus {
 namespace {
@@ -19,7 +20,7 @@ crypto_generichash_state* in(unsigned char* bytes) {
 
 Digest::Digest() : state_{} {
   static_assert(sizeof(state_) == sizeof(crypto_generichash_state));
-  if (sodium_init() < 0) throw std::runtime_error("libsodium cannot be used on this machine");
+  require_sodium();
   crypto_generichash_init(in(state_.data()), nullptr, 0, size);
 }
 

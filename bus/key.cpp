@@ -7,10 +7,15 @@
 #include <stdexcept>
 
 namespace tachless::bus {
+
+void require_sodium() {
+  if (sodium_init() < 0) throw std::runtime_error("libsodium cannot be used on this machine");
+}
+
 namespace {
 
 unsigned char* protected_bytes() {
-  if (sodium_init() < 0) throw std::runtime_error("libsodium cannot be used on this machine");
+  require_sodium();
   auto* bytes = static_cast<unsigned char*>(sodium_malloc(Key::size));
   if (bytes == nullptr) throw std::bad_alloc();
   sodium_memzero(bytes, Key::size);

@@ -131,12 +131,39 @@ RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
   if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
   if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
   if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
+  // What a launcher that was killed has left aside: either its run has begun, or its log is empty.
+  look();
+  if (!std::exchange(begun_, false)) restore();
   for (const char* file : our_files) {
-    if (!fs::remove(path_ / file, error) && error) {
-      refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
-    }
+    if (fs::exists(path_ / file)) fs::rename(path_ / file, aside(file), error);
+    if (!error) continue;
+    restore();
+    refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
   }
   for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
+}
+
+RunDirectory::~RunDirectory() {
+  look();
+  if (!begun_) restore();
+}
+
+fs::path RunDirectory::aside(const std::string& file) const { return path_ / (".earlier-" + file); }
+
+void RunDirectory::look() {
+  std::error_code ignored;
+  const auto size = fs::file_size(path_ / "lcmlog", ignored);
+  if (begun_ || ignored || size == 0) return;
+  begun_ = true;
+  for (const char* file : our_files) fs::remove(aside(file), ignored);
+}
+
+void RunDirectory::restore() {
+  std::error_code ignored;
+  if (fs::is_empty(path_ / "lcmlog", ignored)) fs::remove(path_ / "lcmlog", ignored);
+  for (const char* file : our_files) {
+    fs::rename(aside(file), path_ / file, ignored);
+  }
 }
 
 fs::path RunDirectory::statistics_path(loop::Role role) const {

@@ -49,11 +49,20 @@ experiment::Scenario checked_scenario(const RunOptions& options);
 /// @throw diagnostics::Failure(bad_usage)
 bool prepare_network(const RunOptions& options);
 
-/// The run's directory, empty of our files and locked against a second run until destruction.
+/// The run's directory, locked against a second run until destruction. The files of an earlier run
+/// are set aside until this run has begun: if it does not, they are there again afterwards.
 class RunDirectory {
  public:
   /// @throw diagnostics::Failure(bad_usage) naming --out
   explicit RunDirectory(std::filesystem::path path);
+  RunDirectory(const RunDirectory&) = delete;
+  RunDirectory& operator=(const RunDirectory&) = delete;
+  ~RunDirectory();
+
+  /// Whether something of this run was recorded when last looked.
+  [[nodiscard]] bool begun() const { return begun_; }
+  /// Looks, and removes what was set aside once something is. Cheap, for a loop.
+  void look();
 
   [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
     return path_ / file;
@@ -67,9 +76,12 @@ class RunDirectory {
 
  private:
   [[noreturn]] void refuse(const std::string& why) const;
+  [[nodiscard]] std::filesystem::path aside(const std::string& file) const;
+  void restore();
 
   std::filesystem::path path_;
   process::FileDescriptor lock_;
+  bool begun_ = false;
 };
 
 /// Path of `program` beside this one, and the arguments that say which experiment on which bus.

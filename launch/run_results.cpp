@@ -58,8 +58,8 @@ std::string log_problem(const ReadBack& log, const experiment::Scenario& scenari
       path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
 }
 
-void write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                   const RunDirectory& out, const report::RunSummary& summary) {
+diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
+                                    const RunDirectory& out, const report::RunSummary& summary) {
   const report::Tracking& tracking = summary.tracking;
   const report::RunFacts& facts = summary.facts;
   const report::JointUnits units = report::joint_units(*scenario.model);
@@ -68,8 +68,9 @@ void write_results(const experiment::Scenario& scenario, const RunOptions& optio
       fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
       facts.period_s, units.length, units.effort};
   const std::string_view remedy = "name another directory with --out";
+  auto code = diagnostics::ExitCode::done;
   try {
-    diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
+    if (out.begun()) diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
     if (tracking.num_ticks() > 0) {
       diagnostics::UnfinishedFile svg(out / "tracking.svg", remedy);
       report::draw(report::tracking_figure(tracking, figure, svg.name()), svg.name());
@@ -78,13 +79,15 @@ void write_results(const experiment::Scenario& scenario, const RunOptions& optio
                            out / "report.html");
     }
   } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_warning(failure.what());
+    diagnostics::log_error(failure.what());
+    code = failure.code();
   }
   if (options.json) {
     std::cout << json;
   } else if (!options.quiet && tracking.num_ticks() > 0) {
     show(summary, figure, units, out);
   }
+  return code;
 }
 
 }  // namespace tachless::launch

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string>
 
+#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "launch/run_plan.h"
 #include "report/log_tracking.h"
@@ -30,8 +31,9 @@ std::string log_problem(const ReadBack& log, const experiment::Scenario& scenari
                         const std::string& path);
 
 /// Writes summary, figure and report of the log that was read back, and for people the closing
-/// table. Of a run that has not begun there is no table.
-void write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                   const RunDirectory& out, const report::RunSummary& summary);
+/// table. Of a run that has not begun there are neither files nor table. Tells what cannot be
+/// written, and returns its exit code.
+diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
+                                    const RunDirectory& out, const report::RunSummary& summary);
 
 }  // namespace tachless::launch

@@ -266,16 +266,18 @@ diagnostics::ExitCode run_session(RunOptions options) {
   Screen screen(options.quiet);
   std::optional<Window> window;
   if (options.visualize) window.emplace(options, isolated, screen);
-  const RunDirectory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
+  RunDirectory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
   SuperviseOptions supervising = supervise_options(scenario, screen);
   supervising.on_wake = [&] {
     heartbeats.read_into(progress);
     screen.show(progress);
+    out.look();
     if (window) window->attend();
   };
   say(verdict, options.quiet);
   const Clock::time_point begun = Clock::now();
   const Supervision supervision = supervise(run_processes(options, out), supervising);
+  out.look();
   if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
@@ -295,12 +297,12 @@ diagnostics::ExitCode run_session(RunOptions options) {
   }
   tell_end(facts, supervision, options);
   const report::RunSummary summary{facts, log.tracking, out.take_statistics()};
-  write_results(scenario, options, out, summary);
+  const auto written = write_results(scenario, options, out, summary);
+  if (code == diagnostics::ExitCode::done) code = written;
   if (window) window->finish(options.quiet);
-  const report::Observed observed = summary.observed();
-  if (!done || options.any_verdict || !observed.bad()) return code;
+  if (!done || options.any_verdict || !summary.observed.bad()) return code;
   diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
-                                     text(observed, report::joint_units(*scenario.model))));
+                                     text(summary.observed, report::joint_units(*scenario.model))));
   return diagnostics::ExitCode::check_said_no;
 }
 

@@ -216,11 +216,15 @@ void Link::leave() {
   // others wait until it knows of their end, which is not theirs any more.
   if (role_ == Role::plant) {
     announce_until([&] { return membership_->all_finished(); });
-    announce_repeatedly();
   } else {
-    announce_until(
-        [&] { return membership_->end_is_known() || Clock::now() - begin >= longest_leaving; });
+    // And that of the others: the logger, which alone knows whether the log is whole, may still
+    // fail.
+    announce_until([&] {
+      return (membership_->end_is_known() && membership_->all_finished()) ||
+             Clock::now() - begin >= longest_leaving;
+    });
   }
+  announce_repeatedly();
   if (membership_->failure()) throw Failure(*membership_->failure());
 }
 

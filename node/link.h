@@ -57,7 +57,7 @@ class Link final : public Session {
   [[nodiscard]] std::int64_t truth_digest() const { return membership_->truth_digest(); }
   [[nodiscard]] bool finished() const override { return membership_->plant_finished(); }
   /// The plant waits until the others have finished too, or have been silent for too long; the
-  /// others until the plant knows that they have, a second at most.
+  /// others until all have and the plant knows of their own end, a second at most.
   /// @throw Failure when one of them has failed at the last moment
   void leave() override;
 

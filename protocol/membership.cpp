@@ -23,6 +23,8 @@ using Reaction = MembershipReaction;
 constexpr std::array all_roles = {Role::plant, Role::reference, Role::controller, Role::logger};
 // Replies to newcomers are limited to one in this time.
 constexpr std::chrono::milliseconds shortest_reply_period{10};
+constexpr std::string_view beside_it =
+    "run beside it: with `tachless run --isolate`, or on another bus (--lcm-url)";
 
 std::string in_quotes(const std::string& scenario) {
   return scenario.empty() ? "another scenario" : fmt::format("scenario '{}'", scenario);
@@ -269,9 +271,8 @@ void Membership::dissolve(Time now) {
 void Membership::yield(const Peer& plant, Time now) {
   outside_ = true;
   fail(Failure(ExitCode::protocol_violated,
-               fmt::format("{} begins run {} with another {}; end that first, or use another bus "
-                           "(--lcm-url)",
-                           describe(plant), plant.run, loop::name(self_.role))),
+               fmt::format("{} begins run {} with another {}; end that first, or {}",
+                           describe(plant), plant.run, loop::name(self_.role), beside_it)),
        now);
 }
 
@@ -300,8 +301,7 @@ void Membership::contest(const loop::Stamp& stamp, const Peer& rival, Time now) 
   if (!yields) return;
   outside_ = true;
   fail(Failure(ExitCode::protocol_violated,
-               fmt::format("there is already {}; end it first, or use another bus (--lcm-url)",
-                           describe(rival))),
+               fmt::format("there is already {}; end it first, or {}", describe(rival), beside_it)),
        now);
 }
 

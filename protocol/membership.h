@@ -161,7 +161,8 @@ class Membership {
   [[nodiscard]] bool may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const;
   [[nodiscard]] std::int64_t holder(loop::Role role) const { return peers_.holder(role); }
   [[nodiscard]] static bool names_roster(const loop::Participant& who) {
-    return who.roster[static_cast<std::size_t>(loop::Role::plant)] != 0;
+    const std::int64_t plant = who.roster[static_cast<std::size_t>(loop::Role::plant)];
+    return plant != 0 && (who.role != loop::Role::plant || plant == who.instance);
   }
   [[nodiscard]] bool roster_known() const { return roster_ != loop::PerRole{}; }
   [[nodiscard]] static std::string describe(const Peer& peer);

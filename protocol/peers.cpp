@@ -17,7 +17,8 @@ std::vector<Peers::Peer>::const_iterator Peers::of(std::int64_t instance) const 
 
 bool Peers::is_new(const loop::Participant& who) const {
   const auto known = of(who.instance);
-  return known == peers_.end() || who.counter > known->counter;
+  if (known == peers_.end()) return true;
+  return who.counter > known->counter && (!known->lived || who.role == known->participant.role);
 }
 
 std::optional<Peers::Time> Peers::answered(const loop::Participant& who) const {

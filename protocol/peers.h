@@ -46,7 +46,8 @@ class Peers {
   [[nodiscard]] std::int64_t holder(loop::Role role) const { return holders_[index(role)]; }
   void set_holder(loop::Role role, std::int64_t instance) { holders_[index(role)] = instance; }
 
-  /// Whether it is newer than what its sender has announced before: else it is a copy.
+  /// Whether it is newer than what its sender has announced before: else it is a copy. What gives a
+  /// process another role than it has proven to be there with is somebody else's.
   [[nodiscard]] bool is_new(const loop::Participant& who) const;
   /// When the announcement was sent that `who` answers; nothing if none of the last was.
   [[nodiscard]] std::optional<Time> answered(const loop::Participant& who) const;

@@ -116,7 +116,9 @@ std::int64_t RunSummary::ticks() const {
 
 double RunSummary::duration_s() const { return static_cast<double>(ticks()) * facts.period_s; }
 
-Observed RunSummary::observed() const { return observe(tracking, plant_of(*this).saturated_ticks); }
+Observed RunSummary::observe() const {
+  return report::observe(tracking, plant_of(*this).saturated_ticks);
+}
 
 nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& units) {
   const RunFacts& facts = summary.facts;
@@ -135,7 +137,7 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& unit
   add_signals(json, summary.tracking);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
-  json["verdict"] = text(summary.observed(), units);
+  json["verdict"] = text(summary.observed, units);
   json["fault"] = facts.fault ? Json(*facts.fault) : Json();
   return json;
 }
@@ -176,7 +178,7 @@ std::string closing_table(const RunSummary& summary, const JointUnits& units) {
   }
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
-  text += fmt::format("  {}\n", report::text(summary.observed(), units));
+  text += fmt::format("  {}\n", report::text(summary.observed, units));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
 }

@@ -39,8 +39,12 @@ struct RunSummary {
   /// Ticks of the run, by the plant's count where it has told: of these the log may lack some.
   [[nodiscard]] std::int64_t ticks() const;
   [[nodiscard]] double duration_s() const;  ///< of the motion
+
   /// What the run did, from its signals and the plant's counters.
-  [[nodiscard]] Observed observed() const;
+  const Observed observed = observe();
+
+ private:
+  [[nodiscard]] Observed observe() const;
 };
 
 /// The content of summary.json.

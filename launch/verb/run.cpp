@@ -13,7 +13,7 @@ Verb::Action declare(CLI::App& command) {
   node::add_scenario(command, options->scenario, options->overrides);
   command.add_option("--out", options->out,
                      "Where log, summary and figure go; default: out/<the scenario's name>. "
-                     "Files of an earlier run are replaced");
+                     "Files of an earlier run are replaced once this one has begun");
   node::add_run_id(command, "--run-id", options->run_id,
                    "Positive number in every message of the run; default: the time");
   command

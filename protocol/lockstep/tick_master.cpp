@@ -90,8 +90,9 @@ void TickMaster::completed(loop::Clock::time_point now) {
 }
 
 void TickMaster::remember_missing(std::uint64_t missing) {
-  // Only completed ticks: the current one is repeated until its command is in anyway.
-  const std::int64_t completed_after = last_completed() - acknowledged_;
+  // Only completed ticks: the current one is repeated until its command is in anyway. A logger
+  // without RUN_INFO may have heard of ticks, from a stranger, but there are none.
+  const std::int64_t completed_after = acknowledged_ < -1 ? 0 : last_completed() - acknowledged_;
   if (completed_after <= 0) {
     missing_ = 0;
   } else if (completed_after >= 64) {

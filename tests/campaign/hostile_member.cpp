@@ -1,6 +1,7 @@
 #include "tests/campaign/hostile_member.h"
 
 #include <chrono>
+#include <utility>
 
 namespace tachless::campaign {
 
@@ -18,14 +19,17 @@ std::set<std::int64_t> Lies::ticks() const {
   return ticks_;
 }
 
-HostileMember::HostileMember(bus::InMemoryNetwork& network, const std::optional<Hostility>& plan,
-                             std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies)
-    : endpoint_(network.connect(plan ? plan->sender : "a listener")),
+HostileMember::HostileMember(std::unique_ptr<bus::Transport> endpoint,
+                             const std::optional<Hostility>& plan, std::uint64_t seed,
+                             const std::vector<Sent>& recording, Lies& lies,
+                             std::function<void(std::size_t)> on_heard)
+    : endpoint_(std::move(endpoint)),
       plan_(plan),
       random_(seed),
       forger_(seed),
       recording_(recording),
-      lies_(lies) {
+      lies_(lies),
+      on_heard_(std::move(on_heard)) {
   for (const auto* suffix : {"TICK", "POSITION", "REFERENCE", "COMMAND", "CONTROLLER_STATE",
                              "TRUTH", "RUN_INFO", "LOG_ACK", "PARTICIPANT"}) {
     endpoint_->subscribe(std::string("ARM_") + suffix);
@@ -44,6 +48,7 @@ void HostileMember::listen() {
     if (!datagram) continue;
     heard_.push_back(
         {std::string(datagram->channel), {datagram->payload.begin(), datagram->payload.end()}});
+    if (on_heard_) on_heard_(heard_.size());
     if (plan_ && plan_->acknowledges) acknowledge();
     if (!plan_ || heard_.size() <= static_cast<std::size_t>(plan_->from)) continue;
     if (chance(plan_->rate)) act();

@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "bus/in_memory.h"
+#include "bus/transport.h"
 #include "bus/wire.h"
 #include "tests/campaign/forger.h"
 #include "tests/campaign/plan.h"
@@ -37,8 +37,11 @@ class Lies {
 class HostileMember {
  public:
   /// `recording` and `lies` outlive it.
-  HostileMember(bus::InMemoryNetwork& network, const std::optional<Hostility>& plan,
-                std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies);
+  /// @param endpoint does not hear what it sends itself
+  /// @param on_heard called in its thread after each datagram, with how many it has heard
+  HostileMember(std::unique_ptr<bus::Transport> endpoint, const std::optional<Hostility>& plan,
+                std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies,
+                std::function<void(std::size_t)> on_heard = {});
   ~HostileMember() { stop(); }
   HostileMember(const HostileMember&) = delete;
   HostileMember& operator=(const HostileMember&) = delete;
@@ -64,6 +67,7 @@ class HostileMember {
   Forger forger_;
   const std::vector<Sent>& recording_;
   Lies& lies_;
+  std::function<void(std::size_t)> on_heard_;
   bus::Codec<loop::LogAck> acks_{loop::Layout{}};
   std::vector<Sent> heard_;
   std::size_t replayed_ = 0;  ///< of the recording, in order

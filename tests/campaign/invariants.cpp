@@ -106,13 +106,16 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence) {
   constexpr std::size_t a_sentence = 100;
   for (const Role role : all_roles) {
     const auto& [code, fault, statistics] = evidence.of(role);
-    if (code == ExitCode::done) continue;
+    if (code == ExitCode::done || !evidence.lives(role)) continue;
     if (std::ranges::find(documented, code) == documented.end()) {
       return fmt::format("the {} ends with {}", loop::name(role), static_cast<int>(code));
     }
     if (fault.empty() || fault.ends_with(": ") ||
         fault.find("internal error") != std::string::npos) {
       return fmt::format("the {} does not say why it ends", loop::name(role));
+    }
+    if (fault.find('\n') != std::string::npos) {
+      return fmt::format("the {} tells more than one cause: {}", loop::name(role), fault);
     }
     for (std::size_t i = 0; i + a_sentence <= fault.size(); ++i) {
       if (fault.find(fault.substr(i, a_sentence), i + 1) != std::string::npos) {

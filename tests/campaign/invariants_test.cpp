@@ -110,6 +110,9 @@ TEST(Invariants, SayThatAFaultHasNoCodeOrNoCauseOrTwo) {
   evidence.result.of[Role::logger].fault = "";
   EXPECT_THAT(violations(evidence), ElementsAre("the logger does not say why it ends"));
   evidence = failed();
+  evidence.result.of[Role::logger].fault = "the disk is full\nthe plant is lost";
+  EXPECT_THAT(violations(evidence), ElementsAre(HasSubstr("the logger tells more than one cause")));
+  evidence = failed();
   const std::string sentence =
       "lost is the controller (process 4123 on host arm-1, 10.0.0.2:4123)"
       ", silent for 3 s; see its output (loop.give_up_s)";

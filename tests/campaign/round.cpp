@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <system_error>
 
 #include "bus/wire.h"
 #include "logger/log_file.h"
@@ -24,44 +25,15 @@ using loop::Clock;
 using loop::Role;
 using system_test::FourThreads;
 
-// All wait so long for each other at most; no round needs longer than twice that.
-constexpr double wait_s = 10;
+// No round needs longer than waiting and noticing that somebody is lost.
 constexpr auto hung_after = 30s;
 
-experiment::Scenario scenario_of(Pace pace) {
-  if (pace == Pace::lockstep) {
-    return system_test::scenario(
-        "paper_rigid", {"loop.duration_s=0.01", "loop.give_up_s=3", "plant.mechanics=native"});
-  }
-  std::vector<std::string> at_rest = {"loop.mode=realtime",
-                                      "loop.max_missed=1000000",
-                                      "loop.max_missed_share=1",
-                                      "robot.gravity_m_per_s2=0",
-                                      "plant.mechanics=native",
-                                      "plant.encoder.resolution_bits=null",
-                                      "reference={hold: {position_rad: [0, 0]}}"};
-  at_rest.emplace_back(pace == Pace::realtime ? "loop.duration_s=0.3" : "loop.duration_s=3");
-  at_rest.emplace_back(pace == Pace::realtime ? "loop.give_up_s=3" : "loop.give_up_s=1");
-  return system_test::scenario("practical_rigid", at_rest);
-}
-
-bus::Key key() {
-  bus::Key key;
-  std::ranges::fill(key.bytes(), static_cast<unsigned char>(0x35));
-  return key;
-}
-
-void read_log(const FourThreads& threads, Evidence& into) {
-  if (into.result.log.empty()) return;
-  logger::LogReader log(threads.log_path());
-  while (const auto event = log.next()) {
-    const bool stamped = event->data.size() >= bus::stamp_end;
-    into.log.push_back({std::string(event->channel),
-                        stamped ? bus::stamp_of(event->data).tick : -2,
-                        {reinterpret_cast<const char*>(event->data.data()), event->data.size()}});
-  }
-  into.log_damaged = log.damage().any();
-}
+/// The run of this experiment that nothing happens to, and everything that is said in it.
+struct Clean {
+  experiment::Scenario scenario;
+  std::vector<Event> log;
+  std::vector<Sent> recording;
+};
 
 /// Starts and waits for all. A run that does not end is interrupted; if that does not help, nothing
 /// will.
@@ -78,12 +50,10 @@ void finish(FourThreads& threads, Evidence& into) {
   into.result = result.get();
 }
 
-/// The run of this scenario that nothing happens to, and everything that is said in it.
-struct Clean {
-  experiment::Scenario scenario;
-  std::vector<Event> log;
-  std::vector<Sent> recording;
-};
+experiment::Scenario scenario_of(Pace pace) {
+  const Experiment what = experiment_of(pace);
+  return system_test::scenario(what.name, what.overrides);
+}
 
 const Clean& clean(Pace pace, bool keyed) {
   static std::array<std::once_flag, 6> once;
@@ -95,11 +65,11 @@ const Clean& clean(Pace pace, bool keyed) {
     if (keyed) threads.give_key(key());
     Evidence evidence;
     Lies none;
-    HostileMember listener(threads.network(), {}, 0, {}, none);
+    HostileMember listener(threads.network().connect("a listener"), {}, 0, {}, none);
     finish(threads, evidence);
     listener.stop();
     if (!evidence.all_done()) throw std::runtime_error(evidence.result.complaints());
-    read_log(threads, evidence);
+    read_log(threads.log_path(), evidence);
     run->log = std::move(evidence.log);
     run->recording = listener.heard();
     runs.at(index) = std::move(run);
@@ -108,6 +78,42 @@ const Clean& clean(Pace pace, bool keyed) {
 }
 
 }  // namespace
+
+Experiment experiment_of(Pace pace) {
+  if (pace == Pace::lockstep) {
+    return {"paper_rigid", {"loop.duration_s=0.01", "loop.give_up_s=3", "plant.mechanics=native"}};
+  }
+  std::vector<std::string> at_rest = {"loop.mode=realtime",
+                                      "loop.max_missed=1000000",
+                                      "loop.max_missed_share=1",
+                                      "robot.gravity_m_per_s2=0",
+                                      "plant.mechanics=native",
+                                      "plant.encoder.resolution_bits=null",
+                                      "reference={hold: {position_rad: [0, 0]}}"};
+  at_rest.emplace_back(pace == Pace::realtime ? "loop.duration_s=0.3" : "loop.duration_s=3");
+  at_rest.emplace_back(pace == Pace::realtime ? "loop.give_up_s=3" : "loop.give_up_s=1");
+  return {"practical_rigid", at_rest};
+}
+
+bus::Key key() {
+  bus::Key key;
+  std::ranges::fill(key.bytes(), static_cast<unsigned char>(0x35));
+  return key;
+}
+
+void read_log(const std::filesystem::path& path, Evidence& into) {
+  std::error_code absent;
+  const auto size = std::filesystem::file_size(path, absent);
+  if (absent || size == 0) return;
+  logger::LogReader log(path);
+  while (const auto event = log.next()) {
+    const bool stamped = event->data.size() >= bus::stamp_end;
+    into.log.push_back({std::string(event->channel),
+                        stamped ? bus::stamp_of(event->data).tick : -2,
+                        {reinterpret_cast<const char*>(event->data.data()), event->data.size()}});
+  }
+  into.log_damaged = log.damage().any();
+}
 
 bool Event::is_fault() const {
   static const std::string participants = loop::channel<loop::Participant>("ARM");
@@ -124,20 +130,28 @@ bool Evidence::lives(Role role) const {
   return !(mishap_happened && plan.mishap->kind == Mishap::Kind::kill && plan.mishap->role == role);
 }
 
-Evidence play(const Plan& plan) {
-  // Both, so that a log with a key is compared with one without.
+Evidence expected(const Plan& plan) {
+  // Without a key, so that a log with one is compared with one without.
   const Clean& plain = clean(plan.pace, false);
-  const Clean& earlier = clean(plan.pace, plan.keyed);
   Evidence evidence;
   evidence.plan = plan;
   evidence.num_ticks = plain.scenario.loop.num_ticks;
   evidence.period_s = plain.scenario.loop.period_s;
   evidence.give_up_s = plain.scenario.loop.give_up_s;
   evidence.clean_log = plain.log;
+  return evidence;
+}
 
+const std::vector<Sent>& recording_for(const Plan& plan) {
+  return clean(plan.pace, plan.keyed).recording;
+}
+
+Evidence play(const Plan& plan) {
+  Evidence evidence = expected(plan);
+  const auto& recording = recording_for(plan);
   Lies lies;
   std::atomic<bool> happened = false;
-  FourThreads threads(plain.scenario, plan.network);
+  FourThreads threads(clean(plan.pace, false).scenario, plan.network);
   threads.wait_for_others(wait_s);
   if (plan.keyed) threads.give_key(key());
   threads.wrap([&](Role role, std::unique_ptr<bus::Transport> inner) {
@@ -152,7 +166,9 @@ Evidence play(const Plan& plan) {
     }
     return inner;
   });
-  HostileMember hostile(threads.network(), plan.hostility, plan.seed, earlier.recording, lies);
+  HostileMember hostile(
+      threads.network().connect(plan.hostility ? plan.hostility->sender : "a listener"),
+      plan.hostility, plan.seed, recording, lies);
   const auto start = Clock::now();
   finish(threads, evidence);
   evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
@@ -160,7 +176,7 @@ Evidence play(const Plan& plan) {
   evidence.num_hostile = plan.hostility ? hostile.num_sent() : 0;
   evidence.lies = lies.ticks();
   evidence.mishap_happened = happened;
-  read_log(threads, evidence);
+  read_log(threads.log_path(), evidence);
   return evidence;
 }
 

@@ -2,11 +2,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <set>
 #include <string>
 #include <vector>
 
-#include "experiment/scenario.h"
+#include "bus/key.h"
+#include "tests/campaign/forger.h"
 #include "tests/campaign/plan.h"
 #include "tests/system/four_threads.h"
 
@@ -44,6 +46,26 @@ struct Evidence {
   [[nodiscard]] bool lives(loop::Role role) const;
   [[nodiscard]] bool all_done() const { return result.complaints().empty(); }
 };
+
+/// What is run: scenarios/NAME.yaml with these overrides.
+struct Experiment {
+  std::string name;
+  std::vector<std::string> overrides;
+};
+Experiment experiment_of(Pace pace);
+bus::Key key();
+
+/// All wait so long for each other at most [s].
+inline constexpr double wait_s = 10;
+
+/// A round's evidence before it is played: what it is compared with. Plays, when first asked, the
+/// run that nothing happens to.
+Evidence expected(const Plan& plan);
+/// Everything that was said in that run, tagged as in `plan`: what a stranger may have recorded.
+const std::vector<Sent>& recording_for(const Plan& plan);
+
+/// Reads the log of a round, if there is one.
+void read_log(const std::filesystem::path& path, Evidence& into);
 
 /// Plays a round: the four nodes in four threads, beside whom and what the plan says.
 Evidence play(const Plan& plan);

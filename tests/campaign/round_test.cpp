@@ -3,10 +3,8 @@
 #include <fmt/core.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <atomic>
 #include <cstdlib>
-#include <map>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -14,6 +12,7 @@
 
 #include "tests/campaign/invariants.h"
 #include "tests/campaign/round.h"
+#include "tests/campaign/tally.h"
 
 namespace tachless::campaign {
 namespace {
@@ -22,15 +21,6 @@ std::uint64_t number(const char* variable, std::uint64_t otherwise) {
   const char* text = std::getenv(variable);
   return text == nullptr ? otherwise : std::stoull(text);
 }
-
-/// Of the rounds of one kind.
-struct Tally {
-  int rounds = 0;
-  int ended_well = 0;
-  int broken = 0;
-  std::int64_t hostile = 0;
-  double longest_s = 0;
-};
 
 class Campaign {
  public:
@@ -47,26 +37,14 @@ class Campaign {
     for (std::thread& worker : workers) worker.join();
   }
 
-  void report() const {
-    for (const auto& [kind, of] : tallies_) {
-      fmt::print(
-          "{}: {} rounds, {} ended well, {} broken, {} hostile datagrams, "
-          "longest {:.2f} s\n",
-          kind, of.rounds, of.ended_well, of.broken, of.hostile, of.longest_s);
-    }
-  }
+  void report() const { fmt::print("{}", tally_.text()); }
 
  private:
   void add(const Evidence& evidence) {
     const auto broken = violations(evidence);
     const std::lock_guard lock(mutex_);
-    Tally& of = tallies_[kind_of(evidence.plan)];
-    ++of.rounds;
-    of.ended_well += evidence.all_done() ? 1 : 0;
-    of.broken += broken.empty() ? 0 : 1;
-    of.hostile += evidence.num_hostile;
-    of.longest_s = std::max(of.longest_s, evidence.wall_s);
-    if (++done_ % 500 == 0) fmt::print(stderr, "{} rounds\n", done_);
+    tally_.add(evidence, !broken.empty());
+    if (tally_.rounds() % 500 == 0) fmt::print(stderr, "{} rounds\n", tally_.rounds());
     for (const std::string& each : broken) {
       ADD_FAILURE() << each << "\n  " << describe(evidence.plan) << "\n"
                     << evidence.result.complaints()
@@ -78,8 +56,7 @@ class Campaign {
   std::atomic<std::uint64_t> next_;
   std::uint64_t end_;
   std::mutex mutex_;
-  int done_ = 0;
-  std::map<std::string, Tally> tallies_;
+  Tally tally_;
 };
 
 TEST(TheCampaign, BreaksNoInvariant) {

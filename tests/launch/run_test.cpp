@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -112,6 +113,14 @@ class Run : public ::testing::Test {
   TemporaryDirectory directory_;
   pid_t launcher_ = -1;
 };
+
+std::map<std::string, std::string> files_in(const fs::path& directory) {
+  std::map<std::string, std::string> files;
+  for (const auto& entry : fs::directory_iterator(directory)) {
+    files[entry.path().filename()] = text_of(entry.path());
+  }
+  return files;
+}
 
 std::int64_t ticks_of(const fs::path& path) {
   logger::RunLog log = logger::RunLog::open(path);
@@ -260,6 +269,41 @@ TEST_F(Run, BesideAnotherOneIsRefusedNamingIsolateAndTouchesNothing) {
   launcher_ = first;
   kill(launcher_, SIGINT);
   EXPECT_EQ(finish(), 130);
+}
+
+TEST_F(Run, StartedAtTheSameTimeAsAnotherIsRefusedNamingIsolateToo) {
+  const auto command = [&](const std::string& name) {
+    const std::string out = directory_ / name;
+    return TACHLESS_BINARY_DIR "/bin/tachless run " TACHLESS_SOURCE_DIR
+                               "/scenarios/paper_rigid.yaml --duration 0.5 --quiet --out " +
+           out + " 2> " + out + ".err";
+  };
+  ASSERT_EQ(std::system((command("one") + " & " + command("two") + "; wait").c_str()), 0);
+  const std::string errors = text_of(directory_ / "one.err") + text_of(directory_ / "two.err");
+  EXPECT_THAT(errors, AllOf(HasSubstr("end it first"), HasSubstr("--isolate")));
+}
+
+TEST_F(Run, ThatDoesNotBeginLeavesTheFilesOfAnEarlierOne) {
+  start({"--duration", "0.01", "--quiet"});
+  ASSERT_EQ(finish(), 0) << standard_error();
+  const auto earlier = files_in(out());
+  ASSERT_EQ(earlier.size(), 4U);
+  start({"--duration", "0.01", "--quiet"});
+  const auto until = Clock::now() + seconds(30);
+  std::optional<pid_t> plant;
+  while (!plant && Clock::now() < until) plant = child("tachless-plant");
+  kill(plant.value_or(0), SIGKILL);
+  EXPECT_EQ(finish(), 3) << standard_error();
+  EXPECT_TRUE(files_in(out()) == earlier) << standard_error();
+  EXPECT_EQ(standard_output(), "");
+}
+
+TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
+  fs::create_directories(out() / "summary.json.partial");
+  start({"--duration", "0.01", "--any-verdict"});
+  EXPECT_EQ(finish(), 2);
+  EXPECT_EQ(count(standard_error(), "summary.json: cannot be written"), 1U) << standard_error();
+  EXPECT_THAT(standard_output(), HasSubstr("200 ticks")) << "the run itself is told all the same";
 }
 
 TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {

@@ -15,6 +15,7 @@ namespace {
 using namespace std::chrono_literals;
 using loop::ParticipantState;
 using loop::Role;
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr std::int64_t plants_run = 77;
@@ -236,7 +237,9 @@ TEST(AMembership, RefusesASecondHolderOfARoleAndLeavesTheFirstAlone) {
       network.pass(2s);
       EXPECT_EQ(code(second), diagnostics::ExitCode::protocol_violated);
       EXPECT_THAT(text(second),
-                  HasSubstr("there is already the controller (process 5 on arm-1, controller5)"));
+                  AllOf(HasSubstr("there is already the controller (process 5 on arm-1, "
+                                  "controller5)"),
+                        HasSubstr("--isolate"), HasSubstr("--lcm-url")));
       for (const auto* each : others) EXPECT_EQ(text(*each), "");
       EXPECT_EQ(first.running(), all_there);
     }
@@ -322,6 +325,32 @@ TEST_F(ARunningMembership, NoticesAPlantThatDies) {
     EXPECT_EQ(code(*each), diagnostics::ExitCode::peer_lost);
     EXPECT_THAT(text(*each), HasSubstr("the plant"));
   }
+}
+
+TEST_F(ARunningMembership, NoticesAPlantThatDiesAlsoWhenAStrangerHasGivenItAnotherRole) {
+  auto said = plant.announce(network.now());
+  said.participant.role = Role::reference;
+  said.participant.counter += 1'000'000;  // what the plant says from now on is older
+  answer(said, controller, network.now());
+  controller.handle(said.stamp, said.participant, "a stranger", network.now());
+  network.pass(1s);
+  EXPECT_EQ(text(controller), "");
+  for (const auto* each : {&plant, &reference, &logger}) network.kill(*each);
+  network.pass(5200ms);
+  EXPECT_EQ(code(controller), diagnostics::ExitCode::peer_lost);
+  EXPECT_THAT(text(controller), HasSubstr("the plant (process 1"));
+}
+
+TEST(AMembership, BelievesNoRosterOfAPlantThatIsNotInIt) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  auto& controller = network.start(Role::controller, 3);
+  network.pass(1s);
+  auto said = plant.announce(network.now());
+  said.participant.roster = {9, 2, 3, 4};
+  answer(said, controller, network.now());
+  controller.handle(said.stamp, said.participant, "plant1", network.now());
+  EXPECT_FALSE(controller.joined()) << "a plant of which nothing is heard cannot be missed";
 }
 
 TEST_F(ARunningMembership, IgnoresFaultsFromOutsideTheRun) {

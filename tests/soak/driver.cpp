@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "tests/soak/packet_loss.h"
 
 namespace tachless::soak {
 namespace {
@@ -25,45 +26,6 @@ constexpr std::int64_t longest_burst = 3'000;  // some overflow the receivers' b
 [[noreturn]] void throw_interrupted() {
   throw diagnostics::Failure(diagnostics::ExitCode::interrupted, "interrupted");
 }
-
-fs::path nft() {
-  for (const char* path : {"/usr/sbin/nft", "/sbin/nft", "/usr/bin/nft"}) {
-    if (access(path, X_OK) == 0) return path;
-  }
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
-      "packets are lost by nft, which is not there: apt-get install nftables");
-}
-
-/// Loses packets of the bus while it lives.
-class PacketLoss {
- public:
-  explicit PacketLoss(int percent) {
-    order({"add", "table", "ip", "soak"});
-    order({"add", "chain", "ip", "soak", "in", "{ type filter hook input priority 0; }"});
-    order({"add", "rule", "ip", "soak", "in", "udp", "dport",
-           fmt::format("{}", HostileTraffic::port), "numgen", "random", "mod", "100", "<",
-           fmt::format("{}", percent), "drop"});
-  }
-  PacketLoss(const PacketLoss&) = delete;
-  PacketLoss& operator=(const PacketLoss&) = delete;
-  ~PacketLoss() {
-    try {
-      order({"delete", "table", "ip", "soak"});
-    } catch (const std::exception&) {
-      // The next round's `add` fails and reports it.
-    }
-  }
-
- private:
-  static void order(std::vector<std::string> words) {
-    words.insert(words.begin(), nft().string());
-    if (const auto failure = failure_of(words)) {
-      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 "cannot make the network lose packets: " + *failure);
-    }
-  }
-};
 
 class Driver {
  public:
@@ -179,8 +141,6 @@ std::optional<std::string> failure_of(const std::vector<std::string>& command) {
   if (!done.ends.front().failed()) return std::nullopt;
   return describe(done.ends.front());
 }
-
-void require_nft() { nft(); }
 
 Observation drive(const Spec& spec, const std::atomic<bool>& interrupted) {
   return Driver(spec, interrupted).run();

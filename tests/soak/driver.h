@@ -36,8 +36,4 @@ Observation drive(const Spec& spec, const std::atomic<bool>& interrupted);
 /// @throw diagnostics::Failure(interrupted) when the user ends it
 std::optional<std::string> failure_of(const std::vector<std::string>& command);
 
-/// @throw diagnostics::Failure(bad_usage) when the program that makes the network lose packets is
-/// missing
-void require_nft();
-
 }  // namespace tachless::soak

@@ -2,7 +2,6 @@
 // docs/operations.md promises hold? Always in a private network namespace.
 
 #include <fmt/core.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -20,7 +19,9 @@
 #include "diagnostics/text.h"
 #include "process/interruption.h"
 #include "process/isolate.h"
+#include "tests/soak/attacks.h"
 #include "tests/soak/plan.h"
+#include "tests/soak/progress.h"
 #include "tests/soak/report.h"
 #include "tests/soak/runner.h"
 
@@ -38,26 +39,9 @@ struct Options {
                   .directory = "out/soak",
                   .scenarios = TACHLESS_SOURCE_DIR "/scenarios",
                   .num_ticks = 20'000};
+  bool attacks = false;
   bool json = false;
   bool quiet = false;
-};
-
-/// One line on stderr that is replaced where it is a terminal.
-class Progress {
- public:
-  explicit Progress(bool quiet) : quiet_(quiet) {}
-
-  void show(const std::string& text) const {
-    if (quiet_) return;
-    std::cerr << (terminal_ ? "\r\033[K" : "") << text << (terminal_ ? "" : "\n") << std::flush;
-  }
-  void clear() const {
-    if (terminal_ && !quiet_) std::cerr << "\r\033[K" << std::flush;
-  }
-
- private:
-  bool quiet_;
-  bool terminal_ = isatty(STDERR_FILENO) == 1;
 };
 
 class Soak {
@@ -159,12 +143,17 @@ void declare(CLI::App& command, Options& options) {
       .add_option("--out", options.setting.directory,
                   "Where soak.json goes, and the files of each round that did not hold")
       ->capture_default_str();
+  CLI::Option* attacks = command.add_flag(
+      "--attacks", options.attacks,
+      "Rounds of the fault campaign, with the four programs on the real bus, instead");
   command.add_flag("-q,--quiet", options.quiet, "No progress");
-  command.add_flag("--json", options.json, "The outcome as JSON on stdout, instead of the table");
+  command.add_flag("--json", options.json, "The outcome as JSON on stdout, instead of the table")
+      ->excludes(attacks);
   command.footer(
       "Examples:\n"
       "  ./tachless soak --minutes 30\n"
       "  ./tachless soak --rounds 1 --seed 17\n"
+      "  ./tachless soak --attacks --rounds 500\n"
       "Exit code 0 when all rounds held, 1 when one did not, 2 bad usage, 130 interrupted.");
 }
 
@@ -192,6 +181,14 @@ diagnostics::ExitCode soak(int argc, const char* const* argv) {
   } catch (const std::system_error& error) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
                                fmt::format("cannot isolate the soak: {}", error.what()));
+  }
+  if (options.attacks) {
+    return play_attacks({.first_seed = options.seed,
+                         .rounds = options.rounds,
+                         .minutes = options.minutes,
+                         .directory = options.setting.directory,
+                         .quiet = options.quiet},
+                        interrupted);
   }
   return Soak(options, interrupted).run();
 }

@@ -45,6 +45,18 @@ TEST(Soak, EndsWithItsReportOnCtrlC) {
   EXPECT_THAT(soak.output(), HasSubstr("0 rounds in 0.0 min from seed 1, 0 held"));
 }
 
+TEST(Soak, PlaysRoundsOfTheFaultCampaignWithTheRealPrograms) {
+  const TemporaryDirectory directory;
+  // Among them: a key, the wall clock, a Ctrl-C, acknowledgements from the logger's address.
+  Program soak("tachless-soak",
+               {"--attacks", "--rounds", "5", "--seed", "205", "--out", directory / "out"},
+               directory.path());
+  EXPECT_EQ(soak.wait(std::chrono::seconds(150)), 0) << soak.errors();
+  EXPECT_THAT(soak.output(), HasSubstr("5 rounds in "));
+  EXPECT_THAT(soak.output(), HasSubstr(", 0 broke an invariant\n"));
+  EXPECT_TRUE(std::filesystem::is_empty(directory / "out")) << "only what broke one is kept";
+}
+
 TEST(Soak, WantsToKnowHowLong) {
   const TemporaryDirectory directory;
   Program soak("tachless-soak", {}, directory.path());

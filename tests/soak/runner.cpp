@@ -8,6 +8,8 @@
 #include <system_error>
 #include <utility>
 
+#include "tests/soak/packet_loss.h"
+
 namespace tachless::soak {
 
 namespace fs = std::filesystem;
@@ -15,7 +17,7 @@ namespace fs = std::filesystem;
 Runner::Runner(Setting setting, const std::atomic<bool>& interrupted)
     : setting_(std::move(setting)), interrupted_(interrupted) {
   make_directory(setting_.directory);
-  require_nft();
+  PacketLoss::require();
   clean_up();
   // Each round gives these as options.
   for (const char* variable : {"TACHLESS_ISOLATE", "TACHLESS_KEY_FILE", "LCM_DEFAULT_URL"}) {

@@ -72,7 +72,7 @@ int Program::wait(std::chrono::seconds limit) {
 }
 
 void Program::signal(int number) const {
-  if (running_) kill(pid_, number);
+  syscall(SYS_pidfd_send_signal, pidfd_, number, nullptr, 0);
 }
 
 std::string Program::errors() const { return contents(stderr_path_); }

@@ -24,6 +24,7 @@ class Program {
   /// Exit code, or 128 + the signal that ended it.
   /// @throw std::runtime_error with its stderr when it still runs after `limit`.
   int wait(std::chrono::seconds limit = std::chrono::seconds(240));
+  /// To this process, never to a later one of its id. From any thread.
   void signal(int number) const;
   [[nodiscard]] bool running() { return !ended(); }
   [[nodiscard]] pid_t pid() const { return pid_; }

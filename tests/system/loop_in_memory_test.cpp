@@ -427,7 +427,7 @@ TEST(AForgedAcknowledgement, FromTheLoggersAddressDoesNotLetTheRunEndWell) {
   forger.reset();
   last.reset();
   EXPECT_EQ(result.of.at(Role::logger).statistics.logger().log.ticks, 150);
-  for (const Role role : {Role::plant, Role::logger}) {
+  for (const Role role : system_test::all_roles) {
     EXPECT_EQ(result.of.at(role).code, ExitCode::protocol_violated) << loop::name(role);
     EXPECT_THAT(result.of.at(role).fault, HasSubstr("says that it has finished"));
   }

@@ -60,6 +60,15 @@ TEST_F(ARequester, BeginsWhenTheLoggerHasRunInfo) {
   EXPECT_THROW(tick_master.completed(now), std::logic_error);
 }
 
+TEST_F(ARequester, HasNothingToRepeatForALoggerThatHasHeardOfTicksBeforeTheFirst) {
+  tick_master.introduced(now);
+  tick_master.on_ack(-2, ~std::uint64_t{0}, now);
+  EXPECT_EQ(repeated_ticks(), Ticks());
+  now += 2ms;
+  EXPECT_EQ(tick_master.next_repeat(now)->what, What::run_info);
+  EXPECT_EQ(repeated_ticks(), Ticks());
+}
+
 TEST_F(ARequester, RepeatsAQuestionEvery2msAndLaterDoublesTo320ms) {
   introduce();
   tick_master.asked(now);

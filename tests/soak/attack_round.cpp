@@ -1,0 +1,197 @@
+#include "tests/soak/attack_round.h"
+
+#include <fmt/core.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <fstream>
+#include <future>
+#include <map>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "bus/udp_transport.h"
+#include "diagnostics/logging.h"
+#include "node/options.h"
+#include "node/process_options.h"
+#include "tests/campaign/hostile_member.h"
+#include "tests/soak/impostor.h"
+#include "tests/soak/packet_loss.h"
+#include "tests/soak/spec.h"
+#include "tests/support/program.h"
+
+namespace tachless::soak {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using campaign::Evidence;
+using campaign::Mishap;
+using campaign::Plan;
+using diagnostics::ExitCode;
+using loop::Clock;
+using loop::Role;
+using system_test::all_roles;
+
+constexpr auto hung_after = 30s;
+
+/// What it has told as causes of its end, a line each, without mark and name.
+std::string causes_in(const std::string& output) {
+  std::istringstream lines(output);
+  std::string causes;
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with(diagnostics::error_mark)) continue;
+    const auto name = line.find(": ");
+    causes += (causes.empty() ? "" : "\n") +
+              line.substr(name == std::string::npos ? diagnostics::error_mark.size() : name + 2);
+  }
+  return causes;
+}
+
+/// The four programs of a round, and what happens to one of them.
+class Programs {
+ public:
+  Programs(const Plan& plan, const fs::path& directory) : plan_(plan), directory_(directory) {
+    for (const Role role : all_roles) start(role);
+  }
+
+  [[nodiscard]] fs::path log_path() const { return directory_ / "lcmlog"; }
+
+  /// @param heard so many datagrams have been on the bus
+  void on_heard(std::size_t heard) {
+    if (!plan_.mishap || happened_ || heard <= static_cast<std::size_t>(plan_.mishap->at)) return;
+    happened_ = true;
+    const Program& victim = *programs_.at(plan_.mishap->role);
+    switch (plan_.mishap->kind) {
+      case Mishap::Kind::kill:
+        return victim.signal(SIGKILL);
+      case Mishap::Kind::interrupt:
+        return victim.signal(SIGINT);
+      case Mishap::Kind::stop:
+        victim.signal(SIGSTOP);
+        resumed_ = std::async(std::launch::async, [&victim, ms = plan_.mishap->stop_ms] {
+          std::this_thread::sleep_for(std::chrono::milliseconds(ms));
+          victim.signal(SIGCONT);
+        });
+    }
+  }
+
+  /// Waits for all. A run that does not end is interrupted.
+  void wait(Evidence& into) {
+    if (!all_ended()) {
+      into.hung = true;
+      for (const auto& [role, program] : programs_) program->signal(SIGINT);
+      if (!all_ended()) throw std::runtime_error("a program cannot be interrupted");
+    }
+    for (const auto& [role, program] : programs_) {
+      auto& outcome = into.result.of[role];
+      outcome.code = static_cast<ExitCode>(program->wait());
+      outcome.fault = causes_in(program->errors());
+      std::ifstream file(statistics_path(role));
+      try {
+        outcome.statistics = node::statistics_from_json({std::istreambuf_iterator<char>(file), {}});
+      } catch (const std::invalid_argument&) {  // killed, or refused its command line
+        // Before it catches signals a process ends by them, as any other does, without a word.
+        if (outcome.code == ExitCode::interrupted && outcome.fault.empty()) {
+          outcome.fault = "interrupted before it was up";
+        }
+      }
+    }
+  }
+  /// After the hostile member has stopped.
+  [[nodiscard]] bool happened() const { return happened_; }
+
+ private:
+  [[nodiscard]] fs::path statistics_path(Role role) const {
+    return directory_ / fmt::format("{}.json", loop::name(role));
+  }
+
+  void start(Role role) {
+    const campaign::Experiment what = campaign::experiment_of(plan_.pace);
+    std::vector<std::string> arguments = {
+        fmt::format(TACHLESS_SOURCE_DIR "/scenarios/{}.yaml", what.name),
+        "--quiet",
+        "--mark-levels",
+        "--lcm-url",
+        node::default_lcm_url,
+        "--wait-s",
+        fmt::format("{}", campaign::wait_s),
+        "--stats",
+        statistics_path(role)};
+    for (const std::string& value : what.overrides) {
+      arguments.insert(arguments.end(), {"--set", value});
+    }
+    if (plan_.keyed) arguments.insert(arguments.end(), {"--key-file", directory_ / "key"});
+    if (role == Role::plant) {
+      arguments.insert(arguments.end(), {"--run-id", fmt::format("{}", run_id)});
+    }
+    if (role == Role::logger) arguments.insert(arguments.end(), {"--out-log", log_path()});
+    programs_[role] = std::make_unique<Program>(node::program_name(role), arguments, directory_);
+  }
+
+  bool all_ended() {
+    const auto until = Clock::now() + hung_after;
+    for (const auto& [role, program] : programs_) {
+      while (program->running()) {
+        if (Clock::now() > until) return false;
+        std::this_thread::sleep_for(5ms);
+      }
+    }
+    return true;
+  }
+
+  const Plan& plan_;
+  fs::path directory_;
+  std::map<Role, std::unique_ptr<Program>> programs_;
+  bool happened_ = false;
+  std::future<void> resumed_;
+};
+
+void write_key(const fs::path& path) {
+  const bus::Key key = campaign::key();
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(key.bytes().data()),
+             static_cast<std::streamsize>(key.bytes().size()));
+  chmod(path.c_str(), 0600);
+}
+
+}  // namespace
+
+Plan on_the_real_bus(Plan plan) {
+  plan.network = {.loss = plan.network.loss, .seed = plan.seed};
+  if (plan.hostility) plan.hostility->races = plan.hostility->drops = 0;
+  return plan;
+}
+
+Evidence attack(const Plan& plan, const fs::path& directory) {
+  Evidence evidence = campaign::expected(plan);
+  const auto& recording = campaign::recording_for(plan);
+  fs::remove_all(directory);
+  make_directory(directory);
+  if (plan.keyed) write_key(directory / "key");
+  std::optional<PacketLoss> loss;
+  if (plan.network.loss > 0) loss.emplace(static_cast<int>(std::lround(100 * plan.network.loss)));
+  campaign::Lies lies;
+  const auto start = Clock::now();
+  Programs programs(plan, directory);
+  campaign::HostileMember hostile(
+      std::make_unique<Impostor>(plan.hostility ? plan.hostility->sender : ""), plan.hostility,
+      plan.seed, recording, lies, [&](std::size_t heard) { programs.on_heard(heard); });
+  programs.wait(evidence);
+  evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
+  hostile.stop();
+  evidence.num_hostile = plan.hostility ? hostile.num_sent() : 0;
+  evidence.lies = lies.ticks();
+  evidence.mishap_happened = programs.happened();
+  campaign::read_log(programs.log_path(), evidence);
+  return evidence;
+}
+
+}  // namespace tachless::soak

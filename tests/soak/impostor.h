@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "bus/udp_transport.h"
+#include "bus/wire.h"
+#include "process/file_descriptor.h"
+
+namespace tachless::soak {
+
+/// A stranger's place on the real bus, or, once that has been heard, a member's address: datagrams
+/// then leave with the member's as their source, as the administrator of a host can make them. It
+/// does not hear what it sends. Precondition: the process is in a network namespace of its own,
+/// where all have one host.
+class Impostor final : public bus::Transport {
+ public:
+  /// @param whom "controller's endpoint", or anything else: a stranger
+  explicit Impostor(std::string_view whom);
+
+  void subscribe(const std::string& channel) override { bus_.subscribe(channel); }
+  void publish(std::string_view channel, std::span<const std::byte> payload) override;
+  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override;
+
+ private:
+  void look_for_member(const bus::Datagram& datagram);
+
+  bus::UdpTransport bus_;
+  std::optional<loop::Role> whom_;
+  bus::Codec<loop::Participant> codec_{loop::Layout{}};
+  process::FileDescriptor raw_;
+  std::uint16_t port_ = 0;  ///< the member's, once it is known
+  std::uint32_t sequence_;
+};
+
+}  // namespace tachless::soak
