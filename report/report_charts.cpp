@@ -200,7 +200,7 @@ Html certified_text(const RecordedRun& run) {
               ? html(" V does not rise (in continuous time, proved for a constant reference).")
               : html(
                     " the matrix condition certifies from this start V ≤ V(0) exp(−{} t) in "
-                    "continuous time ({}; dashed), and that V stays below {} J from anywhere "
+                    "continuous time ({}; dotted), and that V stays below {} J from anywhere "
                     "below.",
                     number(certified.rate), certified.proved ? "proved" : "sampled postures",
                     number(certified.level));
@@ -225,7 +225,8 @@ Html lyapunov_text(const RecordedRun& run) {
 
 /// The certified bound from the start to the run's end, down to where V ends.
 Curve bound_of(const RecordedRun& run, const std::vector<Point>& V) {
-  Curve bound{"", {}, alarm_colour, 1.2, "(2,3)", CurveStyle::line};
+  Curve bound{"",  {},      run.above_bound_s ? alarm_colour : palette[6],
+              1.4, "(2,3)", CurveStyle::line};
   double least = V.front().y;
   for (const Point& each : V) least = each.y > 0 ? std::min(least, each.y) : least;
   constexpr int pieces = 200;
@@ -249,6 +250,10 @@ ReportSection lyapunov_section(const Overlay& all) {
     chart.curves.push_back(all.curve(i, V, "", 1.4));
     if (runs[i].certified && runs[i].certified->rate >= 0 && V.size() > 1) {
       fits.push_back(bound_of(runs[i], V));
+      if (all.alone()) fits.back().title = "certified bound";
+      // One far above would flatten the curve.
+      const double level = runs[i].certified->level;
+      if (level < 100 * runs[i].certified->V0) chart.levels.push_back(level);
     }
     if (runs[i].lyapunov_decay) fits.push_back(fitted(all, *runs[i].lyapunov_decay, i));
   }
