@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <utility>
 
 #include "certificate/certify.h"
 #include "certificate/optimise.h"
@@ -34,14 +35,14 @@ constexpr double default_bandwidth_by_rate = 0.005;  // w / 2 pi over 1 / h
 constexpr std::array filter_ratios = {4.0, 10.0, 1e9};
 constexpr std::array dampings = {1.0, 1.5, 2.0, 3.0};
 constexpr double least_gain_margin = 1.5;
+constexpr double between_frequencies = 1.02;  // the modulus may be that much lower than at them
 constexpr double worth_it = 0.95;  // of the settling time, for a rule that is tried later
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
 
 /// What the rule of thumb needs of a robot.
 struct Inertias {
-  Vector link;  ///< [kg m2]
-  Vector stiffness, rotor;
+  Vector link, stiffness, rotor;
 };
 
 /// One of the rules that are tried, but for w.
@@ -58,8 +59,7 @@ std::optional<Vector> value_of(std::string_view gain, const std::string& law, do
   const Inertias& inertia = *rule.inertia;
   const Vector& m = inertia.link;
   const Vector one = Vector::Ones(m.size());
-  const bool on_motor = law == "kelly_flexible";
-  const Vector felt = on_motor ? Vector(m + inertia.rotor) : m;
+  const Vector felt = law == "kelly_flexible" ? Vector(m + inertia.rotor) : m;
   const double fast = rule.damping * w;
   if (gain == "kp" || gain == "kp1") return w * w * felt;
   if (gain == "kd" || gain == "kd1") return 2 * fast * felt;
@@ -70,9 +70,8 @@ std::optional<Vector> value_of(std::string_view gain, const std::string& law, do
   if (gain == "ks" || gain == "ks1") return fast * m;
   if (inertia.rotor.size() == 0) return {};
   const Vector resonance = inertia.stiffness.cwiseQuotient(inertia.rotor).cwiseSqrt();
-  const Vector damping = 0.5 * inertia.rotor.cwiseProduct(resonance);
   if (gain == "kp2") return 0.01 * inertia.stiffness;
-  if (gain == "kd2" || gain == "ks2") return damping;
+  if (gain == "kd2" || gain == "ks2") return 0.5 * inertia.rotor.cwiseProduct(resonance);
   if (gain == "a2" || gain == "b2") return 3 * resonance;
   return {};
 }
@@ -91,12 +90,10 @@ Vector balanced_inertia(const std::vector<Eigen::MatrixXd>& inverse_M, const Vec
     const Vector root = (start.array().log() + log_scale.array()).exp().sqrt();
     double least = infinity, largest = 0;
     for (const auto& inverse : inverse_M) {
-      const Eigen::VectorXd eigenvalues =
-          Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(
-              root.asDiagonal() * inverse * root.asDiagonal(), Eigen::EigenvaluesOnly)
-              .eigenvalues();
-      least = std::min(least, eigenvalues.minCoeff());
-      largest = std::max(largest, eigenvalues.maxCoeff());
+      const Eigen::MatrixXd scaled = root.asDiagonal() * inverse * root.asDiagonal();
+      const Eigen::VectorXd mu = scaled.selfadjointView<Eigen::Lower>().eigenvalues();
+      least = std::min(least, mu.minCoeff());
+      largest = std::max(largest, mu.maxCoeff());
     }
     return std::log(largest / least);
   };
@@ -147,12 +144,13 @@ class Search {
   }
 
   [[nodiscard]] std::vector<Rule> rules() const {
+    const bool has_filter = std::any_of(
+        names_.begin(), names_.end(), [](const auto& name) { return name == "a" || name == "a1"; });
     std::vector<Rule> all;
     for (const Inertias& inertia : inertias_) {
       for (const double damping : dampings) {
         for (const double ratio : filter_ratios) {
-          if (!has_filter() && ratio != filter_ratios[0]) continue;
-          all.push_back({&inertia, damping, ratio});
+          if (has_filter || ratio == filter_ratios[0]) all.push_back({&inertia, damping, ratio});
         }
       }
     }
@@ -169,7 +167,7 @@ class Search {
     return *std::max_element(each.begin(), each.end());
   }
 
-  /// Why these gains do not do; empty when they do, as far as a coarse grid of frequencies shows.
+  /// Why these gains do not do; empty when they do.
   [[nodiscard]] std::string objection(double w, const Rule& rule) {
     const ScenarioLoop loop = loop_of(w, rule);
     const double h = loop.settings().period_s;
@@ -186,7 +184,7 @@ class Search {
         found[i] = "stability";
       } else if (!stable(least_gain_margin)) {
         found[i] = "the gain margin";
-      } else if (!has_modulus(here, h, goal_.modulus)) {
+      } else if (!has_modulus(here, h, between_frequencies * goal_.modulus)) {
         found[i] = "the modulus margin";
       }
       if (!found[i].empty()) any = true;
@@ -212,9 +210,8 @@ class Search {
     design.gains = gains(w, rule);
     design.w = w;
     design.damping = rule.damping;
-    for (const char* name : {"a", "a1"}) {
-      const auto filter = design.gains.find(name);
-      if (filter != design.gains.end()) design.filter_ratio = filter->second[0] / w;
+    for (const auto& [name, value] : design.gains) {
+      if (name == "a" || name == "a1") design.filter_ratio = value[0] / w;
     }
     design.postures = static_cast<int>(rests_.size());
     design.modulus = design.gain_margin = design.phase_margin_deg = infinity;
@@ -235,12 +232,8 @@ class Search {
       const double settling = settling_s(w, rule);
       if (std::isfinite(settling) && settling > useful_s) return 0;
       const std::string still = objection(w, rule);
-      if (still.empty()) {
-        good = w;
-      } else {
-        bad = w;
-        why = still;
-      }
+      (still.empty() ? good : bad) = w;
+      if (!still.empty()) why = still;
     }
     while (good > 0 && bad > 1.05 * good) {
       const double middle = std::sqrt(good * bad);
@@ -264,11 +257,6 @@ class Search {
       all[name] = std::move(*value);
     }
     return all;
-  }
-
-  [[nodiscard]] bool has_filter() const {
-    return std::any_of(names_.begin(), names_.end(),
-                       [](const std::string& name) { return name == "a" || name == "a1"; });
   }
 
   [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
@@ -299,15 +287,9 @@ class Search {
   std::size_t num_reference_ = 0;
 };
 
-/// A design and the rule that made it.
-struct Found {
-  Design design;
-  Rule rule;
-};
-
-/// The design with w up to `highest` that settles first.
-Found fastest_up_to(Search& search, const std::vector<Rule>& rules, double highest, double modulus,
-                    const OnProgress& on_progress) {
+/// The design with w up to `highest` that settles first, and the rule that made it.
+std::pair<Design, Rule> fastest_up_to(Search& search, const std::vector<Rule>& rules,
+                                      double highest, const OnProgress& on_progress) {
   double w = 0, settling = infinity;
   Rule rule;
   std::string binds, last_reason;
@@ -331,47 +313,36 @@ Found fastest_up_to(Search& search, const std::vector<Rule>& rules, double highe
                     "shorter period, less delay, a finer encoder or a smaller --margin",
                     highest / (2 * pi), last_reason));
   }
-  if (on_progress) on_progress("design: margins");
   Design design = search.result(w, rule);
-  // Between the frequencies of the coarse grid the modulus may be lower.
-  for (int i = 0; i < 10 && design.modulus < modulus; ++i) {
-    w *= 0.97;
-    design = search.result(w, rule);
-    if (binds == bandwidth_asked_for) binds = "the modulus margin";
-  }
   design.binds = binds;
   return {design, rule};
-}
-
-void require_feasible(const experiment::Scenario& scenario) {
-  const Feasibility feasible = feasibility(scenario);
-  if (!feasible.impossible.empty()) {
-    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
-  }
 }
 
 }  // namespace
 
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
               const OnProgress& on_progress) {
-  require_feasible(scenario);
+  const Feasibility feasible = feasibility(scenario);
+  if (!feasible.impossible.empty()) {
+    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
+  }
   Search search(scenario, goal);
   const double rate = 1 / scenario.loop.period_s;
   if (!goal.settling_s) {
     const double hz = goal.bandwidth_hz.value_or(default_bandwidth_by_rate * rate);
-    return fastest_up_to(search, search.rules(), 2 * pi * hz, goal.modulus, on_progress).design;
+    return fastest_up_to(search, search.rules(), 2 * pi * hz, on_progress).first;
   }
   // Settling scales with 1 / w: from the estimate of two real poles, corrected until it is met.
   const double wanted = *goal.settling_s;
   double highest = 7 / wanted;
-  Found best = fastest_up_to(search, search.rules(), highest, goal.modulus, on_progress);
-  for (int i = 0; i < 4 && best.design.binds == bandwidth_asked_for; ++i) {
-    if (std::abs(best.design.settling_s - wanted) < 0.03 * wanted) break;
-    highest *= best.design.settling_s / wanted;
-    best = fastest_up_to(search, {best.rule}, highest, goal.modulus, on_progress);
+  auto [best, rule] = fastest_up_to(search, search.rules(), highest, on_progress);
+  for (int i = 0; i < 4 && best.binds == bandwidth_asked_for; ++i) {
+    if (std::abs(best.settling_s - wanted) < 0.03 * wanted) break;
+    highest *= best.settling_s / wanted;
+    best = fastest_up_to(search, {rule}, highest, on_progress).first;
   }
-  if (best.design.settling_s > 1.05 * wanted) best.design.missed = wanted;
-  return best.design;
+  if (best.settling_s > 1.05 * wanted) best.missed = wanted;
+  return best;
 }
 
 std::vector<std::string> overrides_of(const Design& design) {

@@ -61,9 +61,11 @@ class Response {
   Response(const SampledLoop& loop, double period_s)
       : period_s_(period_s), num_torques_(loop.plant.B.cols()) {
     const CutLoop open = cut(loop.plant, loop.law(period_s), period_s, loop.delay);
-    A_ = open.A.cast<std::complex<double>>();
-    B_ = open.B.cast<std::complex<double>>();
-    C_ = open.C.cast<std::complex<double>>();
+    // Triangular, so that a frequency costs a substitution.
+    const Eigen::ComplexSchur<MatrixXd> schur(open.A);
+    A_ = schur.matrixT();
+    B_ = schur.matrixU().adjoint() * open.B;
+    C_ = open.C * schur.matrixU();
     poles_ = balanced_eigenvalues(open.A + open.B * open.C);
   }
 
@@ -71,7 +73,7 @@ class Response {
     const std::complex<double> z = std::polar(1.0, w * period_s_);
     MatrixXcd resolvent = -A_;
     resolvent.diagonal().array() += z;
-    const MatrixXcd state = resolvent.partialPivLu().solve(B_);
+    const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
     return -(C_ * state);
   }
   [[nodiscard]] VectorXcd eigenvalues(double w) const {
@@ -98,8 +100,8 @@ class Response {
  private:
   double period_s_;
   Index num_torques_;
-  MatrixXcd A_, B_, C_;
-  VectorXcd poles_;  ///< of the closed loop
+  MatrixXcd A_, B_, C_;  ///< in Schur's coordinates
+  VectorXcd poles_;      ///< of the closed loop
 };
 
 std::vector<double> frequencies(const Response& response, int num_points) {
@@ -292,7 +294,7 @@ double phase_margin_deg(const SampledLoop& loop, double period_s) {
 
 bool has_modulus(const SampledLoop& loop, double period_s, double least) {
   const Response response(loop, period_s);
-  const std::vector<double> w = frequencies(response, 60);
+  const std::vector<double> w = frequencies(response, 150);
   return std::all_of(w.rbegin(), w.rend(), [&](double x) { return response.modulus(x) >= least; });
 }
 
