@@ -2,13 +2,18 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <utility>
 
 #include "certificate/certify.h"
+#include "certificate/optimise.h"
 #include "certificate/parallel.h"
 #include "certificate/postures.h"
 #include "controller/registry.h"
@@ -26,51 +31,88 @@ using robot::Vector;
 constexpr double pi = std::numbers::pi;
 constexpr int reference_postures = 5, other_postures = 16;
 constexpr double default_bandwidth_by_rate = 0.005;  // w / 2 pi over 1 / h
-constexpr std::array filter_ratios = {4.0, 6.0, 10.0, 16.0};
+// The filter is never faster than 1 / h, which the last ratio stands for.
+constexpr std::array filter_ratios = {4.0, 10.0, 1e9};
+constexpr std::array dampings = {1.0, 1.5, 2.0, 3.0};
+constexpr double least_gain_margin = 1.5;
+constexpr double between_frequencies = 1.02;  // the modulus may be that much lower than at them
+constexpr double worth_it = 0.95;  // of the settling time, for a rule that is tried later
+constexpr double infinity = std::numeric_limits<double>::infinity();
+constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
 
 /// What the rule of thumb needs of a robot.
 struct Inertias {
-  Vector link;  ///< geometric mean over the postures of 1 / (M^-1)_jj [kg m2]
-  Vector stiffness, rotor;
+  Vector link, stiffness, rotor;
 };
 
-Inertias inertias_of(const experiment::Scenario& scenario, const robot::Model& model,
-                     const std::vector<ReferencePoint>& rests) {
-  Inertias result;
-  result.link = Vector::Zero(model.num_joints);
-  for (const ReferencePoint& rest : rests) {
-    const Eigen::MatrixXd M = robot::mass_matrix(model, rest.q_ref);
-    const Eigen::MatrixXd inverse = M.inverse();
-    result.link.array() -= inverse.diagonal().array().log();
-  }
-  result.link = (result.link / static_cast<double>(rests.size())).array().exp();
-  if (scenario.robot.flexible) {
-    result.stiffness = scenario.robot.flexible->stiffness;
-    result.rotor = scenario.robot.flexible->rotor_inertia;
-  }
-  return result;
-}
+/// One of the rules that are tried, but for w.
+struct Rule {
+  const Inertias* inertia = nullptr;
+  double damping = 1;       ///< kd / (2 w m)
+  double filter_ratio = 0;  ///< a / (damping w)
+};
 
 /// The rule of thumb, for each parameter that a law of the catalogue is tuned by. A motor behind a
 /// spring has its resonance sqrt(K / J) damped by a quarter of critical.
-std::optional<Vector> rule(const std::string& law, std::string_view gain, double w, double ratio,
-                           const Inertias& inertia) {
+std::optional<Vector> value_of(std::string_view gain, const std::string& law, double w,
+                               double period_s, const Rule& rule) {
+  const Inertias& inertia = *rule.inertia;
   const Vector& m = inertia.link;
   const Vector one = Vector::Ones(m.size());
-  const bool on_motor = law == "kelly_flexible";
-  const Vector felt = on_motor ? Vector(m + inertia.rotor) : m;
+  const Vector felt = law == "kelly_flexible" ? Vector(m + inertia.rotor) : m;
+  const double fast = rule.damping * w;
   if (gain == "kp" || gain == "kp1") return w * w * felt;
-  if (gain == "kd" || gain == "kd1") return 2 * w * felt;
-  if (gain == "a" || gain == "b" || gain == "a1" || gain == "b1") return ratio * w * one;
-  if (gain == "lambda") return w * one;
-  if (gain == "ks" || gain == "ks1") return w * m;
+  if (gain == "kd" || gain == "kd1") return 2 * fast * felt;
+  if (gain == "a" || gain == "b" || gain == "a1" || gain == "b1") {
+    return std::min(rule.filter_ratio * fast, 1 / period_s) * one;
+  }
+  if (gain == "lambda") return w / rule.damping * one;
+  if (gain == "ks" || gain == "ks1") return fast * m;
   if (inertia.rotor.size() == 0) return {};
   const Vector resonance = inertia.stiffness.cwiseQuotient(inertia.rotor).cwiseSqrt();
-  const Vector damping = 0.5 * inertia.rotor.cwiseProduct(resonance);
   if (gain == "kp2") return 0.01 * inertia.stiffness;
-  if (gain == "kd2" || gain == "ks2") return damping;
+  if (gain == "kd2" || gain == "ks2") return 0.5 * inertia.rotor.cwiseProduct(resonance);
   if (gain == "a2" || gain == "b2") return 3 * resonance;
   return {};
+}
+
+/// The geometric mean over the postures of m_j = 1 / (M^-1)_jj.
+Vector mean_inertia(const std::vector<Eigen::MatrixXd>& inverse_M) {
+  Vector sum = Vector::Zero(inverse_M.front().rows());
+  for (const auto& inverse : inverse_M) sum.array() -= inverse.diagonal().array().log();
+  return (sum / static_cast<double>(inverse_M.size())).array().exp();
+}
+
+/// Joint inertias D from `start` on, such that the eigenvalues of M^-1 D at all postures together
+/// are as near each other as they can be: the loop's directions are as fast and as damped as these.
+Vector balanced_inertia(const std::vector<Eigen::MatrixXd>& inverse_M, const Vector& start) {
+  const auto spread = [&](const Eigen::VectorXd& log_scale) {
+    const Vector root = (start.array().log() + log_scale.array()).exp().sqrt();
+    double least = infinity, largest = 0;
+    for (const auto& inverse : inverse_M) {
+      const Eigen::MatrixXd scaled = root.asDiagonal() * inverse * root.asDiagonal();
+      const Eigen::VectorXd mu = scaled.selfadjointView<Eigen::Lower>().eigenvalues();
+      least = std::min(least, mu.minCoeff());
+      largest = std::max(largest, mu.maxCoeff());
+    }
+    return std::log(largest / least);
+  };
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(start.size());
+  const Eigen::VectorXd best = minimise(spread, none, 0.5, 1000).x;
+  return start.array() * (best.array() - best.mean()).exp();
+}
+
+/// Within the joint's limits, where it has some.
+Vector posture_in_range(const robot::Model& model, int k) {
+  Vector q = spread_posture(model, k);
+  for (int i = 0; i < model.num_joints; ++i) {
+    const double width = model.upper[i] - model.lower[i];
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute &&
+        width < 2 * pi) {
+      q[i] = model.lower[i] + (q[i] + pi) / (2 * pi) * width;
+    }
+  }
+  return q;
 }
 
 class Search {
@@ -81,107 +123,121 @@ class Search {
       names_.emplace_back(parameter.name);
     }
     const robot::Model model = plant_of(scenario);
-    experiment::Scenario start = scenario;
     const robot::Model& links = scenario.robot.flexible ? *scenario.model : model;
-    ReferencePoint first = held_at(reference::make_trajectory(scenario).at(0).q_ref);
-    inertia_ = inertias_of(scenario, links, {first});
-    start.controller.gains = gains(1, 10);
+    Inertias inertia{Vector::Ones(model.num_joints), {}, {}};
+    if (const auto& drive = scenario.robot.flexible) {
+      inertia.stiffness = drive->stiffness;
+      inertia.rotor = drive->rotor_inertia;
+    }
+    experiment::Scenario start = scenario;
+    start.controller.gains = gains(1, {&inertia, 1, 10});
     rests_ = ScenarioLoop(start).rests(reference_postures);
     num_reference_ = rests_.size();
-    for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(spread_posture(model, k)));
-    inertia_ = inertias_of(scenario, links, rests_);
+    for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(posture_in_range(model, k)));
+    std::vector<Eigen::MatrixXd> inverse_M(rests_.size());
+    parallel_for(rests_.size(), [&](std::size_t i) {
+      inverse_M[i] = robot::mass_matrix(links, rests_[i].q_ref).inverse();
+    });
+    inertia.link = mean_inertia(inverse_M);
+    inertias_ = {inertia, inertia};
+    inertias_[1].link = balanced_inertia(inverse_M, inertia.link);
   }
 
-  [[nodiscard]] std::map<std::string, Vector> gains(double w, double ratio) const {
-    std::map<std::string, Vector> all;
-    for (const std::string& name : names_) {
-      auto value = rule(scenario_.controller.law, name, w, ratio, inertia_);
-      if (!value) {
-        throw Failure(ExitCode::check_said_no,
-                      fmt::format("no rule for the gain {} of {}: design it by hand", name,
-                                  scenario_.controller.law));
+  [[nodiscard]] std::vector<Rule> rules() const {
+    const bool has_filter = std::any_of(
+        names_.begin(), names_.end(), [](const auto& name) { return name == "a" || name == "a1"; });
+    std::vector<Rule> all;
+    for (const Inertias& inertia : inertias_) {
+      for (const double damping : dampings) {
+        for (const double ratio : filter_ratios) {
+          if (has_filter || ratio == filter_ratios[0]) all.push_back({&inertia, damping, ratio});
+        }
       }
-      all[name] = std::move(*value);
     }
     return all;
   }
 
-  [[nodiscard]] bool has_filter() const {
-    return std::any_of(names_.begin(), names_.end(),
-                       [](const std::string& name) { return name == "a" || name == "a1"; });
+  /// The settling time at the reference's slowest posture; infinite for an unstable loop.
+  [[nodiscard]] double settling_s(double w, const Rule& rule) const {
+    const ScenarioLoop loop = loop_of(w, rule);
+    std::vector<double> each(num_reference_);
+    parallel_for(num_reference_, [&](std::size_t i) {
+      each[i] = modes(loop.at(rests_[i]), loop.settings().period_s).settling_s;
+    });
+    return *std::max_element(each.begin(), each.end());
   }
 
-  /// Why these gains do not do; empty when they do. Necessary for the modulus margin: the gain and
-  /// phase margin that follow from it.
-  [[nodiscard]] std::string objection(double w, double ratio) const {
-    const ScenarioLoop loop = loop_of(w, ratio);
+  /// Why these gains do not do; empty when they do.
+  [[nodiscard]] std::string objection(double w, const Rule& rule) {
+    const ScenarioLoop loop = loop_of(w, rule);
     const double h = loop.settings().period_s;
-    const double gain = 1 / (1 - goal_.modulus);
-    const double phase = 2 * std::asin(goal_.modulus / 2) * 180 / pi;
     std::vector<std::string> found(rests_.size());
+    std::atomic<bool> any = false;
     parallel_for(rests_.size(), [&](std::size_t i) {
+      if (any) return;
       const SampledLoop here = loop.at(rests_[i]);
       const LinearLaw law = here.law(h);
-      for (const double factor : {1.0, 1.5, gain}) {
-        if (spectral_radius(period_map(here.plant, law, h, here.delay, factor)) >= 1) {
-          found[i] = "the gain margin";
-          return;
-        }
+      const auto stable = [&](double gain) {
+        return spectral_radius(period_map(here.plant, law, h, here.delay, gain)) < 1;
+      };
+      if (!stable(1)) {
+        found[i] = "stability";
+      } else if (!stable(least_gain_margin)) {
+        found[i] = "the gain margin";
+      } else if (!has_modulus(here, h, between_frequencies * goal_.modulus)) {
+        found[i] = "the modulus margin";
       }
-      if (phase_margin_deg(here, h) < phase) found[i] = "the phase margin";
+      if (!found[i].empty()) any = true;
     });
-    for (const std::string& each : found) {
-      if (!each.empty()) return each;
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      if (found[i].empty()) continue;
+      const std::string why =
+          fmt::format("{} at q = [{:.2f}]", found[i], fmt::join(rests_[i].q_ref, ", "));
+      std::swap(rests_[i], rests_[i < num_reference_ ? 0 : num_reference_]);  // first, next time
+      return why;
     }
     return count_objection(loop);
   }
 
-  /// The rest of the truth about gains that do.
-  [[nodiscard]] Design result(double w, double ratio) const {
-    const ScenarioLoop loop = loop_of(w, ratio);
-    const double h = loop.settings().period_s;
+  /// The whole truth about gains.
+  [[nodiscard]] Design result(double w, const Rule& rule) const {
+    const ScenarioLoop loop = loop_of(w, rule);
     std::vector<Margins> margin(rests_.size());
-    std::vector<Modes> mode(rests_.size());
     parallel_for(rests_.size(), [&](std::size_t i) {
-      const SampledLoop here = loop.at(rests_[i]);
-      margin[i] = margins(here, h);
-      mode[i] = modes(here, h);
+      margin[i] = margins(loop.at(rests_[i]), loop.settings().period_s);
     });
     Design design;
-    design.gains = gains(w, ratio);
+    design.gains = gains(w, rule);
     design.w = w;
-    design.filter_ratio = has_filter() ? ratio : 0;
+    design.damping = rule.damping;
+    for (const auto& [name, value] : design.gains) {
+      if (name == "a" || name == "a1") design.filter_ratio = value[0] / w;
+    }
     design.postures = static_cast<int>(rests_.size());
-    design.modulus = design.gain_margin = design.phase_margin_deg = 1e300;
+    design.modulus = design.gain_margin = design.phase_margin_deg = infinity;
     for (const Margins& each : margin) {
       design.modulus = std::min(design.modulus, each.modulus);
       design.gain_margin = std::min(design.gain_margin, each.gain);
       design.phase_margin_deg = std::min(design.phase_margin_deg, each.phase_deg);
     }
-    for (std::size_t i = 0; i < num_reference_; ++i) {
-      design.settling_s = std::max(design.settling_s, mode[i].settling_s);
-    }
+    design.settling_s = settling_s(w, rule);
     return design;
   }
 
-  /// The largest w up to `highest` without objection, to 3 %; 0 when there is none. `why` is what
-  /// binds.
-  double largest_w(double highest, double ratio, std::string& why) const {
-    why = objection(highest, ratio);
-    if (why.empty()) return highest;
-    double good = 0, bad = highest;
-    for (double w = highest / 1.5; w > 1e-3 * highest; w /= 1.5) {
-      const std::string still = objection(w, ratio);
-      if (still.empty()) {
-        good = w;
-        break;
-      }
-      bad = w;
-      why = still;
+  /// The largest w up to `highest` without objection, to 5 %; 0 when there is none that settles
+  /// within `useful_s`. `why` is what binds.
+  double largest_w(double highest, const Rule& rule, double useful_s, std::string& why) {
+    double good = 0, bad = 0;
+    for (double w = highest; w > 1e-3 * highest && good == 0; w /= 1.5) {
+      const double settling = settling_s(w, rule);
+      if (std::isfinite(settling) && settling > useful_s) return 0;
+      const std::string still = objection(w, rule);
+      (still.empty() ? good : bad) = w;
+      if (!still.empty()) why = still;
     }
-    while (good > 0 && bad > 1.03 * good) {
+    while (good > 0 && bad > 1.05 * good) {
       const double middle = std::sqrt(good * bad);
-      const std::string still = objection(middle, ratio);
+      const std::string still = objection(middle, rule);
       (still.empty() ? good : bad) = middle;
       if (!still.empty()) why = still;
     }
@@ -189,9 +245,23 @@ class Search {
   }
 
  private:
-  [[nodiscard]] ScenarioLoop loop_of(double w, double ratio) const {
+  [[nodiscard]] std::map<std::string, Vector> gains(double w, const Rule& rule) const {
+    const std::string& law = scenario_.controller.law;
+    std::map<std::string, Vector> all;
+    for (const std::string& name : names_) {
+      auto value = value_of(name, law, w, scenario_.loop.period_s, rule);
+      if (!value) {
+        throw Failure(ExitCode::check_said_no,
+                      fmt::format("no rule for the gain {} of {}: design it by hand", name, law));
+      }
+      all[name] = std::move(*value);
+    }
+    return all;
+  }
+
+  [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
     experiment::Scenario scenario = scenario_;
-    scenario.controller.gains = gains(w, ratio);
+    scenario.controller.gains = gains(w, rule);
     return ScenarioLoop(scenario);
   }
 
@@ -212,72 +282,64 @@ class Search {
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
   std::vector<std::string> names_;
-  Inertias inertia_;
+  std::vector<Inertias> inertias_;  ///< the mean's and the balanced ones
   std::vector<ReferencePoint> rests_;
   std::size_t num_reference_ = 0;
 };
 
-/// The fastest design with w up to `highest`, over the filter ratios.
-Design fastest_up_to(const Search& search, double highest, double modulus,
-                     const OnProgress& on_progress) {
-  Design best;
-  std::string last_reason;
-  for (const double ratio : filter_ratios) {
-    if (on_progress) on_progress(fmt::format("design: a = b = {:g} w", ratio));
+/// The design with w up to `highest` that settles first, and the rule that made it.
+std::pair<Design, Rule> fastest_up_to(Search& search, const std::vector<Rule>& rules,
+                                      double highest, const OnProgress& on_progress) {
+  double w = 0, settling = infinity;
+  Rule rule;
+  std::string binds, last_reason;
+  for (std::size_t k = 0; k < rules.size(); ++k) {
+    if (on_progress) on_progress(fmt::format("design: rule {} of {}", k + 1, rules.size()));
     std::string why;
-    double w = search.largest_w(highest, ratio, why);
-    if (w == 0) {
-      last_reason = why;
-      continue;
-    }
-    // Gain and phase margin alone are necessary, not sufficient.
-    Design found = search.result(w, ratio);
-    for (int i = 0; i < 20 && found.modulus < modulus; ++i) {
-      why = "the modulus margin";
-      w *= 0.93;
-      found = search.result(w, ratio);
-    }
-    if (found.modulus < modulus) continue;
-    found.binds = why.empty() ? "the bandwidth asked for" : why;
-    if (best.gains.empty() || found.settling_s < best.settling_s) best = std::move(found);
-    if (!search.has_filter()) break;
+    const double found = search.largest_w(highest, rules[k], worth_it * settling, why);
+    if (!why.empty()) last_reason = why;
+    if (found == 0) continue;
+    const double own = search.settling_s(found, rules[k]);
+    if (own > worth_it * settling) continue;
+    w = found;
+    rule = rules[k];
+    settling = own;
+    binds = why.empty() ? bandwidth_asked_for : why;
   }
-  if (best.gains.empty()) {
+  if (w == 0) {
     throw Failure(
         ExitCode::check_said_no,
         fmt::format("no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a "
                     "shorter period, less delay, a finer encoder or a smaller --margin",
-                    highest / (2 * pi), last_reason.empty() ? "the modulus margin" : last_reason));
+                    highest / (2 * pi), last_reason));
   }
-  return best;
-}
-
-void require_feasible(const experiment::Scenario& scenario) {
-  const Feasibility feasible = feasibility(scenario);
-  if (!feasible.impossible.empty()) {
-    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
-  }
+  Design design = search.result(w, rule);
+  design.binds = binds;
+  return {design, rule};
 }
 
 }  // namespace
 
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
               const OnProgress& on_progress) {
-  require_feasible(scenario);
-  const Search search(scenario, goal);
+  const Feasibility feasible = feasibility(scenario);
+  if (!feasible.impossible.empty()) {
+    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
+  }
+  Search search(scenario, goal);
   const double rate = 1 / scenario.loop.period_s;
   if (!goal.settling_s) {
     const double hz = goal.bandwidth_hz.value_or(default_bandwidth_by_rate * rate);
-    return fastest_up_to(search, 2 * pi * hz, goal.modulus, on_progress);
+    return fastest_up_to(search, search.rules(), 2 * pi * hz, on_progress).first;
   }
   // Settling scales with 1 / w: from the estimate of two real poles, corrected until it is met.
   const double wanted = *goal.settling_s;
   double highest = 7 / wanted;
-  Design best = fastest_up_to(search, highest, goal.modulus, on_progress);
-  for (int i = 0; i < 4 && best.binds == "the bandwidth asked for"; ++i) {
+  auto [best, rule] = fastest_up_to(search, search.rules(), highest, on_progress);
+  for (int i = 0; i < 4 && best.binds == bandwidth_asked_for; ++i) {
     if (std::abs(best.settling_s - wanted) < 0.03 * wanted) break;
     highest *= best.settling_s / wanted;
-    best = fastest_up_to(search, highest, goal.modulus, on_progress);
+    best = fastest_up_to(search, {rule}, highest, on_progress).first;
   }
   if (best.settling_s > 1.05 * wanted) best.missed = wanted;
   return best;

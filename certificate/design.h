@@ -13,8 +13,10 @@
 ///
 ///   kp = w^2 m_j,  kd = 2 w m_j,  a = b = r w,
 ///
-/// which has two real poles at w for r → infinity; then the largest w and the best r are
-/// searched for which the margins hold at all postures looked at.
+/// which has two real poles at w for r → infinity. Other directions of motion than the joints' own
+/// have the eigenvalues mu of M^-1 diag(m_j) in place of 1 and the damping sqrt(mu), whatever w: so
+/// kd is also tried larger, and the m_j also chosen such that all mu are near each other. Of these
+/// rules the one counts that settles first with the margins kept at all postures looked at.
 namespace tachless::certificate {
 
 struct DesignGoal {
@@ -27,6 +29,7 @@ struct DesignGoal {
 struct Design {
   std::map<std::string, robot::Vector> gains;
   double w = 0;             ///< [rad/s]
+  double damping = 0;       ///< kd / (2 w m_j)
   double filter_ratio = 0;  ///< a / w; 0 for a law without filter
   double modulus = 0;       ///< the least at the postures looked at
   double gain_margin = 0;
@@ -37,7 +40,7 @@ struct Design {
   std::optional<double> missed;  ///< the settling time asked for, when it is not reached [s]
 };
 
-/// Postures: those of the reference and some spread over the robot's whole range.
+/// Postures: those of the reference and some spread over the range of the joints.
 /// @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque limit below
 /// gravity, a motion that is too fast, margins that no bandwidth has.
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,

@@ -105,7 +105,8 @@ LinearLaw linear_rigid_law(const FilterGains& gains, const MatrixXd& feedforward
   MatrixXd D = feedforward_gradient;
   D.diagonal() -= gains.kp + gains.kd.cwiseProduct(filter.beta);
   return {
-      filter.phi.asDiagonal(), filter.input().asDiagonal(), (-gains.kd).asDiagonal(), D, {Part::q}};
+      filter.phi.asDiagonal(), filter.input().asDiagonal(), (-gains.kd).asDiagonal(), D, {Part::q},
+      feedforward_gradient};
 }
 
 LinearLaw linear_flexible_law(const robot::Model& links, const Vector& q, const VectorXd& stiffness,
@@ -140,11 +141,17 @@ LinearLaw linear_flexible_law(const robot::Model& links, const Vector& q, const 
   MatrixXd next(2 * n, 5 * n);
   next << scaled(filter_1.phi, s_1) + scaled(filter_1.input(), e_1),
       scaled(filter_2.phi, s_2) + scaled(filter_2.input(), e_2);
-  return {next.leftCols(2 * n),
-          next.rightCols(3 * n),
-          tau.leftCols(2 * n),
-          tau.rightCols(3 * n),
-          {Part::q, Part::v, Part::theta}};
+  LinearLaw law{next.leftCols(2 * n),
+                next.rightCols(3 * n),
+                tau.leftCols(2 * n),
+                tau.rightCols(3 * n),
+                {Part::q, Part::v, Part::theta}};
+  if (links.gravity.isZero(0)) return law;
+  robot::Model weightless = links;
+  weightless.gravity.setZero();
+  law.compensation =
+      law.D - linear_flexible_law(weightless, q, stiffness, rotor_inertia, link, motor, sampling).D;
+  return law;
 }
 
 LinearLaw linearised(const LawStep& law, const VectorXd& memory, const VectorXd& measurement,
@@ -178,28 +185,37 @@ HeldPlant held(const LinearPlant& plant, double period_s) {
   return {exponential.topLeftCorner(m, m), exponential.topRightCorner(m, n)};
 }
 
+CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay) {
+  const HeldPlant step = held(plant, period_s);
+  const MatrixXd measured = selection(plant, law);
+  const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols(), all = x + s + delay * n;
+  CutLoop loop{MatrixXd::Zero(all, all), MatrixXd::Zero(all, n), MatrixXd::Zero(n, all)};
+  loop.A.block(0, 0, x, x) = step.Phi;
+  loop.A.block(x, 0, s, x) = law.B * measured;
+  loop.A.block(x, x, s, s) = law.A;
+  if (delay == 0) {
+    loop.B.topRows(x) = step.Gam;
+  } else {
+    loop.A.block(0, x + s + (delay - 1) * n, x, n) = step.Gam;
+    loop.B.middleRows(x + s, n).setIdentity();
+  }
+  for (int i = 1; i < delay; ++i) {
+    loop.A.block(x + s + i * n, x + s + (i - 1) * n, n, n).setIdentity();
+  }
+  loop.C.leftCols(x) = law.D * measured;
+  loop.C.middleCols(x, s) = law.C;
+  if (law.compensation.size() > 0) {
+    const MatrixXd kept = law.compensation * measured;
+    loop.C.leftCols(x) -= kept;
+    loop.A.leftCols(x) += loop.B * kept;
+  }
+  return loop;
+}
+
 MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
                     double gain) {
-  const HeldPlant step = held(plant, period_s);
-  const MatrixXd C = selection(plant, law);
-  const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols();
-  MatrixXd map = MatrixXd::Zero(x + s + delay * n, x + s + delay * n);
-  map.block(0, 0, x, x) = step.Phi;
-  map.block(x, 0, s, x) = law.B * C;
-  map.block(x, x, s, s) = law.A;
-  MatrixXd tau = MatrixXd::Zero(n, map.cols());
-  tau.leftCols(x) = gain * law.D * C;
-  tau.middleCols(x, s) = gain * law.C;
-  if (delay == 0) {
-    map.topRows(x) += step.Gam * tau;
-    return map;
-  }
-  map.block(0, x + s + (delay - 1) * n, x, n) = step.Gam;
-  map.middleRows(x + s, n) = tau;
-  for (int i = 1; i < delay; ++i) {
-    map.block(x + s + i * n, x + s + (i - 1) * n, n, n).setIdentity();
-  }
-  return map;
+  const CutLoop loop = cut(plant, law, period_s, delay);
+  return loop.A + gain * loop.B * loop.C;
 }
 
 }  // namespace tachless::certificate

@@ -51,6 +51,8 @@ LinearPlant flexible_plant(const robot::Model& links, const MotionPoint& point,
 struct LinearLaw {
   Eigen::MatrixXd A, B, C, D;
   std::vector<Part> measured;
+  /// The part of D that compensates gravity by the model: no gain of the feedback. Empty: none.
+  Eigen::MatrixXd compensation = {};
 };
 
 /// How a sampled filter is made.
@@ -84,8 +86,15 @@ struct HeldPlant {
 };
 HeldPlant held(const LinearPlant& plant, double period_s);
 
-/// The map of one period of (x, memory, torques under way): the torque computed at tick k acts
-/// from tick k + delay on. `gain` multiplies every torque.
+/// One period of (x, memory, torques under way) with the law's feedback terms cut: the torque
+/// computed at tick k acts from tick k + delay on, the compensation of gravity stays closed, and
+/// the feedback terms C state enter through B.
+struct CutLoop {
+  Eigen::MatrixXd A, B, C;
+};
+CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
+
+/// The same closed again: A + gain B C. `gain` multiplies the feedback terms of every torque.
 Eigen::MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s,
                            int delay, double gain = 1);
 

@@ -54,30 +54,27 @@ double edge(double inside, double outside, double precision, const Stable& stabl
   return inside;
 }
 
-/// The loop's frequency response L, from a torque at the plant to the torque that comes back,
-/// negated: 1 + L is singular where the loop is on the edge.
+/// The loop's frequency response L, from a torque that is added to the feedback terms to the
+/// feedback terms that come back, negated: 1 + L is singular where the loop is on the edge.
 class Response {
  public:
   Response(const SampledLoop& loop, double period_s)
-      : period_s_(period_s), delay_(loop.delay), num_torques_(loop.plant.B.cols()) {
-    const LinearLaw law = loop.law(period_s);
-    const Index x = loop.plant.A.rows(), s = law.A.rows(), n = num_torques_;
-    // With one period of delay, the map of period_map has the torque as a state of its own: cut
-    // there, it is x' = Phi x + Gamma u with the law beside it.
-    const MatrixXd whole = period_map(loop.plant, law, period_s, 1);
-    A_ = whole.topLeftCorner(x + s, x + s);
-    B_ = MatrixXcd::Zero(x + s, n);
-    B_.topRows(x) = whole.topRightCorner(x, n).cast<std::complex<double>>();
-    C_ = whole.block(x + s, 0, n, x + s).cast<std::complex<double>>();
-    poles_ = balanced_eigenvalues(A_);
+      : period_s_(period_s), num_torques_(loop.plant.B.cols()) {
+    const CutLoop open = cut(loop.plant, loop.law(period_s), period_s, loop.delay);
+    // Triangular, so that a frequency costs a substitution.
+    const Eigen::ComplexSchur<MatrixXd> schur(open.A);
+    A_ = schur.matrixT();
+    B_ = schur.matrixU().adjoint() * open.B;
+    C_ = open.C * schur.matrixU();
+    poles_ = balanced_eigenvalues(open.A + open.B * open.C);
   }
 
   [[nodiscard]] MatrixXcd at(double w) const {
     const std::complex<double> z = std::polar(1.0, w * period_s_);
-    MatrixXcd resolvent = -A_.cast<std::complex<double>>();
+    MatrixXcd resolvent = -A_;
     resolvent.diagonal().array() += z;
-    const MatrixXcd state = resolvent.partialPivLu().solve(B_);
-    return -std::pow(z, -delay_) * (C_ * state);
+    const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
+    return -(C_ * state);
   }
   [[nodiscard]] VectorXcd eigenvalues(double w) const {
     return Eigen::ComplexEigenSolver<MatrixXcd>(at(w), false).eigenvalues();
@@ -102,11 +99,9 @@ class Response {
 
  private:
   double period_s_;
-  int delay_;
   Index num_torques_;
-  MatrixXd A_;
-  MatrixXcd B_, C_;
-  VectorXcd poles_;
+  MatrixXcd A_, B_, C_;  ///< in Schur's coordinates
+  VectorXcd poles_;      ///< of the closed loop
 };
 
 std::vector<double> frequencies(const Response& response, int num_points) {
@@ -177,11 +172,13 @@ double settling_time(const SampledLoop& loop, const MatrixXd& map, double period
   for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
   Eigen::VectorXd state = displaced(loop, map);
   const Index n = loop.plant.num_joints;
-  const double first = state.head(n).norm();
+  Eigen::ArrayXd peak = Eigen::ArrayXd::Zero(n);
   double settled_s = 0;
   for (double t = step_s; t <= longest_s; t += step_s) {
     state = step * state;
-    if (state.head(n).norm() > part * first) settled_s = t;
+    const Eigen::ArrayXd error = state.head(n).cwiseAbs();
+    peak = peak.max(error);
+    if ((error > part * peak).any()) settled_s = t;
   }
   return settled_s;
 }
@@ -293,6 +290,12 @@ double phase_margin_deg(const SampledLoop& loop, double period_s) {
   Margins result;
   crossings(response, frequencies(response, 60), 5, result);
   return result.phase_deg;
+}
+
+bool has_modulus(const SampledLoop& loop, double period_s, double least) {
+  const Response response(loop, period_s);
+  const std::vector<double> w = frequencies(response, 150);
+  return std::all_of(w.rbegin(), w.rend(), [&](double x) { return response.modulus(x) >= least; });
 }
 
 double radius_along(const std::function<MatrixXd(int)>& map_at, int ticks) {

@@ -38,7 +38,8 @@ struct Modes {
   bool stable = false;
   double radius = 0;       ///< spectral radius of the one-period map
   double decay_per_s = 0;  ///< of the slowest mode
-  /// Until an error that begins alike in all joints, at rest, stays below 1 % of itself [s].
+  /// Until of an error that begins alike in all joints, at rest, each joint's stays below 1 % of
+  /// its peak [s].
   double settling_s = 0;
   double least_damped_hz = 0;
   double least_damping = 1;    ///< 1: no mode oscillates
@@ -46,17 +47,18 @@ struct Modes {
 };
 Modes modes(const SampledLoop& loop, double period_s);
 
-/// Margins of the loop broken at the plant's torques, all joints at once.
+/// Margins of the loop broken at the law's feedback terms, all joints at once: its compensation of
+/// gravity by the model stays closed (LinearLaw::compensation), since no gain multiplies it.
 struct Margins {
   /// Least distance of L's eigenvalues from -1 over all frequencies: what one factor, lag or delay
-  /// common to all torques needs.
+  /// common to all joints needs.
   double modulus = 0;
   /// Least singular value of 1 + L: the size of the smallest errors, independent in all joints and
   /// in units of torque, that may make it unstable.
   double modulus_independent = 0;
-  double gain = 0;       ///< factor on all torques that makes it unstable; infinite up to 1e4
-  double phase_deg = 0;  ///< lag common to all torques that does; 180 when none
-  double delay_s = 0;    ///< delay common to all torques that does; infinite when none
+  double gain = 0;       ///< factor on all joints that makes it unstable; infinite up to 1e4
+  double phase_deg = 0;  ///< lag common to all joints that does; 180 when none
+  double delay_s = 0;    ///< delay common to all joints that does; infinite when none
 };
 /// Of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
@@ -64,6 +66,9 @@ Margins margins(const SampledLoop& loop, double period_s);
 /// The phase margin alone, of a stable loop, on a coarse grid of frequencies [deg]: to a degree or
 /// two, in some milliseconds.
 double phase_margin_deg(const SampledLoop& loop, double period_s);
+
+/// Whether the modulus margin of a stable loop is at least `least`, on a grid of that coarseness.
+bool has_modulus(const SampledLoop& loop, double period_s, double least);
 
 /// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
 /// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.

@@ -129,6 +129,16 @@ LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint&
   return result;
 }
 
+/// What of the law's gradient D is there because of gravity.
+MatrixXd gravity_part(const LinearLaw& law, const experiment::Scenario& scenario,
+                      const ReferencePoint& reference) {
+  experiment::Scenario weightless = scenario;
+  robot::Model model = *scenario.model;
+  model.gravity.setZero();
+  weightless.model = std::make_shared<const robot::Model>(model);
+  return law.D - linear_law(weightless, reference, state_on(reference, model, weightless)).D;
+}
+
 void set(experiment::Scenario& scenario, const LoopSettings& settings) {
   scenario.controller.filter = settings.filter;
   scenario.loop.command_delay = settings.delay;
@@ -216,7 +226,9 @@ SampledLoop ScenarioLoop::at(const ReferencePoint& reference, const LoopSettings
     experiment::Scenario at_period = *scenario;
     set(at_period, settings);
     at_period.loop.period_s = period_s;
-    return linear_law(at_period, reference, state);
+    LinearLaw result = linear_law(at_period, reference, state);
+    result.compensation = gravity_part(result, at_period, reference);
+    return result;
   };
   return {plant(reference), law, settings.delay};
 }

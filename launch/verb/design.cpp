@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <iostream>
 #include <iterator>
@@ -74,7 +76,13 @@ experiment::Scenario load(const Options& options, std::vector<std::string> overr
 std::string designed_text(const Options& options, const experiment::Scenario& scenario,
                           const certificate::Design& design) {
   std::vector<std::string> overrides = certificate::overrides_of(design);
-  if (!options.bare_urdf()) {
+  if (options.bare_urdf()) {
+    // The scenario goes on for 3 s after its motion: as long as the slowest error needs to vanish.
+    const double h = scenario.loop.period_s;
+    const double longer = std::max(0.0, 1.5 * design.settling_s - 3);
+    const double ticks = std::ceil((scenario.loop.duration_s + longer) / h);
+    overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
+  } else {
     const fs::path urdf = options.input.parent_path() / scenario.robot.urdf_path;
     overrides.push_back("robot.urdf=" + fs::absolute(urdf).lexically_normal().string());
   }
@@ -89,11 +97,11 @@ void print(const certificate::Design& design, const experiment::Scenario& scenar
     std::cout << fmt::format("  --set '{}'\n", gain);
   }
   std::cout << fmt::format(
-      "  bandwidth {:.3g} Hz{}; what binds: {}\n"
+      "  bandwidth {:.3g} Hz, damping {:g}{}; what binds: {}\n"
       "  at {} postures: modulus margin {:.2g}, gain margin {:.2g}, phase margin {:.0f} deg\n"
       "  settles to 1 % in {:.2g} s\n",
-      design.w / (2 * std::numbers::pi),
-      design.filter_ratio > 0 ? fmt::format(", filters {:g} times as fast", design.filter_ratio)
+      design.w / (2 * std::numbers::pi), design.damping,
+      design.filter_ratio > 0 ? fmt::format(", filters {:.3g} times as fast", design.filter_ratio)
                               : "",
       design.binds, design.postures, design.modulus, design.gain_margin, design.phase_margin_deg,
       design.settling_s);

@@ -173,5 +173,23 @@ TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
   }
 }
 
+TEST(LinearLoop, GainMultipliesTheFeedbackTermsAlone) {
+  const robot::Model model = robot::testing::iiwa7();
+  const MotionPoint rest = rest_at(robot::testing::Random(5).vector(7, 1));
+  const LinearPlant plant = rigid_plant(model, rest);
+  const MatrixXd gravity = dynamics_gradient(model, rest).of_q;
+  const Sampling sampling{Discretisation::tustin, 1e-3};
+  FilterGains gains = iiwa_gains();
+  const LinearLaw law = linear_rigid_law(gains, gravity, sampling);
+  gains.kp *= 1.5;
+  gains.kd *= 1.5;
+  const LinearLaw harder = linear_rigid_law(gains, gravity, sampling);
+  for (const int delay : {0, 1, 3}) {
+    // The same sums in another order.
+    expect_near(period_map(plant, law, 1e-3, delay, 1.5), period_map(plant, harder, 1e-3, delay),
+                1e-14);
+  }
+}
+
 }  // namespace
 }  // namespace tachless::certificate

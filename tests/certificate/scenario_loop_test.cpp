@@ -1,5 +1,6 @@
 #include "certificate/scenario_loop.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "tests/certificate/loops.h"
@@ -47,6 +48,33 @@ TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
                           0};
     EXPECT_NEAR(radius(loop.at(held_at(q)), h), radius(own, h), 1e-6) << h;
   }
+}
+
+/// The margin's factor is on kp and kd: what compensates gravity is known by its model.
+TEST(ScenarioLoop, GainMarginIsThatOfKpAndKd) {
+  const double h = 1e-3;
+  // Soft beside gravity's gradient of 81 N m/rad: a factor of 1.2 on all torques would do harm.
+  const auto loop_of = [&](double factor) {
+    const auto gains = [&](double joint_1, double joint_2) {
+      return fmt::format("=[{:.17g}, {:.17g}]", factor * joint_1, factor * joint_2);
+    };
+    return ScenarioLoop(
+        shipped("regulation", {"loop.command_delay=1", "controller.gains.kp" + gains(10, 2),
+                               "controller.gains.kd" + gains(300, 20)}));
+  };
+  const auto at = [](const ScenarioLoop& loop) { return loop.at(held_at(both(0.1, 0.3))); };
+  const ScenarioLoop loop = loop_of(1);
+  const robot::Model model = robot::testing::two_link();
+  const Eigen::MatrixXd gravity = dynamics_gradient(model, rest_at(both(0.1, 0.3))).of_q;
+  // Central differences of torques of 1e5 N m/rad times a step of 1e-6: 1e-10 of 1e5.
+  EXPECT_LT((at(loop).law(h).compensation - gravity).cwiseAbs().maxCoeff(), 1e-4);
+  const double margin = margins(at(loop), h).gain;
+  EXPECT_LT(radius(at(loop_of(0.999 * margin)), h), 1);
+  EXPECT_GT(radius(at(loop_of(1.001 * margin)), h), 1);
+  // A law that compensates gravity at the reference has no such part.
+  const ScenarioLoop at_reference(shipped("flexible_regulation"));
+  EXPECT_LT(at_reference.at(at_reference.rests(1)[0]).law(h).compensation.cwiseAbs().maxCoeff(),
+            1e-4);
 }
 
 /// Every law of the catalogue that the shipped scenarios can be run under.
