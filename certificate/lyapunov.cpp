@@ -10,13 +10,12 @@ namespace tachless::certificate {
 namespace {
 
 template <class L>
-std::optional<LyapunovFunction> function_of(const experiment::Scenario& scenario) {
+std::optional<LyapunovFunction> function_of(const experiment::Scenario& scenario,
+                                            const Weights& weights) {
   if constexpr (controller::law::HasLyapunovFunction<L>) {
     const auto law = std::make_shared<const L>(controller::make_law<L>(scenario));
-    const auto certified = certified_run(scenario);
-    const Weights weights = certified ? certified->weights : Weights();
     return LyapunovFunction{
-        std::string(L::lyapunov_formula), certified,
+        std::string(L::lyapunov_formula),
         [law, weights](const LoopState& state, const loop::ReferencePoint& reference) {
           return law->lyapunov(state, reference, weights);
         }};
@@ -27,11 +26,12 @@ std::optional<LyapunovFunction> function_of(const experiment::Scenario& scenario
 
 }  // namespace
 
-std::optional<LyapunovFunction> lyapunov_function(const experiment::Scenario& scenario) {
+std::optional<LyapunovFunction> lyapunov_function(const experiment::Scenario& scenario,
+                                                  const Weights& weights) {
   std::optional<LyapunovFunction> function;
   const auto look_up = [&]<class... L>(controller::LawList<L...> /*laws*/) {
     const auto take = [&]<class Law>(std::type_identity<Law> /*law*/) {
-      if (scenario.controller.law == Law::name) function = function_of<Law>(scenario);
+      if (scenario.controller.law == Law::name) function = function_of<Law>(scenario, weights);
     };
     (take(std::type_identity<L>{}), ...);
   };

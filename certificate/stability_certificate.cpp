@@ -138,7 +138,7 @@ struct Conditions {
   Postures coarse_postures, postures;
   MatrixCondition coarse, fine;
 
-  /// @param samples of each, where postures are sampled
+  /// @param few, many where postures are sampled
   Conditions(const ErrorSystem& system, const robot::Model& model, double B_d, int few, int many)
       : coarse_postures(model, coarsely(few)),
         postures(model, finely(many)),
@@ -246,22 +246,27 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
     return CertifiedRun{{}, V0({}), std::numeric_limits<double>::infinity(),
                         0,  true,   provisos(scenario, nullptr)};
   }
-  const Conditions conditions(system, model, B_d, 32, 128);
+  const Conditions conditions(system, model, B_d, 12, 128);
   const bool proved = conditions.postures.proved();
   std::optional<CertifiedRun> best;
   const auto consider = [&](const std::optional<Certified>& found) {
     if (!found) return;
-    const auto& [weights, region, rate_near_zero] = *found;
-    const double V = V0(weights);
+    const auto region = conditions.fine.region(found->weights);
+    if (!region) return;
+    const double V = V0(found->weights);
     // From V on, |delta| stays below sqrt(2 w V).
-    const double rate =
-        V <= region.level ? conditions.fine.rate(weights, std::sqrt(2 * region.w * V)) : -1;
+    const double rate = V <= region->level
+                            ? conditions.fine.rate(found->weights, std::sqrt(2 * region->w * V))
+                            : -1;
     if (best && rate <= best->rate) return;
-    best = CertifiedRun{weights, V, region.level, rate, proved, provisos(scenario, &region)};
+    best =
+        CertifiedRun{found->weights, V, region->level, rate, proved, provisos(scenario, &*region)};
   };
-  consider(fastest_rate(conditions.coarse, conditions.fine));
+  // To search, the worst of the sampled postures do.
+  const MatrixCondition unrefined(system, conditions.postures, VelocitySet::ball(B_d), {0, false});
+  consider(fastest_rate(conditions.coarse, unrefined));
   // With more joints that search takes long.
-  if (proved) consider(largest_ball(conditions.coarse, conditions.fine));
+  if (proved) consider(largest_ball(conditions.coarse, unrefined));
   return best;
 }
 

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <string_view>
 
+#include "certificate/stability_certificate.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
@@ -75,8 +76,9 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
       diagnostics::UnfinishedFile svg(out / "tracking.svg", remedy);
       report::draw(report::tracking_figure(tracking, figure, svg.name()), svg.name());
       svg.finish();
-      report::write_report({report::read_recorded_run(facts.log_path, facts.run_id)},
-                           out / "report.html");
+      report::write_report(
+          {report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run)},
+          out / "report.html");
     }
   } catch (const diagnostics::Failure& failure) {
     diagnostics::log_error(failure.what());

@@ -92,8 +92,8 @@ void Stretches::add(std::int64_t tick) {
   last_ = tick;
 }
 
-RecordedRun read_recorded_run(const std::filesystem::path& path,
-                              std::optional<std::int64_t> wanted) {
+RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
+                              const Certify& certify) {
   logger::RunLog log = logger::RunLog::open(path, wanted);
   const auto num_joints = static_cast<std::size_t>(log.layout().num_joints);
   RecordedRun run(log.layout().num_joints);
@@ -107,11 +107,10 @@ RecordedRun read_recorded_run(const std::filesystem::path& path,
   run.signals = declared_signals(run, num_joints);
   run.saturated.resize(num_joints);
 
-  const auto lyapunov = certificate::lyapunov_function(run.scenario);
-  if (lyapunov) {
-    run.lyapunov_formula = lyapunov->formula;
-    run.certified = lyapunov->certified;
-  }
+  if (certify) run.certified = certify(run.scenario);
+  const auto lyapunov = certificate::lyapunov_function(
+      run.scenario, run.certified ? run.certified->weights : certificate::Weights());
+  if (lyapunov) run.lyapunov_formula = lyapunov->formula;
   const std::int64_t stride = std::max<std::int64_t>(1, run.info.num_ticks / most_evaluations);
   const double period_s = run.info.period_s;
   logger::TickRecord record;

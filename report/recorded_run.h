@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -75,11 +76,15 @@ struct RecordedRun {
   explicit RecordedRun(int num_joints) : tracking(num_joints) {}
 };
 
-/// Reads `log` from its start to its end. `run` chooses among several.
+using Certify =
+    std::function<std::optional<certificate::CertifiedRun>(const experiment::Scenario&)>;
+
+/// Reads `log` from its start to its end. `run` chooses among several; without `certify` the cross
+/// terms of V have no weight.
 /// @throw diagnostics::Failure(bad_usage) as logger::RunLog::open, or when the robot or law in the
 /// log cannot be made.
 RecordedRun read_recorded_run(const std::filesystem::path& log,
-                              std::optional<std::int64_t> run = {});
+                              std::optional<std::int64_t> run = {}, const Certify& certify = {});
 
 /// Gives each run a label that the others do not have: scenario, else law, else log.
 void label(std::vector<RecordedRun>& runs);

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "certificate/stability_certificate.h"
 #include "launch/verb.h"
 
 namespace tachless::launch::verb {
@@ -18,8 +19,9 @@ struct Options {
 diagnostics::ExitCode report_on(const Options& options) {
   std::vector<report::RecordedRun> runs;
   for (const auto& log : options.logs) {
-    runs.push_back(report::read_recorded_run(
-        log, options.run == 0 ? std::nullopt : std::optional(options.run)));
+    runs.push_back(
+        report::read_recorded_run(log, options.run == 0 ? std::nullopt : std::optional(options.run),
+                                  certificate::certified_run));
   }
   label(runs);
   const std::filesystem::path out =

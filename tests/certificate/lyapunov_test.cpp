@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <random>
 
+#include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
@@ -46,10 +47,13 @@ LoopState rigid_state(Random& random) {
 
 TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
   const experiment::Scenario experiment = scenario("paper_rigid.yaml");
-  const auto V = lyapunov_function(experiment);
-  ASSERT_TRUE(V && V->certified);
-  EXPECT_GT(V->certified->weights.eps_1, 0);
-  EXPECT_GT(V->certified->weights.eps_2, 0);
+  const auto certified = certified_run(experiment);
+  ASSERT_TRUE(certified);
+  const auto& [eps_1, eps_2] = certified->weights;
+  EXPECT_GT(eps_1, 0);
+  EXPECT_GT(eps_2, 0);
+  const auto V = lyapunov_function(experiment, certified->weights);
+  ASSERT_TRUE(V);
   const robot::Model model = controller::rigid_model(experiment);
   Random random;
   for (int k = 0; k < 200; ++k) {
@@ -60,8 +64,8 @@ TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
     Eigen::Matrix<double, 6, 6> P = Eigen::Matrix<double, 6, 6>::Zero();
     P.block<2, 2>(0, 0) = M;
     P.diagonal().tail<4>() << 5000, 6000, 7000.0 / 1000, 8800.0 / 1000;
-    P.block<2, 2>(0, 2) = P.block<2, 2>(2, 0) = V->certified->weights.eps_1 * M;
-    P.block<2, 2>(0, 4) = P.block<2, 2>(4, 0) = -V->certified->weights.eps_2 * M;
+    P.block<2, 2>(0, 2) = P.block<2, 2>(2, 0) = eps_1 * M;
+    P.block<2, 2>(0, 4) = P.block<2, 2>(4, 0) = -eps_2 * M;
     Eigen::Matrix<double, 6, 1> z;
     z << x.v - r.v_ref, x.q - r.q_ref, x.controller.value[1];
     const double expected = 0.5 * z.dot(P * z);
@@ -130,7 +134,7 @@ TEST(Lyapunov, OfKellysFlexibleLoopFalls) {
       scenario("flexible_regulation.yaml", {"loop.duration_s=0.5"});
   const auto V = lyapunov_function(experiment);
   ASSERT_TRUE(V);
-  EXPECT_FALSE(V->certified);
+  EXPECT_FALSE(certified_run(experiment));
   std::vector<double> values;
   study::run_in_process(experiment, [&](const study::TickRecord& record) {
     values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
@@ -151,22 +155,23 @@ TEST(Lyapunov, StaysBelowItsCertifiedBound) {
       "plant.initial.position_rad=[0.003, -0.002]", "controller.feedforward_lead=none"};
   for (const char* file : {"paper_rigid.yaml", "practical_rigid.yaml", "practical_flexible.yaml"}) {
     const experiment::Scenario experiment = scenario(file, near);
-    const auto V = lyapunov_function(experiment);
-    ASSERT_TRUE(V && V->certified) << file;
-    EXPECT_TRUE(V->certified->proved) << file;
-    ASSERT_GT(V->certified->rate, 0)
-        << file << ": V0 " << V->certified->V0 << " J of " << V->certified->level << " J";
-    EXPECT_LE(V->certified->V0, V->certified->level);
+    const auto certified = certified_run(experiment);
+    ASSERT_TRUE(certified) << file;
+    EXPECT_TRUE(certified->proved) << file;
+    ASSERT_GT(certified->rate, 0) << file;
+    EXPECT_LE(certified->V0, certified->level) << file;
+    const auto V = lyapunov_function(experiment, certified->weights);
+    ASSERT_TRUE(V) << file;
     std::int64_t above = 0;
     study::run_in_process(experiment, [&](const study::TickRecord& record) {
       const double value = V->at({record.truth.q, record.truth.v, record.truth.theta,
                                   record.truth.thetadot, record.controller},
                                  record.reference);
       if (record.tick == 0) {
-        EXPECT_NEAR(value, V->certified->V0, 1e-12 * V->certified->V0) << file;
+        EXPECT_NEAR(value, certified->V0, 1e-12 * certified->V0) << file;
       }
       const double t_s = static_cast<double>(record.tick) * experiment.loop.period_s;
-      if (value > V->certified->bound(t_s) + 1e-3 * V->certified->V0) ++above;
+      if (value > certified->bound(t_s) + 1e-3 * certified->V0) ++above;
       return true;
     });
     EXPECT_EQ(above, 0) << file;
@@ -175,20 +180,20 @@ TEST(Lyapunov, StaysBelowItsCertifiedBound) {
 
 TEST(Lyapunov, HasNoBoundFromWhereNothingIsCertified) {
   const auto far =
-      lyapunov_function(scenario("practical_rigid.yaml", {"plant.initial.position_rad=[50, -50]"}));
-  ASSERT_TRUE(far && far->certified);
-  EXPECT_GT(far->certified->V0, far->certified->level);
-  EXPECT_LT(far->certified->rate, 0);
-  EXPECT_EQ(far->certified->bound(1), INFINITY);
+      certified_run(scenario("practical_rigid.yaml", {"plant.initial.position_rad=[50, -50]"}));
+  ASSERT_TRUE(far);
+  EXPECT_GT(far->V0, far->level);
+  EXPECT_LT(far->rate, 0);
+  EXPECT_EQ(far->bound(1), INFINITY);
 }
 
 TEST(Lyapunov, OfAConstantReferenceHasNoCrossTermsAndDoesNotRise) {
-  const auto V = lyapunov_function(scenario("regulation.yaml"));
-  ASSERT_TRUE(V && V->certified);
-  EXPECT_EQ(V->certified->weights.eps_1, 0);
-  EXPECT_EQ(V->certified->weights.eps_2, 0);
-  EXPECT_EQ(V->certified->rate, 0);
-  EXPECT_EQ(V->certified->bound(10), V->certified->V0);
+  const auto held = certified_run(scenario("regulation.yaml"));
+  ASSERT_TRUE(held);
+  EXPECT_EQ(held->weights.eps_1, 0);
+  EXPECT_EQ(held->weights.eps_2, 0);
+  EXPECT_EQ(held->rate, 0);
+  EXPECT_EQ(held->bound(10), held->V0);
 }
 
 TEST(Lyapunov, OfLawsThatMeasureVelocityFalls) {
@@ -211,7 +216,7 @@ TEST(Lyapunov, OfLawsThatMeasureVelocityFalls) {
   for (const experiment::Scenario& experiment : scenarios) {
     const auto V = lyapunov_function(experiment);
     ASSERT_TRUE(V);
-    EXPECT_FALSE(V->certified);
+    EXPECT_FALSE(certified_run(experiment));
     std::vector<double> values;
     study::run_in_process(experiment, [&](const study::TickRecord& record) {
       values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
