@@ -74,7 +74,6 @@ TEST(LinkGraph, KeepsFromATargetWhatItDoesNotUse) {
       {"logger_info", {simbody, hdf5, sockets, "node"}},
       {"logger_export", {simbody, sockets, "node"}},
       {"logger_node", {simbody, hdf5, "logger_runs", "logger_info"}},
-      {"certificate", {"bus_", "process", "node", "logger_", simbody}},
       {"certificate_scenario", {"bus_", "process", "node", "logger_", simbody}},
       {"certificate_numbers", {"bus_", "process", "experiment", "diagnostics", simbody}},
       {"study", {"bus_", "protocol_", "process", "node", "logger_", hdf5, "Lcm::lcm"}},
