@@ -191,7 +191,7 @@ class Search {
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
       if (found[i].empty()) continue;
-      const std::string why =
+      std::string why =
           fmt::format("{} at q = [{:.2f}]", found[i], fmt::join(rests_[i].q_ref, ", "));
       std::swap(rests_[i], rests_[i < num_reference_ ? 0 : num_reference_]);  // first, next time
       return why;
