@@ -86,6 +86,7 @@ void InMemoryNetwork::put(Mailbox& mailbox, Message message) {
     mailbox.held.push_back(std::move(message));
     return;
   }
+  if (mailbox.queue.size() >= receive_buffer) return;
   mailbox.queue.push_back(std::move(message));
   for (auto held = mailbox.held.begin(); held != mailbox.held.end();) {
     if (--held->held_back > 0) {

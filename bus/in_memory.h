@@ -29,6 +29,10 @@ struct NetworkFaults {
 /// endpoint from one at a time. Outlives its endpoints.
 class InMemoryNetwork {
  public:
+  /// Messages that wait for a receiver; what comes beyond is lost to it, as at a full socket.
+  /// Without a bound, who is flooded faster than it reads would hear everything ever later.
+  static constexpr std::size_t receive_buffer = 2048;
+
   explicit InMemoryNetwork(const NetworkFaults& faults = {});
   InMemoryNetwork(const InMemoryNetwork&) = delete;
   InMemoryNetwork& operator=(const InMemoryNetwork&) = delete;

@@ -26,6 +26,7 @@ using namespace std::chrono_literals;
 using diagnostics::ExitCode;
 using loop::Clock;
 using loop::Role;
+using testing::AnyOf;
 using testing::HasSubstr;
 
 experiment::Scenario short_run() { return scenario("paper_rigid", {"loop.duration_s=0.015"}); }
@@ -503,12 +504,21 @@ TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
   });
   const RunResult result = threads.finish();
   forger.reset();
-  // Said between the last tick and the plant's own end it is plausible, but not what TRUTH was.
-  for (const Role role : all_roles) {
-    const ExitCode code = result.of.at(role).code;
-    EXPECT_TRUE(code == ExitCode::done || code == ExitCode::protocol_violated) << loop::name(role);
+  // The forger's counters outrun the real ones, so nobody is heard to contradict it: a run that
+  // takes longer than Membership::finish_stands_after ends for that. Said between the last tick and
+  // the plant's own end it is plausible, but not what TRUTH was. No run ends well with less than
+  // every tick.
+  if (result.complaints().empty()) {
+    EXPECT_TRUE(result.log.starts_with(clean_log()));
+    return;
   }
-  EXPECT_TRUE(result.log.starts_with(clean_log()));
+  for (const Role role : all_roles) {
+    const Outcome& outcome = result.of.at(role);
+    if (outcome.code == ExitCode::done) continue;
+    EXPECT_EQ(outcome.code, ExitCode::protocol_violated) << loop::name(role);
+    EXPECT_THAT(outcome.fault, AnyOf(HasSubstr("says that it has finished, but this"),
+                                     HasSubstr("what is recorded on ARM_TRUTH is not what")));
+  }
 }
 
 TEST(TheLoop, EndsForAllWhenTwoProcessesCommand) {
