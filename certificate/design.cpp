@@ -175,11 +175,8 @@ class Search {
     std::atomic<bool> any = false;
     parallel_for(rests_.size(), [&](std::size_t i) {
       if (any) return;
-      const SampledLoop here = loop.at(rests_[i]);
-      const LinearLaw law = here.law(h);
-      const auto stable = [&](double gain) {
-        return spectral_radius(period_map(here.plant, law, h, here.delay, gain)) < 1;
-      };
+      const CutLoop here = cut(loop.at(rests_[i]), h);
+      const auto stable = [&](double gain) { return spectral_radius(here.closed(gain)) < 1; };
       if (!stable(1)) {
         found[i] = "stability";
       } else if (!stable(least_gain_margin)) {
@@ -199,7 +196,7 @@ class Search {
     return count_objection(loop);
   }
 
-  /// The whole truth about gains.
+  /// The whole truth about gains, but for the settling time and what binds.
   [[nodiscard]] Design result(double w, const Rule& rule) const {
     const ScenarioLoop loop = loop_of(w, rule);
     std::vector<Margins> margin(rests_.size());
@@ -220,7 +217,6 @@ class Search {
       design.gain_margin = std::min(design.gain_margin, each.gain);
       design.phase_margin_deg = std::min(design.phase_margin_deg, each.phase_deg);
     }
-    design.settling_s = settling_s(w, rule);
     return design;
   }
 
@@ -228,19 +224,17 @@ class Search {
   /// within `useful_s`. `why` is what binds.
   double largest_w(double highest, const Rule& rule, double useful_s, std::string& why) {
     double good = 0, bad = 0;
-    for (double w = highest; w > 1e-3 * highest && good == 0; w /= 1.5) {
-      const double settling = settling_s(w, rule);
-      if (std::isfinite(settling) && settling > useful_s) return 0;
+    const auto attempt = [&](double w) {
       const std::string still = objection(w, rule);
       (still.empty() ? good : bad) = w;
       if (!still.empty()) why = still;
+    };
+    for (double w = highest; w > 1e-3 * highest && good == 0; w /= 1.5) {
+      const double settling = settling_s(w, rule);
+      if (std::isfinite(settling) && settling > useful_s) return 0;
+      attempt(w);
     }
-    while (good > 0 && bad > 1.05 * good) {
-      const double middle = std::sqrt(good * bad);
-      const std::string still = objection(middle, rule);
-      (still.empty() ? good : bad) = middle;
-      if (!still.empty()) why = still;
-    }
+    while (good > 0 && bad > 1.05 * good) attempt(std::sqrt(good * bad));
     return good;
   }
 
@@ -314,6 +308,7 @@ std::pair<Design, Rule> fastest_up_to(Search& search, const std::vector<Rule>& r
                     highest / (2 * pi), last_reason));
   }
   Design design = search.result(w, rule);
+  design.settling_s = settling;
   design.binds = binds;
   return {design, rule};
 }

@@ -214,8 +214,7 @@ CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int
 
 MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
                     double gain) {
-  const CutLoop loop = cut(plant, law, period_s, delay);
-  return loop.A + gain * loop.B * loop.C;
+  return cut(plant, law, period_s, delay).closed(gain);
 }
 
 }  // namespace tachless::certificate

@@ -91,10 +91,13 @@ HeldPlant held(const LinearPlant& plant, double period_s);
 /// the feedback terms C state enter through B.
 struct CutLoop {
   Eigen::MatrixXd A, B, C;
+
+  /// The map of one period when it is closed again; `gain` multiplies the feedback terms.
+  [[nodiscard]] Eigen::MatrixXd closed(double gain = 1) const { return A + gain * B * C; }
 };
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
 
-/// The same closed again: A + gain B C. `gain` multiplies the feedback terms of every torque.
+/// `cut`, closed again.
 Eigen::MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s,
                            int delay, double gain = 1);
 

@@ -20,10 +20,6 @@ using Eigen::VectorXcd;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-MatrixXd map_of(const SampledLoop& loop, double period_s, double gain = 1) {
-  return period_map(loop.plant, loop.law(period_s), period_s, loop.delay, gain);
-}
-
 /// After balancing (Parlett and Reinsch, 1969), which Eigen leaves out: torques of 1e7 N m stand
 /// beside radians, and a slow pole at a short period is within 1e-7 of 1.
 VectorXcd balanced_eigenvalues(MatrixXd map) {
@@ -58,15 +54,14 @@ double edge(double inside, double outside, double precision, const Stable& stabl
 /// feedback terms that come back, negated: 1 + L is singular where the loop is on the edge.
 class Response {
  public:
-  Response(const SampledLoop& loop, double period_s)
-      : period_s_(period_s), num_torques_(loop.plant.B.cols()) {
-    const CutLoop open = cut(loop.plant, loop.law(period_s), period_s, loop.delay);
+  Response(const CutLoop& open, double period_s)
+      : period_s_(period_s), num_torques_(open.B.cols()) {
     // Triangular, so that a frequency costs a substitution.
     const Eigen::ComplexSchur<MatrixXd> schur(open.A);
     A_ = schur.matrixT();
     B_ = schur.matrixU().adjoint() * open.B;
     C_ = open.C * schur.matrixU();
-    poles_ = balanced_eigenvalues(open.A + open.B * open.C);
+    poles_ = balanced_eigenvalues(open.closed());
   }
 
   [[nodiscard]] MatrixXcd at(double w) const {
@@ -220,8 +215,12 @@ double spectral_radius(const MatrixXd& map) {
   return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
 }
 
+CutLoop cut(const SampledLoop& loop, double period_s) {
+  return cut(loop.plant, loop.law(period_s), period_s, loop.delay);
+}
+
 double radius_at(const SampledLoop& loop, double period_s) {
-  return spectral_radius(map_of(loop, period_s));
+  return spectral_radius(cut(loop, period_s).closed());
 }
 
 std::optional<double> largest_stable_period(const SampledLoop& loop, const LimitOptions& options) {
@@ -237,7 +236,7 @@ std::optional<double> largest_stable_period(const SampledLoop& loop, const Limit
 }
 
 Modes modes(const SampledLoop& loop, double period_s) {
-  const MatrixXd map = map_of(loop, period_s);
+  const MatrixXd map = cut(loop, period_s).closed();
   const VectorXcd z = balanced_eigenvalues(map);
   Modes result;
   result.radius = z.cwiseAbs().maxCoeff();
@@ -264,10 +263,8 @@ Modes modes(const SampledLoop& loop, double period_s) {
 
 Margins margins(const SampledLoop& loop, double period_s) {
   Margins result;
-  const LinearLaw law = loop.law(period_s);
-  const auto stable = [&](double gain) {
-    return spectral_radius(period_map(loop.plant, law, period_s, loop.delay, gain)) < 1;
-  };
+  const CutLoop open = cut(loop, period_s);
+  const auto stable = [&](double gain) { return spectral_radius(open.closed(gain)) < 1; };
   if (!stable(1)) return result;
   result.gain = infinity;
   constexpr double factor = 1.1, largest_gain = 1e4;
@@ -276,7 +273,7 @@ Margins margins(const SampledLoop& loop, double period_s) {
     result.gain = edge(gain, gain * factor, 1e-7, stable);
     break;
   }
-  const Response response(loop, period_s);
+  const Response response(open, period_s);
   const std::vector<double> w = frequencies(response, 500);
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
@@ -286,13 +283,13 @@ Margins margins(const SampledLoop& loop, double period_s) {
 }
 
 double phase_margin_deg(const SampledLoop& loop, double period_s) {
-  const Response response(loop, period_s);
+  const Response response(cut(loop, period_s), period_s);
   Margins result;
   crossings(response, frequencies(response, 60), 5, result);
   return result.phase_deg;
 }
 
-bool has_modulus(const SampledLoop& loop, double period_s, double least) {
+bool has_modulus(const CutLoop& loop, double period_s, double least) {
   const Response response(loop, period_s);
   const std::vector<double> w = frequencies(response, 150);
   return std::all_of(w.rbegin(), w.rend(), [&](double x) { return response.modulus(x) >= least; });

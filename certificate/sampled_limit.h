@@ -19,6 +19,8 @@ struct SampledLoop {
   int delay = 0;  ///< whole periods from measurement to torque
 };
 
+CutLoop cut(const SampledLoop& loop, double period_s);
+
 double spectral_radius(const Eigen::MatrixXd& map);
 /// Of the map of one period.
 double radius_at(const SampledLoop& loop, double period_s);
@@ -68,7 +70,7 @@ Margins margins(const SampledLoop& loop, double period_s);
 double phase_margin_deg(const SampledLoop& loop, double period_s);
 
 /// Whether the modulus margin of a stable loop is at least `least`, on a grid of that coarseness.
-bool has_modulus(const SampledLoop& loop, double period_s, double least);
+bool has_modulus(const CutLoop& loop, double period_s, double least);
 
 /// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
 /// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.

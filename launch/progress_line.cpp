@@ -14,14 +14,14 @@ constexpr std::string_view clear_line = "\r\033[K";
 
 ProgressLine::ProgressLine(bool quiet) : quiet_(quiet), terminal_(isatty(STDERR_FILENO) == 1) {}
 
-ProgressLine::~ProgressLine() {
-  if (terminal_ && !quiet_) std::cerr << clear_line << std::flush;
-}
-
 void ProgressLine::show(std::string_view what) const {
   if (quiet_) return;
   std::cerr << (terminal_ ? fmt::format("{}{} …", clear_line, what) : fmt::format("{}\n", what))
             << std::flush;
+}
+
+void ProgressLine::clear() const {
+  if (terminal_ && !quiet_) std::cerr << clear_line << std::flush;
 }
 
 }  // namespace tachless::launch

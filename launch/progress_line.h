@@ -11,9 +11,10 @@ class ProgressLine {
   explicit ProgressLine(bool quiet);
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
-  ~ProgressLine();
+  ~ProgressLine() { clear(); }
 
   void show(std::string_view what) const;
+  void clear() const;
 
  private:
   bool quiet_;

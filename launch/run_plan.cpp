@@ -151,9 +151,10 @@ RunDirectory::~RunDirectory() {
 fs::path RunDirectory::aside(const std::string& file) const { return path_ / (".earlier-" + file); }
 
 void RunDirectory::look() {
+  if (begun_) return;
   std::error_code ignored;
   const auto size = fs::file_size(path_ / "lcmlog", ignored);
-  if (begun_ || ignored || size == 0) return;
+  if (ignored || size == 0) return;
   begun_ = true;
   for (const char* file : our_files) fs::remove(aside(file), ignored);
 }

@@ -73,9 +73,9 @@ void add_lyapunov(RecordedRun& run, double t_s, double V) {
   if (!run.certified || run.above_bound_s) return;
   // The bound is of continuous time: what a torque that is held over a tick or an encoder's count
   // leaves of V is no violation.
-  const auto& [weights, V0, level, rate, proved, provisos] = *run.certified;
-  const double margin = 1e-3 * (std::isfinite(level) ? level : V0);
-  if (V > run.certified->bound(t_s) + margin) run.above_bound_s = t_s;
+  const certificate::CertifiedRun& certified = *run.certified;
+  const double margin = 1e-3 * (std::isfinite(certified.level) ? certified.level : certified.V0);
+  if (V > certified.bound(t_s) + margin) run.above_bound_s = t_s;
 }
 
 }  // namespace

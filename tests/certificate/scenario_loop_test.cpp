@@ -12,10 +12,6 @@ namespace {
 using namespace testing;
 using controller::law::Discretisation;
 
-double radius(const SampledLoop& loop, double period_s) {
-  return spectral_radius(period_map(loop.plant, loop.law(period_s), period_s, loop.delay));
-}
-
 /// Differences of the law itself against the law written out in linear_loop.h.
 TEST(ScenarioLoop, IsTheRigidLawWrittenOut) {
   const ScenarioLoop loop(shipped("practical_rigid"));
@@ -30,7 +26,7 @@ TEST(ScenarioLoop, IsTheRigidLawWrittenOut) {
         },
         1};
     // Central differences: gains of 1e6 with an error of 1e-10 of them.
-    EXPECT_NEAR(radius(loop.at(held_at(q)), h), radius(own, h), 1e-7) << h;
+    EXPECT_NEAR(radius_at(loop.at(held_at(q)), h), radius_at(own, h), 1e-7) << h;
   }
 }
 
@@ -46,7 +42,7 @@ TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
                                                        {Discretisation::tustin, period_s});
                           },
                           0};
-    EXPECT_NEAR(radius(loop.at(held_at(q)), h), radius(own, h), 1e-6) << h;
+    EXPECT_NEAR(radius_at(loop.at(held_at(q)), h), radius_at(own, h), 1e-6) << h;
   }
 }
 
@@ -69,8 +65,8 @@ TEST(ScenarioLoop, GainMarginIsThatOfKpAndKd) {
   // Central differences of torques of 1e5 N m/rad times a step of 1e-6: 1e-10 of 1e5.
   EXPECT_LT((at(loop).law(h).compensation - gravity).cwiseAbs().maxCoeff(), 1e-4);
   const double margin = margins(at(loop), h).gain;
-  EXPECT_LT(radius(at(loop_of(0.999 * margin)), h), 1);
-  EXPECT_GT(radius(at(loop_of(1.001 * margin)), h), 1);
+  EXPECT_LT(radius_at(at(loop_of(0.999 * margin)), h), 1);
+  EXPECT_GT(radius_at(at(loop_of(1.001 * margin)), h), 1);
   // A law that compensates gravity at the reference has no such part.
   const ScenarioLoop at_reference(shipped("flexible_regulation"));
   EXPECT_LT(at_reference.at(at_reference.rests(1)[0]).law(h).compensation.cwiseAbs().maxCoeff(),
@@ -97,10 +93,10 @@ TEST(ScenarioLoop, LinearisesEveryLaw) {
     overrides.push_back(std::string("controller.law=") + row.law);
     const ScenarioLoop loop(shipped(row.scenario, overrides));
     EXPECT_TRUE(loop.has_linear_law()) << row.law;
-    const double at_one_kilohertz = radius(loop.at(loop.rests(1)[0]), 1e-3);
+    const double at_one_kilohertz = radius_at(loop.at(loop.rests(1)[0]), 1e-3);
     EXPECT_LT(at_one_kilohertz, 1) << row.law;
     EXPECT_GT(at_one_kilohertz, 0.9) << row.law;
-    EXPECT_GT(radius(loop.at(loop.rests(1)[0]), 0.2), 1) << row.law;
+    EXPECT_GT(radius_at(loop.at(loop.rests(1)[0]), 0.2), 1) << row.law;
   }
 }
 

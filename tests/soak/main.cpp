@@ -17,11 +17,11 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
+#include "launch/progress_line.h"
 #include "process/interruption.h"
 #include "process/isolate.h"
 #include "tests/soak/attacks.h"
 #include "tests/soak/plan.h"
-#include "tests/soak/progress.h"
 #include "tests/soak/report.h"
 #include "tests/soak/runner.h"
 
@@ -116,7 +116,7 @@ class Soak {
   Clock::time_point begun_ = Clock::now();
   Runner runner_;
   Report report_;
-  Progress progress_{options_.quiet};
+  launch::ProgressLine progress_{options_.quiet};
 };
 
 void declare(CLI::App& command, Options& options) {
