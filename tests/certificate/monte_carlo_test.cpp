@@ -1,0 +1,161 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <mutex>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "certificate/lyapunov.h"
+#include "certificate/matrix_condition.h"
+#include "certificate/parallel.h"
+#include "certificate/stability_certificate.h"
+#include "controller/registry.h"
+#include "reference/make_trajectory.h"
+#include "robot/inverse_dynamics.h"
+#include "study/in_process_loop.h"
+#include "tests/certificate/loops.h"
+#include "tests/certificate/scenarios.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using robot::Vector;
+
+/// What one run from the boundary of the level set did to V.
+struct Descent {
+  double V0 = 0, end = 0;  ///< [J]
+  double over_level = 0;   ///< most that V was above the level
+  double over_decay = 0;   ///< most that it was above the bound from a quarter of the level on
+};
+
+class FromTheLevelSet {
+ public:
+  FromTheLevelSet(const experiment::Scenario& scenario, const ErrorSystem& system)
+      : FromTheLevelSet(scenario, system, certified_run(scenario).value().weights) {}
+
+  [[nodiscard]] double level() const { return level_; }
+  [[nodiscard]] double rate() const { return rate_; }
+
+  [[nodiscard]] Descent run(std::uint64_t seed) const {
+    experiment::Scenario scenario = scenario_;
+    scenario.plant.initial = boundary(seed);
+    Descent result;
+    double quarter_s = INFINITY, quarter_V = 0;
+    study::run_in_process(scenario, [&](const study::TickRecord& record) {
+      const double V = lyapunov_.at({record.truth.q, record.truth.v, record.truth.theta,
+                                     record.truth.thetadot, record.controller},
+                                    record.reference);
+      if (record.tick == 0) result.V0 = V;
+      if (V <= level_ / 4 && !(quarter_s < INFINITY)) {
+        quarter_s = record.time_s;
+        quarter_V = V;
+      }
+      result.over_level = std::max(result.over_level, V - level_);
+      if (quarter_s < INFINITY) {
+        const double bound = quarter_V * std::exp(-rate_ * (record.time_s - quarter_s));
+        result.over_decay = std::max(result.over_decay, V - bound);
+      }
+      result.end = V;
+      return true;
+    });
+    return result;
+  }
+
+ private:
+  FromTheLevelSet(const experiment::Scenario& scenario, const ErrorSystem& system,
+                  const Weights& weights)
+      : scenario_(scenario),
+        lyapunov_(lyapunov_function(scenario, weights).value()),
+        reference_(reference::make_trajectory(scenario).at(0)) {
+    const Postures postures(*scenario.model);
+    const MatrixCondition condition(system, postures, VelocitySet::ball(paper_B_d));
+    const Region region = condition.region(weights).value();
+    level_ = region.level;
+    // From V on, |delta| stays below sqrt(2 w V).
+    rate_ = condition.rate(weights, std::sqrt(2 * region.w * level_ / 4));
+  }
+
+  /// Where a random direction of all states meets the level; the filters begin at rest.
+  [[nodiscard]] plant::InitialState boundary(std::uint64_t seed) const {
+    const bool flexible = scenario_.robot.flexible.has_value();
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal;
+    const auto draw = [&](double scale) -> Vector {
+      return scale * Vector::NullaryExpr(scenario_.num_joints, [&] { return normal(random); });
+    };
+    const Vector dq = draw(1), dv = draw(100), dtheta = draw(1), dthetadot = draw(100);
+    Vector theta_ref;
+    if (flexible) {
+      const auto robot = controller::flexible_robot(scenario_);
+      theta_ref = reference_.q_ref + robot::inverse_dynamics(robot.links, reference_.q_ref,
+                                                             reference_.v_ref, reference_.a_ref)
+                                         .cwiseQuotient(robot.stiffness);
+    }
+    const auto state = [&](double s) {
+      plant::InitialState x;
+      x.position_rad = reference_.q_ref + s * dq;
+      x.velocity_rad_per_s = reference_.v_ref + s * dv;
+      if (flexible) {
+        x.motor_position_rad = theta_ref + s * dtheta;
+        x.motor_velocity_rad_per_s = reference_.v_ref + s * dthetadot;
+      }
+      return x;
+    };
+    const auto V = [&](double s) {
+      const plant::InitialState x = state(s);
+      LoopState loop{x.position_rad, x.velocity_rad_per_s, {}, {}, {}};
+      if (flexible) {
+        loop.theta = *x.motor_position_rad;
+        loop.thetadot = *x.motor_velocity_rad_per_s;
+      }
+      loop.controller.num = 4;
+      for (int i = 0; i < 4; ++i) loop.controller.value[i] = Vector::Zero(scenario_.num_joints);
+      return lyapunov_.at(loop, reference_);
+    };
+    double inside = 0, outside = 1;
+    while (V(outside) < level_) outside *= 2;
+    while (outside - inside > 1e-9 * outside) {
+      const double middle = (inside + outside) / 2;
+      (V(middle) < level_ ? inside : outside) = middle;
+    }
+    return state(inside);
+  }
+
+  experiment::Scenario scenario_;
+  LyapunovFunction lyapunov_;
+  loop::ReferencePoint reference_;
+  double level_ = 0, rate_ = 0;
+};
+
+void expect_descents(const std::string& name, const ErrorSystem& system) {
+  constexpr std::size_t runs = 1000;
+  const FromTheLevelSet from(
+      shipped(name, {"loop.period_s=2e-4", "loop.duration_s=0.15", "plant.integrator.accuracy=1e-7",
+                     "loop.command_delay=0", "controller.feedforward_lead=none",
+                     "plant.drive.torque_limit_Nm=null", "plant.mechanics=native"}),
+      system);
+  ASSERT_GT(from.rate(), 0);
+  std::vector<Descent> descents(runs);
+  parallel_for(runs, [&](std::size_t i) { descents[i] = from.run(i + 1); });
+  for (std::size_t i = 0; i < runs; ++i) {
+    EXPECT_NEAR(descents[i].V0, from.level(), 1e-6 * from.level()) << i;
+    // No margin: V decreases by more than what a torque that is held over a tick leaves of it.
+    EXPECT_LE(descents[i].over_level, 0) << i;
+    EXPECT_LE(descents[i].over_decay, 0) << i;
+    // The slow mode decays with 40 or 33 per second, V twice as fast: to 1e-5 in that time.
+    EXPECT_LT(descents[i].end, 1e-3 * from.level()) << i;
+  }
+}
+
+TEST(CertifiedLevelSet, OfTheRigidLoopIsLeftByNoRunAndAllConverge) {
+  expect_descents("practical_rigid", rigid(practical_rigid()));
+}
+
+TEST(CertifiedLevelSet, OfTheFlexibleLoopIsLeftByNoRunAndAllConverge) {
+  expect_descents("practical_flexible", flexible(practical_link(), practical_motor()));
+}
+
+}  // namespace
+}  // namespace tachless::certificate
