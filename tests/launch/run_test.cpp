@@ -56,7 +56,7 @@ class Run : public ::testing::Test {
 
   void start_on_this_network(std::vector<std::string> arguments) {
     arguments.insert(arguments.begin(), {TACHLESS_BINARY_DIR "/bin/tachless", "run",
-                                         TACHLESS_SOURCE_DIR "/scenarios/paper_rigid.yaml"});
+                                         TACHLESS_SOURCE_DIR "/scenarios/" + scenario_ + ".yaml"});
     std::vector<char*> argv;
     for (std::string& word : arguments) argv.push_back(word.data());
     argv.push_back(nullptr);
@@ -111,6 +111,7 @@ class Run : public ::testing::Test {
   }
 
   TemporaryDirectory directory_;
+  std::string scenario_ = "paper_rigid";
   pid_t launcher_ = -1;
 };
 
@@ -245,6 +246,47 @@ TEST_F(Run, NeedsNoDirectoryForTemporaryFiles) {
   unsetenv("TMPDIR");
   EXPECT_EQ(finish(), 0) << standard_error();
   EXPECT_THAT(text_of(out() / "report.html"), HasSubstr("</html>"));
+}
+
+/// Loops that are unstable, but stay within torques that a robot has.
+TEST_F(Run, OfAnUnstableLoopIsRefusedAndWhenForcedEndsWithItsVerdict) {
+  const struct {
+    const char *scenario, *verdict;
+    std::vector<std::string> settings;
+  } cases[] = {
+      {"practical_rigid",
+       "saturated",
+       {"loop.period_s=4e-3", "plant.drive.torque_limit_Nm=[300, 100]"}},
+      {"practical_flexible",
+       "saturated",
+       {"loop.period_s=5e-3", "plant.drive.torque_limit_Nm=[400, 200]"}},
+      {"regulation",
+       "limit cycle",
+       {"loop.period_s=5e-3", "loop.command_delay=1", "plant.drive.torque_limit_Nm=[2000, 500]"}},
+      {"iiwa_point_to_point",
+       "limit cycle",
+       {"controller.gains.kd=[400, 1000, 80, 300, 8, 12, 0.5]",
+        "controller.gains.b=[400, 400, 400, 400, 400, 400, 400]"}}};
+  for (const auto& each : cases) {
+    SCOPED_TRACE(each.scenario);
+    scenario_ = each.scenario;
+    std::vector<std::string> arguments = {"--duration", "1", "--set", "plant.on_limit=warn"};
+    for (const std::string& setting : each.settings) {
+      arguments.insert(arguments.end(), {"--set", setting});
+    }
+    start(arguments);
+    EXPECT_EQ(finish(), 2);
+    EXPECT_THAT(standard_error(),
+                AllOf(HasSubstr("unstable at"), HasSubstr("largest stable period"),
+                      HasSubstr("type --set loop.period_s="), HasSubstr("--force")));
+    EXPECT_FALSE(fs::exists(out() / "lcmlog"));
+    arguments.emplace_back("--force");
+    start(arguments);
+    EXPECT_EQ(finish(), 1) << standard_error();
+    EXPECT_THAT(summary()["verdict"].get<std::string>(), HasSubstr(each.verdict));
+    EXPECT_THAT(standard_output(), HasSubstr(each.verdict));
+    fs::remove_all(out());
+  }
 }
 
 TEST_F(Run, EndsWithCode5AndNoInternalErrorWhenTheSquareOfTheErrorOverflows) {
