@@ -300,20 +300,11 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   return region;
 }
 
-double MatrixCondition::rate(const Weights& weights, double rho) const {
+Postures::Least MatrixCondition::slowest(const Weights& weights, double rho) const {
   const Slack between = slack(weights);
-  return postures_
-      ->smallest([&](const Inertia& inertia) { return rate_at(weights, rho, inertia, between); },
-                 options_.refine)
-      .value;
-}
-
-robot::Vector MatrixCondition::binding_posture(const Weights& weights) const {
-  const Slack between = slack(weights);
-  return postures_
-      ->smallest([&](const Inertia& inertia) { return rate_at(weights, 0, inertia, between); },
-                 options_.refine)
-      .q;
+  return postures_->smallest(
+      [&](const Inertia& inertia) { return rate_at(weights, rho, inertia, between); },
+      options_.refine);
 }
 
 MatrixCondition MatrixCondition::over(const Postures& postures) const {

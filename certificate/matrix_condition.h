@@ -61,16 +61,16 @@ class MatrixCondition {
   /// The largest rho and what follows; nothing when Mm or V is not positive definite at delta = 0.
   [[nodiscard]] std::optional<Region> region(const Weights& weights) const;
 
-  /// The largest mu with Vdot <= -mu V where |delta| <= rho [1/s]; V, hence the square of the
-  /// error, decays at that rate and the error at mu/2. Not positive when nothing is certified;
-  /// minus infinity when V is not positive definite.
-  [[nodiscard]] double rate(const Weights& weights, double rho) const;
+  /// The largest mu with Vdot <= -mu V where |delta| <= rho [1/s], and the posture that binds it;
+  /// V, hence the square of the error, decays at that rate and the error at mu/2. Not positive when
+  /// nothing is certified; minus infinity when V is not positive definite.
+  [[nodiscard]] Postures::Least slowest(const Weights& weights, double rho) const;
+  [[nodiscard]] double rate(const Weights& weights, double rho) const {
+    return slowest(weights, rho).value;
+  }
 
   /// The rho that the certified ball of this radius needs; infinite when V is not positive.
   [[nodiscard]] double rho_of_ball(const Weights& weights, double ball) const;
-
-  /// The posture that binds the rate in the limit of small errors.
-  [[nodiscard]] robot::Vector binding_posture(const Weights& weights) const;
 
   /// The same condition over other postures, which must outlive the result.
   [[nodiscard]] MatrixCondition over(const Postures& postures) const;

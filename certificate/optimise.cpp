@@ -44,8 +44,8 @@ Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
   nlopt_set_min_objective(opt.get(), evaluate, &search);
   nlopt_set_initial_step1(opt.get(), step);
   nlopt_set_maxeval(opt.get(), max_evaluations);
-  nlopt_set_xtol_abs1(opt.get(), 1e-7);
-  nlopt_set_ftol_rel(opt.get(), 1e-10);
+  nlopt_set_xtol_abs1(opt.get(), 1e-5);
+  nlopt_set_ftol_rel(opt.get(), 1e-8);
   Eigen::VectorXd x = start;
   double value = 0;
   nlopt_optimize(opt.get(), x.data(), &value);  // its result says why it stopped: all are fine

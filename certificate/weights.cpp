@@ -60,35 +60,45 @@ Minimum search(const MatrixCondition& condition, const Objective& objective, boo
   return best;
 }
 
-/// The result at full rigour; nothing when the search found no certified weights.
-std::optional<Certified> certified(const MatrixCondition& condition, const Weights& weights) {
-  std::optional<Region> region = condition.region(weights);
-  if (!region) return {};
-  return Certified{weights, std::move(*region), condition.rate(weights, 0)};
-}
+/// What weights are searched for, to be minimised: over some postures, and of what is certified.
+struct Goal {
+  double (*objective)(const MatrixCondition&, const Weights&);
+  double (*value)(const Certified&);
+};
 
-using ObjectiveOf = std::function<double(const MatrixCondition&, const Weights&)>;
+constexpr Goal of_ball = {[](const MatrixCondition& condition, const Weights& weights) {
+                            const auto region = condition.region(weights);
+                            return region ? -std::log(region->ball) : infinity;
+                          },
+                          [](const Certified& c) { return -std::log(c.region.ball); }};
+constexpr Goal of_rate = {[](const MatrixCondition& condition, const Weights& weights) {
+                            return -condition.rate(weights, 0);
+                          },
+                          [](const Certified& c) { return -c.rate; }};
 
 /// Searches on the coarse postures; where the fine ones certify much less at the weights found,
 /// the postures that bind there join the coarse ones, and the search goes on from those weights.
 std::optional<Certified> search_certified(const MatrixCondition& coarse,
-                                          const MatrixCondition& fine, const ObjectiveOf& objective,
-                                          bool two) {
+                                          const MatrixCondition& fine, const Goal& goal, bool two) {
   constexpr int rounds = 6;
   Postures postures = coarse.postures();
   const MatrixCondition condition = coarse.over(postures);
-  const auto f = [&](const Weights& weights) { return objective(condition, weights); };
+  const auto f = [&](const Weights& weights) { return goal.objective(condition, weights); };
   Minimum best = search(condition, f, two);
   std::optional<Certified> result;
   for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
     const Weights weights = weights_of(best.x);
-    if (auto found = certified(fine, weights)) {
-      const bool better = !result || objective(fine, weights) < objective(fine, result->weights);
-      if (better) result = std::move(found);
+    const Postures::Least slowest = fine.slowest(weights, 0);
+    auto region = fine.region(weights);
+    if (postures.kind() == Postures::Kind::sampled) {
+      postures.add(slowest.q);
+      if (region) postures.add(region->q);
+    }
+    if (region) {
+      Certified found{weights, *std::move(region), slowest.value};
+      if (!result || goal.value(found) < goal.value(*result)) result = std::move(found);
     }
     if (postures.kind() != Postures::Kind::sampled) break;
-    postures.add(fine.binding_posture(weights));
-    if (const auto region = fine.region(weights)) postures.add(region->q);
     if (f(weights) - best.value <= 1e-2 * std::abs(best.value)) break;
     // The old optimum may have no value any more: nearby, with a smaller eps_2, there is one.
     VectorXd start = best.x;
@@ -96,11 +106,6 @@ std::optional<Certified> search_certified(const MatrixCondition& coarse,
     best = minimise([&](const VectorXd& x) { return f(weights_of(x)); }, start, 0.3, 80);
   }
   return result;
-}
-
-double ball_objective(const MatrixCondition& condition, const Weights& weights) {
-  const auto region = condition.region(weights);
-  return region ? -std::log(region->ball) : infinity;
 }
 
 double rate_in_ball(const MatrixCondition& condition, const Weights& weights, double ball) {
@@ -112,20 +117,15 @@ double rate_in_ball(const MatrixCondition& condition, const Weights& weights, do
 
 std::optional<Certified> largest_ball_one_weight(const MatrixCondition& coarse,
                                                  const MatrixCondition& fine) {
-  return search_certified(coarse, fine, ball_objective, false);
+  return search_certified(coarse, fine, of_ball, false);
 }
 
 std::optional<Certified> largest_ball(const MatrixCondition& coarse, const MatrixCondition& fine) {
-  return search_certified(coarse, fine, ball_objective, true);
+  return search_certified(coarse, fine, of_ball, true);
 }
 
 std::optional<Certified> fastest_rate(const MatrixCondition& coarse, const MatrixCondition& fine) {
-  return search_certified(
-      coarse, fine,
-      [](const MatrixCondition& condition, const Weights& weights) {
-        return -condition.rate(weights, 0);
-      },
-      true);
+  return search_certified(coarse, fine, of_rate, true);
 }
 
 std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondition& fine,
