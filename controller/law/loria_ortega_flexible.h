@@ -79,7 +79,7 @@ class LoriaOrtegaFlexible {
 
   /// The motors' reference at one instant.
   struct MotorReference {
-    robot::Vector torque;     ///< K (theta_ref - q_ref), eq. 10 [N m]
+    robot::Vector torque;     ///< K (theta_ref - q_ref) [N m]
     robot::Vector theta_ref;  ///< [rad]
     robot::Vector thetaddot_ref;
   };
@@ -117,7 +117,8 @@ class LoriaOrtegaFlexible {
     return result;
   }
 
-  /// Eq. 10 and its second time derivative, with nu1 [rad/s] the link filter's output.
+  /// theta_ref (the display after eq. 10) and its second time derivative, with nu1 [rad/s] the link
+  /// filter's output.
   [[nodiscard]] MotorReference motor_reference(const Measurement& measurement,
                                                const loop::ReferencePoint& reference,
                                                const robot::Vector& nu1) const {
@@ -167,8 +168,7 @@ class LoriaOrtegaFlexible {
            0.5 * weighted(robot_.stiffness, e1 - e2);
   }
 
-  /// First time derivative of eq. 10's theta_ref [rad/s], with nu1 [rad/s] the link filter's
-  /// output.
+  /// First time derivative of theta_ref [rad/s], with nu1 [rad/s] the link filter's output.
   [[nodiscard]] robot::Vector theta_ref_rate(const Measurement& measurement,
                                              const loop::ReferencePoint& reference,
                                              const robot::Vector& nu1) const {
