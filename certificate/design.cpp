@@ -59,17 +59,19 @@ std::optional<Vector> value_of(std::string_view gain, const std::string& law, do
   const Inertias& inertia = *rule.inertia;
   const Vector& m = inertia.link;
   const Vector one = Vector::Ones(m.size());
-  const Vector felt = law == "kelly_flexible" ? Vector(m + inertia.rotor) : m;
+  const bool through_spring = law == "kelly_flexible";
+  const Vector felt = through_spring ? Vector(m + inertia.rotor) : m;
   const double fast = rule.damping * w;
+  const Vector resonance = inertia.stiffness.cwiseQuotient(inertia.rotor).cwiseSqrt();
   if (gain == "kp" || gain == "kp1") return w * w * felt;
   if (gain == "kd" || gain == "kd1") return 2 * fast * felt;
   if (gain == "a" || gain == "b" || gain == "a1" || gain == "b1") {
-    return std::min(rule.filter_ratio * fast, 1 / period_s) * one;
+    const Vector filter = std::min(rule.filter_ratio * fast, 1 / period_s) * one;
+    return through_spring ? Vector(filter.cwiseMax(0.6 * resonance)) : filter;
   }
   if (gain == "lambda") return w / rule.damping * one;
   if (gain == "ks" || gain == "ks1") return fast * m;
   if (inertia.rotor.size() == 0) return {};
-  const Vector resonance = inertia.stiffness.cwiseQuotient(inertia.rotor).cwiseSqrt();
   if (gain == "kp2") return 0.01 * inertia.stiffness;
   if (gain == "kd2" || gain == "ks2") return 0.5 * inertia.rotor.cwiseProduct(resonance);
   if (gain == "a2" || gain == "b2") return 3 * resonance;

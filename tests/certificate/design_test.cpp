@@ -57,6 +57,26 @@ TEST(Design, OfAHeldTwoLinkArmSettlesAsPredicted) {
               0.2 * found.settling_s);
 }
 
+TEST(Design, OfFlexibleJointsSettlesAsPredicted) {
+  const std::vector<std::string> held = {"reference.hold.position_rad=[0, 0]"};
+  DesignGoal through_springs;  // a motor's filter lags too much at 1 kHz for a larger margin
+  through_springs.modulus = 0.3;
+  through_springs.bandwidth_hz = 1;
+  const std::pair<experiment::Scenario, DesignGoal> cases[] = {
+      {shipped("practical_flexible",
+               {"reference={hold: {position_rad: [0, 0]}}", "loop.duration_s=1"}),
+       {}},
+      {shipped("flexible_regulation", held), through_springs}};
+  for (const auto& [scenario, goal] : cases) {
+    SCOPED_TRACE(scenario.controller.law);
+    const Design found = design(scenario, goal);
+    EXPECT_GE(found.modulus, goal.modulus);
+    EXPECT_GE(found.gain_margin, 1.5);
+    EXPECT_NEAR(observed_settling(with_gains(scenario, found)), found.settling_s,
+                0.2 * found.settling_s);
+  }
+}
+
 TEST(Design, OfABareUrdfFollowsItsReference) {
   const experiment::Scenario scenario =
       bare(robot::testing::two_link(), shipped("paper_rigid").robot.urdf_text);
