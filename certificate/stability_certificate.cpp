@@ -191,7 +191,7 @@ void search(StabilityCertificate& result, const RobotConstants& constants,
   tell("matrix condition: trade-off");
   result.trade_off =
       trade_off(coarse, fine, result.fastest->certified, result.largest->certified,
-                result.proved ? std::vector<double>{0.01, 0.03, 0.1, 0.2, 0.4, 0.6, 0.8, 0.95}
+                result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
                               : std::vector<double>{0.03, 0.1, 0.3});
   std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
 }

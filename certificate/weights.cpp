@@ -147,7 +147,7 @@ std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondi
     const VectorXd start =
         *std::min_element(starts.begin(), starts.end(),
                           [&](const VectorXd& a, const VectorXd& b) { return f(a) < f(b); });
-    const Minimum best = minimise(f, start, 0.3, 80);
+    const Minimum best = minimise(f, start, 0.3, 50);
     const Weights weights = weights_of(best.x);
     result.push_back({ball, weights, rate_in_ball(fine, weights, ball)});
   }
