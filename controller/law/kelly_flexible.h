@@ -34,8 +34,8 @@ class KellyFlexible {
       "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994";
   static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
   static constexpr std::string_view conditions =
-      "a constant reference; the smallest eigenvalue of [K, -K; -K, K + Kp] greater than k_g, "
-      "the largest norm of the gradient of g over all q; any positive Kd, A, B";
+      "a constant reference; K > k_g and Kp > K k_g / (K - k_g) at every joint, k_g the largest "
+      "norm of the gradient of g over all q; any positive Kd, A, B";
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 

@@ -37,9 +37,9 @@ struct Draw {
 
 LongPair lengthen(const robot::Vector& x) { return x.cast<Long>(); }
 
-/// theta_ref and its second time derivative, apart from the law: eq. 10 by the closed form in
-/// extended precision along a path through the state, with an arbitrary link jerk, and an
-/// eighth-order second difference over it.
+/// theta_ref and its second time derivative, apart from the law: the display after eq. 10, by the
+/// closed form in extended precision along a path through the state, with an arbitrary link jerk,
+/// and an eighth-order second difference over it.
 struct Independent {
   LongPair theta_ref, thetaddot_ref;
 
