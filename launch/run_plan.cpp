@@ -58,6 +58,14 @@ void require_restartable(const RunOptions& options, const experiment::Scenario& 
   }
 }
 
+void require_no_clock(const RunOptions& options, const experiment::Scenario& scenario) {
+  if (!options.in_process || scenario.loop.mode == experiment::Mode::lockstep) return;
+  throw Failure(
+      ExitCode::bad_usage,
+      "--in-process: loop.mode is realtime, and in one process there is no clock to keep; "
+      "type --mode lockstep, or leave --in-process out");
+}
+
 bool isolation_wanted(const RunOptions& options) {
   const char* variable = std::getenv("TACHLESS_ISOLATE");
   const std::string value = variable == nullptr ? "" : variable;
@@ -93,6 +101,7 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   plant::initial_state(scenario, model);
   plant::make_drive(scenario, model);
   require_restartable(options, scenario);
+  require_no_clock(options, scenario);
   const double steps = plant::integrator_steps_per_tick(scenario, model);
   if (steps > many_integrator_steps && !options.quiet) {
     diagnostics::log_warning(

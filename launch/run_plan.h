@@ -26,6 +26,7 @@ struct RunOptions {
   std::string key_file;
   std::string restart;  ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
+  bool in_process = false;   ///< without a bus; lockstep only
   bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
   bool force = false;        ///< run a loop that is unstable when linearised
   bool quiet = false;

@@ -30,35 +30,20 @@ void show(const report::RunSummary& summary, const report::FigureFacts& figure,
   }
 }
 
-}  // namespace
-
-ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
-                   std::int64_t run) {
-  ReadBack result(scenario.num_joints);
-  try {
-    logger::RunLog log = logger::RunLog::open(path, run);
-    result.tracking = report::track(log);
-    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
-    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
-    result.damaged = log.damage().any();
-  } catch (const diagnostics::Failure& failure) {
-    result.problem = failure.what();
-  }
-  return result;
+report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions& options,
+                          const RunEnd& end) {
+  report::RunFacts facts;
+  facts.scenario = scenario.name;
+  facts.run_id = options.run_id;
+  facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
+  facts.law = scenario.controller.law;
+  facts.period_s = scenario.loop.period_s;
+  facts.wall_s = end.wall_s;
+  facts.fault = end.fault;
+  return facts;
 }
 
-std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
-                        const std::string& path) {
-  if (!log.problem.empty()) return log.problem;
-  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
-  const std::int64_t expected = scenario.loop.num_ticks;
-  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
-  return fmt::format(
-      "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
-      "again, and leave it alone until the run has ended",
-      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
-}
-
+/// Tells what cannot be written, and returns its exit code.
 diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
                                     const RunDirectory& out, const report::RunSummary& summary) {
   const report::Tracking& tracking = summary.tracking;
@@ -90,6 +75,66 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
     show(summary, figure, units, out);
   }
   return code;
+}
+
+}  // namespace
+
+ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
+                   std::int64_t run) {
+  ReadBack result(scenario.num_joints);
+  try {
+    logger::RunLog log = logger::RunLog::open(path, run);
+    result.tracking = report::track(log);
+    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
+    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
+    result.damaged = log.damage().any();
+  } catch (const diagnostics::Failure& failure) {
+    result.problem = failure.what();
+  }
+  return result;
+}
+
+std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
+                        const std::string& path) {
+  if (!log.problem.empty()) return log.problem;
+  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
+  const std::int64_t expected = scenario.loop.num_ticks;
+  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
+  return fmt::format(
+      "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
+      "again, and leave it alone until the run has ended",
+      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
+}
+
+diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOptions& options,
+                               RunDirectory& out, const RunEnd& end,
+                               const std::function<void()>& tell_others) {
+  out.look();
+  report::RunFacts facts = facts_of(scenario, options, end);
+  facts.log_path = (out / "lcmlog").string();
+  const ReadBack log = read_back(scenario, facts.log_path, options.run_id);
+  facts.log_ticks = log.ticks;
+  facts.log_gaps = log.gaps;
+  diagnostics::ExitCode code = end.code;
+  const bool done = code == diagnostics::ExitCode::done;
+  if (done) {
+    const std::string problem = log_problem(log, scenario, facts.log_path);
+    if (!problem.empty()) {
+      facts.fault = problem;
+      code = diagnostics::ExitCode::check_said_no;
+    }
+  }
+  if (facts.fault) {
+    diagnostics::log_error(*facts.fault);
+    tell_others();
+  }
+  const report::RunSummary summary{facts, log.tracking, end.statistics};
+  const auto written = write_results(scenario, options, out, summary);
+  if (code == diagnostics::ExitCode::done) code = written;
+  if (!done || options.any_verdict || !summary.observed.bad()) return code;
+  diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
+                                     text(summary.observed, report::joint_units(*scenario.model))));
+  return diagnostics::ExitCode::check_said_no;
 }
 
 }  // namespace tachless::launch

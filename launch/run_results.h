@@ -2,15 +2,27 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "launch/run_plan.h"
+#include "node/statistics.h"
 #include "report/log_tracking.h"
 #include "report/summary.h"
 
 namespace tachless::launch {
+
+/// How a run ended, before its log is read.
+struct RunEnd {
+  diagnostics::ExitCode code = diagnostics::ExitCode::done;
+  std::optional<std::string> fault;  ///< the first cause
+  double wall_s = 0;
+  std::vector<node::Statistics> statistics;  ///< of the processes that left theirs
+};
 
 /// The log of a run, read back.
 struct ReadBack {
@@ -30,10 +42,11 @@ ReadBack read_back(const experiment::Scenario& scenario, const std::string& path
 std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
                         const std::string& path);
 
-/// Writes summary, figure and report of the log that was read back, and for people the closing
-/// table. Of a run that has not begun there are neither files nor table. Tells what cannot be
-/// written, and returns its exit code.
-diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                                    const RunDirectory& out, const report::RunSummary& summary);
+/// Reads the log back, tells the first cause and, by `tell_others`, what came of it, writes
+/// summary, figure and report, and for people the closing table. Of a run that has not begun there
+/// are neither files nor table. Returns the run's exit code.
+diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOptions& options,
+                               RunDirectory& out, const RunEnd& end,
+                               const std::function<void()>& tell_others);
 
 }  // namespace tachless::launch

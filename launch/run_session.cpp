@@ -1,32 +1,27 @@
 #include "launch/run_session.h"
 
 #include <fmt/core.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
-#include <iostream>
 #include <optional>
 #include <thread>
-#include <utility>
 
 #include "bus/authenticated.h"
 #include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/text.h"
 #include "launch/doctor.h"
+#include "launch/in_process.h"
 #include "launch/progress.h"
 #include "launch/run_results.h"
 #include "launch/run_verdict.h"
+#include "launch/screen.h"
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
 #include "process/side_process.h"
-#include "report/joint_units.h"
-#include "report/summary.h"
 #include "viewer/visualizer.h"
 
 namespace tachless::launch {
@@ -89,43 +84,6 @@ class Heartbeats {
   std::optional<bus::Authenticated> authenticated_;
   bus::Codec<loop::Participant> codec_;
   std::int64_t run_;
-};
-
-/// The progress line on stderr, and other lines between.
-class Screen {
- public:
-  explicit Screen(bool quiet) : quiet_(quiet) {}
-
-  void show(const Progress& progress) {
-    const Clock::time_point now = Clock::now();
-    if (quiet_ || now < next_) return;
-    if (terminal_) {
-      std::cerr << "\r\033[K" << progress.line() << std::flush;
-      shown_ = true;
-      next_ = now + std::chrono::milliseconds(100);
-    } else {
-      if (next_ != Clock::time_point{}) std::cerr << progress.line() + "\n" << std::flush;
-      next_ = now + std::chrono::seconds(5);
-    }
-  }
-
-  void clear() {
-    if (std::exchange(shown_, false)) std::cerr << "\r\033[K" << std::flush;
-  }
-
-  void pass_on(std::string_view name, std::string_view line) {
-    clear();
-    const bool named = line.starts_with("tachless-");
-    std::cerr << fmt::format("{}{}{}\n", named ? "" : name, named ? "" : ": ",
-                             diagnostics::printable(line))
-              << std::flush;
-  }
-
- private:
-  bool quiet_;
-  bool terminal_ = isatty(STDERR_FILENO) == 1;
-  bool shown_ = false;
-  Clock::time_point next_{};
 };
 
 /// Simbody's 3D window beside the run. Closing it is reported but does not stop the run.
@@ -205,33 +163,23 @@ SuperviseOptions supervise_options(const experiment::Scenario& scenario, Screen&
   return options;
 }
 
-report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions& options,
-                          const Supervision& supervision, double wall_s) {
-  report::RunFacts facts;
-  facts.scenario = scenario.name;
-  facts.run_id = options.run_id;
-  facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
-  facts.law = scenario.controller.law;
-  facts.period_s = scenario.loop.period_s;
-  facts.wall_s = wall_s;
+RunEnd end_of(const Supervision& supervision, const RunDirectory& out, double wall_s) {
+  RunEnd end{exit_code(supervision), {}, wall_s, out.take_statistics()};
   if (supervision.interrupted) {
-    facts.fault = "interrupted";
+    end.fault = "interrupted";
   } else if (supervision.culprit) {
-    facts.fault = describe(supervision.ends[*supervision.culprit]);
+    end.fault = describe(supervision.ends[*supervision.culprit]);
   }
-  return facts;
+  return end;
 }
 
-/// The first cause, once; who else ended, in one line.
-void tell_end(const report::RunFacts& facts, const Supervision& supervision,
-              const RunOptions& options) {
+/// Who else ended because of the first cause, in one line, and what helps.
+void tell_others(const Supervision& supervision, const RunOptions& options) {
   if (options.verbose) {
     for (const ProcessEnd& end : supervision.ends) {
       if (end.failed()) diagnostics::log_info(describe(end));
     }
   }
-  if (!facts.fault) return;
-  diagnostics::log_error(*facts.fault);
   const std::string others = others_that_failed(supervision);
   if (!supervision.interrupted && !others.empty()) {
     diagnostics::log_info(fmt::format("because of it ended: {}{}", others,
@@ -244,21 +192,15 @@ void tell_end(const report::RunFacts& facts, const Supervision& supervision,
   }
 }
 
-}  // namespace
+fs::path directory_of(const experiment::Scenario& scenario, const RunOptions& options) {
+  return options.out.empty() ? fs::path("out") / scenario.name : options.out;
+}
 
-diagnostics::ExitCode run_session(RunOptions options) {
-  require_open_files();
-  const experiment::Scenario scenario = checked_scenario(options);
-  const RunVerdict verdict = judge(scenario, options);
+diagnostics::ExitCode in_four_processes(const experiment::Scenario& scenario,
+                                        const RunVerdict& verdict, const RunOptions& options) {
   const bool isolated = prepare_network(options);
   std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
   if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
-  if (options.run_id == 0) {
-    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
-                         std::chrono::system_clock::now().time_since_epoch())
-                         .count();
-  }
-
   process::survive_broken_pipes();
   Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
   Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
@@ -266,7 +208,7 @@ diagnostics::ExitCode run_session(RunOptions options) {
   Screen screen(options.quiet);
   std::optional<Window> window;
   if (options.visualize) window.emplace(options, isolated, screen);
-  RunDirectory out(options.out.empty() ? fs::path("out") / scenario.name : options.out);
+  RunDirectory out(directory_of(scenario, options));
   SuperviseOptions supervising = supervise_options(scenario, screen);
   supervising.on_wake = [&] {
     heartbeats.read_into(progress);
@@ -277,33 +219,39 @@ diagnostics::ExitCode run_session(RunOptions options) {
   say(verdict, options.quiet);
   const Clock::time_point begun = Clock::now();
   const Supervision supervision = supervise(run_processes(options, out), supervising);
-  out.look();
   if (window) window->run_is_over(supervision.interrupted);
   screen.clear();
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
-  report::RunFacts facts = facts_of(scenario, options, supervision, wall_s);
-  facts.log_path = (out / "lcmlog").string();
-  const ReadBack log = read_back(scenario, facts.log_path, options.run_id);
-  facts.log_ticks = log.ticks;
-  facts.log_gaps = log.gaps;
-  diagnostics::ExitCode code = exit_code(supervision);
-  const bool done = code == diagnostics::ExitCode::done;
-  if (done) {
-    const std::string problem = log_problem(log, scenario, facts.log_path);
-    if (!problem.empty()) {
-      facts.fault = problem;
-      code = diagnostics::ExitCode::check_said_no;
-    }
-  }
-  tell_end(facts, supervision, options);
-  const report::RunSummary summary{facts, log.tracking, out.take_statistics()};
-  const auto written = write_results(scenario, options, out, summary);
-  if (code == diagnostics::ExitCode::done) code = written;
+  const auto code = conclude(scenario, options, out, end_of(supervision, out, wall_s),
+                             [&] { tell_others(supervision, options); });
   if (window) window->finish(options.quiet);
-  if (!done || options.any_verdict || !summary.observed.bad()) return code;
-  diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
-                                     text(summary.observed, report::joint_units(*scenario.model))));
-  return diagnostics::ExitCode::check_said_no;
+  return code;
+}
+
+diagnostics::ExitCode in_this_process(const experiment::Scenario& scenario,
+                                      const RunVerdict& verdict, const RunOptions& options) {
+  process::survive_broken_pipes();
+  RunDirectory out(directory_of(scenario, options));
+  Screen screen(options.quiet);
+  say(verdict, options.quiet);
+  const RunEnd end = run_in_this_process(scenario, options.run_id, out / "lcmlog", screen);
+  screen.clear();
+  return conclude(scenario, options, out, end, [] {});
+}
+
+}  // namespace
+
+diagnostics::ExitCode run_session(RunOptions options) {
+  require_open_files();
+  const experiment::Scenario scenario = checked_scenario(options);
+  const RunVerdict verdict = judge(scenario, options);
+  if (options.run_id == 0) {
+    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
+  }
+  return options.in_process ? in_this_process(scenario, verdict, options)
+                            : in_four_processes(scenario, verdict, options);
 }
 
 }  // namespace tachless::launch

@@ -5,8 +5,8 @@
 
 namespace tachless::launch {
 
-/// `tachless run`: runs the four processes of a scenario to their end, shows how far they are, and
-/// writes log, summary, figure and report. Returns the run's exit code (see supervise.h).
+/// `tachless run`: runs a scenario to its end, in four processes or in this one, shows how far it
+/// is, and writes log, summary, figure and report. Returns the run's exit code (see supervise.h).
 /// @throw diagnostics::Failure for what is refused before anything is started
 diagnostics::ExitCode run_session(RunOptions options);
 

@@ -7,7 +7,6 @@
 #include <string>
 #include <utility>
 
-#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "loop/clock.h"
@@ -22,16 +21,23 @@ using diagnostics::ExitCode;
 using diagnostics::Failure;
 using loop::Clock;
 
-bool all_finite(const ArmState& state) {
-  return state.q.allFinite() && state.v.allFinite() && state.theta.allFinite() &&
-         state.thetadot.allFinite();
-}
-
 std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
 }
 
 }  // namespace
+
+bool all_finite(const ArmState& state) {
+  return state.q.allFinite() && state.v.allFinite() && state.theta.allFinite() &&
+         state.thetadot.allFinite();
+}
+
+Failure not_finite(std::int64_t tick) {
+  return {ExitCode::protective_stop,
+          fmt::format("the plant's state at tick {} is not finite: the loop is unstable; shorten "
+                      "loop.period_s or soften the gains",
+                      tick)};
+}
 
 GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver)
     : scenario_(scenario),

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "loop/signals.h"
 #include "plant/arm.h"
@@ -14,6 +15,10 @@
 #include "robot/model.h"
 
 namespace tachless::plant {
+
+bool all_finite(const ArmState& state);
+/// What to throw when the state at `tick` is not.
+diagnostics::Failure not_finite(std::int64_t tick);
 
 /// A robot (the emulator, or a real one's driver) with what must hold before anything is believed
 /// of it or given to it: readings finite, joints within their ranges and (the emulator's) speeds,

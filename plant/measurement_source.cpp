@@ -2,7 +2,9 @@
 
 #include <fmt/core.h>
 
+#include "diagnostics/failure.h"
 #include "loop/measurements.h"
+#include "plant/guarded_robot.h"
 
 namespace tachless::plant {
 namespace {
@@ -33,13 +35,6 @@ class Source : public MeasurementSource {
 };
 
 }  // namespace
-
-diagnostics::Failure not_finite(std::int64_t tick) {
-  return {diagnostics::ExitCode::protective_stop,
-          fmt::format("the plant's state at tick {} is not finite: the loop is unstable; shorten "
-                      "loop.period_s or soften the gains",
-                      tick)};
-}
 
 std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suffix,
                                                            const experiment::Scenario& scenario,

@@ -1,22 +1,17 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
 #include <string_view>
 
 #include "bus/wire.h"
-#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/encoder.h"
 
 namespace tachless::plant {
-
-/// What to throw when the state at `tick` is not finite.
-diagnostics::Failure not_finite(std::int64_t tick);
 
 /// The measurement that the controller of this run needs, as message bytes: one of the four of
 /// loop/signals.h, chosen once at the start. Reads the encoders' model, not a robot.

@@ -3,11 +3,10 @@
 #include <fmt/core.h>
 
 #include <cmath>
-#include <stdexcept>
 
 #include "diagnostics/logging.h"
-#include "diagnostics/version.h"
 #include "loop/measurements.h"
+#include "plant/run_info.h"
 
 namespace tachless::plant {
 namespace {
@@ -63,27 +62,7 @@ void PlantMessages::prepare() {
   measurement_port_ = {measurement_->channel(), measurement_->longest()};
   diagnostics::log_detail(fmt::format("the law measures {}", needed));
 
-  loop::RunInfo info;
-  info.num_ticks = scenario_.loop.num_ticks;
-  info.period_s = scenario_.loop.period_s;
-  info.version = diagnostics::version;
-  info.robot = scenario_.robot.channel_prefix;
-  info.measurement = needed;
-  info.signals = signals;
-  info.scenario = scenario_.text;
-  info.robot_description = scenario_.robot.urdf_text;
-  try {
-    bus::Codec<loop::RunInfo> codec(layout_);
-    const auto bytes = codec.encode({0, link_.run(), -1}, info);
-    run_info_.assign(bytes.begin(), bytes.end());
-  } catch (const std::length_error&) {
-    throw Failure(
-        ExitCode::bad_usage,
-        fmt::format("{}: scenario and URDF have {} characters together; allowed: about "
-                    "{}, for a log holds them in one message",
-                    scenario_.source, info.scenario.size() + info.robot_description.size(),
-                    loop::max_run_info_size - 200));
-  }
+  run_info_ = plant::run_info(scenario_, link_.run(), needed, signals);
 }
 
 loop::Stamp PlantMessages::stamp(std::int64_t tick) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 
@@ -20,18 +21,20 @@ struct TickRecord {
   loop::TorqueCommand command;
   loop::LawSignals controller;
   plant::AppliedTorque applied;  ///< over this tick: delayed and limited
+  /// Joints outside of their range or too fast, with plant.on_limit: warn.
+  std::array<bool, robot::max_joints> beyond_limit{};
 };
 
 /// The closed loop of a scenario stepped in this process, without bus, clock or memory of the past:
-/// plant, reference and law are the very objects of the processes, called in the same order at
+/// robot, reference and law are the very objects of the processes, called in the same order at
 /// the same t_k = k h, so the records hold the bits that a lockstep run logs.
 ///
 /// Calls `on_tick` for ticks 0 to num_ticks - 1, with a record that is valid during the call; the
-/// run ends early when it returns false. Returns the state at the end of the last tick run.
+/// run ends early when it returns false.
 /// @throw diagnostics::Failure(bad_usage) for a scenario that makes no sense,
-/// diagnostics::Failure(protective_stop) naming tick and cause when a torque is not finite or the
-/// plant cannot be integrated on.
-plant::ArmState run_in_process(const experiment::Scenario& scenario,
-                               const std::function<bool(const TickRecord&)>& on_tick);
+/// diagnostics::Failure(protective_stop) naming tick and cause when a torque is not finite, a joint
+/// is beyond its limits (plant.on_limit: stop) or the plant cannot be integrated on.
+void run_in_process(const experiment::Scenario& scenario,
+                    const std::function<bool(const TickRecord&)>& on_tick);
 
 }  // namespace tachless::study

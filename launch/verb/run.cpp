@@ -36,10 +36,17 @@ Verb::Action declare(CLI::App& command) {
                    "Run a loop too that is unstable at its period, as its linearisation shows");
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");
-  command.add_flag(
+  auto* in_process = command.add_flag(
+      "--in-process", options->in_process,
+      "The loop in one process, without a bus: the same log, many times as fast; lockstep only");
+  for (const char* bus : {"--lcm-url", "--key-file", "--restart", "--isolate"}) {
+    in_process->excludes(command.get_option(bus));
+  }
+  auto* visualize = command.add_flag(
       "--visualize", options->visualize,
       "Show the robot in Simbody's 3D window, at the simulated pace, to the end of the "
       "motion; closing the window does not end the run");
+  in_process->excludes(visualize);
   auto* quiet = command.add_flag("-q,--quiet", options->quiet, "No progress and no table");
   command
       .add_flag("-v,--verbose", options->verbose,

@@ -154,6 +154,51 @@ TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
             (std::set<std::string>{"lcmlog", "report.html", "summary.json", "tracking.svg"}));
 }
 
+TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
+  for (const char* scenario : {"paper_rigid", "practical_flexible"}) {
+    scenario_ = scenario;
+    start({"--duration", "0.1", "--run-id", "7", "--quiet"});
+    EXPECT_EQ(finish(), 0) << standard_error();
+    const std::string log = text_of(out() / "lcmlog");
+    fs::remove_all(out());
+    start_on_this_network(
+        {"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process"});
+    EXPECT_EQ(finish(), 0) << standard_error();
+    EXPECT_TRUE(text_of(out() / "lcmlog") == log) << scenario;
+    EXPECT_EQ(summary()["log"]["gaps"], 0);
+    EXPECT_GT(summary()["ticks"], 0);
+    EXPECT_TRUE(fs::exists(out() / "report.html"));
+    EXPECT_THAT(standard_output(), HasSubstr("ticks/s"));
+  }
+}
+
+TEST_F(Run, InOneProcessEndsAsFourDo) {
+  scenario_ = "iiwa_point_to_point";
+  const std::vector<std::string> too_fast = {"--out", out().string(), "--in-process", "--set",
+                                             "reference.point_to_point.duration_s=0.1"};
+  start_on_this_network(too_fast);
+  EXPECT_EQ(finish(), 5);
+  EXPECT_THAT(standard_error(), HasSubstr("faster than its limit of"));
+  EXPECT_THAT(summary()["fault"].get<std::string>(), HasSubstr("faster than its limit of"));
+  logger::RunLog log = logger::RunLog::open(out() / "lcmlog");
+  logger::TickRecord record;
+  while (log.next(record)) continue;
+  ASSERT_EQ(log.summary().faults.size(), 1U);
+  EXPECT_THAT(log.summary().faults[0].text, HasSubstr("faster than its limit of"));
+
+  scenario_ = "paper_flexible";
+  start_on_this_network({"--out", out().string(), "--in-process"});
+  wait_until_running();
+  kill(launcher_, SIGINT);
+  EXPECT_EQ(finish(), 130);
+  EXPECT_EQ(summary()["fault"], "interrupted");
+  EXPECT_GT(ticks_of(out() / "lcmlog"), 0);
+
+  start_on_this_network({"--out", out().string(), "--in-process", "--mode", "realtime"});
+  EXPECT_EQ(finish(), 2);
+  EXPECT_THAT(standard_error(), HasSubstr("type --mode lockstep"));
+}
+
 TEST_F(Run, LeavesOtherFilesInItsDirectoryAlone) {
   fs::create_directories(out());
   std::ofstream(out() / "notes.txt") << "mine";

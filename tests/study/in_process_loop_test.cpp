@@ -3,12 +3,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
 
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/registry.h"
+#include "tests/support/limited_elbow.h"
 
 namespace tachless::study {
 namespace {
@@ -84,10 +86,26 @@ TEST(InProcessLoop, EndsEarlyWhenAskedTo) {
   EXPECT_EQ(calls, 7);
 }
 
-TEST(InProcessLoop, ReturnsTheStateAfterTheLastTick) {
-  const auto longer = records(practical({"loop.duration_s=0.201"}));
-  const plant::ArmState end = run_in_process(practical(), [](const TickRecord&) { return true; });
-  EXPECT_TRUE(same_bits(end.q, longer.back().truth.q));
+TEST(InProcessLoop, StopsAtALimitOfTheRobotUnlessTheScenarioOnlyWarnsOfIt) {
+  const auto limited = [](const char* on_limit) {
+    return with_limited_elbow(practical({std::string("plant.on_limit=") + on_limit}),
+                              R"(lower="-3" upper="3" effort="1000" velocity="0.5")");
+  };
+  std::size_t beyond = 0;
+  const auto all = records(limited("warn"));
+  for (const TickRecord& record : all) {
+    EXPECT_EQ(record.beyond_limit[1], std::abs(record.truth.v[1]) > 0.5);
+    beyond += record.beyond_limit[1] ? 1 : 0;
+  }
+  EXPECT_EQ(all.size(), 200U);
+  EXPECT_GT(beyond, 0U);
+  try {
+    records(limited("stop"));
+    FAIL() << "the elbow was too fast";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+    EXPECT_THAT(failure.what(), HasSubstr("faster than its limit of 0.5 rad/s"));
+  }
 }
 
 TEST(InProcessLoop, SaysInWhichTickAnUnstableLoopEnds) {

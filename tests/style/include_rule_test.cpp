@@ -107,8 +107,12 @@ const std::vector<Rule> rules = {
 
     {"study/",
      {"study/", "robot/", "controller/law_stepper.h", "controller/registry.h",
-      "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/"},
+      "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/",
+      "diagnostics/failure.h"},
      {"Eigen/"}},
+    {"study/in_process_log.cpp",
+     {"study/", "controller/registry.h", "plant/run_info.h", "bus/wire.h", "bus/truth/", "loop/"},
+     {}},
 
     {"report/",
      {"report/", "certificate/", "controller/registry.h", "logger/", "node/statistics.h",
@@ -137,7 +141,7 @@ const std::vector<Rule> rules = {
     {"launch/",
      {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
       "plant/", "reference/", "logger/", "node/", "bus/", "experiment/", "process/", "robot/",
-      "loop/", "diagnostics/", "viewer/"},
+      "loop/", "diagnostics/", "viewer/", "study/"},
      {"CLI/", "nlohmann/"},
      true},
 

@@ -1,0 +1,39 @@
+#include "plant/run_info.h"
+
+#include <fmt/core.h>
+
+#include <stdexcept>
+
+#include "bus/wire.h"
+#include "diagnostics/failure.h"
+#include "diagnostics/version.h"
+
+namespace tachless::plant {
+
+std::vector<std::byte> run_info(const experiment::Scenario& scenario, std::int64_t run,
+                                std::string_view measurement, std::string_view signals) {
+  loop::RunInfo info;
+  info.num_ticks = scenario.loop.num_ticks;
+  info.period_s = scenario.loop.period_s;
+  info.version = diagnostics::version;
+  info.robot = scenario.robot.channel_prefix;
+  info.measurement = measurement;
+  info.signals = signals;
+  info.scenario = scenario.text;
+  info.robot_description = scenario.robot.urdf_text;
+  try {
+    bus::Codec<loop::RunInfo> codec(
+        loop::layout(scenario.num_joints, scenario.robot.flexible.has_value()));
+    const auto bytes = codec.encode({0, run, -1}, info);
+    return {bytes.begin(), bytes.end()};
+  } catch (const std::length_error&) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        fmt::format("{}: scenario and URDF have {} characters together; allowed: about "
+                    "{}, for a log holds them in one message",
+                    scenario.source, info.scenario.size() + info.robot_description.size(),
+                    loop::max_run_info_size - 200));
+  }
+}
+
+}  // namespace tachless::plant
