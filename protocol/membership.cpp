@@ -89,8 +89,7 @@ Event Membership::event_of(const loop::Stamp& stamp, const loop::Participant& pe
       if (complete_) return Event::member_finished;
       return watches(peer.role) ? Event::early_finish : Event::departure;
     }
-    const bool begins = self_.role == Role::plant && !joined_;
-    if (begins && holder(peer.role) == peer.instance) return Event::holder_gone;
+    if (!joined_ && holder(peer.role) == peer.instance) return Event::holder_gone;
     if (is_bad_usage(peer) && !own_role && !own_scenario) return Event::refusal;
     const bool successor = self_.role == Role::plant && may_take_over(stamp, peer);
     return is_bad_usage(peer) && successor ? Event::failed_successor : Event::departure;
@@ -264,6 +263,7 @@ void Membership::dissolve(Time now) {
   for (const Role role : all_roles) peers_.set_holder(role, 0);
   roster_ = {};
   confirmed_ = {};
+  run_ = self_.run;
   state_ = ParticipantState::waiting;
   announce_at_ = now;
 }

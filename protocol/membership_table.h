@@ -30,7 +30,8 @@ enum class MembershipEvent {
   refusal,           ///< another role with another scenario ends because of the difference
   failed_successor,  ///< plant: a successor of the controller could not resume
   departure,         ///< any other process announces that it has finished or failed
-  holder_gone,       ///< plant: one of the roster has ended before all have confirmed, or is silent
+  holder_gone,       ///< before the run: the adopted plant has ended; plant: one of the roster has,
+                     ///< or is silent
   holder_silent,    ///< a watched holder that has not finished has been silent for the time to give
                     ///< up
   finish_stands,    ///< a holder's early finish has not been contradicted by it for a while

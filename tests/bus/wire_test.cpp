@@ -375,6 +375,33 @@ TEST(ControllerStateCodec, RefusesAnotherNumberOfSignals) {
             Rejection::none);
   EXPECT_THROW(Codec<loop::LawSignals>({2, 0, 1}).encode(stamp, value), std::logic_error);
 }
+TEST(ControllerStateCodec, RefusesASignalOfAnotherSizeWhicheverItIs) {
+  for (const std::size_t row : {0, 1}) {
+    loop::LawSignals value;
+    value.num = 2;
+    value.value[0] = value.value[1] = robot::Vector::Zero(2);
+    Codec<loop::LawSignals> codec({2, 0, 2});
+    EXPECT_NO_THROW(codec.encode({}, value));
+    value.value[row] = robot::Vector::Zero(3);
+    EXPECT_THROW(codec.encode({}, value), std::logic_error) << row;
+  }
+}
+
+TEST(AnnouncedLayout, IsThatOfTheCountsAndOfNoMessageThatEndsAmongThem) {
+  const auto expect = [](const auto& bytes, const loop::Layout& layout, auto announced) {
+    EXPECT_EQ(announced(bytes), layout);
+    const std::span<const std::byte> whole(bytes);
+    const std::size_t counts = 2 * sizeof(std::int32_t);
+    EXPECT_TRUE(announced(whole.first(body + counts)));
+    EXPECT_FALSE(announced(whole.first(body + counts - 1)));
+    EXPECT_FALSE(announced(whole.first(body + counts / 2)));
+    EXPECT_FALSE(announced(whole.first(body)));
+  };
+  expect(sample<StateType>({3, 3, 0}), loop::Layout{3, 3, 0},
+         announced_layout<loop::StateMeasurement>);
+  expect(sample<ControllerStateType>({3, 0, 2}), loop::Layout{3, 0, 2},
+         announced_layout<loop::LawSignals>);
+}
 
 TEST(CommandCodec, RefusesToEncodeWhatIsNotFinite) {
   Codec<loop::TorqueCommand> codec({2, 0, 1});

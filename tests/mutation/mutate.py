@@ -34,12 +34,12 @@ ARGUED = pathlib.Path(__file__).with_name("argued.txt")
 
 # Area: files, and the test programs that are to notice. Not fuzzers, whole runs or compile-fail tests.
 AREAS = {
-    "law": ("controller/law/*", r"test_controller_(rigid_laws|flexible_laws|golden|signals)"),
+    "law": ("controller/law/*", r"test_controller_(rigid_laws|flexible_laws|registry|golden)|test_certificate_lyapunov"),
     "membership": ("protocol/*", r"test_protocol_membership"),
     "lockstep": ("protocol/lockstep/*", r"test_protocol_lockstep"),
     "realtime": ("protocol/realtime/*", r"test_protocol_realtime"),
     "codec": ("bus/*wire* bus/codec* bus/message_shape* bus/lcm_packet* bus/truth/* loop/field*",
-              r"test_bus_(wire|truth_wire|codec|udp_transport)"),
+              r"test_bus_(wire|truth_wire|udp_transport)|test_loop"),
     "robot": ("robot/*", r"test_robot_\w+"),
 }
 

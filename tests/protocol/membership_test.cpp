@@ -43,7 +43,7 @@ class Network {
     self.host = "arm-1";
     self.scenario = "scenario_" + std::to_string(digest);
     self.measurement = role == Role::controller ? "POSITION" : "";
-    self.run = role == Role::plant ? plants_run : 0;
+    self.run = role == Role::plant ? next_run : 0;
     self.wait_limit = wait_limit;
     self.takeover = takeover;
     self.resumes = resumes;
@@ -52,7 +52,8 @@ class Network {
     return *processes_.back().membership;
   }
 
-  bool takeover = true;  ///< of the processes started from now on
+  std::int64_t next_run = plants_run;  ///< of the plants started from now on
+  bool takeover = true;                ///< of the processes started from now on
   bool resumes = false;
 
   void kill(const Membership& victim) { of(victim).dead = true; }
@@ -464,6 +465,26 @@ TEST(AMembership, GoesOnWaitingWhenAPlantLeavesBeforeItIsMet) {
   network.pass(300ms);
   EXPECT_EQ(text(controller), "");
   EXPECT_FALSE(controller.joined());
+}
+
+TEST(AMembership, OfAPlantThatYieldsToAnotherIsTakenUpByTheOther) {
+  Network network;
+  auto& reference = network.start(Role::reference, 2);
+  auto& yielding = network.start(Role::plant, 9);
+  network.pass(150ms);
+  ASSERT_EQ(reference.run(), plants_run);
+  network.next_run = plants_run + 1;
+  auto& plant = network.start(Role::plant, 1);
+  network.pass(500ms);
+  EXPECT_EQ(code(yielding), diagnostics::ExitCode::protocol_violated);
+  network.start(Role::controller, 3);
+  network.start(Role::logger, 4);
+  network.pass(1s);
+  EXPECT_TRUE(plant.running());
+  EXPECT_TRUE(reference.running());
+  EXPECT_EQ(reference.run(), plants_run + 1);
+  network.pass(6s);
+  EXPECT_EQ(text(plant) + text(reference), "");
 }
 
 TEST(AMembership, DoesNotJoinARunThatIsUnderWay) {

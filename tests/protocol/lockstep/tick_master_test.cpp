@@ -111,7 +111,8 @@ TEST_F(ARequester, LearnsHowLongAnswersTake) {
     tick_master.on_ack(k, 0, now);
     return patience;
   };
-  EXPECT_EQ(tick_that_takes(100us), 2ms);
+  EXPECT_EQ(tick_that_takes(300us), 2ms);
+  EXPECT_EQ(tick_that_takes(100us), 900us);  // 300 + 4 * 300 / 2, as RFC 6298 begins
   for (int i = 0; i < 50; ++i) tick_that_takes(100us);
   EXPECT_EQ(tick_that_takes(100us), 500us);
   EXPECT_EQ(tick_that_takes(50ms), 500us);  // repeated: says nothing of the usual time
