@@ -189,10 +189,9 @@ void search(StabilityCertificate& result, const RobotConstants& constants,
   result.one_weight = chosen(largest_ball_one_weight(coarse, fine));
   if (!result.fastest || !result.largest) return;
   tell("matrix condition: trade-off");
-  result.trade_off =
-      trade_off(coarse, fine, result.fastest->certified, result.largest->certified,
-                result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
-                              : std::vector<double>{0.03, 0.1, 0.3});
+  result.trade_off = trade_off(coarse, fine, result.fastest->certified, result.largest->certified,
+                               result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
+                                             : std::vector<double>{0.03, 0.1, 0.3});
   std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
 }
 

@@ -57,6 +57,10 @@ class Judge {
     check_nobody_is_left();
     check_memory();
     check_log(clean);
+    if (!verdict_.problems.empty() && verdict_.summary.is_object() &&
+        verdict_.summary.value("fault", nlohmann::json()).is_string()) {
+      problem("the run says: " + verdict_.summary["fault"].get<std::string>());
+    }
     return verdict_;
   }
 

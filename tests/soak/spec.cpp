@@ -23,13 +23,15 @@ std::vector<std::string> overrides(const Setting& setting, const Round& round,
   double share = 1;
   if (round.realtime()) {
     all.emplace_back("loop.mode=realtime");
-    // A virtual machine can stand still for 100 ms, which is no fault of the loop's. Where commands
-    // end, the plant has to notice soon enough that the robot is at rest in time.
+    // A virtual machine can stand still for 100 ms, which is no fault of the loop's; a robot that
+    // has held its torque for so long may be too fast after that. Where commands end, the plant has
+    // to notice soon enough that the robot is at rest in time.
     const bool commands_end =
         round.fault == Fault::realtime_kill &&
         (round.victim == loop::Role::controller || round.victim == loop::Role::reference);
     all.emplace_back(commands_end ? "loop.max_missed=300" : "loop.max_missed=1000");
     all.emplace_back("loop.max_missed_share=1");
+    all.emplace_back("plant.on_limit=warn");
     all.emplace_back("loop.give_up_s=1");
     share = realtime_share;
   } else {

@@ -347,11 +347,11 @@ TEST_F(RealtimeOnFourHosts, ThePlantStopsByItselfWhenItsOwnLinkIsDown) {
 }
 
 TEST_F(RealtimeOnFourHosts, ARecordersLinkThatIsDownForTwoSecondsStopsNobodyAndTheGapIsNamed) {
-  play({"loop.duration_s=3.5", patient});
+  play({"loop.duration_s=6", patient});  // the cut begins late on a busy machine
   cut("logger", 2s);
   run.programs.expect_all_done();
   EXPECT_GE(of("logger").at("log").at("gaps"), 1900);
-  EXPECT_THAT(run["logger"].errors(), HasSubstr("of 3500 ticks have no ARM_TRUTH"));
+  EXPECT_THAT(run["logger"].errors(), HasSubstr("of 6000 ticks have no ARM_TRUTH"));
   EXPECT_LT(of("plant").at("longest_command_miss"), 300);
 }
 
