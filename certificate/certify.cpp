@@ -165,11 +165,12 @@ std::string margins_text(const SampledCertificate& s) {
   return text;
 }
 
-std::string sampled_text(const std::optional<SampledCertificate>& sampled) {
-  if (!sampled) {
-    return "Sampled loop\n  not examined: the law's memory is more than filters\n";
+std::string sampled_text(const Certificate& certificate) {
+  if (!certificate.sampled) {
+    return fmt::format("Sampled loop\n  not examined: the law cannot be linearised ({})\n",
+                       certificate.no_sampled);
   }
-  const SampledCertificate& s = *sampled;
+  const SampledCertificate& s = *certificate.sampled;
   std::string text = "Sampled loop (linearised; sampled postures of the reference)\n";
   text += line("verdict", fmt::format("{} at h = {}, delay {}", s.stable ? "stable" : "UNSTABLE",
                                       period_text(s.settings.period_s), s.settings.delay));
@@ -343,6 +344,7 @@ std::string period_text(double seconds) {
 Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_progress) {
   Certificate result;
   result.feasibility = feasibility(scenario);
+  result.no_sampled = ScenarioLoop(scenario).no_linear_law();
   result.sampled = sampled_certificate(scenario, on_progress);
   if (on_progress) on_progress("constants of the robot");
   const robot::Model model = error_model(scenario);
@@ -363,7 +365,7 @@ std::vector<std::string> objections(const Certificate& certificate) {
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario) {
   return fmt::format("{}: {}, h = {}, delay {}\n\n{}\n{}\n{}\n{}", scenario.name,
                      scenario.controller.law, period_text(scenario.loop.period_s),
-                     scenario.loop.command_delay, sampled_text(certificate.sampled),
+                     scenario.loop.command_delay, sampled_text(certificate),
                      feasibility_text(certificate.feasibility), stability_text(certificate),
                      constants_text(certificate.constants));
 }
@@ -376,7 +378,11 @@ Json to_json(const Certificate& certificate) {
   } else {
     json["no_stability_certificate"] = certificate.no_stability;
   }
-  if (certificate.sampled) add(json, *certificate.sampled);
+  if (certificate.sampled) {
+    add(json, *certificate.sampled);
+  } else {
+    json["no_sampled_certificate"] = certificate.no_sampled;
+  }
   add(json, certificate.feasibility);
   return json;
 }

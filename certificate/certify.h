@@ -17,6 +17,7 @@ struct Certificate {
   std::optional<StabilityCertificate> stability;
   std::string no_stability;  ///< why not
   std::optional<SampledCertificate> sampled;
+  std::string no_sampled;  ///< why not
 };
 
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.

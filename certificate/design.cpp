@@ -23,6 +23,7 @@
 namespace tachless::certificate {
 namespace {
 
+using controller::law::Tuning;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 using loop::ReferencePoint;
@@ -40,43 +41,12 @@ constexpr double worth_it = 0.95;  // of the settling time, for a rule that is t
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
 
-/// What the rule of thumb needs of a robot.
-struct Inertias {
-  Vector link, stiffness, rotor;
-};
-
 /// One of the rules that are tried, but for w.
 struct Rule {
-  const Inertias* inertia = nullptr;
-  double damping = 1;       ///< kd / (2 w m)
-  double filter_ratio = 0;  ///< a / (damping w)
+  const Tuning* robot = nullptr;
+  double damping = 1;
+  double filter_ratio = 0;  ///< filter / (damping w)
 };
-
-/// The rule of thumb, for each parameter that a law of the catalogue is tuned by. A motor behind a
-/// spring has its resonance sqrt(K / J) damped by a quarter of critical.
-std::optional<Vector> value_of(std::string_view gain, const std::string& law, double w,
-                               double period_s, const Rule& rule) {
-  const Inertias& inertia = *rule.inertia;
-  const Vector& m = inertia.link;
-  const Vector one = Vector::Ones(m.size());
-  const bool through_spring = law == "kelly_flexible";
-  const Vector felt = through_spring ? Vector(m + inertia.rotor) : m;
-  const double fast = rule.damping * w;
-  const Vector resonance = inertia.stiffness.cwiseQuotient(inertia.rotor).cwiseSqrt();
-  if (gain == "kp" || gain == "kp1") return w * w * felt;
-  if (gain == "kd" || gain == "kd1") return 2 * fast * felt;
-  if (gain == "a" || gain == "b" || gain == "a1" || gain == "b1") {
-    const Vector filter = std::min(rule.filter_ratio * fast, 1 / period_s) * one;
-    return through_spring ? Vector(filter.cwiseMax(0.6 * resonance)) : filter;
-  }
-  if (gain == "lambda") return w / rule.damping * one;
-  if (gain == "ks" || gain == "ks1") return fast * m;
-  if (inertia.rotor.size() == 0) return {};
-  if (gain == "kp2") return 0.01 * inertia.stiffness;
-  if (gain == "kd2" || gain == "ks2") return 0.5 * inertia.rotor.cwiseProduct(resonance);
-  if (gain == "a2" || gain == "b2") return 3 * resonance;
-  return {};
-}
 
 /// The geometric mean over the postures of m_j = 1 / (M^-1)_jj.
 Vector mean_inertia(const std::vector<Eigen::MatrixXd>& inverse_M) {
@@ -119,44 +89,68 @@ Vector posture_in_range(const robot::Model& model, int k) {
 
 class Search {
  public:
+  std::string no_linear_law;  ///< why not; only the rule of thumb is left then
+
   Search(const experiment::Scenario& scenario, const DesignGoal& goal)
-      : scenario_(scenario), goal_(goal) {
-    for (const auto& parameter : controller::law_facts(scenario.controller.law).parameters) {
-      names_.emplace_back(parameter.name);
+      : scenario_(scenario), goal_(goal), law_(controller::law_facts(scenario.controller.law)) {
+    if (!law_.tuned) {
+      throw Failure(ExitCode::check_said_no,
+                    fmt::format("{} has no rule for its gains: tune it by hand", law_.name));
     }
     const robot::Model model = plant_of(scenario);
     const robot::Model& links = scenario.robot.flexible ? *scenario.model : model;
-    Inertias inertia{Vector::Ones(model.num_joints), {}, {}};
+    Tuning unit;
+    unit.inertia = Vector::Ones(model.num_joints);
     if (const auto& drive = scenario.robot.flexible) {
-      inertia.stiffness = drive->stiffness;
-      inertia.rotor = drive->rotor_inertia;
+      unit.stiffness = drive->stiffness;
+      unit.rotor = drive->rotor_inertia;
     }
     experiment::Scenario start = scenario;
-    start.controller.gains = gains(1, {&inertia, 1, 10});
-    rests_ = ScenarioLoop(start).rests(reference_postures);
+    start.controller.gains = gains(1, {&unit, 1, 10});
+    const ScenarioLoop start_loop(start);
+    no_linear_law = start_loop.no_linear_law();
+    rests_ = start_loop.rests(reference_postures);
     num_reference_ = rests_.size();
     for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(posture_in_range(model, k)));
     std::vector<Eigen::MatrixXd> inverse_M(rests_.size());
     parallel_for(rests_.size(), [&](std::size_t i) {
       inverse_M[i] = robot::mass_matrix(links, rests_[i].q_ref).inverse();
     });
-    inertia.link = mean_inertia(inverse_M);
-    inertias_ = {inertia, inertia};
-    inertias_[1].link = balanced_inertia(inverse_M, inertia.link);
+    robots_ = {unit, unit};
+    robots_[0].inertia = mean_inertia(inverse_M);
+    robots_[1].inertia = balanced_inertia(inverse_M, robots_[0].inertia);
   }
 
+  /// With the mean inertias, critically damped, filters ten times as fast.
+  [[nodiscard]] Rule plain_rule() const { return {robots_.data(), 1, 10}; }
+
   [[nodiscard]] std::vector<Rule> rules() const {
-    const bool has_filter = std::any_of(
-        names_.begin(), names_.end(), [](const auto& name) { return name == "a" || name == "a1"; });
+    const auto with_filter = [&](double pole) {
+      Tuning tuning = robots_[0];
+      tuning.period_s = scenario_.loop.period_s;
+      tuning.filter = pole;
+      return law_.tuned(tuning);
+    };
+    const double rate = 1 / scenario_.loop.period_s;
+    const bool has_filter = with_filter(0.1 * rate) != with_filter(0.2 * rate);
     std::vector<Rule> all;
-    for (const Inertias& inertia : inertias_) {
+    for (const Tuning& robot : robots_) {
       for (const double damping : dampings) {
         for (const double ratio : filter_ratios) {
-          if (has_filter || ratio == filter_ratios[0]) all.push_back({&inertia, damping, ratio});
+          if (has_filter || ratio == filter_ratios[0]) all.push_back({&robot, damping, ratio});
         }
       }
     }
     return all;
+  }
+
+  [[nodiscard]] std::map<std::string, Vector> gains(double w, const Rule& rule) const {
+    Tuning tuning = *rule.robot;
+    tuning.w = w;
+    tuning.damping = rule.damping;
+    tuning.period_s = scenario_.loop.period_s;
+    tuning.filter = std::min(rule.filter_ratio * (rule.damping * w), 1 / scenario_.loop.period_s);
+    return law_.tuned(tuning);
   }
 
   /// The settling time at the reference's slowest posture; infinite for an unstable loop.
@@ -241,20 +235,6 @@ class Search {
   }
 
  private:
-  [[nodiscard]] std::map<std::string, Vector> gains(double w, const Rule& rule) const {
-    const std::string& law = scenario_.controller.law;
-    std::map<std::string, Vector> all;
-    for (const std::string& name : names_) {
-      auto value = value_of(name, law, w, scenario_.loop.period_s, rule);
-      if (!value) {
-        throw Failure(ExitCode::check_said_no,
-                      fmt::format("no rule for the gain {} of {}: design it by hand", name, law));
-      }
-      all[name] = std::move(*value);
-    }
-    return all;
-  }
-
   [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
     experiment::Scenario scenario = scenario_;
     scenario.controller.gains = gains(w, rule);
@@ -263,12 +243,11 @@ class Search {
 
   [[nodiscard]] std::string count_objection(const ScenarioLoop& loop) const {
     const auto& limit = scenario_.plant.drive.torque_limit_Nm;
-    const auto bits = scenario_.plant.encoder.resolution_bits;
-    if (!limit || !bits) return {};
-    const double count = 2 * pi / std::exp2(*bits);
+    if (!limit) return {};
+    const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
     const auto gain = own_gain(loop.at(rests_.front()).law(loop.settings().period_s));
     for (Eigen::Index i = 0; i < gain.size(); ++i) {
-      if (gain[i] * count > goal_.count_share * (*limit)[i]) {
+      if (gain[i] * count[i] > goal_.count_share * (*limit)[i]) {
         return fmt::format("the torque of one encoder count on joint {}", i + 1);
       }
     }
@@ -277,8 +256,8 @@ class Search {
 
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
-  std::vector<std::string> names_;
-  std::vector<Inertias> inertias_;  ///< the mean's and the balanced ones
+  const controller::LawFacts& law_;
+  std::vector<Tuning> robots_;  ///< with the mean inertias and the balanced ones
   std::vector<ReferencePoint> rests_;
   std::size_t num_reference_ = 0;
 };
@@ -324,6 +303,12 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
   }
   Search search(scenario, goal);
+  if (!search.no_linear_law.empty()) {
+    throw Failure(ExitCode::check_said_no,
+                  fmt::format("{} cannot be linearised ({}): tune it by hand, or by the rule of "
+                              "thumb of tachless compare",
+                              scenario.controller.law, search.no_linear_law));
+  }
   const double rate = 1 / scenario.loop.period_s;
   if (!goal.settling_s) {
     const double hz = goal.bandwidth_hz.value_or(default_bandwidth_by_rate * rate);
@@ -340,6 +325,18 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
   }
   if (best.settling_s > 1.05 * wanted) best.missed = wanted;
   return best;
+}
+
+std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,
+                                       double hz) {
+  experiment::Scenario own = scenario;
+  own.controller.law = law;
+  const Search search(own, {});
+  Design design;
+  design.gains = search.gains(2 * pi * hz, search.plain_rule());
+  std::vector<std::string> all = overrides_of(design);
+  all.insert(all.begin(), "controller.law=" + law);
+  return all;
 }
 
 std::vector<std::string> overrides_of(const Design& design) {

@@ -49,6 +49,14 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
 /// The gains as overrides of a scenario: "controller.gains.kp=[…]".
 std::vector<std::string> overrides_of(const Design& design);
 
+/// The scenario under another law, as overrides: its name, and gains by its rule of thumb alone,
+/// two real poles at `hz` for each joint with its mean inertia, filters and observers ten times as
+/// fast (at most 1 / h). Looks at no margin; for comparisons of laws at the same bandwidth.
+/// @throw diagnostics::Failure(check_said_no) for a law without a rule, (bad_usage) for one that
+/// the scenario's robot or reference does not suit
+std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,
+                                       double hz);
+
 /// A scenario for a bare URDF, with gains that only a design makes useful: point to point, a 20-bit
 /// encoder, one tick of delay. @param urdf as it is to stand in the file
 std::string scenario_text(const robot::Model& model, const std::string& name,

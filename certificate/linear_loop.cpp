@@ -212,9 +212,4 @@ CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int
   return loop;
 }
 
-MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay,
-                    double gain) {
-  return cut(plant, law, period_s, delay).closed(gain);
-}
-
 }  // namespace tachless::certificate

@@ -97,8 +97,4 @@ struct CutLoop {
 };
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay);
 
-/// `cut`, closed again.
-Eigen::MatrixXd period_map(const LinearPlant& plant, const LinearLaw& law, double period_s,
-                           int delay, double gain = 1);
-
 }  // namespace tachless::certificate

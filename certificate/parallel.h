@@ -10,12 +10,13 @@
 
 namespace tachless::certificate {
 
+inline unsigned all_cores() { return std::max(1U, std::thread::hardware_concurrency()); }
+
 /// f(0) … f(count - 1) on all cores, in no particular order; returns when all are done. The first
 /// exception thrown by f is thrown again here.
 template <class F>
-void parallel_for(std::size_t count, const F& f) {
-  const std::size_t num_threads =
-      std::min<std::size_t>(count, std::max(1U, std::thread::hardware_concurrency()));
+void parallel_for(std::size_t count, const F& f, unsigned most_threads = all_cores()) {
+  const std::size_t num_threads = std::min<std::size_t>(count, most_threads);
   if (num_threads <= 1) {
     for (std::size_t i = 0; i < count; ++i) f(i);
     return;

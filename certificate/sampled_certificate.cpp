@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <mutex>
-#include <numbers>
 
 #include "certificate/parallel.h"
 #include "certificate/postures.h"
@@ -48,6 +47,16 @@ WorstLimit worst_limit(const ScenarioLoop& scenario, const std::vector<Reference
     worst = {own, i};
   });
   return worst;
+}
+
+bool depends_on_filter(const ScenarioLoop& scenario, const ReferencePoint& at) {
+  LoopSettings settings = scenario.settings();
+  const auto memory_by = [&](controller::law::Discretisation filter) {
+    settings.filter = filter;
+    return scenario.at(at, settings).law(settings.period_s).A;
+  };
+  return memory_by(controller::law::Discretisation::tustin) !=
+         memory_by(controller::law::Discretisation::backward_euler);
 }
 
 std::vector<ReferencePoint> anywhere(const robot::Model& model) {
@@ -120,7 +129,7 @@ std::optional<SampledCertificate> sampled_certificate(const experiment::Scenario
     if (on_progress) on_progress(what);
   };
   const ScenarioLoop loop(scenario);
-  if (!loop.has_linear_law()) return {};
+  if (!loop.no_linear_law().empty()) return {};
   SampledCertificate result;
   result.settings = loop.settings();
   const double h = result.settings.period_s;
@@ -128,7 +137,7 @@ std::optional<SampledCertificate> sampled_certificate(const experiment::Scenario
 
   tell("sampled loop: limits");
   const LinearLaw law = loop.at(rests[0]).law(h);
-  result.has_filter = law.A.rows() > 0;
+  result.has_filter = depends_on_filter(loop, rests[0]);
   const WorstLimit worst = worst_limit(loop, rests, result.settings);
   result.limit_s = worst.limit_s;
   result.limit_q = rests[worst.index].q_ref;
@@ -162,8 +171,9 @@ std::optional<SampledCertificate> sampled_certificate(const experiment::Scenario
   result.stable = result.modes.stable && result.radius_along < 1;
 
   result.gain_Nm_per_rad = own_gain(law);
-  if (const auto bits = scenario.plant.encoder.resolution_bits) {
-    result.count_Nm = result.gain_Nm_per_rad * 2 * std::numbers::pi / std::exp2(*bits);
+  if (scenario.plant.encoder.resolution_bits) {
+    result.count_Nm = result.gain_Nm_per_rad.cwiseProduct(
+        VectorXd(experiment::encoder_count(scenario, *scenario.model)));
   }
   return result;
 }

@@ -23,22 +23,6 @@ using Eigen::VectorXd;
 using loop::ReferencePoint;
 using robot::Vector;
 
-/// f(vector) for each vector of a law's memory. False for a memory of another kind.
-template <class Memory, class F>
-bool for_each_vector(Memory& memory, const F& f) {
-  if constexpr (std::is_empty_v<Memory>) {
-    return true;
-  } else if constexpr (requires { memory.nu, memory.e_previous; }) {
-    f(memory.nu);
-    f(memory.e_previous);
-    return true;
-  } else if constexpr (requires { memory.link, memory.motor; }) {
-    return for_each_vector(memory.link, f) && for_each_vector(memory.motor, f);
-  } else {
-    return false;
-  }
-}
-
 /// f(part, vector) for each part of the state that a measurement holds; on rigid joints the
 /// motors' are empty.
 template <class Measurement, class F>
@@ -89,13 +73,15 @@ LinearLaw linear_law_of(const experiment::Scenario& scenario, const ReferencePoi
     x = state[static_cast<std::size_t>(part)];
     if (x.size() > 0) measured.push_back(part);
   });
-  const Memory memory = law.start(nominal, reference);
+  // That of a loop under way: what a law knows only from a step before, such as the torque that it
+  // commanded, is missing in the memory that it starts with.
+  const Memory memory = law.step(law.start(nominal, reference), nominal, reference).memory;
   const auto memory_vector = [](const Memory& of) {
-    return packed([&](const auto& f) { for_each_vector(of, f); });
+    return packed([&](const auto& f) { controller::law::for_each_vector(of, f); });
   };
   const LawStep step = [&](const VectorXd& memory_in, const VectorXd& measurement_in) {
     Memory own_memory = memory;
-    unpack(memory_in, [&](const auto& f) { for_each_vector(own_memory, f); });
+    unpack(memory_in, [&](const auto& f) { controller::law::for_each_vector(own_memory, f); });
     Measurement own = nominal;
     unpack(measurement_in,
            [&](const auto& f) { for_each_part(own, [&](Part /*part*/, Vector& x) { f(x); }); });
@@ -124,7 +110,9 @@ LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint&
                      const std::array<Vector, 4>& state) {
   LinearLaw result;
   with_law(scenario, [&]<class L>(std::type_identity<L> /*type*/) {
-    result = linear_law_of<L>(scenario, reference, state);
+    if constexpr (controller::law::MadeOfVectors<typename L::Memory>) {
+      result = linear_law_of<L>(scenario, reference, state);
+    }
   });
   return result;
 }
@@ -195,13 +183,14 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario)
   }
 }
 
-bool ScenarioLoop::has_linear_law() const {
-  bool result = false;
+std::string_view ScenarioLoop::no_linear_law() const {
+  std::string_view why;
   with_law(*scenario_, [&]<class L>(std::type_identity<L> /*type*/) {
-    typename L::Memory memory;
-    result = for_each_vector(memory, [](const Vector& /*x*/) {});
+    if constexpr (!controller::law::MadeOfVectors<typename L::Memory>) {
+      why = L::Memory::no_linearisation;
+    }
   });
-  return result;
+  return why;
 }
 
 LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
@@ -237,7 +226,7 @@ MatrixXd ScenarioLoop::map_at(double t_s) const {
   const ReferencePoint at_tick = trajectory_.at(t_s);
   const LinearLaw law = linear_law(*scenario_, at_tick, state_on(at_tick, model_, *scenario_));
   const double h = settings_.period_s;
-  return period_map(plant(trajectory_.at(t_s + h / 2)), law, h, settings_.delay);
+  return cut(plant(trajectory_.at(t_s + h / 2)), law, h, settings_.delay).closed();
 }
 
 std::vector<ReferencePoint> ScenarioLoop::rests(int count) const {

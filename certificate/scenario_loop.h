@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "certificate/linear_loop.h"
@@ -29,11 +30,12 @@ class ScenarioLoop {
   /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
   explicit ScenarioLoop(const experiment::Scenario& scenario);
 
-  /// Whether the law can be linearised. If not, nothing is known of its sampled loop: its memory
-  /// holds something else than filters.
-  [[nodiscard]] bool has_linear_law() const;
+  /// Why the law cannot be linearised, as it declares; empty when it can. If it cannot, nothing is
+  /// known of its sampled loop.
+  [[nodiscard]] std::string_view no_linear_law() const;
 
-  /// The loop about a point of a motion, at any period.
+  /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
+  /// the law can be linearised.
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const {
     return at(reference, settings_);
   }

@@ -102,7 +102,7 @@ std::string refusal(const experiment::Scenario& scenario) {
   const std::string& law = scenario.controller.law;
   if (law != LoriaOrtegaRigid::name && law != LoriaOrtegaFlexible::name &&
       law != KellyRegulation::name) {
-    return fmt::format("{} has no certificate here: only its sampled loop is examined", law);
+    return fmt::format("{} has no certificate here", law);
   }
   if (law != LoriaOrtegaFlexible::name && scenario.robot.flexible) {
     return fmt::format(

@@ -46,8 +46,8 @@ Verdict verdict(const experiment::Scenario& scenario) {
   Verdict result;
   result.period_s = loop.settings().period_s;
   result.delay = loop.settings().delay;
-  result.known = loop.has_linear_law();
-  if (!result.known) return result;
+  result.unknown = loop.no_linear_law();
+  if (!result.unknown.empty()) return result;
   const double h = result.period_s;
 
   constexpr int postures = 5, motion_pieces = 12;
@@ -85,9 +85,11 @@ Verdict verdict(const experiment::Scenario& scenario) {
 }
 
 std::string text(const Verdict& verdict) {
-  if (!verdict.known) {
-    return "no verdict: this law has no fixed-rate certificate; whether the loop is stable is not "
-           "known before the run";
+  if (!verdict.unknown.empty()) {
+    return fmt::format(
+        "no verdict: the law cannot be linearised ({}); whether the loop is stable is not known "
+        "before the run",
+        verdict.unknown);
   }
   const std::string delay =
       fmt::format("{} tick{} of delay", verdict.delay, verdict.delay == 1 ? "" : "s");

@@ -10,7 +10,7 @@
 namespace tachless::certificate {
 
 struct Verdict {
-  bool known = false;   ///< false: the law cannot be linearised
+  std::string unknown;  ///< why the law cannot be linearised; empty: it can, and the rest holds
   bool stable = false;  ///< of the linearised loop at the scenario's period
   double period_s = 0;
   int delay = 0;

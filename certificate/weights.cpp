@@ -89,16 +89,14 @@ std::optional<Certified> search_certified(const MatrixCondition& coarse,
   for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
     const Weights weights = weights_of(best.x);
     const Postures::Least slowest = fine.slowest(weights, 0);
-    auto region = fine.region(weights);
-    if (postures.kind() == Postures::Kind::sampled) {
-      postures.add(slowest.q);
-      if (region) postures.add(region->q);
-    }
+    const auto region = fine.region(weights);
     if (region) {
-      Certified found{weights, *std::move(region), slowest.value};
+      Certified found{weights, *region, slowest.value};
       if (!result || goal.value(found) < goal.value(*result)) result = std::move(found);
     }
     if (postures.kind() != Postures::Kind::sampled) break;
+    postures.add(slowest.q);
+    if (region) postures.add(region->q);
     if (f(weights) - best.value <= 1e-2 * std::abs(best.value)) break;
     // The old optimum may have no value any more: nearby, with a smaller eps_2, there is one.
     VectorXd start = best.x;

@@ -1,12 +1,21 @@
 #pragma once
 
+#include "controller/law/berghuis_nijmeijer.h"
+#include "controller/law/computed_torque.h"
+#include "controller/law/kalman_velocity.h"
 #include "controller/law/kelly_flexible.h"
 #include "controller/law/kelly_regulation.h"
+#include "controller/law/lanari_wen.h"
 #include "controller/law/loria_ortega_flexible.h"
 #include "controller/law/loria_ortega_rigid.h"
+#include "controller/law/nicosia_tomei.h"
+#include "controller/law/numerical_difference.h"
+#include "controller/law/pd_gravity.h"
+#include "controller/law/robust_differentiator.h"
 #include "controller/law/slotine_li.h"
 #include "controller/law/slotine_li_flexible.h"
 #include "controller/law/wen_bayard.h"
+#include "controller/law/zhang_dawson.h"
 
 /// Every law there is, as a list of types. Includes all their headers: for the registry and for
 /// tests; others ask the registry.
@@ -16,12 +25,21 @@ template <class... L>
 struct LawList {};
 
 /// To add a law: its header above and its name here; its page in docs/laws, its test.
-using Laws = LawList<law::LoriaOrtegaRigid,     //
-                     law::LoriaOrtegaFlexible,  //
-                     law::KellyRegulation,      //
-                     law::KellyFlexible,        //
-                     law::WenBayard,            //
-                     law::SlotineLi,            //
-                     law::SlotineLiFlexible>;
+using Laws = LawList<law::LoriaOrtegaRigid,      //
+                     law::LoriaOrtegaFlexible,   //
+                     law::KellyRegulation,       //
+                     law::KellyFlexible,         //
+                     law::WenBayard,             //
+                     law::SlotineLi,             //
+                     law::SlotineLiFlexible,     //
+                     law::BerghuisNijmeijer,     //
+                     law::NicosiaTomei,          //
+                     law::ZhangDawson,           //
+                     law::LanariWen,             //
+                     law::NumericalDifference,   //
+                     law::KalmanVelocity,        //
+                     law::RobustDifferentiator,  //
+                     law::ComputedTorque,        //
+                     law::PdGravity>;
 
 }  // namespace tachless::controller

@@ -15,17 +15,32 @@ namespace tachless::controller {
 namespace {
 
 template <class L>
+std::map<std::string, robot::Vector> tuned_by_name(const law::Tuning& tuning) {
+  using Gains = typename L::Gains;
+  const Gains gains = L::tuned(tuning);
+  std::map<std::string, robot::Vector> all;
+  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
+    if constexpr (std::is_same_v<Member, robot::Vector>) {
+      all[std::string(key.name)] = gains.*key.member;
+    } else {
+      all[std::string(key.name)] = tuning.each(static_cast<double>(gains.*key.member));
+    }
+  });
+  return all;
+}
+
+template <class L>
 LawFacts facts_of() {
   LawFacts facts;
   facts.name = L::name;
   facts.measurement = loop::MessageOf<typename L::Measurement>::suffix;
   facts.signals = L::signals;
-  schema::for_each_key<typename L::Gains>(
-      [&]<class Member>(const schema::Key<typename L::Gains, Member>& key) {
-        facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
-                                    key.range, schema::allowed_text(key),
-                                    key.fallback == schema::Default::required});
-      });
+  schema::for_each_key<typename L::Gains>([&]<class Member>(
+                                              const schema::Key<typename L::Gains, Member>& key) {
+    facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
+                                key.range, schema::allowed_text(key),
+                                key.fallback == schema::Default::required, key.described_default});
+  });
   facts.source = L::source;
   facts.proved = L::proved;
   facts.conditions = L::conditions;
@@ -35,6 +50,7 @@ LawFacts facts_of() {
   facts.has_feedforward_lead = L::has_feedforward_lead;
   facts.reads_links = loop::holds_links<typename L::Measurement>;
   facts.reads_motors = loop::holds_motors<typename L::Measurement>;
+  if constexpr (law::Tuned<L>) facts.tuned = tuned_by_name<L>;
   return facts;
 }
 
@@ -161,6 +177,11 @@ law::Settings law_settings(const experiment::Scenario& scenario) {
   if (scenario.controller.feedforward_lead == experiment::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
+  // A rounding error is spread evenly over one count: its variance is a twelfth of the count's
+  // square.
+  const double noise = scenario.plant.encoder.noise_std_rad;
+  const robot::Vector count = experiment::encoder_count(scenario, *scenario.model);
+  settings.position_std = (count.array().square() / 12 + noise * noise).sqrt();
   return settings;
 }
 

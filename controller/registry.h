@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -13,6 +15,7 @@
 #include "controller/any_law.h"
 #include "controller/law/flexible_robot.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
 #include "robot/model.h"
@@ -29,6 +32,7 @@ struct Parameter {
   schema::Range range;
   std::string allowed;  ///< what may be written for it, in words
   bool required = true;
+  std::string_view described_default{};  ///< what stands in for it, where the law decides
 };
 
 /// What is known of a law by its name alone; all of it follows from what the law declares.
@@ -44,6 +48,8 @@ struct LawFacts {
   bool has_feedforward_lead = false;
   bool reads_links = false;   ///< needs encoders on the links' side of a flexible robot
   bool reads_motors = false;  ///< needs encoders on the motors' side of a flexible robot
+  /// Its rule of thumb: parameters by name, as a scenario has them. Empty when it declares none.
+  std::function<std::map<std::string, robot::Vector>(const law::Tuning&)> tuned;
 };
 
 /// In the order of `Laws`.
@@ -70,7 +76,8 @@ robot::Model rigid_model(const experiment::Scenario& scenario);
 /// @throw diagnostics::Failure(bad_usage) when the URDF is not a robot or its joints are rigid.
 law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario);
 
-/// Sampling, filter and lead of the scenario.
+/// Sampling, filter, lead and encoders of the scenario.
+/// @throw diagnostics::Failure(bad_usage) as `experiment::encoder_count`.
 law::Settings law_settings(const experiment::Scenario& scenario);
 
 /// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead,

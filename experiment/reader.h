@@ -100,13 +100,14 @@ Value read_value(const Place& place, const Key& key) {
     value = read_numbers(*place.node, key.range);
   } else if constexpr (shape == schema::Shape::joints_list) {
     value = read_joints_list(*place.node, key.range, place.scenario.num_joints);
-  } else if constexpr (shape == schema::Shape::named_joints) {
+  } else if constexpr (schema::has_names_of_choice<Value>) {
     if (place.node->kind != YamlNode::Kind::map) throw Refused{emit_line(*place.node)};
     for (const std::string& name : place.node->keys) {
       const Place entry = place.child(name);
-      const schema::Key<Value, robot::Vector> each(name, nullptr);
+      using Entry = typename Value::mapped_type;
+      const schema::Key<Value, Entry> each(name, nullptr);
       try {
-        value[name] = read_value<robot::Vector>(entry, each.in(key.range));
+        value[name] = read_value<Entry>(entry, each.in(key.range));
       } catch (const Refused& refused) {
         throw entry.complaint(refused.value +
                               "; allowed: " + schema::allowed_text(each.in(key.range)));

@@ -15,6 +15,7 @@
 #include "experiment/reader.h"
 #include "experiment/scenario_keys.h"
 #include "experiment/yaml_tree.h"
+#include "robot/positive_inertia.h"
 
 namespace tachless::experiment {
 namespace {
@@ -145,29 +146,70 @@ YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& ov
   return root;
 }
 
-robot::Model model_of(const Scenario& scenario, const std::string& urdf_source) {
+/// The robot of `urdf_text`, read with the keys of `place`, which is `robot`; what there is to say
+/// of the file is of `robot.urdf`.
+robot::Model read_robot(const Place& place, std::string_view urdf_text, const std::string& source,
+                        Scenario& scenario) {
+  RobotSpec& spec = scenario.robot;
+  read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
+  read_key(place.child("locked"), RobotSpec::locked_key, spec);
+  read_key(place.child("base"), RobotSpec::base_key, spec);
+  robot::UrdfOptions options;
+  options.check_inertia = spec.check_inertia;
+  options.locked = spec.locked;
+  options.base_rpy = {spec.base.rpy[0], spec.base.rpy[1], spec.base.rpy[2]};
+  options.base_xyz = {spec.base.xyz[0], spec.base.xyz[1], spec.base.xyz[2]};
   try {
-    robot::Model model = robot::model_from_urdf(scenario.robot.urdf_text, urdf_source);
-    if (model.num_joints < 1) throw std::invalid_argument(urdf_source + " has no moving joint");
-    return model;
+    spec.urdf_text = robot::urdf_mechanics(std::string(urdf_text), source);
+    return robot::read_urdf(std::string(urdf_text), source, options);
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint("robot.urdf", error.what());
   }
 }
 
+/// With the rotors of rigid joints, which may give a joint all the inertia it has.
+void require_positive_inertia(const Scenario& scenario, robot::Model model,
+                              const std::string& source) {
+  model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+  try {
+    robot::require_positive_inertia(model, source);
+  } catch (const std::invalid_argument& error) {
+    throw scenario.complaint("robot.urdf", error.what());
+  }
+}
+
+/// Simbody refuses inertias that no body can have: without a choice the native mechanics take them.
+void require_mechanics_for(robot::Model& model, Scenario& scenario) {
+  if (robot::is_possible(model)) return;
+  if (scenario.gives("plant.mechanics") && scenario.plant.mechanics == plant::Mechanics::simbody) {
+    throw scenario.complaint("plant.mechanics",
+                             "simbody: it refuses the inertias that robot.check_inertia lets pass; "
+                             "allowed: native");
+  }
+  scenario.plant.mechanics = plant::Mechanics::native;
+  if (const auto refused = scenario.plant.refusal()) {
+    throw scenario.complaint("plant." + refused->key, refused->problem);
+  }
+  model.warnings.emplace_back(
+      "plant.mechanics is native, as Simbody refuses the inertias that robot.check_inertia lets "
+      "pass");
+}
+
 Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
                        const std::string& urdf_source, Scenario scenario) {
   scenario.text = emit_yaml(root);
-  scenario.robot.urdf_text = urdf_text;
-  scenario.digest = digest_of(scenario.text, urdf_text);
-  if (scenario.text.size() + urdf_text.size() > max_message_bytes) {
+  robot::Model model =
+      read_robot(Place{scenario, &root, ""}.child("robot"), urdf_text, urdf_source, scenario);
+  const std::string& mechanics = scenario.robot.urdf_text;
+  scenario.digest = digest_of(scenario.text, mechanics);
+  if (scenario.text.size() + mechanics.size() > max_message_bytes) {
     throw scenario.complaint(
         "robot.urdf",
-        fmt::format("scenario ({} bytes) and URDF ({} bytes) must fit one message; allowed: {} "
-                    "bytes in all; leave <visual>, <collision> and comments out of the URDF",
-                    scenario.text.size(), urdf_text.size(), max_message_bytes));
+        fmt::format("scenario ({} bytes) and the URDF's joints and inertials ({} bytes) must fit "
+                    "one message; allowed: {} bytes in all; shorten names, numbers or the "
+                    "reference",
+                    scenario.text.size(), mechanics.size(), max_message_bytes));
   }
-  robot::Model model = model_of(scenario, urdf_source);
   scenario.num_joints = model.num_joints;
   read(Place{scenario, &root, ""}, scenario);
 
@@ -175,6 +217,11 @@ Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
   if (!scenario.gives("plant.drive.torque_limit_Nm") &&
       model.effort_limit.array().isFinite().any()) {
     scenario.plant.drive.torque_limit_Nm = model.effort_limit;
+  }
+  require_positive_inertia(scenario, model, urdf_source);
+  require_mechanics_for(model, scenario);
+  if (!scenario.gives("plant.drive.viscous_friction_Nms_per_rad")) {
+    scenario.plant.drive.viscous_friction_Nms_per_rad = model.damping;
   }
   scenario.model = std::make_shared<const robot::Model>(std::move(model));
   scenario.robot.channel_prefix = scenario.robot.name;
@@ -229,6 +276,14 @@ void RobotSpec::set_joints(Joints given) {
     flexible = std::get<plant::FlexibleDrive>(std::move(given));
     rigid_rotor_inertia_kgm2 = robot::Vector::Zero(flexible->stiffness.size());
   }
+}
+
+std::optional<schema::Refusal> BaseSpec::refusal() const {
+  for (const auto& [name, value] : {std::pair{"rpy", &rpy}, std::pair{"xyz", &xyz}}) {
+    if (value->size() == 3) continue;
+    return schema::Refusal{name, fmt::format("{} numbers; allowed: 3", value->size())};
+  }
+  return std::nullopt;
 }
 
 std::optional<schema::Refusal> RobotSpec::refusal() const {
@@ -330,6 +385,26 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   scenario.source = source;
   const YamlNode root = surveyed_tree(text, overrides, scenario);
   return read_scenario(root, urdf_text, source + " (URDF)", std::move(scenario));
+}
+
+robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model) {
+  robot::Vector count = robot::Vector::Zero(model.num_joints);
+  const std::optional<int>& bits = scenario.plant.encoder.resolution_bits;
+  if (!bits) return count;
+  for (int i = 0; i < model.num_joints; ++i) {
+    const auto joint = static_cast<std::size_t>(i);
+    const bool prismatic = model.joint_types[joint] == robot::JointType::prismatic;
+    const double range = prismatic ? model.upper[i] - model.lower[i] : 2 * std::numbers::pi;
+    if (!(std::isfinite(range) && range > 0)) {
+      throw scenario.complaint(
+          "plant.encoder.resolution_bits",
+          fmt::format("{} needs a range to count over, but prismatic joint \"{}\" has no lower and "
+                      "upper limit in the URDF; add them, or use null (ideal)",
+                      *bits, model.joint_names[joint]));
+    }
+    count[i] = std::ldexp(range, -*bits);
+  }
+  return count;
 }
 
 }  // namespace tachless::experiment

@@ -23,11 +23,30 @@
 /// follow. This header knows the values, not what plant, controller and reference make of them.
 namespace tachless::experiment {
 
+/// Where the robot's root link is fixed.
+struct BaseSpec {
+  std::vector<double> rpy = {0, 0, 0};
+  std::vector<double> xyz = {0, 0, 0};
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+
+  static constexpr std::tuple keys{
+      schema::Key{"rpy", &BaseSpec::rpy, "rad",
+                  "Roll, pitch, yaw of the root link, which is fixed to the ground: "
+                  "`[3.141592653589793, 0, 0]` hangs the robot from the ceiling"}
+          .by_default("[0, 0, 0]"),
+      schema::Key{"xyz", &BaseSpec::xyz, "m", "Position of the root link; moves no torque"}
+          .by_default("[0, 0, 0]")};
+};
+
 struct RobotSpec {
   std::string name = "arm";
   std::string channel_prefix = "ARM";  ///< name in upper case
   std::string urdf_path;               ///< as written in the scenario
-  std::string urdf_text;
+  std::string urdf_text;               ///< robot::urdf_mechanics of the file
+  robot::CheckInertia check_inertia = robot::CheckInertia::refuse;
+  std::map<std::string, double> locked;
+  BaseSpec base;
   double gravity_m_per_s2 = 9.81;
   std::optional<plant::FlexibleDrive> flexible;  ///< nothing: rigid joints
   robot::Vector rigid_rotor_inertia_kgm2;        ///< of rigid joints
@@ -38,13 +57,29 @@ struct RobotSpec {
 
   static constexpr schema::Key urdf_key{"urdf", &RobotSpec::urdf_path, "",
                                         "URDF file, absolute or relative to the scenario's file"};
+  // What the URDF is read with.
+  static constexpr schema::Key check_inertia_key =
+      schema::Key{"check_inertia", &RobotSpec::check_inertia, "",
+                  "Moving bodies with an inertia that no body can have: `refuse` them, or `warn` "
+                  "and go on where the inertia matrix is positive definite all the same"}
+          .by_default();
+  static constexpr schema::Key locked_key =
+      schema::Key{"locked", &RobotSpec::locked, "rad (m)",
+                  "Joint of the URDF that is fixed at this position and no joint of the robot any "
+                  "more; what mimics it is held with it"}
+          .by_default("none");
+  static constexpr schema::Key base_key{"base", &RobotSpec::base};
+
   static constexpr std::tuple keys{
       schema::Key{"name", &RobotSpec::name, "",
                   "Prefix of the channels, in upper case: letters, digits, `_`, at most 32"}
           .by_default(),
       urdf_key,
+      check_inertia_key,
+      locked_key,
+      base_key,
       schema::Key{"gravity_m_per_s2", &RobotSpec::gravity_m_per_s2, "m/s²",
-                  "Along -z of the URDF's root link"}
+                  "Along -z of the world; the URDF's root link is in it at `robot.base`"}
           .in({0, 1000})
           .by_default(),
       schema::Key{"joints", &RobotSpec::set_joints, "",
@@ -131,7 +166,8 @@ struct Scenario {
   ControllerSpec controller;
   LoopSpec loop;
 
-  /// The robot of the URDF with the scenario's gravity: without rotors, without payload. Read once.
+  /// The robot of the URDF with the scenario's gravity and base: without rotors, without payload.
+  /// Read once; its warnings are for whoever asked for the scenario to be read.
   std::shared_ptr<const robot::Model> model;
   int num_joints = 0;
   std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
@@ -172,9 +208,17 @@ Scenario load_scenario(const std::filesystem::path& path,
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides = {});
 
+/// Width of one count of each joint's position encoder [rad; m if prismatic]; 0: ideal.
+/// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
+robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model);
+
 }  // namespace tachless::experiment
 
 namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<robot::CheckInertia>, 2> names<robot::CheckInertia>{
+    {{robot::CheckInertia::refuse, "refuse"}, {robot::CheckInertia::warn, "warn"}}};
 
 template <>
 inline constexpr std::array<Name<experiment::Mode>, 2> names<experiment::Mode>{

@@ -74,8 +74,8 @@ void add_keys(const std::string& prefix, Rows& rows) {
     using Value = typename schema::ValueOf<Member>::Type;
     constexpr schema::Shape shape = schema::shape_of<Member>;
     const std::string path = prefix + std::string(key.name);
-    if constexpr (shape == schema::Shape::named_joints) {
-      const schema::Key<Value, robot::Vector> each("<name>", nullptr);
+    if constexpr (schema::has_names_of_choice<Value>) {
+      const schema::Key<Value, typename Value::mapped_type> each("<name>", nullptr);
       rows.push_back({path, "", "", "", ""});
       rows.push_back({path + ".<name>", key.unit, fallback_text(key),
                       schema::allowed_text(each.in(key.range)), key.meaning});

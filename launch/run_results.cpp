@@ -15,15 +15,15 @@
 #include "logger/run_log.h"
 #include "report/figure.h"
 #include "report/gnuplot.h"
-#include "report/joint_units.h"
 #include "report/report.h"
+#include "robot/joint_units.h"
 
 namespace tachless::launch {
 namespace {
 
 /// The table, and the files.
 void show(const report::RunSummary& summary, const report::FigureFacts& figure,
-          const report::JointUnits& units, const RunDirectory& out) {
+          const robot::JointUnits& units, const RunDirectory& out) {
   std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
   for (const std::filesystem::path& file : out.files()) {
     std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
@@ -46,9 +46,9 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
 /// Tells what cannot be written, and returns its exit code.
 diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
                                     const RunDirectory& out, const report::RunSummary& summary) {
-  const report::Tracking& tracking = summary.tracking;
+  const study::Tracking& tracking = summary.tracking;
   const report::RunFacts& facts = summary.facts;
-  const report::JointUnits units = report::joint_units(*scenario.model);
+  const robot::JointUnits units = robot::joint_units(*scenario.model);
   const std::string json = diagnostics::json_text(to_json(summary, units), 2) + "\n";
   const report::FigureFacts figure{
       fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
@@ -133,7 +133,7 @@ diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOp
   if (code == diagnostics::ExitCode::done) code = written;
   if (!done || options.any_verdict || !summary.observed.bad()) return code;
   diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
-                                     text(summary.observed, report::joint_units(*scenario.model))));
+                                     text(summary.observed, robot::joint_units(*scenario.model))));
   return diagnostics::ExitCode::check_said_no;
 }
 

@@ -28,7 +28,7 @@ struct RunEnd {
 struct ReadBack {
   explicit ReadBack(int num_joints) : tracking(num_joints) {}
 
-  report::Tracking tracking;
+  study::Tracking tracking;
   std::int64_t ticks = 0;
   std::int64_t gaps = 0;
   bool damaged = false;

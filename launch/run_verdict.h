@@ -12,7 +12,10 @@ namespace tachless::launch {
 struct RunVerdict {
   std::string line;  ///< whether the linearised loop is stable at its rate
   bool warns = false;
-  std::vector<std::string> warnings;  ///< what the reference asks in vain of drives and joints
+  std::string friction;  ///< where the plant has its friction from, if from the URDF
+  /// What the URDF has that is not as it should be, and what the reference asks in vain of drives
+  /// and joints.
+  std::vector<std::string> warnings;
 };
 
 /// @throw diagnostics::Failure(bad_usage) for an unstable loop without --force

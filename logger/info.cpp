@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <string_view>
@@ -159,6 +160,27 @@ std::optional<double> ChannelInfo::rate_hz() const {
   return static_cast<double>(messages - 1) / span_s;
 }
 
+namespace {
+
+/// What a file without any message is, by its beginning.
+std::string no_log_text(const std::filesystem::path& path) {
+  std::string text(1 << 16, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(file.gcount()));
+  const std::string name = path.string();
+  if (text.find("<robot") != std::string::npos) {
+    return fmt::format("{}: this is a robot description: tachless robot {}", name, name);
+  }
+  if (text.find("\nrobot:") != std::string::npos &&
+      text.find("\ncontroller:") != std::string::npos) {
+    return fmt::format("{}: this is a scenario: tachless run {}", name, name);
+  }
+  return fmt::format("{}: not one message of an LCM log is in it; name an LCM log", name);
+}
+
+}  // namespace
+
 LogInfo read_info(const std::filesystem::path& path) {
   LogInfo info;
   info.path = path;
@@ -194,6 +216,9 @@ LogInfo read_info(const std::filesystem::path& path) {
   }
   for (auto& [name, channel] : channels) info.channels.push_back(std::move(channel));
   info.damage = reader.damage();
+  if (info.events == 0 && info.size_bytes > 0) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, no_log_text(path));
+  }
   if (!has_run_info) {
     info.run_problem = "no RUN_INFO in it: not a log of tachless, or recorded without its start";
     return info;

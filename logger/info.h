@@ -58,7 +58,8 @@ struct LogInfo {
   std::string run_problem;  ///< why there is no `run`
 };
 
-/// @throw diagnostics::Failure(bad_usage) when `path` is not a readable file.
+/// @throw diagnostics::Failure(bad_usage) when `path` is not a readable file, or has not one
+/// message in it without being empty: saying then what it is, as far as that shows.
 LogInfo read_info(const std::filesystem::path& path);
 
 /// For people: a few lines and a table.

@@ -63,26 +63,10 @@ double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t chan
 }
 
 Encoder::Encoder(const experiment::Scenario& scenario, const robot::Model& model)
-    : count_(robot::Vector::Zero(model.num_joints)),
+    : count_(experiment::encoder_count(scenario, model)),
       position_noise_(scenario.plant.encoder.noise_std_rad),
       velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
-      seed_(scenario.plant.encoder.seed) {
-  const std::optional<int>& bits = scenario.plant.encoder.resolution_bits;
-  if (!bits) return;
-  for (int i = 0; i < model.num_joints; ++i) {
-    const bool prismatic =
-        model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::prismatic;
-    const double range = prismatic ? model.upper[i] - model.lower[i] : 2 * std::numbers::pi;
-    if (!(std::isfinite(range) && range > 0)) {
-      throw scenario.complaint(
-          "plant.encoder.resolution_bits",
-          std::to_string(*bits) + " needs a range to count over, but prismatic joint \"" +
-              model.joint_names[static_cast<std::size_t>(i)] +
-              "\" has no lower and upper limit in the URDF; add them, or use null (ideal)");
-    }
-    count_[i] = std::ldexp(range, -*bits);
-  }
-}
+      seed_(scenario.plant.encoder.seed) {}
 
 robot::Vector Encoder::position(const robot::Vector& exact, Channel channel,
                                 std::int64_t tick) const {

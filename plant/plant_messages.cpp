@@ -7,6 +7,7 @@
 #include "diagnostics/logging.h"
 #include "loop/measurements.h"
 #include "plant/run_info.h"
+#include "plant/truth_of.h"
 
 namespace tachless::plant {
 namespace {
@@ -79,14 +80,8 @@ std::span<const std::byte> PlantMessages::tick(const loop::Stamp& stamp) {
 }
 
 std::span<const std::byte> PlantMessages::truth(std::int64_t tick, loop::truth::DriveFault fault) {
-  const ArmState& state = robot_.state();
   const AppliedTorque& applied = robot_.applied();
-  truth_.q = state.q;
-  truth_.v = state.v;
-  truth_.theta = state.theta;
-  truth_.thetadot = state.thetadot;
-  truth_.tau = applied.tau;
-  truth_.saturated = applied.saturated;
+  truth_ = truth_of(robot_.state(), applied);
   truth_.fault = fault;
   node::PlantStatistics& statistics = link_.statistics().plant();
   for (int i = 0; i < scenario_.num_joints; ++i) {

@@ -104,8 +104,10 @@ struct EncoderSpec {
   EncoderSide side = EncoderSide::both;
 
   static constexpr std::tuple keys{
-      schema::Key{"resolution_bits", &EncoderSpec::resolution_bits, "bit",
-                  "2^bits counts per revolution; null = ideal"}
+      schema::Key{
+          "resolution_bits", &EncoderSpec::resolution_bits, "bit",
+          "2^bits counts per revolution, on a prismatic joint over its range in the URDF; null = "
+          "ideal"}
           .in({1, 52})
           .by_default()
           .or_null(),
@@ -136,9 +138,9 @@ struct DriveSpec {
           .by_default("effort limits of the URDF")
           .or_null(),
       schema::Key{"viscous_friction_Nms_per_rad", &DriveSpec::viscous_friction_Nms_per_rad,
-                  "N m s/rad", "On the links' joints"}
+                  "N m s/rad", "On the links' joints; Coulomb's friction is not modelled"}
           .in(schema::not_negative)
-          .by_default(0)};
+          .by_default("`<dynamics damping>` of the URDF")};
 };
 
 struct PayloadSpec {

@@ -20,7 +20,7 @@ std::string hindrance(const Replay& replay, const logger::RunLog& log) {
 }
 
 std::string problem_text(const Replay& replay, const logger::RunLog& log,
-                         const report::JointUnits& units) {
+                         const robot::JointUnits& units) {
   const std::string gap = hindrance(replay, log);
   if (replay.different == 0) {
     if (gap.empty()) return "";

@@ -8,7 +8,7 @@
 
 #include "diagnostics/unfinished_file.h"
 #include "replay/replay.h"
-#include "report/envelope.h"
+#include "study/envelope.h"
 
 namespace tachless::replay {
 
@@ -32,7 +32,7 @@ class WhatIf {
 
  private:
   struct Joint {
-    report::Envelope recorded, replayed, difference;
+    study::Envelope recorded, replayed, difference;
   };
   diagnostics::UnfinishedFile file_;
   std::ofstream csv_;

@@ -10,11 +10,11 @@ namespace {
 
 constexpr double kick = 0.05;  // of the points, at most, at either end of the values
 
-Range range_without(const std::vector<Point>& curve, double left_out) {
+Range range_without(const std::vector<study::Point>& curve, double left_out) {
   if (curve.empty()) return {};
   std::vector<double> values;
   values.reserve(curve.size());
-  for (const Point& point : curve) values.push_back(point.y);
+  for (const study::Point& point : curve) values.push_back(point.y);
   std::sort(values.begin(), values.end());
   const auto skip = static_cast<std::size_t>(left_out * static_cast<double>(values.size()));
   return {values[skip], values[values.size() - 1 - skip]};
@@ -26,9 +26,9 @@ Range join(const Range& a, const Range& b) {
   return {std::min(a.low, b.low), std::max(a.high, b.high)};
 }
 
-Range range_of(const std::vector<Point>& curve) { return range_without(curve, 0); }
+Range range_of(const std::vector<study::Point>& curve) { return range_without(curve, 0); }
 
-Range usual_range(const std::vector<Point>& curve) { return range_without(curve, kick); }
+Range usual_range(const std::vector<study::Point>& curve) { return range_without(curve, kick); }
 
 std::optional<Range> cut_at_kick(const Range& whole, const Range& usual) {
   if (!(usual.span() > 0) || whole.span() <= 4 * usual.span()) return {};

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "report/envelope.h"
+#include "study/envelope.h"
 
 /// Where a kick, at the start of a run say, would flatten the rest of a curve, its axis is cut.
 namespace tachless::report {
@@ -17,10 +17,10 @@ struct Range {
 
 Range join(const Range& a, const Range& b);
 
-Range range_of(const std::vector<Point>& curve);
+Range range_of(const std::vector<study::Point>& curve);
 
 /// The values of a curve but for the highest and the lowest 5 % of its points.
-Range usual_range(const std::vector<Point>& curve);
+Range usual_range(const std::vector<study::Point>& curve);
 
 /// The range to show, or nothing when all of it can be shown.
 /// @param whole range of all curves; @param usual what must be seen of them

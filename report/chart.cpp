@@ -20,7 +20,7 @@ constexpr int bar_px = 30;  // a row of a chart of bars
 std::string data_block(const std::string& name, const Curve& curve, bool positive_x,
                        bool positive_y) {
   std::string text = fmt::format("${} << END\n", name);
-  for (const Point& point : curve.points) {
+  for (const study::Point& point : curve.points) {
     if ((positive_y && !(point.y > 0)) || (positive_x && !(point.x > 0))) continue;
     fmt::format_to(std::back_inserter(text), "{:.8g} {:.6g}\n", point.x, point.y);
   }
@@ -176,7 +176,7 @@ std::vector<Row> rows_of(const std::vector<Chart>& charts) {
 }  // namespace
 
 bool has_something(const Chart& chart) {
-  const auto shown = [&](const Point& point) {
+  const auto shown = [&](const study::Point& point) {
     return std::isfinite(point.y) && (!chart.logarithmic_y || point.y > 0) &&
            (!chart.logarithmic_x || point.x > 0);
   };
@@ -252,7 +252,7 @@ std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::
 std::optional<double> logarithmic_floor(const std::vector<Curve>& curves) {
   std::vector<double> values;
   for (const Curve& curve : curves) {
-    for (const Point& point : curve.points) {
+    for (const study::Point& point : curve.points) {
       if (point.y > 0 && std::isfinite(point.y)) values.push_back(point.y);
     }
   }

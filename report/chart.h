@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "report/envelope.h"
+#include "study/envelope.h"
 
 /// Charts as data, and the gnuplot commands that draw them: the one place that knows how a diagram
 /// of this project looks. Knows nothing of runs; runs gnuplot not itself (gnuplot.h).
@@ -16,7 +16,7 @@ enum class CurveStyle { line, steps, points };
 
 struct Curve {
   std::string title;  ///< in the key; empty: not there. gnuplot's enhanced text
-  std::vector<Point> points;
+  std::vector<study::Point> points;
   std::string colour;  ///< "#0072B2"
   double width = 1.4;  ///< [px]
   std::string dash;    ///< gnuplot's dashtype, "(6,4)"; empty: solid

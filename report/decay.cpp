@@ -27,8 +27,8 @@ struct Sums {
 };
 
 /// The upper envelope from the peak on, as (t, log).
-std::vector<Point> log_envelope(const std::vector<Point>& magnitude) {
-  std::vector<Point> envelope;
+std::vector<study::Point> log_envelope(const std::vector<study::Point>& magnitude) {
+  std::vector<study::Point> envelope;
   double upper = 0;
   for (std::size_t i = magnitude.size(); i-- > 0;) {
     if (!std::isfinite(magnitude[i].y)) return {};
@@ -46,7 +46,7 @@ std::vector<Point> log_envelope(const std::vector<Point>& magnitude) {
 constexpr std::size_t fewest = 6;
 
 /// How many points belong to the falling line.
-std::size_t length_of_fall(const std::vector<Point>& envelope) {
+std::size_t length_of_fall(const std::vector<study::Point>& envelope) {
   std::vector<double> rest(envelope.size() + 1);
   Sums after;
   for (std::size_t i = envelope.size(); i-- > 0;) {
@@ -75,8 +75,8 @@ double median(std::vector<double> values) {
 
 }  // namespace
 
-std::optional<Decay> fit_decay(const std::vector<Point>& magnitude) {
-  std::vector<Point> fall = log_envelope(magnitude);
+std::optional<Decay> fit_decay(const std::vector<study::Point>& magnitude) {
+  std::vector<study::Point> fall = log_envelope(magnitude);
   if (fall.size() < fewest) return {};
   fall.resize(length_of_fall(fall));
 
@@ -93,7 +93,8 @@ std::optional<Decay> fit_decay(const std::vector<Point>& magnitude) {
   const double slope = median(std::move(slopes));
   std::vector<double> offsets;
   offsets.reserve(fall.size());
-  for (const Point& point : fall) offsets.push_back(point.y - slope * (point.x - fall.front().x));
+  for (const study::Point& point : fall)
+    offsets.push_back(point.y - slope * (point.x - fall.front().x));
   const double offset = median(offsets);
 
   const double drop = -slope * (fall.back().x - fall.front().x);

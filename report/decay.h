@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "report/envelope.h"
+#include "study/envelope.h"
 
 namespace tachless::report {
 
@@ -23,6 +23,6 @@ struct Decay {
 ///
 /// Nothing when the envelope falls by less than a factor of two along the line, or does not follow
 /// it (by 20 % of the fall, rms), or there are too few points.
-std::optional<Decay> fit_decay(const std::vector<Point>& magnitude);
+std::optional<Decay> fit_decay(const std::vector<study::Point>& magnitude);
 
 }  // namespace tachless::report

@@ -26,7 +26,7 @@ std::string units_of(const std::vector<std::string>& per_joint) {
 }
 
 /// One curve per joint.
-Chart overlaid(const Tracking& tracking, Envelope JointTracking::*signal,
+Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTracking::*signal,
                const std::string& symbol) {
   Chart chart;
   chart.wide = true;
@@ -43,9 +43,9 @@ std::string indexed(std::string_view symbol, std::size_t joint) {
   return fmt::format("{{/:Italic {}}}_{{{}}}", symbol, joint + 1);
 }
 
-Chart position_chart(const Tracking& tracking, std::size_t joint, const std::string& unit,
+Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& unit,
                      std::size_t max_points) {
-  const JointTracking& signals = tracking.joints()[joint];
+  const study::JointTracking& signals = tracking.joints()[joint];
   const bool motors = tracking.has_motors();
   Chart chart;
   chart.y_label = fmt::format("{}{}  [{}]", indexed("q", joint),
@@ -80,23 +80,23 @@ void make_logarithmic(Chart& chart) {
   if (const auto floor = logarithmic_floor(chart.curves)) chart.y_range = {{*floor, INFINITY}};
 }
 
-std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
+std::string tracking_figure(const study::Tracking& tracking, const FigureFacts& facts,
                             const std::filesystem::path& svg) {
   std::vector<Chart> charts;
   for (std::size_t joint = 0; joint < tracking.joints().size(); ++joint) {
     charts.push_back(
-        position_chart(tracking, joint, facts.length_units[joint], Envelope::max_points));
+        position_chart(tracking, joint, facts.length_units[joint], study::Envelope::max_points));
   }
-  Chart error = overlaid(tracking, &JointTracking::abs_error, "e");
+  Chart error = overlaid(tracking, &study::JointTracking::abs_error, "e");
   error.y_label =
       fmt::format("|{{/:Italic q}} − {{/:Italic q}}_{{ref}}|  [{}]", units_of(facts.length_units));
   make_logarithmic(error);
   // A joint without any error has nothing on this axis, nor a place in its key.
   std::erase_if(error.curves, [](const Curve& curve) {
     return std::none_of(curve.points.begin(), curve.points.end(),
-                        [](const Point& point) { return point.y > 0; });
+                        [](const study::Point& point) { return point.y > 0; });
   });
-  Chart torque = overlaid(tracking, &JointTracking::tau, "τ");
+  Chart torque = overlaid(tracking, &study::JointTracking::tau, "τ");
   torque.y_label = fmt::format("{{/:Italic τ}}  [{}]", units_of(facts.effort_units));
   cut_kick(torque, units_of(facts.effort_units));
   charts.insert(charts.end(), {std::move(error), std::move(torque)});

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "report/chart.h"
-#include "report/tracking.h"
+#include "study/tracking.h"
 
 /// The charts of one run's signals: those of tracking.svg, and the pieces that the report's charts
 /// are made of too.
@@ -16,7 +16,7 @@ namespace tachless::report {
 std::string indexed(std::string_view symbol, std::size_t joint);
 
 /// Link angle, motor angle where there is one, and reference of one joint, named and labelled.
-Chart position_chart(const Tracking& tracking, std::size_t joint, const std::string& unit,
+Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& unit,
                      std::size_t max_points);
 
 /// Where a kick would flatten the rest of a chart's curves, its axis is cut, and a note says so.
@@ -34,7 +34,7 @@ struct FigureFacts {
 
 /// gnuplot commands and data for the figure of a run: link angle against reference for each joint
 /// (the motor angle too where there is one), position error on a logarithmic axis, torque.
-std::string tracking_figure(const Tracking& tracking, const FigureFacts& facts,
+std::string tracking_figure(const study::Tracking& tracking, const FigureFacts& facts,
                             const std::filesystem::path& svg);
 
 }  // namespace tachless::report

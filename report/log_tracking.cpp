@@ -25,15 +25,15 @@ Angles angles_of(const logger::TickRecord& record) {
 
 }  // namespace
 
-void add(Tracking& tracking, const logger::TickRecord& record, double period_s) {
+void add(study::Tracking& tracking, const logger::TickRecord& record, double period_s) {
   const Angles angles = angles_of(record);
   if (angles.q.size() == 0 || !record.reference || !(record.truth || record.command)) return;
   tracking.add(static_cast<double>(record.tick) * period_s, angles.q, record.reference->q_ref,
                angles.theta, record.truth ? record.truth->tau : record.command->tau);
 }
 
-Tracking track(logger::RunLog& log) {
-  Tracking tracking(log.layout().num_joints);
+study::Tracking track(logger::RunLog& log) {
+  study::Tracking tracking(log.layout().num_joints);
   log.rewind();
   logger::TickRecord record;
   while (log.next(record)) add(tracking, record, log.info().period_s);

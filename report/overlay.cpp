@@ -30,8 +30,8 @@ Overlay::Overlay(const std::vector<RecordedRun>& runs) : runs_(runs) {
   if (!(end_s_ > 0)) end_s_ = 1;
 }
 
-Curve Overlay::curve(std::size_t run, const std::vector<Point>& points, const std::string& title,
-                     double width) const {
+Curve Overlay::curve(std::size_t run, const std::vector<study::Point>& points,
+                     const std::string& title, double width) const {
   return {title, points, run_colour(run), width, dash(run), CurveStyle::line};
 }
 

@@ -45,7 +45,7 @@ class Overlay {
   [[nodiscard]] std::size_t budget() const { return alone() ? 1600 : 1000; }
   /// Where runs are overlaid, a legend beside the charts names them.
   [[nodiscard]] std::string dash(std::size_t run) const { return alone() ? "" : run_dash(run); }
-  [[nodiscard]] Curve curve(std::size_t run, const std::vector<Point>& points,
+  [[nodiscard]] Curve curve(std::size_t run, const std::vector<study::Point>& points,
                             const std::string& title = "", double width = 1.2) const;
 
   [[nodiscard]] std::string joint_heading(std::size_t joint) const;

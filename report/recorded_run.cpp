@@ -40,7 +40,7 @@ std::vector<LoggedSignal> declared_signals(const RecordedRun& run, std::size_t n
        loop::parse_signals(run.info.signals).value_or(std::vector<loop::Signal>())) {
     if (unit != "rad") {
       signals.push_back(
-          {std::string(name), std::string(unit), row, std::vector<Envelope>(num_joints)});
+          {std::string(name), std::string(unit), row, std::vector<study::Envelope>(num_joints)});
     }
     ++row;
   }
@@ -102,7 +102,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   run.info = log.info();
   run.scenario = log.scenario();
   const robot::Model model = controller::rigid_model(run.scenario);
-  run.units = joint_units(model);
+  run.units = robot::joint_units(model);
   run.joint_names = model.joint_names;
   run.signals = declared_signals(run, num_joints);
   run.saturated.resize(num_joints);
@@ -135,7 +135,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   if (lyapunov) {
     run.lyapunov_decay = fit_decay(run.lyapunov.points());
   }
-  for (const JointTracking& joint : run.tracking.joints()) {
+  for (const study::JointTracking& joint : run.tracking.joints()) {
     run.decay.push_back(fit_decay(joint.abs_error.points()));
   }
   run.summary = log.summary();

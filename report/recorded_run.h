@@ -11,9 +11,9 @@
 #include "certificate/stability_certificate.h"
 #include "logger/run_log.h"
 #include "report/decay.h"
-#include "report/envelope.h"
-#include "report/joint_units.h"
-#include "report/tracking.h"
+#include "robot/joint_units.h"
+#include "study/envelope.h"
+#include "study/tracking.h"
 
 namespace tachless::report {
 
@@ -42,7 +42,7 @@ struct LoggedSignal {
   std::string name;
   std::string unit;     ///< on a revolute joint
   std::size_t row = 0;  ///< of loop::LawSignals
-  std::vector<Envelope> joints;
+  std::vector<study::Envelope> joints;
 };
 
 /// All that a report shows of one run, in memory that does not grow with its length.
@@ -52,14 +52,14 @@ struct RecordedRun {
   std::int64_t run_id = 0;
   loop::RunInfo info;
   experiment::Scenario scenario;
-  JointUnits units;
+  robot::JointUnits units;
   std::vector<std::string> joint_names;
 
-  Tracking tracking;
+  study::Tracking tracking;
   std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors
   std::vector<LoggedSignal> signals;        ///< of the law, but for position errors
 
-  Envelope lyapunov;
+  study::Envelope lyapunov;
   std::string lyapunov_formula;  ///< empty: the law has none here
   std::optional<certificate::CertifiedRun> certified;
   std::optional<double> above_bound_s;  ///< when V first exceeded the certified bound

@@ -14,9 +14,10 @@
 namespace tachless::report {
 namespace {
 
-bool same_points(const std::vector<Point>& a, const std::vector<Point>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const Point& p, const Point& q) { return p.x == q.x && p.y == q.y; });
+bool same_points(const std::vector<study::Point>& a, const std::vector<study::Point>& b) {
+  return std::equal(
+      a.begin(), a.end(), b.begin(), b.end(),
+      [](const study::Point& p, const study::Point& q) { return p.x == q.x && p.y == q.y; });
 }
 
 /// Several runs' positions of a joint over their references; a reference that they share once.
@@ -224,11 +225,11 @@ Html lyapunov_text(const RecordedRun& run) {
 }
 
 /// The certified bound from the start to the run's end, down to where V ends.
-Curve bound_of(const RecordedRun& run, const std::vector<Point>& V) {
+Curve bound_of(const RecordedRun& run, const std::vector<study::Point>& V) {
   Curve bound{"",  {},      run.above_bound_s ? alarm_colour : palette[6],
               1.4, "(2,3)", CurveStyle::line};
   double least = V.front().y;
-  for (const Point& each : V) least = each.y > 0 ? std::min(least, each.y) : least;
+  for (const study::Point& each : V) least = each.y > 0 ? std::min(least, each.y) : least;
   constexpr int pieces = 200;
   for (int k = 0; k <= pieces; ++k) {
     const double t_s = V.back().x * k / pieces;
@@ -246,7 +247,7 @@ ReportSection lyapunov_section(const Overlay& all) {
   const auto& runs = all.runs();
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (runs[i].lyapunov_formula.empty()) continue;
-    const std::vector<Point> V = runs[i].lyapunov.points(all.budget());
+    const std::vector<study::Point> V = runs[i].lyapunov.points(all.budget());
     chart.curves.push_back(all.curve(i, V, "", 1.4));
     if (runs[i].certified && runs[i].certified->rate >= 0 && V.size() > 1) {
       fits.push_back(bound_of(runs[i], V));

@@ -12,7 +12,7 @@ namespace tachless::report {
 namespace {
 
 /// The outline of a histogram [[from_us, count]…] in steps of a quarter octave, in percent.
-std::vector<Point> outline(const nlohmann::json& histogram) {
+std::vector<study::Point> outline(const nlohmann::json& histogram) {
   constexpr double per_octave = 4;
   std::map<int, double> counts;
   double total = 0;
@@ -28,7 +28,7 @@ std::vector<Point> outline(const nlohmann::json& histogram) {
   }
   if (!(total > 0)) return {};
   const double floor = 50 / total;
-  std::vector<Point> points;
+  std::vector<study::Point> points;
   for (const auto& [bin, count] : counts) {
     const double from = std::exp2(bin / per_octave);
     const double to = std::exp2((bin + 1) / per_octave);
@@ -141,7 +141,7 @@ ReportSection timing_section(const Overlay& all) {
         continue;
       }
       chart.curves.push_back(all.curve(i, outline(outcome[key]["histogram"]), "", 1.6));
-      for (const Point& point : chart.curves.back().points) floor = std::min(floor, point.y);
+      for (const study::Point& point : chart.curves.back().points) floor = std::min(floor, point.y);
     }
     if (std::isfinite(floor)) chart.y_range = {{floor, INFINITY}};
     section.add(heading, chart);

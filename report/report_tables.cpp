@@ -201,7 +201,7 @@ const std::vector<Fact>& facts() {
 }
 
 Html results_row(const RecordedRun& run, std::size_t joint) {
-  const JointTracking& signals = run.tracking.joints()[joint];
+  const study::JointTracking& signals = run.tracking.joints()[joint];
   const std::string& length = run.units.length[joint];
   const std::string& effort = run.units.effort[joint];
   const double share = 100 * static_cast<double>(run.saturated[joint].ticks()) /

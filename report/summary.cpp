@@ -61,10 +61,10 @@ std::string realtime_rows(const node::PlantStatistics& plant) {
              plant.longest_command_miss);
 }
 
-void add_signals(Json& json, const Tracking& tracking) {
+void add_signals(Json& json, const study::Tracking& tracking) {
   Json error = {{"peak", Json::array()}, {"rms", Json::array()}, {"final", Json::array()}};
   Json torque = {{"peak", Json::array()}, {"rms", Json::array()}};
-  for (const JointTracking& joint : tracking.joints()) {
+  for (const study::JointTracking& joint : tracking.joints()) {
     if (tracking.num_ticks() == 0) break;
     error["peak"].push_back(joint.error.peak());
     error["rms"].push_back(joint.error.rms());
@@ -116,11 +116,11 @@ std::int64_t RunSummary::ticks() const {
 
 double RunSummary::duration_s() const { return static_cast<double>(ticks()) * facts.period_s; }
 
-Observed RunSummary::observe() const {
-  return report::observe(tracking, plant_of(*this).saturated_ticks);
+study::Observed RunSummary::observe() const {
+  return study::observe(tracking, plant_of(*this).saturated_ticks);
 }
 
-nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& units) {
+nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointUnits& units) {
   const RunFacts& facts = summary.facts;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
@@ -142,8 +142,8 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& unit
   return json;
 }
 
-std::string closing_table(const RunSummary& summary, const JointUnits& units) {
-  const Tracking& tracking = summary.tracking;
+std::string closing_table(const RunSummary& summary, const robot::JointUnits& units) {
+  const study::Tracking& tracking = summary.tracking;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
   const node::PlantStatistics plant = plant_of(summary);
@@ -151,7 +151,7 @@ std::string closing_table(const RunSummary& summary, const JointUnits& units) {
       fmt::format("  {:>5}  {:>35}   {:>25}\n  {:>5}  {:>11} {:>11} {:>11}   {:>12} {:>12}\n",
                   "joint", "position error", "torque", "", "peak", "rms", "final", "peak", "rms");
   for (std::size_t i = 0; tracking.num_ticks() > 0 && i < tracking.joints().size(); ++i) {
-    const JointTracking& joint = tracking.joints()[i];
+    const study::JointTracking& joint = tracking.joints()[i];
     text += fmt::format("  {:>5}  {:11.3e} {:11.3e} {:+11.3e} {:<3} {:11.5g} {:12.5g} {}\n", i + 1,
                         joint.error.peak(), joint.error.rms(), joint.error.final(), units.length[i],
                         joint.torque.peak(), joint.torque.rms(), units.effort[i]);
@@ -178,7 +178,7 @@ std::string closing_table(const RunSummary& summary, const JointUnits& units) {
   }
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
-  text += fmt::format("  {}\n", report::text(summary.observed, units));
+  text += fmt::format("  {}\n", study::text(summary.observed, units));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
 }

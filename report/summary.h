@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "node/statistics.h"
-#include "report/joint_units.h"
-#include "report/observed.h"
-#include "report/tracking.h"
+#include "robot/joint_units.h"
+#include "study/observed.h"
+#include "study/tracking.h"
 
 /// A run in numbers: summary.json and the closing table. Reads no log and writes no file.
 namespace tachless::report {
@@ -30,7 +30,7 @@ struct RunFacts {
 
 struct RunSummary {
   RunFacts facts;
-  Tracking tracking;
+  study::Tracking tracking;
   /// What the processes counted; a process that was killed has left none.
   std::vector<node::Statistics> statistics;
 
@@ -41,17 +41,17 @@ struct RunSummary {
   [[nodiscard]] double duration_s() const;  ///< of the motion
 
   /// What the run did, from its signals and the plant's counters.
-  const Observed observed = observe();
+  const study::Observed observed = observe();
 
  private:
-  [[nodiscard]] Observed observe() const;
+  [[nodiscard]] study::Observed observe() const;
 };
 
 /// The content of summary.json.
-nlohmann::ordered_json to_json(const RunSummary& summary, const JointUnits& units);
+nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointUnits& units);
 
 /// The closing table: per joint error and torque, then how the run went.
-std::string closing_table(const RunSummary& summary, const JointUnits& units);
+std::string closing_table(const RunSummary& summary, const robot::JointUnits& units);
 
 /// "50 µs", "1 ms": a period for people.
 std::string short_period(double period_s);

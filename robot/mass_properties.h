@@ -12,11 +12,15 @@ struct MassProperties {
   Eigen::Matrix3d I_cm = Eigen::Matrix3d::Zero();  ///< about the centre of mass [kg m2]
 };
 
-/// Two rigid things, in the same frame, as one.
+/// Two rigid things, in the same frame, as one. Inertia without mass counts too.
 MassProperties combine(const MassProperties& a, const MassProperties& b);
 
+/// R I R', symmetric, and exactly I for R = 1.
+Eigen::Matrix3d rotated(const Eigen::Matrix3d& I, const Eigen::Matrix3d& R);
+
 /// Empty when a rigid body can have these properties, else what forbids it, with the value and
-/// the remedy. Allowed for rounding in what people print: 1e-6 of the largest principal moment.
+/// the remedy. Allowed for rounding in what people print: 1e-6 of the largest principal moment, and
+/// a radius of gyration of 1e-6 m.
 std::string why_not_physical(const MassProperties& body);
 
 }  // namespace tachless::robot

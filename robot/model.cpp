@@ -25,6 +25,10 @@ Reach reach(const Model& model, const Frame& frame) {
   return r;
 }
 
+bool coincide(const Frame& a, const Frame& b, double tolerance_m) {
+  return a.body == b.body && (a.p_BF - b.p_BF).norm() <= tolerance_m;
+}
+
 std::string farthest_leaf(const Model& model) {
   std::string best, rival;
   Reach far{0, 0};
@@ -37,7 +41,8 @@ std::string farthest_leaf(const Model& model) {
       best = link;
       rival.clear();
       far = r;
-    } else if (same_joints && std::abs(r.distance - far.distance) <= rounding) {
+    } else if (same_joints && std::abs(r.distance - far.distance) <= rounding &&
+               !coincide(frame, model.frames.at(best), rounding)) {
       rival = link;
     }
   }

@@ -56,31 +56,66 @@ struct Model {
   Vector lower, upper;                      ///< [rad; m], +-unlimited where the URDF has none
   Vector effort_limit;                      ///< [N m; N], unlimited where none (or 0) is given
   Vector velocity_limit;                    ///< [rad/s; m/s]
-  Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the root link's frame [m/s2]
+  Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the world [m/s2]
   Vector rotor_inertia;  ///< added to the diagonal of M [kg m2]; zero from a URDF; empty is zero
+  Vector damping;        ///< viscous, of the URDF's <dynamics> [N m s/rad; N s/m]
+  Vector friction;       ///< Coulomb's, of the URDF's <dynamics> [N m; N]
+  std::vector<std::string> warnings;  ///< what the URDF has that is not as it should be
 };
 
-/// Reads a URDF text: revolute, continuous, prismatic and fixed joints, `mimic`.
-/// `source` is the file name for messages.
+/// What becomes of a moving body that has an inertia which no body can have.
+enum class CheckInertia { refuse, warn };
+
+/// How a URDF is read, beside its text.
+struct UrdfOptions {
+  CheckInertia check_inertia = CheckInertia::refuse;
+  std::map<std::string, double> locked;  ///< joints fixed at a position [rad; m]; no coordinates
+  /// Where the root link is in the world: roll, pitch and yaw [rad] and position [m], as in a
+  /// URDF's <origin>.
+  Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero(), base_xyz = Eigen::Vector3d::Zero();
+};
+
+/// The part of a URDF's text that is read: names, joints, limits and inertials, every number as it
+/// is written; without visuals, collisions, comments and what others have added. Reading it gives
+/// the same model.
+/// @throw std::invalid_argument as `model_from_urdf`, of what the XML shows
+std::string urdf_mechanics(const std::string& text, const std::string& source);
+
+/// Reads a URDF text: revolute, continuous, prismatic and fixed joints, `mimic`. The root link is
+/// fixed to the ground. `source` is the file name for messages.
 ///
 /// Coordinates are numbered depth-first from the root, the children of a link in the order in
 /// which their joints stand in the file; bodies likewise. A mimic joint adds a body, not a
-/// coordinate, and its own limits are not read. Links behind fixed joints are merged into the
-/// body they are fixed to (or into the ground, where their inertia, like the root link's, is of
-/// no consequence). An effort or velocity limit of 0 means none. Visuals, collisions, joint
-/// damping, friction, safety controllers and transmissions are ignored: friction is the
-/// scenario's.
+/// coordinate, and its own limits are not read; its damping and friction are added to those of the
+/// joint that drives it. Links behind fixed and locked joints are merged into the body they are
+/// fixed to, and the merged body is judged; what is fixed to the ground is not. An effort or
+/// velocity limit of 0 or below means none. Visuals, collisions, safety controllers and
+/// transmissions are not read.
 /// @throw std::invalid_argument, one line naming source, link or joint, value and remedy: XML or
-/// URDF that does not parse, duplicated or unknown names, a tree that is none, floating or
-/// planar joints, a mimic cycle, an axis of zero length, limits that enclose nothing, more than
-/// `max_joints` coordinates or `max_bodies` bodies, inertia no body can have, and massless links
-/// that leave a joint without inertia (M not positive definite at any of a few postures).
-Model model_from_urdf(const std::string& text, const std::string& source);
+/// URDF that does not parse, what xacro has left, duplicated or unknown names, a tree that is none,
+/// joints of other types, a mimic cycle, an axis of zero length, limits that enclose nothing, more
+/// than `max_joints` coordinates or `max_bodies` bodies, and inertias no body can have, all of them
+/// at once, unless `check_inertia` is `warn`. Does not look at the inertia matrix.
+Model read_urdf(const std::string& text, const std::string& source,
+                const UrdfOptions& options = {});
+
+/// @throw std::invalid_argument, one line, when the inertia matrix is not positive definite at the
+/// posture nearest to 0 or at one of some others in the joints' range: links without mass leave a
+/// joint without inertia.
+void require_positive_inertia(const Model& model, const std::string& source);
+
+/// `read_urdf` and `require_positive_inertia`.
+inline Model model_from_urdf(const std::string& text, const std::string& source,
+                             const UrdfOptions& options = {}) {
+  Model model = read_urdf(text, source, options);
+  require_positive_inertia(model, source);
+  return model;
+}
 
 /// The model with a point mass [kg] at the origin of `link`. Default: the leaf link farthest from
 /// the root, by moving joints, then by distance along the joints' origins at q = 0.
 /// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
-/// it does not move, or the default is ambiguous.
+/// it does not move, or the default is ambiguous: equally far links at different places.
 Model with_payload(Model model, double mass, const std::string& link = {});
 
 }  // namespace tachless::robot

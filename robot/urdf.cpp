@@ -1,58 +1,33 @@
-#include <console_bridge/console.h>
 #include <fmt/format.h>
-#include <urdf_parser/urdf_parser.h>
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
-#include <exception>
 #include <map>
-#include <mutex>
-#include <random>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "robot/cholesky.h"
-#include "robot/mass_matrix.h"
 #include "robot/mass_properties.h"
 #include "robot/model.h"
+#include "robot/positive_inertia.h"
 #include "robot/urdf_tree.h"
+#include "robot/urdfdom.h"
 
 namespace tachless::robot {
 namespace {
 
-/// While it lives, what urdfdom would print is kept instead. One at a time: urdfdom's channel is
-/// global.
-class UrdfdomMessages : public console_bridge::OutputHandler {
- public:
-  UrdfdomMessages() : lock_(mutex()), level_(console_bridge::getLogLevel()) {
-    console_bridge::setLogLevel(console_bridge::CONSOLE_BRIDGE_LOG_ERROR);
-    console_bridge::useOutputHandler(this);
-  }
-  ~UrdfdomMessages() override {
-    console_bridge::restorePreviousOutputHandler();
-    console_bridge::setLogLevel(level_);
-  }
-  void log(const std::string& message, console_bridge::LogLevel, const char*, int) override {
-    text += (text.empty() ? "" : "; ") + message;
-  }
-
-  std::string text;
-
- private:
-  static std::mutex& mutex() {
-    static std::mutex m;
-    return m;
-  }
-  std::lock_guard<std::mutex> lock_;
-  console_bridge::LogLevel level_;
-};
-
 Eigen::Vector3d vector_of(const urdf::Vector3& v) { return {v.x, v.y, v.z}; }
 Eigen::Matrix3d rotation_of(const urdf::Rotation& r) {
   return Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
+}
+
+/// Roll, pitch, yaw; exactly 1 for zeros.
+Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy) {
+  urdf::Rotation r;
+  r.setFromRPY(rpy[0], rpy[1], rpy[2]);
+  return rotation_of(r);
 }
 
 /// Coordinate and affine map of a joint: q_tree = multiplier q + offset.
@@ -63,27 +38,18 @@ struct Drive {
 
 class Loader {
  public:
-  Loader(const std::string& text, const std::string& source)
-      : source_(source), joint_order_(joint_order(text, source)) {
-    UrdfdomMessages messages;
-    try {
-      urdf_ = urdf::parseURDF(text);
-    } catch (const std::exception& e) {
-      messages.text += (messages.text.empty() ? "" : "; ") + std::string(e.what());
-    }
-    // A link whose <inertial> does not parse is kept without it; urdfdom only prints the error.
-    if (!urdf_ || !messages.text.empty()) {
-      refuse("not a robot description: {}; correct the URDF",
-             messages.text.empty() ? "urdfdom gives no reason" : messages.text);
-    }
+  Loader(const std::string& text, const std::string& source, const UrdfOptions& options)
+      : source_(source), options_(options), xml_(read_urdf_xml(text, source, options.locked)) {
+    model_.warnings = xml_.warnings;
+    urdf_ = parse_with_urdfdom(xml_.text, source);
   }
 
   Model load() {
-    sort_joints();
+    check_locked();
     check_joints();
     walk();
     name_coordinates();
-    check_well_posed();
+    check_bodies();
     return std::move(model_);
   }
 
@@ -93,24 +59,27 @@ class Loader {
     refuse_urdf(source_, fmt::format(text, std::forward<Args>(args)...));
   }
 
-  static bool moves(const urdf::Joint& joint) { return joint.type != urdf::Joint::FIXED; }
-  static bool independent(const urdf::Joint& joint) { return moves(joint) && !joint.mimic; }
+  void warn(const std::string& what) { model_.warnings.push_back(source_ + ": " + what); }
+  /// Where a joint is held that is fixed, locked, or mimics one that is; nothing: it moves.
+  std::optional<double> held(const urdf::Joint& joint) const {
+    const Drive drive = drive_of(joint);
+    if (const auto lock = options_.locked.find(drive.joint); lock != options_.locked.end()) {
+      return drive.multiplier * lock->second + drive.offset;
+    }
+    if (urdf_->getJoint(drive.joint)->type == urdf::Joint::FIXED) return drive.offset;
+    return std::nullopt;
+  }
+  bool moves(const urdf::Joint& joint) const { return !held(joint); }
+  bool independent(const urdf::Joint& joint) const { return !joint.mimic && moves(joint); }
 
   /// The joints below a link, in the order of the file.
   std::vector<const urdf::Joint*> joints_below(const std::string& link) const {
-    const auto found = below_.find(link);
-    return found == below_.end() ? std::vector<const urdf::Joint*>{} : found->second;
-  }
-
-  void sort_joints() {
-    for (const auto& [name, joint] : urdf_->joints_) {
-      below_[joint->parent_link_name].push_back(joint.get());
-    }
-    for (auto& [link, joints] : below_) {
-      std::sort(joints.begin(), joints.end(), [this](const auto* a, const auto* b) {
-        return joint_order_.at(a->name) < joint_order_.at(b->name);
-      });
-    }
+    std::vector<const urdf::Joint*> joints;
+    const auto found = xml_.joints_below.find(link);
+    if (found == xml_.joints_below.end()) return joints;
+    joints.reserve(found->second.size());
+    for (const std::string& name : found->second) joints.push_back(urdf_->getJoint(name).get());
+    return joints;
   }
 
   /// Farther away, an inertia about a joint has no digit of the body's own left.
@@ -121,6 +90,28 @@ class Loader {
            farthest_m);
   }
 
+  void check_locked() const {
+    for (const auto& [name, position] : options_.locked) {
+      const auto joint = urdf_->getJoint(name);
+      if (!joint) {
+        std::vector<std::string> names;
+        names.reserve(urdf_->joints_.size());
+        for (const auto& [known, unused] : urdf_->joints_) names.push_back(known);
+        refuse("robot.locked: there is no joint '{}'; its joints are {}", name,
+               fmt::join(names, ", "));
+      }
+      if (joint->type == urdf::Joint::FIXED && position != 0) {
+        refuse("robot.locked: joint '{}' is fixed; leave it out", name);
+      }
+      if (!joint->limits || joint->type == urdf::Joint::CONTINUOUS || !has_range(*joint)) continue;
+      const urdf::JointLimits& limits = *joint->limits;
+      if (limits.lower <= limits.upper && (position < limits.lower || position > limits.upper)) {
+        refuse("robot.locked: {} of joint '{}' is outside its limits [{}, {}]", position, name,
+               limits.lower, limits.upper);
+      }
+    }
+  }
+
   void check_joints() {
     for (const auto& [name, joint] : urdf_->joints_) {
       const std::string where = "joint '" + name + "'";
@@ -129,47 +120,43 @@ class Loader {
         refuse("{}: origin is not finite; give finite numbers", where);
       }
       require_near(where + ": origin", vector_of(X.position));
-      if (joint->type == urdf::Joint::FLOATING || joint->type == urdf::Joint::PLANAR) {
-        refuse("{}: type {} is not supported; use revolute, continuous, prismatic or fixed", where,
-               joint->type == urdf::Joint::PLANAR ? "planar" : "floating");
-      }
-      if (!moves(*joint)) {
-        if (joint->mimic) {
-          refuse("{}: a fixed joint cannot mimic '{}'; remove <mimic> or let it move", where,
-                 joint->mimic->joint_name);
-        }
-        continue;
-      }
+      if (joint->mimic) warn_of_mimic(*joint, where);
+      if (joint->type == urdf::Joint::FIXED) continue;
       const Eigen::Vector3d axis = vector_of(joint->axis);
       if (!axis.allFinite() || axis.norm() < 1e-9) {
         refuse("{}: axis {} has no direction; give a vector of length 1", where,
                fmt::join(axis, " "));
       }
-      drive_of(*joint);
-      if (independent(*joint)) check_limits(*joint, where);
+      if (independent(*joint) && has_range(*joint)) check_limits(*joint, where);
     }
   }
 
+  void warn_of_mimic(const urdf::Joint& joint, const std::string& where) {
+    const std::string& other = joint.mimic->joint_name;
+    if (joint.type == urdf::Joint::FIXED) {
+      warn(where + " is fixed; that it mimics '" + other + "' has no effect");
+    } else if (const auto position = held(joint);
+               position && options_.locked.count(joint.name) == 0) {
+      warn(fmt::format("{} mimics '{}', which does not move; it is held at {}", where, other,
+                       *position));
+    }
+  }
+
+  bool has_range(const urdf::Joint& joint) const {
+    return joint.type != urdf::Joint::CONTINUOUS &&
+           xml_.joints_without_range.count(joint.name) == 0;
+  }
+
   void check_limits(const urdf::Joint& joint, const std::string& where) const {
-    if (!joint.limits) {
-      if (joint.type == urdf::Joint::CONTINUOUS) return;
-      refuse("{}: has no <limit>; give lower, upper, effort and velocity", where);
-    }
     const urdf::JointLimits& limits = *joint.limits;
-    for (const auto& [what, value] :
-         {std::pair{"effort", limits.effort}, std::pair{"velocity", limits.velocity}}) {
-      if (!std::isfinite(value) || value < 0) {
-        refuse("{}: {} limit {} is not a limit; give a finite value above 0, or 0 for none", where,
-               what, value);
-      }
+    if (std::isfinite(limits.lower) && std::isfinite(limits.upper) && limits.lower < limits.upper) {
+      return;
     }
-    if (joint.type == urdf::Joint::CONTINUOUS) return;
-    if (!std::isfinite(limits.lower) || !std::isfinite(limits.upper) ||
-        limits.lower >= limits.upper) {
-      refuse("{}: limits lower {}, upper {} leave no room; give lower < upper{}", where,
-             limits.lower, limits.upper,
-             joint.type == urdf::Joint::REVOLUTE ? ", or type continuous" : "");
-    }
+    refuse("{}: limits lower {}, upper {} leave no room; give lower < upper{}{}", where,
+           limits.lower, limits.upper,
+           joint.type == urdf::Joint::REVOLUTE ? ", or type continuous" : "",
+           fmt::format(", or fix it in the scenario: robot.locked: {{{}: {}}}", joint.name,
+                       limits.lower));
   }
 
   /// Follows a chain of mimics to the independent joint that drives it.
@@ -177,7 +164,7 @@ class Loader {
     Drive drive{joint.name};
     std::set<std::string> seen;
     const urdf::Joint* at = &joint;
-    while (at->mimic) {
+    while (at->mimic && at->type != urdf::Joint::FIXED && options_.locked.count(at->name) == 0) {
       const urdf::JointMimic& mimic = *at->mimic;
       const std::string where = "joint '" + at->name + "'";
       if (!std::isfinite(mimic.multiplier) || !std::isfinite(mimic.offset)) {
@@ -193,10 +180,6 @@ class Loader {
         refuse("{}: mimics joint '{}', which does not exist; correct the name", where,
                mimic.joint_name);
       }
-      if (!moves(*next)) {
-        refuse("{}: mimics joint '{}', which is fixed; mimic a joint that moves", where,
-               mimic.joint_name);
-      }
       drive.offset += drive.multiplier * mimic.offset;
       drive.multiplier *= mimic.multiplier;
       drive.joint = next->name;
@@ -205,37 +188,35 @@ class Loader {
     return drive;
   }
 
-  /// A link's mass properties in its own frame.
-  MassProperties mass_of(const urdf::Link& link) const {
+  /// A link's mass properties in its own frame. What no body can have is remembered: the body
+  /// that it is merged into is judged.
+  MassProperties mass_of(const urdf::Link& link, int body) {
     if (!link.inertial) return {};
     const urdf::Inertial& in = *link.inertial;
     const Eigen::Matrix3d R = rotation_of(in.origin.rotation);
     Eigen::Matrix3d I;
     I << in.ixx, in.ixy, in.ixz, in.ixy, in.iyy, in.iyz, in.ixz, in.iyz, in.izz;
     MassProperties mass{in.mass, vector_of(in.origin.position), I};
-    const std::string why = R.allFinite() ? why_not_physical(mass)
-                                          : "inertial origin is not finite; give finite numbers";
-    if (!why.empty()) refuse("link '{}': {}", link.name, why);
-    require_near("link '" + link.name + "': inertial origin", mass.p_cm);
-    // Not for R = 1, which would only round.
-    if (!R.isIdentity(0)) {
-      I = R * mass.I_cm * R.transpose();
-      mass.I_cm = 0.5 * (I + I.transpose());
+    if (!R.allFinite() || !mass.p_cm.allFinite() || !I.allFinite() || !std::isfinite(mass.mass)) {
+      refuse("link '{}': <inertial> is not finite; give finite numbers", link.name);
     }
+    require_near("link '" + link.name + "': inertial origin", mass.p_cm);
+    if (const std::string why = why_not_physical(mass); !why.empty()) {
+      impossible_[body].push_back("link '" + link.name + "': " + why);
+    }
+    mass.I_cm = rotated(I, R);
     return mass;
   }
 
   void add_link(const std::string& name, const Frame& frame) {
     const urdf::Link& link = *urdf_->getLink(name);
-    MassProperties mass = mass_of(link);
     Frame& kept = model_.frames[name] = frame;
     kept.leaf = joints_below(name).empty();
-    if (frame.body < 0 || mass.mass == 0) return;
+    if (frame.body < 0) return;
+    MassProperties mass = mass_of(link, frame.body);
+    if (mass.mass == 0 && mass.I_cm.isZero(0)) return;
     mass.p_cm = frame.p_BF + frame.R_BF * mass.p_cm;
-    if (!frame.R_BF.isIdentity(0)) {
-      const Eigen::Matrix3d I = frame.R_BF * mass.I_cm * frame.R_BF.transpose();
-      mass.I_cm = 0.5 * (I + I.transpose());
-    }
+    mass.I_cm = rotated(mass.I_cm, frame.R_BF);
     Body& body = model_.bodies[frame.body];
     const MassProperties both = combine({body.mass, body.p_Bcm, body.I_Bcm}, mass);
     body.mass = both.mass;
@@ -246,7 +227,10 @@ class Loader {
   /// Depth-first; a stack of its own, since nothing bounds a chain of fixed links.
   void walk() {
     const std::string root = urdf_->getRoot()->name;
-    add_link(root, Frame{});
+    Frame ground;
+    ground.R_BF = rotation_of(options_.base_rpy);
+    ground.p_BF = options_.base_xyz;
+    add_link(root, ground);
     std::vector<const urdf::Joint*> stack;
     const auto push_below = [&](const std::string& link) {
       const auto joints = joints_below(link);
@@ -262,7 +246,9 @@ class Loader {
       frame.body = parent.body;
       frame.R_BF = parent.R_BF * rotation_of(X.rotation);
       frame.p_BF = parent.p_BF + parent.R_BF * vector_of(X.position);
-      if (moves(joint)) {
+      if (const std::optional<double> position = held(joint); position) {
+        hold(joint, *position, frame);
+      } else {
         const int body = add_body(joint, frame);
         frame = Frame{};
         frame.body = body;
@@ -270,8 +256,17 @@ class Loader {
       add_link(joint.child_link_name, frame);
       push_below(joint.child_link_name);
     }
-    if (model_.num_joints == 0) {
-      refuse("no joint moves; a robot needs at least one");
+    if (model_.num_joints == 0) refuse("no joint moves; a robot needs at least one");
+  }
+
+  /// Moves `frame`, the joint's, to where the joint is held.
+  static void hold(const urdf::Joint& joint, double position, Frame& frame) {
+    if (joint.type == urdf::Joint::FIXED || position == 0) return;
+    const Eigen::Vector3d axis = vector_of(joint.axis).normalized();
+    if (joint.type == urdf::Joint::PRISMATIC) {
+      frame.p_BF += frame.R_BF * axis * position;
+    } else {
+      frame.R_BF = frame.R_BF * Eigen::AngleAxisd(position, axis).toRotationMatrix();
     }
   }
 
@@ -292,8 +287,8 @@ class Loader {
     if (const double length = body.axis_B.norm(); length != 1) body.axis_B /= length;
     if (independent(joint)) {
       if (model_.num_joints == max_joints) {
-        refuse("joint '{}': more than {} joints; fix some or let them mimic others", joint.name,
-               max_joints);
+        refuse("joint '{}': more than {} joints; fix some, in the scenario by robot.locked",
+               joint.name, max_joints);
       }
       coordinate_[joint.name] = model_.num_joints++;
     }
@@ -311,6 +306,8 @@ class Loader {
     model_.effort_limit = Vector::Constant(n, Model::unlimited);
     model_.velocity_limit = Vector::Constant(n, Model::unlimited);
     model_.rotor_inertia = Vector::Zero(n);
+    model_.damping = Vector::Zero(n);
+    model_.friction = Vector::Zero(n);
     for (Body& body : model_.bodies) {
       const urdf::Joint& joint = *urdf_->getJoint(body.joint);
       const Drive drive = drive_of(joint);
@@ -318,51 +315,86 @@ class Loader {
       body.coordinate = j;
       body.multiplier = drive.multiplier;
       body.offset = drive.offset;
+      add_dynamics(joint, drive.multiplier, j);
       if (!independent(joint)) continue;
       model_.joint_names[j] = joint.name;
       model_.joint_types[j] = body.type;
       if (!joint.limits) continue;
-      if (joint.type != urdf::Joint::CONTINUOUS) {
+      if (has_range(joint)) {
         model_.lower[j] = joint.limits->lower;
         model_.upper[j] = joint.limits->upper;
       }
-      if (joint.limits->effort > 0) model_.effort_limit[j] = joint.limits->effort;
-      if (joint.limits->velocity > 0) model_.velocity_limit[j] = joint.limits->velocity;
+      model_.effort_limit[j] = limit_or_none(joint, "effort", joint.limits->effort);
+      model_.velocity_limit[j] = limit_or_none(joint, "velocity", joint.limits->velocity);
     }
   }
 
-  /// Massless links may leave a joint without inertia: M at q = 0 and at a few other postures
-  /// must be positive definite, each pivot above rounding of its diagonal entry.
-  void check_well_posed() const {
-    constexpr int postures = 8;
-    constexpr double rounding = 1e-12;
-    std::mt19937 random(1);
-    Vector q = Vector::Zero(model_.num_joints);
-    for (int k = 0; k < postures; ++k) {
-      Matrix M = mass_matrix<double>(model_, q);
-      const int failed = factorise(M, rounding);
-      if (failed >= 0) {
-        refuse(
-            "joint '{}' moves no inertia of its own (the inertia matrix is not positive definite); "
-            "give the links it moves a mass and an inertia",
-            model_.joint_names[failed]);
-      }
-      for (double& angle : q) angle = 2.0 * random() / random.max() - 1.0;
+  double limit_or_none(const urdf::Joint& joint, const char* what, double value) {
+    if (value < 0) {
+      warn(fmt::format("joint '{}': {} limit {} is taken for none", joint.name, what, value));
     }
+    return value > 0 ? value : Model::unlimited;
+  }
+
+  /// The power of damping d and friction f of a mimic joint, whose velocity is m v, in terms of v:
+  /// d m^2 v^2 and f |m| |v|.
+  void add_dynamics(const urdf::Joint& joint, double multiplier, int coordinate) {
+    if (!joint.dynamics) return;
+    const auto usable = [&](const char* what, double value) {
+      if (std::isfinite(value) && value >= 0) return value;
+      warn(fmt::format("joint '{}': {} {} would drive the joint; it is not used", joint.name, what,
+                       value));
+      return 0.0;
+    };
+    model_.damping[coordinate] +=
+        multiplier * multiplier * usable("damping", joint.dynamics->damping);
+    model_.friction[coordinate] +=
+        std::abs(multiplier) * usable("friction", joint.dynamics->friction);
+  }
+
+  /// Of bodies as they are after merging.
+  void check_bodies() {
+    std::vector<std::string> offenders;
+    for (std::size_t i = 0; i < model_.bodies.size(); ++i) {
+      const Body& body = model_.bodies[i];
+      const std::string why = why_not_physical({body.mass, body.p_Bcm, body.I_Bcm});
+      if (body.mass < 0) refuse("link '{}' with what is fixed to it: {}", body.link, why);
+      const auto& links = impossible_[static_cast<int>(i)];
+      if (why.empty()) {
+        for (const std::string& link : links) {
+          warn(link +
+               fmt::format(" (merged into the body of joint '{}', which is possible)", body.joint));
+        }
+      } else if (links.size() == 1) {
+        offenders.push_back(links.front());
+      } else {
+        offenders.push_back(fmt::format("link '{}' with what is fixed to it: {}", body.link, why));
+      }
+    }
+    if (offenders.empty()) return;
+    if (options_.check_inertia == CheckInertia::refuse) {
+      const std::vector<std::string> joints = joints_without_inertia(model_);
+      refuse("{}; {}", fmt::join(offenders, "; "),
+             !joints.empty()
+                 ? fmt::format("and joint '{}' moves no inertia", fmt::join(joints, "', '"))
+                 : "or, as the inertia matrix is positive definite, robot.check_inertia: warn");
+    }
+    for (const std::string& offender : offenders) warn(offender);
   }
 
   std::string source_;
-  std::map<std::string, int> joint_order_;  ///< in the file
+  UrdfOptions options_;
+  UrdfXml xml_;
   urdf::ModelInterfaceSharedPtr urdf_;
-  std::map<std::string, std::vector<const urdf::Joint*>> below_;
   std::map<std::string, int> coordinate_;
+  std::map<int, std::vector<std::string>> impossible_;  ///< by body: what its links have
   Model model_;
 };
 
 }  // namespace
 
-Model model_from_urdf(const std::string& text, const std::string& source) {
-  return Loader(text, source).load();
+Model read_urdf(const std::string& text, const std::string& source, const UrdfOptions& options) {
+  return Loader(text, source, options).load();
 }
 
 }  // namespace tachless::robot

@@ -43,6 +43,8 @@ std::string allowed_text(Shape shape, const Range& range,
         return "a list whose entries are a finite number or a list with one per joint" + each;
       case Shape::named_joints:
         return "a map whose values are a finite number or a list with one per joint" + each;
+      case Shape::named_numbers:
+        return "a map whose values are finite numbers" + each;
       case Shape::one_of:
         return fmt::format("a map with exactly one of {}", fmt::join(choices, ", "));
       case Shape::map:

@@ -164,17 +164,18 @@ struct Refusal {
 
 enum class Shape {
   text,
-  choice,        ///< an enum with `names`
-  yes_no,        ///< bool
-  number,        ///< double
-  whole,         ///< any integer
-  joints,        ///< robot::Vector: one number for every joint, or a list with one per joint
-  numbers,       ///< list of numbers
-  joints_list,   ///< list of `joints`
-  named_joints,  ///< map from names of the user's choice to `joints`
-  one_of,        ///< std::variant of structs that have `name` and `keys`
-  map,           ///< struct that has `keys`
-  list_of_maps,  ///< list of them
+  choice,         ///< an enum with `names`
+  yes_no,         ///< bool
+  number,         ///< double
+  whole,          ///< any integer
+  joints,         ///< robot::Vector: one number for every joint, or a list with one per joint
+  numbers,        ///< list of numbers
+  joints_list,    ///< list of `joints`
+  named_joints,   ///< map from names of the user's choice to `joints`
+  named_numbers,  ///< map from names of the user's choice to numbers
+  one_of,         ///< std::variant of structs that have `name` and `keys`
+  map,            ///< struct that has `keys`
+  list_of_maps,   ///< list of them
 };
 
 /// The shape of values of type `T`; that of an optional is the shape of what it may hold.
@@ -208,6 +209,10 @@ template <>
 struct ShapeOf<std::map<std::string, robot::Vector>> {
   static constexpr Shape shape = Shape::named_joints;
 };
+template <>
+struct ShapeOf<std::map<std::string, double>> {
+  static constexpr Shape shape = Shape::named_numbers;
+};
 template <class... T>
 struct ShapeOf<std::variant<T...>> {
   static constexpr Shape shape = Shape::one_of;
@@ -219,6 +224,11 @@ struct ShapeOf<void(T)> : ShapeOf<T> {};
 
 template <class T>
 inline constexpr Shape shape_of = ShapeOf<T>::shape;
+
+/// The shape of each entry under a name of the user's choice.
+template <class T>
+inline constexpr bool has_names_of_choice =
+    shape_of<T> == Shape::named_joints || shape_of<T> == Shape::named_numbers;
 
 /// The type of the value behind a key's `Member`: without std::optional, the argument of a setter.
 template <class Member>

@@ -9,6 +9,7 @@
 #include "controller/registry.h"
 #include "loop/measurements.h"
 #include "plant/run_info.h"
+#include "plant/truth_of.h"
 
 namespace tachless::study {
 namespace {
@@ -37,14 +38,7 @@ class Messages {
     reference_.write(*this, stamp, record.reference);
     command_.write(*this, stamp, record.command);
     signals_.write(*this, stamp, record.controller);
-    loop::truth::PlantTruth truth;
-    truth.q = record.truth.q;
-    truth.v = record.truth.v;
-    truth.theta = record.truth.theta;
-    truth.thetadot = record.truth.thetadot;
-    truth.tau = record.applied.tau;
-    truth.saturated = record.applied.saturated;
-    truth_.write(*this, stamp, truth);
+    truth_.write(*this, stamp, plant::truth_of(record.truth, record.applied));
   }
 
  private:

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 
 #include "robot/quantities.h"
 #include "schema/schema.h"
@@ -59,6 +60,8 @@ class Filter {
   struct Memory {
     robot::Vector nu;          ///< [rad/s]
     robot::Vector e_previous;  ///< [rad]
+
+    static constexpr std::tuple members{&Memory::nu, &Memory::e_previous};
   };
 
   /// @param a, b [1/s], one entry per joint, > 0. @param period_s [s], > 0.

@@ -10,6 +10,7 @@
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "robot/energy.h"
 #include "robot/inverse_dynamics.h"
 
@@ -43,6 +44,13 @@ class KellyFlexible {
   using Measurement = loop::MotorPositionMeasurement;
   using Gains = FilterGains;
   using Memory = Filter::Memory;
+
+  /// The filter passes the springs' resonance.
+  static Gains tuned(const Tuning& t) {
+    const auto [kp, kd] = t.through_spring();
+    const robot::Vector filter = t.each(t.filter).cwiseMax(0.6 * t.resonance());
+    return {kp, kd, filter, filter};
+  }
 
   KellyFlexible(Robot robot, Gains gains, const Settings& settings)
       : robot_(std::move(robot)),

@@ -8,6 +8,7 @@
 #include "controller/law/filter.h"
 #include "controller/law/law.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "robot/inverse_dynamics.h"
 
 namespace tachless::controller::law {
@@ -37,6 +38,8 @@ class KellyRegulation : public Equation15 {
 
   using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
+
+  static Gains tuned(const Tuning& t) { return FilterGains::tuned(t); }
 
   KellyRegulation(Robot model, Gains gains, const Settings& settings)
       : Equation15(std::move(model), std::move(gains)),

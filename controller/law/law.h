@@ -4,6 +4,7 @@
 #include <span>
 #include <string_view>
 
+#include "controller/law/memory.h"
 #include "loop/signals.h"
 #include "schema/schema.h"
 
@@ -37,9 +38,10 @@ concept Declared = schema::has_keys<typename L::Gains> && requires {
 /// called once per tick, the first included. `ticks`: sampling periods since the step that gave
 /// `memory`; more than one after measurements were lost.
 template <class L>
-concept Law = Declared<L> && requires(const L& law, const typename L::Memory& memory,
-                                      const typename L::Measurement& measurement,
-                                      const loop::ReferencePoint& reference, int ticks) {
+concept Law = Declared<L> && DeclaredMemory<typename L::Memory> &&
+    requires(const L& law, const typename L::Memory& memory,
+             const typename L::Measurement& measurement, const loop::ReferencePoint& reference,
+             int ticks) {
   { law.start(measurement, reference) } -> std::same_as<typename L::Memory>;
   { law.step(memory, measurement, reference) } -> std::same_as<Step<typename L::Memory>>;
   { law.step(memory, measurement, reference, ticks) } -> std::same_as<Step<typename L::Memory>>;

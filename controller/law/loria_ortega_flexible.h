@@ -10,6 +10,7 @@
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
@@ -56,6 +57,8 @@ class LoriaOrtegaFlexible {
   struct Memory {
     Filter::Memory link;
     Filter::Memory motor;
+
+    static constexpr std::tuple members{&Memory::link, &Memory::motor};
   };
 
   struct Gains {
@@ -83,6 +86,13 @@ class LoriaOrtegaFlexible {
     robot::Vector theta_ref;  ///< [rad]
     robot::Vector thetaddot_ref;
   };
+
+  /// The motor's part damps its resonance, and leaves its stiffness to the spring.
+  static Gains tuned(const Tuning& t) {
+    const robot::Vector motor_filter = 3 * t.resonance();
+    return {t.kp(),       t.kd(),       t.each(t.filter), t.each(t.filter), 0.01 * t.stiffness,
+            t.motor_kd(), motor_filter, motor_filter};
+  }
 
   LoriaOrtegaFlexible(Robot robot, Gains gains, const Settings& settings)
       : robot_(std::move(robot)),

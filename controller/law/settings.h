@@ -1,6 +1,7 @@
 #pragma once
 
 #include "controller/law/filter.h"
+#include "robot/quantities.h"
 
 namespace tachless::controller::law {
 
@@ -10,6 +11,9 @@ struct Settings {
   Discretisation filter = Discretisation::first_order_hold;
   FilterStart filter_start = FilterStart::at_error;
   double feedforward_lead_s = 0;  ///< how far ahead the feed-forward is evaluated [s]
+  /// Standard deviation of a measured position as the encoder's data sheet has it [rad]; zero or
+  /// empty: ideal.
+  robot::Vector position_std{};
 };
 
 }  // namespace tachless::controller::law

@@ -9,6 +9,7 @@
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
 #include "robot/model.h"
@@ -51,6 +52,10 @@ class SlotineLi {
             .in(schema::positive),
         schema::Key{"ks", &Gains::ks, "N m s/rad", "Weight of s"}.in(schema::positive)};
   };
+
+  static Gains tuned(const Tuning& t) {
+    return {t.each(t.w / t.damping), t.damping * t.w * t.inertia};
+  }
 
   SlotineLi(Robot model, Gains gains, const Settings& settings)
       : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}

@@ -9,6 +9,7 @@
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
@@ -59,6 +60,10 @@ class SlotineLiFlexible {
         schema::Key{"ks2", &Gains::ks2, "N m s/rad", "Weight of the motor's s"}.in(
             schema::positive)};
   };
+
+  static Gains tuned(const Tuning& t) {
+    return {t.each(t.w / t.damping), t.damping * t.w * t.inertia, t.motor_kd()};
+  }
 
   SlotineLiFlexible(Robot robot, Gains gains, const Settings& /*settings*/)
       : robot_(std::move(robot)), gains_(std::move(gains)) {}

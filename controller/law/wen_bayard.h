@@ -9,6 +9,7 @@
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
+#include "controller/law/tuning.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
 #include "robot/model.h"
@@ -53,6 +54,8 @@ class WenBayard {
         schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the velocity error"}.in(
             schema::positive)};
   };
+
+  static Gains tuned(const Tuning& t) { return {t.kp(), t.kd()}; }
 
   WenBayard(Robot model, Gains gains, const Settings& settings)
       : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}

@@ -26,6 +26,7 @@ struct Options {
 diagnostics::ExitCode certify(const Options& options) {
   const experiment::Scenario scenario =
       experiment::load_scenario(options.scenario, options.overrides);
+  for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
   certificate::Certificate result;
   {
     const ProgressLine progress(options.quiet);

@@ -109,6 +109,7 @@ void print(const certificate::Design& design, const experiment::Scenario& scenar
 
 ExitCode run_design(const Options& options) {
   const experiment::Scenario scenario = load(options, {});
+  for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
   certificate::Design design;
   {
     const ProgressLine progress(options.quiet);

@@ -13,7 +13,7 @@
 #include "launch/verb.h"
 #include "replay/verdict.h"
 #include "replay/what_if.h"
-#include "report/joint_units.h"
+#include "robot/joint_units.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -37,7 +37,7 @@ void warn_of_damage(const logger::RunLog& log) {
   if (!damage.empty()) diagnostics::log_warning(damage);
 }
 
-ExitCode verify(const Options& options, logger::RunLog& log, const report::JointUnits& units) {
+ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointUnits& units) {
   const auto begun = std::chrono::steady_clock::now();
   const replay::Replay result = replay::replay(log, log.scenario());
   const double wall_s =
@@ -60,7 +60,7 @@ ExitCode verify(const Options& options, logger::RunLog& log, const report::Joint
   return ExitCode::check_said_no;
 }
 
-ExitCode compare(const Options& options, logger::RunLog& log, const report::JointUnits& units) {
+ExitCode compare(const Options& options, logger::RunLog& log, const robot::JointUnits& units) {
   const replay::Comparison comparison =
       replay::compare(log, options.law, options.overrides, options.out, units.effort);
   const replay::Replay& result = comparison.replay;
@@ -88,7 +88,7 @@ ExitCode compare(const Options& options, logger::RunLog& log, const report::Join
 ExitCode run_replay(const Options& options) {
   logger::RunLog log = logger::RunLog::open(
       options.log, options.run == 0 ? std::nullopt : std::optional(options.run));
-  const report::JointUnits units = report::joint_units(controller::rigid_model(log.scenario()));
+  const robot::JointUnits units = robot::joint_units(controller::rigid_model(log.scenario()));
   return options.what_if() ? compare(options, log, units) : verify(options, log, units);
 }
 

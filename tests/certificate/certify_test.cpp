@@ -58,5 +58,17 @@ TEST(Certify, AnotherLawHasItsSampledLoopAloneAndSaysSo) {
   EXPECT_EQ(result.sampled->limits.size(), 1U);
 }
 
+TEST(Certify, SaysWhyALawHasNoSampledCertificate) {
+  const experiment::Scenario scenario =
+      shipped("practical_rigid",
+              {"controller.law=robust_differentiator", "controller.gains.lipschitz=4000"});
+  const Certificate result = certify(scenario);
+  EXPECT_FALSE(result.sampled);
+  EXPECT_THAT(page(result, scenario), HasSubstr("cannot be linearised (the differentiator"));
+  const auto json = to_json(result);
+  EXPECT_FALSE(json.contains("sampled"));
+  EXPECT_THAT(json.at("no_sampled_certificate").get<std::string>(), HasSubstr("cube root"));
+}
+
 }  // namespace
 }  // namespace tachless::certificate

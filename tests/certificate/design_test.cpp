@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <string>
+#include <utility>
 
+#include "controller/registry.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
@@ -107,6 +110,41 @@ TEST(Design, OfTheBareIiwaSettlesAsPredictedAndHoldsWithMoreLoopGain) {
     EXPECT_NEAR(observed_settling(held), found.settling_s, 0.2 * found.settling_s);
     for (const char* gain : {"kp", "kd"}) held.controller.gains[gain] *= 1.5;
     EXPECT_LT(observed_settling(held), 1.2 * found.settling_s);
+  }
+}
+
+TEST(Design, OfComputedTorqueIsInAccelerations) {
+  const experiment::Scenario scenario =
+      shipped("practical_rigid", {"controller.law=computed_torque", "loop.command_delay=1"});
+  DesignGoal goal;
+  goal.bandwidth_hz = 5;
+  const Design found = design(scenario, goal);
+  EXPECT_EQ(found.gains.at("kp")[0], found.gains.at("kp")[1]);
+  EXPECT_NEAR(found.gains.at("kp")[0], found.w * found.w, 1e-9 * found.w * found.w);
+}
+
+TEST(Design, TunesEstimatorsAndObserversWithTheLaw) {
+  for (const std::string law : {"numerical_difference", "kalman_velocity", "nicosia_tomei"}) {
+    SCOPED_TRACE(law);
+    const experiment::Scenario scenario =
+        shipped("practical_rigid", {"controller.law=" + law, "loop.command_delay=1"});
+    DesignGoal goal;
+    goal.bandwidth_hz = 5;
+    const Design found = design(scenario, goal);
+    EXPECT_GE(found.modulus, 0.5);
+    EXPECT_LT(found.settling_s, 1);
+    EXPECT_EQ(found.gains.size(), controller::law_facts(law).parameters.size());
+  }
+}
+
+TEST(Design, RefusesALawThatCannotBeLinearised) {
+  try {
+    design(shipped("practical_rigid", {"controller.law=robust_differentiator"}), {});
+    FAIL();
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::check_said_no);
+    EXPECT_THAT(failure.what(), HasSubstr("robust_differentiator cannot be linearised"));
+    EXPECT_THAT(failure.what(), HasSubstr("tune it by hand"));
   }
 }
 

@@ -160,7 +160,7 @@ TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
   for (int delay = 0; delay <= 3; ++delay) {
     VectorXd x = VectorXd::LinSpaced(4, 0.1, 0.4), s = VectorXd::Zero(2);
     std::vector<VectorXd> torque(static_cast<std::size_t>(delay), VectorXd::Zero(2));
-    const MatrixXd map = period_map(plant, law, h, delay);
+    const MatrixXd map = cut(plant, law, h, delay).closed();
     VectorXd z = VectorXd::Zero(map.rows());
     z.head(4) = x;
     for (int k = 0; k < 6; ++k) {
@@ -186,7 +186,7 @@ TEST(LinearLoop, GainMultipliesTheFeedbackTermsAlone) {
   const LinearLaw harder = linear_rigid_law(gains, gravity, sampling);
   for (const int delay : {0, 1, 3}) {
     // The same sums in another order.
-    expect_near(period_map(plant, law, 1e-3, delay, 1.5), period_map(plant, harder, 1e-3, delay),
+    expect_near(cut(plant, law, 1e-3, delay).closed(1.5), cut(plant, harder, 1e-3, delay).closed(),
                 1e-14);
   }
 }

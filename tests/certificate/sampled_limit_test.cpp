@@ -164,7 +164,7 @@ TEST_F(SampledLimit, MarginsAreThoseOfTheLoopItself) {
   const SampledLoop loop = rigid(practical_rigid(), tustin, 0);
   const Margins margin = margins(loop, 1e-3);
   const auto radius = [&](int delay, double gain) {
-    return spectral_radius(period_map(loop.plant, loop.law(1e-3), 1e-3, delay, gain));
+    return spectral_radius(cut(loop.plant, loop.law(1e-3), 1e-3, delay).closed(gain));
   };
   EXPECT_LT(radius(0, 0.999 * margin.gain), 1);
   EXPECT_GT(radius(0, 1.001 * margin.gain), 1);
@@ -181,7 +181,7 @@ TEST_F(SampledLimit, TorqueOfAnEncoderCountIsTheLawsOwnGain) {
 
 TEST_F(SampledLimit, AlongAMotionIsTheFrozenOneWhenNothingMoves) {
   const SampledLoop loop = rigid(practical_rigid(), tustin, 1);
-  const Eigen::MatrixXd map = period_map(loop.plant, loop.law(1e-3), 1e-3, 1);
+  const Eigen::MatrixXd map = cut(loop.plant, loop.law(1e-3), 1e-3, 1).closed();
   EXPECT_NEAR(radius_along([&](int) { return map; }, 200), spectral_radius(map), 1e-9);
 }
 
@@ -196,7 +196,7 @@ TEST_F(SampledLimit, AlongThePapersReference) {
       [&](int k) {
         const LinearLaw law =
             linear_rigid_law(g, dynamics_gradient(model, point(k * h)).of_q, {tustin, h});
-        return period_map(rigid_plant(model, point((k + 0.5) * h)), law, h, 1);
+        return cut(rigid_plant(model, point((k + 0.5) * h)), law, h, 1).closed();
       },
       200);
   // The motion is small: near the loop's at rest, exp(-0.037).

@@ -1,10 +1,18 @@
 #include "certificate/scenario_loop.h"
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+
+#include "certificate/verdict.h"
+#include "controller/registry.h"
+#include "robot/mass_matrix.h"
 #include "tests/certificate/loops.h"
 #include "tests/certificate/scenarios.h"
+#include "tests/support/law_examples.h"
 
 namespace tachless::certificate {
 namespace {
@@ -73,31 +81,54 @@ TEST(ScenarioLoop, GainMarginIsThatOfKpAndKd) {
             1e-4);
 }
 
-/// Every law of the catalogue that the shipped scenarios can be run under.
-TEST(ScenarioLoop, LinearisesEveryLaw) {
-  const struct {
-    const char *scenario, *law;
-    std::vector<std::string> gains;
-  } rows[] = {{"regulation", "kelly_regulation", {}},
-              {"flexible_regulation", "kelly_flexible", {}},
-              {"practical_rigid", "wen_bayard", {}},
-              {"practical_rigid",
-               "slotine_li",
-               {"controller.gains.lambda=20", "controller.gains.ks=[500, 30]"}},
-              {"practical_flexible",
-               "slotine_li_flexible",
-               {"controller.gains.lambda=20", "controller.gains.ks1=[500, 30]",
-                "controller.gains.ks2=[10, 10]"}}};
-  for (const auto& row : rows) {
-    std::vector<std::string> overrides = row.gains;
-    overrides.push_back(std::string("controller.law=") + row.law);
-    const ScenarioLoop loop(shipped(row.scenario, overrides));
-    EXPECT_TRUE(loop.has_linear_law()) << row.law;
+TEST(ScenarioLoop, LinearisesEveryLawButThoseThatSayWhyNot) {
+  std::vector<std::string_view> linear;
+  for (const support::LawExample& example : support::law_examples()) {
+    const ScenarioLoop loop(shipped(example.scenario, example.overrides()));
+    if (!loop.no_linear_law().empty()) continue;
+    linear.push_back(example.law);
     const double at_one_kilohertz = radius_at(loop.at(loop.rests(1)[0]), 1e-3);
-    EXPECT_LT(at_one_kilohertz, 1) << row.law;
-    EXPECT_GT(at_one_kilohertz, 0.9) << row.law;
-    EXPECT_GT(radius_at(loop.at(loop.rests(1)[0]), 0.2), 1) << row.law;
+    EXPECT_LT(at_one_kilohertz, 1) << example.law;
+    EXPECT_GT(at_one_kilohertz, 0.9) << example.law;
+    EXPECT_GT(radius_at(loop.at(loop.rests(1)[0]), 0.2), 1) << example.law;
   }
+  linear.push_back("robust_differentiator");
+  EXPECT_THAT(linear, ::testing::UnorderedElementsAreArray(controller::law_names()));
+}
+
+TEST(ScenarioLoop, LinearisesAKalmanFilterOfEitherOrder) {
+  for (const char* gains : {"controller.gains={kp: [40000, 2400], kd: [1000, 60], order: 2, "
+                            "process_noise: 1.0e+4}",
+                            "controller.gains={kp: [40000, 2400], kd: [1000, 60], order: 3, "
+                            "process_noise: 1.0e+8}"}) {
+    const ScenarioLoop loop(shipped("practical_rigid", {"controller.law=kalman_velocity", gains}));
+    EXPECT_LT(radius_at(loop.at(loop.rests(1)[0]), 1e-3), 1) << gains;
+  }
+}
+
+/// With m = 1 and the arm's inertia at rest as that of two single joints the limit is 2 / kv; the
+/// coupled arm has it for the largest eigenvalue kv of M^-1 Kd.
+TEST(ScenarioLoop, HasTheLimitOfADifferenceOverOnePeriod) {
+  const ScenarioLoop loop(shipped(
+      "practical_rigid",
+      {"controller.law=numerical_difference", "controller.gains.samples=1", "loop.command_delay=0",
+       "controller.gains.kp=1e-3", "controller.gains.kd=[100, 60]"}));
+  const robot::Vector q = both(1e-9);  // gravity's gradient there is small beside kd / h
+  const Eigen::MatrixXd M = robot::mass_matrix(robot::testing::two_link(), q);
+  const Eigen::MatrixXd kv = M.inverse() * Eigen::Vector2d(100, 60).asDiagonal();
+  const double limit = 2 / kv.eigenvalues().real().maxCoeff();
+  EXPECT_LT(radius_at(loop.at(held_at(q)), 0.97 * limit), 1.001);
+  EXPECT_GT(radius_at(loop.at(held_at(q)), 1.03 * limit), 1.01);
+}
+
+TEST(ScenarioLoop, SaysWhyALawCannotBeLinearised) {
+  const experiment::Scenario scenario =
+      shipped("practical_rigid",
+              {"controller.law=robust_differentiator", "controller.gains.lipschitz=4000"});
+  EXPECT_THAT(ScenarioLoop(scenario).no_linear_law(), ::testing::HasSubstr("cube root"));
+  EXPECT_THAT(text(verdict(scenario)),
+              ::testing::AllOf(::testing::HasSubstr("cannot be linearised (the differentiator"),
+                               ::testing::HasSubstr("not known before the run")));
 }
 
 TEST(ScenarioLoop, KnowsWhetherAndHowLongTheReferenceMoves) {

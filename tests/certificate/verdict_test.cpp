@@ -17,7 +17,7 @@ TEST(Verdict, EveryShippedScenarioIsStable) {
        {"flexible_regulation", "iiwa_point_to_point", "paper_flexible", "paper_rigid",
         "paper_rigid_offset", "practical_flexible", "practical_rigid", "regulation"}) {
     const Verdict result = verdict(shipped(name));
-    EXPECT_TRUE(result.known && result.stable) << name;
+    EXPECT_TRUE(result.unknown.empty() && result.stable) << name;
     ASSERT_TRUE(result.limit_s) << name;
     EXPECT_GT(*result.limit_s, result.period_s) << name;
     EXPECT_GT(result.phase_margin_deg, 1) << name;

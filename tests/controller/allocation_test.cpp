@@ -46,7 +46,13 @@ template <class L>
 L example() {
   typename L::Gains gains;
   schema::for_each_key<typename L::Gains>(
-      [&](const auto& key) { gains.*key.member = vector(10, 10); });
+      [&]<class Member>(const schema::Key<typename L::Gains, Member>& key) {
+        if constexpr (std::is_same_v<Member, robot::Vector>) {
+          gains.*key.member = vector(10, 10);
+        } else {
+          gains.*key.member = 2;
+        }
+      });
   return L(arm<L>(), gains, Settings{});
 }
 

@@ -85,11 +85,20 @@ TEST(Registry, MakesEveryLawByItsName) {
 TEST(Registry, KnowsWhatEachLawIsFedWith) {
   EXPECT_EQ(measurement_suffix("loria_ortega_rigid"), "POSITION");
   EXPECT_EQ(measurement_suffix("kelly_regulation"), "POSITION");
+  EXPECT_EQ(measurement_suffix("berghuis_nijmeijer"), "POSITION");
+  EXPECT_EQ(measurement_suffix("nicosia_tomei"), "POSITION");
+  EXPECT_EQ(measurement_suffix("zhang_dawson"), "POSITION");
   EXPECT_EQ(measurement_suffix("kelly_flexible"), "MOTOR_POSITION");
   EXPECT_EQ(measurement_suffix("loria_ortega_flexible"), "LINK_STATE");
   EXPECT_EQ(measurement_suffix("wen_bayard"), "STATE");
   EXPECT_EQ(measurement_suffix("slotine_li"), "STATE");
   EXPECT_EQ(measurement_suffix("slotine_li_flexible"), "STATE");
+  EXPECT_EQ(measurement_suffix("lanari_wen"), "STATE");
+  for (const char* law : {"numerical_difference", "kalman_velocity", "robust_differentiator"}) {
+    EXPECT_EQ(measurement_suffix(law), "POSITION");
+  }
+  EXPECT_EQ(measurement_suffix("computed_torque"), "STATE");
+  EXPECT_EQ(measurement_suffix("pd_gravity"), "STATE");
 }
 
 TEST(Registry, NamesFiltersAndGains) {
@@ -124,6 +133,31 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
                                 ->start(measured, ref)
                                 .command.tau;
   EXPECT_EQ(tau, expected.step(expected.start(measured, ref), measured, ref).command.tau);
+}
+
+TEST(Registry, TellsTheLawHowFarTheEncodersPositionsAreOff) {
+  experiment::Scenario scenario = rigid_scenario();
+  EXPECT_EQ(law_settings(scenario).position_std, pair(0, 0));
+  scenario.plant.encoder.resolution_bits = 16;
+  const double count = 2 * 3.14159265358979 / 65536;
+  EXPECT_NEAR(law_settings(scenario).position_std[0], count / std::sqrt(12), 1e-15);
+  scenario.plant.encoder.noise_std_rad = 1e-4;
+  EXPECT_NEAR(law_settings(scenario).position_std[1], std::sqrt(count * count / 12 + 1e-8), 1e-15);
+}
+
+TEST(Registry, RefusesAKalmanFilterThatKnowsNoMeasurementNoise) {
+  experiment::Scenario scenario = rigid_scenario();
+  scenario.controller.law = "kalman_velocity";
+  scenario.controller.gains["process_noise"] = pair(1, 1);
+  scenario.controller.gains["order"] = pair(2, 2);
+  EXPECT_THAT(refusal(scenario),
+              AllOf(HasSubstr("arm.yaml:21: controller.gains: measurement_noise is missing"),
+                    HasSubstr("plant.encoder.resolution_bits")));
+  scenario.plant.encoder.resolution_bits = 16;
+  EXPECT_EQ(refusal(scenario), "accepted");
+  scenario.plant.encoder.resolution_bits.reset();
+  scenario.controller.gains["measurement_noise"] = pair(1e-5, 1e-5);
+  EXPECT_EQ(refusal(scenario), "accepted");
 }
 
 TEST(Registry, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {
@@ -205,7 +239,8 @@ TEST(Registry, LeavesGainsOfOtherLawsAloneSoThatLawsCanBeCompared) {
 }
 
 TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {
-  for (const char* law : {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible"}) {
+  for (const char* law :
+       {"loria_ortega_flexible", "kelly_flexible", "slotine_li_flexible", "lanari_wen"}) {
     experiment::Scenario scenario = flexible_scenario(law);
     scenario.reference = reference::trajectory::Hold{pair(0, 0)};
     EXPECT_EQ(refusal(scenario), "accepted");

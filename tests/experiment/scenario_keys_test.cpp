@@ -54,7 +54,7 @@ TEST(ScenarioKeys, AreListedWhenNoneIsNear) {
   EXPECT_EQ(known_keys_hint("robot.joints.flexible.backlash"),
             "known keys of robot.joints.flexible: stiffness_Nm_per_rad, rotor_inertia_kgm2, "
             "motor_damping_Nms_per_rad");
-  EXPECT_EQ(known_keys_hint("xyz"),
+  EXPECT_EQ(known_keys_hint("quux"),
             "known keys of a scenario: name, robot, plant, reference, controller, loop");
 }
 

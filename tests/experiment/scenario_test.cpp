@@ -151,7 +151,10 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_EQ(s.robot.name, "arm");
   EXPECT_EQ(s.robot.channel_prefix, "ARM");
   EXPECT_EQ(s.robot.urdf_path, "two.urdf");
-  EXPECT_EQ(s.robot.urdf_text, urdf);
+  EXPECT_EQ(s.robot.urdf_text, robot::urdf_mechanics(urdf, ""));
+  EXPECT_EQ(s.robot.check_inertia, robot::CheckInertia::refuse);
+  EXPECT_THAT(s.robot.locked, ::testing::IsEmpty());
+  EXPECT_THAT(s.robot.base.rpy, ElementsAre(0, 0, 0));
   EXPECT_EQ(s.robot.gravity_m_per_s2, 9.8);
   EXPECT_FALSE(s.robot.flexible);
   EXPECT_THAT(values(s.plant.initial.position_rad), ElementsAre(0.5, -0.5));
@@ -697,7 +700,8 @@ TEST(Scenario, DigestChangesWithAnyValueAndTheUrdfButNotWithComments) {
   EXPECT_EQ(parsed("# a comment\n" + std::string(full)).digest, base.digest);
   EXPECT_NE(parsed(full, {"loop.give_up_s=3"}).digest, base.digest);
   EXPECT_NE(parsed(full, {"controller.gains.kd=[4, 2.0000001]"}).digest, base.digest);
-  EXPECT_NE(parse_scenario(full, std::string(urdf) + " ", "f.yaml").digest, base.digest);
+  EXPECT_NE(parse_scenario(full, replaced(urdf, "0.01", "0.010"), "f.yaml").digest, base.digest);
+  EXPECT_EQ(parse_scenario(full, std::string(urdf) + " ", "f.yaml").digest, base.digest);
   EXPECT_EQ(parsed(full, {"loop.give_up_s=2"}).digest, base.digest);
 }
 
@@ -747,12 +751,12 @@ class ScenarioFile : public ::testing::Test {
 
 TEST_F(ScenarioFile, NamesItsUrdfRelativeToItself) {
   const Scenario s = load_scenario(directory_ / "a.yaml");
-  EXPECT_EQ(s.robot.urdf_text, urdf);
+  EXPECT_EQ(s.robot.urdf_text, robot::urdf_mechanics(urdf, ""));
   EXPECT_EQ(s.source, (directory_ / "a.yaml").string());
   EXPECT_EQ(
       load_scenario(directory_ / "a.yaml", {"robot.urdf=" + (directory_ / "two.urdf").string()})
           .robot.urdf_text,
-      urdf);
+      s.robot.urdf_text);
 }
 
 TEST_F(ScenarioFile, ThatCannotBeReadIsRefused) {
@@ -782,10 +786,78 @@ TEST_F(ScenarioFile, WhoseUrdfIsMissingOrRefusedSaysSo) {
   EXPECT_THAT(refusal_of_file("a.yaml", {"robot.urdf=still.urdf"}), HasSubstr("still.urdf"));
 }
 
-TEST_F(ScenarioFile, ThatDoesNotFitOneMessageWithItsUrdfIsRefused) {
+TEST_F(ScenarioFile, CarriesOfItsUrdfWhatIsReadWhateverItsVisuals) {
   write("big.urdf", std::string(urdf) + "<!--" + std::string(60'000, ' ') + "-->");
+  EXPECT_EQ(load_scenario(directory_ / "a.yaml", {"robot.urdf=big.urdf"}).robot.urdf_text,
+            robot::urdf_mechanics(urdf, ""));
+}
+
+TEST_F(ScenarioFile, ThatDoesNotFitOneMessageWithItsUrdfIsRefused) {
+  write("big.urdf", replaced(urdf, "name=\"two\"", "name=\"" + std::string(60'000, 'a') + "\""));
   EXPECT_THAT(refusal_of_file("a.yaml", {"robot.urdf=big.urdf"}),
-              AllOf(HasSubstr("robot.urdf: "), HasSubstr("60000 bytes"), HasSubstr("<visual>")));
+              AllOf(HasSubstr("robot.urdf: "), HasSubstr("60000 bytes"), HasSubstr("shorten")));
+}
+
+TEST(Scenario, ReadsItsRobotLockedAndHung) {
+  const Scenario s =
+      parsed(replaced(minimal, "[0.1, 0.2]", "[0.1]"),
+             {"robot.locked={elbow: 0.5}", "robot.base={rpy: [3.141592653589793, 0, 0]}",
+              "controller.gains={kp: 1, kd: 3}"});
+  EXPECT_EQ(s.num_joints, 1);
+  EXPECT_EQ(s.robot.locked.at("elbow"), 0.5);
+  // The shoulder's axis and the world's z: y and -z of the root link.
+  EXPECT_NEAR(s.model->bodies[0].R_PB(2, 2), -1, 1e-15);
+  EXPECT_THAT(refusal_of(minimal, {"robot.locked={wrist: 0}"}),
+              AllOf(HasSubstr("robot.locked: there is no joint 'wrist'"), HasSubstr("elbow")));
+  EXPECT_THAT(refusal_of(minimal, {"robot.locked={elbow: bent}"}),
+              HasSubstr("robot.locked.elbow: bent; allowed: a finite number"));
+  EXPECT_THAT(refusal_of(minimal, {"robot.base.xyz=[1, 2]"}),
+              HasSubstr("robot.base.xyz: 2 numbers; allowed: 3"));
+}
+
+TEST(Scenario, LetsImpossibleInertiasPassWhenToldTo) {
+  const std::string impossible = replaced(urdf, "iyy=\"0.1\"", "iyy=\"0.3\"");
+  try {
+    (void)parse_scenario(minimal, impossible, "f.yaml");
+    ADD_FAILURE() << "accepted";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_THAT(failure.what(),
+                AllOf(HasSubstr("f.yaml:3: robot.urdf: "), HasSubstr("link 'upper'"),
+                      HasSubstr("robot.check_inertia: warn")));
+  }
+  const std::string warn = "robot.check_inertia=warn";
+  const Scenario s = parse_scenario(minimal, impossible, "f.yaml", {warn});
+  // Simbody refuses such a body.
+  EXPECT_EQ(s.plant.mechanics, plant::Mechanics::native);
+  EXPECT_THAT(s.model->warnings,
+              ElementsAre(HasSubstr("link 'upper'"), HasSubstr("plant.mechanics is native")));
+  for (const char* override : {"plant.mechanics=simbody", "plant.integrator={method: verlet}"}) {
+    EXPECT_THROW((void)parse_scenario(minimal, impossible, "f.yaml", {warn, override}),
+                 diagnostics::Failure)
+        << override;
+  }
+}
+
+TEST(Scenario, RotorsAreInertiaEnoughForALinkWithoutAny) {
+  std::string hollow = urdf;
+  const std::size_t at = hollow.rfind("<inertial>"), end = hollow.rfind("</inertial>") + 11;
+  hollow.erase(at, end - at);
+  EXPECT_THROW((void)parse_scenario(minimal, hollow, "f.yaml"), diagnostics::Failure);
+  EXPECT_EQ(parse_scenario(minimal, hollow, "f.yaml",
+                           {"robot.joints={rigid: {rotor_inertia_kgm2: [0, 0.1]}}"})
+                .num_joints,
+            2);
+}
+
+TEST(Scenario, ViscousFrictionIsTheUrdfsDampingUnlessGiven) {
+  const std::string damped =
+      replaced(urdf, "<limit", "<dynamics damping=\"0.5\" friction=\"1\"/><limit");
+  const auto friction = [&](const std::vector<std::string>& overrides) {
+    return values(parse_scenario(minimal, damped, "f.yaml", overrides)
+                      .plant.drive.viscous_friction_Nms_per_rad);
+  };
+  EXPECT_THAT(friction({}), ElementsAre(0, 0.5));
+  EXPECT_THAT(friction({"plant.drive.viscous_friction_Nms_per_rad=0"}), ElementsAre(0, 0));
 }
 
 TEST(ShippedScenarios, AreRead) {

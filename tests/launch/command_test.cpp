@@ -1,5 +1,6 @@
 // The built command from outside: options, messages, exit codes. Nothing here reaches a bus.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -43,13 +45,38 @@ TEST_F(Command, TellsItsVersion) {
 TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
   const Outcome help = tachless("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const std::string verb :
-       {"run", "certify", "design", "info", "replay", "report", "export", "doctor", "test"}) {
+  for (const std::string verb : {"run", "certify", "design", "compare", "sweep", "laws", "robot",
+                                 "info", "replay", "report", "export", "doctor", "test"}) {
     EXPECT_THAT(help.output, HasSubstr("  " + verb + " "));
     const Outcome of_verb = tachless(verb + " --help");
     EXPECT_EQ(of_verb.exit_code, 0);
     EXPECT_THAT(of_verb.output, HasSubstr("Examples:\n  tachless " + verb));
   }
+}
+
+TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
+  const Outcome page = tachless("laws");
+  EXPECT_EQ(page.exit_code, 0) << page.output;
+  const Outcome listed = tachless("laws --json");
+  EXPECT_EQ(listed.exit_code, 0);
+  const nlohmann::json laws = nlohmann::json::parse(listed.output);
+  std::vector<std::string> pages;  // of docs/laws, which a test holds against the registry
+  for (const auto& file : fs::directory_iterator(TACHLESS_SOURCE_DIR "/docs/laws")) {
+    pages.push_back(file.path().stem());
+  }
+  std::vector<std::string> names;
+  for (const auto& law : laws) {
+    names.push_back(law.at("name"));
+    for (const char* fact : {"measures", "proved", "conditions", "source"}) {
+      EXPECT_THAT(page.output, HasSubstr(law.at(fact).get<std::string>())) << law.at("name");
+    }
+    for (const auto& parameter : law.at("parameters")) {
+      EXPECT_THAT(page.output,
+                  HasSubstr(fmt::format("{:<17} [{}]", parameter.at("name").get<std::string>(),
+                                        parameter.at("unit").get<std::string>())));
+    }
+  }
+  EXPECT_THAT(names, ::testing::UnorderedElementsAreArray(pages));
 }
 
 TEST_F(Command, RunRefusesALoopThatIsUnstableAtItsRate) {
@@ -125,6 +152,39 @@ TEST_F(Command, RunRefusesADirectoryItCannotUse) {
   EXPECT_EQ(outcome.exit_code, 2);
   EXPECT_THAT(outcome.output, AllOf(HasSubstr("--out " + file.string()), HasSubstr("choose")));
   EXPECT_EQ(lines(outcome.output), 1);
+}
+
+TEST_F(Command, RobotShowsWhatIsReadOfAUrdf) {
+  const std::string urdf = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
+  const std::string svg = directory_ / "robot.svg";
+  const Outcome text = tachless("robot " + urdf + " --plot " + svg);
+  EXPECT_EQ(text.exit_code, 0) << text.output;
+  EXPECT_THAT(text.output, AllOf(HasSubstr("2 joints, 4 bodies"), HasSubstr("shoulder"),
+                                 HasSubstr("root link is fixed"), HasSubstr("condition number")));
+  EXPECT_TRUE(fs::exists(svg));
+  // g_1 = 9.81 (7.6 sin 0.5 + 0.63 sin(-0.5)), by scenarios/robots/two_link.urdf's comment.
+  const Outcome json = tachless("robot " + urdf + " --position 0.5,-1 --json");
+  EXPECT_EQ(json.exit_code, 0);
+  EXPECT_THAT(json.output, AllOf(HasSubstr("32.78"), HasSubstr("\"warnings\": []")));
+  const Outcome wrong = tachless("robot " + urdf + " --position 1");
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_THAT(wrong.output, HasSubstr("1 numbers; the robot has 2 joints: shoulder, elbow"));
+  const Outcome info = tachless("info " + urdf);
+  EXPECT_EQ(info.exit_code, 2);
+  EXPECT_THAT(info.output, HasSubstr("tachless robot " + urdf));
+}
+
+TEST_F(Command, RobotShowsAnImpossibleOneAndSaysWhichKeyItNeeds) {
+  std::ifstream from(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
+  std::string text(std::istreambuf_iterator<char>(from), {});
+  const std::string inertia = "iyy=\"3.08\"";
+  text.replace(text.find(inertia), inertia.size(), "iyy=\"30.8\"");
+  const fs::path urdf = directory_ / "impossible.urdf";
+  std::ofstream(urdf) << text;
+  const Outcome outcome = tachless("robot " + urdf.string());
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.output;
+  EXPECT_THAT(outcome.output, AllOf(HasSubstr("2 joints"), HasSubstr("warning: "),
+                                    HasSubstr("robot.check_inertia: warn")));
 }
 
 TEST_F(Command, InfoAndExportRefuseWhatIsNoLog) {

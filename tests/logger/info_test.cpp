@@ -93,6 +93,22 @@ TEST_F(Info, ReadsAnEmptyLog) {
   EXPECT_THAT(to_text(info), HasSubstr("0 messages"));
 }
 
+TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
+  const auto refusal = [&](const std::string& text) -> std::string {
+    try {
+      (void)info_of(text);
+    } catch (const diagnostics::Failure& failure) {
+      return failure.what();
+    }
+    return "accepted";
+  };
+  EXPECT_THAT(refusal("<?xml version='1.0'?><robot name='a'/>"),
+              HasSubstr("this is a robot description: tachless robot /"));
+  EXPECT_THAT(refusal("name: a\nrobot:\n  urdf: b\ncontroller: {}\n"),
+              HasSubstr("this is a scenario: tachless run /"));
+  EXPECT_THAT(refusal("something else"), HasSubstr("not one message of an LCM log"));
+}
+
 TEST_F(Info, JsonOfWhateverTextsCanBeWritten) {
   auto run = short_rigid_run();
   run.messages.push_back(fault_message(run, "caf\xc3\xa9 \x1b[31m \xff\xfe"));

@@ -7,8 +7,8 @@
 namespace tachless::report {
 namespace {
 
-std::vector<Point> swing(double kick) {
-  std::vector<Point> points;
+std::vector<study::Point> swing(double kick) {
+  std::vector<study::Point> points;
   for (int k = 0; k < 1000; ++k) points.push_back({k * 1.0, std::sin(k * 0.1)});
   points[3].y = kick;
   return points;

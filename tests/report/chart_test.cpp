@@ -85,10 +85,10 @@ TEST(Chart, DrawsBarsWithTheirNames) {
 
 TEST(Chart, SurvivesCurvesWithNothingToShow) {
   Chart chart = swing();
-  for (Point& point : chart.curves[0].points) point.y = NAN;
+  for (study::Point& point : chart.curves[0].points) point.y = NAN;
   EXPECT_NO_THROW(drawn(chart));
   chart.logarithmic_y = true;
-  for (Point& point : chart.curves[0].points) point.y = -1;
+  for (study::Point& point : chart.curves[0].points) point.y = -1;
   EXPECT_NO_THROW(drawn(chart));
 }
 

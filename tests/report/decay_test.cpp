@@ -10,8 +10,8 @@ namespace tachless::report {
 namespace {
 
 template <class F>
-std::vector<Point> sampled(const F& value, double end_s = 2, int count = 2000) {
-  std::vector<Point> points;
+std::vector<study::Point> sampled(const F& value, double end_s = 2, int count = 2000) {
+  std::vector<study::Point> points;
   for (int k = 0; k < count; ++k) {
     const double t_s = k * end_s / count;
     points.push_back({t_s, std::abs(value(t_s))});

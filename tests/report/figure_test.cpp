@@ -25,8 +25,8 @@ std::size_t count(const std::string& text, const std::string& what) {
 
 class Figure : public ::testing::Test {
  protected:
-  static Tracking run(int num_joints, bool flexible, int num_ticks = 40'000) {
-    Tracking tracking(num_joints);
+  static study::Tracking run(int num_joints, bool flexible, int num_ticks = 40'000) {
+    study::Tracking tracking(num_joints);
     robot::Vector q(num_joints), q_ref(num_joints), tau(num_joints), theta;
     for (int k = 0; k < num_ticks; ++k) {
       const double t_s = k * 2.0 / num_ticks;
@@ -42,7 +42,8 @@ class Figure : public ::testing::Test {
     return tracking;
   }
 
-  std::string drawn(const Tracking& tracking, const std::string& title, double period_s = 5e-5) {
+  std::string drawn(const study::Tracking& tracking, const std::string& title,
+                    double period_s = 5e-5) {
     const auto n = tracking.joints().size();
     const FigureFacts facts{title, period_s, std::vector<std::string>(n, "rad"),
                             std::vector<std::string>(n, "N m")};
@@ -82,7 +83,7 @@ TEST_F(Figure, HasAPanelForEachOfSevenJointsAndOneForErrorsAndTorques) {
 }
 
 TEST_F(Figure, IsDrawnWhenTheErrorIsExactlyZero) {
-  Tracking tracking(1);
+  study::Tracking tracking(1);
   robot::Vector zero(1);
   zero[0] = 0;
   for (int k = 0; k < 10; ++k) tracking.add(k, zero, zero, {}, zero);
@@ -93,7 +94,7 @@ TEST_F(Figure, IsDrawnWhenTheErrorIsExactlyZero) {
 }
 
 TEST_F(Figure, CutsTheTorqueAxisAtAKickAndSaysSo) {
-  Tracking tracking(1);
+  study::Tracking tracking(1);
   robot::Vector q(1), tau(1);
   q[0] = 0.1;
   for (int k = 0; k < 1000; ++k) {

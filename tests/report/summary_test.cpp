@@ -19,8 +19,8 @@ robot::Vector vector(std::initializer_list<double> values) {
   return v;
 }
 
-report::Tracking two_ticks() {
-  report::Tracking tracking(2);
+study::Tracking two_ticks() {
+  study::Tracking tracking(2);
   tracking.add(0, vector({0.5, 0}), vector({0, 0}), {}, vector({3, 0}));
   tracking.add(0.25, vector({-0.25, 0}), vector({0, 0}), {}, vector({-4, 0}));
   return tracking;
@@ -41,7 +41,7 @@ RunFacts facts() {
 
 using std::chrono::microseconds;
 
-const JointUnits two_rotary = {{"rad", "rad"}, {"N m", "N m"}};
+const robot::JointUnits two_rotary = {{"rad", "rad"}, {"N m", "N m"}};
 
 std::vector<node::Statistics> counters() {
   node::Statistics plant(loop::Role::plant);
@@ -70,7 +70,7 @@ std::vector<node::Statistics> counters() {
   return {plant, controller};
 }
 
-nlohmann::ordered_json summarise(const RunFacts& facts, const Tracking& tracking,
+nlohmann::ordered_json summarise(const RunFacts& facts, const study::Tracking& tracking,
                                  const std::vector<node::Statistics>& statistics) {
   return to_json(RunSummary{facts, tracking, statistics}, two_rotary);
 }
@@ -131,7 +131,7 @@ TEST(Summary, OfARunThatNeverBeganSaysSo) {
   RunFacts failed = facts();
   failed.fault = "plant was killed by signal 9 (Killed)";
   failed.log_ticks = 0;
-  const RunSummary run{failed, Tracking(2), {}};
+  const RunSummary run{failed, study::Tracking(2), {}};
   const nlohmann::ordered_json summary = to_json(run, two_rotary);
   EXPECT_EQ(summary["fault"], "plant was killed by signal 9 (Killed)");
   EXPECT_EQ(summary["ticks"], 0);

@@ -61,6 +61,16 @@ TEST(Payload, IsRefusedWhereItMakesNoSense) {
   EXPECT_THAT(complaint(model, 1, "pedestal"), HasSubstr("'pedestal' is fixed to the ground"));
 }
 
+TEST(Payload, TakesEitherOfTwoToolFramesAtOnePlace) {
+  std::string urdf = testing::chain_urdf(1);
+  urdf.insert(urdf.find("</robot>"),
+              "<link name='flange'/><link name='tool0'/><joint name='a' type='fixed'><parent "
+              "link='l1'/><child link='flange'/></joint><joint name='b' type='fixed'><parent "
+              "link='l1'/><child link='tool0'/><origin rpy='0 1 0'/></joint>");
+  const Model model = model_from_urdf(urdf, "t");
+  EXPECT_EQ(with_payload(model, 1).bodies[0].mass, model.bodies[0].mass + 1);
+}
+
 TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
   const std::string mass =
       "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' "

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "robot/inverse_dynamics.h"
+#include "robot/kinematics.h"
 #include "robot/model.h"
 #include "tests/robot/robots.h"
 
@@ -17,6 +19,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::StartsWith;
 
@@ -237,7 +240,6 @@ const std::vector<Wrong>& wrong_arms() {
        "<robot name=\"r\">",
        "<!-- --><machine></machine><robot name=\"r\"",
        {"malformed XML"}},
-      {"RobotWithoutName", "<robot name=\"r\">", "<robot>", {"not a robot description", "name"}},
       {"LinkWithoutName", "<link name=\"tool\"/>", "<link/>", {"line 18", "a link has no name"}},
       {"JointWithoutName", "name=\"second\" ", "", {"a joint has no name"}},
       {"LinkTwice", "\"tool\"/>", "\"lower\"/>", {"link 'lower' is defined twice"}},
@@ -279,27 +281,26 @@ const std::vector<Wrong>& wrong_arms() {
        "type=\"continuous\"",
        "type=\"planar\"",
        {"joint 'second'", "planar is not supported"}},
-      {"UnknownType", "type=\"continuous\"", "type=\"helical\"", {"second", "helical"}},
-      {"NoType", "type=\"continuous\"", "", {"second", "type"}},
-      {"NoLimits",
-       "<limit lower=\"-2\" upper=\"2\" effort=\"50\" velocity=\"3\"/>",
-       "",
-       {"first", "limit"}},
-      {"NoEffort", "effort=\"50\" ", "", {"first", "effort"}},
-      {"NoVelocity", " velocity=\"3\"", "", {"first", "velocity"}},
+      {"UnknownType",
+       "type=\"continuous\"",
+       "type=\"helical\"",
+       {"joint 'second': type helical is not supported",
+        "use revolute, continuous, prismatic or fixed", "robot.locked: {second: 0}"}},
+      {"NoType", "type=\"continuous\"", "", {"joint 'second': has no type", "use revolute"}},
+      {"Xacro",
+       "<child link=\"tool\"/>",
+       "<child link=\"tool\"/><xacro:origin/>",
+       {"line 33", "\"<xacro:origin>\" is for xacro", "run `xacro arm.urdf > robot.urdf`"}},
+      {"XacroElement", "</robot>", "<xacro:arm/></robot>", {"\"<xacro:arm>\" is for xacro"}},
+      {"XacroNumber", "upper=\"2\"", "upper=\"${2*pi}\"", {"\"${2*pi}\" is for xacro"}},
+      {"LimitsClosed",
+       "lower=\"-2\" upper=\"2\"",
+       "lower=\"0\" upper=\"0\"",
+       {"joint 'first'", "lower 0, upper 0", "continuous", "robot.locked: {first: 0}"}},
       {"LimitsReversed",
        "upper=\"2\"",
        "upper=\"-3\"",
        {"joint 'first'", "lower -2, upper -3", "lower < upper"}},
-      {"LimitsMissing",
-       "lower=\"-2\" upper=\"2\" ",
-       "",
-       {"joint 'first'", "lower 0, upper 0", "continuous"}},
-      {"NegativeEffort", "effort=\"50\"", "effort=\"-50\"", {"joint 'first'", "effort limit -50"}},
-      {"NegativeVelocity",
-       "velocity=\"3\"",
-       "velocity=\"-3\"",
-       {"joint 'first'", "velocity limit -3"}},
       {"LimitNotANumber", "effort=\"50\"", "effort=\"fifty\"", {"first", "effort"}},
       {"LimitInfinite", "effort=\"50\"", "effort=\"inf\"", {"first", "effort"}},
       {"ZeroAxis",
@@ -325,10 +326,6 @@ const std::vector<Wrong>& wrong_arms() {
        "<axis xyz=\"0 1 1\"/>",
        "<axis xyz=\"0 1 1\"/><mimic joint=\"third\"/>",
        {"joint 'second'", "mimics joint 'third'", "does not exist"}},
-      {"MimicFixed",
-       "<axis xyz=\"0 1 1\"/>",
-       "<axis xyz=\"0 1 1\"/><mimic joint=\"mount\"/>",
-       {"joint 'second'", "'mount', which is fixed"}},
       {"MimicItself",
        "<axis xyz=\"0 1 1\"/>",
        "<axis xyz=\"0 1 1\"/><mimic joint=\"second\"/>",
@@ -337,10 +334,6 @@ const std::vector<Wrong>& wrong_arms() {
        "<axis xyz=\"0 1 1\"/>",
        "<axis xyz=\"0 1 1\"/><mimic joint=\"first\" multiplier=\"nan\"/>",
        {"second", "multiplier"}},
-      {"FixedMimics",
-       "<child link=\"tool\"/>",
-       "<child link=\"tool\"/><mimic joint=\"first\"/>",
-       {"joint 'mount'", "fixed joint cannot mimic 'first'"}},
       {"NegativeMass",
        "<mass value=\"2\"/>",
        "<mass value=\"-2\"/>",
@@ -376,6 +369,19 @@ std::string complaint(const std::string& text) {
   return "accepted";
 }
 
+UrdfOptions options_with(const std::map<std::string, double>& locked,
+                         CheckInertia check = CheckInertia::refuse) {
+  UrdfOptions options;
+  options.check_inertia = check;
+  options.locked = locked;
+  return options;
+}
+
+/// What the loading of `text` warns of.
+std::vector<std::string> warnings(const std::string& text, const UrdfOptions& options = {}) {
+  return model_from_urdf(text, "arm.urdf", options).warnings;
+}
+
 class WrongUrdf : public ::testing::TestWithParam<Wrong> {};
 INSTANTIATE_TEST_SUITE_P(Arm, WrongUrdf, ::testing::ValuesIn(wrong_arms()),
                          [](const auto& arm) { return arm.param.name; });
@@ -393,6 +399,230 @@ TEST_P(WrongUrdf, IsRefusedOnOneLineThatNamesSourceAndCause) {
 
 TEST(Urdf, AcceptsTheArmThatTheWrongOnesAreMadeFrom) {
   EXPECT_EQ(model_from_urdf(right_arm, "arm.urdf").num_joints, 2);
+}
+
+/// What does not touch the motion is a warning.
+const std::vector<Wrong>& doubtful_arms() {
+  static const std::vector<Wrong> arms{
+      {"NoLimits",
+       "<limit lower=\"-2\" upper=\"2\" effort=\"50\" velocity=\"3\"/>",
+       "",
+       {"joint first: no effort limit is given; none is assumed",
+        "joint first: no range (lower, upper) is given; none is assumed",
+        "joint first: no velocity limit is given; none is assumed"}},
+      {"NoEffort", "effort=\"50\" ", "", {"joint first: no effort limit is given"}},
+      {"NoVelocity", " velocity=\"3\"", "", {"joint first: no velocity limit is given"}},
+      {"LimitsOfAnExporter",
+       "<limit lower=\"-2\" upper=\"2\" effort=\"50\" velocity=\"3\"/>",
+       "<limit lower=\"0\" upper=\"0\" effort=\"0\" velocity=\"0\"/>",
+       {"joint first: no range (lower, upper)"}},
+      {"NoRange", "lower=\"-2\" upper=\"2\" ", "", {"joint first: no range (lower, upper)"}},
+      {"NegativeEffort", "effort=\"50\"", "effort=\"-1\"", {"effort limit -1 is taken for none"}},
+      {"NegativeVelocity",
+       "velocity=\"3\"",
+       "velocity=\"-1\"",
+       {"velocity limit -1 is taken for none"}},
+      {"MimicFixed",
+       "<axis xyz=\"0 1 1\"/>",
+       "<axis xyz=\"0 1 1\"/><mimic joint=\"mount\" offset=\"0.5\"/>",
+       {"joint 'second' mimics 'mount', which does not move; it is held at 0.5"}},
+      {"FixedMimics",
+       "<child link=\"tool\"/>",
+       "<child link=\"tool\"/><mimic joint=\"first\"/>",
+       {"joint 'mount' is fixed; that it mimics 'first' has no effect"}},
+      {"ImpossibleToolMerged",
+       "<link name=\"tool\"/>",
+       "<link name=\"tool\"><inertial><mass value=\"0.1\"/><inertia ixx=\"1e-4\" iyy=\"1e-4\" "
+       "izz=\"3e-4\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link>",
+       {"link 'tool': principal moments of inertia 0.0001, 0.0001, 0.0003"}},
+      {"NegativeDamping",
+       "<child link=\"lower\"/>",
+       "<child link=\"lower\"/><dynamics damping=\"-1\" friction=\"0\"/>",
+       {"joint 'second': damping -1 would drive the joint; it is not used"}},
+  };
+  return arms;
+}
+
+class DoubtfulUrdf : public ::testing::TestWithParam<Wrong> {};
+INSTANTIATE_TEST_SUITE_P(Arm, DoubtfulUrdf, ::testing::ValuesIn(doubtful_arms()),
+                         [](const auto& arm) { return arm.param.name; });
+
+TEST_P(DoubtfulUrdf, IsReadWithAWarningThatNamesIt) {
+  const std::vector<std::string> said = warnings(made_wrong(GetParam()));
+  ASSERT_EQ(said.size(), GetParam().said.size()) << ::testing::PrintToString(said);
+  for (std::size_t i = 0; i < said.size(); ++i) {
+    EXPECT_THAT(said[i], AllOf(StartsWith("arm.urdf: "), HasSubstr(GetParam().said[i])));
+  }
+}
+
+TEST(Urdf, WarnsOfNothingWhereNothingIsWrong) {
+  EXPECT_THAT(warnings(right_arm), IsEmpty());
+  std::string text = right_arm;
+  text.replace(text.find(" name=\"r\""), 9, "");
+  EXPECT_THAT(warnings(text), IsEmpty());
+  // A thin rod, as printed by a program that rounds.
+  text.replace(text.find("izz=\"0.01\""), 10, "izz=\"-5e-20\"");
+  EXPECT_THAT(warnings(text), IsEmpty());
+}
+
+TEST(Urdf, DoesNotReadVisualsCollisionsAndWhatOthersAdd) {
+  std::string text = right_arm;
+  text.insert(
+      text.find("</robot>"),
+      "<material/><gazebo><x:y/></gazebo><transmission/><link name='flag'><visual><geometry>"
+      "<box size='a b'/></geometry><material/></visual><collision/></link><joint name='pole' "
+      "type='fixed'><parent link='tool'/><child link='flag'/><safety_controller/></joint>");
+  EXPECT_EQ(model_from_urdf(text, "arm.urdf").num_joints, 2);
+}
+
+TEST(Urdf, ItsMechanicsReadAsTheSameModelAndAreTheirOwnMechanics) {
+  const std::string text = testing::read_text(TACHLESS_SOURCE_DIR "/tests/robot/branching.urdf");
+  const std::string mechanics = urdf_mechanics(text, "t");
+  EXPECT_THAT(mechanics, AllOf(Not(HasSubstr("visual")), Not(HasSubstr("\n"))));
+  EXPECT_EQ(urdf_mechanics(mechanics, "t"), mechanics);
+  const Model whole = model_from_urdf(text, "t"), carried = model_from_urdf(mechanics, "t");
+  EXPECT_EQ(carried.joint_names, whole.joint_names);
+  EXPECT_EQ(carried.upper, whole.upper);
+  ASSERT_EQ(carried.bodies.size(), whole.bodies.size());
+  for (std::size_t i = 0; i < whole.bodies.size(); ++i) {
+    EXPECT_EQ(carried.bodies[i].R_PB, whole.bodies[i].R_PB);
+    EXPECT_EQ(carried.bodies[i].p_PB, whole.bodies[i].p_PB);
+    EXPECT_EQ(carried.bodies[i].I_Bcm, whole.bodies[i].I_Bcm);
+  }
+}
+
+TEST(Urdf, DoesNotJudgeWhatIsFixedToTheGround) {
+  std::string text = right_arm;
+  const std::string base = "<link name=\"base\"/>";
+  text.replace(text.find(base), base.size(),
+               "<link name='base'><inertial><mass value='-1'/><inertia ixx='-1' iyy='0' izz='9' "
+               "ixy='0' ixz='0' iyz='0'/></inertial></link>");
+  EXPECT_THAT(warnings(text), IsEmpty());
+}
+
+TEST(Urdf, NamesAllImpossibleInertiasAtOnceAndTheKeyThatAllowsThem) {
+  std::string text = right_arm;
+  text.replace(text.find("izz=\"0.01\""), 10, "izz=\"0.41\"");
+  text.replace(text.find("izz=\"0.02\""), 10, "izz=\"0.31\"");
+  EXPECT_THAT(complaint(text),
+              AllOf(HasSubstr("link 'upper': principal"), HasSubstr("; link 'lower': principal"),
+                    HasSubstr("robot.check_inertia: warn")));
+  EXPECT_EQ(warnings(text, options_with({}, CheckInertia::warn)).size(), 2u);
+}
+
+TEST(Urdf, DoesNotOfferTheKeyWhereTheInertiaMatrixIsNotPositiveDefinite) {
+  std::string text = right_arm;
+  text.replace(text.find("iyy=\"0.1\""), 9, "iyy=\"-9\"");
+  EXPECT_THAT(complaint(text), AllOf(HasSubstr("link 'lower'"), Not(HasSubstr("check_inertia")),
+                                     HasSubstr("moves no inertia")));
+  EXPECT_THROW((void)model_from_urdf(text, "t", options_with({}, CheckInertia::warn)),
+               std::invalid_argument);
+}
+
+TEST(Urdf, CountsAnInertiaWithoutMassThatIsMerged) {
+  std::string text = right_arm;
+  const std::string tool = "<link name=\"tool\"/>";
+  text.replace(text.find(tool), tool.size(),
+               "<link name='tool'><inertial><mass value='0'/><inertia ixx='0.25' iyy='0.25' "
+               "izz='0.25' ixy='0' ixz='0' iyz='0'/></inertial></link>");
+  const Model model = model_from_urdf(text, "t");
+  EXPECT_EQ(model.warnings.size(), 1u);
+  EXPECT_EQ(model.bodies[1].mass, 1);
+  EXPECT_EQ(model.bodies[1].I_Bcm(2, 2), 0.27);
+}
+
+TEST(Urdf, CountsRotorsBeforeItAsksForInertia) {
+  std::string text = right_arm;
+  for (const std::string from : {"<mass value=\"2\"/>", "<mass value=\"1\"/>"}) {
+    const std::size_t at = text.find("<inertial>"), end = text.find("</inertial>") + 11;
+    text.erase(at, end - at);
+  }
+  EXPECT_THAT(complaint(text), AllOf(HasSubstr("no link that moves has an <inertial>"),
+                                     HasSubstr("rotor_inertia_kgm2")));
+  Model model = read_urdf(text, "arm.urdf");
+  model.rotor_inertia = Eigen::Vector2d(0.1, 0.1);
+  EXPECT_NO_THROW(require_positive_inertia(model, "arm.urdf"));
+}
+
+TEST(Urdf, NamesAllJointsWithoutInertiaAtOnce) {
+  std::string text = right_arm;
+  for (const std::string link : {"f1", "f2"}) {
+    text.insert(text.find("</robot>"),
+                "<link name='" + link + "'/><joint name='to_" + link +
+                    "' type='continuous'><parent link='tool'/><child link='" + link +
+                    "'/></joint>");
+  }
+  EXPECT_THAT(complaint(text), AllOf(HasSubstr("joint 'to_f1', 'to_f2' moves no inertia"),
+                                     HasSubstr("robot.locked: {to_f1: ..., to_f2: ...}")));
+}
+
+TEST(Urdf, LocksJointsWhereTheyAreToBe) {
+  const Model locked = model_from_urdf(right_arm, "t", options_with({{"first", 0.5}}));
+  EXPECT_THAT(locked.joint_names, ElementsAre("second"));
+  // The same pose as the free arm's with its first joint there: rounding of one product.
+  const Model free = model_from_urdf(right_arm, "t");
+  const Eigen::Vector3d p = link_position(locked, "tool", Vector::Constant(1, 0.3));
+  EXPECT_LT((p - link_position(free, "tool", Eigen::Vector2d(0.5, 0.3))).norm(), 4 * eps);
+  const auto refused = [&](const std::map<std::string, double>& joints) {
+    try {
+      (void)model_from_urdf(right_arm, "t", options_with(joints));
+    } catch (const std::invalid_argument& e) {
+      return std::string(e.what());
+    }
+    return std::string("accepted");
+  };
+  EXPECT_THAT(refused({{"third", 0}}), HasSubstr("no joint 'third'; its joints are first, mount"));
+  EXPECT_THAT(refused({{"first", 3}}),
+              HasSubstr("3 of joint 'first' is outside its limits [-2, 2]"));
+  EXPECT_THAT(refused({{"mount", 1}}), HasSubstr("joint 'mount' is fixed"));
+}
+
+TEST(Urdf, LocksAMimicWithTheJointThatDrivesIt) {
+  const Model model =
+      model_from_urdf(testing::read_text(TACHLESS_SOURCE_DIR "/tests/robot/branching.urdf"), "t",
+                      options_with({{"lift", 0.2}}));
+  EXPECT_THAT(model.joint_names, ElementsAre("turn", "wrist", "arm"));
+  const Model free = testing::branching();
+  const Vector q = Eigen::Vector3d(0.1, -0.4, 0.7), q_free = Eigen::Vector4d(0.1, 0.2, -0.4, 0.7);
+  for (const char* link : {"hand", "finger", "claw"}) {
+    // A handful of rotations of entries up to 1 each.
+    EXPECT_LT((link_position(model, link, q) - link_position(free, link, q_free)).norm(), 32 * eps)
+        << link;
+  }
+}
+
+TEST(Urdf, WeldsAJointOfAnUnsupportedTypeThatIsLocked) {
+  std::string text = right_arm;
+  text.replace(text.find("\"continuous\""), 12, "\"floating\"");
+  EXPECT_EQ(model_from_urdf(text, "t", options_with({{"second", 0}})).num_joints, 1);
+  EXPECT_THROW((void)model_from_urdf(text, "t", options_with({{"second", 1}})),
+               std::invalid_argument);
+}
+
+TEST(Urdf, HangsTheRootLinkWhereItsBaseIs) {
+  UrdfOptions ceiling;
+  ceiling.base_rpy = {M_PI, 0, 0};
+  ceiling.base_xyz = {0, 0, 3};
+  const Model hanging = model_from_urdf(right_arm, "t", ceiling);
+  const Model standing = model_from_urdf(right_arm, "t");
+  const Vector q = Eigen::Vector2d(0.4, -0.2);
+  // Gravity pulls the other way, seen from the root link; sin(pi) is 1e-16.
+  EXPECT_LT((gravity_torque(hanging, q) + gravity_torque(standing, q)).norm(), 1e-13);
+  EXPECT_LT((link_position(hanging, "tool", q) -
+             (ceiling.base_xyz +
+              Eigen::Vector3d(1, -1, -1).cwiseProduct(link_position(standing, "tool", q))))
+                .norm(),
+            1e-15);
+}
+
+TEST(Urdf, ReadsDampingAndFrictionAndAddsThoseOfMimicsToTheirJoint) {
+  std::string text = testing::chain_urdf(2, 1);  // j3 turns half as fast as j1
+  const std::string mimic = "<mimic";
+  text.insert(text.find(mimic), "<dynamics damping='4' friction='2'/>");
+  text.insert(text.find("</joint>"), "<dynamics damping='1' friction='3'/>");
+  const Model model = model_from_urdf(text, "t");
+  EXPECT_THAT(list(model.damping), ElementsAre(2, 0));
+  EXPECT_THAT(list(model.friction), ElementsAre(4, 0));
 }
 
 TEST(Urdf, RefusesAMimicCycle) {

@@ -120,6 +120,23 @@ TEST(InProcessLoop, SaysInWhichTickAnUnstableLoopEnds) {
   }
 }
 
+/// zhang_dawson has no torque where its filter reaches 1, as after a start 5 rad/s beside the
+/// reference.
+TEST(InProcessLoop, SaysInWhichTickALawHasNoFiniteTorque) {
+  const auto run = [](const char* speed) {
+    return records(practical({"controller.law=zhang_dawson", "controller.gains.k=150",
+                              std::string("plant.initial.velocity_rad_per_s=") + speed}));
+  };
+  EXPECT_EQ(run("[1, 1]").size(), 200U);
+  try {
+    run("[1, 6]");
+    FAIL() << "the filter stayed below 1";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+    EXPECT_THAT(failure.what(), HasSubstr("a torque that is not finite at tick 2"));
+  }
+}
+
 TEST(InProcessLoop, RefusesALawWhoseEncodersAreMissing) {
   const auto path = std::string(TACHLESS_SOURCE_DIR) + "/scenarios/paper_flexible.yaml";
   const auto run = [&](const std::string& side) {

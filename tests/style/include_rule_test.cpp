@@ -34,7 +34,10 @@ const std::vector<Rule> rules = {
 
     {"robot/", {"robot/"}, {"Eigen/"}},
     {"robot/urdf_tree.cpp", {"robot/"}, {"tinyxml.h"}},
-    {"robot/urdf.cpp", {"robot/"}, {"Eigen/", "urdf_parser/", "urdf_model/", "console_bridge/"}},
+    {"robot/urdf.cpp", {"robot/"}, {"Eigen/"}},
+    {"robot/urdfdom.",
+     {"robot/"},
+     {"urdf_parser/", "urdf_model/", "urdf_world/", "console_bridge/"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
 
@@ -96,6 +99,7 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/", "fmt/"},
      true},
+    {"logger/hdf5_columns.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "hdf5_hl.h"}},
     {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5", "fmt/"}, true},
 
     {"certificate/",
@@ -108,19 +112,22 @@ const std::vector<Rule> rules = {
     {"study/",
      {"study/", "robot/", "controller/law_stepper.h", "controller/registry.h",
       "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/",
-      "diagnostics/failure.h"},
+      "certificate/scenario_loop.h", "schema/schema.h", "diagnostics/failure.h"},
      {"Eigen/"}},
+    {"study/sweep.cpp", {"study/", "certificate/parallel.h", "diagnostics/"}, {}, true},
+    {"study/sweep_plan.cpp", {"study/", "experiment/", "diagnostics/"}, {"nlohmann/"}},
     {"study/in_process_log.cpp",
-     {"study/", "controller/registry.h", "plant/run_info.h", "bus/wire.h", "bus/truth/", "loop/"},
+     {"study/", "controller/registry.h", "plant/run_info.h", "plant/truth_of.h", "bus/wire.h",
+      "bus/truth/", "loop/"},
      {}},
 
     {"report/",
      {"report/", "certificate/", "controller/registry.h", "logger/", "node/statistics.h",
-      "process/", "experiment/", "schema/", "robot/", "loop/", "diagnostics/"},
-     {"nlohmann/"},
+      "process/", "study/", "experiment/", "schema/", "robot/", "loop/", "diagnostics/"},
+     {"Eigen/", "nlohmann/"},
      true},
     {"replay/",
-     {"replay/", "report/", "controller/", "logger/", "experiment/", "robot/", "loop/",
+     {"replay/", "report/", "study/", "controller/", "logger/", "experiment/", "robot/", "loop/",
       "diagnostics/"},
      {"nlohmann/"}},
     {"monitor/",
@@ -281,7 +288,7 @@ TEST(IncludeRule, SimbodyUrdfdomAndLcmAreSeenByTheirFilesAlone) {
   }
   const std::map<std::string, std::set<std::string>> expected = {
       {"SimTK", {"plant/simbody_arm.cpp", "viewer/arm_window.cpp"}},  // its mechanics, its window
-      {"urdf_", {"robot/urdf.cpp"}},
+      {"urdf_", {"robot/urdfdom.cpp", "robot/urdfdom.h"}},
       {"lcm/", {"bus/udp_transport.cpp"}}};
   for (const auto& [library, files] : users) EXPECT_EQ(files, expected.at(library)) << library;
 }

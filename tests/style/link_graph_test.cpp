@@ -77,6 +77,7 @@ TEST(LinkGraph, KeepsFromATargetWhatItDoesNotUse) {
       {"certificate_scenario", {"bus_", "process", "node", "logger_", simbody}},
       {"certificate_numbers", {"bus_", "process", "experiment", "diagnostics", simbody}},
       {"study", {"bus_", "protocol_", "process", "node", "logger_", hdf5, "Lcm::lcm"}},
+      {"study_sweep", {"bus_", "protocol_", "process", "node", "logger_", hdf5, "Lcm::lcm"}},
       {"study_log", {sockets, "protocol_", "process", "node", "logger_", hdf5}},
       // Of node/, the counters' file alone: whoever links all of it has node_options.
       {"report", {simbody, hdf5, sockets, "node_options", "protocol_"}},

@@ -2,11 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <stdexcept>
+
+#include "tests/controller/law/velocity_error.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -175,6 +178,32 @@ TEST(Filter, RefusesWhatIsNotPositive) {
   EXPECT_THROW(make(1, -1, 1), std::invalid_argument);
   EXPECT_THROW(make(1, 1, 0), std::invalid_argument);
   EXPECT_THROW(make(std::nan(""), 1, 1), std::invalid_argument);
+}
+
+/// The dirty derivative of a position, as an estimate of velocity.
+struct DirtyDerivative {
+  Filter filter;
+
+  [[nodiscard]] Filter::Memory start(const robot::Vector& q,
+                                     const loop::ReferencePoint& /*reference*/) const {
+    return filter.start(q);
+  }
+  [[nodiscard]] Filter::Memory step(const Filter::Memory& memory, const robot::Vector& q,
+                                    int ticks) const {
+    return filter.step(memory, q, ticks);
+  }
+  [[nodiscard]] static robot::Vector velocity(const Filter::Memory& memory) { return memory.nu; }
+};
+
+/// A figure of an independent simulation; what other estimators have is in their tests.
+TEST(Filter, OfAPositionHasTheVelocityErrorThatCountsAndLagGive) {
+  double least = 1;
+  for (double a = 100; a < 1e4; a *= 1.2) {
+    const DirtyDerivative estimator{Filter(
+        vector(a, a), vector(a, a), Discretisation::first_order_hold, FilterStart::at_error, 1e-3)};
+    least = std::min(least, velocity_error(estimator));
+  }
+  EXPECT_NEAR(least, 0.034, 0.0034);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/controller/law/two_link.h"
+#include "tests/controller/law/first_order.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -29,6 +29,22 @@ TEST(SlotineLi, LeavesAPassiveErrorEquation) {
     // M^-1 and M again: cond(M) <= 23 times eps, of terms of some 1e4 N m.
     EXPECT_LE(left.norm(), 1e-10);
   }
+}
+
+TEST(SlotineLi, ApproachesItsContinuousLoopAtFirstOrder) {
+  const Sine reference{{0.5, 0.4}, 2.5};
+  const auto rate = [&](double t, const State<4>& x) {
+    const Pair q = x.head<2>(), v = x.tail<2>(), lambda(20, 15), ks(400, 40);
+    const loop::ReferencePoint r = reference.at(t);
+    const Pair v_r = Pair(r.v_ref) - lambda.cwiseProduct(q - Pair(r.q_ref));
+    const Pair v_rdot = Pair(r.a_ref) - lambda.cwiseProduct(v - Pair(r.v_ref));
+    const Pair tau = TwoLink<double>().torque(q, v, v_r, v_rdot) - ks.cwiseProduct(v - v_r);
+    return RigidArm{}(x, tau);
+  };
+  const auto law_at = [](double h) {
+    return SlotineLi(two_link_model(), {vector(20, 15), vector(400, 40)}, {h});
+  };
+  expect_first_order(law_at, full_state, rate, rigid_state({0.2, -0.2}, {0, 0}), reference, 1e-3);
 }
 
 }  // namespace

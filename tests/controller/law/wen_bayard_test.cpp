@@ -2,9 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
-#include "tests/controller/law/two_link.h"
+#include "tests/controller/law/first_order.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -32,6 +30,15 @@ TEST(WenBayard, MakesTheErrorEquationLinearInTheFeedbackTerms) {
     EXPECT_EQ(step.signals.value[0], e);
     EXPECT_EQ(step.signals.value[1], edot);
   }
+}
+
+TEST(WenBayard, ApproachesItsContinuousLoopAtFirstOrder) {
+  const Sine reference{{0.5, 0.4}, 2.5};
+  const auto law_at = [](double h) {
+    return WenBayard(two_link_model(), {vector(4000, 1000), vector(400, 60)}, {h});
+  };
+  expect_first_order(law_at, full_state, WenBayardLoop{{4000, 1000}, {400, 60}, reference},
+                     rigid_state({0.2, -0.2}, {0, 0}), reference, 1e-3);
 }
 
 }  // namespace

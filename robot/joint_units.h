@@ -5,7 +5,7 @@
 
 #include "robot/model.h"
 
-namespace tachless::report {
+namespace tachless::robot {
 
 /// Units of what is an angle on a revolute joint and a torque there, per joint.
 struct JointUnits {
@@ -23,4 +23,4 @@ inline JointUnits joint_units(const robot::Model& model) {
   return units;
 }
 
-}  // namespace tachless::report
+}  // namespace tachless::robot

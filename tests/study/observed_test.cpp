@@ -1,4 +1,4 @@
-#include "report/observed.h"
+#include "study/observed.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,12 +7,12 @@
 #include <functional>
 #include <numbers>
 
-namespace tachless::report {
+namespace tachless::study {
 namespace {
 
 using ::testing::HasSubstr;
 
-const JointUnits rotary = {{"rad"}, {"N m"}};
+const robot::JointUnits rotary = {{"rad"}, {"N m"}};
 
 /// Two seconds at 1 kHz, of one joint.
 Tracking run(const std::function<double(double)>& error,
@@ -83,4 +83,4 @@ TEST(Observed, DoesNotJudgeAFewTicks) {
 }
 
 }  // namespace
-}  // namespace tachless::report
+}  // namespace tachless::study

@@ -3,10 +3,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "report/envelope.h"
 #include "robot/quantities.h"
+#include "study/envelope.h"
 
-namespace tachless::report {
+namespace tachless::study {
 
 /// Peak, root mean square and last value of a signal.
 class Extent {
@@ -52,4 +52,4 @@ class Tracking {
   bool has_motors_ = false;
 };
 
-}  // namespace tachless::report
+}  // namespace tachless::study

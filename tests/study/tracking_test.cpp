@@ -1,10 +1,10 @@
-#include "report/tracking.h"
+#include "study/tracking.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-namespace tachless::report {
+namespace tachless::study {
 namespace {
 
 robot::Vector vector(std::initializer_list<double> values) {
@@ -45,4 +45,4 @@ TEST(Tracking, RefusesAVectorOfAnotherLength) {
 }
 
 }  // namespace
-}  // namespace tachless::report
+}  // namespace tachless::study

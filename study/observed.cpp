@@ -1,11 +1,11 @@
-#include "report/observed.h"
+#include "study/observed.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-namespace tachless::report {
+namespace tachless::study {
 namespace {
 
 constexpr std::int64_t fewest_ticks = 40;
@@ -111,7 +111,7 @@ Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& satu
   return result;
 }
 
-std::string text(const Observed& observed, const JointUnits& units) {
+std::string text(const Observed& observed, const robot::JointUnits& units) {
   const std::size_t joint = observed.joint + 1;
   const std::string& unit = units.length[observed.joint];
   switch (observed.outcome) {
@@ -135,4 +135,4 @@ std::string text(const Observed& observed, const JointUnits& units) {
   return "not judged: too few ticks";
 }
 
-}  // namespace tachless::report
+}  // namespace tachless::study

@@ -1,6 +1,6 @@
-#include "report/envelope.h"
+#include "study/envelope.h"
 
-namespace tachless::report {
+namespace tachless::study {
 
 // `a` comes before `b`.
 Envelope::Bin Envelope::merge(const Bin& a, const Bin& b) {
@@ -61,4 +61,4 @@ std::vector<Point> Envelope::points_of(const std::vector<Bin>& bins) {
   return points;
 }
 
-}  // namespace tachless::report
+}  // namespace tachless::study

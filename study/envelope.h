@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace tachless::report {
+namespace tachless::study {
 
 struct Point {
   double x = 0, y = 0;
@@ -39,4 +39,4 @@ class Envelope {
   std::int64_t samples_in_last_ = 0;
 };
 
-}  // namespace tachless::report
+}  // namespace tachless::study

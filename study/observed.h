@@ -1,14 +1,16 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "report/joint_units.h"
-#include "report/tracking.h"
+#include "robot/joint_units.h"
+#include "schema/schema.h"
+#include "study/tracking.h"
 
 /// What a run did, judged by its errors and torques alone: afterwards, whatever was predicted.
-namespace tachless::report {
+namespace tachless::study {
 
 enum class Outcome {
   converged,    ///< the error fell below 1 % of its peak and stayed there
@@ -35,6 +37,19 @@ struct Observed {
 Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& saturated_ticks);
 
 /// "converged, settled within 0.21 s", "limit cycle: joint 2 swings by 0.03 rad at 61 Hz", …
-std::string text(const Observed& observed, const JointUnits& units);
+std::string text(const Observed& observed, const robot::JointUnits& units);
 
-}  // namespace tachless::report
+}  // namespace tachless::study
+
+namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<study::Outcome>, 6> names<study::Outcome>{
+    {{study::Outcome::converged, "converged"},
+     {study::Outcome::followed, "followed"},
+     {study::Outcome::saturated, "saturated"},
+     {study::Outcome::limit_cycle, "limit_cycle"},
+     {study::Outcome::diverging, "diverging"},
+     {study::Outcome::not_judged, "not_judged"}}};
+
+}  // namespace tachless::schema

@@ -1,10 +1,10 @@
-#include "report/tracking.h"
+#include "study/tracking.h"
 
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
-namespace tachless::report {
+namespace tachless::study {
 
 void Extent::add(double value) {
   peak_ = std::max(peak_, std::abs(value));
@@ -42,4 +42,4 @@ void Tracking::add(double t_s, const robot::Vector& q, const robot::Vector& q_re
   }
 }
 
-}  // namespace tachless::report
+}  // namespace tachless::study

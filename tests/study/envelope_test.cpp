@@ -1,4 +1,4 @@
-#include "report/envelope.h"
+#include "study/envelope.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace tachless::report {
+namespace tachless::study {
 namespace {
 
 TEST(Envelope, KeepsEverySampleOfAShortCurve) {
@@ -55,4 +55,4 @@ TEST(Envelope, KeepsTheOrderOfTime) {
 }
 
 }  // namespace
-}  // namespace tachless::report
+}  // namespace tachless::study

@@ -1,0 +1,172 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <tuple>
+#include <utility>
+
+#include "controller/law/feedforward.h"
+#include "controller/law/law.h"
+#include "controller/law/settings.h"
+#include "controller/law/tuning.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/model.h"
+#include "schema/schema.h"
+
+namespace tachless::controller::law {
+
+/// Tracking of a rigid robot from link positions alone, by passivity of controller and observer
+/// together: H. Berghuis and H. Nijmeijer, "A passivity approach to controller-observer design for
+/// robots", IEEE Trans. Robotics and Automation 9(6), 1993, in the form implemented here,
+///
+///   v_r = v_ref - Lambda (q_hat - q_ref),   v_0 = q_hatdot - Lambda (q - q_hat),
+///   q_hatdot = z + (l_d + Lambda)(q - q_hat),   zdot = v_rdot + l_d Lambda (q - q_hat),
+///   tau = M(q) v_rdot + C(q, v_0) v_r + g(q) - Kd (v_0 - v_r).
+///
+/// Measures: link position. Memory: the observer, in deviations from the reference (see Memory):
+/// linear, so that it is exact for errors that are straight lines between samples. The observer
+/// knows no model. With `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken
+/// that much ahead; what is measured or estimated is not.
+class BerghuisNijmeijer {
+ public:
+  static constexpr std::string_view name = "berghuis_nijmeijer";
+  static constexpr std::array signals = {loop::Signal{"error", "rad"},
+                                         loop::Signal{"v_hat", "rad/s"}};
+  static constexpr std::string_view source =
+      "H. Berghuis and H. Nijmeijer, A passivity approach to controller-observer design for "
+      "robots, IEEE Trans. Robotics and Automation 9(6), 1993, in the form implemented here";
+  static constexpr std::string_view proved =
+      "semiglobally exponentially stable, in continuous time";
+  static constexpr std::string_view conditions =
+      "observer_ld lambda_min(M) > lambda_max(Kd) and what the Coriolis terms of the initial "
+      "errors and of sup |v_ref| add, which kd has to exceed as well";
+  static constexpr bool regulation_only = false;
+  static constexpr bool has_feedforward_lead = true;
+
+  using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
+  using Measurement = loop::PositionMeasurement;
+
+  /// With e = q - q_ref and delta = q - q_hat, rho = z - v_ref - Lambda delta. Both are zero, and
+  /// stay so, while the error is constant: q_hat = q and z = v_ref.
+  struct Memory {
+    robot::Vector delta;       ///< [rad]
+    robot::Vector rho;         ///< [rad/s]
+    robot::Vector e_previous;  ///< [rad]
+
+    static constexpr std::tuple members{&Memory::delta, &Memory::rho, &Memory::e_previous};
+  };
+
+  struct Gains {
+    robot::Vector lambda, kd;
+    double observer_ld = 0;
+
+    static constexpr std::tuple keys{
+        schema::Key{"lambda", &Gains::lambda, "1/s",
+                    "Weight of the estimated position error, and of the observer's"}
+            .in(schema::positive),
+        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the estimated velocity error"}.in(
+            schema::positive),
+        schema::Key{"observer_ld", &Gains::observer_ld, "1/s", "Gain of the observer"}.in(
+            schema::positive)};
+  };
+
+  static Gains tuned(const Tuning& t) {
+    return {t.each(t.w / t.damping), t.damping * t.w * t.inertia, t.filter};
+  }
+
+  BerghuisNijmeijer(Robot model, Gains gains, const Settings& settings)
+      : model_(std::move(model)),
+        gains_(std::move(gains)),
+        lead_s_(settings.feedforward_lead_s),
+        period_s_(settings.period_s),
+        every_period_(gains_, period_s_) {}
+
+  [[nodiscard]] Memory start(const Measurement& measurement,
+                             const loop::ReferencePoint& reference) const {
+    const robot::Vector zero = robot::Vector::Zero(measurement.q.size());
+    return {zero, zero, measurement.q - reference.q_ref};
+  }
+
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
+                                  const loop::ReferencePoint& reference, int ticks = 1) const {
+    const robot::Vector& lambda = gains_.lambda;
+    const robot::Vector e = measurement.q - reference.q_ref;
+    Step<Memory> result{ticks == 1 ? every_period_.step(memory, e)
+                                   : Observer(gains_, ticks * period_s_).step(memory, e),
+                        {},
+                        {}};
+    const robot::Vector& delta = result.memory.delta;
+    const robot::Vector& rho = result.memory.rho;
+    const robot::Vector v_hat_error =
+        rho + gains_.observer_ld * delta + 2 * lambda.cwiseProduct(delta);  // q_hatdot - v_ref
+    const robot::Vector v_hat = reference.v_ref + v_hat_error;
+    const robot::Vector v_0 = v_hat - lambda.cwiseProduct(delta);
+    const robot::Vector e_hat = e - delta;  // q_hat - q_ref
+
+    const Feedforward ahead = feedforward_ahead(reference, lead_s_);
+    const robot::Vector v_r = ahead.v_ref - lambda.cwiseProduct(e_hat);
+    const robot::Vector a_r = ahead.a_ref - lambda.cwiseProduct(v_hat_error);
+    const robot::Vector s = v_0 - reference.v_ref + lambda.cwiseProduct(e_hat);  // v_0 - v_r
+    result.command.tau = robot::inverse_dynamics_bilinear(model_, measurement.q, v_0, v_r, a_r) -
+                         gains_.kd.cwiseProduct(s);
+    result.signals = {signals.size(), {e, v_hat}};
+    return result;
+  }
+
+ private:
+  /// The observer in (delta, rho),
+  ///   deltadot = edot - rho - (l_d + 2 Lambda) delta,   rhodot = l_d Lambda delta - Lambda edot,
+  /// over a fixed time in which edot is constant, exactly: x' = Phi x + Gamma (e' - e).
+  class Observer {
+   public:
+    Observer(const Gains& gains, double time_s)
+        : phi_dd_(gains.lambda.size()),
+          phi_dr_(phi_dd_),
+          phi_rd_(phi_dd_),
+          phi_rr_(phi_dd_),
+          gamma_d_(phi_dd_),
+          gamma_r_(phi_dd_) {
+      for (Eigen::Index i = 0; i < gains.lambda.size(); ++i) {
+        const double lambda = gains.lambda[i], ld = gains.observer_ld;
+        const double a = ld + 2 * lambda, b = ld * lambda;
+        // Poles: two real ones, s^2 + a s + b = 0.
+        const double root = std::hypot(ld, 2 * lambda);
+        const double fast = -(a + root) / 2, slow = b / fast;
+        // f(A) = (f(slow) (A - fast) - f(fast) (A - slow)) / (slow - fast), A = [-a -1; b 0].
+        const double e_slow = std::exp(slow * time_s), e_fast = std::exp(fast * time_s);
+        phi_dd_[i] = (e_slow * (-a - fast) - e_fast * (-a - slow)) / root;
+        phi_dr_[i] = (e_fast - e_slow) / root;
+        phi_rd_[i] = (e_slow - e_fast) * b / root;
+        phi_rr_[i] = (e_fast * slow - e_slow * fast) / root;
+        // The mean of e^(A t) over the time, on the input's (1, -Lambda).
+        const double m_slow = std::expm1(slow * time_s) / (slow * time_s);
+        const double m_fast = std::expm1(fast * time_s) / (fast * time_s);
+        gamma_d_[i] = (m_slow * (-a - fast + lambda) - m_fast * (-a - slow + lambda)) / root;
+        gamma_r_[i] = (m_slow * (b + lambda * fast) - m_fast * (b + lambda * slow)) / root;
+      }
+    }
+
+    [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
+      const robot::Vector rise = e - memory.e_previous;
+      return {phi_dd_.cwiseProduct(memory.delta) + phi_dr_.cwiseProduct(memory.rho) +
+                  gamma_d_.cwiseProduct(rise),
+              phi_rd_.cwiseProduct(memory.delta) + phi_rr_.cwiseProduct(memory.rho) +
+                  gamma_r_.cwiseProduct(rise),
+              e};
+    }
+
+   private:
+    robot::Vector phi_dd_, phi_dr_, phi_rd_, phi_rr_, gamma_d_, gamma_r_;
+  };
+
+  robot::Model model_;
+  Gains gains_;
+  double lead_s_;
+  double period_s_;
+  Observer every_period_;  ///< of the usual step, one period after the last
+};
+
+static_assert(OutputFeedbackLaw<BerghuisNijmeijer>);
+
+}  // namespace tachless::controller::law

@@ -1,0 +1,190 @@
+#pragma once
+
+#include <Eigen/LU>
+#include <cstddef>
+#include <stdexcept>
+#include <string_view>
+#include <tuple>
+#include <vector>
+
+#include "controller/law/estimated_velocity.h"
+#include "controller/law/tuning.h"
+#include "schema/schema.h"
+
+namespace tachless::controller::law {
+
+/// Steady-state Kalman filter of each joint's position: a chain of 2 (3) integrators driven by
+/// white noise, an acceleration (jerk) of spectral density Q, observed every period with the
+/// variance R = measurement_noise^2.
+///
+/// After a gap of g periods the filter predicts over g periods and weighs the sample by the
+/// covariance that the steady state has grown to by then; the sample after that has the steady
+/// gain again.
+class KalmanChain {
+ public:
+  struct Memory {
+    robot::Vector q, v, a;  ///< of the last sample [rad], [rad/s], [rad/s^2]; order 2: a empty
+
+    static constexpr std::tuple members{&Memory::q, &Memory::v, &Memory::a};
+  };
+
+  struct Gains {
+    robot::Vector kp, kd, process_noise;
+    int order = 2;
+    robot::Vector measurement_noise;
+
+    static constexpr std::tuple keys{
+        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
+            schema::positive),
+        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"}.in(schema::positive),
+        schema::Key{"process_noise", &Gains::process_noise, "rad^2/s^3; with order 3 rad^2/s^5",
+                    "Q: spectral density of the acceleration; with order 3 of the jerk"}
+            .in(schema::positive),
+        schema::Key{"order", &Gains::order, "integrators", "Length of the chain"}.in({2, 3}),
+        schema::Key{"measurement_noise", &Gains::measurement_noise, "rad",
+                    "Standard deviation of a measured position"}
+            .in(schema::positive)
+            .by_default("that of the scenario's encoder: one count / sqrt(12), and its noise")};
+  };
+
+  /// Only the ratio of the two noises counts: with this one the estimate's two poles are at sqrt(2)
+  /// times the filter's, so that it lags alike.
+  static Gains tuned(const Tuning& t) {
+    return {t.kp(), t.kd(), t.each(4 * std::pow(t.filter, 4) * t.period_s), 2, t.each(1)};
+  }
+
+  /// @throw std::invalid_argument when measurement_noise is not given and the encoder is ideal.
+  KalmanChain(const Gains& gains, const Settings& settings)
+      : order_(gains.order), period_s_(settings.period_s) {
+    const robot::Vector& noise =
+        gains.measurement_noise.size() > 0 ? gains.measurement_noise : settings.position_std;
+    if (noise.size() == 0 || !(noise.array() > 0).all()) {
+      throw std::invalid_argument(
+          "measurement_noise is missing, and the encoder is ideal: a Kalman filter needs to know "
+          "how far measured positions are off; give it, or plant.encoder.resolution_bits");
+    }
+    joints_.reserve(static_cast<std::size_t>(noise.size()));
+    for (Eigen::Index i = 0; i < noise.size(); ++i) {
+      // Time in periods and angles in standard deviations: one number is left of Q, R and h.
+      const double h = period_s_;
+      const double h_to_2_order_less_1 = order_ == 2 ? h * h * h : h * h * h * h * h;
+      const double Q = gains.process_noise[i] * h_to_2_order_less_1 / (noise[i] * noise[i]);
+      joints_.push_back({Q, corrected(steady_prediction(Q)), Small::Zero(order_, 1)});
+      joints_.back().gain = gain_over(joints_.back(), 1);
+    }
+  }
+
+  [[nodiscard]] Memory start(const robot::Vector& q, const loop::ReferencePoint& reference) const {
+    const robot::Vector a = order_ == 3 ? reference.a_ref : robot::Vector();
+    return predicted({q, reference.v_ref, a}, -period_s_);
+  }
+
+  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& q, int ticks) const {
+    Memory next = predicted(memory, ticks * period_s_);
+    for (Eigen::Index i = 0; i < q.size(); ++i) {
+      const Joint& joint = joints_[static_cast<std::size_t>(i)];
+      const Small gain = ticks == 1 ? joint.gain : gain_over(joint, ticks);
+      const double surprise = q[i] - next.q[i];
+      next.q[i] += gain(0) * surprise;
+      next.v[i] += gain(1) / period_s_ * surprise;
+      if (order_ == 3) next.a[i] += gain(2) / (period_s_ * period_s_) * surprise;
+    }
+    return next;
+  }
+
+  [[nodiscard]] robot::Vector velocity(const Memory& memory) const { return memory.v; }
+
+ private:
+  using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 3, 3>;
+
+  /// In units of the period and of the measurement's standard deviation.
+  struct Joint {
+    double Q = 0;
+    Small covariance;  ///< steady, of the estimate after a sample
+    Small gain;        ///< steady
+  };
+
+  [[nodiscard]] Memory predicted(const Memory& from, double time_s) const {
+    if (order_ == 2) return {from.q + time_s * from.v, from.v, {}};
+    return {from.q + time_s * (from.v + time_s / 2 * from.a), from.v + time_s * from.a, from.a};
+  }
+
+  /// x(t + periods) = F x(t).
+  [[nodiscard]] Small transition(double periods) const {
+    Small F = Small::Identity(order_, order_);
+    F(0, 1) = periods;
+    if (order_ == 3) {
+      F(0, 2) = periods * periods / 2;
+      F(1, 2) = periods;
+    }
+    return F;
+  }
+
+  /// What white noise of density Q adds to the covariance in that time.
+  [[nodiscard]] Small grown(double Q, double periods) const {
+    const double g = periods, g2 = g * g, g3 = g2 * g;
+    Small added(order_, order_);
+    if (order_ == 2) {
+      added << g3 / 3, g2 / 2, g2 / 2, g;
+    } else {
+      added << g3 * g2 / 20, g2 * g2 / 8, g3 / 6, g2 * g2 / 8, g3 / 3, g2 / 2, g3 / 6, g2 / 2, g;
+    }
+    return Q * added;
+  }
+
+  /// Covariance before a sample in the steady state: P = F (P^-1 + C' C)^-1 F' + Q by doubling
+  /// (B. D. O. Anderson, Int. J. of Control 28(2), 1978): step k is 2^k periods.
+  [[nodiscard]] Small steady_prediction(double Q) const {
+    constexpr int most_doublings = 64;
+    const Small one = Small::Identity(order_, order_);
+    Small A = transition(1).transpose(), G = Small::Zero(order_, order_), P = grown(Q, 1);
+    G(0, 0) = 1;
+    for (int k = 0; k < most_doublings; ++k) {
+      const Small inverse = (one + G * P).inverse();
+      const Small added = A.transpose() * P * inverse * A;
+      G += A * inverse * G * A.transpose();
+      A = A * inverse * A;
+      P += added;
+      if ((added.diagonal().array() <= 1e-15 * P.diagonal().array()).all()) break;
+    }
+    return P;
+  }
+
+  [[nodiscard]] static Small corrected(const Small& P) {
+    return P - P.col(0) * P.row(0) / (P(0, 0) + 1);
+  }
+
+  [[nodiscard]] Small gain_over(const Joint& joint, int periods) const {
+    const Small F = transition(periods);
+    const Small P = F * joint.covariance * F.transpose() + grown(joint.Q, periods);
+    return P.col(0) / (P(0, 0) + 1);
+  }
+
+  int order_;
+  double period_s_;
+  std::vector<Joint> joints_;
+};
+
+/// `EstimatedVelocity` by a Kalman filter: P. R. Belanger, "Estimation of angular velocity and
+/// acceleration from shaft encoder measurements", IEEE Int. Conf. Robotics and Automation, 1992,
+/// in the form implemented here. Counts of width Delta are taken for white noise of variance
+/// Delta^2 / 12, which they are not where the robot moves less than some counts per period.
+class KalmanVelocity : public EstimatedVelocity<KalmanChain> {
+ public:
+  static constexpr std::string_view name = "kalman_velocity";
+  static constexpr std::string_view source =
+      "P. R. Belanger, Estimation of angular velocity and acceleration from shaft encoder "
+      "measurements, IEEE Int. Conf. Robotics and Automation, 1992, as velocity source of the "
+      "control law of Wen and Bayard (1988)";
+  static constexpr std::string_view proved =
+      "least variance of v_hat, for white noise that drives and disturbs; nothing of the loop";
+  static constexpr std::string_view conditions =
+      "those of wen_bayard, and a filter fast beside the loop; counts are taken for white noise, "
+      "which is wrong on slow motion";
+
+  using EstimatedVelocity::EstimatedVelocity;
+};
+
+static_assert(OutputFeedbackLaw<KalmanVelocity>);
+
+}  // namespace tachless::controller::law

@@ -1,0 +1,257 @@
+#include "report/robot_facts.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <random>
+#include <utility>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/unfinished_file.h"
+#include "report/chart.h"
+#include "report/gnuplot.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/joint_units.h"
+#include "robot/mass_matrix.h"
+
+namespace tachless::report {
+namespace {
+
+using robot::JointType;
+using robot::Model;
+
+std::string_view type_of(const Model& model, int joint) {
+  if (model.joint_types[static_cast<std::size_t>(joint)] == JointType::prismatic) {
+    return "prismatic";
+  }
+  const bool ranges = std::isfinite(model.lower[joint]) || std::isfinite(model.upper[joint]);
+  return ranges ? "revolute" : "continuous";
+}
+
+robot::Vector position_of(const Model& model, const std::vector<double>& given) {
+  robot::Vector q(model.num_joints);
+  if (given.empty()) {
+    for (int j = 0; j < q.size(); ++j) q[j] = std::clamp(0.0, model.lower[j], model.upper[j]);
+    return q;
+  }
+  if (static_cast<int>(given.size()) != model.num_joints) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        fmt::format("--position: {} numbers; the robot has {} joints: {}", given.size(),
+                    model.num_joints, fmt::join(model.joint_names, ", ")));
+  }
+  std::copy(given.begin(), given.end(), q.begin());
+  return q;
+}
+
+/// Columns as wide as their widest cell, the first one to the left.
+std::string table(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths(rows.front().size(), 0);
+  for (const auto& row : rows) {
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
+  }
+  std::string text;
+  for (const auto& row : rows) {
+    text += fmt::format("  {:<{}}", row[0], widths[0]);
+    for (std::size_t i = 1; i < row.size(); ++i) text += fmt::format("  {:>{}}", row[i], widths[i]);
+    text += "\n";
+  }
+  return text;
+}
+
+std::string number(double value) {
+  return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
+}
+
+/// The stretch over which a joint is drawn.
+std::pair<double, double> drawn_range(const Model& model, int joint) {
+  if (std::isfinite(model.lower[joint]) && std::isfinite(model.upper[joint])) {
+    return {model.lower[joint], model.upper[joint]};
+  }
+  const bool prismatic = type_of(model, joint) == "prismatic";
+  const double reach = prismatic ? 1 : std::numbers::pi;
+  return {std::max(model.lower[joint], -reach), std::min(model.upper[joint], reach)};
+}
+
+/// Rounding of a torque that is 0 would fill its chart.
+double without_rounding(double value) { return std::abs(value) < 1e-9 ? 0 : value; }
+
+/// A value of one joint over its range: with the others at q, and the least and the largest over
+/// other postures.
+struct Envelope {
+  std::vector<study::Point> at_q, least, largest;
+
+  void add(double part, double value) {
+    value = without_rounding(value);
+    at_q.push_back({part, value});
+    least.push_back({part, value});
+    largest.push_back({part, value});
+  }
+  void extend(double value) {
+    value = without_rounding(value);
+    least.back().y = std::min(least.back().y, value);
+    largest.back().y = std::max(largest.back().y, value);
+  }
+};
+
+struct Overview {
+  Envelope gravity, inertia;
+};
+
+/// 40 postures, the same for every chart.
+std::vector<robot::Vector> postures_of(const Model& model) {
+  std::mt19937 random(1);
+  std::vector<robot::Vector> postures(40, robot::Vector(model.num_joints));
+  for (robot::Vector& q : postures) {
+    for (int j = 0; j < model.num_joints; ++j) {
+      const auto [low, high] = drawn_range(model, j);
+      q[j] = low + (high - low) * (random() / 4294967296.0);
+    }
+  }
+  return postures;
+}
+
+Overview overview(const RobotFacts& facts, int joint, std::vector<robot::Vector> postures) {
+  constexpr int points = 40;
+  Overview seen;
+  const auto [lower, upper] = drawn_range(facts.model, joint);
+  for (int k = 0; k <= points; ++k) {
+    const double part = static_cast<double>(k) / points;
+    robot::Vector q = facts.q;
+    q[joint] = lower + part * (upper - lower);
+    seen.gravity.add(part, robot::gravity_torque(facts.model, q)[joint]);
+    seen.inertia.add(part, robot::mass_matrix(facts.model, q)(joint, joint));
+    for (robot::Vector& posture : postures) {
+      posture[joint] = q[joint];
+      seen.gravity.extend(robot::gravity_torque(facts.model, posture)[joint]);
+      seen.inertia.extend(robot::mass_matrix(facts.model, posture)(joint, joint));
+    }
+  }
+  return seen;
+}
+
+std::vector<Curve> curves_of(const Envelope& envelope, bool named) {
+  return {
+      {named ? "others at the position" : "", envelope.at_q, palette[0], 1.6, "", CurveStyle::line},
+      {named ? "others anywhere" : "", envelope.least, palette[1], 1, "(4,3)", CurveStyle::line},
+      {"", envelope.largest, palette[1], 1, "(4,3)", CurveStyle::line}};
+}
+
+}  // namespace
+
+RobotFacts::RobotFacts(Model read, const std::vector<double>& position)
+    : model(std::move(read)),
+      q(position_of(model, position)),
+      inertia(robot::mass_matrix(model, q)),
+      gravity_torque(robot::gravity_torque(model, q)),
+      warnings(model.warnings) {
+  for (const robot::Body& body : model.bodies) mass_kg += body.mass;
+  const robot::Vector moments =
+      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  condition_number = moments[moments.size() - 1] / moments[0];
+  for (int j = 0; j < model.num_joints; ++j) {
+    if (q[j] >= model.lower[j] && q[j] <= model.upper[j]) continue;
+    warnings.push_back(fmt::format("position {:g} of joint {} is outside its range [{:g}, {:g}]",
+                                   q[j], model.joint_names[static_cast<std::size_t>(j)],
+                                   model.lower[j], model.upper[j]));
+  }
+}
+
+std::string to_text(const RobotFacts& facts) {
+  const Model& model = facts.model;
+  std::string text = fmt::format(
+      "{} joints, {} bodies, {:.4g} kg that move; the root link is fixed to the ground\n"
+      "  lengths in rad, or m of prismatic joints; torques in N m, or N; inertia in kg m2, or kg\n",
+      model.num_joints, model.bodies.size(), facts.mass_kg);
+  std::vector<std::vector<std::string>> rows = {{"joint", "type", "lower", "upper", "effort",
+                                                 "velocity", "damping", "friction", "position",
+                                                 "gravity torque", "inertia"}};
+  for (int j = 0; j < model.num_joints; ++j) {
+    rows.push_back({model.joint_names[static_cast<std::size_t>(j)], std::string(type_of(model, j)),
+                    number(model.lower[j]), number(model.upper[j]), number(model.effort_limit[j]),
+                    number(model.velocity_limit[j]), number(model.damping[j]),
+                    number(model.friction[j]), number(facts.q[j]), number(facts.gravity_torque[j]),
+                    number(facts.inertia(j, j))});
+  }
+  text += table(rows);
+  constexpr int shown = 10;
+  text += fmt::format("inertia matrix{}, condition number {:.3g}\n",
+                      model.num_joints > shown ? ": see --json" : "", facts.condition_number);
+  if (model.num_joints <= shown) {
+    std::vector<std::vector<std::string>> entries;
+    entries.reserve(shown);
+    for (int i = 0; i < model.num_joints; ++i) {
+      std::vector<std::string>& row = entries.emplace_back();
+      row.reserve(static_cast<std::size_t>(model.num_joints));
+      for (int j = 0; j < model.num_joints; ++j) row.push_back(number(facts.inertia(i, j)));
+    }
+    text += table(entries);
+  }
+  for (const std::string& warning : facts.warnings) text += "warning: " + warning + "\n";
+  return text;
+}
+
+nlohmann::ordered_json to_json(const RobotFacts& facts) {
+  using nlohmann::ordered_json;
+  const Model& model = facts.model;
+  const auto limit = [](double value) {
+    return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
+  };
+  const auto list = [](const robot::Vector& x) { return std::vector<double>(x.begin(), x.end()); };
+  ordered_json joints = ordered_json::array();
+  for (int j = 0; j < model.num_joints; ++j) {
+    joints.push_back({{"name", model.joint_names[static_cast<std::size_t>(j)]},
+                      {"type", type_of(model, j)},
+                      {"lower", limit(model.lower[j])},
+                      {"upper", limit(model.upper[j])},
+                      {"effort", limit(model.effort_limit[j])},
+                      {"velocity", limit(model.velocity_limit[j])},
+                      {"damping", model.damping[j]},
+                      {"friction", model.friction[j]}});
+  }
+  ordered_json inertia = ordered_json::array();
+  for (int i = 0; i < model.num_joints; ++i) inertia.push_back(list(facts.inertia.row(i)));
+  return {{"joints", joints},
+          {"bodies", model.bodies.size()},
+          {"mass_kg", facts.mass_kg},
+          {"position", list(facts.q)},
+          {"inertia_matrix", inertia},
+          {"gravity_torque", list(facts.gravity_torque)},
+          {"condition_number", limit(facts.condition_number)},
+          {"warnings", facts.warnings}};
+}
+
+void draw_robot(const RobotFacts& facts, const std::string& title,
+                const std::filesystem::path& svg) {
+  const robot::JointUnits units = robot::joint_units(facts.model);
+  const std::vector<robot::Vector> postures = postures_of(facts.model);
+  std::vector<Chart> charts;
+  charts.reserve(2 * units.length.size());
+  for (int j = 0; j < facts.model.num_joints; ++j) {
+    const auto joint = static_cast<std::size_t>(j);
+    const auto [lower, upper] = drawn_range(facts.model, j);
+    Chart gravity, inertia;
+    gravity.height_px = inertia.height_px = 170;
+    gravity.x_label = inertia.x_label = "position in the range";
+    gravity.y_label = fmt::format("g  [{}]", units.effort[joint]);
+    inertia.y_label = units.length[joint] == "m" ? "M  [kg]" : "M  [kg m^2]";
+    gravity.note = fmt::format("{} [{:.3g}, {:.3g}] {}", facts.model.joint_names[joint], lower,
+                               upper, units.length[joint]);
+    inertia.y_range = {0, std::numeric_limits<double>::infinity()};
+    const Overview seen = overview(facts, j, postures);
+    gravity.curves = curves_of(seen.gravity, j == 0);
+    inertia.curves = curves_of(seen.inertia, false);
+    charts.push_back(std::move(gravity));
+    charts.push_back(std::move(inertia));
+  }
+  diagnostics::UnfinishedFile unfinished(svg, "name another file with --plot");
+  draw(stacked_chart_commands(charts, title, unfinished.name()), unfinished.name());
+  unfinished.finish();
+}
+
+}  // namespace tachless::report

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "robot/model.h"
+
+/// A robot as it was read from its URDF, and its mechanics at one position: what `tachless robot`
+/// shows. Nothing of a scenario: no rotors, no payload, gravity as in the model.
+namespace tachless::report {
+
+/// @throw diagnostics::Failure(bad_usage) unless `position` is empty (each joint as near to 0 as
+/// its range allows) or has one number per joint
+struct RobotFacts {
+  RobotFacts(robot::Model read, const std::vector<double>& position);
+
+  robot::Model model;
+  robot::Vector q;                    ///< [rad; m]
+  robot::Matrix inertia;              ///< M(q) [kg m2; kg m; kg]
+  robot::Vector gravity_torque;       ///< g(q) [N m; N]
+  double mass_kg = 0;                 ///< of what moves
+  double condition_number = 0;        ///< of M(q), in SI units whatever the joints are
+  std::vector<std::string> warnings;  ///< the model's, and joints outside their range
+};
+
+/// For people: a table of the joints, the inertia matrix (of up to ten joints) and the warnings.
+std::string to_text(const RobotFacts& facts);
+
+/// For programs. A limit that there is not is null.
+nlohmann::ordered_json to_json(const RobotFacts& facts);
+
+/// Draws each joint's gravity torque and inertia over its range (without one: a turn; 2 m): with
+/// the others at q, and the least and the largest of 40 postures of the others.
+/// @throw diagnostics::Failure(bad_usage) as `draw`
+void draw_robot(const RobotFacts& facts, const std::string& title,
+                const std::filesystem::path& svg);
+
+}  // namespace tachless::report

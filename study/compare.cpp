@@ -1,0 +1,142 @@
+#include "study/compare.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <variant>
+
+#include "certificate/scenario_loop.h"
+#include "controller/law_stepper.h"
+#include "controller/registry.h"
+#include "diagnostics/failure.h"
+#include "study/in_process_loop.h"
+
+namespace tachless::study {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int postures = 5;            // of the reference, for the largest stable period
+constexpr std::size_t timed = 20'000;  // ticks at most, for the time of a step
+
+struct Recorded {
+  std::vector<loop::AnyMeasurement> measurements;
+  std::vector<loop::ReferencePoint> references;
+  std::vector<robot::Vector> torques;
+  bool whole = false;
+};
+
+/// The run again, as it went on, and its curves into `compared` where that is given.
+Recorded record(const experiment::Scenario& scenario, Compared* compared) {
+  Recorded recorded;
+  try {
+    run_in_process(scenario, [&](const TickRecord& tick) {
+      const double error = (tick.truth.q - tick.reference.q_ref).norm();
+      if (recorded.measurements.size() < timed) {
+        recorded.measurements.push_back(tick.measurement);
+        recorded.references.push_back(tick.reference);
+      }
+      recorded.torques.push_back(tick.command.tau);
+      if (compared != nullptr) {
+        compared->error.add(tick.time_s, error);
+        compared->torque.add(tick.time_s, tick.applied.tau.norm());
+      }
+      return error <= gone;
+    });
+  } catch (const diagnostics::Failure& failure) {
+    if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
+  }
+  recorded.whole = static_cast<std::int64_t>(recorded.torques.size()) == scenario.loop.num_ticks;
+  return recorded;
+}
+
+/// Root mean square error of the encoders, over all joints [rad; m]; 0 when they are exact.
+double encoder_error(const experiment::Scenario& scenario) {
+  const robot::Vector count = experiment::encoder_count(scenario, *scenario.model);
+  const double noise = scenario.plant.encoder.noise_std_rad;
+  return std::sqrt(count.squaredNorm() / (12.0 * scenario.num_joints) + noise * noise);
+}
+
+std::optional<double> amplification(const experiment::Scenario& scenario,
+                                    const Recorded& recorded) {
+  const double error = encoder_error(scenario);
+  if (error == 0 || !recorded.whole) return {};
+  experiment::Scenario exact = scenario;
+  exact.plant.encoder.resolution_bits.reset();
+  exact.plant.encoder.noise_std_rad = 0;
+  exact.plant.encoder.velocity_noise_std_rad_per_s = 0;
+  const Recorded without = record(exact, nullptr);
+  if (!without.whole) return {};
+  double sum = 0;
+  for (std::size_t k = 0; k < recorded.torques.size(); ++k) {
+    sum += (recorded.torques[k] - without.torques[k]).squaredNorm();
+  }
+  const auto count = static_cast<double>(recorded.torques.size()) * scenario.num_joints;
+  return std::sqrt(sum / count) / error;
+}
+
+std::optional<double> largest_period(const experiment::Scenario& scenario) {
+  const certificate::ScenarioLoop loop(scenario);
+  if (!loop.no_linear_law().empty()) return {};
+  double shortest = std::numeric_limits<double>::infinity();
+  for (const loop::ReferencePoint& rest : loop.rests(postures)) {
+    const auto limit = certificate::largest_stable_period(loop.at(rest));
+    if (!limit) return {};
+    shortest = std::min(shortest, *limit);
+  }
+  return shortest;
+}
+
+/// Median of five passes over what was recorded.
+double step_time_us(const experiment::Scenario& scenario, const Recorded& recorded) {
+  std::vector<double> passes;
+  for (int pass = 0; pass < 5 && !recorded.measurements.empty(); ++pass) {
+    std::visit(
+        [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> law) {
+          controller::LawStepper<Measurement> stepper(std::move(law), scenario.loop);
+          const Clock::time_point begun = Clock::now();
+          for (std::size_t k = 0; k < recorded.measurements.size(); ++k) {
+            const auto tick = static_cast<std::int64_t>(k);
+            stepper.step(tick, std::get<Measurement>(recorded.measurements[k]),
+                         recorded.references[k]);
+            stepper.keep(tick);
+          }
+          const std::chrono::duration<double, std::micro> passed = Clock::now() - begun;
+          passes.push_back(passed.count() / static_cast<double>(recorded.measurements.size()));
+        },
+        controller::scenario_law(scenario));
+  }
+  if (passes.empty()) return NAN;
+  std::ranges::sort(passes);
+  return passes[passes.size() / 2];
+}
+
+}  // namespace
+
+Compared compare(const experiment::Scenario& scenario, int seeds) {
+  Compared compared;
+  compared.law = scenario.controller.law;
+  compared.measures = controller::measurement_suffix(compared.law);
+  for (int i = 0; i < seeds; ++i) {
+    experiment::Scenario with_seed = scenario;
+    with_seed.plant.encoder.seed += static_cast<std::uint64_t>(i);
+    const Measures run = *measure(with_seed);
+    if (i == 0) {
+      compared.run = run;
+      compared.least_settled_error = compared.largest_settled_error = run.settled_error;
+    }
+    // A run that was broken off has none: then the largest has none.
+    compared.least_settled_error = std::fmin(compared.least_settled_error, run.settled_error);
+    if (!(run.settled_error <= compared.largest_settled_error)) {
+      compared.largest_settled_error = run.settled_error;
+    }
+  }
+  const Recorded recorded = record(scenario, &compared);
+  compared.noise_amplification = amplification(scenario, recorded);
+  compared.largest_period_s = largest_period(scenario);
+  compared.step_us = step_time_us(scenario, recorded);
+  return compared;
+}
+
+}  // namespace tachless::study

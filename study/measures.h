@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "experiment/scenario.h"
+#include "study/observed.h"
+
+/// A run in a few numbers, by which runs are compared. Steps the loop in this process; writes no
+/// file.
+namespace tachless::study {
+
+/// An error from which no loop comes back [rad; m].
+inline constexpr double gone = 100;
+
+/// Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
+struct Measures {
+  Observed observed;
+  std::string stopped;          ///< why a protective stop ended it; empty: it did not
+  std::int64_t ticks = 0;       ///< stepped
+  double peak_error = 0;        ///< [rad; m]
+  double rms_error = 0;         ///< [rad; m]
+  double settled_error = 0;     ///< root mean square over the last quarter of the run [rad; m]
+  double torque_rms = 0;        ///< applied [N m; N]
+  double torque_variation = 0;  ///< sum of |tau_k - tau_(k-1)| over the run's length [N m/s]
+  double energy = 0;            ///< sum over the joints of the integral of |tau v| [J]
+
+  /// "converged", …, "stopped".
+  [[nodiscard]] std::string_view outcome() const;
+};
+
+/// A number of `Measures` by name, for tables and figures.
+struct MeasureColumn {
+  std::string_view name, unit;
+  double (*value)(const Measures&);
+};
+const std::vector<MeasureColumn>& measure_columns();
+
+/// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
+/// m, at which the run is broken off as diverging. @param go_on asked now and then; nothing is
+/// returned once it says no
+/// @throw diagnostics::Failure(bad_usage) for a scenario that makes no sense.
+std::optional<Measures> measure(const experiment::Scenario& scenario,
+                                const std::function<bool()>& go_on = {});
+
+}  // namespace tachless::study

@@ -1,0 +1,254 @@
+#include "study/sweep.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <iterator>
+#include <mutex>
+#include <system_error>
+
+#include "certificate/parallel.h"
+#include "diagnostics/failure.h"
+#include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
+#include "study/measures.h"
+
+namespace tachless::study {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+std::string content_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+std::string field(double value) { return std::isnan(value) ? "" : diagnostics::shortest(value); }
+
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : diagnostics::one_line(text)) result += c == '"' ? "\"\"" : std::string(1, c);
+  return result + "\"";
+}
+
+std::string row_text(const SweepCase& which, const Measures& measures) {
+  std::string row = fmt::format("{},{}", which.index, which.law);
+  for (const double value : which.values) row += "," + field(value);
+  row += fmt::format(",{}", measures.outcome());
+  for (const MeasureColumn& column : measure_columns()) row += "," + field(column.value(measures));
+  return row + "," + (measures.stopped.empty() ? "" : quoted(measures.stopped)) + "\n";
+}
+
+/// The file that a shard's rows are added to, held against other processes.
+class RowFile {
+ public:
+  explicit RowFile(const fs::path& path) : path_(path) {
+    file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    if (file_ < 0) fail(errno);
+    if (::flock(file_, LOCK_EX | LOCK_NB) != 0) {
+      throw Failure(ExitCode::bad_usage,
+                    fmt::format("{}: another process runs this part of the sweep; wait for it, or "
+                                "end it",
+                                path.string()));
+    }
+    // What a broken off write has left of its line makes room for the next.
+    const std::string before = content_of(path);
+    const std::size_t end = before.rfind('\n');
+    const auto whole = static_cast<off_t>(end == std::string::npos ? 0 : end + 1);
+    if (::ftruncate(file_, whole) != 0 || ::lseek(file_, whole, SEEK_SET) < 0) fail(errno);
+  }
+  RowFile(const RowFile&) = delete;
+  RowFile& operator=(const RowFile&) = delete;
+  ~RowFile() { ::close(file_); }
+
+  void append(std::string_view line) const {
+    while (!line.empty()) {
+      const ssize_t written = ::write(file_, line.data(), line.size());
+      if (written < 0 && errno != EINTR) fail(errno);
+      if (written > 0) line.remove_prefix(static_cast<std::size_t>(written));
+    }
+  }
+
+ private:
+  [[noreturn]] void fail(int error) const {
+    throw Failure(ExitCode::bad_usage, fmt::format("{}: cannot be written: {}", path_.string(),
+                                                   std::generic_category().message(error)));
+  }
+
+  fs::path path_;
+  int file_ = -1;
+};
+
+/// The fields of a row before its last, which may be quoted.
+std::vector<std::string> fields_of(std::string_view line, std::size_t count) {
+  std::vector<std::string> fields;
+  while (fields.size() + 1 < count) {
+    const std::size_t comma = line.find(',');
+    if (comma == std::string_view::npos) return {};
+    fields.emplace_back(line.substr(0, comma));
+    line.remove_prefix(comma + 1);
+  }
+  fields.emplace_back(line);
+  return fields;
+}
+
+std::int64_t index_of(std::string_view line) {
+  std::int64_t index = -1;
+  const char* end = line.data() + line.size();
+  const auto [read_to, error] = std::from_chars(line.data(), end, index);
+  return error == std::errc() && read_to != end && *read_to == ',' ? index : -1;
+}
+
+double value_of(const std::string& text) {
+  double value = NAN;
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
+}  // namespace
+
+Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
+  const fs::path file = directory / "plan.json";
+  const std::string json = plan.json();
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error) {
+    throw Failure(ExitCode::bad_usage,
+                  fmt::format("{}: cannot be made: {}", directory.string(), error.message()));
+  }
+  if (!fs::exists(file)) {
+    diagnostics::UnfinishedFile(file, "name another directory with --out").write(json);
+  } else if (content_of(file) != json) {
+    throw Failure(
+        ExitCode::bad_usage,
+        fmt::format("{}: another sweep is in this directory; name another one with --out, "
+                    "or remove it",
+                    directory.string()));
+  }
+  return {directory, plan};
+}
+
+Sweep Sweep::open(const fs::path& directory) {
+  const fs::path file = directory / "plan.json";
+  if (!fs::is_regular_file(file)) {
+    throw Failure(ExitCode::bad_usage,
+                  fmt::format("{}: no sweep: there is no plan.json", directory.string()));
+  }
+  return {directory, SweepPlan::from_json(content_of(file), file.string())};
+}
+
+template <class F>
+void Sweep::for_each_line(const F& f) const {
+  const std::size_t fields = 4 + plan_.axes.size() + measure_columns().size();
+  for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with("rows-") || !name.ends_with(".csv")) continue;
+    std::ifstream file(entry.path(), std::ios::binary);
+    std::string line;
+    for (int number = 1; std::getline(file, line); ++number) {
+      if (file.eof()) break;  // broken off: no line end
+      const std::int64_t index = index_of(line);
+      if (index < 0 || index >= plan_.num_cases() || fields_of(line, fields).empty()) {
+        throw Failure(
+            ExitCode::bad_usage,
+            fmt::format("{}:{}: no row of this sweep; remove the line, and its run is made "
+                        "again",
+                        entry.path().string(), number));
+      }
+      f(index, line, name);
+    }
+  }
+}
+
+std::vector<bool> Sweep::finished() const {
+  std::vector<bool> result(static_cast<std::size_t>(plan_.num_cases()));
+  for_each_line([&](std::int64_t index, const auto& /*line*/, const auto& /*file*/) {
+    result[static_cast<std::size_t>(index)] = true;
+  });
+  return result;
+}
+
+std::map<std::string, std::int64_t> Sweep::counts() const {
+  std::map<std::string, std::int64_t> result;
+  for_each_line(
+      [&](std::int64_t /*index*/, const auto& /*line*/, const auto& file) { ++result[file]; });
+  return result;
+}
+
+bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go_on,
+                const OnProgress& on_progress) const {
+  const RowFile file(directory_ / fmt::format("rows-{}-of-{}.csv", shard.index, shard.count));
+  const std::vector<bool> before = finished();
+  std::vector<std::int64_t> todo;
+  std::int64_t done = 0;
+  for (std::int64_t i = shard.index - 1; i < plan_.num_cases(); i += shard.count) {
+    if (before[static_cast<std::size_t>(i)]) {
+      ++done;
+    } else {
+      todo.push_back(i);
+    }
+  }
+  const std::int64_t all = done + static_cast<std::int64_t>(todo.size());
+  std::mutex mutex;
+  certificate::parallel_for(
+      todo.size(),
+      [&](std::size_t k) {
+        if (!go_on()) return;
+        const SweepCase which = plan_.at(todo[k]);
+        const auto measures = measure(plan_.scenario(which), go_on);
+        if (!measures) return;
+        const std::string row = row_text(which, *measures);
+        const std::lock_guard lock(mutex);
+        file.append(row);
+        on_progress(++done, all);
+      },
+      static_cast<unsigned>(threads));
+  return done == all;
+}
+
+std::vector<std::string> Sweep::lines() const {
+  std::vector<std::string> all(static_cast<std::size_t>(plan_.num_cases()));
+  for_each_line([&](std::int64_t index, const std::string& line, const auto& /*file*/) {
+    all[static_cast<std::size_t>(index)] = line;
+  });
+  const auto missing = std::count(all.begin(), all.end(), "");
+  if (missing > 0) {
+    throw Failure(ExitCode::check_said_no,
+                  fmt::format("{}: {} of {} runs are not finished; go on with: tachless sweep {}",
+                              directory_.string(), missing, all.size(), directory_.string()));
+  }
+  return all;
+}
+
+std::vector<SweepRow> Sweep::rows() const {
+  const std::size_t columns = measure_columns().size(), axes = plan_.axes.size();
+  std::vector<SweepRow> rows;
+  for (const std::string& line : lines()) {
+    const std::vector<std::string> fields = fields_of(line, 4 + axes + columns);
+    SweepRow row{plan_.at(index_of(line)), fields[2 + axes], {}, fields.back()};
+    for (std::size_t i = 0; i < columns; ++i)
+      row.measures.push_back(value_of(fields[3 + axes + i]));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::string Sweep::table() const {
+  std::string table = "case,law";
+  for (const Axis& axis : plan_.axes) table += "," + axis.name();
+  table += ",outcome";
+  for (const MeasureColumn& column : measure_columns()) table += fmt::format(",{}", column.name);
+  table += ",stopped\n";
+  for (const std::string& line : lines()) table += line + "\n";
+  return table;
+}
+
+}  // namespace tachless::study

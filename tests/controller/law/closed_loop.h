@@ -1,0 +1,132 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "tests/controller/law/two_link.h"
+
+/// A law in closed loop with the paper's arm, and a solver for the continuous-time equations that
+/// it stands for: what the laws with observers are checked against.
+namespace tachless::controller::law {
+
+template <int N>
+using State = Eigen::Matrix<double, N, 1>;
+
+/// One step of the classical Runge-Kutta method of order four of xdot = rate(t, x).
+template <class X, class Rate>
+X runge_kutta_4(const Rate& rate, double t, const X& x, double dt) {
+  const X a = rate(t, x), b = rate(t + dt / 2, X(x + dt / 2 * a)),
+          c = rate(t + dt / 2, X(x + dt / 2 * b)), d = rate(t + dt, X(x + dt * c));
+  return x + dt / 6 * (a + 2 * b + 2 * c + d);
+}
+
+/// The states at 0, h, 2 h, ... of xdot = rate(t, x), in steps of at most `dt`.
+template <class X, class Rate>
+std::vector<X> solution(const Rate& rate, X x, double h, int ticks, double dt) {
+  const int pieces = static_cast<int>(std::ceil(h / dt - 1e-9));
+  std::vector<X> at = {x};
+  at.reserve(static_cast<std::size_t>(ticks) + 1);
+  for (int k = 0; k < ticks; ++k) {
+    for (int i = 0; i < pieces; ++i) {
+      x = runge_kutta_4(rate, k * h + i * (h / pieces), x, h / pieces);
+    }
+    at.push_back(x);
+  }
+  return at;
+}
+
+/// amplitude sin(omega t) on both joints.
+struct Sine {
+  Pair amplitude = {0.5, 0.5};
+  double omega = 1;
+
+  [[nodiscard]] loop::ReferencePoint at(double t) const {
+    const double w = omega, s = std::sin(w * t), c = std::cos(w * t);
+    return {amplitude * s, amplitude * (w * c), amplitude * (-w * w * s),
+            amplitude * (-w * w * w * c), amplitude * (w * w * w * w * s)};
+  }
+};
+
+/// The states at the ticks of a loop whose torque is held between them, over `ticks` periods.
+/// `rate(x, tau)` is the robot, `measure(x)` what the law gets; `lost(k)`: the law does not see
+/// tick k > 0, and its torque stays.
+template <class L, class X, class Rate, class Measure, class Lost>
+std::vector<X> sampled_loop(const L& law, X x, const Rate& rate, const Measure& measure,
+                            const Sine& reference, double h, int ticks, const Lost& lost) {
+  std::vector<X> at = {x};
+  at.reserve(static_cast<std::size_t>(ticks) + 1);
+  auto memory = law.start(measure(x), reference.at(0));
+  Pair tau;
+  int gap = 1;
+  for (int k = 0; k < ticks; ++k) {
+    if (k > 0 && lost(k)) {
+      ++gap;
+    } else {
+      const auto step = law.step(memory, measure(x), reference.at(k * h), gap);
+      memory = step.memory;
+      tau = step.command.tau;
+      gap = 1;
+    }
+    // The robot alone: its fastest mode, the springs', is some 350 rad/s.
+    x = solution([&](double /*t*/, const X& y) -> X { return rate(y, tau); }, x, h, 1, 1e-4).back();
+    at.push_back(x);
+  }
+  return at;
+}
+
+template <class L, class X, class Rate, class Measure>
+std::vector<X> sampled_loop(const L& law, const X& x, const Rate& rate, const Measure& measure,
+                            const Sine& reference, double h, int ticks) {
+  return sampled_loop(law, x, rate, measure, reference, h, ticks, [](int /*k*/) { return false; });
+}
+
+/// The rigid arm as `sampled_loop` wants it: x = (q, v).
+struct RigidArm {
+  TwoLink<double> arm;
+
+  State<4> operator()(const State<4>& x, const Pair& tau) const {
+    State<4> dot;
+    dot << x.tail<2>(), arm.acceleration(x.head<2>(), x.tail<2>(), tau);
+    return dot;
+  }
+  static loop::PositionMeasurement position(const State<4>& x) { return {x.head<2>()}; }
+};
+
+inline State<4> rigid_state(const Pair& q, const Pair& v) {
+  State<4> x;
+  x << q, v;
+  return x;
+}
+
+/// The same arm with a payload as `robot/` sees it.
+inline robot::Model model_with(double payload) {
+  return payload > 0 ? robot::with_payload(two_link_model(), payload) : two_link_model();
+}
+
+/// Largest |q - q_ref| of both joints in the last `tail` of the states.
+template <class X>
+double final_error(const std::vector<X>& states, const Sine& reference, double h,
+                   std::size_t tail) {
+  double error = 0;
+  for (std::size_t k = states.size() - tail; k < states.size(); ++k) {
+    const Pair q_ref = reference.at(static_cast<double>(k) * h).q_ref;
+    error = std::max(error, (states[k].template head<2>() - q_ref).cwiseAbs().maxCoeff());
+  }
+  return error;
+}
+
+/// Largest distance of the arms' positions at the ticks of the coarser grid.
+template <class X, class Y>
+double distance(const std::vector<X>& sampled, const std::vector<Y>& continuous) {
+  const std::size_t every = (continuous.size() - 1) / (sampled.size() - 1);
+  double most = 0;
+  for (std::size_t k = 0; k < sampled.size(); ++k) {
+    most = std::max(most, (sampled[k].template head<2>() - continuous[k * every].template head<2>())
+                              .cwiseAbs()
+                              .maxCoeff());
+  }
+  return most;
+}
+
+}  // namespace tachless::controller::law

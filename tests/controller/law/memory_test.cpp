@@ -1,0 +1,63 @@
+#include "controller/law/memory.h"
+
+#include <gtest/gtest.h>
+
+#include <utility>
+#include <vector>
+
+#include "controller/law/filter.h"
+
+namespace tachless::controller::law {
+namespace {
+
+struct Observer {
+  robot::Vector position;
+  std::array<Filter::Memory, 2> filter;
+  static constexpr std::tuple members{&Observer::position, &Observer::filter};
+};
+static_assert(MadeOfVectors<Observer> && DeclaredMemory<Observer>);
+
+struct Empty {};
+static_assert(DeclaredMemory<Empty>);
+
+struct Undeclared {
+  robot::Vector nu;
+};
+static_assert(!DeclaredMemory<Undeclared>);
+
+struct OneForgotten {
+  robot::Vector nu, forgotten;
+  static constexpr std::tuple members{&OneForgotten::nu};
+};
+static_assert(!DeclaredMemory<OneForgotten>);
+
+struct Counter {
+  robot::Vector nu;
+  int count = 0;
+  static constexpr std::tuple members{&Counter::nu, &Counter::count};
+};
+static_assert(!DeclaredMemory<Counter>);
+
+struct Told {
+  int count = 0;
+  static constexpr std::string_view no_linearisation = "it counts";
+};
+static_assert(DeclaredMemory<Told> && !MadeOfVectors<Told>);
+
+TEST(Memory, ShowsEveryVectorInItsOrder) {
+  Observer memory;
+  std::vector<const robot::Vector*> seen;
+  for_each_vector(std::as_const(memory), [&](const robot::Vector& x) { seen.push_back(&x); });
+  const std::vector<const robot::Vector*> expected = {
+      &memory.position, &memory.filter[0].nu, &memory.filter[0].e_previous, &memory.filter[1].nu,
+      &memory.filter[1].e_previous};
+  EXPECT_EQ(seen, expected);
+  for_each_vector(memory, [](robot::Vector& x) { x = robot::Vector::Ones(2); });
+  EXPECT_EQ(memory.filter[1].e_previous.sum(), 2);
+  Empty empty;
+  for_each_vector(empty,
+                  [](const robot::Vector& /*x*/) { ADD_FAILURE() << "a vector of nothing"; });
+}
+
+}  // namespace
+}  // namespace tachless::controller::law

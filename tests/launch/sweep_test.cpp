@@ -1,0 +1,132 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <thread>
+
+#include "tests/support/program.h"
+#include "tests/support/shell.h"
+#include "tests/support/temporary_directory.h"
+
+namespace {
+
+using testing::HasSubstr;
+
+const std::string scenario = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
+
+/// A sweep of 60 runs of 0.2 s each.
+std::vector<std::string> sweep(const std::string& out) {
+  return {"sweep",  scenario,
+          "--set",  "plant.mechanics=native",
+          "--set",  "loop.duration_s=0.2",
+          "--vary", "controller.gains.kp*=0.1:10:12:log",
+          "--vary", "controller.gains.kd*=0.1:3:5:log",
+          "--out",  out};
+}
+
+class SweepVerb : public testing::Test {
+ protected:
+  std::string directory(const std::string& name) { return (temporary_ / name).string(); }
+  Program start(const std::vector<std::string>& arguments) {
+    return {"tachless", arguments, temporary_.path()};
+  }
+  TemporaryDirectory temporary_;
+};
+
+TEST_F(SweepVerb, KilledFiveTimesEndsInTheSameTable) {
+  Program whole = start(sweep(directory("whole")));
+  ASSERT_EQ(whole.wait(), 0) << whole.errors();
+  const auto rows = [&] {
+    const std::string text = contents(temporary_ / "killed" / "rows-1-of-1.csv");
+    return std::count(text.begin(), text.end(), '\n');
+  };
+  for (int kill = 0; kill < 5; ++kill) {
+    const auto before = kill == 0 ? 0 : rows();
+    Program program = start(sweep(directory("killed")));
+    while (program.running() &&
+           (!exists(temporary_ / "killed" / "rows-1-of-1.csv") || rows() < before + 5)) {
+      std::this_thread::yield();
+    }
+    program.signal(kill % 2 == 0 ? SIGKILL : SIGINT);
+    const int code = program.wait();
+    if (kill % 2 != 0 && code != 0) {
+      EXPECT_THAT(program.errors(), HasSubstr("interrupted; go on with: tachless sweep "));
+    }
+  }
+  // Its directory is enough to go on.
+  Program last = start({"sweep", directory("killed"), "--json"});
+  ASSERT_EQ(last.wait(), 0) << last.errors();
+  EXPECT_EQ(contents(temporary_ / "killed" / "results.csv"),
+            contents(temporary_ / "whole" / "results.csv"));
+  // The same again as HDF5: 60 values a column.
+  const auto dumped = tachless::support::shell("h5dump -d rms_error -m %.17g " +
+                                               directory("killed") + "/results.h5");
+  EXPECT_THAT(dumped.output, HasSubstr("( 60 ) / ( 60 )"));
+  const std::string table = contents(temporary_ / "whole" / "results.csv");
+  std::smatch last_row;
+  ASSERT_TRUE(std::regex_search(table, last_row,
+                                std::regex("\n59,[^,]*,[^,]*,[^,]*,[^,]*,[^,]*,([^,]*),")));
+  EXPECT_THAT(dumped.output, HasSubstr(last_row[1].str().substr(0, 12)));
+  const auto said = nlohmann::json::parse(last.output());
+  EXPECT_EQ(said.at("runs"), 60);
+  EXPECT_THAT(contents(temporary_ / "killed" / "index.html"), HasSubstr("<svg"));
+  EXPECT_THAT(contents(temporary_ / "killed" / "map.svg"), HasSubstr("diverging"));
+}
+
+TEST_F(SweepVerb, InPartsIsMergedWhenAllAreThere) {
+  std::vector<std::string> arguments = sweep(directory("parts"));
+  arguments.insert(arguments.end(), {"--shard", "1/2"});
+  Program first = start(arguments);
+  ASSERT_EQ(first.wait(), 0) << first.errors();
+  EXPECT_FALSE(exists(temporary_ / "parts" / "results.csv"));
+  Program early = start({"sweep", directory("parts"), "--merge"});
+  EXPECT_EQ(early.wait(), 1);
+  EXPECT_THAT(early.errors(), HasSubstr("30 of 60 runs are not finished"));
+  Program second = start({"sweep", directory("parts"), "--shard", "2/2"});
+  ASSERT_EQ(second.wait(), 0) << second.errors();
+  Program merge = start({"sweep", directory("parts"), "--merge"});
+  ASSERT_EQ(merge.wait(), 0) << merge.errors();
+  Program whole = start(sweep(directory("whole")));
+  ASSERT_EQ(whole.wait(), 0) << whole.errors();
+  EXPECT_EQ(contents(temporary_ / "parts" / "results.csv"),
+            contents(temporary_ / "whole" / "results.csv"));
+}
+
+TEST_F(SweepVerb, SaysWhatIsWrong) {
+  const auto refused = [&](std::vector<std::string> arguments, const std::string& words) {
+    Program program = start(arguments);
+    EXPECT_EQ(program.wait(), 2);
+    EXPECT_THAT(program.errors(), HasSubstr(words));
+  };
+  refused({"sweep", scenario}, "nothing to vary: name it with --vary");
+  refused({"sweep", temporary_.path().string()}, "there is no plan.json");
+  refused({"sweep", scenario, "--vary", "loop.duration_s=1,2", "--shard", "3/2"},
+          "--shard 3/2: allowed: I/N");
+  refused({"sweep", scenario, "--vary", "loop.duration_s=0.1,0.2", "--colour", "blue", "--out",
+           directory("colour")},
+          "--colour blue: no measure; allowed: outcome, peak_error");
+  refused({"sweep", scenario, "--vary", "loop.duration_s=0.1,0.2", "--laws", "loria", "--out",
+           directory("law")},
+          "did you mean loria_ortega_rigid?");
+}
+
+TEST_F(SweepVerb, ComparesLaws) {
+  Program program =
+      start({"compare", scenario, "--set", "plant.mechanics=native", "--set", "loop.duration_s=0.5",
+             "--laws", "loria_ortega_rigid,slotine_li", "--json", "--out", directory("compare")});
+  ASSERT_EQ(program.wait(), 0) << program.errors();
+  const auto laws = nlohmann::json::parse(program.output());
+  ASSERT_EQ(laws.size(), 2U);
+  EXPECT_EQ(laws[0].at("law"), "loria_ortega_rigid");
+  EXPECT_EQ(laws[0].at("measures"), "POSITION");
+  EXPECT_EQ(laws[1].at("measures"), "STATE");
+  EXPECT_EQ(laws[1].at("set")[0], "controller.law=slotine_li");
+  // At the same bandwidth, velocity from positions makes more of the encoder's counts.
+  EXPECT_GT(laws[0].at("noise_amplification"), laws[1].at("noise_amplification"));
+  EXPECT_EQ(laws, nlohmann::json::parse(contents(temporary_ / "compare" / "compare.json")));
+  EXPECT_THAT(contents(temporary_ / "compare" / "index.html"), HasSubstr("two real poles at 5 Hz"));
+}
+
+}  // namespace

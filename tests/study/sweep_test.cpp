@@ -1,0 +1,162 @@
+#include "study/sweep.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <fstream>
+
+#include "diagnostics/failure.h"
+#include "study/measures.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::study {
+namespace {
+
+using testing::HasSubstr;
+
+const std::function<bool()> always = [] { return true; };
+const Sweep::OnProgress unseen = [](std::int64_t /*done*/, std::int64_t /*all*/) {};
+
+/// 12 short runs, some of which diverge.
+SweepPlan small_plan() {
+  const experiment::Scenario scenario =
+      experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+                                {"plant.mechanics=native", "plant.integrator.accuracy=1e-5",
+                                 "loop.duration_s=0.1", "plant.initial.position_rad=[0.1, 0]"});
+  SweepPlan plan;
+  plan.name = scenario.name;
+  plan.source = "practical_rigid.yaml";
+  plan.text = scenario.text;
+  plan.urdf = scenario.robot.urdf_text;
+  plan.num_joints = scenario.num_joints;
+  plan.laws = {{scenario.controller.law, {}}};
+  plan.axes = {parse_axis("controller.gains.kp*=0.5:30:4:log", false),
+               parse_axis("controller.gains.kd*=1,3,10", false)};
+  return plan;
+}
+
+/// As one thread makes it, undisturbed.
+const std::string& expected_table() {
+  static const std::string table = [] {
+    const TemporaryDirectory directory;
+    const Sweep sweep = Sweep::begin(directory.path(), small_plan());
+    EXPECT_TRUE(sweep.run({}, 1, always, unseen));
+    return sweep.table();
+  }();
+  return table;
+}
+
+template <class F>
+std::string problem_of(const F& action) {
+  try {
+    action();
+  } catch (const diagnostics::Failure& failure) {
+    return failure.what();
+  }
+  return "no failure";
+}
+
+class ASweep : public testing::Test {
+ protected:
+  TemporaryDirectory directory_;
+  Sweep sweep_ = Sweep::begin(directory_.path(), small_plan());
+};
+
+TEST_F(ASweep, HasARowPerCaseAndDivergingIsOne) {
+  EXPECT_TRUE(sweep_.run({}, 2, always, unseen));
+  const std::vector<SweepRow> rows = sweep_.rows();
+  ASSERT_EQ(rows.size(), 12U);
+  int diverging = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_EQ(rows[i].which.index, static_cast<std::int64_t>(i));
+    diverging += rows[i].outcome == "diverging" ? 1 : 0;
+  }
+  EXPECT_GT(diverging, 2);
+  EXPECT_LT(diverging, 10);
+  // The first is the scenario's run itself.
+  const Measures alone = *measure(sweep_.plan().scenario(rows[0].which));
+  EXPECT_EQ(rows[0].measures[0], alone.peak_error);
+  EXPECT_GE(alone.peak_error, 0.1);  // it begins there
+  EXPECT_EQ(rows[0].outcome, alone.outcome());
+}
+
+TEST_F(ASweep, IsTheSameWhateverTheThreads) {
+  EXPECT_TRUE(sweep_.run({}, 4, always, unseen));
+  EXPECT_EQ(sweep_.table(), expected_table());
+}
+
+TEST_F(ASweep, InPartsIsTheSame) {
+  for (int i = 1; i <= 3; ++i) EXPECT_TRUE(sweep_.run({i, 3}, 2, always, unseen));
+  EXPECT_EQ(sweep_.counts().size(), 3U);
+  EXPECT_EQ(sweep_.table(), expected_table());
+}
+
+TEST_F(ASweep, GoesOnWhereItWasBrokenOff) {
+  std::atomic<int> questions = 0;
+  std::int64_t finished = 0;
+  int rounds = 0;
+  while (finished < 12 && rounds < 50) {
+    ++rounds;
+    questions = 0;
+    sweep_.run(
+        {}, 2, [&] { return ++questions < 7; },
+        [&](std::int64_t done, std::int64_t all) {
+          EXPECT_EQ(all, 12);
+          EXPECT_EQ(done, finished + 1);  // none is made twice
+          finished = done;
+        });
+  }
+  EXPECT_GT(rounds, 2);
+  EXPECT_EQ(sweep_.table(), expected_table());
+}
+
+TEST_F(ASweep, MakesABrokenOffLineAgain) {
+  EXPECT_TRUE(sweep_.run({}, 2, always, unseen));
+  const auto file = directory_ / "rows-1-of-1.csv";
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) - 7);
+  EXPECT_THAT(problem_of([&] { (void)sweep_.table(); }),
+              HasSubstr("1 of 12 runs are not finished"));
+  std::int64_t made = 0;
+  EXPECT_TRUE(sweep_.run({}, 2, always, [&](auto /*done*/, auto /*all*/) { ++made; }));
+  EXPECT_EQ(made, 1);
+  EXPECT_EQ(sweep_.table(), expected_table());
+}
+
+TEST_F(ASweep, NamesALineThatIsNotItsOwn) {
+  std::ofstream(directory_ / "rows-1-of-2.csv") << "12,loria_ortega_rigid,1,1,converged\n";
+  EXPECT_THAT(problem_of([&] { (void)sweep_.finished(); }),
+              HasSubstr("rows-1-of-2.csv:1: no row of this sweep"));
+}
+
+TEST_F(ASweep, IsNotMixedWithAnother) {
+  SweepPlan other = small_plan();
+  other.axes.pop_back();
+  EXPECT_THAT(problem_of([&] { Sweep::begin(directory_.path(), other); }),
+              HasSubstr("another sweep is in this directory; name another one with --out"));
+  EXPECT_EQ(Sweep::open(directory_.path()).plan().json(), small_plan().json());
+  const TemporaryDirectory empty;
+  EXPECT_THAT(problem_of([&] { Sweep::open(empty.path()); }), HasSubstr("there is no plan.json"));
+}
+
+TEST_F(ASweep, RunsAPartOnceAtATime) {
+  std::string problem;
+  EXPECT_TRUE(sweep_.run({}, 1, always, [&](std::int64_t done, std::int64_t /*all*/) {
+    if (done != 1) return;
+    problem = problem_of([&] { sweep_.run({}, 1, always, unseen); });
+  }));
+  EXPECT_THAT(problem, HasSubstr("another process runs this part of the sweep"));
+}
+
+TEST_F(ASweep, SaysWhichValuesTheScenarioDoesNotTake) {
+  SweepPlan plan = small_plan();
+  plan.axes = {parse_axis("plant.encoder.resolution_bits=20,20.5", false)};
+  const TemporaryDirectory directory;
+  const Sweep sweep = Sweep::begin(directory.path(), plan);
+  EXPECT_THAT(problem_of([&] { sweep.run({}, 1, always, unseen); }),
+              HasSubstr("--set plant.encoder.resolution_bits=20.5"));
+}
+
+}  // namespace
+}  // namespace tachless::study
