@@ -1,8 +1,10 @@
 // One program a host, on a switch: what the table in docs/operations.md says of links and hosts.
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstdint>
@@ -260,7 +262,7 @@ class RealtimeOnFourHosts : public testing::Test {
   // As many as no busy machine makes a controller miss in a row: where a test counts on the run
   // going on, only the network may stop it.
   static constexpr const char* patient = "loop.max_missed=2000";
-  // Less than a link that is down for 100 ms costs.
+  // Less than a link that is down for 200 ms costs.
   static constexpr const char* impatient = "loop.max_missed=50";
   static constexpr const char* too_many = "51 commands in a row did not come";
   FourHostsRun run{"practical_rigid.yaml"};
@@ -290,11 +292,14 @@ TEST_F(RealtimeOnFourHosts, GoesOnWithTenPercentOfAllPacketsLostAndCountsThem) {
 }
 
 TEST_F(RealtimeOnFourHosts, HoldsTheLastTorqueWhileALinkIsDownForLessThanMaxMissed) {
-  play({"loop.duration_s=2", patient, "reference={hold: {position_rad: [0, 0]}}"});
-  cut("controller", 100ms);
+  play({"loop.duration_s=4", patient, "reference={hold: {position_rad: [0, 0]}}"});
+  cut("controller", 500ms);
   run.programs.expect_all_done();
-  EXPECT_GE(of("plant").at("longest_command_miss"), 90);
-  EXPECT_GE(of("controller").at("skipped_ticks"), 90);
+  // Late ticks are made up for: a plant that stood still in the cut has fewer of them without a
+  // link.
+  constexpr int at_least = 200;
+  EXPECT_GE(of("plant").at("longest_command_miss"), at_least);
+  EXPECT_GE(of("controller").at("skipped_ticks"), at_least);
   const auto ticks = ticks_of(run.programs.log_path());
   // One, unless the machine stood still as long at another time.
   EXPECT_GE(of("controller").at("restarts"), 1) << "too long for the law's memory";
@@ -310,14 +315,14 @@ TEST_F(RealtimeOnFourHosts, HoldsTheLastTorqueWhileALinkIsDownForLessThanMaxMiss
     }
     torque = each.truth->tau;
   }
-  EXPECT_GE(held, 90);
+  EXPECT_GE(held, at_least);
 }
 
 TEST_F(RealtimeOnFourHosts, EndsInAProtectiveStopWhenALinkIsDownForLongerThanMaxMissed) {
   for (const std::string lost : {"controller", "reference"}) {
     SCOPED_TRACE(lost);
     play({"loop.duration_s=40", impatient});
-    cut(lost, 100ms);
+    cut(lost, 200ms);
     // The link is back before the robot is at rest: all hear why.
     expect({"plant", "reference", "controller", "logger"}, 5, too_many);
     EXPECT_THAT(run["plant"].errors(), HasSubstr(lost + "-host"));
@@ -347,12 +352,20 @@ TEST_F(RealtimeOnFourHosts, ThePlantStopsByItselfWhenItsOwnLinkIsDown) {
 }
 
 TEST_F(RealtimeOnFourHosts, ARecordersLinkThatIsDownForTwoSecondsStopsNobodyAndTheGapIsNamed) {
-  play({"loop.duration_s=6", patient});  // the cut begins late on a busy machine
+  play({"loop.duration_s=10", patient});
   cut("logger", 2s);
   run.programs.expect_all_done();
-  EXPECT_GE(of("logger").at("log").at("gaps"), 1900);
-  EXPECT_THAT(run["logger"].errors(), HasSubstr("of 6000 ticks have no ARM_TRUTH"));
-  EXPECT_LT(of("plant").at("longest_command_miss"), 300);
+  const std::vector<logger::TickRecord> ticks = ticks_of(run.programs.log_path());
+  const auto recorded =
+      std::count_if(ticks.begin(), ticks.end(), [](const auto& tick) { return tick.truth; });
+  const auto unrecorded = 10'000 - recorded;
+  // Half of the cut at least: a busy machine makes fewer ticks in those two seconds.
+  EXPECT_GE(unrecorded, 1000);
+  EXPECT_GE(of("logger").at("log").at("gaps"), unrecorded);
+  EXPECT_THAT(run["logger"].errors(),
+              HasSubstr(fmt::format("{} of 10000 ticks have no ARM_TRUTH", unrecorded)));
+  // Whoever depended on the recorder would miss some two thousand.
+  EXPECT_LT(of("plant").at("longest_command_miss"), 1000);
 }
 
 TEST_F(RealtimeOnFourHosts, EndsInAProtectiveStopWhenTheControllerOrTheReferenceIsKilled) {
