@@ -50,6 +50,15 @@ class Panel {
   int blocks_ = 0;
 };
 
+/// Tics on a logarithmic axis.
+std::string one_two_five(double low, double high) {
+  std::vector<double> tics;
+  for (double decade = std::pow(10, std::floor(std::log10(low))); decade <= high; decade *= 10) {
+    for (const double digit : {1, 2, 5}) tics.push_back(digit * decade);
+  }
+  return fmt::format("{:.3g}", fmt::join(tics, ", "));
+}
+
 Panel period_panel(const SampledCertificate& s) {
   std::vector<std::pair<double, double>> margin, radius;
   for (const auto& point : s.by_period) {
@@ -58,9 +67,10 @@ Panel period_panel(const SampledCertificate& s) {
   }
   Panel panel("Margin against sampling period", "period [ms]", "modulus margin, spectral radius");
   constexpr double top = 1.3;
-  panel.command(fmt::format(
-      "set logscale x\nset xtics 1e-6,2\nset xrange [{:.9g}:{:.9g}]\nset yrange [0:{:g}]",
-      margin.front().first, margin.back().first, top));
+  panel.command(
+      fmt::format("set logscale x\nset xtics ({})\nset xrange [{:.9g}:{:.9g}]\nset yrange [0:{:g}]",
+                  one_two_five(margin.front().first, margin.back().first), margin.front().first,
+                  margin.back().first, top));
   panel.curve("modulus margin", "linespoints pt 7 ps 0.4 lw 1.6", 0, margin);
   panel.curve("spectral radius", "lines lw 1.6", 1, radius);
   const auto vertical = [&](const std::string& name, double period_s, std::size_t colour) {
