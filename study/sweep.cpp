@@ -26,6 +26,8 @@ namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 
+constexpr std::int64_t ticks_between_looks = 256;  // whether to go on
+
 std::string content_of(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(file), {}};
@@ -203,7 +205,9 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
       [&](std::size_t k) {
         if (!go_on()) return;
         const SweepCase which = plan_.at(todo[k]);
-        const auto measures = measure(plan_.scenario(which), go_on);
+        const auto measures = measure(plan_.scenario(which), [&](const TickRecord& tick) {
+          return tick.tick % ticks_between_looks != 0 || go_on();
+        });
         if (!measures) return;
         const std::string row = row_text(which, *measures);
         const std::lock_guard lock(mutex);
