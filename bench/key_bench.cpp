@@ -15,8 +15,8 @@
 
 #include "bench/whole_run.h"
 #include "bus/authenticated.h"
-#include "bus/in_memory.h"
 #include "process/isolate.h"
+#include "tests/support/in_memory.h"
 #include "tests/support/program.h"
 
 using namespace tachless;

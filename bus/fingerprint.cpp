@@ -15,49 +15,31 @@
 /// The one place that looks into the code that lcm-gen makes.
 namespace tachless::bus {
 
-template <>
-std::int64_t fingerprint<loop::Tick>() {
-  return tick_t::getHash();
+template <class Value>
+struct Generated;
+
+template <class Value>
+std::int64_t fingerprint() {
+  return Generated<Value>::Type::getHash();
 }
-template <>
-std::int64_t fingerprint<loop::PositionMeasurement>() {
-  return position_measurement_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::MotorPositionMeasurement>() {
-  return motor_position_measurement_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::LinkStateMeasurement>() {
-  return link_state_measurement_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::StateMeasurement>() {
-  return state_measurement_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::ReferencePoint>() {
-  return reference_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::TorqueCommand>() {
-  return torque_command_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::LawSignals>() {
-  return controller_state_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::Participant>() {
-  return participant_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::RunInfo>() {
-  return run_info_t::getHash();
-}
-template <>
-std::int64_t fingerprint<loop::LogAck>() {
-  return log_ack_t::getHash();
-}
+
+#define TACHLESS_GENERATED(Value, type) \
+  template <>                           \
+  struct Generated<loop::Value> {       \
+    using Type = type;                  \
+  };                                    \
+  template std::int64_t fingerprint<loop::Value>();
+TACHLESS_GENERATED(Tick, tick_t)
+TACHLESS_GENERATED(PositionMeasurement, position_measurement_t)
+TACHLESS_GENERATED(MotorPositionMeasurement, motor_position_measurement_t)
+TACHLESS_GENERATED(LinkStateMeasurement, link_state_measurement_t)
+TACHLESS_GENERATED(StateMeasurement, state_measurement_t)
+TACHLESS_GENERATED(ReferencePoint, reference_t)
+TACHLESS_GENERATED(TorqueCommand, torque_command_t)
+TACHLESS_GENERATED(LawSignals, controller_state_t)
+TACHLESS_GENERATED(Participant, participant_t)
+TACHLESS_GENERATED(RunInfo, run_info_t)
+TACHLESS_GENERATED(LogAck, log_ack_t)
+#undef TACHLESS_GENERATED
 
 }  // namespace tachless::bus

@@ -1,27 +1,15 @@
 #include "bus/wire.h"
 
+#include <array>
+
 #include "bus/codec.h"
 
 namespace tachless::bus {
 
 std::string_view name(Rejection rejection) {
-  switch (rejection) {
-    case Rejection::none:
-      return "none";
-    case Rejection::wrong_size:
-      return "wrong_size";
-    case Rejection::wrong_type:
-      return "wrong_type";
-    case Rejection::wrong_count:
-      return "wrong_count";
-    case Rejection::non_finite:
-      return "non_finite";
-    case Rejection::bad_text:
-      return "bad_text";
-    case Rejection::bad_value:
-      return "bad_value";
-  }
-  throw std::logic_error("bus::name: no such rejection");
+  static constexpr std::array<std::string_view, 7> names = {
+      "none", "wrong_size", "wrong_type", "wrong_count", "non_finite", "bad_text", "bad_value"};
+  return names.at(static_cast<std::size_t>(rejection));
 }
 
 std::optional<std::int64_t> fingerprint_of(std::span<const std::byte> payload) {

@@ -37,31 +37,10 @@ std::optional<std::int64_t> fingerprint_of(std::span<const std::byte> payload);
 /// @throw std::logic_error when the bytes are too few to hold one.
 loop::Stamp stamp_of(std::span<const std::byte> payload);
 
-/// LCM's hash of the type of `Value`'s message, as lcm-gen computes it.
+/// LCM's hash of the type of `Value`'s message, as lcm-gen computes it. Instantiated for
+/// loop::Messages (and in bus/truth for PlantTruth).
 template <class Value>
 std::int64_t fingerprint();
-template <>
-std::int64_t fingerprint<loop::Tick>();
-template <>
-std::int64_t fingerprint<loop::PositionMeasurement>();
-template <>
-std::int64_t fingerprint<loop::MotorPositionMeasurement>();
-template <>
-std::int64_t fingerprint<loop::LinkStateMeasurement>();
-template <>
-std::int64_t fingerprint<loop::StateMeasurement>();
-template <>
-std::int64_t fingerprint<loop::ReferencePoint>();
-template <>
-std::int64_t fingerprint<loop::TorqueCommand>();
-template <>
-std::int64_t fingerprint<loop::LawSignals>();
-template <>
-std::int64_t fingerprint<loop::Participant>();
-template <>
-std::int64_t fingerprint<loop::RunInfo>();
-template <>
-std::int64_t fingerprint<loop::LogAck>();
 
 /// The layout that the counts of a message announce, if a message can have it; {1, 0, 0} when its
 /// type has no counts. Looks at nothing else: for readers that do not know the run.

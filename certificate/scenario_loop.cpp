@@ -10,9 +10,9 @@
 #include <variant>
 #include <vector>
 
+#include "controller/law/feedforward.h"
 #include "controller/laws.h"
 #include "controller/registry.h"
-#include "robot/inverse_dynamics.h"
 
 namespace tachless::certificate {
 namespace {
@@ -160,9 +160,7 @@ robot::Model plant_of(const experiment::Scenario& scenario) {
 }
 
 robot::JetVector torque_on(const robot::Model& links, const ReferencePoint& r) {
-  return robot::inverse_dynamics(links, robot::jet(r.q_ref, r.v_ref, r.a_ref),
-                                 robot::jet(r.v_ref, r.a_ref, r.jerk_ref),
-                                 robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
+  return controller::law::feedforward_torque(links, r);
 }
 
 ReferencePoint held_at(const Vector& q) {

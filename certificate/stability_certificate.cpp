@@ -80,9 +80,9 @@ struct Start {
     const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
     const loop::LinkStateMeasurement measured{q, v, theta};
     const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
-    const Vector theta_ref_rate = law.theta_ref_rate(measured, reference, signals.value[1]);
+    const auto motor = law.motor_reference(measured, reference, signals.value[1]);
     return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
-                   v - reference.v_ref, thetadot - theta_ref_rate});
+                   v - reference.v_ref, thetadot - motor.thetadot_ref});
   }
 };
 

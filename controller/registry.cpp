@@ -103,12 +103,8 @@ void require_encoders(const experiment::Scenario& scenario, const LawFacts& law)
   if ((law.reads_links && side == plant::EncoderSide::motor) ||
       (law.reads_motors && side == plant::EncoderSide::link)) {
     std::string allowed = "both";
-    if (!law.reads_links) {
-      allowed += " or motor";
-    }
-    if (!law.reads_motors) {
-      allowed += " or link";
-    }
+    if (!law.reads_links) allowed += " or motor";
+    if (!law.reads_motors) allowed += " or link";
     throw scenario.complaint(
         "plant.encoder.side",
         fmt::format("{}; allowed with law {}: {}", schema::name_of(side), law.name, allowed));
@@ -118,9 +114,7 @@ void require_encoders(const experiment::Scenario& scenario, const LawFacts& law)
 std::vector<std::string_view> laws_for_rigid_joints() {
   std::vector<std::string_view> names;
   for (const LawFacts& law : laws()) {
-    if (!law.needs_flexible_joints) {
-      names.push_back(law.name);
-    }
+    if (!law.needs_flexible_joints) names.push_back(law.name);
   }
   return names;
 }
@@ -134,17 +128,13 @@ const std::vector<LawFacts>& laws() {
 
 std::vector<std::string_view> law_names() {
   std::vector<std::string_view> names;
-  for (const LawFacts& law : laws()) {
-    names.push_back(law.name);
-  }
+  for (const LawFacts& law : laws()) names.push_back(law.name);
   return names;
 }
 
 const LawFacts& law_facts(std::string_view name) {
   for (const LawFacts& law : laws()) {
-    if (law.name == name) {
-      return law;
-    }
+    if (law.name == name) return law;
   }
   throw std::invalid_argument(no_such_law(name));
 }
@@ -165,9 +155,7 @@ robot::Model rigid_model(const experiment::Scenario& scenario) {
 }
 
 law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario) {
-  if (!scenario.robot.flexible) {
-    throw scenario.complaint("robot.joints", "rigid; needed: flexible");
-  }
+  if (!scenario.robot.flexible) throw scenario.complaint("robot.joints", "rigid; needed: flexible");
   return {*scenario.model, scenario.robot.flexible->stiffness,
           scenario.robot.flexible->rotor_inertia};
 }
@@ -249,9 +237,7 @@ ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
                               std::make_unique<LawWithMemory<L>>(make_law<L>(scenario))),
                           true)) ||
                         ...);
-    if (!found) {
-      throw scenario.complaint("controller.law", no_such_law(scenario.controller.law));
-    }
+    if (!found) throw scenario.complaint("controller.law", no_such_law(scenario.controller.law));
     return chosen;
   };
   return of_list(Laws{});

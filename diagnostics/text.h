@@ -24,6 +24,10 @@ std::string shortest(double value);
 /// white space around them; white space at both ends goes.
 std::string one_line(std::string_view text);
 
+/// The length in bytes of the UTF-8 character that begins `text`, which is not empty; 0 when it is
+/// none.
+std::size_t utf8_length(std::string_view text);
+
 /// `text` with what would confuse a terminal or a JSON writer replaced by question marks: control
 /// characters (of both sets, up to U+001F and U+007F to U+009F) and bytes that are not UTF-8. Every
 /// line for people passes through it.

@@ -7,11 +7,11 @@
 #include <cerrno>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <iterator>
 #include <numbers>
 #include <stdexcept>
 
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "experiment/reader.h"
 #include "experiment/scenario_keys.h"
@@ -21,6 +21,7 @@
 namespace tachless::experiment {
 namespace {
 
+namespace fs = std::filesystem;
 using diagnostics::shortest;
 
 constexpr std::size_t max_file_bytes = 1'000'000;
@@ -119,13 +120,9 @@ double nearest_num_ticks(const LoopSpec& loop) {
 /// FNV-1a, 64 bits.
 std::int64_t digest_of(std::string_view text, std::string_view urdf_text) {
   std::uint64_t hash = 0xcbf29ce484222325;
-  const auto add = [&](char c) {
-    hash ^= static_cast<unsigned char>(c);
-    hash *= 0x100000001b3;
-  };
-  for (const char c : text) add(c);
-  add('\0');
-  for (const char c : urdf_text) add(c);
+  for (const std::string_view part : {text, std::string_view("\0", 1), urdf_text}) {
+    for (const char c : part) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
+  }
   return std::bit_cast<std::int64_t>(hash);
 }
 
@@ -133,14 +130,12 @@ std::int64_t digest_of(std::string_view text, std::string_view urdf_text) {
 YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& overrides,
                        Scenario& scenario) {
   YamlNode root = parse_yaml(text, scenario.source);
-  if (root.kind == YamlNode::Kind::null) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               scenario.source + ":1: empty; allowed: a scenario");
-  }
   if (root.kind != YamlNode::Kind::map) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               scenario.source + ":" + std::to_string(root.line) + ": " +
-                                   emit_line(root) + "; allowed: a map of keys");
+                               root.kind == YamlNode::Kind::null
+                                   ? scenario.source + ":1: empty; allowed: a scenario"
+                                   : fmt::format("{}:{}: {}; allowed: a map of keys",
+                                                 scenario.source, root.line, emit_line(root)));
   }
   for (const std::string& assignment : overrides) apply_override(root, assignment);
   survey(root, root, "", scenario);
@@ -242,35 +237,29 @@ Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
 }
 
 /// The file's text. @throw std::runtime_error with what is wrong, without the file's name.
-std::string text_of(const std::filesystem::path& path) {
+std::string text_of(const fs::path& path) {
   std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found)
-    throw std::runtime_error("no such file");
-  if (status.type() == std::filesystem::file_type::directory) {
-    throw std::runtime_error("is a directory; allowed: a file");
-  }
+  const auto status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) throw std::runtime_error("no such file");
+  if (fs::is_directory(status)) throw std::runtime_error("is a directory; allowed: a file");
   // It is read by each program of the run, and a pipe would be waited for.
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
     throw std::runtime_error("is a pipe or a device; allowed: a file");
   }
+  const auto size = fs::file_size(path, error);
+  if (!error && size > max_file_bytes) {
+    throw std::runtime_error(fmt::format("too large; allowed: at most {} bytes", max_file_bytes));
+  }
   errno = 0;
-  std::ifstream file(path, std::ios::binary);
-  if (!file) {
+  const auto text = diagnostics::file_text(path);
+  if (!text) {
     const int cause = errno;
     throw std::runtime_error(fmt::format("cannot be read: {}; {}", std::strerror(cause),
                                          cause == EMFILE || cause == ENFILE
                                              ? "allow more open files, for example: ulimit -n 1024"
                                              : "see its permissions"));
   }
-  std::string text(max_file_bytes + 1, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (file.bad()) throw std::runtime_error("cannot be read");
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > max_file_bytes) {
-    throw std::runtime_error(fmt::format("too large; allowed: at most {} bytes", max_file_bytes));
-  }
-  return text;
+  return *text;
 }
 
 }  // namespace
@@ -361,8 +350,7 @@ diagnostics::Failure Scenario::complaint(const std::string& key, const std::stri
                               where + ": " + key + ": " + problem);
 }
 
-Scenario load_scenario(const std::filesystem::path& path,
-                       const std::vector<std::string>& overrides) {
+Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = path.string();
   std::string text;
@@ -375,7 +363,7 @@ Scenario load_scenario(const std::filesystem::path& path,
   const YamlNode root = surveyed_tree(text, overrides, scenario);
   const Place urdf = Place{scenario, &root, ""}.child("robot").child("urdf");
   read_key(urdf, RobotSpec::urdf_key, scenario.robot);
-  const std::filesystem::path urdf_path = path.parent_path() / scenario.robot.urdf_path;
+  const fs::path urdf_path = path.parent_path() / scenario.robot.urdf_path;
   std::string urdf_text;
   try {
     urdf_text = text_of(urdf_path);

@@ -9,13 +9,13 @@
 #include <chrono>
 #include <exception>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <numeric>
 #include <sstream>
 
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "node/options.h"
 #include "process/child.h"
@@ -125,8 +125,7 @@ Finding check_clock() {
 }
 
 Finding check_stolen_time() {
-  std::ifstream file("/proc/stat");
-  return judge_stolen_time(std::string(std::istreambuf_iterator<char>(file), {}));
+  return judge_stolen_time(diagnostics::file_text("/proc/stat").value_or(""));
 }
 
 Finding check_gnuplot() {

@@ -11,14 +11,13 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "bus/network_check.h"
 #include "controller/registry.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "node/process_options.h"
 #include "plant/plant_model.h"
@@ -171,9 +170,7 @@ void RunDirectory::look() {
 void RunDirectory::restore() {
   std::error_code ignored;
   if (fs::is_empty(path_ / "lcmlog", ignored)) fs::remove(path_ / "lcmlog", ignored);
-  for (const char* file : our_files) {
-    fs::rename(aside(file), path_ / file, ignored);
-  }
+  for (const char* file : our_files) fs::rename(aside(file), path_ / file, ignored);
 }
 
 fs::path RunDirectory::statistics_path(loop::Role role) const {
@@ -184,9 +181,8 @@ std::vector<node::Statistics> RunDirectory::take_statistics() const {
   std::vector<node::Statistics> all;
   for (const loop::Role role : roles) {
     const fs::path path = statistics_path(role);
-    std::ifstream file(path);
     try {
-      all.push_back(node::statistics_from_json({std::istreambuf_iterator<char>(file), {}}));
+      all.push_back(node::statistics_from_json(diagnostics::file_text(path).value_or("")));
     } catch (const std::invalid_argument&) {  // it was killed and left none, or half of it
     }
     std::error_code ignored;

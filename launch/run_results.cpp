@@ -15,11 +15,52 @@
 #include "logger/run_log.h"
 #include "report/figure.h"
 #include "report/gnuplot.h"
+#include "report/log_tracking.h"
 #include "report/report.h"
 #include "robot/joint_units.h"
 
 namespace tachless::launch {
 namespace {
+
+/// The log of a run, read back.
+struct ReadBack {
+  explicit ReadBack(int num_joints) : tracking(num_joints) {}
+
+  study::Tracking tracking;
+  std::int64_t ticks = 0;
+  std::int64_t gaps = 0;
+  bool damaged = false;
+  std::string problem;  ///< why it cannot be read; empty: it can
+};
+
+ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
+                   std::int64_t run) {
+  ReadBack result(scenario.num_joints);
+  try {
+    logger::RunLog log = logger::RunLog::open(path, run);
+    result.tracking = report::track(log);
+    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
+    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
+    result.damaged = log.damage().any();
+  } catch (const diagnostics::Failure& failure) {
+    result.problem = failure.what();
+  }
+  return result;
+}
+
+/// What is wrong with the log of a run of which every program says that it ended well; empty:
+/// nothing. In realtime ticks may be missing, which the logger then has said.
+std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
+                        const std::string& path) {
+  if (!log.problem.empty()) return log.problem;
+  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
+  const std::int64_t expected = scenario.loop.num_ticks;
+  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
+  return fmt::format(
+      "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
+      "again, and leave it alone until the run has ended",
+      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
+}
 
 /// The table, and the files.
 void show(const report::RunSummary& summary, const report::FigureFacts& figure,
@@ -78,33 +119,6 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
 }
 
 }  // namespace
-
-ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
-                   std::int64_t run) {
-  ReadBack result(scenario.num_joints);
-  try {
-    logger::RunLog log = logger::RunLog::open(path, run);
-    result.tracking = report::track(log);
-    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
-    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
-    result.damaged = log.damage().any();
-  } catch (const diagnostics::Failure& failure) {
-    result.problem = failure.what();
-  }
-  return result;
-}
-
-std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
-                        const std::string& path) {
-  if (!log.problem.empty()) return log.problem;
-  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
-  const std::int64_t expected = scenario.loop.num_ticks;
-  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
-  return fmt::format(
-      "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
-      "again, and leave it alone until the run has ended",
-      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
-}
 
 diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOptions& options,
                                RunDirectory& out, const RunEnd& end,

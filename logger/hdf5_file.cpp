@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/text.h"
 
 namespace tachless::logger {
 namespace {
@@ -37,16 +38,12 @@ class Hdf5File::Impl {
                          "1 where the log has the message " + log.summary().pieces[i].channel);
     }
     for (const auto& quantity : quantities_) {
-      std::string unit = quantity.units.front();
-      for (const auto& other : quantity.units) {
-        if (other == quantity.units.front()) continue;
-        unit = quantity.units.front();
-        for (std::size_t i = 1; i < quantity.units.size(); ++i) unit += "," + quantity.units[i];
-        break;
-      }
+      const auto& units = quantity.units;
+      const bool one = std::ranges::count(units, units.front()) == std::ssize(units);
       const hsize_t columns = quantity.per_joint ? quantity.units.size() : 0;
-      auto column = create(quantity.name, quantity.whole ? H5T_STD_I8LE : H5T_IEEE_F64LE, columns,
-                           unit, quantity.description);
+      auto column =
+          create(quantity.name, quantity.whole ? H5T_STD_I8LE : H5T_IEEE_F64LE, columns,
+                 one ? units.front() : diagnostics::joined(units, ","), quantity.description);
       attribute(column.id, "present", "/" + mask_name(quantity.slot));
       columns_.push_back(std::move(column));
     }
@@ -106,11 +103,7 @@ class Hdf5File::Impl {
     const hid_t type = check(H5Tcopy(H5T_C_S1));
     check(H5Tset_size(type, text.size() + 1));
     check(H5Tset_cset(type, H5T_CSET_UTF8));
-    const hid_t space = check(H5Screate(H5S_SCALAR));
-    const hid_t id = check(H5Acreate2(object, name, type, space, H5P_DEFAULT, H5P_DEFAULT));
-    check(H5Awrite(id, type, text.c_str()));
-    check(H5Aclose(id));
-    check(H5Sclose(space));
+    attribute(object, name, type, text.c_str());
     check(H5Tclose(type));
   }
 

@@ -76,9 +76,7 @@ std::string run_text(const RunFacts& run) {
       run.run, run.scenario, run.mode, run.law, run.robot, run.num_joints,
       run.flexible ? "flexible" : "rigid", run.version, run.measurement, summary.ticks,
       run.num_ticks, run.period_s);
-  if (summary.ticks != 0) {
-    text += fmt::format(" ({} to {})", summary.first_tick, summary.last_tick);
-  }
+  if (summary.ticks != 0) text += fmt::format(" ({} to {})", summary.first_tick, summary.last_tick);
   text += fmt::format("\ngaps      {}\n", summary.gaps());
   for (const auto& piece : summary.pieces) {
     if (piece.absent() && summary.ticks != 0) {

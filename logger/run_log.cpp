@@ -198,8 +198,6 @@ class RunLog::Impl {
       take(event, stamp, channel.scratch);
     } else if constexpr (std::is_same_v<Value, loop::Participant>) {
       note_fault(stamp, channel.scratch);
-    } else {
-      ++summary_.run_infos;
     }
   }
 

@@ -59,7 +59,6 @@ struct RunSummary {
   std::uint64_t other_messages = 0;    ///< of channels that are not this robot's
   std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
-  std::uint64_t run_infos = 0;                         ///< readable copies of this run's
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
 
   [[nodiscard]] const PieceSummary& of(Slot piece) const {

@@ -50,9 +50,7 @@ bus::Key decoded(const Content& content, std::size_t size) {
   while (digits > 0 && (content.bytes[digits - 1] == '\n' || content.bytes[digits - 1] == '\r')) {
     --digits;
   }
-  if (digits != hex_size) {
-    throw std::invalid_argument("a key is 32 bytes or 64 hexadecimal digits");
-  }
+  if (digits != hex_size) throw std::invalid_argument("a key is 32 bytes or 64 hexadecimal digits");
   for (std::size_t i = 0; i < bus::Key::size; ++i) {
     const int high = digit(content.bytes[2 * i]);
     const int low = digit(content.bytes[2 * i + 1]);

@@ -1,11 +1,28 @@
 #include "node/options.h"
 
+#include <fmt/core.h>
+
 #include <CLI/CLI.hpp>
+#include <iostream>
 #include <stdexcept>
 
 #include "diagnostics/failure.h"
 
 namespace tachless::node {
+
+bool parse(CLI::App& program, int argc, const char* const* argv) {
+  try {
+    program.parse(argc, argv);
+    return true;
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      program.exit(error, std::cout, std::cerr);
+      return false;
+    }
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               fmt::format("{}; see {} --help", error.what(), program.get_name()));
+  }
+}
 
 void add_scenario(CLI::App& command, std::filesystem::path& path,
                   std::vector<std::string>& overrides) {

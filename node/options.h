@@ -14,6 +14,11 @@ namespace tachless::node {
 
 inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0";
 
+/// Reads a program's command line. False when --help or --version was asked for, which has then
+/// been answered on stdout.
+/// @throw Failure(bad_usage), one line
+bool parse(CLI::App& program, int argc, const char* const* argv);
+
 /// SCENARIO, and --set for its values.
 void add_scenario(CLI::App& command, std::filesystem::path& path,
                   std::vector<std::string>& overrides);

@@ -6,10 +6,8 @@
 #include <array>
 #include <cmath>
 #include <exception>
-#include <iostream>
 
 #include "diagnostics/system_failure.h"
-#include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "node/options.h"
 
@@ -141,15 +139,7 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
   Given given;
   CLI::App cli(program_of(role).task, program);
   add_options(cli, role, options, given);
-  try {
-    cli.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) {
-      cli.exit(error, std::cout, std::cerr);
-      return std::nullopt;
-    }
-    throw bad_usage(fmt::format("{}; see {} --help", error.what(), program));
-  }
+  if (!parse(cli, argc, argv)) return std::nullopt;
   if (options.scenario_path.empty()) {
     throw bad_usage(fmt::format("SCENARIO: empty; name a YAML file; see {} --help", program));
   }

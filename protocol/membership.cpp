@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnostics/text.h"
+#include "diagnostics/time.h"
 
 namespace tachless::protocol {
 namespace {
@@ -28,10 +29,6 @@ constexpr std::string_view beside_it =
 
 std::string in_quotes(const std::string& scenario) {
   return scenario.empty() ? "another scenario" : fmt::format("scenario '{}'", scenario);
-}
-
-double seconds(std::chrono::nanoseconds duration) {
-  return std::chrono::duration<double>(duration).count();
 }
 
 bool is_over(ParticipantState state) {
@@ -206,8 +203,6 @@ void Membership::act(Event event, const Failure* failure, Time now) {
   }
 }
 
-void Membership::note_finished(Role role) { done_[static_cast<std::size_t>(role)] = true; }
-
 void Membership::announce_soon(Time now) {
   announce_at_ = std::min(announce_at_, std::max(now, announced_ + shortest_reply_period));
 }
@@ -345,7 +340,7 @@ void Membership::poll(Time now) {
         ExitCode::peer_lost,
         fmt::format("{} has been silent for {:.3g} s; it has died or cannot be reached: see its "
                     "output",
-                    describe(role), seconds(self_.give_up)));
+                    describe(role), diagnostics::seconds_of(self_.give_up)));
     return act(Event::holder_silent, &lost, now);
   }
   if (failed_successor_ && silence(Role::controller, now) >= takeover_after) {
@@ -360,7 +355,7 @@ void Membership::poll(Time now) {
         ExitCode::peer_lost,
         fmt::format("waited {:.3g} s for {}; start all four programs with the same scenario on one "
                     "bus",
-                    seconds(*self_.wait_limit),
+                    diagnostics::seconds_of(*self_.wait_limit),
                     roles.empty() ? "all to agree" : diagnostics::joined(roles)));
     act(Event::wait_over, &over, now);
   }

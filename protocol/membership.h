@@ -177,7 +177,7 @@ class Membership {
   [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
   void announce_soon(Time now);
   void join(const Peer& peer, Time now);
-  void note_finished(loop::Role role);
+  void note_finished(loop::Role role) { done_[static_cast<std::size_t>(role)] = true; }
   void choose_roster(Time now);
   void take_roster(const loop::PerRole& roster, Time now);
   void confirm(loop::Role role);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <regex>
 
 #include "report/gnuplot.h"
 
@@ -156,6 +157,23 @@ int height_of(const Chart& chart) {
   return usual_height_px;
 }
 
+/// Rows that the curves' titles take above a chart of that width [px].
+int key_rows(const Chart& chart, double width) {
+  static const std::regex markup(R"(\{/\S* |[{}_^\\])");
+  constexpr double letter_px = 8, line_px = 50;  // of the font, and of a line with its gaps
+  double titles = 0, longest = 0;
+  for (const Curve& curve : chart.curves) {
+    if (curve.title.empty()) continue;
+    const std::string shown = std::regex_replace(curve.title, markup, "");
+    const auto letters = std::count_if(shown.begin(), shown.end(),
+                                       [](char c) { return (c & 0xc0) != 0x80; });  // UTF-8
+    longest = std::max(longest, static_cast<double>(letters));
+    ++titles;
+  }
+  const double columns = std::max(1.0, std::floor(width / (letter_px * longest + line_px)));
+  return std::max(1, static_cast<int>(std::ceil(titles / columns)));
+}
+
 /// Charts that stand side by side.
 using Row = std::vector<const Chart*>;
 
@@ -202,11 +220,13 @@ std::string chart_commands(const std::vector<Chart>& charts,
 std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::string& title,
                                    const std::filesystem::path& svg) {
   constexpr int title_px = 30;
-  constexpr int key_px = 24;    // above each chart
+  constexpr int key_px = 24;  // above each chart, with one row of titles
+  constexpr int key_row_px = 21;
   constexpr int below_px = 14;  // below each chart
   constexpr int tics_px = 24;   // below those that show times
   constexpr int label_px = 26;  // below the last
   constexpr double stack_px = 900;
+  constexpr double left_px = 92, right_px = 20;
   const std::vector<Row> rows = rows_of(charts);
   std::vector<int> tops = {title_px};
   std::size_t columns = 1;
@@ -216,11 +236,19 @@ std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::
     return row + 1 == rows.size() || rows[row].size() > rows[row + 1].size() ||
            columns_of(row) != columns_of(row + 1);
   };
+  const auto cell_of = [&](std::size_t row) {
+    return stack_px / static_cast<double>(columns_of(row));
+  };
+  std::vector<int> keys;  // rows of titles above each row of charts
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Chart* highest = *std::max_element(
-        rows[i].begin(), rows[i].end(),
-        [](const Chart* a, const Chart* b) { return height_of(*a) < height_of(*b); });
-    tops.push_back(tops.back() + height_of(*highest) + (shows_times(i) ? tics_px : 0));
+    int height = 0, titles = 1;
+    for (const Chart* chart : rows[i]) {
+      height = std::max(height, height_of(*chart));
+      titles = std::max(titles, key_rows(*chart, cell_of(i) - left_px - right_px));
+    }
+    keys.push_back(titles);
+    tops.push_back(tops.back() + height + key_row_px * (titles - 1) +
+                   (shows_times(i) ? tics_px : 0));
   }
   const double height = tops.back() + label_px;
   // Placed by hand: gnuplot's own layout gives charts with wide tic labels less width, and their
@@ -231,7 +259,8 @@ std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::
                          "set label 1 {} at screen 0.012, screen {:.9g} left font ',15' front\n",
                          gnuplot_string(svg.string()), gnuplot_text(title), 1 - 15 / height);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    const double cell = stack_px / static_cast<double>(columns_of(i));
+    const double cell = cell_of(i);
+    const int top = tops[i] + key_px + key_row_px * (keys[i] - 1);
     const int bottom = tops[i + 1] - below_px - (shows_times(i) ? tics_px : 0);
     for (std::size_t column = 0; column < rows[i].size(); ++column) {
       Chart chart = *rows[i][column];
@@ -239,9 +268,10 @@ std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::
       const double left = static_cast<double>(column) * cell;
       text += fmt::format(
           "set lmargin at screen {:.9g}\nset rmargin at screen {:.9g}\n"
-          "set tmargin at screen {:.9g}\nset bmargin at screen {:.9g}\n{}unset label 1\n",
-          (left + 92) / stack_px, (left + cell - 20) / stack_px, 1 - (tops[i] + key_px) / height,
-          1 - bottom / height,
+          "set tmargin at screen {:.9g}\nset bmargin at screen {:.9g}\nset key maxrows {}\n{}unset "
+          "label 1\n",
+          (left + left_px) / stack_px, (left + cell - right_px) / stack_px, 1 - top / height,
+          1 - bottom / height, keys[i],
           plot(chart, fmt::format("c{}_{}_", i, column),
                shows_times(i) ? TimeTics::shown : TimeTics::hidden));
     }

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <array>
 #include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -11,8 +10,9 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
-#include "report/chart.h"
+#include "report/figure.h"
 #include "report/gnuplot.h"
+#include "report/overlay.h"
 #include "report/plain_page.h"
 
 namespace tachless::report {
@@ -53,43 +53,27 @@ std::string shown(const Column& column, const Compared& compared) {
   return value && std::isfinite(*value) ? fmt::format("{:.3g}", *value * column.scale) : "-";
 }
 
-/// gnuplot's commands for one diagram with a curve for each law.
-std::string diagram(const std::vector<ComparedLaw>& laws, const study::Envelope Compared::*signal,
-                    const char* label) {
-  constexpr std::array<const char*, 3> dashes = {"1", "(8,4)", "(2,3)"};
-  std::string data;
-  std::vector<std::string> plots;
-  plots.reserve(laws.size());
-  for (std::size_t i = 0; i < laws.size(); ++i) {
-    data += fmt::format("$law{} << EOD\n", i);
-    for (const study::Point& point : (laws[i].result.*signal).points(1000)) {
-      data += fmt::format("{:.8g} {:.6g}\n", point.x, point.y);
-    }
-    data += "nan nan\nEOD\n";
-    plots.push_back(fmt::format("$law{} with lines lw 1.4 dashtype {} lc rgb '{}' title {}", i,
-                                dashes[i / palette.size() % dashes.size()],
-                                palette[i % palette.size()], gnuplot_text(laws[i].result.law)));
+/// A curve for each law.
+Chart chart_of(const std::vector<ComparedLaw>& laws, study::Envelope study::Compared::*signal,
+               const std::string& label, bool named) {
+  Chart chart;
+  chart.y_label = label;
+  chart.wide = true;
+  for (const auto& [result, overrides] : laws) {
+    const std::size_t i = chart.curves.size();
+    chart.curves.push_back({named ? enhanced(result.law) : "", (result.*signal).points(1000),
+                            run_colour(i), 1.4, run_dash(i), CurveStyle::line});
   }
-  return data + fmt::format("set ylabel '{}'\nplot {}\n", label, fmt::join(plots, ", "));
+  return chart;
 }
 
-/// Errors above torques, the laws' names once, beside them.
+/// Errors above torques, the laws' names once.
 std::string figure_commands(const std::vector<ComparedLaw>& laws, const std::string& title,
                             const std::filesystem::path& svg) {
-  std::vector<Curve> errors(laws.size());
-  for (std::size_t i = 0; i < laws.size(); ++i) errors[i].points = laws[i].result.error.points();
-  const double floor = logarithmic_floor(errors).value_or(1e-12);
-  return fmt::format(
-             "set terminal svg size 1064,760 font 'sans,13' background '#ffffff'\nset encoding "
-             "utf8\nset output {}\nset multiplot layout 2,1 title {}\nset border 3\nset tics "
-             "nomirror\nset grid lc rgb '#dddddd'\nset lmargin at screen 0.09\nset rmargin at "
-             "screen 0.76\nset key at screen 0.78,0.92 left top vertical Left reverse samplen 2\n"
-             "set logscale y\nset format y '10^{{%T}}'\nset yrange [{:.3g}:*]\n",
-             gnuplot_string(svg.string()), gnuplot_text(title), floor) +
-         diagram(laws, &Compared::error, "|e| [rad; m]") +
-         "unset logscale y\nset format y '%g'\nset yrange [0:*]\nunset key\nset xlabel 'time "
-         "[s]'\n" +
-         diagram(laws, &Compared::torque, "|τ| [N m; N]") + "unset multiplot\n";
+  Chart errors = chart_of(laws, &Compared::error, "|e|  [rad; m]", true);
+  make_logarithmic(errors);
+  const Chart torques = chart_of(laws, &Compared::torque, "|τ|  [N m; N]", false);
+  return stacked_chart_commands({errors, torques}, title, svg);
 }
 
 Html html_table(const std::vector<ComparedLaw>& laws) {

@@ -21,15 +21,17 @@ std::string gnuplot_string(std::string_view text) {
   return quoted + "'";
 }
 
-std::string gnuplot_text(std::string_view text) {
+std::string enhanced(std::string_view text) {
   constexpr std::string_view special = "_^{}@&~\\";
   std::string escaped;
   for (const char c : text) {
     if (special.find(c) != std::string_view::npos) escaped += '\\';
     escaped += static_cast<unsigned char>(c) < ' ' ? ' ' : c;
   }
-  return gnuplot_string(escaped);
+  return escaped;
 }
+
+std::string gnuplot_text(std::string_view text) { return gnuplot_string(enhanced(text)); }
 
 std::string gnuplot_complaint(const std::vector<std::string>& lines) {
   // "FILE" line 3: cannot open file

@@ -16,8 +16,11 @@ inline constexpr std::array<const char*, 7> palette = {"#0072B2", "#D55E00", "#0
 /// A gnuplot string literal of exactly these characters.
 std::string gnuplot_string(std::string_view text);
 
-/// The same for text that is shown, where gnuplot's enhanced mode gives a meaning to some
-/// characters. Line ends and other control characters become spaces.
+/// Text that is shown, where gnuplot's enhanced mode gives a meaning to some characters. Line ends
+/// and other control characters become spaces.
+std::string enhanced(std::string_view text);
+
+/// The same as a string literal.
 std::string gnuplot_text(std::string_view text);
 
 /// Has gnuplot carry out `commands`, which draw into `svg` (and into other files, should they say

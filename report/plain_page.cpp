@@ -1,8 +1,6 @@
 #include "report/plain_page.h"
 
-#include <fstream>
-#include <iterator>
-
+#include "diagnostics/file_text.h"
 #include "diagnostics/unfinished_file.h"
 #include "diagnostics/version.h"
 #include "report/gnuplot.h"
@@ -28,8 +26,7 @@ Html drawn_figure(const std::filesystem::path& svg,
   diagnostics::UnfinishedFile unfinished(svg, "name another directory with --out");
   draw(commands(unfinished.name()), unfinished.name());
   unfinished.finish();
-  std::ifstream file(svg);
-  const std::string picture((std::istreambuf_iterator<char>(file)), {});
+  const std::string picture = diagnostics::file_text(svg).value_or("");
   return html("<figure>{}</figure>\n", inline_svg(picture, "figure-", caption));
 }
 

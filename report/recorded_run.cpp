@@ -132,9 +132,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
       }
     }
   }
-  if (lyapunov) {
-    run.lyapunov_decay = fit_decay(run.lyapunov.points());
-  }
+  if (lyapunov) run.lyapunov_decay = fit_decay(run.lyapunov.points());
   for (const study::JointTracking& joint : run.tracking.joints()) {
     run.decay.push_back(fit_decay(joint.abs_error.points()));
   }

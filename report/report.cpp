@@ -5,10 +5,9 @@
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/unfinished_file.h"
 #include "report/gnuplot.h"
 #include "report/report_charts.h"
@@ -51,9 +50,8 @@ Drawings drawings_of(const std::vector<Chart>& charts, const fs::path& html) {
   draw(chart_commands(charts, directory.path()), directory.path() / "report");
   Drawings drawings;
   for (const Chart& chart : charts) {
-    std::ostringstream text;
-    text << std::ifstream(directory.path() / (chart.name + ".svg")).rdbuf();
-    drawings[chart.name] = text.str();
+    drawings[chart.name] =
+        diagnostics::file_text(directory.path() / (chart.name + ".svg")).value_or("");
   }
   return drawings;
 }

@@ -31,9 +31,7 @@ Html figure(const ReportChart& report, const Drawings& drawings) {
   const Html caption =
       report.heading.empty() ? Html() : html("<figcaption>{}</figcaption>", report.heading);
   const Html broad = drawing(drawings, chart.name, chart);
-  if (!chart.wide) {
-    return html("<figure id=\"{}\">{}{}</figure>\n", chart.name, caption, broad);
-  }
+  if (!chart.wide) return html("<figure id=\"{}\">{}{}</figure>\n", chart.name, caption, broad);
   return html(
       "<figure id=\"{}\" class=\"wide\">{}<div class=\"broad\">{}</div><div "
       "class=\"narrow\">{}</div></figure>\n",

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <numbers>
 #include <random>
 #include <utility>
 
@@ -34,19 +33,14 @@ std::string_view type_of(const Model& model, int joint) {
 }
 
 robot::Vector position_of(const Model& model, const std::vector<double>& given) {
-  robot::Vector q(model.num_joints);
-  if (given.empty()) {
-    for (int j = 0; j < q.size(); ++j) q[j] = std::clamp(0.0, model.lower[j], model.upper[j]);
-    return q;
-  }
+  if (given.empty()) return robot::nearest_to_zero(model);
   if (static_cast<int>(given.size()) != model.num_joints) {
     throw diagnostics::Failure(
         diagnostics::ExitCode::bad_usage,
         fmt::format("--position: {} numbers; the robot has {} joints: {}", given.size(),
                     model.num_joints, fmt::join(model.joint_names, ", ")));
   }
-  std::copy(given.begin(), given.end(), q.begin());
-  return q;
+  return Eigen::Map<const Eigen::VectorXd>(given.data(), model.num_joints);
 }
 
 /// Columns as wide as their widest cell, the first one to the left.
@@ -66,16 +60,6 @@ std::string table(const std::vector<std::vector<std::string>>& rows) {
 
 std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
-}
-
-/// The stretch over which a joint is drawn.
-std::pair<double, double> drawn_range(const Model& model, int joint) {
-  if (std::isfinite(model.lower[joint]) && std::isfinite(model.upper[joint])) {
-    return {model.lower[joint], model.upper[joint]};
-  }
-  const bool prismatic = type_of(model, joint) == "prismatic";
-  const double reach = prismatic ? 1 : std::numbers::pi;
-  return {std::max(model.lower[joint], -reach), std::min(model.upper[joint], reach)};
 }
 
 /// Rounding of a torque that is 0 would fill its chart.
@@ -103,23 +87,10 @@ struct Overview {
   Envelope gravity, inertia;
 };
 
-/// 40 postures, the same for every chart.
-std::vector<robot::Vector> postures_of(const Model& model) {
-  std::mt19937 random(1);
-  std::vector<robot::Vector> postures(40, robot::Vector(model.num_joints));
-  for (robot::Vector& q : postures) {
-    for (int j = 0; j < model.num_joints; ++j) {
-      const auto [low, high] = drawn_range(model, j);
-      q[j] = low + (high - low) * (random() / 4294967296.0);
-    }
-  }
-  return postures;
-}
-
 Overview overview(const RobotFacts& facts, int joint, std::vector<robot::Vector> postures) {
   constexpr int points = 40;
   Overview seen;
-  const auto [lower, upper] = drawn_range(facts.model, joint);
+  const auto [lower, upper] = robot::finite_range(facts.model, joint);
   for (int k = 0; k <= points; ++k) {
     const double part = static_cast<double>(k) / points;
     robot::Vector q = facts.q;
@@ -229,12 +200,14 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
 void draw_robot(const RobotFacts& facts, const std::string& title,
                 const std::filesystem::path& svg) {
   const robot::JointUnits units = robot::joint_units(facts.model);
-  const std::vector<robot::Vector> postures = postures_of(facts.model);
+  std::mt19937 random(1);  // the same postures for every chart
+  std::vector<robot::Vector> postures;
+  for (int k = 0; k < 40; ++k) postures.push_back(robot::random_posture(facts.model, random));
   std::vector<Chart> charts;
   charts.reserve(2 * units.length.size());
   for (int j = 0; j < facts.model.num_joints; ++j) {
     const auto joint = static_cast<std::size_t>(j);
-    const auto [lower, upper] = drawn_range(facts.model, j);
+    const auto [lower, upper] = robot::finite_range(facts.model, j);
     Chart gravity, inertia;
     gravity.height_px = inertia.height_px = 170;
     gravity.x_label = inertia.x_label = "position in the range";

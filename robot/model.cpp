@@ -1,7 +1,9 @@
 #include "robot/model.h"
 
+#include <algorithm>
 #include <cmath>
 #include <locale>
+#include <numbers>
 #include <sstream>
 #include <stdexcept>
 
@@ -54,6 +56,27 @@ std::string farthest_leaf(const Model& model) {
 }
 
 }  // namespace
+
+Vector nearest_to_zero(const Model& model) {
+  return Vector::Zero(model.num_joints).cwiseMax(model.lower).cwiseMin(model.upper);
+}
+
+std::pair<double, double> finite_range(const Model& model, int joint) {
+  const double lower = model.lower[joint], upper = model.upper[joint];
+  if (std::isfinite(lower) && std::isfinite(upper)) return {lower, upper};
+  const bool prismatic = model.joint_types[static_cast<std::size_t>(joint)] == JointType::prismatic;
+  const double reach = prismatic ? 1 : std::numbers::pi, middle = std::clamp(0.0, lower, upper);
+  return {std::max(lower, middle - reach), std::min(upper, middle + reach)};
+}
+
+Vector random_posture(const Model& model, std::mt19937& random) {
+  Vector q(model.num_joints);
+  for (int j = 0; j < model.num_joints; ++j) {
+    const auto [low, high] = finite_range(model, j);
+    q[j] = low + (high - low) * (random() / 4294967296.0);
+  }
+  return q;
+}
 
 Model with_payload(Model model, double mass, const std::string& link) {
   if (!std::isfinite(mass) || mass < 0) {

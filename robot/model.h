@@ -3,7 +3,9 @@
 #include <Eigen/Core>
 #include <limits>
 #include <map>
+#include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "robot/quantities.h"
@@ -62,6 +64,15 @@ struct Model {
   Vector friction;       ///< Coulomb's, of the URDF's <dynamics> [N m; N]
   std::vector<std::string> warnings;  ///< what the URDF has that is not as it should be
 };
+
+/// Each joint as near to 0 as its range allows.
+Vector nearest_to_zero(const Model& model);
+
+/// A joint's range; where it has none on a side, half a turn or 1 m from where it is nearest to 0.
+std::pair<double, double> finite_range(const Model& model, int joint);
+
+/// Each joint anywhere in its `finite_range`.
+Vector random_posture(const Model& model, std::mt19937& random);
 
 /// What becomes of a moving body that has an inertia which no body can have.
 enum class CheckInertia { refuse, warn };

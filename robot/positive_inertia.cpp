@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <numbers>
 #include <random>
 
 #include "robot/cholesky.h"
@@ -41,16 +40,11 @@ std::vector<std::string> joints_without_inertia(const Model& model) {
   // Without mass, M is singular at nearly every posture; with impossible inertias at some.
   const int postures = is_possible(model) ? 8 : 1000;
   std::mt19937 random(1);
-  Vector q(model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) q[j] = std::clamp(0.0, model.lower[j], model.upper[j]);
+  Vector q = nearest_to_zero(model);
   for (int k = 0; k < postures; ++k) {
     std::vector<std::string> joints = joints_without_inertia(model, mass_matrix<double>(model, q));
     if (!joints.empty()) return joints;
-    for (int j = 0; j < model.num_joints; ++j) {
-      const double low = std::max(model.lower[j], -std::numbers::pi);
-      const double high = std::max(low, std::min(model.upper[j], std::numbers::pi));
-      q[j] = low + (high - low) * (random() / 4294967296.0);
-    }
+    q = random_posture(model, random);
   }
   return {};
 }

@@ -9,8 +9,6 @@
 #include "certificate/scenario_loop.h"
 #include "controller/law_stepper.h"
 #include "controller/registry.h"
-#include "diagnostics/failure.h"
-#include "study/in_process_loop.h"
 
 namespace tachless::study {
 namespace {
@@ -20,36 +18,12 @@ using Clock = std::chrono::steady_clock;
 constexpr int postures = 5;            // of the reference, for the largest stable period
 constexpr std::size_t timed = 20'000;  // ticks at most, for the time of a step
 
+/// What the law was fed in the first ticks, and what it commanded in all.
 struct Recorded {
   std::vector<loop::AnyMeasurement> measurements;
   std::vector<loop::ReferencePoint> references;
   std::vector<robot::Vector> torques;
-  bool whole = false;
 };
-
-/// The run again, as it went on, and its curves into `compared` where that is given.
-Recorded record(const experiment::Scenario& scenario, Compared* compared) {
-  Recorded recorded;
-  try {
-    run_in_process(scenario, [&](const TickRecord& tick) {
-      const double error = (tick.truth.q - tick.reference.q_ref).norm();
-      if (recorded.measurements.size() < timed) {
-        recorded.measurements.push_back(tick.measurement);
-        recorded.references.push_back(tick.reference);
-      }
-      recorded.torques.push_back(tick.command.tau);
-      if (compared != nullptr) {
-        compared->error.add(tick.time_s, error);
-        compared->torque.add(tick.time_s, tick.applied.tau.norm());
-      }
-      return error <= gone;
-    });
-  } catch (const diagnostics::Failure& failure) {
-    if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
-  }
-  recorded.whole = static_cast<std::int64_t>(recorded.torques.size()) == scenario.loop.num_ticks;
-  return recorded;
-}
 
 /// Root mean square error of the encoders, over all joints [rad; m]; 0 when they are exact.
 double encoder_error(const experiment::Scenario& scenario) {
@@ -58,22 +32,23 @@ double encoder_error(const experiment::Scenario& scenario) {
   return std::sqrt(count.squaredNorm() / (12.0 * scenario.num_joints) + noise * noise);
 }
 
+/// Of the scenario's run with those torques, against its twin with exact encoders.
 std::optional<double> amplification(const experiment::Scenario& scenario,
-                                    const Recorded& recorded) {
+                                    const std::vector<robot::Vector>& torques) {
+  const std::int64_t ticks = scenario.loop.num_ticks;
   const double error = encoder_error(scenario);
-  if (error == 0 || !recorded.whole) return {};
+  if (error == 0 || static_cast<std::int64_t>(torques.size()) != ticks) return {};
   experiment::Scenario exact = scenario;
   exact.plant.encoder.resolution_bits.reset();
   exact.plant.encoder.noise_std_rad = 0;
   exact.plant.encoder.velocity_noise_std_rad_per_s = 0;
-  const Recorded without = record(exact, nullptr);
-  if (!without.whole) return {};
   double sum = 0;
-  for (std::size_t k = 0; k < recorded.torques.size(); ++k) {
-    sum += (recorded.torques[k] - without.torques[k]).squaredNorm();
-  }
-  const auto count = static_cast<double>(recorded.torques.size()) * scenario.num_joints;
-  return std::sqrt(sum / count) / error;
+  const auto run = measure(exact, [&](const TickRecord& tick) {
+    sum += (torques[static_cast<std::size_t>(tick.tick)] - tick.command.tau).squaredNorm();
+    return true;
+  });
+  if (run->ticks != ticks) return {};
+  return std::sqrt(sum / (static_cast<double>(ticks) * scenario.num_joints)) / error;
 }
 
 std::optional<double> largest_period(const experiment::Scenario& scenario) {
@@ -118,22 +93,29 @@ Compared compare(const experiment::Scenario& scenario, int seeds) {
   Compared compared;
   compared.law = scenario.controller.law;
   compared.measures = controller::measurement_suffix(compared.law);
-  for (int i = 0; i < seeds; ++i) {
+  Recorded recorded;
+  compared.run = *measure(scenario, [&](const TickRecord& tick) {
+    if (recorded.measurements.size() < timed) {
+      recorded.measurements.push_back(tick.measurement);
+      recorded.references.push_back(tick.reference);
+    }
+    recorded.torques.push_back(tick.command.tau);
+    compared.error.add(tick.time_s, (tick.truth.q - tick.reference.q_ref).norm());
+    compared.torque.add(tick.time_s, tick.applied.tau.norm());
+    return true;
+  });
+  compared.least_settled_error = compared.largest_settled_error = compared.run.settled_error;
+  for (int i = 1; i < seeds; ++i) {
     experiment::Scenario with_seed = scenario;
     with_seed.plant.encoder.seed += static_cast<std::uint64_t>(i);
     const Measures run = *measure(with_seed);
-    if (i == 0) {
-      compared.run = run;
-      compared.least_settled_error = compared.largest_settled_error = run.settled_error;
-    }
     // A run that was broken off has none: then the largest has none.
     compared.least_settled_error = std::fmin(compared.least_settled_error, run.settled_error);
     if (!(run.settled_error <= compared.largest_settled_error)) {
       compared.largest_settled_error = run.settled_error;
     }
   }
-  const Recorded recorded = record(scenario, &compared);
-  compared.noise_amplification = amplification(scenario, recorded);
+  compared.noise_amplification = amplification(scenario, recorded.torques);
   compared.largest_period_s = largest_period(scenario);
   compared.step_us = step_time_us(scenario, recorded);
   return compared;

@@ -19,9 +19,7 @@ Envelope::Bin Envelope::merge(const Bin& a, const Bin& b) {
 
 // An odd one at the end stays as it is.
 void Envelope::halve(std::vector<Bin>& bins) {
-  for (std::size_t i = 0; i < bins.size() / 2; ++i) {
-    bins[i] = merge(bins[2 * i], bins[2 * i + 1]);
-  }
+  for (std::size_t i = 0; i < bins.size() / 2; ++i) bins[i] = merge(bins[2 * i], bins[2 * i + 1]);
   if (bins.size() % 2 != 0) bins[bins.size() / 2] = bins.back();
   bins.resize((bins.size() + 1) / 2);
 }

@@ -4,12 +4,9 @@
 
 #include "diagnostics/failure.h"
 #include "schema/schema.h"
-#include "study/in_process_loop.h"
 
 namespace tachless::study {
 namespace {
-
-constexpr std::int64_t looks = 256;  // ticks from one question whether to go on to the next
 
 /// Sums over a run.
 class Sums {
@@ -94,13 +91,13 @@ const std::vector<MeasureColumn>& measure_columns() {
 }
 
 std::optional<Measures> measure(const experiment::Scenario& scenario,
-                                const std::function<bool()>& go_on) {
+                                const std::function<bool(const TickRecord&)>& on_tick) {
   Sums sums(scenario);
   bool whole = true;
   std::string stopped;
   try {
     run_in_process(scenario, [&](const TickRecord& record) {
-      if (go_on && record.tick % looks == 0) whole = go_on();
+      if (on_tick) whole = on_tick(record);
       if (whole) sums.add(record);
       return whole && !sums.gone_beyond();
     });

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "experiment/scenario.h"
+#include "study/in_process_loop.h"
 #include "study/observed.h"
 
 /// A run in a few numbers, by which runs are compared. Steps the loop in this process; writes no
@@ -41,10 +42,10 @@ struct MeasureColumn {
 const std::vector<MeasureColumn>& measure_columns();
 
 /// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
-/// m, at which the run is broken off as diverging. @param go_on asked now and then; nothing is
-/// returned once it says no
+/// m, at which the run is broken off as diverging.
+/// @param on_tick called with each tick; nothing is returned once it says no
 /// @throw diagnostics::Failure(bad_usage) for a scenario that makes no sense.
 std::optional<Measures> measure(const experiment::Scenario& scenario,
-                                const std::function<bool()>& go_on = {});
+                                const std::function<bool(const TickRecord&)>& on_tick = {});
 
 }  // namespace tachless::study

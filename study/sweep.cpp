@@ -9,12 +9,12 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
-#include <iterator>
 #include <mutex>
 #include <system_error>
 
 #include "certificate/parallel.h"
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
 #include "study/measures.h"
@@ -26,10 +26,7 @@ namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 
-std::string content_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
+constexpr std::int64_t ticks_between_looks = 256;  // whether to go on
 
 std::string field(double value) { return std::isnan(value) ? "" : diagnostics::shortest(value); }
 
@@ -60,7 +57,7 @@ class RowFile {
                                 path.string()));
     }
     // What a broken off write has left of its line makes room for the next.
-    const std::string before = content_of(path);
+    const std::string before = diagnostics::file_text(path).value_or("");
     const std::size_t end = before.rfind('\n');
     const auto whole = static_cast<off_t>(end == std::string::npos ? 0 : end + 1);
     if (::ftruncate(file_, whole) != 0 || ::lseek(file_, whole, SEEK_SET) < 0) fail(errno);
@@ -126,7 +123,7 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
   }
   if (!fs::exists(file)) {
     diagnostics::UnfinishedFile(file, "name another directory with --out").write(json);
-  } else if (content_of(file) != json) {
+  } else if (diagnostics::file_text(file) != json) {
     throw Failure(
         ExitCode::bad_usage,
         fmt::format("{}: another sweep is in this directory; name another one with --out, "
@@ -142,7 +139,8 @@ Sweep Sweep::open(const fs::path& directory) {
     throw Failure(ExitCode::bad_usage,
                   fmt::format("{}: no sweep: there is no plan.json", directory.string()));
   }
-  return {directory, SweepPlan::from_json(content_of(file), file.string())};
+  return {directory,
+          SweepPlan::from_json(diagnostics::file_text(file).value_or(""), file.string())};
 }
 
 template <class F>
@@ -203,7 +201,9 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
       [&](std::size_t k) {
         if (!go_on()) return;
         const SweepCase which = plan_.at(todo[k]);
-        const auto measures = measure(plan_.scenario(which), go_on);
+        const auto measures = measure(plan_.scenario(which), [&](const TickRecord& tick) {
+          return tick.tick % ticks_between_looks != 0 || go_on();
+        });
         if (!measures) return;
         const std::string row = row_text(which, *measures);
         const std::lock_guard lock(mutex);
@@ -214,7 +214,7 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
   return done == all;
 }
 
-std::vector<std::string> Sweep::lines() const {
+std::vector<SweepRow> Sweep::rows() const {
   std::vector<std::string> all(static_cast<std::size_t>(plan_.num_cases()));
   for_each_line([&](std::int64_t index, const std::string& line, const auto& /*file*/) {
     all[static_cast<std::size_t>(index)] = line;
@@ -225,15 +225,11 @@ std::vector<std::string> Sweep::lines() const {
                   fmt::format("{}: {} of {} runs are not finished; go on with: tachless sweep {}",
                               directory_.string(), missing, all.size(), directory_.string()));
   }
-  return all;
-}
-
-std::vector<SweepRow> Sweep::rows() const {
   const std::size_t columns = measure_columns().size(), axes = plan_.axes.size();
   std::vector<SweepRow> rows;
-  for (const std::string& line : lines()) {
+  for (const std::string& line : all) {
     const std::vector<std::string> fields = fields_of(line, 4 + axes + columns);
-    SweepRow row{plan_.at(index_of(line)), fields[2 + axes], {}, fields.back()};
+    SweepRow row{line, plan_.at(index_of(line)), fields[2 + axes], {}, fields.back()};
     for (std::size_t i = 0; i < columns; ++i)
       row.measures.push_back(value_of(fields[3 + axes + i]));
     rows.push_back(std::move(row));
@@ -241,13 +237,13 @@ std::vector<SweepRow> Sweep::rows() const {
   return rows;
 }
 
-std::string Sweep::table() const {
+std::string Sweep::table(const std::vector<SweepRow>& rows) const {
   std::string table = "case,law";
   for (const Axis& axis : plan_.axes) table += "," + axis.name();
   table += ",outcome";
   for (const MeasureColumn& column : measure_columns()) table += fmt::format(",{}", column.name);
   table += ",stopped\n";
-  for (const std::string& line : lines()) table += line + "\n";
+  for (const SweepRow& row : rows) table += row.line + "\n";
   return table;
 }
 

@@ -21,6 +21,7 @@ struct Shard {
 
 /// A finished run.
 struct SweepRow {
+  std::string line;  ///< of it in results.csv
   SweepCase which;
   std::string outcome;
   std::vector<double> measures;  ///< in the order of `measure_columns`; NaN: has none
@@ -61,15 +62,15 @@ class Sweep {
   /// All rows, in the order of their cases.
   /// @throw diagnostics::Failure(check_said_no) telling how many are missing.
   [[nodiscard]] std::vector<SweepRow> rows() const;
-  /// The table that results.csv holds, the same to the last byte however the sweep was run.
-  [[nodiscard]] std::string table() const;
+  /// The table of all rows that results.csv holds, the same to the last byte however the sweep was
+  /// run.
+  [[nodiscard]] std::string table(const std::vector<SweepRow>& rows) const;
 
  private:
   Sweep(std::filesystem::path directory, SweepPlan plan)
       : directory_(std::move(directory)), plan_(std::move(plan)) {}
   template <class F>
   void for_each_line(const F& f) const;
-  [[nodiscard]] std::vector<std::string> lines() const;
 
   std::filesystem::path directory_;
   SweepPlan plan_;

@@ -1,16 +1,12 @@
 #include "viewer/pose_player.h"
 
 #include <algorithm>
-#include <chrono>
+
+#include "diagnostics/time.h"
 
 namespace tachless::viewer {
-namespace {
 
-double seconds(loop::Clock::duration duration) {
-  return std::chrono::duration<double>(duration).count();
-}
-
-}  // namespace
+using diagnostics::seconds_of;
 
 void PosePlayer::add(double t_s, const robot::Vector& q, loop::Clock::time_point now) {
   if (!first_at_) {
@@ -32,7 +28,7 @@ void PosePlayer::add(double t_s, const robot::Vector& q, loop::Clock::time_point
 std::optional<PosePlayer::Pose> PosePlayer::at(loop::Clock::time_point now) {
   if (poses_.empty()) return std::nullopt;
   if (shown_at_) {
-    shown_s_ = std::min(shown_s_ + seconds(now - *shown_at_), poses_.back().t_s);
+    shown_s_ = std::min(shown_s_ + seconds_of(now - *shown_at_), poses_.back().t_s);
     shown_at_ = now;
   } else if (may_begin(now)) {
     shown_at_ = now;
@@ -58,7 +54,7 @@ bool PosePlayer::may_begin(loop::Clock::time_point now) const {
   if (complete() || waited >= longest_wait) return true;
   if (waited < shortest_wait) return false;
   // The rest comes within the time that it takes to show everything.
-  const double speed = (poses_.back().t_s - first_s_) / seconds(waited);
+  const double speed = (poses_.back().t_s - first_s_) / seconds_of(waited);
   return end_s_ - poses_.back().t_s <= speed * (end_s_ - first_s_);
 }
 

@@ -73,16 +73,7 @@ std::optional<Options> parse(int argc, const char* const* argv) {
   node::add_key_file(cli, options.key_file);
   node::add_run_id(cli, "--run-id", options.run_id,
                    "The run to show; default: the first that is heard");
-  try {
-    cli.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) {
-      cli.exit(error, std::cout, std::cerr);
-      return std::nullopt;
-    }
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               fmt::format("{}; see tachless-visualizer --help", error.what()));
-  }
+  if (!node::parse(cli, argc, argv)) return std::nullopt;
   return options;
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "controller/law/feedforward.h"
+#include "controller/law/full_state.h"
 #include "controller/law/law.h"
 #include "controller/law/settings.h"
 #include "controller/law/tuning.h"
@@ -21,7 +22,7 @@ namespace tachless::controller::law {
 ///
 /// Measures: the full state. Memory: none. With `feedforward_lead_s`, vdot_ref is taken that much
 /// ahead; everything else is of the measured state.
-class ComputedTorque {
+class ComputedTorque : public FullState {
  public:
   static constexpr std::string_view name = "computed_torque";
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
@@ -36,8 +37,6 @@ class ComputedTorque {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
-  using Measurement = loop::StateMeasurement;
-  struct Memory {};
 
   struct Gains {
     robot::Vector kp, kd;
@@ -53,11 +52,6 @@ class ComputedTorque {
 
   ComputedTorque(Robot model, Gains gains, const Settings& settings)
       : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}
-
-  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const loop::ReferencePoint& /*reference*/) const {
-    return {};
-  }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
                                   const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {

@@ -5,6 +5,7 @@
 
 #include "controller/law/filter_gains.h"
 #include "controller/law/lyapunov.h"
+#include "controller/law/tuning.h"
 #include "robot/mass_matrix.h"
 #include "robot/model.h"
 
@@ -16,6 +17,10 @@ class Equation15 {
  public:
   using Gains = FilterGains;
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
+
+  static Gains tuned(const Tuning& t) {
+    return {t.kp(), t.kd(), t.each(t.filter), t.each(t.filter)};
+  }
 
   static constexpr std::string_view lyapunov_formula =
       "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė";

@@ -1,6 +1,8 @@
 #pragma once
 
 #include "loop/signals.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/jet.h"
 
 namespace tachless::controller::law {
 
@@ -19,6 +21,22 @@ inline Feedforward feedforward_ahead(const loop::ReferencePoint& reference, doub
   return {reference.v_ref +
               h * (reference.a_ref + h / 2 * (reference.jerk_ref + h / 3 * reference.snap_ref)),
           reference.a_ref + h * (reference.jerk_ref + h / 2 * reference.snap_ref)};
+}
+
+/// ID(q, v_ref, vdot_ref) of the links, exact with its first two time derivatives where `q` has
+/// its own and the reference is given up to snap [N m].
+inline robot::JetVector feedforward_torque(const robot::Model& links, const robot::JetVector& q,
+                                           const loop::ReferencePoint& reference) {
+  const loop::ReferencePoint& r = reference;
+  return robot::inverse_dynamics(links, q, robot::jet(r.v_ref, r.a_ref, r.jerk_ref),
+                                 robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
+}
+
+/// The same on the reference itself: q = q_ref.
+inline robot::JetVector feedforward_torque(const robot::Model& links,
+                                           const loop::ReferencePoint& reference) {
+  return feedforward_torque(links, robot::jet(reference.q_ref, reference.v_ref, reference.a_ref),
+                            reference);
 }
 
 }  // namespace tachless::controller::law

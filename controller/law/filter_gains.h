@@ -2,7 +2,6 @@
 
 #include <tuple>
 
-#include "controller/law/tuning.h"
 #include "robot/quantities.h"
 #include "schema/schema.h"
 
@@ -20,10 +19,6 @@ struct FilterGains {
           schema::positive),
       schema::Key{"a", &FilterGains::a, "1/s", "Filter pole"}.in(schema::positive),
       schema::Key{"b", &FilterGains::b, "1/s", "Filter gain"}.in(schema::positive)};
-
-  static FilterGains tuned(const Tuning& t) {
-    return {t.kp(), t.kd(), t.each(t.filter), t.each(t.filter)};
-  }
 };
 
 }  // namespace tachless::controller::law

@@ -8,7 +8,6 @@
 #include "controller/law/filter.h"
 #include "controller/law/law.h"
 #include "controller/law/settings.h"
-#include "controller/law/tuning.h"
 #include "robot/inverse_dynamics.h"
 
 namespace tachless::controller::law {
@@ -38,8 +37,6 @@ class KellyRegulation : public Equation15 {
 
   using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
-
-  static Gains tuned(const Tuning& t) { return FilterGains::tuned(t); }
 
   KellyRegulation(Robot model, Gains gains, const Settings& settings)
       : Equation15(std::move(model), std::move(gains)),

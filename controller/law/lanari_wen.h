@@ -5,12 +5,12 @@
 #include <tuple>
 #include <utility>
 
+#include "controller/law/feedforward.h"
 #include "controller/law/flexible_robot.h"
+#include "controller/law/full_state.h"
 #include "controller/law/law.h"
 #include "controller/law/settings.h"
 #include "controller/law/tuning.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/jet.h"
 #include "schema/schema.h"
 
 namespace tachless::controller::law {
@@ -24,7 +24,7 @@ namespace tachless::controller::law {
 ///
 /// Measures: the full state, since no lesser measurement holds motor velocity; uses motor position
 /// and velocity alone. Memory: none.
-class LanariWen {
+class LanariWen : public FullState {
  public:
   static constexpr std::string_view name = "lanari_wen";
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
@@ -40,8 +40,6 @@ class LanariWen {
   static constexpr bool has_feedforward_lead = false;
 
   using Robot = FlexibleRobot;
-  using Measurement = loop::StateMeasurement;
-  struct Memory {};
 
   struct Gains {
     robot::Vector kp, kv;
@@ -61,18 +59,11 @@ class LanariWen {
   LanariWen(Robot robot, Gains gains, const Settings& /*settings*/)
       : robot_(std::move(robot)), gains_(std::move(gains)) {}
 
-  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const loop::ReferencePoint& /*reference*/) const {
-    return {};
-  }
-
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
                                   const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {
     const loop::ReferencePoint& r = reference;
     // Of the links on the reference, with two derivatives: K (theta_ref - q_ref).
-    const robot::JetVector torque = robot::inverse_dynamics(
-        robot_.links, robot::jet(r.q_ref, r.v_ref, r.a_ref),
-        robot::jet(r.v_ref, r.a_ref, r.jerk_ref), robot::jet(r.a_ref, r.jerk_ref, r.snap_ref));
+    const robot::JetVector torque = feedforward_torque(robot_.links, r);
     const robot::Vector& K = robot_.stiffness;
     const robot::Vector e = measurement.theta - (r.q_ref + robot::value(torque).cwiseQuotient(K));
     const robot::Vector edot =

@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "controller/law/feedforward.h"
 #include "controller/law/filter.h"
 #include "controller/law/flexible_robot.h"
 #include "controller/law/law.h"
@@ -12,8 +13,6 @@
 #include "controller/law/settings.h"
 #include "controller/law/tuning.h"
 #include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/jet.h"
 #include "robot/mass_matrix.h"
 #include "schema/schema.h"
 
@@ -84,6 +83,7 @@ class LoriaOrtegaFlexible {
   struct MotorReference {
     robot::Vector torque;     ///< K (theta_ref - q_ref) [N m]
     robot::Vector theta_ref;  ///< [rad]
+    robot::Vector thetadot_ref;
     robot::Vector thetaddot_ref;
   };
 
@@ -127,7 +127,7 @@ class LoriaOrtegaFlexible {
     return result;
   }
 
-  /// theta_ref (the display after eq. 10) and its second time derivative, with nu1 [rad/s] the link
+  /// theta_ref (the display after eq. 10) and its time derivatives, with nu1 [rad/s] the link
   /// filter's output.
   [[nodiscard]] MotorReference motor_reference(const Measurement& measurement,
                                                const loop::ReferencePoint& reference,
@@ -142,18 +142,20 @@ class LoriaOrtegaFlexible {
     const robot::Vector nu1dot = link_filter_.derivative(nu1, e1dot);
     const robot::Vector nu1ddot = link_filter_.derivative(nu1dot, e1ddot);
 
-    const robot::JetVector feedforward = robot::inverse_dynamics(
-        robot_.links, robot::jet(q, v, vdot),
-        robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref),
-        robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref));
+    const robot::JetVector feedforward =
+        feedforward_torque(robot_.links, robot::jet(q, v, vdot), reference);
 
     MotorReference motor;
     motor.torque =
         robot::value(feedforward) - gains_.kp1.cwiseProduct(e1) - gains_.kd1.cwiseProduct(nu1);
+    const robot::Vector torque_rate = robot::first_derivative(feedforward) -
+                                      gains_.kp1.cwiseProduct(e1dot) -
+                                      gains_.kd1.cwiseProduct(nu1dot);
     const robot::Vector torque_second = robot::second_derivative(feedforward) -
                                         gains_.kp1.cwiseProduct(e1ddot) -
                                         gains_.kd1.cwiseProduct(nu1ddot);
     motor.theta_ref = reference.q_ref + motor.torque.cwiseQuotient(robot_.stiffness);
+    motor.thetadot_ref = reference.v_ref + torque_rate.cwiseQuotient(robot_.stiffness);
     motor.thetaddot_ref = reference.a_ref + torque_second.cwiseQuotient(robot_.stiffness);
     return motor;
   }
@@ -166,34 +168,16 @@ class LoriaOrtegaFlexible {
                                 const LyapunovWeights& weights) const {
     const robot::Vector& nu1 = state.controller.value[1];
     const robot::Vector& nu2 = state.controller.value[3];
-    const Measurement measured{state.q, state.v, state.theta};
+    const MotorReference motor = motor_reference({state.q, state.v, state.theta}, reference, nu1);
     const robot::Vector e1 = state.q - reference.q_ref;
-    const robot::Vector e2 = state.theta - motor_reference(measured, reference, nu1).theta_ref;
+    const robot::Vector e2 = state.theta - motor.theta_ref;
     const robot::Vector e1dot = state.v - reference.v_ref;
-    const robot::Vector e2dot = state.thetadot - theta_ref_rate(measured, reference, nu1);
+    const robot::Vector e2dot = state.thetadot - motor.thetadot_ref;
     return equation_15(e1, e1dot, nu1, robot::mass_matrix(robot_.links, state.q) * e1dot,
                        gains_.kp1, gains_.kd1.cwiseQuotient(gains_.b1), weights) +
            equation_15(e2, e2dot, nu2, robot_.rotor_inertia.cwiseProduct(e2dot), gains_.kp2,
                        gains_.kd2.cwiseQuotient(gains_.b2), weights) +
            0.5 * weighted(robot_.stiffness, e1 - e2);
-  }
-
-  /// First time derivative of theta_ref [rad/s], with nu1 [rad/s] the link filter's output.
-  [[nodiscard]] robot::Vector theta_ref_rate(const Measurement& measurement,
-                                             const loop::ReferencePoint& reference,
-                                             const robot::Vector& nu1) const {
-    const robot::Vector& q = measurement.q;
-    const robot::Vector& v = measurement.v;
-    const robot::Vector vdot =
-        robot::forward_dynamics(robot_.links, q, v, robot_.spring_torque(q, measurement.theta));
-    const robot::Vector feedforward = robot::first_derivative(robot::inverse_dynamics(
-        robot_.links, robot::jet(q, v, vdot),
-        robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref),
-        robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref)));
-    const robot::Vector e1dot = v - reference.v_ref;
-    const robot::Vector torque_rate = feedforward - gains_.kp1.cwiseProduct(e1dot) -
-                                      gains_.kd1.cwiseProduct(link_filter_.derivative(nu1, e1dot));
-    return reference.v_ref + torque_rate.cwiseQuotient(robot_.stiffness);
   }
 
  private:

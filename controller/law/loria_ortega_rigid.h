@@ -9,7 +9,6 @@
 #include "controller/law/filter.h"
 #include "controller/law/law.h"
 #include "controller/law/settings.h"
-#include "controller/law/tuning.h"
 #include "robot/inverse_dynamics.h"
 
 namespace tachless::controller::law {
@@ -46,8 +45,6 @@ class LoriaOrtegaRigid : public Equation15 {
 
   using Measurement = loop::PositionMeasurement;
   using Memory = Filter::Memory;
-
-  static Gains tuned(const Tuning& t) { return FilterGains::tuned(t); }
 
   LoriaOrtegaRigid(Robot model, Gains gains, const Settings& settings)
       : Equation15(std::move(model), std::move(gains)),

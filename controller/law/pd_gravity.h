@@ -5,6 +5,7 @@
 #include <tuple>
 #include <utility>
 
+#include "controller/law/full_state.h"
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
@@ -25,7 +26,7 @@ namespace tachless::controller::law {
 /// What `KellyRegulation` would be with a tachometer.
 ///
 /// Measures: the full state. Memory: none. A feed-forward lead changes nothing.
-class PdGravity {
+class PdGravity : public FullState {
  public:
   static constexpr std::string_view name = "pd_gravity";
   static constexpr std::array signals = {loop::Signal{"error", "rad"}};
@@ -38,8 +39,6 @@ class PdGravity {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
-  using Measurement = loop::StateMeasurement;
-  struct Memory {};
 
   struct Gains {
     robot::Vector kp, kd;
@@ -54,11 +53,6 @@ class PdGravity {
 
   PdGravity(Robot model, Gains gains, const Settings& /*settings*/)
       : model_(std::move(model)), gains_(std::move(gains)) {}
-
-  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const loop::ReferencePoint& /*reference*/) const {
-    return {};
-  }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
                                   const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "controller/law/feedforward.h"
+#include "controller/law/full_state.h"
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
@@ -26,7 +27,7 @@ namespace tachless::controller::law {
 /// Measures: the full state. Memory: none. With
 /// `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken that much ahead; e, s
 /// and edot are not.
-class SlotineLi {
+class SlotineLi : public FullState {
  public:
   static constexpr std::string_view name = "slotine_li";
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
@@ -40,8 +41,6 @@ class SlotineLi {
   static constexpr bool has_feedforward_lead = true;
 
   using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
-  using Measurement = loop::StateMeasurement;
-  struct Memory {};
 
   struct Gains {
     robot::Vector lambda, ks;
@@ -59,11 +58,6 @@ class SlotineLi {
 
   SlotineLi(Robot model, Gains gains, const Settings& settings)
       : model_(std::move(model)), gains_(std::move(gains)), lead_s_(settings.feedforward_lead_s) {}
-
-  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const loop::ReferencePoint& /*reference*/) const {
-    return {};
-  }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
                                   const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "controller/law/flexible_robot.h"
+#include "controller/law/full_state.h"
 #include "controller/law/law.h"
 #include "controller/law/lyapunov.h"
 #include "controller/law/settings.h"
@@ -29,7 +30,7 @@ namespace tachless::controller::law {
 /// holds link jerk, which is computed from the model and from motor velocity.
 ///
 /// Measures: the full state. Memory: none.
-class SlotineLiFlexible {
+class SlotineLiFlexible : public FullState {
  public:
   static constexpr std::string_view name = "slotine_li_flexible";
   static constexpr std::array signals = {
@@ -46,8 +47,6 @@ class SlotineLiFlexible {
   static constexpr bool has_feedforward_lead = false;
 
   using Robot = FlexibleRobot;
-  using Measurement = loop::StateMeasurement;
-  struct Memory {};
 
   struct Gains {
     robot::Vector lambda, ks1, ks2;
@@ -67,11 +66,6 @@ class SlotineLiFlexible {
 
   SlotineLiFlexible(Robot robot, Gains gains, const Settings& /*settings*/)
       : robot_(std::move(robot)), gains_(std::move(gains)) {}
-
-  [[nodiscard]] Memory start(const Measurement& /*measurement*/,
-                             const loop::ReferencePoint& /*reference*/) const {
-    return {};
-  }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
                                   const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {

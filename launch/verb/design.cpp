@@ -4,21 +4,19 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <memory>
 #include <numbers>
 #include <stdexcept>
 #include <utility>
 
 #include "certificate/certify.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/unfinished_file.h"
 #include "experiment/urdf_scenario.h"
 #include "launch/progress_line.h"
 #include "launch/verb.h"
-#include "node/options.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -44,13 +42,13 @@ struct Urdf {
 };
 
 Urdf read_urdf(const Options& options) {
-  std::ifstream file(options.input);
-  if (!file) {
+  const auto text = diagnostics::file_text(options.input);
+  if (!text) {
     throw Failure(
         ExitCode::bad_usage,
         fmt::format("{} cannot be read; name a scenario or a URDF file", options.input.string()));
   }
-  Urdf urdf{{std::istreambuf_iterator<char>(file), {}}, {}};
+  Urdf urdf{*text, {}};
   try {
     const robot::Model model = robot::read_urdf(urdf.urdf_text, options.input.string(),
                                                 experiment::urdf_options(options.overrides));

@@ -1,14 +1,12 @@
 #include <filesystem>
-#include <fstream>
 #include <iostream>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <utility>
 #include <vector>
 
+#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "launch/verb.h"
@@ -27,26 +25,20 @@ struct Options {
   bool json = false;
 };
 
-std::string text_of(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  if (!file || std::filesystem::is_directory(path)) {
-    throw Failure(ExitCode::bad_usage, path.string() + " cannot be read; name a URDF file");
-  }
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its message.
 robot::Model read(const Options& options, std::optional<std::string>& refusal) {
-  const std::string text = text_of(options.urdf), source = options.urdf.string();
+  const std::string source = options.urdf.string();
+  const auto text = diagnostics::file_text(options.urdf);
+  if (!text) throw Failure(ExitCode::bad_usage, source + " cannot be read; name a URDF file");
   try {
     try {
-      return robot::model_from_urdf(text, source);
+      return robot::model_from_urdf(*text, source);
     } catch (const std::invalid_argument& problem) {
       refusal = problem.what();
     }
     robot::UrdfOptions lenient;
     lenient.check_inertia = robot::CheckInertia::warn;
-    return robot::model_from_urdf(text, source, lenient);
+    return robot::model_from_urdf(*text, source, lenient);
   } catch (const std::invalid_argument& problem) {
     throw Failure(ExitCode::bad_usage, refusal.value_or(problem.what()));
   }

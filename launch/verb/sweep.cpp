@@ -2,25 +2,19 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <iostream>
-#include <map>
 #include <memory>
 
 #include "certificate/design.h"
 #include "certificate/parallel.h"
 #include "diagnostics/json_text.h"
-#include "diagnostics/unfinished_file.h"
 #include "launch/laws_of.h"
 #include "launch/progress_line.h"
 #include "launch/slurm.h"
+#include "launch/sweep_results.h"
 #include "launch/verb.h"
-#include "logger/hdf5_columns.h"
 #include "process/interruption.h"
-#include "report/sweep_page.h"
-#include "study/measures.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -120,67 +114,6 @@ bool carry_out(const study::Sweep& sweep, const Options& options) {
       });
 }
 
-/// How many runs ended how, over all laws.
-std::map<std::string, std::int64_t> outcomes_of(const std::vector<study::SweepRow>& rows) {
-  std::map<std::string, std::int64_t> count;
-  for (const study::SweepRow& row : rows) ++count[row.outcome];
-  return count;
-}
-
-/// The results as columns of numbers.
-void write_hdf5(const study::Sweep& sweep, const std::vector<study::SweepRow>& rows) {
-  logger::NumberColumn law{"law", "", {}, {}}, outcome{"outcome", "", {}, {}};
-  for (const study::SweepLaw& each : sweep.plan().laws) law.choices.push_back(each.name);
-  for (const auto& [name, count] : outcomes_of(rows)) outcome.choices.push_back(name);
-  std::vector<logger::NumberColumn> axes, measures;
-  for (const study::Axis& axis : sweep.plan().axes) axes.push_back({axis.name(), "", {}, {}});
-  for (const study::MeasureColumn& column : study::measure_columns()) {
-    measures.push_back({std::string(column.name), std::string(column.unit), {}, {}});
-  }
-  const auto choice = [](logger::NumberColumn& column, const std::string& name) {
-    const auto found = std::ranges::find(column.choices, name);
-    column.values.push_back(static_cast<double>(found - column.choices.begin()));
-  };
-  for (const study::SweepRow& row : rows) {
-    choice(law, row.which.law);
-    choice(outcome, row.outcome);
-    for (std::size_t i = 0; i < axes.size(); ++i) axes[i].values.push_back(row.which.values[i]);
-    for (std::size_t i = 0; i < measures.size(); ++i) {
-      measures[i].values.push_back(row.measures[i]);
-    }
-  }
-  std::vector<logger::NumberColumn> all = {law};
-  all.insert(all.end(), axes.begin(), axes.end());
-  all.push_back(outcome);
-  all.insert(all.end(), measures.begin(), measures.end());
-  diagnostics::UnfinishedFile file(sweep.directory() / "results.h5", "make room there");
-  logger::write_hdf5_columns(file.name(), all, {{"plan", sweep.plan().json()}});
-  file.finish();
-}
-
-/// results.csv, results.h5, map.svg and index.html of a finished sweep.
-void conclude(const study::Sweep& sweep, const Options& options) {
-  const fs::path& directory = sweep.directory();
-  diagnostics::UnfinishedFile(directory / "results.csv", "make room there").write(sweep.table());
-  const std::vector<study::SweepRow> rows = sweep.rows();
-  write_hdf5(sweep, rows);
-  report::write_sweep_page(sweep.plan(), rows, options.colour, directory);
-  const auto outcomes = outcomes_of(rows);
-  if (options.json) {
-    const nlohmann::ordered_json json = {
-        {"directory", directory.string()}, {"runs", rows.size()}, {"outcomes", outcomes}};
-    std::cout << diagnostics::json_text(json, 2) << "\n";
-    return;
-  }
-  std::vector<std::string> parts;
-  parts.reserve(outcomes.size());
-  for (const auto& [outcome, count] : outcomes)
-    parts.push_back(fmt::format("{} {}", count, outcome));
-  std::cout << fmt::format("{} runs: {}\n  {}\n  {}\n", rows.size(), fmt::join(parts, ", "),
-                           (directory / "results.csv").string(),
-                           (directory / "index.html").string());
-}
-
 ExitCode run_sweep(const Options& options) {
   const study::Sweep sweep = sweep_of(options);
   if (options.status) {
@@ -195,7 +128,11 @@ ExitCode run_sweep(const Options& options) {
     throw Failure(ExitCode::interrupted, fmt::format("interrupted; go on with: tachless sweep {}",
                                                      sweep.directory().string()));
   }
-  if (options.shard.empty()) conclude(sweep, options);
+  if (options.shard.empty()) {
+    const SweepResults results = write_sweep_results(sweep, options.colour);
+    std::cout << (options.json ? diagnostics::json_text(to_json(results), 2) + "\n"
+                               : to_text(results));
+  }
   return ExitCode::done;
 }
 

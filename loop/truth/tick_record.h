@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <tuple>
 #include <type_traits>
 #include <variant>
 
@@ -40,19 +41,14 @@ constexpr Slot slot_of() {
 /// The record's member for messages of the type; `Record` is TickRecord, const or not.
 template <class Value, class Record>
 auto& entry_of(Record& record) {
-  constexpr Slot slot = slot_of<Value>();
-  if constexpr (slot == Slot::measurement) {
+  if constexpr (is_measurement<Value>) {
     return record.measurement;
-  } else if constexpr (slot == Slot::tick) {
-    return record.clock;
-  } else if constexpr (slot == Slot::reference) {
-    return record.reference;
-  } else if constexpr (slot == Slot::command) {
-    return record.command;
-  } else if constexpr (slot == Slot::controller_state) {
-    return record.controller_state;
   } else {
-    return record.truth;
+    auto others = std::tie(record.clock, record.reference, record.command, record.controller_state,
+                           record.truth);
+    using Entry = std::conditional_t<std::is_const_v<Record>, const std::optional<Value>,
+                                     std::optional<Value>>;
+    return std::get<Entry&>(others);
   }
 }
 

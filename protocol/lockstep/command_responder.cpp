@@ -50,9 +50,7 @@ CommandResponder::Answer CommandResponder::on_reference(std::int64_t tick,
 
 void CommandResponder::computed(std::span<const std::byte> command,
                                 std::span<const std::byte> state) {
-  if (!ready()) {
-    throw std::logic_error("a command was computed without its inputs");
-  }
+  if (!ready()) throw std::logic_error("a command was computed without its inputs");
   if (ring_.put(next_, command_kind, command) != Verdict::fresh ||
       ring_.put(next_, state_kind, state) != Verdict::fresh) {
     throw std::logic_error("a command was computed twice");

@@ -58,21 +58,15 @@ double derivative(const Coefficients& c, int order, double x) {
   double sum = 0;
   for (int k = static_cast<int>(c.size()) - 1; k >= order; --k) {
     double factor = 1;
-    for (int j = 0; j < order; ++j) {
-      factor *= k - j;
-    }
+    for (int j = 0; j < order; ++j) factor *= k - j;
     sum = sum * x + factor * c[k];
   }
   return sum;
 }
 
 Kind kind_of(std::size_t i, std::size_t num_pieces) {
-  if (num_pieces == 1) {
-    return Kind::only;
-  }
-  if (i == 0) {
-    return Kind::first;
-  }
+  if (num_pieces == 1) return Kind::only;
+  if (i == 0) return Kind::first;
   return i + 1 == num_pieces ? Kind::last : Kind::inner;
 }
 
@@ -201,9 +195,7 @@ WaypointSpline::WaypointSpline(const Waypoints& points) : time_s_(points.time_s)
   const std::size_t num_pieces = time_s_.size() - 1;
 
   const auto unknown = [&](std::size_t point, int which, Eigen::Index joint) {
-    if (point == 0 || point == num_pieces) {
-      return 0.0;
-    }
+    if (point == 0 || point == num_pieces) return 0.0;
     return inner(2 * static_cast<Eigen::Index>(point) - 2 + which, joint);
   };
   pieces_.resize(num_pieces);
@@ -220,21 +212,15 @@ WaypointSpline::WaypointSpline(const Waypoints& points) : time_s_(points.time_s)
           piece(kind, position[i][joint], unknown(i, 0, joint) * ratio,
                 unknown(i, 1, joint) * ratio * ratio, position[i + 1][joint],
                 unknown(i + 1, 0, joint) * ratio, unknown(i + 1, 1, joint) * ratio * ratio);
-      for (std::size_t k = 0; k < c.size(); ++k) {
-        made.c[k][joint] = c[k];
-      }
+      for (std::size_t k = 0; k < c.size(); ++k) made.c[k][joint] = c[k];
     }
   }
 }
 
 loop::ReferencePoint WaypointSpline::at(double t_s) const {
   const robot::Vector zero = robot::Vector::Zero(first_.size());
-  if (t_s <= time_s_.front()) {
-    return {first_, zero, zero, zero, zero};
-  }
-  if (t_s >= time_s_.back()) {
-    return {last_, zero, zero, zero, zero};
-  }
+  if (t_s <= time_s_.front()) return {first_, zero, zero, zero, zero};
+  if (t_s >= time_s_.back()) return {last_, zero, zero, zero, zero};
   const auto after = std::upper_bound(time_s_.begin(), time_s_.end(), t_s);
   const auto i = static_cast<std::size_t>(after - time_s_.begin()) - 1;
   const Piece& p = pieces_[i];

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "bus/in_memory.h"
+#include "tests/support/in_memory.h"
 
 using namespace tachless;
 

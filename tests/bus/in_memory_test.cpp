@@ -1,4 +1,4 @@
-#include "bus/in_memory.h"
+#include "tests/support/in_memory.h"
 
 #include <gtest/gtest.h>
 

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "bus/in_memory.h"
 #include "loop/messages.h"
+#include "tests/support/in_memory.h"
 
 namespace tachless::campaign {
 

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "bus/in_memory.h"
 #include "diagnostics/failure.h"
+#include "tests/support/in_memory.h"
 
 namespace tachless::node {
 namespace {

@@ -12,11 +12,11 @@
 #include <thread>
 #include <vector>
 
-#include "bus/in_memory.h"
 #include "bus/key.h"
 #include "bus/wire.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
+#include "tests/support/in_memory.h"
 #include "tests/support/temporary_directory.h"
 
 /// The four real nodes in four threads on an in-memory bus.
