@@ -104,6 +104,10 @@ std::string refusal(const experiment::Scenario& scenario) {
       law != KellyRegulation::name) {
     return fmt::format("{} has no certificate here", law);
   }
+  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
+  if (file != nullptr && file->motion == nullptr) {
+    return fmt::format("the table {} of the reference is not at hand", file->path);
+  }
   if (law != LoriaOrtegaFlexible::name && scenario.robot.flexible) {
     return fmt::format(
         "{} takes the joints for rigid, and they are flexible: its proof does not hold", law);

@@ -12,7 +12,9 @@
 #include <stdexcept>
 
 #include "diagnostics/file_text.h"
+#include "diagnostics/fnv.h"
 #include "diagnostics/text.h"
+#include "experiment/motion_file.h"
 #include "experiment/reader.h"
 #include "experiment/scenario_keys.h"
 #include "experiment/yaml_tree.h"
@@ -117,13 +119,9 @@ double nearest_num_ticks(const LoopSpec& loop) {
   return std::max(1.0, std::round(loop.duration_s / loop.period_s));
 }
 
-/// FNV-1a, 64 bits.
 std::int64_t digest_of(std::string_view text, std::string_view urdf_text) {
-  std::uint64_t hash = 0xcbf29ce484222325;
-  for (const std::string_view part : {text, std::string_view("\0", 1), urdf_text}) {
-    for (const char c : part) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3;
-  }
-  return std::bit_cast<std::int64_t>(hash);
+  using diagnostics::fnv;
+  return std::bit_cast<std::int64_t>(fnv(urdf_text, fnv(std::string_view("\0", 1), fnv(text))));
 }
 
 /// The tree with overrides applied and no unknown key; where its keys come from goes to `scenario`.
@@ -360,17 +358,21 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
                                path.string() + ": " + error.what());
   }
-  const YamlNode root = surveyed_tree(text, overrides, scenario);
+  YamlNode root = surveyed_tree(text, overrides, scenario);
+  const fs::path directory = path.parent_path();
+  const std::string motion = motion_text(root, scenario, directory);
   const Place urdf = Place{scenario, &root, ""}.child("robot").child("urdf");
   read_key(urdf, RobotSpec::urdf_key, scenario.robot);
-  const fs::path urdf_path = path.parent_path() / scenario.robot.urdf_path;
+  const fs::path urdf_path = directory / scenario.robot.urdf_path;
   std::string urdf_text;
   try {
     urdf_text = text_of(urdf_path);
   } catch (const std::runtime_error& error) {
     throw scenario.complaint("robot.urdf", urdf_path.string() + ": " + error.what());
   }
-  return read_scenario(root, urdf_text, urdf_path.string(), std::move(scenario));
+  Scenario read = read_scenario(root, urdf_text, urdf_path.string(), std::move(scenario));
+  attach_motion(read, motion, directory);
+  return read;
 }
 
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,

@@ -5,6 +5,11 @@
 namespace tachless::reference {
 
 Trajectory make_trajectory(const experiment::Scenario& scenario) {
+  const auto* const file = std::get_if<trajectory::MotionFile>(&scenario.reference);
+  if (file != nullptr && file->motion == nullptr) {
+    throw scenario.complaint("reference.file",
+                             file->path + " is named here, and not in the log or message");
+  }
   Trajectory made(scenario.reference);
   const robot::Model& model = *scenario.model;
   // A closed form need not be searched for its extremes: a limit that is passed between two of

@@ -3,6 +3,7 @@
 #include <variant>
 
 #include "reference/trajectory/hold.h"
+#include "reference/trajectory/motion_file.h"
 #include "reference/trajectory/multi_sine.h"
 #include "reference/trajectory/point_to_point.h"
 #include "reference/trajectory/sinusoid.h"
@@ -15,6 +16,6 @@ namespace tachless::reference {
 
 /// What a scenario asks for.
 using Spec = std::variant<trajectory::Hold, trajectory::Sinusoid, trajectory::MultiSine,
-                          trajectory::PointToPoint, trajectory::Waypoints>;
+                          trajectory::PointToPoint, trajectory::Waypoints, trajectory::MotionFile>;
 
 }  // namespace tachless::reference

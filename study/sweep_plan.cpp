@@ -9,6 +9,7 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
+#include "experiment/motion_file.h"
 #include "experiment/scenario_keys.h"
 #include "experiment/yaml_tree.h"
 
@@ -227,7 +228,9 @@ experiment::Scenario SweepPlan::scenario(const SweepCase& which) const {
       overrides.push_back(fmt::format("loop.duration_s={:.12g}", ticks * which.values[i]));
     }
   }
-  return experiment::parse_scenario(text, urdf, source, overrides);
+  experiment::Scenario made = experiment::parse_scenario(text, urdf, source, overrides);
+  experiment::read_motion(made, std::filesystem::path(source).parent_path());
+  return made;
 }
 
 std::string SweepPlan::json() const {

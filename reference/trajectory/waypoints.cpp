@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace tachless::reference::trajectory {
 namespace {
@@ -88,11 +89,12 @@ int degree(Kind kind) {
 /// linear in its end values, so its part of the equations is read off from unit values.
 class Equations {
  public:
-  explicit Equations(const Waypoints& points)
-      : points_(points),
-        num_pieces_(points.time_s.size() - 1),
-        scale_((points.time_s.back() - points.time_s.front()) / static_cast<double>(num_pieces_)),
-        right_(Eigen::MatrixXd::Zero(num_unknowns(), points.position_rad.front().size())) {
+  Equations(const std::vector<double>& time_s, const Eigen::MatrixXd& position)
+      : time_s_(time_s),
+        position_(position),
+        num_pieces_(time_s.size() - 1),
+        scale_((time_s.back() - time_s.front()) / static_cast<double>(num_pieces_)),
+        right_(Eigen::MatrixXd::Zero(num_unknowns(), position.rows())) {
     for (std::size_t i = 0; i < num_pieces_; ++i) {
       if (i > 0) add_end(i, false);
       if (i + 1 < num_pieces_) add_end(i, true);
@@ -119,7 +121,7 @@ class Equations {
   /// What piece `i` says about jerk and snap at its beginning or at its end.
   void add_end(std::size_t i, bool at_end) {
     const Kind kind = kind_of(i, num_pieces_);
-    const double ratio = (points_.time_s[i + 1] - points_.time_s[i]) / scale_;
+    const double ratio = (time_s_[i + 1] - time_s_[i]) / scale_;
     const bool mirrored = kind == Kind::last;
     const double x = at_end != mirrored ? 1 : 0;
     const auto before = 2 * static_cast<Eigen::Index>(i) - 2;  // unknowns at the beginning
@@ -143,17 +145,32 @@ class Equations {
         entries_.emplace_back(row, after + 1, response(0, 0, 0, 0, 0, 1));
       }
       // A constant has no jerk, so only the difference of the positions counts.
+      const auto column = static_cast<Eigen::Index>(i);
       right_.row(row) -= response(0, 0, 0, 1, 0, 0) *
-                         (points_.position_rad[i + 1] - points_.position_rad[i]).transpose();
+                         (position_.col(column + 1) - position_.col(column)).transpose();
     }
   }
 
-  const Waypoints& points_;
+  const std::vector<double>& time_s_;
+  const Eigen::MatrixXd& position_;
   std::size_t num_pieces_;
   double scale_;
   std::vector<Eigen::Triplet<double>> entries_;
   Eigen::MatrixXd right_;
 };
+
+/// A column for each point.
+Eigen::MatrixXd positions_of(const Waypoints& points) {
+  if (const auto refused = points.refusal()) {
+    throw std::invalid_argument(refused->key + ": " + refused->problem);
+  }
+  Eigen::MatrixXd position(points.position_rad.front().size(),
+                           static_cast<Eigen::Index>(points.position_rad.size()));
+  for (Eigen::Index i = 0; i < position.cols(); ++i) {
+    position.col(i) = points.position_rad[static_cast<std::size_t>(i)];
+  }
+  return position;
+}
 
 }  // namespace
 
@@ -183,58 +200,49 @@ std::optional<schema::Refusal> Waypoints::refusal() const {
   return std::nullopt;
 }
 
-WaypointSpline::WaypointSpline(const Waypoints& points) : time_s_(points.time_s) {
-  if (const auto refused = points.refusal()) {
-    throw std::invalid_argument(refused->key + ": " + refused->problem);
-  }
-  const std::vector<robot::Vector>& position = points.position_rad;
-  first_ = position.front();
-  last_ = position.back();
-  const Equations equations(points);
-  const Eigen::MatrixXd inner = equations.solution();
-  const std::size_t num_pieces = time_s_.size() - 1;
+WaypointSpline::WaypointSpline(const Waypoints& points)
+    : WaypointSpline(points.time_s, positions_of(points)) {}
 
-  const auto unknown = [&](std::size_t point, int which, Eigen::Index joint) {
-    if (point == 0 || point == num_pieces) return 0.0;
-    return inner(2 * static_cast<Eigen::Index>(point) - 2 + which, joint);
-  };
-  pieces_.resize(num_pieces);
-  for (std::size_t i = 0; i < num_pieces; ++i) {
-    const Kind kind = kind_of(i, num_pieces);
-    Piece& made = pieces_[i];
-    made.duration_s = time_s_[i + 1] - time_s_[i];
-    made.mirrored = kind == Kind::last;
-    made.num_coefficients = degree(kind) + 1;
-    made.c.fill(robot::Vector::Zero(first_.size()));
-    const double ratio = made.duration_s / equations.scale();
-    for (Eigen::Index joint = 0; joint < first_.size(); ++joint) {
-      const Coefficients c =
-          piece(kind, position[i][joint], unknown(i, 0, joint) * ratio,
-                unknown(i, 1, joint) * ratio * ratio, position[i + 1][joint],
-                unknown(i + 1, 0, joint) * ratio, unknown(i + 1, 1, joint) * ratio * ratio);
-      for (std::size_t k = 0; k < c.size(); ++k) made.c[k][joint] = c[k];
-    }
-  }
+WaypointSpline::WaypointSpline(std::vector<double> time_s, Eigen::MatrixXd position)
+    : time_s_(std::move(time_s)), position_(std::move(position)) {
+  const Equations equations(time_s_, position_);
+  inner_ = equations.solution();
+  scale_ = equations.scale();
 }
 
 loop::ReferencePoint WaypointSpline::at(double t_s) const {
-  const robot::Vector zero = robot::Vector::Zero(first_.size());
-  if (t_s <= time_s_.front()) return {first_, zero, zero, zero, zero};
-  if (t_s >= time_s_.back()) return {last_, zero, zero, zero, zero};
+  const Eigen::Index num_joints = position_.rows();
+  const robot::Vector zero = robot::Vector::Zero(num_joints);
+  if (t_s <= time_s_.front()) return {position_.col(0), zero, zero, zero, zero};
+  const Eigen::Index last = position_.cols() - 1;
+  if (t_s >= time_s_.back()) return {position_.col(last), zero, zero, zero, zero};
   const auto after = std::upper_bound(time_s_.begin(), time_s_.end(), t_s);
-  const auto i = static_cast<std::size_t>(after - time_s_.begin()) - 1;
-  const Piece& p = pieces_[i];
-  const double x = (p.mirrored ? time_s_[i + 1] - t_s : t_s - time_s_[i]) / p.duration_s;
-  const double rate = (p.mirrored ? -1 : 1) / p.duration_s;
+  const Eigen::Index i = after - time_s_.begin() - 1;
+  const Kind kind = kind_of(static_cast<std::size_t>(i), static_cast<std::size_t>(last));
+  const bool mirrored = kind == Kind::last;
+  const double begin = *(after - 1), end = *after, duration = end - begin;
+  const double x = (mirrored ? end - t_s : t_s - begin) / duration;
+  const double rate = (mirrored ? -1 : 1) / duration;
+  const double ratio = duration / scale_;
+  const auto unknown = [&](Eigen::Index point, int which, Eigen::Index joint) {
+    return point == 0 || point == last ? 0.0 : inner_(2 * point - 2 + which, joint);
+  };
 
   loop::ReferencePoint point{zero, zero, zero, zero, zero};
-  // Horner's scheme for the polynomial and its first four derivatives divided by their factorials.
-  for (int k = p.num_coefficients - 1; k >= 0; --k) {
-    point.snap_ref = point.snap_ref * x + point.jerk_ref;
-    point.jerk_ref = point.jerk_ref * x + point.a_ref;
-    point.a_ref = point.a_ref * x + point.v_ref;
-    point.v_ref = point.v_ref * x + point.q_ref;
-    point.q_ref = point.q_ref * x + p.c[k];
+  for (Eigen::Index joint = 0; joint < num_joints; ++joint) {
+    const Coefficients c =
+        piece(kind, position_(joint, i), unknown(i, 0, joint) * ratio,
+              unknown(i, 1, joint) * ratio * ratio, position_(joint, i + 1),
+              unknown(i + 1, 0, joint) * ratio, unknown(i + 1, 1, joint) * ratio * ratio);
+    // Horner's scheme for the polynomial and its first four derivatives divided by their
+    // factorials.
+    for (int k = degree(kind); k >= 0; --k) {
+      point.snap_ref[joint] = point.snap_ref[joint] * x + point.jerk_ref[joint];
+      point.jerk_ref[joint] = point.jerk_ref[joint] * x + point.a_ref[joint];
+      point.a_ref[joint] = point.a_ref[joint] * x + point.v_ref[joint];
+      point.v_ref[joint] = point.v_ref[joint] * x + point.q_ref[joint];
+      point.q_ref[joint] = point.q_ref[joint] * x + c[static_cast<std::size_t>(k)];
+    }
   }
   point.v_ref *= rate;
   point.a_ref *= 2 * rate * rate;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <array>
+#include <Eigen/Core>
 #include <optional>
 #include <string_view>
 #include <vector>
@@ -22,23 +22,20 @@ class WaypointSpline {
   /// @throw std::invalid_argument: `Waypoints::refusal` in one line.
   explicit WaypointSpline(const Waypoints& points);
 
+  /// @param time_s strictly increasing, at least two
+  /// @param position a column for each time, a row for each joint [rad; m if prismatic]
+  WaypointSpline(std::vector<double> time_s, Eigen::MatrixXd position);
+
   /// Position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] loop::ReferencePoint at(double t_s) const;
 
  private:
-  static constexpr int max_coefficients = 10;
-
-  /// Coefficients of x^k, x = (t - t_i) / T or, in a mirrored piece, (t_{i+1} - t) / T.
-  struct Piece {
-    double duration_s = 0;
-    bool mirrored = false;
-    std::array<robot::Vector, max_coefficients> c;
-    int num_coefficients = 0;
-  };
-
   std::vector<double> time_s_;
-  robot::Vector first_, last_;
-  std::vector<Piece> pieces_;
+  Eigen::MatrixXd position_;
+  /// Rows 2 k and 2 k + 1: velocity and acceleration at point k + 1, scaled; a column for each
+  /// joint.
+  Eigen::MatrixXd inner_;
+  double scale_ = 0;  ///< of time in `inner_` [s]
 };
 
 /// Positions and when to be there.

@@ -542,7 +542,7 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
        " offset_rad: 0\n",
        "  {}\n",
        {"f.yaml:26: reference: no kind",
-        "exactly one of hold, sinusoid, multi_sine, point_to_point, waypoints"}},
+        "exactly one of hold, sinusoid, multi_sine, point_to_point, waypoints, file"}},
       {"reference:\n  sinusoid:\n    amplitude_rad: [0.1, 0.2]\n    frequency_hz: 5\n    "
        "phase_rad: [0, 1]\n    offset_rad: 0\n",
        "",

@@ -1,0 +1,233 @@
+#include "experiment/motion_file.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "diagnostics/file_text.h"
+#include "diagnostics/fnv.h"
+#include "diagnostics/text.h"
+
+namespace tachless::experiment {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view separators = ",; \t\r";
+constexpr std::array<std::string_view, 3> names_of_time = {"time", "time_s", "t_s"};
+
+/// The fields of a row: between commas, semicolons or white space.
+void split(std::string_view row, std::vector<std::string_view>& fields) {
+  fields.clear();
+  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
+    fields.push_back(row.substr(begin, end - begin));
+    begin = row.find_first_not_of(separators, end);
+  }
+}
+
+std::optional<double> number(std::string_view field) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+  if (error != std::errc{} || end != field.data() + field.size()) return {};
+  return value;
+}
+
+struct FileText {
+  std::string text, digest;
+};
+
+/// @param digest that it must have; empty: any
+FileText table_of(const Scenario& scenario, const fs::path& path, std::string_view digest) {
+  auto text = diagnostics::file_text(path);
+  if (!text) {
+    throw scenario.complaint("reference.file", path.string() + ": no file that can be read");
+  }
+  std::string found = fmt::format("{:016x}", diagnostics::fnv(*text));
+  if (!digest.empty() && digest != found) {
+    throw scenario.complaint(
+        "reference.file.digest",
+        fmt::format("{}, but that of {} is {}: it is another table", digest, path.string(), found));
+  }
+  return {std::move(*text), std::move(found)};
+}
+
+YamlNode* child(YamlNode& map, std::string_view key) {
+  const auto found = std::find(map.keys.begin(), map.keys.end(), key);
+  return found == map.keys.end()
+             ? nullptr
+             : &map.children[static_cast<std::size_t>(found - map.keys.begin())];
+}
+
+class Table {
+ public:
+  Table(const std::string& source, const robot::Model& model) : source_(source), model_(model) {
+    for (int i = 0; i <= model.num_joints; ++i) columns_.push_back(static_cast<std::size_t>(i));
+  }
+
+  void add_line(std::string_view line) {
+    ++line_;
+    split(line.substr(0, line.find('#')), fields_);
+    if (fields_.empty()) return;
+    if (time_s_.empty() && !number(fields_.front())) {
+      read_header();
+    } else {
+      read_row();
+    }
+  }
+
+  reference::trajectory::WaypointSpline spline() {
+    if (time_s_.size() < 2) refuse("{} rows; allowed: at least 2", time_s_.size());
+    const auto rows = static_cast<Eigen::Index>(time_s_.size());
+    Eigen::MatrixXd position =
+        Eigen::Map<const Eigen::MatrixXd>(positions_.data(), model_.num_joints, rows);
+    positions_ = {};
+    return {std::move(time_s_), std::move(position)};
+  }
+
+ private:
+  template <class... Args>
+  [[noreturn]] void refuse(fmt::format_string<Args...> text, Args&&... args) const {
+    throw std::invalid_argument(fmt::format("{}:{}: ", source_, line_) +
+                                fmt::format(text, std::forward<Args>(args)...));
+  }
+
+  /// Which column is the time, which is each joint; others are left out.
+  void read_header() {
+    const auto column = [&](const auto& is_wanted, std::string_view what) {
+      const auto found = std::find_if(fields_.begin(), fields_.end(), is_wanted);
+      if (found == fields_.end()) {
+        refuse("no column {}; there are {}", what, diagnostics::joined(fields_));
+      }
+      if (std::find_if(found + 1, fields_.end(), is_wanted) != fields_.end()) {
+        refuse("two columns {}", what);
+      }
+      return static_cast<std::size_t>(found - fields_.begin());
+    };
+    columns_ = {column(
+        [](std::string_view name) {
+          return std::find(names_of_time.begin(), names_of_time.end(), name) != names_of_time.end();
+        },
+        fmt::format("for the time ({})", fmt::join(names_of_time, ", ")))};
+    for (const std::string& joint : model_.joint_names) {
+      columns_.push_back(column([&](std::string_view name) { return name == joint; },
+                                fmt::format("\"{}\", which is a joint", joint)));
+    }
+    width_ = fields_.size();
+  }
+
+  void read_row() {
+    if (width_ == 0) width_ = columns_.size();  // no header: the time and the joints in order
+    if (fields_.size() != width_) {
+      refuse("{} columns; allowed: {}{}", fields_.size(), width_,
+             width_ == columns_.size() ? ", the time and a position for each joint" : "");
+    }
+    const double t = value(0);
+    if (!time_s_.empty() && !(t > time_s_.back())) {
+      refuse("time {:g} s is not after {:g} s; allowed: increasing times", t, time_s_.back());
+    }
+    for (int i = 0; i < model_.num_joints; ++i) add_position(i, t);
+    time_s_.push_back(t);
+  }
+
+  double value(std::size_t column) const {
+    const std::string_view field = fields_[columns_[column]];
+    const std::optional<double> x = number(field);
+    if (!x || !std::isfinite(*x)) refuse("\"{}\" is not a finite number", field);
+    return *x;
+  }
+
+  void add_position(int i, double t) {
+    const double q = value(static_cast<std::size_t>(i) + 1);
+    const std::string& joint = model_.joint_names[static_cast<std::size_t>(i)];
+    if (q < model_.lower[i] || q > model_.upper[i]) {
+      refuse("joint {} ({}) is at {:g}; allowed by the URDF: {:g} to {:g}", i + 1, joint, q,
+             model_.lower[i], model_.upper[i]);
+    }
+    if (!time_s_.empty()) {
+      const double before =
+          positions_[positions_.size() - static_cast<std::size_t>(model_.num_joints)];
+      const double speed = std::abs(q - before) / (t - time_s_.back());
+      if (speed > model_.velocity_limit[i]) {
+        refuse(
+            "joint {} ({}) moves at {:g} per second since the row before; allowed by the URDF: "
+            "{:g}",
+            i + 1, joint, speed, model_.velocity_limit[i]);
+      }
+    }
+    positions_.push_back(q);
+  }
+
+  const std::string& source_;
+  const robot::Model& model_;
+  std::size_t line_ = 0, width_ = 0;
+  std::vector<std::size_t> columns_;  ///< of the time and of each joint
+  std::vector<std::string_view> fields_;
+  std::vector<double> time_s_, positions_;
+};
+
+}  // namespace
+
+std::string motion_text(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
+  YamlNode* const reference = child(root, "reference");
+  YamlNode* const file = reference == nullptr ? nullptr : child(*reference, "file");
+  if (file == nullptr) return {};
+  if (file->kind == YamlNode::Kind::scalar) {
+    YamlNode path = *file;
+    file->kind = YamlNode::Kind::map;
+    file->keys = {"path"};
+    file->children = {std::move(path)};
+  }
+  const YamlNode* const path = file->find("path");
+  if (path == nullptr || path->kind != YamlNode::Kind::scalar) return {};  // the reader says so
+  const YamlNode* const given = file->find("digest");
+  auto [text, digest] = table_of(scenario, directory / path->scalar,
+                                 given == nullptr ? std::string_view() : given->scalar);
+  if (given == nullptr) {
+    file->keys.emplace_back("digest");
+    YamlNode& added = file->children.emplace_back();
+    added.kind = YamlNode::Kind::scalar;
+    added.scalar = digest;
+    added.quoted = true;
+  }
+  return text;
+}
+
+void attach_motion(Scenario& scenario, const std::string& text, const fs::path& directory) {
+  auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
+  if (file == nullptr) return;
+  try {
+    file->motion = std::make_shared<const reference::trajectory::WaypointSpline>(
+        parse_motion(text, (directory / file->path).string(), *scenario.model));
+  } catch (const std::invalid_argument& refused) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, refused.what());
+  }
+}
+
+void read_motion(Scenario& scenario, const fs::path& directory) {
+  const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
+  if (file == nullptr) return;
+  attach_motion(scenario, table_of(scenario, directory / file->path, file->digest).text, directory);
+}
+
+reference::trajectory::WaypointSpline parse_motion(std::string_view text, const std::string& source,
+                                                   const robot::Model& model) {
+  Table table(source, model);
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    table.add_line(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return table.spline();
+}
+
+}  // namespace tachless::experiment
