@@ -147,17 +147,17 @@ void require_positive_inertia(const Scenario& scenario, const std::string& key, 
 void require_mechanics_for(robot::Model& model, Scenario& scenario) {
   const bool possible = robot::is_possible(model);
   if (possible && !scenario.plant.drive.dry_friction()) return;
-  const std::string why = possible ? "it does not model plant.drive.coulomb_friction_Nm"
-                                   : "it refuses the inertias that robot.check_inertia lets pass";
+  const std::string why = possible ? "does not model plant.drive.coulomb_friction_Nm"
+                                   : "refuses the inertias that robot.check_inertia lets pass";
   if (scenario.gives("plant.mechanics") && scenario.plant.mechanics == plant::Mechanics::simbody) {
-    throw scenario.complaint("plant.mechanics", "simbody: " + why + "; allowed: native");
+    throw scenario.complaint("plant.mechanics", "simbody: it " + why + "; allowed: native");
   }
   scenario.plant.mechanics = plant::Mechanics::native;
   if (const auto refused = scenario.plant.refusal()) {
     throw scenario.complaint("plant." + refused->key, refused->problem);
   }
   if (scenario.gives("plant.mechanics")) return;
-  model.warnings.emplace_back("plant.mechanics is native, not simbody: " + why);
+  model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
 }
 
 Scenario read_scenario(const YamlNode& root, const Description& plant, const Description& believed,

@@ -874,7 +874,8 @@ TEST(Scenario, CoulombFrictionIsTheUrdfsUnlessGivenAndTakesTheNativeMechanics) {
   const Scenario s = read({});
   EXPECT_THAT(values(s.plant.drive.coulomb_friction_Nm), ElementsAre(0, 1));
   EXPECT_EQ(s.plant.mechanics, plant::Mechanics::native);
-  EXPECT_THAT(s.model->warnings, ElementsAre(HasSubstr("plant.mechanics is native, not simbody")));
+  EXPECT_THAT(s.model->warnings,
+              ElementsAre(HasSubstr("plant.mechanics is native: simbody does not model")));
   EXPECT_THAT(read({"plant.mechanics=native"}).model->warnings, ::testing::IsEmpty());
   const Scenario none = read({"plant.drive.coulomb_friction_Nm=0"});
   EXPECT_FALSE(none.plant.drive.dry_friction());
