@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
 
 #include "diagnostics/text.h"
@@ -99,11 +100,8 @@ struct Description {
   std::string text, source;
 };
 
-/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
-robot::Model read_robot(const YamlNode& root, const std::string& key,
-                        const Description& description, Scenario& scenario) {
-  const Place place = Place{scenario, &root, ""}.child("robot");
-  RobotSpec& spec = scenario.robot;
+/// From the keys of `place`, which is `robot`.
+robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
   read_key(place.child("locked"), RobotSpec::locked_key, spec);
   read_key(place.child("base"), RobotSpec::base_key, spec);
@@ -112,8 +110,16 @@ robot::Model read_robot(const YamlNode& root, const std::string& key,
   options.locked = spec.locked;
   options.base_rpy = {spec.base.rpy[0], spec.base.rpy[1], spec.base.rpy[2]};
   options.base_xyz = {spec.base.xyz[0], spec.base.xyz[1], spec.base.xyz[2]};
+  return options;
+}
+
+/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
+robot::Model read_robot(const YamlNode& root, const std::string& key,
+                        const Description& description, Scenario& scenario) {
+  const Place place = Place{scenario, &root, ""}.child("robot");
+  const robot::UrdfOptions options = read_urdf_options(place, scenario.robot);
   try {
-    spec.urdf_text += robot::urdf_mechanics(description.text, description.source);
+    scenario.robot.urdf_text += robot::urdf_mechanics(description.text, description.source);
     return robot::read_urdf(description.text, description.source, options);
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint(key, error.what());
@@ -378,6 +384,15 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
     plant.text.resize(cut + end.size());
   }
   return read_scenario(root, plant, believed, std::move(scenario));
+}
+
+robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {
+  std::vector<std::string> of_robot;
+  std::copy_if(overrides.begin(), overrides.end(), std::back_inserter(of_robot),
+               [](const std::string& each) { return each.rfind("robot", 0) == 0; });
+  Scenario scenario;
+  const YamlNode root = surveyed_tree("robot: {}", of_robot, scenario);
+  return read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
 }
 
 }  // namespace tachless::experiment
