@@ -144,19 +144,16 @@ double span_of(const experiment::Scenario& scenario) {
 }  // namespace
 
 LoopSettings settings_of(const experiment::Scenario& scenario) {
-  return {scenario.controller.filter, scenario.loop.command_delay, scenario.loop.period_s};
+  // Round the loop it is the same whether the measurement or the torque is late.
+  return {scenario.controller.filter,
+          scenario.loop.command_delay + scenario.plant.encoder.latency_ticks,
+          scenario.loop.period_s};
 }
 
 robot::Model plant_of(const experiment::Scenario& scenario) {
   robot::Model model = *scenario.model;
   if (!scenario.robot.flexible) model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
-  const auto& payload = scenario.plant.payload;
-  if (payload.mass_kg <= 0) return model;
-  try {
-    return robot::with_payload(std::move(model), payload.mass_kg, payload.link);
-  } catch (const std::invalid_argument& problem) {
-    throw scenario.complaint("plant.payload", problem.what());
-  }
+  return experiment::with_payload(scenario, std::move(model));
 }
 
 robot::JetVector torque_on(const robot::Model& links, const ReferencePoint& r) {

@@ -123,8 +123,12 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
                                  scenario.plant.payload.mass_kg));
   }
   const VectorXd friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
-  if (friction.size() > 0 && !friction.isZero(0)) {
-    result.emplace_back("the joints' viscous friction is not in it");
+  if ((friction.size() > 0 && !friction.isZero(0)) || scenario.plant.drive.dry_friction()) {
+    result.emplace_back("the joints' friction is not in it");
+  }
+  if (!scenario.plant.disturbances.empty()) result.emplace_back("disturbances are not in it");
+  if (scenario.believed_model) {
+    result.emplace_back("the law's robot (controller.urdf) is not the plant's");
   }
   const robot::Model& model = *scenario.model;
   for (int i = 0; region != nullptr && i < model.num_joints; ++i) {
@@ -202,7 +206,8 @@ void search(StabilityCertificate& result, const RobotConstants& constants,
 }  // namespace
 
 robot::Model error_model(const experiment::Scenario& scenario) {
-  return scenario.robot.flexible ? *scenario.model : controller::rigid_model(scenario);
+  return scenario.robot.flexible ? controller::flexible_robot(scenario).links
+                                 : controller::rigid_model(scenario);
 }
 
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,

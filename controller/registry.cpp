@@ -119,6 +119,13 @@ std::vector<std::string_view> laws_for_rigid_joints() {
   return names;
 }
 
+/// The robot that the law takes the plant for; in the plant's gravity.
+robot::Model known_model(const experiment::Scenario& scenario) {
+  robot::Model model = scenario.believed_model ? *scenario.believed_model : *scenario.model;
+  model.gravity = scenario.model->gravity;
+  return model;
+}
+
 }  // namespace
 
 const std::vector<LawFacts>& laws() {
@@ -148,7 +155,7 @@ std::vector<std::string_view> parameter_names(const LawFacts& law) {
 std::string_view measurement_suffix(std::string_view name) { return law_facts(name).measurement; }
 
 robot::Model rigid_model(const experiment::Scenario& scenario) {
-  robot::Model model = *scenario.model;
+  robot::Model model = known_model(scenario);
   model.rotor_inertia = scenario.robot.flexible ? scenario.robot.flexible->rotor_inertia
                                                 : scenario.robot.rigid_rotor_inertia_kgm2;
   return model;
@@ -156,7 +163,7 @@ robot::Model rigid_model(const experiment::Scenario& scenario) {
 
 law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario) {
   if (!scenario.robot.flexible) throw scenario.complaint("robot.joints", "rigid; needed: flexible");
-  return {*scenario.model, scenario.robot.flexible->stiffness,
+  return {known_model(scenario), scenario.robot.flexible->stiffness,
           scenario.robot.flexible->rotor_inertia};
 }
 

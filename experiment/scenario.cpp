@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
-#include <numbers>
 #include <stdexcept>
 
 #include "diagnostics/file_text.h"
@@ -17,6 +16,7 @@
 #include "experiment/motion_file.h"
 #include "experiment/reader.h"
 #include "experiment/scenario_keys.h"
+#include "experiment/scenario_rules.h"
 #include "experiment/yaml_tree.h"
 #include "robot/positive_inertia.h"
 
@@ -63,58 +63,6 @@ void survey(const YamlNode& root, const YamlNode& node, const std::string& path,
   }
 }
 
-void require_possible_initial_state(const Scenario& scenario) {
-  const robot::Vector& position = scenario.plant.initial.position_rad;
-  const robot::Model& model = *scenario.model;
-  for (int i = 0; i < scenario.num_joints; ++i) {
-    if (position[i] >= model.lower[i] && position[i] <= model.upper[i]) continue;
-    const auto joint = static_cast<std::size_t>(i);
-    const bool degrees = model.joint_types[joint] == robot::JointType::revolute &&
-                         std::abs(position[i]) > 2 * std::numbers::pi;
-    throw scenario.complaint(
-        "plant.initial.position_rad",
-        fmt::format("{} of joint {} is outside its limits in the URDF; allowed: in [{}, {}]{}",
-                    shortest(position[i]), model.joint_names[joint], shortest(model.lower[i]),
-                    shortest(model.upper[i]),
-                    degrees ? "; angles are in rad, were degrees given?" : ""));
-  }
-}
-
-/// What only flexible joints have is refused on a rigid robot.
-void require_motors_only_behind_springs(const Scenario& scenario) {
-  if (scenario.robot.flexible) return;
-  for (const char* key :
-       {"plant.initial.motor_position_rad", "plant.initial.motor_velocity_rad_per_s"}) {
-    if (!scenario.gives(key)) continue;
-    throw scenario.complaint(key,
-                             "the robot has rigid joints; allowed: only with robot.joints: "
-                             "{flexible: …}");
-  }
-  if (scenario.plant.encoder.side == plant::EncoderSide::motor) {
-    throw scenario.complaint("plant.encoder.side",
-                             "motor: the robot has rigid joints; allowed: link, both, or "
-                             "robot.joints: {flexible: …}");
-  }
-}
-
-void require_payload_link(const Scenario& scenario) {
-  const plant::PayloadSpec& payload = scenario.plant.payload;
-  const robot::Model& model = *scenario.model;
-  if (!payload.link.empty() && model.frames.count(payload.link) == 0) {
-    std::vector<std::string_view> links;
-    for (const auto& [link, frame] : model.frames) links.push_back(link);
-    throw scenario.complaint("plant.payload.link",
-                             fmt::format("\"{}\" is not in the URDF; allowed: {}", payload.link,
-                                         diagnostics::joined(links)));
-  }
-  if (payload.mass_kg == 0) return;
-  try {
-    robot::with_payload(model, payload.mass_kg, payload.link);
-  } catch (const std::invalid_argument& error) {
-    throw scenario.complaint("plant.payload.link", error.what());
-  }
-}
-
 double nearest_num_ticks(const LoopSpec& loop) {
   return std::max(1.0, std::round(loop.duration_s / loop.period_s));
 }
@@ -140,6 +88,11 @@ YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& ov
   return root;
 }
 
+/// A URDF's text and what its messages call it; both empty where none is given.
+struct Description {
+  std::string text, source;
+};
+
 /// From the keys of `place`, which is `robot`.
 robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
@@ -153,52 +106,68 @@ robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   return options;
 }
 
-/// The robot of `urdf_text`, read with the keys of `place`, which is `robot`; what there is to say
-/// of the file is of `robot.urdf`.
-robot::Model read_robot(const Place& place, std::string_view urdf_text, const std::string& source,
-                        Scenario& scenario) {
+/// The robot of a URDF, which is the value of `key`, read with the keys of `robot`.
+robot::Model read_robot(const YamlNode& root, const std::string& key,
+                        const Description& description, Scenario& scenario) {
+  const Place place = Place{scenario, &root, ""}.child("robot");
   const robot::UrdfOptions options = read_urdf_options(place, scenario.robot);
   try {
-    scenario.robot.urdf_text = robot::urdf_mechanics(std::string(urdf_text), source);
-    return robot::read_urdf(std::string(urdf_text), source, options);
+    scenario.robot.urdf_text += robot::urdf_mechanics(description.text, description.source);
+    return robot::read_urdf(description.text, description.source, options);
   } catch (const std::invalid_argument& error) {
-    throw scenario.complaint("robot.urdf", error.what());
+    throw scenario.complaint(key, error.what());
   }
 }
 
+void require_same_joints(const Scenario& scenario, const robot::Model& model,
+                         const robot::Model& believed) {
+  if (model.joint_names == believed.joint_names && model.joint_types == believed.joint_types)
+    return;
+  throw scenario.complaint(
+      "controller.urdf",
+      fmt::format("its joints are {}; allowed: those of robot.urdf by name, type and order: {}",
+                  diagnostics::joined(believed.joint_names),
+                  diagnostics::joined(model.joint_names)));
+}
+
 /// With the rotors of rigid joints, which may give a joint all the inertia it has.
-void require_positive_inertia(const Scenario& scenario, robot::Model model,
+void require_positive_inertia(const Scenario& scenario, const std::string& key, robot::Model model,
                               const std::string& source) {
   model.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
   try {
     robot::require_positive_inertia(model, source);
   } catch (const std::invalid_argument& error) {
-    throw scenario.complaint("robot.urdf", error.what());
+    throw scenario.complaint(key, error.what());
   }
 }
 
-/// Simbody refuses inertias that no body can have: without a choice the native mechanics take them.
+/// Simbody refuses inertias that no body can have, and its integrators do not find where a joint
+/// begins to stick: without a choice the native mechanics take over.
 void require_mechanics_for(robot::Model& model, Scenario& scenario) {
-  if (robot::is_possible(model)) return;
+  const bool possible = robot::is_possible(model);
+  if (possible && !scenario.plant.drive.dry_friction()) return;
+  const std::string why = possible ? "does not model plant.drive.coulomb_friction_Nm"
+                                   : "refuses the inertias that robot.check_inertia lets pass";
   if (scenario.gives("plant.mechanics") && scenario.plant.mechanics == plant::Mechanics::simbody) {
-    throw scenario.complaint("plant.mechanics",
-                             "simbody: it refuses the inertias that robot.check_inertia lets pass; "
-                             "allowed: native");
+    throw scenario.complaint("plant.mechanics", "simbody: it " + why + "; allowed: native");
   }
   scenario.plant.mechanics = plant::Mechanics::native;
   if (const auto refused = scenario.plant.refusal()) {
     throw scenario.complaint("plant." + refused->key, refused->problem);
   }
-  model.warnings.emplace_back(
-      "plant.mechanics is native, as Simbody refuses the inertias that robot.check_inertia lets "
-      "pass");
+  if (scenario.gives("plant.mechanics")) return;
+  model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
 }
 
-Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
-                       const std::string& urdf_source, Scenario scenario) {
+Scenario read_scenario(const YamlNode& root, const Description& plant, const Description& believed,
+                       Scenario scenario) {
   scenario.text = emit_yaml(root);
-  robot::Model model =
-      read_robot(Place{scenario, &root, ""}.child("robot"), urdf_text, urdf_source, scenario);
+  robot::Model model = read_robot(root, "robot.urdf", plant, scenario);
+  std::optional<robot::Model> believed_model;
+  if (!believed.text.empty()) {
+    believed_model = read_robot(root, "controller.urdf", believed, scenario);
+    require_same_joints(scenario, model, *believed_model);
+  }
   const std::string& mechanics = scenario.robot.urdf_text;
   scenario.digest = digest_of(scenario.text, mechanics);
   if (scenario.text.size() + mechanics.size() > max_message_bytes) {
@@ -217,20 +186,25 @@ Scenario read_scenario(const YamlNode& root, std::string_view urdf_text,
       model.effort_limit.array().isFinite().any()) {
     scenario.plant.drive.torque_limit_Nm = model.effort_limit;
   }
-  require_positive_inertia(scenario, model, urdf_source);
+  if (!scenario.gives("plant.drive.coulomb_friction_Nm")) {
+    scenario.plant.drive.coulomb_friction_Nm = model.friction;
+  }
+  require_positive_inertia(scenario, "robot.urdf", model, plant.source);
   require_mechanics_for(model, scenario);
   if (!scenario.gives("plant.drive.viscous_friction_Nms_per_rad")) {
     scenario.plant.drive.viscous_friction_Nms_per_rad = model.damping;
   }
   scenario.model = std::make_shared<const robot::Model>(std::move(model));
+  if (believed_model) {
+    require_positive_inertia(scenario, "controller.urdf", *believed_model, believed.source);
+    scenario.believed_model = std::make_shared<const robot::Model>(std::move(*believed_model));
+  }
   scenario.robot.channel_prefix = scenario.robot.name;
   for (char& c : scenario.robot.channel_prefix) {
     if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
   }
   scenario.loop.num_ticks = static_cast<std::int64_t>(nearest_num_ticks(scenario.loop));
-  require_possible_initial_state(scenario);
-  require_motors_only_behind_springs(scenario);
-  require_payload_link(scenario);
+  require_consistent(scenario);
   return scenario;
 }
 
@@ -361,16 +335,21 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   YamlNode root = surveyed_tree(text, overrides, scenario);
   const fs::path directory = path.parent_path();
   const std::string motion = motion_text(root, scenario, directory);
-  const Place urdf = Place{scenario, &root, ""}.child("robot").child("urdf");
-  read_key(urdf, RobotSpec::urdf_key, scenario.robot);
-  const fs::path urdf_path = directory / scenario.robot.urdf_path;
-  std::string urdf_text;
-  try {
-    urdf_text = text_of(urdf_path);
-  } catch (const std::runtime_error& error) {
-    throw scenario.complaint("robot.urdf", urdf_path.string() + ": " + error.what());
-  }
-  Scenario read = read_scenario(root, urdf_text, urdf_path.string(), std::move(scenario));
+  const Place place{scenario, &root, ""};
+  read_key(place.child("robot").child("urdf"), RobotSpec::urdf_key, scenario.robot);
+  read_key(place.child("controller").child("urdf"), ControllerSpec::urdf_key, scenario.controller);
+  const auto description = [&](const std::string& key, const std::string& written) -> Description {
+    if (written.empty()) return {};
+    const fs::path urdf_path = directory / written;
+    try {
+      return {text_of(urdf_path), urdf_path.string()};
+    } catch (const std::runtime_error& error) {
+      throw scenario.complaint(key, urdf_path.string() + ": " + error.what());
+    }
+  };
+  const Description plant = description("robot.urdf", scenario.robot.urdf_path);
+  const Description believed = description("controller.urdf", scenario.controller.urdf_path);
+  Scenario read = read_scenario(root, plant, believed, std::move(scenario));
   attach_motion(read, motion, directory);
   return read;
 }
@@ -380,7 +359,21 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   Scenario scenario;
   scenario.source = source;
   const YamlNode root = surveyed_tree(text, overrides, scenario);
-  return read_scenario(root, urdf_text, source + " (URDF)", std::move(scenario));
+  const std::string urdf_source = source + " (URDF)";
+  Description plant{std::string(urdf_text), urdf_source}, believed;
+  if (scenario.gives("controller.urdf")) {
+    // The text of one robot ends where the other's begins.
+    constexpr std::string_view end = "</robot>";
+    const std::size_t cut = urdf_text.find(end);
+    if (scenario.set_by.count("controller.urdf") != 0 || cut == std::string_view::npos ||
+        urdf_text.find("<robot", cut) == std::string_view::npos) {
+      throw scenario.complaint(
+          "controller.urdf", "its file is not read here; allowed: what the scenario was run with");
+    }
+    believed = {plant.text.substr(cut + end.size()), urdf_source};
+    plant.text.resize(cut + end.size());
+  }
+  return read_scenario(root, plant, believed, std::move(scenario));
 }
 
 robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {
@@ -390,26 +383,6 @@ robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {
   Scenario scenario;
   const YamlNode root = surveyed_tree("robot: {}", of_robot, scenario);
   return read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
-}
-
-robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model) {
-  robot::Vector count = robot::Vector::Zero(model.num_joints);
-  const std::optional<int>& bits = scenario.plant.encoder.resolution_bits;
-  if (!bits) return count;
-  for (int i = 0; i < model.num_joints; ++i) {
-    const auto joint = static_cast<std::size_t>(i);
-    const bool prismatic = model.joint_types[joint] == robot::JointType::prismatic;
-    const double range = prismatic ? model.upper[i] - model.lower[i] : 2 * std::numbers::pi;
-    if (!(std::isfinite(range) && range > 0)) {
-      throw scenario.complaint(
-          "plant.encoder.resolution_bits",
-          fmt::format("{} needs a range to count over, but prismatic joint \"{}\" has no lower and "
-                      "upper limit in the URDF; add them, or use null (ideal)",
-                      *bits, model.joint_names[joint]));
-    }
-    count[i] = std::ldexp(range, -*bits);
-  }
-  return count;
 }
 
 }  // namespace tachless::experiment

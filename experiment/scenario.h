@@ -43,7 +43,8 @@ struct RobotSpec {
   std::string name = "arm";
   std::string channel_prefix = "ARM";  ///< name in upper case
   std::string urdf_path;               ///< as written in the scenario
-  std::string urdf_text;               ///< robot::urdf_mechanics of the file
+  /// robot::urdf_mechanics of the file, followed by that of controller.urdf if there is one
+  std::string urdf_text;
   robot::CheckInertia check_inertia = robot::CheckInertia::refuse;
   std::map<std::string, double> locked;
   BaseSpec base;
@@ -91,6 +92,7 @@ enum class FeedforwardLead { none, half_tick_plus_delay };
 
 struct ControllerSpec {
   std::string law;
+  std::string urdf_path;  ///< as written in the scenario; empty: the law's robot is the plant's
   std::map<std::string, robot::Vector> gains;  ///< each of length num_joints
   controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
   controller::law::FilterStart filter_start = controller::law::FilterStart::at_error;
@@ -98,9 +100,16 @@ struct ControllerSpec {
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;
 
+  static constexpr schema::Key urdf_key =
+      schema::Key{"urdf", &ControllerSpec::urdf_path, "",
+                  "URDF file of the robot that the law takes the plant for: the same joints in the "
+                  "same order, read with the same keys of `robot`"}
+          .by_default("`robot.urdf`");
+
   static constexpr std::tuple keys{
       schema::Key{"law", &ControllerSpec::law, "",
                   "Name of the control law: lower-case letters, digits, `_`"},
+      urdf_key,
       schema::Key{"gains", &ControllerSpec::gains, "",
                   "The law's gains by name; which ones, with units and ranges, the law says"},
       schema::Key{"filter", &ControllerSpec::filter, "",
@@ -141,7 +150,7 @@ struct LoopSpec {
           .by_default(),
       schema::Key{"command_delay", &LoopSpec::command_delay, "ticks",
                   "The torque computed from tick k acts over tick k + delay"}
-          .in({0, 1})
+          .in({0, plant::max_delay_ticks})
           .by_default(),
       schema::Key{"max_missed", &LoopSpec::max_missed, "ticks",
                   "Realtime: commands missed in a row before the protective stop"}
@@ -169,6 +178,8 @@ struct Scenario {
   /// The robot of the URDF with the scenario's gravity and base: without rotors, without payload.
   /// Read once; its warnings are for whoever asked for the scenario to be read.
   std::shared_ptr<const robot::Model> model;
+  /// The same of controller.urdf; null without: the law's model is the plant's.
+  std::shared_ptr<const robot::Model> believed_model;
   int num_joints = 0;
   std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
   std::int64_t digest = 0;  ///< of text and URDF
@@ -204,9 +215,15 @@ struct Scenario {
 Scenario load_scenario(const std::filesystem::path& path,
                        const std::vector<std::string>& overrides = {});
 
-/// The same from texts, as a log holds them. `source` stands in for the file name.
+/// The same from texts, as a log holds them: `urdf_text` is `RobotSpec::urdf_text`, or a URDF file
+/// where there is no controller.urdf, which no override may name. `source` stands in for the file
+/// name.
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides = {});
+
+/// `model` with the scenario's payload on it; as it is when there is none.
+/// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.
+robot::Model with_payload(const Scenario& scenario, robot::Model model);
 
 /// How the overrides of `robot` alone have a URDF read: for who has no scenario yet.
 robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides);

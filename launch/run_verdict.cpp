@@ -11,12 +11,16 @@ namespace {
 
 std::string friction_text(const experiment::Scenario& scenario) {
   const robot::Model& model = *scenario.model;
-  if (scenario.gives("plant.drive.viscous_friction_Nms_per_rad") ||
-      (model.damping.isZero(0) && model.friction.isZero(0))) {
-    return "";
-  }
-  return fmt::format("viscous friction as the URDF's <dynamics damping>{}",
-                     model.friction.isZero(0) ? "" : "; its <dynamics friction> is not modelled");
+  std::string text;
+  const auto add = [&](const char* key, const robot::Vector& of_urdf, const char* what) {
+    if (of_urdf.isZero(0) || scenario.gives(key)) return;
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", what);
+  };
+  add("plant.drive.viscous_friction_Nms_per_rad", model.damping,
+      "viscous friction as the URDF's <dynamics damping>");
+  add("plant.drive.coulomb_friction_Nm", model.friction,
+      "Coulomb friction as the URDF's <dynamics friction>");
+  return text;
 }
 
 }  // namespace

@@ -96,10 +96,10 @@ struct Builder {
   template <class Value>
   void add_message(const loop::Layout& layout, std::string_view symbol_suffix,
                    std::string_view meaning_suffix, std::size_t first = 0,
-                   std::size_t last = std::string_view::npos) {
+                   std::size_t last = std::string_view::npos, std::string_view without = {}) {
     std::size_t number = 0;
     loop::for_each_field<Value>([&](const auto& field) {
-      const bool wanted = number >= first && number < last;
+      const bool wanted = number >= first && number < last && field.name != without;
       ++number;
       if (!wanted || (field.count == Count::motors && layout.num_motors == 0)) return;
       add_field(field, symbol_suffix, meaning_suffix);
@@ -136,7 +136,9 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   loop::with_measurement(log.info().measurement, [&]<class M>(std::type_identity<M>) {
     to.add_message<M>(layout, "_measured", " as measured");
   });
-  to.add_message<Truth>(layout, "", "", num_states);
+  const bool disturbed = !log.scenario().plant.disturbances.empty();
+  to.add_message<Truth>(layout, "", "", num_states, std::string_view::npos,
+                        disturbed ? "" : "disturbance");
   return std::move(to.quantities);
 }
 

@@ -33,6 +33,8 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
     throw std::logic_error("plant::Arm: initial state has the wrong number of joints");
   }
   num_joints_ = model.num_joints;
+  now_s_ = options.start_s;
+  outside_ = options.outside;
   engine_ = options.mechanics == Mechanics::native ? native_arm(model, options, initial)
                                                    : simbody_arm(model, options, initial);
 }
@@ -52,7 +54,13 @@ void Arm::advance(const robot::Vector& tau, double time_s) {
   require_size(tau, num_joints_);
   if (!(time_s > now_s_)) throw std::logic_error("plant::Arm: time must move forward");
   try {
-    engine_->advance(tau, time_s);
+    double piece_s = now_s_;
+    for (double end_s = time_s; outside_ != nullptr && piece_s < time_s; piece_s = end_s) {
+      end_s = outside_->next_jump(piece_s, time_s);
+      outside_->choose(piece_s, end_s);
+      engine_->advance(tau, end_s);
+    }
+    if (outside_ == nullptr) engine_->advance(tau, time_s);
     const ArmState& now = state();
     if (!(now.q.allFinite() && now.v.allFinite() && now.theta.allFinite() &&
           now.thetadot.allFinite())) {

@@ -16,6 +16,8 @@ struct ArmState {
   robot::Vector v;         ///< link velocity [rad/s]
   robot::Vector theta;     ///< motor position [rad]; empty on a rigid robot
   robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
+  /// Torque on the links that no drive gives [N m; N]; empty: none. For the log alone.
+  robot::Vector disturbance{};
 };
 
 struct ArmAcceleration {
@@ -23,10 +25,31 @@ struct ArmAcceleration {
   robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
 };
 
+/// Torque on the links that no drive gives: a function of time and position, with jumps.
+class OutsideTorque {
+ public:
+  OutsideTorque() = default;
+  OutsideTorque(const OutsideTorque&) = delete;
+  OutsideTorque& operator=(const OutsideTorque&) = delete;
+  virtual ~OutsideTorque() = default;
+
+  /// The first jump after `from_s`, at `until_s` at the latest.
+  [[nodiscard]] virtual double next_jump(double from_s, double until_s) const = 0;
+  /// What is added from now on is of the time from `from_s` to `until_s`, inside which is no jump.
+  virtual void choose(double from_s, double until_s) = 0;
+  /// Adds the torque at `time_s` and link position `q` to `tau` [N m].
+  virtual void add(double time_s, const double* q, robot::Vector& tau) const = 0;
+};
+
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   robot::Vector viscous_friction;           ///< on the links' joints [N m s/rad]
+  /// Coulomb's, static (at least Coulomb's) [N m] and the speed of the fall from one to the other
+  /// [rad/s]; empty: none. Native mechanics only.
+  robot::Vector coulomb_friction, static_friction, stribeck_velocity;
+  OutsideTorque* outside = nullptr;  ///< outlives the arm; none when null
+  double start_s = 0;                ///< time of the initial state
   Integrator integrator = Integrator::runge_kutta_merson;
   double accuracy = 1e-9;
 };
@@ -37,7 +60,8 @@ class ArmEngine;
 class Arm {
  public:
   /// The arm of `model` (gravity, added rotor inertia and payload included).
-  /// @throw std::invalid_argument when the native mechanics have no such integrator.
+  /// @throw std::invalid_argument when the native mechanics have no such integrator, or Simbody's
+  /// are to have Coulomb's friction.
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
   ~Arm();
   Arm(Arm&&) noexcept;
@@ -64,6 +88,7 @@ class Arm {
  private:
   int num_joints_ = 0;
   double now_s_ = 0;
+  OutsideTorque* outside_ = nullptr;
   std::unique_ptr<ArmEngine> engine_;
 };
 

@@ -10,8 +10,9 @@
 namespace tachless::plant {
 
 /// The right-hand side of the plant: the paper's eq. 1 (flexible) or eq. 2 (rigid) with viscous
-/// friction. Rotors of flexible joints are pinned to the ground (Spong's simplification), so each
-/// is a scalar equation. Does not integrate, and is C++17-clean for the Simbody file.
+/// friction and outside torques. Rotors of flexible joints are pinned to the ground (Spong's
+/// simplification), so each is a scalar equation. Does not integrate, and is C++17-clean for the
+/// Simbody file.
 ///
 /// `Multibody` gives the links' inertia matrix and bias:
 ///   void evaluate(const double* q, const double* v);
@@ -30,6 +31,7 @@ class ArmDynamics {
       J_ = options.flexible->rotor_inertia;
       motor_damping_ = or_zero(options.flexible->motor_damping);
     }
+    outside_ = options.outside;
     rigid_rotor_inertia_ = or_zero(model.rotor_inertia);
     friction_ = or_zero(options.viscous_friction);
     for (const robot::Vector* x : {&friction_, &rigid_rotor_inertia_}) {
@@ -48,10 +50,12 @@ class ArmDynamics {
 
   void brake(const robot::Vector& damping) { (flexible_ ? motor_damping_ : friction_) += damping; }
 
-  /// Accelerations of (q, theta) at positions x = (q, theta) and rates xdot, each
+  Multibody& links() { return links_; }
+
+  /// Accelerations of (q, theta) at a time, positions x = (q, theta) and rates xdot, each
   /// `num_coordinates` long.
   /// @throw std::runtime_error if the inertia matrix is not positive definite.
-  void accelerate(const double* x, const double* xdot, double* xddot) {
+  void accelerate(double time_s, const double* x, const double* xdot, double* xddot) {
     const int n = num_joints_;
     links_.evaluate(x, xdot);
     rhs_ = -links_.bias();
@@ -66,6 +70,7 @@ class ArmDynamics {
         rhs_[i] += tau[i];
       }
     }
+    if (outside_ != nullptr) outside_->add(time_s, x, rhs_);
     links_.solve(rhs_);
     for (int i = 0; i < n; ++i) xddot[i] = rhs_[i];
   }
@@ -78,6 +83,7 @@ class ArmDynamics {
   Multibody links_;
   robot::Vector K_, J_, motor_damping_, rigid_rotor_inertia_, friction_;
   robot::Vector rhs_;
+  const OutsideTorque* outside_ = nullptr;
 };
 
 }  // namespace tachless::plant

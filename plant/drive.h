@@ -3,27 +3,31 @@
 #include <array>
 
 #include "loop/signals.h"
+#include "plant/spec.h"
 #include "robot/quantities.h"
 
 namespace tachless::plant {
 
 /// What the drives do over one tick.
 struct AppliedTorque {
-  robot::Vector tau;                                ///< after the limit [N m; N if prismatic]
-  std::array<bool, robot::max_joints> saturated{};  ///< the command exceeded the limit
+  robot::Vector tau;                                ///< after the limits [N m; N if prismatic]
+  std::array<bool, robot::max_joints> saturated{};  ///< the command exceeded a limit
 };
 
 /// The drives of all joints: they limit, delay and hold. A value: copies are independent. Once a
 /// tick, in this order: `accept` the tick's command if there is one, read `applied`, `end_tick`.
 ///
 /// With `command_delay` 0 the command of tick k acts over tick k; `applied` is then read after
-/// `accept`. With 1 it acts over tick k + 1, the torque over the first tick is zero, and `applied`
-/// may be read before the command has come. When no command comes the last one is held.
+/// `accept`. With d > 0 it acts over tick k + d, the torque over the first d ticks is zero, and
+/// `applied` may be read before the command has come. When no command comes the last one is held.
+/// From tick to tick the torque changes by no more than its rate allows, and from zero at first.
 class Drive {
  public:
   /// @param limit [N m; N if prismatic], positive, `Model::unlimited` for none.
-  /// @throw std::logic_error if `command_delay` is neither 0 nor 1 or a limit is not positive.
-  Drive(const robot::Vector& limit, int command_delay);
+  /// @param change [N m; N] that is possible from one tick to the next; empty: any.
+  /// @throw std::logic_error if `command_delay` is not in 0 to `max_delay_ticks` or a limit is not
+  /// positive.
+  Drive(const robot::Vector& limit, int command_delay, const robot::Vector& change = {});
 
   /// Takes the command of this tick. Returns false, and changes nothing, if a torque is not
   /// finite: the caller owes a protective stop.
@@ -39,11 +43,17 @@ class Drive {
   void stop();
 
  private:
-  robot::Vector limit_;
-  int command_delay_;
+  void act();
+
+  robot::Vector limit_, change_;
+  std::size_t num_slots_;  ///< command_delay + 1
   bool stopped_ = false;
+  /// What has been accepted: that of this tick at `now_`, and behind it, in a ring, that of
+  /// command_delay ticks ago, which acts.
+  std::array<AppliedTorque, max_delay_ticks + 1> accepted_;
+  std::size_t now_ = 0;
   AppliedTorque applied_;
-  AppliedTorque accepted_;
+  robot::Vector before_;  ///< torque over the tick before
 };
 
 }  // namespace tachless::plant

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -44,7 +45,8 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
       model_(plant_model(scenario)),
       emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
-      drive_(make_drive(scenario, model_)) {
+      drive_(make_drive(scenario, model_)),
+      past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   if (driver != nullptr && (!limit || !limit->allFinite())) {
     throw scenario.complaint("plant.drive.torque_limit_Nm",
@@ -78,6 +80,10 @@ void GuardedRobot::start() {
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   state_ = driver_.read();
+  const auto ring = static_cast<std::int64_t>(past_.size());
+  const std::int64_t now = std::max<std::int64_t>(tick, 0);
+  past_[static_cast<std::size_t>(now % ring)] = state_;
+  sensed_ = static_cast<std::size_t>(std::max<std::int64_t>(now - ring + 1, 0) % ring);
   if (!emulated()) require_sound(tick);
   watch_limits(tick);
   return state_;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
@@ -49,6 +50,9 @@ class GuardedRobot {
   /// when it has other joints than the scenario.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
+  /// What encoders tell then: an emulated robot's state some ticks ago
+  /// (plant.encoder.latency_ticks).
+  [[nodiscard]] const ArmState& sensed() const { return past_[sensed_]; }
   /// The joints that were outside of range or too fast when last read, where that is no stop.
   [[nodiscard]] const std::array<bool, robot::max_joints>& beyond_limit() const {
     return beyond_limit_;
@@ -81,6 +85,8 @@ class GuardedRobot {
   RobotDriver& driver_;
   Drive drive_;
   ArmState state_;
+  std::vector<ArmState> past_;  ///< of the last ticks, a ring
+  std::size_t sensed_ = 0;
   std::array<bool, robot::max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;

@@ -6,6 +6,7 @@
 
 #include "plant/arm_dynamics.h"
 #include "plant/arm_engine.h"
+#include "plant/dry_friction.h"
 #include "robot/cholesky.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
@@ -24,23 +25,26 @@ class Recursions {
   void evaluate(const double* q, const double* v) {
     const int n = model_.num_joints;
     const robot::Vector position = Eigen::Map<const robot::Vector>(q, n);
-    const robot::Vector velocity = Eigen::Map<const robot::Vector>(v, n);
-    bias_ = robot::inverse_dynamics(model_, position, velocity, zero_);
+    velocity_ = Eigen::Map<const robot::Vector>(v, n);
+    bias_ = robot::inverse_dynamics(model_, position, velocity_, zero_);
     M_ = robot::mass_matrix(model_, position);
   }
   robot::Matrix& M() { return M_; }
   [[nodiscard]] const robot::Vector& bias() const { return bias_; }
 
   void solve(robot::Vector& rhs) {
+    if (friction.present()) return friction.solve(M_, velocity_, rhs);
     if (robot::factorise(M_) >= 0) {
       throw std::runtime_error("the inertia matrix is not positive definite");
     }
     robot::solve_in_place(M_, rhs);
   }
 
+  DryFriction friction;
+
  private:
   robot::Model model_;
-  robot::Vector zero_;
+  robot::Vector zero_, velocity_;
   robot::Matrix M_;
   robot::Vector bias_;
 };
@@ -111,7 +115,11 @@ class NativeArm final : public ArmEngine {
         accuracy_(options.accuracy),
         state_(initial),
         x_(dynamics_.num_coordinates()),
-        xdot_(dynamics_.num_coordinates()) {
+        xdot_(dynamics_.num_coordinates()),
+        xddot_(dynamics_.num_coordinates()),
+        now_s_(options.start_s) {
+    friction_ =
+        DryFriction(options.coulomb_friction, options.static_friction, options.stribeck_velocity);
     x_ << initial.q, initial.theta;
     xdot_ << initial.v, initial.thetadot;
     for (int i = 0; i < method_.stages; ++i) {
@@ -126,15 +134,18 @@ class NativeArm final : public ArmEngine {
 
   ArmAcceleration acceleration(const robot::Vector& tau) override {
     const robot::Vector held = std::exchange(dynamics_.tau, tau);
-    Coordinates xddot(x_.size());
-    dynamics_.accelerate(x_.data(), xdot_.data(), xddot.data());
+    const DryFriction friction = friction_;
+    choose_sticking();
+    dynamics_.accelerate(now_s_, x_.data(), xdot_.data(), xddot_.data());
     dynamics_.tau = held;
-    return {xddot.head(dynamics_.num_joints()), xddot.tail(dynamics_.num_motors())};
+    friction_ = friction;
+    return {xddot_.head(dynamics_.num_joints()), xddot_.tail(dynamics_.num_motors())};
   }
 
   void advance(const robot::Vector& tau, double time_s) override {
     dynamics_.tau = tau;
     if (step_s_ == 0) step_s_ = time_s - now_s_;
+    choose_sticking();
     for (int taken = 0; now_s_ < time_s; ++taken) {
       if (taken >= max_steps_per_advance) throw too_many_steps();
       take_step(time_s);
@@ -167,10 +178,53 @@ class NativeArm final : public ArmEngine {
       return;
     }
     if (!last || wanted > step_s_ || wanted < h) step_s_ = wanted;
+    const double taken = until_change(h);
     x_ = next_x_;
     xdot_ = next_xdot_;
-    now_s_ = last ? end_s : now_s_ + h;
+    now_s_ = last && taken == h ? end_s : now_s_ + taken;
     ++steps_;
+    if (taken == h) return;
+    friction_.stop(xdot_.data());
+    choose_sticking();
+  }
+
+  /// Which joints stick from now on.
+  void choose_sticking() {
+    if (!friction_.present()) return;
+    friction_.stick(xdot_.data());
+    dynamics_.accelerate(now_s_, x_.data(), xdot_.data(), xddot_.data());
+    friction_.release();
+  }
+
+  /// Of the step of length h, which is in next_x_ and next_xdot_: how far it goes before a joint
+  /// begins to stick or to slide. Shortens it to that, or rather to the first instant beyond.
+  double until_change(double h) {
+    if (!friction_.present()) return h;
+    const auto violation = [this](double step_s) {
+      if (friction_.sticks()) {
+        dynamics_.accelerate(now_s_ + step_s, next_x_.data(), next_xdot_.data(), xddot_.data());
+      }
+      return friction_.violation(next_xdot_.data());
+    };
+    double high = violation(h);
+    if (!(high > 0)) return h;
+    // Regula falsi, Illinois variant: an end that stays is counted half.
+    double low = 0, low_s = 0, high_s = h;
+    bool was_beyond = true;
+    for (int k = 0; k < 200 && high_s - low_s > 1e-12 * h; ++k) {
+      const double share = low < 0 ? low / (low - high) : 0.5;
+      const double middle_s = low_s + share * (high_s - low_s);
+      if (!(middle_s > low_s && middle_s < high_s)) break;
+      evaluate(middle_s);
+      const double middle = violation(middle_s);
+      const bool beyond = middle > 0;
+      if (beyond == was_beyond) (beyond ? low : high) /= 2;
+      (beyond ? high : low) = middle;
+      (beyond ? high_s : low_s) = middle_s;
+      was_beyond = beyond;
+    }
+    evaluate(high_s);
+    return high_s;
   }
 
   /// The step of length h, into next_x_ and next_xdot_.
@@ -187,7 +241,9 @@ class NativeArm final : public ArmEngine {
         next_xdot_ += weight * acceleration_[static_cast<std::size_t>(j)];
       }
       rate_[static_cast<std::size_t>(i)] = next_xdot_;
-      dynamics_.accelerate(next_x_.data(), next_xdot_.data(),
+      double time_s = now_s_;
+      for (int j = 0; j < i; ++j) time_s += h * a[static_cast<std::size_t>(j)];
+      dynamics_.accelerate(time_s, next_x_.data(), next_xdot_.data(),
                            acceleration_[static_cast<std::size_t>(i)].data());
     }
     next_x_ = x_;
@@ -214,13 +270,14 @@ class NativeArm final : public ArmEngine {
   static constexpr double max_growth = 5;
 
   ArmDynamics<Recursions> dynamics_;
+  DryFriction& friction_ = dynamics_.links().friction;
   const Tableau& method_;
   double accuracy_;
   ArmState state_;
-  Coordinates x_, xdot_;
+  Coordinates x_, xdot_, xddot_;
   std::array<Coordinates, max_stages> rate_, acceleration_;
   Coordinates next_x_, next_xdot_, error_x_, error_xdot_;
-  double now_s_ = 0;
+  double now_s_;
   double step_s_ = 0;  ///< the length that the next step is tried with
   std::int64_t steps_ = 0;
 };

@@ -72,7 +72,7 @@ loop::Stamp PlantMessages::stamp(std::int64_t tick) const {
 }
 
 std::span<const std::byte> PlantMessages::measurement(std::int64_t tick) {
-  return measurement_->measure(robot_.state(), stamp(tick));
+  return measurement_->measure(robot_.sensed(), stamp(tick));
 }
 
 std::span<const std::byte> PlantMessages::tick(const loop::Stamp& stamp) {

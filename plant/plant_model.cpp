@@ -14,22 +14,32 @@ robot::Vector or_zero(const robot::Vector& x, int size) {
   return x.size() == 0 ? robot::Vector(robot::Vector::Zero(size)) : x;
 }
 
-}  // namespace
-
-robot::Model plant_model(const experiment::Scenario& scenario) {
+robot::Model without_payload(const experiment::Scenario& scenario) {
   robot::Model model = *scenario.model;
   if (!scenario.robot.flexible) {
     model.rotor_inertia = or_zero(scenario.robot.rigid_rotor_inertia_kgm2, model.num_joints);
   }
-  const PayloadSpec& payload = scenario.plant.payload;
-  if (payload.mass_kg > 0) {
-    try {
-      model = robot::with_payload(std::move(model), payload.mass_kg, payload.link);
-    } catch (const std::invalid_argument& error) {
-      throw scenario.complaint("plant.payload", error.what());
-    }
-  }
   return model;
+}
+
+}  // namespace
+
+robot::Model plant_model(const experiment::Scenario& scenario) {
+  robot::Model model = without_payload(scenario);
+  if (scenario.plant.payload.attach_s > 0) return model;
+  return experiment::with_payload(scenario, std::move(model));
+}
+
+std::vector<ModelChange> model_changes(const experiment::Scenario& scenario) {
+  std::vector<ModelChange> changes;
+  const PayloadSpec& payload = scenario.plant.payload;
+  if (payload.mass_kg == 0) return changes;
+  const robot::Model alone = without_payload(scenario);
+  if (payload.attach_s > 0) {
+    changes.push_back({payload.attach_s, experiment::with_payload(scenario, alone), true});
+  }
+  if (payload.release_s) changes.push_back({*payload.release_s, alone, false});
+  return changes;
 }
 
 ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model) {
@@ -50,22 +60,35 @@ ArmState initial_state(const experiment::Scenario& scenario, const robot::Model&
   return state;
 }
 
-Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model) {
+Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
+             double start_s, OutsideTorque* outside) {
   const std::optional<FlexibleDrive>& drive = scenario.robot.flexible;
+  const DriveSpec& joints = scenario.plant.drive;
   ArmOptions options;
+  options.outside = outside;
+  options.start_s = start_s;
+  if (joints.dry_friction()) {
+    options.coulomb_friction = joints.coulomb_friction_Nm;
+    options.static_friction = joints.static_friction_Nm.value_or(joints.coulomb_friction_Nm);
+    options.stribeck_velocity = joints.stribeck_velocity_rad_per_s;
+  }
   options.flexible = drive ? &*drive : nullptr;
-  options.viscous_friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  options.viscous_friction = joints.viscous_friction_Nms_per_rad;
   options.mechanics = scenario.plant.mechanics;
   options.integrator = scenario.plant.integrator.method;
   options.accuracy = scenario.plant.integrator.accuracy;
-  return Arm(model, options, initial_state(scenario, model));
+  return Arm(model, options, start);
 }
 
 Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model) {
   const robot::Vector unlimited =
       robot::Vector::Constant(model.num_joints, robot::Model::unlimited);
-  return Drive(scenario.plant.drive.torque_limit_Nm.value_or(unlimited),
-               scenario.loop.command_delay);
+  const DriveSpec& spec = scenario.plant.drive;
+  robot::Vector change;
+  if (spec.torque_rate_limit_Nm_per_s) {
+    change = *spec.torque_rate_limit_Nm_per_s * scenario.loop.period_s;
+  }
+  return Drive(spec.torque_limit_Nm.value_or(unlimited), scenario.loop.command_delay, change);
 }
 
 robot::Vector protective_stop_damping(const experiment::Scenario& scenario,

@@ -180,7 +180,7 @@ void RealtimeLoop::begin_tick() {
   tick_began_ = Clock::now();
   note_wake_up(tick_began_);
   publish_question(tick_began_);
-  if (scenario_.loop.command_delay == 1) {
+  if (scenario_.loop.command_delay > 0) {
     act(held_ ? DriveFault::command_missed : DriveFault::none);
   }
 }

@@ -177,7 +177,7 @@ class ArmGuts : public SimTK::System::Guts {
   }
   int realizeAccelerationImpl(const SimTK::State& s) const override {
     SimTK::Vector& udot = s.updUDot(subsystem);
-    dynamics_->accelerate(&s.getQ(subsystem)[0], &s.getU(subsystem)[0], &udot[0]);
+    dynamics_->accelerate(s.getTime(), &s.getQ(subsystem)[0], &s.getU(subsystem)[0], &udot[0]);
     s.updQDotDot(subsystem) = udot;
     return SimTK::System::Guts::realizeAccelerationImpl(s);
   }
@@ -228,7 +228,10 @@ std::unique_ptr<SimTK::Integrator> make_integrator(Integrator method, const SimT
 class SimbodyArm final : public ArmEngine {
  public:
   SimbodyArm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
-      : dynamics_(model, options), system_(dynamics_), state_(initial) {
+      : dynamics_(model, options), system_(dynamics_), state_(initial), start_s_(options.start_s) {
+    if (options.coulomb_friction.size() > 0) {
+      throw std::invalid_argument("Coulomb's friction needs the native mechanics");
+    }
     const int n = dynamics_.num_joints();
     const int motors = dynamics_.num_motors();
     SimTK::State start = system_.realizeTopology();
@@ -240,6 +243,7 @@ class SimbodyArm final : public ArmEngine {
       start.updQ()[n + i] = initial.theta[i];
       start.updU()[n + i] = initial.thetadot[i];
     }
+    start.updTime() = start_s_;
     integrator_ = make_integrator(options.integrator, system_);
     integrator_->setAccuracy(options.accuracy);
     integrator_->setUseInfinityNorm(true);
@@ -268,7 +272,8 @@ class SimbodyArm final : public ArmEngine {
       xdot[n + i] = state_.thetadot[i];
     }
     const robot::Vector held = std::exchange(dynamics_.tau, tau);
-    dynamics_.accelerate(&x[0], &xdot[0], &xddot[0]);
+    dynamics_.accelerate(initialized_ ? integrator_->getTime() : start_s_, &x[0], &xdot[0],
+                         &xddot[0]);
     dynamics_.tau = held;
     ArmAcceleration result{robot::Vector(n), robot::Vector(motors)};
     for (int i = 0; i < n; ++i) result.vdot[i] = xddot[i];
@@ -279,7 +284,7 @@ class SimbodyArm final : public ArmEngine {
   void advance(const robot::Vector& tau, double time_s) override {
     dynamics_.tau = tau;
     if (!initialized_) {
-      integrator_->setInitialStepSize(time_s);
+      integrator_->setInitialStepSize(time_s - start_s_);
       integrator_->initialize(start_);
       initialized_ = true;
     } else {
@@ -317,6 +322,7 @@ class SimbodyArm final : public ArmEngine {
   std::unique_ptr<SimTK::Integrator> integrator_;
   SimTK::State start_;
   ArmState state_;
+  double start_s_;
   bool initialized_ = false;
 };
 

@@ -4,13 +4,18 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "robot/quantities.h"
 #include "schema/schema.h"
 
-/// What a scenario says about the plant, each value declared once with its key. Values only: no
-/// mechanics and no reading. C++17-clean: the Simbody translation unit includes it.
+/// What a scenario says about the plant (the models: docs/plant.md), each value declared once with
+/// its key. Values only: no mechanics and no reading. C++17-clean: the Simbody translation unit
+/// includes it.
 namespace tachless::plant {
+
+/// Longest command delay and encoder latency [ticks].
+inline constexpr int max_delay_ticks = 16;
 
 /// Motors fixed to their joints.
 struct RigidJoints {
@@ -97,7 +102,8 @@ struct IntegratorSpec {
 enum class EncoderSide { link, motor, both };
 
 struct EncoderSpec {
-  std::optional<int> resolution_bits;  ///< counts per revolution = 2^bits; nothing: ideal
+  std::optional<robot::Vector> resolution_bits;  ///< counts per revolution = 2^bits; nothing: ideal
+  int latency_ticks = 0;
   double noise_std_rad = 0;
   double velocity_noise_std_rad_per_s = 0;
   std::uint64_t seed = 1;
@@ -108,9 +114,14 @@ struct EncoderSpec {
           "resolution_bits", &EncoderSpec::resolution_bits, "bit",
           "2^bits counts per revolution, on a prismatic joint over its range in the URDF; null = "
           "ideal"}
-          .in({1, 52})
-          .by_default()
+          .in({1, 52, false, false, true})
+          .by_default("`null`")
           .or_null(),
+      schema::Key{"latency_ticks", &EncoderSpec::latency_ticks, "ticks",
+                  "What is measured at tick k is the state at tick k - latency, before that the "
+                  "initial one"}
+          .in({0, max_delay_ticks})
+          .by_default(),
       schema::Key{"noise_std_rad", &EncoderSpec::noise_std_rad, "rad (m)",
                   "Gaussian noise on positions, before quantisation"}
           .in(schema::not_negative)
@@ -128,8 +139,18 @@ struct EncoderSpec {
 };
 
 struct DriveSpec {
-  std::optional<robot::Vector> torque_limit_Nm;  ///< nothing: no limit
+  std::optional<robot::Vector> torque_limit_Nm;             ///< nothing: no limit
+  std::optional<robot::Vector> torque_rate_limit_Nm_per_s;  ///< nothing: no limit
   robot::Vector viscous_friction_Nms_per_rad;
+  robot::Vector coulomb_friction_Nm;
+  std::optional<robot::Vector> static_friction_Nm;  ///< nothing: Coulomb's
+  robot::Vector stribeck_velocity_rad_per_s;
+
+  /// Whether any joint has friction that can hold it.
+  [[nodiscard]] bool dry_friction() const {
+    return (coulomb_friction_Nm.array() > 0).any() ||
+           (static_friction_Nm && (static_friction_Nm->array() > 0).any());
+  }
 
   static constexpr std::tuple keys{
       schema::Key{"torque_limit_Nm", &DriveSpec::torque_limit_Nm, "N m (N)",
@@ -138,22 +159,152 @@ struct DriveSpec {
           .by_default("effort limits of the URDF")
           .or_null(),
       schema::Key{"viscous_friction_Nms_per_rad", &DriveSpec::viscous_friction_Nms_per_rad,
-                  "N m s/rad", "On the links' joints; Coulomb's friction is not modelled"}
+                  "N m s/rad", "On the links' joints"}
           .in(schema::not_negative)
-          .by_default("`<dynamics damping>` of the URDF")};
+          .by_default("`<dynamics damping>` of the URDF"),
+      schema::Key{"torque_rate_limit_Nm_per_s", &DriveSpec::torque_rate_limit_Nm_per_s,
+                  "N m/s (N/s)", "Fastest change of the drive's torque; null = none"}
+          .in(schema::positive)
+          .by_default("none")
+          .or_null(),
+      schema::Key{
+          "coulomb_friction_Nm", &DriveSpec::coulomb_friction_Nm, "N m (N)",
+          "Against the motion of a link's joint, whatever its speed; holds a joint at rest. "
+          "Needs `plant.mechanics: native`"}
+          .in(schema::not_negative)
+          .by_default("`<dynamics friction>` of the URDF"),
+      schema::Key{"static_friction_Nm", &DriveSpec::static_friction_Nm, "N m (N)",
+                  "Torque from which on a joint at rest begins to move, at least Coulomb's"}
+          .in(schema::not_negative)
+          .by_default("Coulomb's"),
+      schema::Key{"stribeck_velocity_rad_per_s", &DriveSpec::stribeck_velocity_rad_per_s,
+                  "rad/s (m/s)",
+                  "Speed v_s of the fall from static to Coulomb's friction: exp(-(v/v_s)²)"}
+          .in(schema::positive)
+          .by_default(0.01)};
 };
+
+/// What is wrong with a list that has not `size` numbers.
+inline schema::Refusal numbers_refusal(std::string_view key, const std::vector<double>& given,
+                                       int size) {
+  return {std::string(key),
+          std::to_string(given.size()) + " numbers; allowed: " + std::to_string(size)};
+}
 
 struct PayloadSpec {
   double mass_kg = 0;  ///< known to the plant, not to the controller
   std::string link;    ///< empty: the leaf link that is farthest from the root
+  std::vector<double> center_of_mass_m = {0, 0, 0};
+  std::vector<double> inertia_kgm2 = {0, 0, 0, 0, 0, 0};
+  double attach_s = 0;
+  std::optional<double> release_s;  ///< nothing: never
 
   static constexpr std::tuple keys{
       schema::Key{"mass_kg", &PayloadSpec::mass_kg, "kg",
-                  "Point mass that the plant has and the controller does not know of"}
+                  "Mass that the plant has and the controller does not know of"}
           .in(schema::not_negative)
           .by_default(),
-      schema::Key{"link", &PayloadSpec::link, "", "URDF link that carries it, at its origin"}
-          .by_default("the leaf link farthest from the root")};
+      schema::Key{"link", &PayloadSpec::link, "", "URDF link that carries it"}.by_default(
+          "the leaf link farthest from the root"),
+      schema::Key{"center_of_mass_m", &PayloadSpec::center_of_mass_m, "m",
+                  "Its centre of mass, in the link's frame"}
+          .by_default("[0, 0, 0]"),
+      schema::Key{"inertia_kgm2", &PayloadSpec::inertia_kgm2, "kg m²",
+                  "ixx, ixy, ixz, iyy, iyz, izz about its centre of mass, in the link's axes"}
+          .by_default("a point mass's"),
+      schema::Key{"attach_s", &PayloadSpec::attach_s, "s",
+                  "When it is attached: it is at rest until then, and the links' velocities jump; "
+                  "0 = it is there from the start"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"release_s", &PayloadSpec::release_s, "s",
+                  "When it is let go, the links' velocities staying as they are"}
+          .in(schema::positive)
+          .by_default("never")};
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const {
+    if (center_of_mass_m.size() != 3)
+      return numbers_refusal("center_of_mass_m", center_of_mass_m, 3);
+    if (inertia_kgm2.size() != 6) return numbers_refusal("inertia_kgm2", inertia_kgm2, 6);
+    if (release_s && *release_s <= attach_s) {
+      return schema::Refusal{"release_s", "not after plant.payload.attach_s; allowed: later"};
+    }
+    return {};
+  }
+};
+
+enum class DisturbanceShape { constant, pulse, sinusoid, noise };
+
+/// A torque on a joint, or a force on a link, that no drive gives: its value times its shape.
+struct DisturbanceSpec {
+  std::string joint;                           ///< that the torque acts on; empty: a force
+  std::string link;                            ///< that the force acts on; empty: a torque
+  std::optional<double> torque_Nm;             ///< of `joint`
+  std::optional<std::vector<double>> force_N;  ///< of `link`, in the world
+  std::vector<double> point_m = {0, 0, 0};     ///< where the force acts, in the link's frame
+  DisturbanceShape shape = DisturbanceShape::constant;
+  double start_s = 0;
+  std::optional<double> end_s;  ///< nothing: it does not end
+  double frequency_hz = 0;
+  double phase_rad = 0;
+  std::uint64_t seed = 1;
+
+  [[nodiscard]] std::optional<schema::Refusal> refusal() const {
+    if (joint.empty() == link.empty()) {
+      return schema::Refusal{"joint", joint.empty()
+                                          ? "neither a joint nor a link is given; allowed: "
+                                            "one of the two"
+                                          : "and a link are given; allowed: one of the two"};
+    }
+    if (torque_Nm.has_value() == joint.empty()) {
+      return schema::Refusal{"torque_Nm", "a joint takes torque_Nm, a link force_N"};
+    }
+    if (force_N.has_value() == link.empty()) {
+      return schema::Refusal{"force_N", "a link takes force_N, a joint torque_Nm"};
+    }
+    if (force_N && force_N->size() != 3) return numbers_refusal("force_N", *force_N, 3);
+    if (point_m.size() != 3) return numbers_refusal("point_m", point_m, 3);
+    if (end_s ? *end_s <= start_s : shape == DisturbanceShape::pulse) {
+      return schema::Refusal{
+          "end_s", end_s ? "not after start_s; allowed: later" : "missing; a pulse needs its end"};
+    }
+    if ((shape == DisturbanceShape::sinusoid) == (frequency_hz == 0)) {
+      return schema::Refusal{"frequency_hz",
+                             "a sinusoid has a frequency above 0, others have none"};
+    }
+    return {};
+  }
+
+  static constexpr std::tuple keys{
+      schema::Key{"joint", &DisturbanceSpec::joint, "", "Joint that a torque acts on"}.by_default(
+          "none: a force"),
+      schema::Key{"link", &DisturbanceSpec::link, "", "URDF link that a force acts on"}.by_default(
+          "none: a torque"),
+      schema::Key{"torque_Nm", &DisturbanceSpec::torque_Nm, "N m (N)", "On `joint`"}.by_default(
+          "none"),
+      schema::Key{"force_N", &DisturbanceSpec::force_N, "N", "On `link`, [x, y, z] of the world"}
+          .by_default("none"),
+      schema::Key{"point_m", &DisturbanceSpec::point_m, "m",
+                  "Where the force acts, in the link's frame"}
+          .by_default("[0, 0, 0]"),
+      schema::Key{"shape", &DisturbanceSpec::shape, "",
+                  "What the value is multiplied by from `start_s` to `end_s`: 1; half a sine wave "
+                  "from start to end; sin(2π frequency (t - start) + phase); a standard normal "
+                  "number, drawn anew each tick"}
+          .by_default(),
+      schema::Key{"start_s", &DisturbanceSpec::start_s, "s", "Nothing before"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"end_s", &DisturbanceSpec::end_s, "s", "Nothing from then on; a pulse needs it"}
+          .in(schema::positive)
+          .by_default("never"),
+      schema::Key{"frequency_hz", &DisturbanceSpec::frequency_hz, "Hz", "Of a sinusoid"}
+          .in(schema::not_negative)
+          .by_default(),
+      schema::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Of a sinusoid"}.by_default(),
+      schema::Key{"seed", &DisturbanceSpec::seed, "", "Of noise: the same seed gives the same run"}
+          .in({0, 9007199254740992.0})
+          .by_default()};
 };
 
 /// What the emulator does when a link leaves the URDF's range or exceeds the URDF's velocity.
@@ -170,6 +321,7 @@ struct Spec {
   EncoderSpec encoder;
   DriveSpec drive;
   PayloadSpec payload;
+  std::vector<DisturbanceSpec> disturbances;
   OnLimit on_limit = OnLimit::stop;
 
   static constexpr std::tuple keys{
@@ -183,6 +335,10 @@ struct Spec {
       schema::Key{"encoder", &Spec::encoder},
       schema::Key{"drive", &Spec::drive},
       schema::Key{"payload", &Spec::payload},
+      schema::Key{"disturbances", &Spec::disturbances, "",
+                  "Torques on joints and forces on links that no drive gives; each has `joint` and "
+                  "`torque_Nm`, or `link` and `force_N`"}
+          .by_default("none"),
       schema::Key{"on_limit", &Spec::on_limit, "",
                   "When a joint leaves the URDF's range or exceeds its velocity: `stop` ends the "
                   "run with exit code 5, `warn` says so once per joint and counts the ticks"}
@@ -205,6 +361,13 @@ namespace tachless::schema {
 template <>
 inline constexpr std::array<Name<plant::Mechanics>, 2> names<plant::Mechanics>{
     {{plant::Mechanics::simbody, "simbody"}, {plant::Mechanics::native, "native"}}};
+
+template <>
+inline constexpr std::array<Name<plant::DisturbanceShape>, 4> names<plant::DisturbanceShape>{
+    {{plant::DisturbanceShape::constant, "constant"},
+     {plant::DisturbanceShape::pulse, "pulse"},
+     {plant::DisturbanceShape::sinusoid, "sinusoid"},
+     {plant::DisturbanceShape::noise, "noise"}}};
 
 template <>
 inline constexpr std::array<Name<plant::OnLimit>, 2> names<plant::OnLimit>{

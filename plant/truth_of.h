@@ -14,6 +14,8 @@ inline loop::truth::PlantTruth truth_of(const ArmState& state, const AppliedTorq
   truth.theta = state.theta;
   truth.thetadot = state.thetadot;
   truth.tau = applied.tau;
+  truth.disturbance = state.disturbance;
+  if (truth.disturbance.size() == 0) truth.disturbance.setZero(state.q.size());
   truth.saturated = applied.saturated;
   return truth;
 }

@@ -56,7 +56,10 @@ void add_signals(RecordedRun& run, const loop::LawSignals& values, double t_s) {
   }
 }
 
-void add_drives(RecordedRun& run, const logger::TickRecord& record) {
+void add_drives(RecordedRun& run, const logger::TickRecord& record, double t_s) {
+  for (std::size_t joint = 0; joint < run.disturbance.size(); ++joint) {
+    run.disturbance[joint].add(t_s, record.truth->disturbance[static_cast<Eigen::Index>(joint)]);
+  }
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
     if (record.truth->saturated[joint]) run.saturated[joint].add(record.tick);
   }
@@ -106,6 +109,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   run.joint_names = model.joint_names;
   run.signals = declared_signals(run, num_joints);
   run.saturated.resize(num_joints);
+  if (!run.scenario.plant.disturbances.empty()) run.disturbance.resize(num_joints);
 
   if (certify) run.certified = certify(run.scenario);
   const auto lyapunov = certificate::lyapunov_function(
@@ -118,7 +122,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     const double t_s = static_cast<double>(record.tick) * period_s;
     add(run.tracking, record, period_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
-    if (record.truth) add_drives(run, record);
+    if (record.truth) add_drives(run, record, t_s);
     if (lyapunov && record.tick % stride == 0 && record.truth && record.reference &&
         record.controller_state && fits(*record.controller_state, run.scenario)) {
       const auto& truth = *record.truth;

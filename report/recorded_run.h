@@ -65,7 +65,8 @@ struct RecordedRun {
   std::optional<double> above_bound_s;  ///< when V first exceeded the certified bound
   std::optional<Decay> lyapunov_decay;
 
-  std::vector<Stretches> saturated;  ///< per joint
+  std::vector<study::Envelope> disturbance;  ///< per joint [N m]; empty: the scenario has none
+  std::vector<Stretches> saturated;          ///< per joint
   Stretches command_missed;
   Stretches protective_stop;
   logger::RunSummary summary;

@@ -111,12 +111,20 @@ ReportSection torque_section(const Overlay& all) {
   ReportSection section{"torque", "Torque", {}, {}, "The log holds no torques."};
   bool limited = false;
   bool saturated = false;
+  bool disturbed = false;
   for (std::size_t joint = 0; joint < all.num_joints(); ++joint) {
     Chart chart = all.over_time(fmt::format("torque-{}", joint + 1),
                                 fmt::format("Torque applied to joint {} over time", joint + 1));
     chart.y_label = fmt::format("{}  [{}]", indexed("τ", joint), all.effort_unit(joint));
     all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun& run, const auto& signals) {
       chart.curves.push_back(all.curve(i, signals.tau.points(all.budget())));
+      if (!run.disturbance.empty()) {
+        chart.curves.push_back(
+            all.curve(i, run.disturbance[joint].points(all.budget()), "disturbance", 1.0));
+        chart.curves.back().dash = "(5,4)";
+        if (all.alone()) chart.curves.back().colour = palette[1];
+        disturbed = true;
+      }
       limited = add_limit(run, joint, signals.torque.peak(), chart) || limited;
       const double h = run.info.period_s;
       for (const auto& [first, last] : run.saturated[joint].listed()) {
@@ -128,7 +136,8 @@ ReportSection torque_section(const Overlay& all) {
     cut_kick(chart, all.effort_unit(joint));
     section.add(all.joint_heading(joint), chart);
   }
-  section.text = html("<p>Torque that acted over each tick, after delay and limit.{}{}</p>",
+  section.text = html("<p>Torque that acted over each tick, after delay and limit.{}{}{}</p>",
+                      disturbed ? " Dashed: the torque of plant.disturbances." : "",
                       limited ? " Dotted: the drive's limit." : "",
                       saturated ? " Bars at the top: the command exceeded the limit." : "");
   return section;

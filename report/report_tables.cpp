@@ -50,11 +50,17 @@ Html gains_text(const RecordedRun& run) {
 }
 
 Html encoder_text(const plant::EncoderSpec& encoder) {
-  Html text(encoder.resolution_bits ? fmt::format("{} bit per revolution", *encoder.resolution_bits)
-                                    : "ideal");
+  const auto& bits = encoder.resolution_bits;
+  Html text("ideal");
+  if (bits && bits->minCoeff() == bits->maxCoeff()) {
+    text = Html(fmt::format("{} bit per revolution", (*bits)[0]));
+  } else if (bits) {
+    text = html("{} bit per revolution", bracketed(*bits));
+  }
   if (encoder.noise_std_rad > 0) {
     text += html(", noise {} rad", number(fmt::format("{:.3g}", encoder.noise_std_rad)));
   }
+  if (encoder.latency_ticks > 0) text += html(", {} ticks late", encoder.latency_ticks);
   return text;
 }
 
@@ -114,9 +120,11 @@ std::string damage_text(const RecordedRun& run) {
 }
 
 Html sampling_text(const RecordedRun& run) {
-  return html("{}, {}, {}", short_period(run.info.period_s),
-              run.scenario.loop.command_delay == 0 ? "no delay" : "delay of 1 tick",
-              run.scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime");
+  const int delay = run.scenario.loop.command_delay;
+  return html(
+      "{}, {}, {}", short_period(run.info.period_s),
+      delay == 0 ? "no delay" : fmt::format("delay of {} tick{}", delay, delay == 1 ? "" : "s"),
+      run.scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime");
 }
 
 Html duration_text(const RecordedRun& run) {
@@ -126,9 +134,13 @@ Html duration_text(const RecordedRun& run) {
 }
 
 Html payload_text(const RecordedRun& run) {
-  const double mass_kg = run.scenario.plant.payload.mass_kg;
-  if (!(mass_kg > 0)) return {};
-  return html("{} kg, unknown to the controller", number(fmt::format("{:.4g}", mass_kg)));
+  const plant::PayloadSpec& payload = run.scenario.plant.payload;
+  if (!(payload.mass_kg > 0)) return {};
+  Html text =
+      html("{} kg, unknown to the controller", number(fmt::format("{:.4g}", payload.mass_kg)));
+  if (payload.attach_s > 0) text += html(", from {} s on", fmt::format("{:g}", payload.attach_s));
+  if (payload.release_s) text += html(", until {} s", fmt::format("{:g}", *payload.release_s));
+  return text;
 }
 
 Html robot_text(const RecordedRun& run) {

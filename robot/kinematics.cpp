@@ -36,6 +36,25 @@ Pose<Scalar> frame_pose(const Model& model, const std::string& link, const Vecto
   return frame_pose(model, found->second, q);
 }
 
+Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3d& p_F,
+                    const Eigen::Vector3d& force, const Vector& q) {
+  Vector torque = Vector::Zero(model.num_joints);
+  Frame of_body;
+  of_body.body = frame.body;
+  // Force and moment about the body's origin, in the body's frame, from body to body.
+  Eigen::Vector3d f = frame_pose<double>(model, of_body, q).R.transpose() * force;
+  Eigen::Vector3d m = (frame.p_BF + frame.R_BF * p_F).cross(f);
+  for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
+    const Body& body = model.bodies[i];
+    torque[body.coordinate] +=
+        body.multiplier * body.axis_B.dot(body.type == JointType::revolute ? m : f);
+    const Pose<double> X_PB = joint_pose(body, tree_position(body, q));
+    f = (X_PB.R * f).eval();
+    m = (X_PB.R * m + X_PB.p.cross(f)).eval();
+  }
+  return torque;
+}
+
 template Pose<double> frame_pose(const Model&, const Frame&, const VectorOf<double>&);
 template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf<Jet2>&);
 template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);

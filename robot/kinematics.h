@@ -75,6 +75,11 @@ inline Eigen::Vector3d link_position(const Model& model, const std::string& link
   return frame_pose<double>(model, link, q).p;
 }
 
+/// Torques [N m; N] that a force in the world [N], at point `p_F` of the frame [m], puts on the
+/// joints: J(q)' force.
+Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3d& p_F,
+                    const Eigen::Vector3d& force, const Vector& q);
+
 /// Throws std::logic_error unless `x` has one entry per coordinate: a caller's broken promise.
 void require_size(const Model& model, Eigen::Index size, const char* what);
 

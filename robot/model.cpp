@@ -78,11 +78,12 @@ Vector random_posture(const Model& model, std::mt19937& random) {
   return q;
 }
 
-Model with_payload(Model model, double mass, const std::string& link) {
-  if (!std::isfinite(mass) || mass < 0) {
+Model with_payload(Model model, const MassProperties& payload, const std::string& link) {
+  if (!std::isfinite(payload.mass) || payload.mass < 0) {
     std::ostringstream out;
     out.imbue(std::locale::classic());
-    out << "payload: mass " << mass << " kg is not a mass; give a finite value of 0 or more";
+    out << "payload: mass " << payload.mass
+        << " kg is not a mass; give a finite value of 0 or more";
     throw std::invalid_argument(out.str());
   }
   const std::string name = link.empty() ? farthest_leaf(model) : link;
@@ -100,8 +101,10 @@ Model with_payload(Model model, double mass, const std::string& link) {
                                 "' is fixed to the ground; name a link that moves");
   }
   Body& body = model.bodies[found->second.body];
-  const MassProperties loaded = combine({body.mass, body.p_Bcm, body.I_Bcm},
-                                        {mass, found->second.p_BF, Eigen::Matrix3d::Zero()});
+  const auto& [index, R_BF, p_BF, leaf] = found->second;
+  const MassProperties loaded =
+      combine({body.mass, body.p_Bcm, body.I_Bcm},
+              {payload.mass, p_BF + R_BF * payload.p_cm, rotated(payload.I_cm, R_BF)});
   body.mass = loaded.mass;
   body.p_Bcm = loaded.p_cm;
   body.I_Bcm = loaded.I_cm;

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "robot/mass_properties.h"
 #include "robot/quantities.h"
 
 namespace tachless::robot {
@@ -123,10 +124,17 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// The model with a point mass [kg] at the origin of `link`. Default: the leaf link farthest from
-/// the root, by moving joints, then by distance along the joints' origins at q = 0.
+/// The model with a payload that is fixed to `link`, in whose frame it is given. Default: the leaf
+/// link farthest from the root, by moving joints, then by distance along the joints' origins at
+/// q = 0.
 /// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
 /// it does not move, or the default is ambiguous: equally far links at different places.
-Model with_payload(Model model, double mass, const std::string& link = {});
+Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});
+/// The same with a point mass [kg] at the link's origin.
+inline Model with_payload(Model model, double mass, const std::string& link = {}) {
+  MassProperties point;
+  point.mass = mass;
+  return with_payload(std::move(model), point, link);
+}
 
 }  // namespace tachless::robot

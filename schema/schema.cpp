@@ -11,8 +11,8 @@ std::string Range::text() const {
   const bool bounded_below = std::isfinite(min);
   const bool bounded_above = std::isfinite(max);
   if (bounded_below && bounded_above) {
-    return fmt::format("in {}{:.16g}, {:.16g}{}", min_open ? '(' : '[', min, max,
-                       max_open ? ')' : ']');
+    return fmt::format("{}in {}{:.16g}, {:.16g}{}", whole ? "whole and " : "", min_open ? '(' : '[',
+                       min, max, max_open ? ')' : ']');
   }
   if (bounded_below) return fmt::format("{} {:.16g}", min_open ? ">" : ">=", min);
   if (bounded_above) return fmt::format("{} {:.16g}", max_open ? "<" : "<=", max);

@@ -34,11 +34,13 @@ struct Range {
   double max = std::numeric_limits<double>::infinity();
   bool min_open = false;  ///< min itself is not allowed
   bool max_open = false;
+  bool whole = false;  ///< whole numbers only; min and max are finite then
 
   [[nodiscard]] constexpr bool contains(double value) const {
     constexpr double infinity = std::numeric_limits<double>::infinity();
     return -infinity < value && value < infinity && (min_open ? value > min : value >= min) &&
-           (max_open ? value < max : value <= max);
+           (max_open ? value < max : value <= max) &&
+           (!whole || value == static_cast<double>(static_cast<long long>(value)));
   }
   /// "in (0, 1]", ">= 0", "> 0"; empty when every finite number is allowed.
   [[nodiscard]] std::string text() const;

@@ -32,7 +32,7 @@ void run(const experiment::Scenario& scenario, std::unique_ptr<controller::AnyLa
     record.truth = robot.read(k);
     if (!all_finite(record.truth)) throw plant::not_finite(k);
     record.beyond_limit = robot.beyond_limit();
-    record.measurement = encoder.measure<Measurement>(record.truth, k);
+    record.measurement = encoder.measure<Measurement>(robot.sensed(), k);
     record.reference = trajectory.at(record.time_s);
 
     const Measurement& measurement = std::get<Measurement>(record.measurement);

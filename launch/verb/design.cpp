@@ -85,6 +85,10 @@ std::string designed_text(const Options& options, const experiment::Scenario& sc
   } else {
     const fs::path urdf = options.input.parent_path() / scenario.robot.urdf_path;
     overrides.push_back("robot.urdf=" + fs::absolute(urdf).lexically_normal().string());
+    if (scenario.believed_model) {
+      const fs::path believed = options.input.parent_path() / scenario.controller.urdf_path;
+      overrides.push_back("controller.urdf=" + fs::absolute(believed).lexically_normal().string());
+    }
   }
   return load(options, std::move(overrides)).text;
 }

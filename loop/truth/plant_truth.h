@@ -22,7 +22,9 @@ struct PlantTruth {
   robot::Vector theta;     ///< motor position [rad]; empty on a rigid robot
   robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
   robot::Vector tau;       ///< torque applied over the tick, after the limit [N m]
-  std::array<bool, robot::max_joints> saturated{};  ///< the commanded torque exceeded the limit
+  /// Torque of disturbances at the start of the tick, forces on links by their lever arms [N m].
+  robot::Vector disturbance;
+  std::array<bool, robot::max_joints> saturated{};  ///< the commanded torque exceeded a limit
   DriveFault fault = DriveFault::none;
 };
 
@@ -45,9 +47,11 @@ struct MessageOf<truth::PlantTruth> {
       per_motor("motor_velocity", "thetadot", "rad/s", &Value::thetadot, "motor velocity"),
       per_joint("torque", "tau_applied", "N m", &Value::tau,
                 "torque applied over the tick, after the limit"),
+      per_joint("disturbance", "tau_disturbance", "N m", &Value::disturbance,
+                "torque of plant.disturbances at the start of the tick"),
       Field<Value, std::array<bool, robot::max_joints>>{
           "saturated", "saturated", "", Kind::flag, Count::joints, &Value::saturated,
-          "1 when the commanded torque exceeded the limit"},
+          "1 when the commanded torque exceeded a limit of the drive"},
       Field<Value, truth::DriveFault>{
           "fault", "drive_fault", "",
           Kind::int8, Count::one, &Value::fault,

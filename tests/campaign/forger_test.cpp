@@ -32,7 +32,7 @@ const robot::Vector two = robot::Vector::Ones(2);
 
 loop::truth::PlantTruth truth() {
   loop::truth::PlantTruth truth;
-  truth.q = truth.v = truth.tau = two;
+  truth.q = truth.v = truth.tau = truth.disturbance = two;
   return truth;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "certificate/design.h"
@@ -126,6 +127,15 @@ TEST(SampledLimit, IsThatOfRunsOfSixJointsWithGainsOfDesign) {
   for (const int delay : {0, 1}) {
     scenario.loop.command_delay = delay;
     expect_limit(scenario, "delay " + std::to_string(delay));
+  }
+}
+
+TEST(SampledLimit, IsThatOfRunsWithLongDelaysAndLateEncoders) {
+  for (const auto& [delay, latency] : {std::pair{3, 0}, {16, 0}, {1, 4}, {0, 2}}) {
+    experiment::Scenario scenario = shipped("practical_rigid");
+    scenario.loop.command_delay = delay;
+    scenario.plant.encoder.latency_ticks = latency;
+    expect_limit(scenario, "delay " + std::to_string(delay) + ", " + std::to_string(latency));
   }
 }
 

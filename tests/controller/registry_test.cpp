@@ -138,7 +138,7 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
 TEST(Registry, TellsTheLawHowFarTheEncodersPositionsAreOff) {
   experiment::Scenario scenario = rigid_scenario();
   EXPECT_EQ(law_settings(scenario).position_std, pair(0, 0));
-  scenario.plant.encoder.resolution_bits = 16;
+  scenario.plant.encoder.resolution_bits = pair(16, 16);
   const double count = 2 * 3.14159265358979 / 65536;
   EXPECT_NEAR(law_settings(scenario).position_std[0], count / std::sqrt(12), 1e-15);
   scenario.plant.encoder.noise_std_rad = 1e-4;
@@ -153,7 +153,7 @@ TEST(Registry, RefusesAKalmanFilterThatKnowsNoMeasurementNoise) {
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("arm.yaml:21: controller.gains: measurement_noise is missing"),
                     HasSubstr("plant.encoder.resolution_bits")));
-  scenario.plant.encoder.resolution_bits = 16;
+  scenario.plant.encoder.resolution_bits = pair(16, 16);
   EXPECT_EQ(refusal(scenario), "accepted");
   scenario.plant.encoder.resolution_bits.reset();
   scenario.controller.gains["measurement_noise"] = pair(1e-5, 1e-5);

@@ -161,7 +161,7 @@ TEST(Scenario, ReadsEveryKey) {
   EXPECT_THAT(values(s.plant.initial.velocity_rad_per_s), ElementsAre(0, 0));
   EXPECT_EQ(s.plant.integrator.method, plant::Integrator::verlet);
   EXPECT_EQ(s.plant.integrator.accuracy, 1e-7);
-  EXPECT_EQ(s.plant.encoder.resolution_bits, 16);
+  EXPECT_THAT(values(s.plant.encoder.resolution_bits.value()), ElementsAre(16, 16));
   EXPECT_EQ(s.plant.encoder.noise_std_rad, 1e-5);
   EXPECT_EQ(s.plant.encoder.velocity_noise_std_rad_per_s, 1e-3);
   EXPECT_EQ(s.plant.encoder.seed, 7U);
@@ -469,7 +469,9 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
        {"f.yaml:35: controller.gains.kp: entry 2 of [40, .nan] is .nan", "finite"}},
       {"kp: [40, 20]", "kp: [40, null]", {"controller.gains.kp: entry 2 of [40, null] is null"}},
       {"kp: [40, 20]", "kp: [.inf, 1]", {"controller.gains.kp: entry 1"}},
-      {"command_delay: 0", "command_delay: 2", {"f.yaml:44: loop.command_delay: 2", "in [0, 1]"}},
+      {"command_delay: 0",
+       "command_delay: 17",
+       {"f.yaml:44: loop.command_delay: 17", "in [0, 16]"}},
       {"max_missed: 5", "max_missed: -1", {"f.yaml:45: loop.max_missed: -1"}},
       {"give_up_s: 2", "give_up_s: 0", {"f.yaml:46: loop.give_up_s: 0", "in (0, 3600]"}},
       {"accuracy: 1.0e-7",
@@ -482,6 +484,9 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
       {"resolution_bits: 16",
        "resolution_bits: 53",
        {"plant.encoder.resolution_bits: 53", "in [1, 52]"}},
+      {"resolution_bits: 16",
+       "resolution_bits: [16, 20.5]",
+       {"plant.encoder.resolution_bits: entry 2 of [16, 20.5] is 20.5", "whole and in [1, 52]"}},
       {"noise_std_rad: 1.0e-5",
        "noise_std_rad: -1.0e-5",
        {"f.yaml:16: plant.encoder.noise_std_rad: -1.0e-5", ">= 0"}},
@@ -858,6 +863,77 @@ TEST(Scenario, ViscousFrictionIsTheUrdfsDampingUnlessGiven) {
   };
   EXPECT_THAT(friction({}), ElementsAre(0, 0.5));
   EXPECT_THAT(friction({"plant.drive.viscous_friction_Nms_per_rad=0"}), ElementsAre(0, 0));
+}
+
+TEST(Scenario, CoulombFrictionIsTheUrdfsUnlessGivenAndTakesTheNativeMechanics) {
+  const std::string rubbing =
+      replaced(urdf, "<limit", "<dynamics damping=\"0.5\" friction=\"1\"/><limit");
+  const auto read = [&](const std::vector<std::string>& overrides) {
+    return parse_scenario(minimal, rubbing, "f.yaml", overrides);
+  };
+  const Scenario s = read({});
+  EXPECT_THAT(values(s.plant.drive.coulomb_friction_Nm), ElementsAre(0, 1));
+  EXPECT_EQ(s.plant.mechanics, plant::Mechanics::native);
+  EXPECT_THAT(s.model->warnings,
+              ElementsAre(HasSubstr("plant.mechanics is native: simbody does not model")));
+  EXPECT_THAT(read({"plant.mechanics=native"}).model->warnings, ::testing::IsEmpty());
+  const Scenario none = read({"plant.drive.coulomb_friction_Nm=0"});
+  EXPECT_FALSE(none.plant.drive.dry_friction());
+  EXPECT_EQ(none.plant.mechanics, plant::Mechanics::simbody);
+  EXPECT_THAT(refusal([&] { read({"plant.mechanics=simbody"}); }),
+              AllOf(HasSubstr("plant.mechanics: simbody: "), HasSubstr("allowed: native")));
+  EXPECT_THAT(refusal([&] { read({"plant.drive.static_friction_Nm=0.5"}); }),
+              HasSubstr("plant.drive.static_friction_Nm: 0.5 of joint elbow is below its Coulomb"));
+}
+
+TEST(Scenario, RefusesAPayloadAndDisturbancesThatMakeNoSense) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"payload={mass_kg: 1, link: hand}", "plant.payload.link: \"hand\" is not in the URDF"},
+      {"payload={mass_kg: 1, inertia_kgm2: [1, 0, 0]}", "inertia_kgm2: 3 numbers; allowed: 6"},
+      {"payload={mass_kg: 1, inertia_kgm2: [1, 0, 0, 1, 0, 9]}", "triangle inequality"},
+      {"payload={mass_kg: 1, center_of_mass_m: [0]}", "center_of_mass_m: 1 numbers; allowed: 3"},
+      {"payload={mass_kg: 1, attach_s: 2, release_s: 2}", "plant.payload.release_s: not after"},
+      {"disturbances=[{torque_Nm: 1}]", "plant.disturbances[0].joint: neither a joint nor a link"},
+      {"disturbances=[{joint: elbow, link: lower, torque_Nm: 1}]", "[0].joint: and a link"},
+      {"disturbances=[{joint: elbow, force_N: [1, 0, 0]}]", "[0].torque_Nm: a joint takes"},
+      {"disturbances=[{joint: elbow, torque_Nm: 1}, {link: lower, torque_Nm: 1}]",
+       "plant.disturbances[1].torque_Nm: a joint takes torque_Nm, a link force_N"},
+      {"disturbances=[{link: lower, force_N: [1]}]", "[0].force_N: 1 numbers; allowed: 3"},
+      {"disturbances=[{link: hand, force_N: [1, 0, 0]}]", "[0].link: \"hand\" is not in the URDF"},
+      {"disturbances=[{joint: wrist, torque_Nm: 1}]", "[0].joint: \"wrist\" is no joint of the"},
+      {"disturbances=[{joint: elbow, torque_Nm: 1, shape: pulse}]", "[0].end_s: missing; a pulse"},
+      {"disturbances=[{joint: elbow, torque_Nm: 1, start_s: 1, end_s: 1}]", "end_s: not after"},
+      {"disturbances=[{joint: elbow, torque_Nm: 1, shape: sinusoid}]", "[0].frequency_hz: a sinus"},
+      {"disturbances=[{joint: elbow, torque_Nm: 1, shape: square}]",
+       "one of constant, pulse, sinusoid, noise"},
+      {"disturbances=[{joint: elbow, torque: 1}]", "[0].torque: unknown; nearest known key is "}};
+  for (const auto& [override, expected] : cases) {
+    EXPECT_THAT(refusal_of(minimal, {"plant." + override}), HasSubstr(expected)) << override;
+  }
+}
+
+TEST_F(ScenarioFile, MayGiveTheControllerAnotherRobotWhichTravelsWithIt) {
+  write("heavy.urdf", replaced(urdf, "<mass value=\"", "<mass value=\"1"));
+  const Scenario s = load_scenario(directory_ / "a.yaml", {"controller.urdf=heavy.urdf"});
+  ASSERT_TRUE(s.believed_model);
+  EXPECT_GT(s.believed_model->bodies[0].mass, s.model->bodies[0].mass + 5);
+  const Scenario again = parse_scenario(s.text, s.robot.urdf_text, "a log");
+  EXPECT_EQ(again.digest, s.digest);
+  EXPECT_EQ(again.robot.urdf_text, s.robot.urdf_text);
+  EXPECT_EQ(again.model->bodies[0].mass, s.model->bodies[0].mass);
+  EXPECT_EQ(again.believed_model->bodies[0].mass, s.believed_model->bodies[0].mass);
+  EXPECT_FALSE(load_scenario(directory_ / "a.yaml").believed_model);
+
+  write("other.urdf", replaced(urdf, "\"elbow\"", "\"knee\""));
+  EXPECT_THAT(refusal_of_file("a.yaml", {"controller.urdf=other.urdf"}),
+              AllOf(HasSubstr("controller.urdf: its joints are shoulder, knee; allowed: "),
+                    HasSubstr("shoulder, elbow")));
+  EXPECT_THAT(refusal_of_file("a.yaml", {"controller.urdf=none.urdf"}),
+              HasSubstr("none.urdf: no such file"));
+  EXPECT_THAT(refusal([&] {
+                parse_scenario(minimal, s.robot.urdf_text, "a log", {"controller.urdf=x.urdf"});
+              }),
+              HasSubstr("controller.urdf: its file is not read here"));
 }
 
 TEST(ShippedScenarios, AreRead) {

@@ -68,7 +68,7 @@ std::vector<Message> messages() {
     state.value[0] = state.value[1] = x;
     add(all, state, k);
     loop::truth::PlantTruth truth;
-    truth.q = truth.v = truth.tau = x;
+    truth.q = truth.v = truth.tau = truth.disturbance = x;
     add(all, truth, k);
   }
   loop::Participant participant;

@@ -80,7 +80,7 @@ TEST(MessageReader, ReadsTheGroundTruth) {
   MessageReader reader;
   loop::truth::PlantTruth truth;
   truth.q = truth.v = truth.theta = truth.thetadot = ramp(2, 1);
-  truth.tau = ramp(2, 5);
+  truth.tau = truth.disturbance = ramp(2, 5);
   truth.saturated[1] = true;
   const auto message = encoded(loop::Layout{2, 2, 0}, truth);
   ASSERT_EQ(reader.glance(message).rejection, bus::Rejection::none);
@@ -128,7 +128,7 @@ TEST(MessageReader, RejectsCountsThatNoMessageHas) {
 TEST(MessageReader, SurvivesDamagedMessages) {
   MessageReader reader;
   loop::truth::PlantTruth truth;
-  truth.q = truth.v = truth.tau = ramp(3, 1);
+  truth.q = truth.v = truth.tau = truth.disturbance = ramp(3, 1);
   const std::vector<std::vector<std::byte>> originals = {
       encoded(loop::Layout{3, 0, 0}, truth),
       encoded(loop::Layout{3, 0, 0}, loop::StateMeasurement{truth.q, truth.v, {}, {}}),

@@ -83,6 +83,22 @@ inline robot::Model random_tree() {
   return model;
 }
 
+/// One joint about an axis through the centre of mass: I vdot = tau.
+inline robot::Model turntable(double inertia) {
+  robot::Model model;
+  robot::Body disc;
+  disc.link = "disc";
+  disc.joint = "axle";
+  disc.mass = 1;
+  disc.I_Bcm = inertia * Eigen::Matrix3d::Identity();
+  model.bodies.push_back(disc);
+  finish(model, 1);
+  model.joint_names = {"axle"};
+  model.joint_types = {robot::JointType::revolute};
+  model.frames["disc"].body = 0;
+  return model;
+}
+
 inline ArmState rigid_state(const robot::Vector& q, const robot::Vector& v) {
   ArmState state;
   state.q = q;

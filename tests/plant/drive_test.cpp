@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <limits>
 #include <stdexcept>
 
@@ -32,6 +33,44 @@ TEST(Drive, AppliesNothingAndThenTheCommandBeforeWithDelayOne) {
   EXPECT_EQ(d.applied().tau, command(1, 2).tau);
   ASSERT_TRUE(d.accept(command(3, 4)));
   EXPECT_EQ(d.applied().tau, command(1, 2).tau);
+}
+
+TEST(Drive, AppliesEachCommandAsManyTicksLaterAsItIsDelayed) {
+  for (const int delay : {0, 1, 2, 7, max_delay_ticks}) {
+    Drive d = drive(delay);
+    for (int k = 0; k < 60; ++k) {
+      // None comes in every fifth tick: its predecessor counts for it.
+      const auto told = [](int tick) { return tick % 5 == 4 ? tick - 1 : tick; };
+      if (told(k) == k) {
+        ASSERT_TRUE(d.accept(command(0.1 * (k + 1), -k - 1)));
+      }
+      const int tick = k < delay ? -1 : told(k - delay);
+      EXPECT_EQ(d.applied().tau, command(0.1 * (tick + 1), -tick - 1).tau) << delay << ", " << k;
+      EXPECT_EQ(d.applied().saturated[1], false);
+      d.end_tick();
+    }
+  }
+}
+
+TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
+  for (const int delay : {0, 1, 3}) {
+    Drive d(Eigen::Vector2d(10, robot::Model::unlimited), delay, Eigen::Vector2d(2, 1e9));
+    for (int k = 0; k < 20; ++k) {
+      ASSERT_TRUE(d.accept(command(k < 10 ? 7 : -12, 5)));
+      const int since = k - delay;
+      const double ramp =
+          since < 10 ? std::min(2.0 * (since + 1), 7.0) : std::max(7 - 2.0 * (since - 9), -10.0);
+      const double expected = since < 0 ? 0 : ramp;
+      EXPECT_EQ(d.applied().tau, command(expected, since < 0 ? 0 : 5).tau) << k;
+      const bool limited = since >= 0 && (since < 3 || since >= 10);
+      EXPECT_EQ(d.applied().saturated[0], limited) << k;
+      d.end_tick();
+    }
+    d.stop();  // power is off at once
+    EXPECT_EQ(d.applied().tau, command(0, 0).tau);
+    d.end_tick();
+    EXPECT_EQ(d.applied().tau, command(0, 0).tau);
+  }
 }
 
 TEST(Drive, HoldsTheLastTorqueWhenACommandIsMissed) {
@@ -79,7 +118,9 @@ TEST(Drive, GivesNoTorqueOnceStopped) {
 
 TEST(Drive, RefusesWhatMakesNoSense) {
   EXPECT_THROW(Drive(Eigen::Vector2d(1, 0), 0), std::logic_error);
-  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 2), std::logic_error);
+  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 17), std::logic_error);
+  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), -1), std::logic_error);
+  EXPECT_THROW(Drive(Eigen::Vector2d(1, 1), 0, Eigen::Vector2d(1, 0)), std::logic_error);
   Drive d = drive(0);
   EXPECT_THROW((void)d.accept({Vector(Eigen::Vector3d(1, 2, 3))}), std::logic_error);
 }

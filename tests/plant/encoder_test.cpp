@@ -60,7 +60,7 @@ TEST(Encoder, IsExactByDefault) {
 
 TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
   experiment::Scenario s = scenario();
-  s.plant.encoder.resolution_bits = 10;
+  s.plant.encoder.resolution_bits = Vector::Constant(2, 10);
   const Encoder encoder(s, revolute_and_prismatic());
   const double turn = 2 * std::numbers::pi / 1024, slide = 2.0 / 1024;
   EXPECT_EQ(encoder.count()[0], turn);
@@ -72,9 +72,17 @@ TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
   EXPECT_EQ(measured(-7.6 * turn, 3.4 * slide), Vector(Eigen::Vector2d(-8 * turn, 3 * slide)));
 }
 
+TEST(Encoder, HasAResolutionOfItsOwnOnEveryJoint) {
+  experiment::Scenario s = scenario();
+  s.plant.encoder.resolution_bits = Eigen::Vector2d(10, 4);
+  const Encoder encoder(s, revolute_and_prismatic());
+  EXPECT_EQ(encoder.count()[0], 2 * std::numbers::pi / 1024);
+  EXPECT_EQ(encoder.count()[1], 2.0 / 16);
+}
+
 TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
   experiment::Scenario s = scenario();
-  s.plant.encoder.resolution_bits = 12;
+  s.plant.encoder.resolution_bits = Vector::Constant(2, 12);
   const Encoder encoder(s, revolute_and_prismatic());
   const double count = encoder.count()[0];
   testing::Random random(3);
@@ -159,7 +167,7 @@ TEST(StandardNormal, ComesFromTheKnownAnswerOfPhilox) {
 
 TEST(Encoder, RefusesToCountAPrismaticJointWithoutRange) {
   experiment::Scenario s = scenario();
-  s.plant.encoder.resolution_bits = 10;
+  s.plant.encoder.resolution_bits = Vector::Constant(2, 10);
   robot::Model model = revolute_and_prismatic();
   model.upper[1] = robot::Model::unlimited;
   try {

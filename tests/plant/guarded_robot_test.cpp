@@ -139,5 +139,23 @@ TEST(GuardedRobot, IsReadOnBeyondItsLimitsOnceItIsStopped) {
   EXPECT_LT(robot.state().v.norm(), 0.05 * 2.5);
 }
 
+TEST(GuardedRobot, IsSensedAsItWasSomeTicksAgo) {
+  for (const int latency : {0, 1, 5, 16}) {
+    const experiment::Scenario scenario =
+        moving("paper_rigid", R"(lower="-3" upper="3" effort="100" velocity="10")",
+               {fmt::format("plant.encoder.latency_ticks={}", latency)});
+    GuardedRobot robot(scenario);
+    robot.start();
+    std::vector<robot::Vector> q;
+    for (std::int64_t k = 0; k < 40; ++k) {
+      q.push_back(robot.read(k).q);
+      EXPECT_EQ(robot.sensed().q,
+                q.at(static_cast<std::size_t>(std::max<std::int64_t>(k - latency, 0))));
+      coast(robot, k);
+    }
+    EXPECT_NE(q.front(), q.back());
+  }
+}
+
 }  // namespace
 }  // namespace tachless::plant

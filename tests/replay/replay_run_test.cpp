@@ -117,7 +117,7 @@ TEST_F(ReplayOfARun, TellsWhatAnotherLawWouldHaveCommanded) {
   EXPECT_THAT(softer.output, HasSubstr("replayed - recorded torque"));
   for (const std::string options :
        {"--set plant.payload.mass_kg=1", "--law slotine_li", "--law nothing",
-        "--set controller.x=1", "--set loop.command_delay=2"}) {
+        "--set controller.x=1", "--set loop.command_delay=17"}) {
     const Outcome refused = tachless("replay " + log.string() + " " + options + " --out " +
                                      (directory_.path() / "none").string());
     EXPECT_EQ(refused.exit_code, 2) << options << "\n" << refused.output;

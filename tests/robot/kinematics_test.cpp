@@ -50,6 +50,25 @@ TEST(FramePose, MovesAsTheKineticAndPotentialEnergyOfAPayloadSay) {
   }
 }
 
+TEST(ForceTorque, HasThePowerOfTheForce) {
+  const Model model = testing::branching();
+  Random random(7);
+  for (const char* link : {"plate", "hand", "claw"}) {
+    const Frame& frame = model.frames.at(link);
+    for (int k = 0; k < 20; ++k) {
+      const Vector q = random.vector(4, 1), v = random.vector(4, 2);
+      const Eigen::Vector3d p_F = random.vector(3, 0.5), force = random.vector(3, 10);
+      const Pose<Jet2> X = frame_pose(model, frame, jet(q, v, Vector::Zero(4)));
+      double power = 0;
+      for (int i = 0; i < 3; ++i) {
+        power += force[i] * (X.p[i].first + X.R(i, 0).first * p_F[0] + X.R(i, 1).first * p_F[1] +
+                             X.R(i, 2).first * p_F[2]);
+      }
+      EXPECT_NEAR(force_torque(model, frame, p_F, force, q).dot(v), power, 64 * eps * 100);
+    }
+  }
+}
+
 TEST(FramePose, TurnsMimicsByMultiplierAndOffset) {
   const Model model = testing::branching();
   const Vector q = Random(4).vector(4, 1);

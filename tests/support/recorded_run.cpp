@@ -103,6 +103,7 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
     truth.tau = vector(n);
     truth.saturated[0] = random() % 2 == 0;
     truth.fault = static_cast<loop::truth::DriveFault>(random() % 3);
+    truth.disturbance = vector(n);
     record.truth = truth;
     add("TRUTH", truth);
     result.ticks.push_back(record);

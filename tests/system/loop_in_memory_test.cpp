@@ -14,10 +14,14 @@
 #include "bus/truth/truth_wire.h"
 #include "controller/registry.h"
 #include "logger/log_file.h"
+#include "logger/run_log.h"
 #include "protocol/lockstep/tick_master.h"
+#include "replay/replay.h"
 #include "study/in_process_loop.h"
+#include "tests/support/in_process_log.h"
 #include "tests/support/law_examples.h"
 #include "tests/support/limited_elbow.h"
+#include "tests/support/rough_plant.h"
 #include "tests/system/four_threads.h"
 #include "tests/system/wrapped.h"
 
@@ -135,6 +139,32 @@ TEST(TheLoop, CommandsWhatTheInProcessLoopCommandsToTheLastBitUnderEveryLaw) {
     EXPECT_EQ(recorded.size(), static_cast<std::size_t>(ticks));
   }
   EXPECT_THAT(seen, testing::UnorderedElementsAreArray(controller::law_names()));
+}
+
+TEST(TheLoop, LogsWhatTheInProcessLoopLogsAndReplaysWhateverThePlantSuffers) {
+  for (const bool friction : {false, true}) {
+    SCOPED_TRACE(friction);
+    std::vector<std::string> overrides = support::rough_plant(friction);
+    overrides.push_back("loop.duration_s=0.2");
+    const experiment::Scenario scenario = system_test::scenario("practical_rigid", overrides);
+    FourThreads threads(scenario, {.loss = 0.1, .seed = 5});
+    ASSERT_EQ(threads.finish().complaints(), "");
+
+    logger::RunLog log = logger::RunLog::open(threads.log_path());
+    logger::LogReader recorded(threads.log_path());
+    for (const logger::Recorded& expected : support::in_process_log(scenario, log.run())) {
+      const auto event = recorded.next();
+      ASSERT_TRUE(event);
+      EXPECT_EQ(event->channel, expected.channel);
+      const std::string data(reinterpret_cast<const char*>(event->data.data()), event->data.size());
+      EXPECT_TRUE(data == expected.data) << event->channel << " at " << event->utime << " us";
+    }
+    EXPECT_FALSE(recorded.next());
+
+    const replay::Replay replayed = replay::replay(log, log.scenario());
+    EXPECT_EQ(replayed.compared, scenario.loop.num_ticks);
+    EXPECT_EQ(replayed.different, 0);
+  }
 }
 
 /// The elbow goes to -0.3 rad, faster than this on its way.

@@ -31,6 +31,7 @@ struct TruthType {
     m.motor_position = random.reals(layout.num_motors);
     m.motor_velocity = random.reals(layout.num_motors);
     m.torque = random.reals(layout.num_joints);
+    m.disturbance = random.reals(layout.num_joints);
     for (int i = 0; i < layout.num_joints; ++i) m.saturated.push_back(random.coin());
     m.fault = 2;
     return m;
@@ -51,6 +52,7 @@ TEST(TruthCodec, PutsEveryFieldInItsOwnMember) {
   EXPECT_EQ(reals_of(value.theta), message.motor_position);
   EXPECT_EQ(reals_of(value.thetadot), message.motor_velocity);
   EXPECT_EQ(reals_of(value.tau), message.torque);
+  EXPECT_EQ(reals_of(value.disturbance), message.disturbance);
   for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(value.saturated[i], message.saturated[i] == 1);
   EXPECT_EQ(value.fault, loop::truth::DriveFault::protective_stop);
 }
@@ -64,12 +66,12 @@ TEST(TruthCodec, RejectsHostileCounts) {
   codec_checks::rejects_counts<TruthType>(body + 4, {2, 0, 1});
 }
 TEST(TruthCodec, RejectsNonFiniteReals) {
-  codec_checks::rejects_non_finite<TruthType>(reals, 15, {3, 3, 1});
+  codec_checks::rejects_non_finite<TruthType>(reals, 18, {3, 3, 1});
 }
 TEST(TruthCodec, RejectsAFlagThatIsNeitherZeroNorOneAndAFaultThatIsNone) {
   const loop::Layout layout{3, 0, 1};
   Bytes bytes = sample<TruthType>(layout);
-  bytes.at(reals + 8 * 9 + 2) = std::byte{2};
+  bytes.at(reals + 8 * 12 + 2) = std::byte{2};
   EXPECT_EQ(verdict<TruthType>(layout, bytes), Rejection::bad_value);
   for (const int fault : {3, 127, 128, 255}) {
     bytes = sample<TruthType>(layout);
@@ -109,7 +111,7 @@ TEST(TruthCodec, LeavesNothingOfAnEarlierMessageBehind) {
 TEST(TruthCodec, RefusesToEncodeWhatIsNotFiniteOrOfAnotherSize) {
   Codec<loop::truth::PlantTruth> codec({2, 0, 1});
   const robot::Vector zero = robot::Vector::Zero(2);
-  loop::truth::PlantTruth value{zero, zero, {}, {}, zero};
+  loop::truth::PlantTruth value{zero, zero, {}, {}, zero, zero};
   EXPECT_NO_THROW(codec.encode({}, value));
   EXPECT_THROW(Codec<loop::truth::PlantTruth>({2, 2, 1}).encode({}, value), std::logic_error);
   value.v[0] = std::numeric_limits<double>::quiet_NaN();

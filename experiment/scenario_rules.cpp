@@ -1,0 +1,137 @@
+#include "experiment/scenario_rules.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <stdexcept>
+
+#include "diagnostics/text.h"
+
+namespace tachless::experiment {
+namespace {
+
+using diagnostics::shortest;
+
+void require_possible_initial_state(const Scenario& scenario) {
+  const robot::Vector& position = scenario.plant.initial.position_rad;
+  const robot::Model& model = *scenario.model;
+  for (int i = 0; i < scenario.num_joints; ++i) {
+    if (position[i] >= model.lower[i] && position[i] <= model.upper[i]) continue;
+    const auto joint = static_cast<std::size_t>(i);
+    const bool degrees = model.joint_types[joint] == robot::JointType::revolute &&
+                         std::abs(position[i]) > 2 * std::numbers::pi;
+    throw scenario.complaint(
+        "plant.initial.position_rad",
+        fmt::format("{} of joint {} is outside its limits in the URDF; allowed: in [{}, {}]{}",
+                    shortest(position[i]), model.joint_names[joint], shortest(model.lower[i]),
+                    shortest(model.upper[i]),
+                    degrees ? "; angles are in rad, were degrees given?" : ""));
+  }
+}
+
+/// What only flexible joints have is refused on a rigid robot.
+void require_motors_only_behind_springs(const Scenario& scenario) {
+  if (scenario.robot.flexible) return;
+  for (const char* key :
+       {"plant.initial.motor_position_rad", "plant.initial.motor_velocity_rad_per_s"}) {
+    if (!scenario.gives(key)) continue;
+    throw scenario.complaint(key,
+                             "the robot has rigid joints; allowed: only with robot.joints: "
+                             "{flexible: …}");
+  }
+  if (scenario.plant.encoder.side == plant::EncoderSide::motor) {
+    throw scenario.complaint("plant.encoder.side",
+                             "motor: the robot has rigid joints; allowed: link, both, or "
+                             "robot.joints: {flexible: …}");
+  }
+}
+
+void require_link(const Scenario& scenario, const std::string& key, const std::string& link) {
+  const robot::Model& model = *scenario.model;
+  if (link.empty() || model.frames.count(link) != 0) return;
+  std::vector<std::string_view> links;
+  for (const auto& [each, frame] : model.frames) links.push_back(each);
+  throw scenario.complaint(
+      key, fmt::format("\"{}\" is not in the URDF; allowed: {}", link, diagnostics::joined(links)));
+}
+
+void require_disturbed(const Scenario& scenario) {
+  const std::vector<std::string>& joints = scenario.model->joint_names;
+  std::size_t i = 0;
+  for (const plant::DisturbanceSpec& each : scenario.plant.disturbances) {
+    const std::string place = fmt::format("plant.disturbances[{}]", i++);
+    require_link(scenario, place + ".link", each.link);
+    if (each.joint.empty() || std::find(joints.begin(), joints.end(), each.joint) != joints.end())
+      continue;
+    throw scenario.complaint(place + ".joint",
+                             fmt::format("\"{}\" is no joint of the robot; allowed: {}", each.joint,
+                                         diagnostics::joined(joints)));
+  }
+}
+
+void require_static_above_coulomb(const Scenario& scenario) {
+  const plant::DriveSpec& drive = scenario.plant.drive;
+  if (!drive.static_friction_Nm) return;
+  for (int i = 0; i < scenario.num_joints; ++i) {
+    const double least = drive.coulomb_friction_Nm[i], given = (*drive.static_friction_Nm)[i];
+    if (given >= least) continue;
+    throw scenario.complaint(
+        "plant.drive.static_friction_Nm",
+        fmt::format("{} of joint {} is below its Coulomb friction; allowed: at least {}",
+                    shortest(given), scenario.model->joint_names[static_cast<std::size_t>(i)],
+                    shortest(least)));
+  }
+}
+
+}  // namespace
+
+void require_consistent(const Scenario& scenario) {
+  require_possible_initial_state(scenario);
+  require_motors_only_behind_springs(scenario);
+  require_static_above_coulomb(scenario);
+  require_link(scenario, "plant.payload.link", scenario.plant.payload.link);
+  with_payload(scenario, *scenario.model);
+  require_disturbed(scenario);
+}
+
+robot::Model with_payload(const Scenario& scenario, robot::Model model) {
+  const plant::PayloadSpec& payload = scenario.plant.payload;
+  if (payload.mass_kg == 0) return model;
+  const std::vector<double>& I = payload.inertia_kgm2;
+  robot::MassProperties body;
+  body.mass = payload.mass_kg;
+  body.p_cm = Eigen::Vector3d(payload.center_of_mass_m.data());
+  body.I_cm << I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5];
+  if (const std::string why = robot::why_not_physical(body); !why.empty()) {
+    throw scenario.complaint("plant.payload.inertia_kgm2", why);
+  }
+  try {
+    return robot::with_payload(std::move(model), body, payload.link);
+  } catch (const std::invalid_argument& error) {
+    throw scenario.complaint("plant.payload.link", error.what());
+  }
+}
+
+robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model) {
+  robot::Vector count = robot::Vector::Zero(model.num_joints);
+  const std::optional<robot::Vector>& bits = scenario.plant.encoder.resolution_bits;
+  if (!bits) return count;
+  for (int i = 0; i < model.num_joints; ++i) {
+    const auto joint = static_cast<std::size_t>(i);
+    const bool prismatic = model.joint_types[joint] == robot::JointType::prismatic;
+    const double range = prismatic ? model.upper[i] - model.lower[i] : 2 * std::numbers::pi;
+    if (!(std::isfinite(range) && range > 0)) {
+      throw scenario.complaint(
+          "plant.encoder.resolution_bits",
+          fmt::format("{} needs a range to count over, but prismatic joint \"{}\" has no lower and "
+                      "upper limit in the URDF; add them, or use null (ideal)",
+                      (*bits)[i], model.joint_names[joint]));
+    }
+    count[i] = std::ldexp(range, -static_cast<int>((*bits)[i]));
+  }
+  return count;
+}
+
+}  // namespace tachless::experiment

@@ -1,0 +1,210 @@
+#include "plant/dry_friction.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "robot/energy.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/mass_matrix.h"
+#include "tests/plant/arms.h"
+
+namespace tachless::plant {
+namespace {
+
+using robot::Vector;
+using testing::Random;
+using testing::rigid_state;
+using testing::turntable;
+
+struct Friction {
+  double coulomb, held, stribeck = 0.01, viscous = 0;
+};
+
+ArmOptions options(const Friction& friction, int num_joints = 1) {
+  ArmOptions result;
+  result.mechanics = Mechanics::native;
+  result.accuracy = 1e-10;
+  result.coulomb_friction = Vector::Constant(num_joints, friction.coulomb);
+  result.static_friction = Vector::Constant(num_joints, friction.held);
+  result.stribeck_velocity = Vector::Constant(num_joints, friction.stribeck);
+  result.viscous_friction = Vector::Constant(num_joints, friction.viscous);
+  return result;
+}
+
+ArmState at(double q, double v) {
+  return rigid_state(Vector::Constant(1, q), Vector::Constant(1, v));
+}
+Vector torque(double tau) { return Vector::Constant(1, tau); }
+
+class EveryMethod : public ::testing::TestWithParam<Integrator> {};
+
+TEST_P(EveryMethod, StopsAJointWhereCoulombAndViscousFrictionDoAndItStaysThere) {
+  constexpr double I = 0.5, Fc = 1.5, b = 0.2, v0 = -2;
+  ArmOptions with = options({Fc, Fc, 0.01, b});
+  with.integrator = GetParam();
+  Arm arm(turntable(I), with, at(0.3, v0));
+  // I vdot = -b v + Fc: at rest after stop_s, having gone (I v0 + Fc stop_s)/b.
+  const double stop_s = I / b * std::log(1 - b * v0 / Fc);
+  const double end = 0.3 + (I * v0 + Fc * stop_s) / b;
+  ASSERT_GT(stop_s, 0.5);
+  for (int k = 1; k * 1e-3 < stop_s; ++k) arm.advance(torque(0), k * 1e-3);
+  EXPECT_LT(arm.state().v[0], 0);
+  arm.advance(torque(0), stop_s + 1e-3);
+  EXPECT_EQ(arm.state().v[0], 0);
+  EXPECT_NEAR(arm.state().q[0], end, 1e-8);  // 600 steps of accuracy 1e-10
+  const double there = arm.state().q[0];
+  for (int k = 1; k < 100; ++k) arm.advance(torque(0), stop_s + 1e-3 + k);
+  EXPECT_EQ(arm.state().q[0], there);
+}
+
+INSTANTIATE_TEST_SUITE_P(, EveryMethod,
+                         ::testing::Values(Integrator::runge_kutta_merson,
+                                           Integrator::runge_kutta_3,
+                                           Integrator::runge_kutta_feldberg));
+
+TEST(DryFriction, HoldsAJointAtRestUpToStaticFrictionToTheLastBit) {
+  Arm arm(turntable(0.5), options({1, 2}), at(0.3, 0));
+  for (int k = 1; k <= 2000; ++k) arm.advance(torque(k % 2 == 0 ? 1.999999 : -2), k * 1e-3);
+  EXPECT_EQ(arm.state().q[0], 0.3);
+  EXPECT_EQ(arm.state().v[0], 0);
+  arm.advance(torque(2.0001), 3);
+  EXPECT_GT(arm.state().v[0], 0);
+}
+
+TEST(DryFriction, LetsAJointThatMovesGoOnUnderATorqueThatWouldNotStartIt) {
+  constexpr double I = 0.5;
+  Arm resting(turntable(I), options({1, 2}), at(0, 0)),
+      moving(turntable(I), options({1, 2}), at(0, 1));
+  resting.advance(torque(1.5), 2);
+  EXPECT_EQ(resting.state().q[0], 0);
+  moving.advance(torque(1.5), 2);
+  // Far above the Stribeck velocity, exp(-10^4) = 0: I vdot = 1.5 - 1.
+  EXPECT_NEAR(moving.state().v[0], 2 * 0.5 / I + 1, 1e-8);
+}
+
+TEST(DryFriction, FallsFromStaticToCoulombsAsStribecksCurve) {
+  constexpr double I = 0.5, Fc = 1, Fs = 2, vs = 0.5, tau = 2.1;
+  Arm arm(turntable(I), options({Fc, Fs, vs}), at(0, 0));
+  arm.advance(torque(tau), 1);
+  const Eigen::VectorXd y = testing::runge_kutta_4(
+      [&](const Eigen::VectorXd& state) {
+        const double v = state[1], F = Fc + (Fs - Fc) * std::exp(-v * v / (vs * vs));
+        return Eigen::VectorXd(Eigen::Vector2d(v, (tau - F) / I));
+      },
+      Eigen::Vector2d(0, 0), 1, 20000);
+  ASSERT_GT(y[1], 0.3);
+  EXPECT_NEAR(arm.state().q[0], y[0], 1e-8);  // tens of steps of accuracy 1e-10
+  EXPECT_NEAR(arm.state().v[0], y[1], 1e-8);
+}
+
+TEST(DryFriction, LetsALinkGoInTheMiddleOfATickWhenItsSpringPullsHardEnough) {
+  constexpr double K = 100, J = 0.2, tau = 3, Fs = 4;
+  const FlexibleDrive drive{Vector::Constant(1, K), Vector::Constant(1, J),
+                            Vector::Constant(1, 0.0)};
+  ArmOptions with = options({Fs, Fs});
+  with.flexible = &drive;
+  ArmState start = at(0, 0);
+  start.theta = start.thetadot = Vector::Zero(1);
+  // With the link held: theta = tau/K (1 - cos w t).
+  const double w = std::sqrt(K / J), lets_go_s = std::acos(1 - Fs / tau) / w;
+  Arm held(turntable(0.5), with, start), gone(turntable(0.5), with, start);
+  held.advance(torque(tau), lets_go_s - 1e-7);
+  EXPECT_EQ(held.state().q[0], 0);
+  gone.advance(torque(tau), lets_go_s + 1e-2);
+  // From then on I vdot = K thetadot t, to leading order.
+  const double rate = tau * w * std::sin(w * lets_go_s) / 0.5;
+  EXPECT_NEAR(gone.state().v[0], rate * 1e-4 / 2, 0.1 * rate * 1e-4 / 2);  // higher orders: w t/3
+}
+
+/// The accelerations by trying all 3^n choices of what sticks and what slides, and in which
+/// direction.
+Vector by_trial(const robot::Matrix& M, const Vector& r, double held) {
+  const auto n = static_cast<int>(r.size());
+  int choices = 1;
+  for (int i = 0; i < n; ++i) choices *= 3;
+  for (int c = 0; c < choices; ++c) {
+    robot::Matrix A = M;
+    Vector F = Vector::Zero(n), b = r;
+    std::vector<int> direction;
+    for (int i = 0, rest = c; i < n; ++i, rest /= 3) {
+      direction.push_back(rest % 3 - 1);
+      F[i] = direction.back() * held;
+    }
+    b -= F;
+    for (int i = 0; i < n; ++i) {
+      if (direction[static_cast<std::size_t>(i)] != 0) continue;
+      A.row(i) = Eigen::RowVectorXd::Unit(n, i);
+      b[i] = 0;
+    }
+    const Vector a = Eigen::MatrixXd(A).fullPivLu().solve(Eigen::VectorXd(b));
+    const Vector needed = r - M * a;
+    bool fits = true;
+    for (int i = 0; i < n; ++i) {
+      const int d = direction[static_cast<std::size_t>(i)];
+      fits = fits && (d == 0 ? std::abs(needed[i]) <= held : a[i] * d > 0);
+    }
+    if (fits) return a;
+  }
+  ADD_FAILURE() << "no choice fits";
+  return {};
+}
+
+TEST(DryFriction, StartsThoseJointsOfAnArmAtRestThatTryingEveryChoiceStarts) {
+  Random random(3);
+  robot::Model model;
+  for (int i = 0; i < 5; ++i) model.bodies.push_back(testing::random_body(random, i - 1, i));
+  testing::finish(model, 5);
+  const ArmOptions with = options({3, 3}, 5);
+  const Vector zero = Vector::Zero(5);
+  int some = 0;
+  for (int k = 0; k < 200; ++k) {
+    const Vector q = random.vector(5, 3),
+                 tau = random.vector(5, 5) + robot::gravity_torque(model, q);
+    const Vector a = Arm(model, with, rigid_state(q, zero)).acceleration(tau).vdot;
+    const Vector expected =
+        by_trial(robot::mass_matrix(model, q), tau - robot::gravity_torque(model, q), 3);
+    // Two solutions of one system: cond(M) is some hundreds.
+    EXPECT_LT((a - expected).norm(), 1e-9 * (1 + expected.norm())) << k;
+    const auto at_rest = (expected.array() == 0).count();
+    some += at_rest > 0 && at_rest < 5 ? 1 : 0;
+  }
+  EXPECT_GT(some, 100);  // that is, some stick and some slide
+}
+
+TEST(DryFriction, TakesEnergyAndGivesNoneUntilTheArmHangsStill) {
+  const robot::Model model = testing::random_chain();
+  Random random(5);
+  Arm arm(model, options({2, 3, 0.05}, 7), rigid_state(random.vector(7, 1), random.vector(7, 3)));
+  const auto energy = [&] {
+    return robot::kinetic_energy<double>(model, arm.state().q, arm.state().v) +
+           robot::potential_energy<double>(model, arm.state().q);
+  };
+  double before = energy();
+  const double begin = before;
+  int k = 0;
+  for (; k < 40000 && !arm.state().v.isZero(0); ++k) {
+    arm.advance(Vector::Zero(7), (k + 1) * 1e-3);
+    EXPECT_LT(energy(), before + 1e-8);  // a tick's steps of accuracy 1e-10 on 100 J
+    before = energy();
+  }
+  EXPECT_LT(k, 40000);
+  EXPECT_LT(before, begin - 5);
+  // Off its equilibrium, where friction holds it.
+  const Vector q = arm.state().q;
+  EXPECT_GT(robot::gravity_torque(model, q).norm(), 0.1);
+  arm.advance(Vector::Zero(7), k * 1e-3 + 10);
+  EXPECT_EQ(arm.state().q, q);
+}
+
+TEST(DryFriction, IsRefusedWhereItMakesNoSense) {
+  EXPECT_THROW(Arm(turntable(1), options({2, 1}), at(0, 0)), std::logic_error);
+  EXPECT_THROW(Arm(turntable(1), options({2, 2, 0}), at(0, 0)), std::logic_error);
+  ArmOptions simbody = options({1, 1});
+  simbody.mechanics = Mechanics::simbody;
+  EXPECT_THROW(Arm(turntable(1), simbody, at(0, 0)), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace tachless::plant
