@@ -1,7 +1,9 @@
 #include "study/measures.h"
 
+#include <algorithm>
 #include <cmath>
 
+#include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "schema/schema.h"
 #include "study/in_process_loop.h"
@@ -11,6 +13,33 @@ namespace {
 
 constexpr std::int64_t looks = 256;  // ticks from one question whether to go on to the next
 
+/// What stands in for the velocity in a law that does not measure it.
+class VelocityInUse {
+ public:
+  explicit VelocityInUse(const std::string& law) {
+    const auto signals = controller::law_facts(law).signals;
+    const auto named = [&](std::string_view name) {
+      return std::ranges::find(signals, name, &loop::Signal::name) - signals.begin();
+    };
+    const auto all = static_cast<std::ptrdiff_t>(signals.size());
+    of_error_ = named("v_hat") == all;
+    const std::ptrdiff_t at = of_error_ ? named("nu") : named("v_hat");
+    // A motor's is none of the links'.
+    if (at < all && controller::law_facts(law).reads_links) at_ = static_cast<std::size_t>(at);
+  }
+
+  /// Less the velocity; empty for a law that has none.
+  [[nodiscard]] robot::Vector error(const TickRecord& record) const {
+    if (!at_) return {};
+    const robot::Vector& v_hat = record.controller.value[*at_];
+    return (of_error_ ? record.reference.v_ref + v_hat : v_hat) - record.truth.v;
+  }
+
+ private:
+  std::optional<std::size_t> at_;
+  bool of_error_ = false;  ///< of the error: v_ref is missing in it
+};
+
 /// Sums over a run.
 class Sums {
  public:
@@ -18,6 +47,7 @@ class Sums {
       : period_s_(scenario.loop.period_s),
         settled_from_(scenario.loop.num_ticks * 3 / 4),
         flexible_(scenario.robot.flexible.has_value()),
+        velocity_in_use_(scenario.controller.law),
         tracking_(scenario.num_joints),
         saturated_(static_cast<std::size_t>(scenario.num_joints)) {}
 
@@ -28,7 +58,11 @@ class Sums {
     const double error = (record.truth.q - record.reference.q_ref).norm();
     peak_error_ = std::max(peak_error_, error);
     error_squared_ += error * error;
-    if (record.tick >= settled_from_) settled_squared_ += error * error;
+    if (record.tick >= settled_from_) {
+      settled_squared_ += error * error;
+      const robot::Vector off = velocity_in_use_.error(record);
+      velocity_squared_ += off.size() == 0 ? NAN : off.squaredNorm();
+    }
     torque_squared_ += tau.squaredNorm();
     if (record.tick > 0) variation_ += (tau - last_tau_).norm();
     last_tau_ = tau;
@@ -53,6 +87,7 @@ class Sums {
     if (ticks > 0)
       measures.torque_variation = variation_ / (static_cast<double>(ticks) * period_s_);
     measures.energy = energy_;
+    measures.velocity_error = root_mean(velocity_squared_, ticks - settled_from_);
     return measures;
   }
 
@@ -64,10 +99,11 @@ class Sums {
   double period_s_;
   std::int64_t settled_from_;
   bool flexible_;
+  VelocityInUse velocity_in_use_;
   Tracking tracking_;
   std::vector<std::int64_t> saturated_;
   double peak_error_ = 0, error_squared_ = 0, settled_squared_ = 0, torque_squared_ = 0;
-  double variation_ = 0, energy_ = 0;
+  double variation_ = 0, energy_ = 0, velocity_squared_ = 0;
   robot::Vector last_tau_;
 };
 
@@ -89,6 +125,7 @@ const std::vector<MeasureColumn>& measure_columns() {
       {"torque_rms", "N m; N", [](const Measures& m) { return m.torque_rms; }},
       {"torque_variation", "N m/s; N/s", [](const Measures& m) { return m.torque_variation; }},
       {"energy", "J", [](const Measures& m) { return m.energy; }},
+      {"velocity_error", "rad/s; m/s", [](const Measures& m) { return m.velocity_error; }},
       {"ticks", "", [](const Measures& m) { return static_cast<double>(m.ticks); }}};
   return columns;
 }
