@@ -155,9 +155,10 @@ class Map {
     logarithmic("x", plan_.axes[0].logarithmic);
     logarithmic("y", one_axis_ ? wide : plan_.axes[1].logarithmic);
     logarithmic("cb", wide);
-    text += fmt::format(
-        "set xlabel {}\nset ylabel {}\nset cblabel {}\n", gnuplot_text(plan_.axes[0].name()),
-        gnuplot_text(one_axis_ ? measured : plan_.axes[1].name()), gnuplot_text(measured));
+    text += fmt::format("set xlabel {} offset 0,0.4\nset ylabel {}\nset cblabel {}\n",
+                        gnuplot_text(plan_.axes[0].name()),
+                        gnuplot_text(one_axis_ ? measured : plan_.axes[1].name()),
+                        gnuplot_text(measured));
     const auto range = [&](const char* axis, const Axis& of) {
       double low = of.low, high = of.high;
       for (const double value : of.values) {
