@@ -50,6 +50,10 @@ struct Colour {
   bool certified = false;             ///< which initial states are certified, too
 };
 
+diagnostics::Failure refused(const std::string& colour, const std::string& problem) {
+  return {diagnostics::ExitCode::bad_usage, fmt::format("--colour {}: {}", colour, problem)};
+}
+
 /// @throw diagnostics::Failure(bad_usage) when there is no such measure
 Colour colour_of(const std::string& text) {
   Colour colour;
@@ -63,9 +67,7 @@ Colour colour_of(const std::string& text) {
     const std::size_t to = std::min(text.find(',', from), text.size());
     const auto found = std::find(names.begin() + others, names.end(), text.substr(from, to - from));
     if (found == names.end()) {
-      throw diagnostics::Failure(
-          diagnostics::ExitCode::bad_usage,
-          fmt::format("--colour {}: no measure; allowed: {}", text, diagnostics::joined(names)));
+      throw refused(text, "no measure; allowed: " + diagnostics::joined(names));
     }
     colour.measures.push_back(static_cast<std::size_t>(found - names.begin()) - others);
     from = to + 1;
@@ -142,7 +144,8 @@ class Map {
     const std::size_t rows = (laws + columns - 1) / columns;
     std::string text = fmt::format(
         "set terminal svg size {},{} font 'sans,11' background '#ffffff'\nset output {}\n"
-        "set multiplot layout {},{} title {} font ',14'\nset key below horizontal samplen 1\n"
+        "set multiplot layout {},{} title {} font ',14'\nset key below horizontal samplen 1 height "
+        "0.7\n"
         "set border 3\nset tics nomirror\n",
         columns == 1 ? 720 : 480 * columns, 430 * rows + 30, gnuplot_string(svg.string()), rows,
         columns, gnuplot_text(plan_.name));
@@ -155,10 +158,9 @@ class Map {
     logarithmic("x", plan_.axes[0].logarithmic);
     logarithmic("y", one_axis_ ? wide : plan_.axes[1].logarithmic);
     logarithmic("cb", wide);
-    text += fmt::format("set xlabel {} offset 0,0.4\nset ylabel {}\nset cblabel {}\n",
-                        gnuplot_text(plan_.axes[0].name()),
-                        gnuplot_text(one_axis_ ? measured : plan_.axes[1].name()),
-                        gnuplot_text(measured));
+    text += fmt::format(
+        "set xlabel {}\nset ylabel {}\nset cblabel {}\n", gnuplot_text(plan_.axes[0].name()),
+        gnuplot_text(one_axis_ ? measured : plan_.axes[1].name()), gnuplot_text(measured));
     const auto range = [&](const char* axis, const Axis& of) {
       double low = of.low, high = of.high;
       for (const double value : of.values) {
@@ -257,10 +259,10 @@ void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
   const Colour shown = colour_of(colour);
   const bool curves = shown_by_curves(plan);
   if (!curves && shown.measures.size() > 1) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("--colour {}: a map shows one measure; curves, over one axis, show many",
-                    colour));
+    throw refused(colour, "a map shows one measure; curves, over one axis, show many");
+  }
+  if (curves && shown.certified) {
+    throw refused(colour, "needs a map, of two axes");
   }
   const Html figure = drawn_figure(
       directory / "map.svg",
