@@ -161,6 +161,7 @@ TEST_F(Study, DelayIsBorneUpToTheLinearisedLoopsLimit) {
   const auto limit = [&](const std::string& law, double delay) { return limits.at({law, delay}); };
   EXPECT_LT(limit("loria_ortega_rigid", 1), 0.5 * limit("loria_ortega_rigid", 0));
   EXPECT_NEAR(limit("loria_ortega_rigid", 1) / limit("wen_bayard", 1), 0.8, 0.05);
+  EXPECT_NEAR(limit("nicosia_tomei", 1) / limit("wen_bayard", 1), 1, 0.01);
   EXPECT_THAT(map_, HasSubstr("diverging, stopped"));
 }
 
