@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "certificate/postures.h"
+#include "controller/registry.h"
 #include "schema/schema.h"
 
 namespace tachless::certificate {
@@ -344,7 +345,7 @@ std::string period_text(double seconds) {
 Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_progress) {
   Certificate result;
   result.feasibility = feasibility(scenario);
-  result.no_sampled = ScenarioLoop(scenario).no_linear_law();
+  result.no_sampled = controller::law_facts(scenario.controller.law).no_linearisation;
   result.sampled = sampled_certificate(scenario, on_progress);
   if (on_progress) on_progress("constants of the robot");
   const robot::Model model = error_model(scenario);

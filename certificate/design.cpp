@@ -16,6 +16,7 @@
 #include "certificate/optimise.h"
 #include "certificate/parallel.h"
 #include "certificate/postures.h"
+#include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "robot/mass_matrix.h"
@@ -37,7 +38,7 @@ constexpr std::array filter_ratios = {4.0, 10.0, 1e9};
 constexpr std::array dampings = {1.0, 1.5, 2.0, 3.0};
 constexpr double least_gain_margin = 1.5;
 constexpr double between_frequencies = 1.02;  // the modulus may be that much lower than at them
-constexpr double worth_it = 0.95;  // of the settling time, for a rule that is tried later
+constexpr double as_fast = 1.1;  // of the shortest settling time: rules within it count as equal
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
 
@@ -89,8 +90,6 @@ Vector posture_in_range(const robot::Model& model, int k) {
 
 class Search {
  public:
-  std::string no_linear_law;  ///< why not; only the rule of thumb is left then
-
   Search(const experiment::Scenario& scenario, const DesignGoal& goal)
       : scenario_(scenario), goal_(goal), law_(controller::law_facts(scenario.controller.law)) {
     if (!law_.tuned) {
@@ -107,37 +106,37 @@ class Search {
     }
     experiment::Scenario start = scenario;
     start.controller.gains = gains(1, {&unit, 1, 10});
-    const ScenarioLoop start_loop(start);
-    no_linear_law = start_loop.no_linear_law();
-    rests_ = start_loop.rests(reference_postures);
+    rests_ = ScenarioLoop(start).rests(reference_postures);
     num_reference_ = rests_.size();
     for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(posture_in_range(model, k)));
-    std::vector<Eigen::MatrixXd> inverse_M(rests_.size());
+    inverse_M_.resize(rests_.size());
     parallel_for(rests_.size(), [&](std::size_t i) {
-      inverse_M[i] = robot::mass_matrix(links, rests_[i].q_ref).inverse();
+      inverse_M_[i] = robot::mass_matrix(links, rests_[i].q_ref).inverse();
     });
-    robots_ = {unit, unit};
-    robots_[0].inertia = mean_inertia(inverse_M);
-    robots_[1].inertia = balanced_inertia(inverse_M, robots_[0].inertia);
+    unit.inertia = mean_inertia(inverse_M_);
+    unit.period_s = scenario.loop.period_s;
+    mean_ = balanced_ = unit;
   }
+  Search(const Search&) = delete;  // rules point into it
+  Search& operator=(const Search&) = delete;
 
   /// With the mean inertias, critically damped, filters ten times as fast.
-  [[nodiscard]] Rule plain_rule() const { return {robots_.data(), 1, 10}; }
+  [[nodiscard]] Rule plain_rule() const { return {&mean_, 1, 10}; }
 
-  [[nodiscard]] std::vector<Rule> rules() const {
+  [[nodiscard]] std::vector<Rule> rules() {
+    balanced_.inertia = balanced_inertia(inverse_M_, mean_.inertia);
     const auto with_filter = [&](double pole) {
-      Tuning tuning = robots_[0];
-      tuning.period_s = scenario_.loop.period_s;
+      Tuning tuning = mean_;
       tuning.filter = pole;
       return law_.tuned(tuning);
     };
     const double rate = 1 / scenario_.loop.period_s;
     const bool has_filter = with_filter(0.1 * rate) != with_filter(0.2 * rate);
     std::vector<Rule> all;
-    for (const Tuning& robot : robots_) {
+    for (const Tuning* const robot : {&mean_, &balanced_}) {
       for (const double damping : dampings) {
         for (const double ratio : filter_ratios) {
-          if (has_filter || ratio == filter_ratios[0]) all.push_back({&robot, damping, ratio});
+          if (has_filter || ratio == filter_ratios[0]) all.push_back({robot, damping, ratio});
         }
       }
     }
@@ -148,9 +147,12 @@ class Search {
     Tuning tuning = *rule.robot;
     tuning.w = w;
     tuning.damping = rule.damping;
-    tuning.period_s = scenario_.loop.period_s;
     tuning.filter = std::min(rule.filter_ratio * (rule.damping * w), 1 / scenario_.loop.period_s);
     return law_.tuned(tuning);
+  }
+
+  [[nodiscard]] std::optional<Region> region(double w, const Rule& rule) const {
+    return region_to_compare(scenario_with(w, rule));
   }
 
   /// The settling time at the reference's slowest posture; infinite for an unstable loop.
@@ -235,10 +237,13 @@ class Search {
   }
 
  private:
-  [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
+  [[nodiscard]] experiment::Scenario scenario_with(double w, const Rule& rule) const {
     experiment::Scenario scenario = scenario_;
     scenario.controller.gains = gains(w, rule);
-    return ScenarioLoop(scenario);
+    return scenario;
+  }
+  [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
+    return ScenarioLoop(scenario_with(w, rule));
   }
 
   [[nodiscard]] std::string count_objection(const ScenarioLoop& loop) const {
@@ -257,41 +262,68 @@ class Search {
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
   const controller::LawFacts& law_;
-  std::vector<Tuning> robots_;  ///< with the mean inertias and the balanced ones
+  std::vector<Eigen::MatrixXd> inverse_M_;  ///< at each of `rests_`, of the links
+  Tuning mean_, balanced_;                  ///< with the mean inertias and the balanced ones
   std::vector<ReferencePoint> rests_;
   std::size_t num_reference_ = 0;
 };
 
-/// The design with w up to `highest` that settles first, and the rule that made it.
-std::pair<Design, Rule> fastest_up_to(Search& search, const std::vector<Rule>& rules,
-                                      double highest, const OnProgress& on_progress) {
-  double w = 0, settling = infinity;
+/// What a rule comes to.
+struct Candidate {
   Rule rule;
-  std::string binds, last_reason;
+  double w = 0, settling_s = 0;
+  std::string binds;
+};
+
+/// Of each rule with w up to `highest`; those as fast as the fastest.
+std::vector<Candidate> candidates_up_to(Search& search, const std::vector<Rule>& rules,
+                                        double highest, const OnProgress& on_progress) {
+  double fastest = infinity;
+  std::string last_reason;
+  std::vector<Candidate> all;
   for (std::size_t k = 0; k < rules.size(); ++k) {
     if (on_progress) on_progress(fmt::format("design: rule {} of {}", k + 1, rules.size()));
     std::string why;
-    const double found = search.largest_w(highest, rules[k], worth_it * settling, why);
+    const double w = search.largest_w(highest, rules[k], as_fast * fastest, why);
     if (!why.empty()) last_reason = why;
-    if (found == 0) continue;
-    const double own = search.settling_s(found, rules[k]);
-    if (own > worth_it * settling) continue;
-    w = found;
-    rule = rules[k];
-    settling = own;
-    binds = why.empty() ? bandwidth_asked_for : why;
+    if (w == 0) continue;
+    const double settling = search.settling_s(w, rules[k]);
+    fastest = std::min(fastest, settling);
+    all.push_back({rules[k], w, settling, why.empty() ? bandwidth_asked_for : why});
   }
-  if (w == 0) {
+  if (all.empty()) {
     throw Failure(
         ExitCode::check_said_no,
         fmt::format("no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a "
                     "shorter period, less delay, a finer encoder or a smaller --margin",
                     highest / (2 * pi), last_reason));
   }
-  Design design = search.result(w, rule);
-  design.settling_s = settling;
-  design.binds = binds;
-  return {design, rule};
+  std::erase_if(all, [&](const Candidate& c) { return c.settling_s > as_fast * fastest; });
+  return all;
+}
+
+/// How far the error at rest may reach: the geometric mean over the joints.
+double size_of(const Region& region) { return std::exp(region.e_at_rest.array().log().mean()); }
+
+/// The design with w up to `highest` of the largest certified region among those that settle first,
+/// and the rule that made it. Where nothing is certified, the first of them.
+std::pair<Design, Rule> best_up_to(Search& search, const std::vector<Rule>& rules, double highest,
+                                   const OnProgress& on_progress) {
+  const std::vector<Candidate> candidates = candidates_up_to(search, rules, highest, on_progress);
+  const Candidate* best = &candidates.front();
+  std::optional<Region> largest;
+  for (const Candidate& each : candidates) {
+    if (on_progress) on_progress("design: certified regions");
+    const std::optional<Region> region = search.region(each.w, each.rule);
+    if (!region || (largest && size_of(*region) <= size_of(*largest))) continue;
+    best = &each;
+    largest = region;
+  }
+  Design design = search.result(best->w, best->rule);
+  design.settling_s = best->settling_s;
+  design.binds = best->binds;
+  if (largest) design.certified_error = largest->e_at_rest;
+  return {design, best->rule};
 }
 
 }  // namespace
@@ -302,26 +334,27 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
   if (!feasible.impossible.empty()) {
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
   }
-  Search search(scenario, goal);
-  if (!search.no_linear_law.empty()) {
+  const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
+  if (!law.no_linearisation.empty()) {
     throw Failure(ExitCode::check_said_no,
                   fmt::format("{} cannot be linearised ({}): tune it by hand, or by the rule of "
                               "thumb of tachless compare",
-                              scenario.controller.law, search.no_linear_law));
+                              law.name, law.no_linearisation));
   }
+  Search search(scenario, goal);
   const double rate = 1 / scenario.loop.period_s;
   if (!goal.settling_s) {
     const double hz = goal.bandwidth_hz.value_or(default_bandwidth_by_rate * rate);
-    return fastest_up_to(search, search.rules(), 2 * pi * hz, on_progress).first;
+    return best_up_to(search, search.rules(), 2 * pi * hz, on_progress).first;
   }
   // Settling scales with 1 / w: from the estimate of two real poles, corrected until it is met.
   const double wanted = *goal.settling_s;
   double highest = 7 / wanted;
-  auto [best, rule] = fastest_up_to(search, search.rules(), highest, on_progress);
+  auto [best, rule] = best_up_to(search, search.rules(), highest, on_progress);
   for (int i = 0; i < 4 && best.binds == bandwidth_asked_for; ++i) {
     if (std::abs(best.settling_s - wanted) < 0.03 * wanted) break;
     highest *= best.settling_s / wanted;
-    best = fastest_up_to(search, {rule}, highest, on_progress).first;
+    best = best_up_to(search, {rule}, highest, on_progress).first;
   }
   if (best.settling_s > 1.05 * wanted) best.missed = wanted;
   return best;
@@ -347,40 +380,6 @@ std::vector<std::string> overrides_of(const Design& design) {
                               fmt::join(value.begin(), value.end(), ", ")));
   }
   return all;
-}
-
-std::string scenario_text(const robot::Model& model, const std::string& name,
-                          const std::string& urdf, double period_s) {
-  std::vector<double> from, to;
-  double duration = 2;
-  for (int i = 0; i < model.num_joints; ++i) {
-    const bool slides =
-        model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::prismatic;
-    const double low = model.lower[i], high = model.upper[i];
-    const bool bounded = std::isfinite(low) && std::isfinite(high);
-    const double room = bounded ? 0.25 * (high - low) : 1;
-    const double start = bounded ? std::clamp(0.0, low + room, high - room) : 0;
-    const double step = std::min(slides ? 0.1 : 0.3, room);
-    from.push_back(start);
-    to.push_back(start + step);
-    // The polynomial of degree 9 peaks at 2.46 times its mean speed.
-    if (std::isfinite(model.velocity_limit[i])) {
-      duration = std::max(duration, 3 * step / model.velocity_limit[i]);
-    }
-  }
-  duration = std::ceil(10 * duration) / 10;
-  const auto ticks = static_cast<long long>(std::ceil((duration + 3) / period_s));
-  return fmt::format(
-      "name: {}\n"
-      "robot:\n  name: arm\n  urdf: {}\n  joints: rigid\n"
-      "plant:\n  initial: {{position_rad: [{:.6g}]}}\n  encoder: {{resolution_bits: 20}}\n"
-      "reference:\n  point_to_point:\n    from_rad: [{:.6g}]\n    to_rad: [{:.6g}]\n"
-      "    start_s: 0.2\n    duration_s: {:g}\n"
-      "controller:\n  law: loria_ortega_rigid\n  gains: {{kp: 1, kd: 1, a: 1, b: 1}}\n"
-      "  filter: tustin\n  feedforward_lead: half_tick_plus_delay\n"
-      "loop: {{mode: lockstep, period_s: {:g}, duration_s: {:.12g}, command_delay: 1}}\n",
-      name, urdf, fmt::join(from, ", "), fmt::join(from, ", "), fmt::join(to, ", "), duration,
-      period_s, static_cast<double>(ticks) * period_s);
 }
 
 }  // namespace tachless::certificate

@@ -6,6 +6,7 @@
 
 #include "certificate/parallel.h"
 #include "certificate/postures.h"
+#include "controller/registry.h"
 #include "schema/schema.h"
 
 namespace tachless::certificate {
@@ -128,8 +129,8 @@ std::optional<SampledCertificate> sampled_certificate(const experiment::Scenario
   const auto tell = [&](std::string_view what) {
     if (on_progress) on_progress(what);
   };
+  if (!controller::law_facts(scenario.controller.law).no_linearisation.empty()) return {};
   const ScenarioLoop loop(scenario);
-  if (!loop.no_linear_law().empty()) return {};
   SampledCertificate result;
   result.settings = loop.settings();
   const double h = result.settings.period_s;

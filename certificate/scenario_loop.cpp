@@ -183,16 +183,6 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario)
   }
 }
 
-std::string_view ScenarioLoop::no_linear_law() const {
-  std::string_view why;
-  with_law(*scenario_, [&]<class L>(std::type_identity<L> /*type*/) {
-    if constexpr (!controller::law::MadeOfVectors<typename L::Memory>) {
-      why = L::Memory::no_linearisation;
-    }
-  });
-  return why;
-}
-
 LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
   const MotionPoint point{reference.q_ref, reference.v_ref, reference.a_ref};
   const VectorXd& friction = scenario_->plant.drive.viscous_friction_Nms_per_rad;

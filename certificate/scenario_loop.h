@@ -2,7 +2,6 @@
 
 #include <functional>
 #include <memory>
-#include <string_view>
 #include <vector>
 
 #include "certificate/linear_loop.h"
@@ -30,12 +29,8 @@ class ScenarioLoop {
   /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
   explicit ScenarioLoop(const experiment::Scenario& scenario);
 
-  /// Why the law cannot be linearised, as it declares; empty when it can. If it cannot, nothing is
-  /// known of its sampled loop.
-  [[nodiscard]] std::string_view no_linear_law() const;
-
   /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
-  /// the law can be linearised.
+  /// `controller::LawFacts::no_linearisation` is empty.
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const {
     return at(reference, settings_);
   }

@@ -231,6 +231,15 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   return result;
 }
 
+std::optional<Region> region_to_compare(const experiment::Scenario& scenario) {
+  if (!refusal(scenario).empty()) return {};
+  const double B_d = velocity_bound(scenario);
+  if (B_d == 0) return {};
+  const Conditions conditions(system_of(scenario), error_model(scenario), B_d, 12, 32);
+  const auto found = largest_ball_one_weight(conditions.coarse, conditions.coarse);
+  return found ? std::optional(found->region) : std::nullopt;
+}
+
 std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
   const robot::Model model = error_model(scenario);

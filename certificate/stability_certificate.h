@@ -68,6 +68,11 @@ struct CertifiedRun {
 /// does not rise. Nothing as above, or where no weights are certified at all.
 std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario);
 
+/// What the matrix condition certifies with the one weight of the largest ball, to compare gains
+/// by: over few postures, unrefined. Nothing where `stability_certificate` has nothing, at a
+/// constant reference, where the region has no limit, and when no weight is certified.
+std::optional<Region> region_to_compare(const experiment::Scenario& scenario);
+
 /// V [J] of the error state x at posture q.
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,
                       const robot::Vector& q, const Eigen::VectorXd& x);

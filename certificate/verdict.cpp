@@ -7,6 +7,7 @@
 
 #include "certificate/certify.h"
 #include "certificate/sampled_certificate.h"
+#include "controller/registry.h"
 
 namespace tachless::certificate {
 namespace {
@@ -46,7 +47,7 @@ Verdict verdict(const experiment::Scenario& scenario) {
   Verdict result;
   result.period_s = loop.settings().period_s;
   result.delay = loop.settings().delay;
-  result.unknown = loop.no_linear_law();
+  result.unknown = controller::law_facts(scenario.controller.law).no_linearisation;
   if (!result.unknown.empty()) return result;
   const double h = result.period_s;
 

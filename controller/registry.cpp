@@ -45,6 +45,9 @@ LawFacts facts_of() {
   facts.proved = L::proved;
   facts.conditions = L::conditions;
   if constexpr (law::HasLyapunovFunction<L>) facts.lyapunov_formula = L::lyapunov_formula;
+  if constexpr (!law::MadeOfVectors<typename L::Memory>) {
+    facts.no_linearisation = L::Memory::no_linearisation;
+  }
   facts.needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>;
   facts.regulation_only = L::regulation_only;
   facts.has_feedforward_lead = L::has_feedforward_lead;

@@ -43,6 +43,7 @@ struct LawFacts {
   std::vector<Parameter> parameters;
   std::string_view source, proved, conditions;
   std::string_view lyapunov_formula;  ///< empty when it declares no Lyapunov function
+  std::string_view no_linearisation;  ///< why the law cannot be linearised; empty when it can
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< its reference must be constant
   bool has_feedforward_lead = false;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <iterator>
 #include <numbers>
 #include <stdexcept>
 
@@ -146,11 +147,8 @@ YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& ov
   return root;
 }
 
-/// The robot of `urdf_text`, read with the keys of `place`, which is `robot`; what there is to say
-/// of the file is of `robot.urdf`.
-robot::Model read_robot(const Place& place, std::string_view urdf_text, const std::string& source,
-                        Scenario& scenario) {
-  RobotSpec& spec = scenario.robot;
+/// From the keys of `place`, which is `robot`.
+robot::UrdfOptions read_urdf_options(const Place& place, RobotSpec& spec) {
   read_key(place.child("check_inertia"), RobotSpec::check_inertia_key, spec);
   read_key(place.child("locked"), RobotSpec::locked_key, spec);
   read_key(place.child("base"), RobotSpec::base_key, spec);
@@ -159,8 +157,16 @@ robot::Model read_robot(const Place& place, std::string_view urdf_text, const st
   options.locked = spec.locked;
   options.base_rpy = {spec.base.rpy[0], spec.base.rpy[1], spec.base.rpy[2]};
   options.base_xyz = {spec.base.xyz[0], spec.base.xyz[1], spec.base.xyz[2]};
+  return options;
+}
+
+/// The robot of `urdf_text`, read with the keys of `place`, which is `robot`; what there is to say
+/// of the file is of `robot.urdf`.
+robot::Model read_robot(const Place& place, std::string_view urdf_text, const std::string& source,
+                        Scenario& scenario) {
+  const robot::UrdfOptions options = read_urdf_options(place, scenario.robot);
   try {
-    spec.urdf_text = robot::urdf_mechanics(std::string(urdf_text), source);
+    scenario.robot.urdf_text = robot::urdf_mechanics(std::string(urdf_text), source);
     return robot::read_urdf(std::string(urdf_text), source, options);
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint("robot.urdf", error.what());
@@ -385,6 +391,15 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
   scenario.source = source;
   const YamlNode root = surveyed_tree(text, overrides, scenario);
   return read_scenario(root, urdf_text, source + " (URDF)", std::move(scenario));
+}
+
+robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {
+  std::vector<std::string> of_robot;
+  std::copy_if(overrides.begin(), overrides.end(), std::back_inserter(of_robot),
+               [](const std::string& each) { return each.rfind("robot", 0) == 0; });
+  Scenario scenario;
+  const YamlNode root = surveyed_tree("robot: {}", of_robot, scenario);
+  return read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
 }
 
 robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model) {

@@ -208,6 +208,9 @@ Scenario load_scenario(const std::filesystem::path& path,
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides = {});
 
+/// How the overrides of `robot` alone have a URDF read: for who has no scenario yet.
+robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides);
+
 /// Width of one count of each joint's position encoder [rad; m if prismatic]; 0: ideal.
 /// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
 robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model);

@@ -77,8 +77,8 @@ std::optional<double> amplification(const experiment::Scenario& scenario,
 }
 
 std::optional<double> largest_period(const experiment::Scenario& scenario) {
+  if (!controller::law_facts(scenario.controller.law).no_linearisation.empty()) return {};
   const certificate::ScenarioLoop loop(scenario);
-  if (!loop.no_linear_law().empty()) return {};
   double shortest = std::numeric_limits<double>::infinity();
   for (const loop::ReferencePoint& rest : loop.rests(postures)) {
     const auto limit = certificate::largest_stable_period(loop.at(rest));

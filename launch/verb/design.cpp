@@ -15,6 +15,7 @@
 #include "certificate/certify.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/unfinished_file.h"
+#include "experiment/urdf_scenario.h"
 #include "launch/progress_line.h"
 #include "launch/verb.h"
 #include "node/options.h"
@@ -51,10 +52,11 @@ Urdf read_urdf(const Options& options) {
   }
   Urdf urdf{{std::istreambuf_iterator<char>(file), {}}, {}};
   try {
-    const robot::Model model = robot::model_from_urdf(urdf.urdf_text, options.input.string());
-    urdf.scenario_text = certificate::scenario_text(model, options.input.stem().string(),
-                                                    fs::absolute(options.input).string(),
-                                                    options.period_s > 0 ? options.period_s : 1e-3);
+    const robot::Model model = robot::read_urdf(urdf.urdf_text, options.input.string(),
+                                                experiment::urdf_options(options.overrides));
+    urdf.scenario_text = experiment::urdf_scenario(model, options.input.stem().string(),
+                                                   fs::absolute(options.input).string(),
+                                                   options.period_s > 0 ? options.period_s : 1e-3);
   } catch (const std::invalid_argument& problem) {
     throw Failure(ExitCode::bad_usage, problem.what());
   }
@@ -105,6 +107,11 @@ void print(const certificate::Design& design, const experiment::Scenario& scenar
                               : "",
       design.binds, design.postures, design.modulus, design.gain_margin, design.phase_margin_deg,
       design.settling_s);
+  if (design.certified_error.size() > 0) {
+    std::cout << fmt::format(
+        "  certified (sampled) from rest up to |e_i| = [{:.3g}], one at a time\n",
+        fmt::join(design.certified_error, ", "));
+  }
 }
 
 ExitCode run_design(const Options& options) {

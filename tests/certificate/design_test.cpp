@@ -7,7 +7,10 @@
 #include <string>
 #include <utility>
 
+#include "certificate/stability_certificate.h"
+#include "certificate/verdict.h"
 #include "controller/registry.h"
+#include "experiment/urdf_scenario.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
@@ -26,8 +29,8 @@ experiment::Scenario with_gains(experiment::Scenario scenario, const Design& des
 
 /// A scenario for a robot's bare URDF.
 experiment::Scenario bare(const robot::Model& model, const std::string& urdf_text) {
-  return experiment::parse_scenario(scenario_text(model, "bare", "robot.urdf", 1e-3), urdf_text,
-                                    "bare");
+  return experiment::parse_scenario(experiment::urdf_scenario(model, "bare", "robot.urdf", 1e-3),
+                                    urdf_text, "bare");
 }
 
 /// When a joint's error is last above 1 % of its peak, in a run from a small error.
@@ -78,6 +81,26 @@ TEST(Design, OfFlexibleJointsSettlesAsPredicted) {
     EXPECT_NEAR(observed_settling(with_gains(scenario, found)), found.settling_s,
                 0.2 * found.settling_s);
   }
+}
+
+/// With a slower filter the same kp and kd settle as fast here, and certify less.
+TEST(Design, ChoosesTheLargestCertifiedRegionAmongEquallyFastGains) {
+  const experiment::Scenario scenario = shipped("practical_rigid");
+  const Design found = design(scenario, {});
+  const auto region = region_to_compare(with_gains(scenario, found));
+  ASSERT_TRUE(region);
+  EXPECT_EQ(found.certified_error, region->e_at_rest);
+  experiment::Scenario slower = with_gains(scenario, found);
+  for (const char* pole : {"a", "b"}) {
+    slower.controller.gains[pole] = robot::Vector::Constant(2, 4 * found.w);
+  }
+  const double settling = verdict(slower).settles_s;
+  EXPECT_LT(settling, 1.05 * found.settling_s);
+  const auto smaller = region_to_compare(slower);
+  ASSERT_TRUE(smaller);
+  for (int i = 0; i < 2; ++i) EXPECT_GT(region->e_at_rest[i], smaller->e_at_rest[i]);
+  // Of a constant reference there is no largest region.
+  EXPECT_EQ(design(shipped("regulation"), {}).certified_error.size(), 0);
 }
 
 TEST(Design, OfABareUrdfFollowsItsReference) {

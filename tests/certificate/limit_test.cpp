@@ -8,6 +8,7 @@
 
 #include "certificate/design.h"
 #include "certificate/scenario_loop.h"
+#include "experiment/urdf_scenario.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
@@ -118,8 +119,8 @@ TEST(SampledLimit, IsThatOfRunsOfSevenJoints) {
 TEST(SampledLimit, IsThatOfRunsOfSixJointsWithGainsOfDesign) {
   const std::string urdf = robot::testing::chain_urdf(6);
   experiment::Scenario scenario = experiment::parse_scenario(
-      scenario_text(robot::model_from_urdf(urdf, "chain"), "chain", "chain.urdf", 1e-3), urdf,
-      "chain");
+      experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), "chain", "chain.urdf", 1e-3),
+      urdf, "chain");
   scenario.controller.gains = design(scenario, {}).gains;
   hold_at_the_end(scenario);
   for (const int delay : {0, 1}) {

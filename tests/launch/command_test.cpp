@@ -107,9 +107,21 @@ TEST_F(Command, DesignWritesAScenarioThatCertifies) {
   const std::string file = directory_ / "designed.yaml";
   const Outcome design = tachless("design " + robot + " --quiet --write " + file);
   EXPECT_EQ(design.exit_code, 0) << design.output;
-  EXPECT_THAT(design.output, HasSubstr("what binds:"));
+  EXPECT_THAT(design.output,
+              AllOf(HasSubstr("what binds:"), HasSubstr("from rest up to |e_i| = [")));
   const Outcome certify = tachless("certify " + file + " --quiet");
   EXPECT_EQ(certify.exit_code, 0) << certify.output;
+}
+
+TEST_F(Command, DesignReadsABareUrdfAsTheSettingsOfTheRobotSay) {
+  const std::string robot = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
+  const std::string file = directory_ / "designed.yaml";
+  const Outcome design =
+      tachless("design " + robot + " --quiet --set 'robot.locked={elbow: 0.5}' --write " + file);
+  EXPECT_EQ(design.exit_code, 0) << design.output;
+  const Outcome run = tachless("run --in-process --quiet " + file);
+  EXPECT_EQ(run.exit_code, 0) << run.output;
+  EXPECT_EQ(tachless("design " + robot + " --set 'robot.locked={wrist: 0.5}'").exit_code, 2);
 }
 
 TEST_F(Command, RefusesWhatItDoesNotKnowInOneLine) {
