@@ -11,10 +11,13 @@
 #include <string_view>
 #include <utility>
 
+#include "certificate/parallel.h"
+#include "certificate/stability_certificate.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "report/gnuplot.h"
 #include "report/plain_page.h"
+#include "report/sweep_curves.h"
 #include "study/measures.h"
 
 namespace tachless::report {
@@ -23,6 +26,8 @@ namespace {
 using study::Axis;
 using study::SweepPlan;
 using study::SweepRow;
+
+constexpr std::size_t usual_measure = 1;  // rms_error
 
 struct OutcomeColour {
   std::string_view outcome, colour;
@@ -39,24 +44,52 @@ std::size_t severity(std::string_view outcome) {
   return static_cast<std::size_t>(found - outcome_colours.begin());
 }
 
-/// The column of `measure_columns` called so; nothing for "outcome".
-std::optional<std::size_t> column_of(const std::string& name) {
-  if (name == "outcome") return {};
-  std::vector<std::string_view> names = {"outcome"};
+/// What --colour asks for.
+struct Colour {
+  std::vector<std::size_t> measures;  ///< indices into `measure_columns`; empty: outcomes
+  bool certified = false;             ///< which initial states are certified, too
+};
+
+diagnostics::Failure refused(const std::string& colour, const std::string& problem) {
+  return {diagnostics::ExitCode::bad_usage, fmt::format("--colour {}: {}", colour, problem)};
+}
+
+/// @throw diagnostics::Failure(bad_usage) when there is no such measure
+Colour colour_of(const std::string& text) {
+  Colour colour;
+  if (text == "outcome") return colour;
+  colour.certified = text == "certified";
+  if (colour.certified) return colour;
+  std::vector<std::string_view> names = {"outcome", "certified"};
+  const std::size_t others = names.size();
   for (const study::MeasureColumn& column : study::measure_columns()) names.push_back(column.name);
-  const auto found = std::ranges::find(names, name);
-  if (found == names.end()) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("--colour {}: no measure; allowed: {}", name, diagnostics::joined(names)));
+  for (std::size_t from = 0; from <= text.size();) {
+    const std::size_t to = std::min(text.find(',', from), text.size());
+    const auto found = std::find(names.begin() + others, names.end(), text.substr(from, to - from));
+    if (found == names.end()) {
+      throw refused(text, "no measure; allowed: " + diagnostics::joined(names));
+    }
+    colour.measures.push_back(static_cast<std::size_t>(found - names.begin()) - others);
+    from = to + 1;
   }
-  return static_cast<std::size_t>(found - names.begin()) - 1;
+  return colour;
+}
+
+/// Of each row, whether the initial state of its run is certified (certificate/).
+std::vector<bool> certified_rows(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
+  std::vector<char> certified(rows.size());
+  certificate::parallel_for(rows.size(), [&](std::size_t i) {
+    const auto run = certificate::certified_run(plan.scenario(rows[i].which));
+    certified[i] = run && run->rate >= 0 ? 1 : 0;
+  });
+  return {certified.begin(), certified.end()};
 }
 
 /// What a place on the map shows: of several runs the worst outcome, the largest measure.
 struct Shown {
   std::size_t outcome = 0;
   double measure = NAN;
+  bool certified = true;
 };
 using Places = std::map<std::pair<double, double>, Shown>;
 
@@ -82,15 +115,22 @@ std::pair<double, double> extent(const Axis& axis, double value) {
 
 class Map {
  public:
-  Map(const SweepPlan& plan, const std::vector<SweepRow>& rows, std::optional<std::size_t> column)
-      : plan_(plan), column_(column), one_axis_(plan.axes.size() == 1) {
-    const std::size_t ordinate = column.value_or(1);  // rms_error
-    for (const SweepRow& row : rows) {
+  /// @param certified of each row; empty: it is not asked for
+  Map(const SweepPlan& plan, const std::vector<SweepRow>& rows, std::optional<std::size_t> column,
+      const std::vector<bool>& certified)
+      : plan_(plan),
+        column_(column),
+        one_axis_(plan.axes.size() == 1),
+        certified_(!certified.empty()) {
+    const std::size_t ordinate = column.value_or(usual_measure);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const SweepRow& row = rows[i];
       const double measure = row.measures[ordinate];
       const double y = one_axis_ ? measure : row.which.values[1];
       if (!std::isfinite(y)) continue;
       Shown& shown = places_[row.which.law][{row.which.values[0], y}];
       shown.outcome = std::max(shown.outcome, severity(row.outcome));
+      shown.certified = shown.certified && certified_ && certified[i];
       shown.measure = std::isnan(shown.measure) ? measure : std::max(shown.measure, measure);
       if (measure > 0) lowest_ = std::min(lowest_, measure);
       if (std::isfinite(measure)) highest_ = std::max(highest_, measure);
@@ -104,7 +144,8 @@ class Map {
     const std::size_t rows = (laws + columns - 1) / columns;
     std::string text = fmt::format(
         "set terminal svg size {},{} font 'sans,11' background '#ffffff'\nset output {}\n"
-        "set multiplot layout {},{} title {} font ',14'\nset key below horizontal samplen 1\n"
+        "set multiplot layout {},{} title {} font ',14'\nset key below horizontal samplen 1 height "
+        "0.7\n"
         "set border 3\nset tics nomirror\n",
         columns == 1 ? 720 : 480 * columns, 430 * rows + 30, gnuplot_string(svg.string()), rows,
         columns, gnuplot_text(plan_.name));
@@ -112,7 +153,8 @@ class Map {
       text += fmt::format("{}set logscale {}\n", is ? "" : "un", axis);
     };
     const bool wide = positive_ && highest_ > 100 * lowest_;
-    const std::string measured = std::string(study::measure_columns()[column_.value_or(1)].name);
+    const std::string measured =
+        std::string(study::measure_columns()[column_.value_or(usual_measure)].name);
     logarithmic("x", plan_.axes[0].logarithmic);
     logarithmic("y", one_axis_ ? wide : plan_.axes[1].logarithmic);
     logarithmic("cb", wide);
@@ -160,8 +202,11 @@ class Map {
       if (by_measure && std::isnan(shown.measure)) continue;
       data[by_measure ? 0 : shown.outcome] += place(at, shown);
     }
-    std::string blocks;
+    std::string blocks, certified;
     std::vector<std::string> plots;
+    for (const auto& [at, shown] : places_.at(law)) {
+      if (shown.certified) certified += fmt::format("{:.9g} {:.9g}\n", at.first, at.second);
+    }
     for (const auto& [outcome, lines] : data) {
       blocks += fmt::format("$data{} << EOD\n{}EOD\n", outcome, lines);
       const std::string colour =
@@ -172,6 +217,11 @@ class Map {
           points ? "points pt 7 ps 0.6" : "boxxyerror fs solid noborder", colour,
           by_measure ? "notitle" : "title " + gnuplot_text(outcome_colours[outcome].outcome)));
     }
+    if (!certified.empty()) {
+      blocks += fmt::format("$certified << EOD\n{}EOD\n", certified);
+      plots.emplace_back("$certified with points pt 7 ps 0.4 lc rgb '#ffffff' notitle");
+      plots.emplace_back("NaN with points pt 6 ps 0.6 lc rgb '#444444' title 'certified'");
+    }
     if (plots.empty())
       return fmt::format("set title {}\nplot [0:1][0:1] NaN notitle\n", gnuplot_text(law));
     return blocks +
@@ -180,7 +230,7 @@ class Map {
 
   const SweepPlan& plan_;
   std::optional<std::size_t> column_;
-  bool one_axis_, positive_ = true;
+  bool one_axis_, certified_, positive_ = true;
   double lowest_ = INFINITY, highest_ = -INFINITY;
   std::map<std::string, Places> places_;  ///< by law
 };
@@ -206,11 +256,28 @@ Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
 
 void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                       const std::string& colour, const std::filesystem::path& directory) {
-  const std::optional<std::size_t> column = column_of(colour);
-  const Map map(plan, rows, column);
+  const Colour shown = colour_of(colour);
+  const bool curves = shown_by_curves(plan);
+  if (!curves && shown.measures.size() > 1) {
+    throw refused(colour, "a map shows one measure; curves, over one axis, show many");
+  }
+  if (curves && shown.certified) {
+    throw refused(colour, "needs a map, of two axes");
+  }
   const Html figure = drawn_figure(
-      directory / "map.svg", [&](const auto& svg) { return map.commands(svg); },
-      fmt::format("Map of the sweep, coloured by {}", colour));
+      directory / "map.svg",
+      [&](const auto& svg) {
+        if (curves) {
+          return sweep_curves(plan, rows,
+                              shown.measures.empty() ? std::vector{usual_measure} : shown.measures,
+                              svg);
+        }
+        return Map(plan, rows,
+                   shown.measures.empty() ? std::optional<std::size_t>() : shown.measures.front(),
+                   shown.certified ? certified_rows(plan, rows) : std::vector<bool>())
+            .commands(svg);
+      },
+      fmt::format("{} of the sweep: {}", curves ? "Curves" : "Map", colour));
   Html axes;
   for (const Axis& axis : plan.axes) axes += html("<li><code>{}</code></li>", axis.text);
   const std::string how = plan.drawn > 0 ? fmt::format(", drawn with seed {}", plan.seed) : "";

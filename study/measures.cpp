@@ -4,6 +4,8 @@
 
 #include "diagnostics/failure.h"
 #include "schema/schema.h"
+#include "study/in_process_loop.h"
+#include "study/velocity_in_use.h"
 
 namespace tachless::study {
 namespace {
@@ -15,6 +17,7 @@ class Sums {
       : period_s_(scenario.loop.period_s),
         settled_from_(scenario.loop.num_ticks * 3 / 4),
         flexible_(scenario.robot.flexible.has_value()),
+        velocity_in_use_(scenario.controller.law),
         tracking_(scenario.num_joints),
         saturated_(static_cast<std::size_t>(scenario.num_joints)) {}
 
@@ -25,7 +28,11 @@ class Sums {
     const double error = (record.truth.q - record.reference.q_ref).norm();
     peak_error_ = std::max(peak_error_, error);
     error_squared_ += error * error;
-    if (record.tick >= settled_from_) settled_squared_ += error * error;
+    if (record.tick >= settled_from_) {
+      settled_squared_ += error * error;
+      const robot::Vector off = velocity_in_use_.error(record);
+      velocity_squared_ += off.size() == 0 ? NAN : off.squaredNorm();
+    }
     torque_squared_ += tau.squaredNorm();
     if (record.tick > 0) variation_ += (tau - last_tau_).norm();
     last_tau_ = tau;
@@ -50,6 +57,7 @@ class Sums {
     if (ticks > 0)
       measures.torque_variation = variation_ / (static_cast<double>(ticks) * period_s_);
     measures.energy = energy_;
+    measures.velocity_error = root_mean(velocity_squared_, ticks - settled_from_);
     return measures;
   }
 
@@ -61,10 +69,11 @@ class Sums {
   double period_s_;
   std::int64_t settled_from_;
   bool flexible_;
+  VelocityInUse velocity_in_use_;
   Tracking tracking_;
   std::vector<std::int64_t> saturated_;
   double peak_error_ = 0, error_squared_ = 0, settled_squared_ = 0, torque_squared_ = 0;
-  double variation_ = 0, energy_ = 0;
+  double variation_ = 0, energy_ = 0, velocity_squared_ = 0;
   robot::Vector last_tau_;
 };
 
@@ -86,6 +95,7 @@ const std::vector<MeasureColumn>& measure_columns() {
       {"torque_rms", "N m; N", [](const Measures& m) { return m.torque_rms; }},
       {"torque_variation", "N m/s; N/s", [](const Measures& m) { return m.torque_variation; }},
       {"energy", "J", [](const Measures& m) { return m.energy; }},
+      {"velocity_error", "rad/s; m/s", [](const Measures& m) { return m.velocity_error; }},
       {"ticks", "", [](const Measures& m) { return static_cast<double>(m.ticks); }}};
   return columns;
 }

@@ -29,6 +29,9 @@ struct Measures {
   double torque_rms = 0;        ///< applied [N m; N]
   double torque_variation = 0;  ///< sum of |tau_k - tau_(k-1)| over the run's length [N m/s]
   double energy = 0;            ///< sum over the joints of the integral of |tau v| [J]
+  /// Root mean square of what stands in for the velocity, less the velocity, over the last quarter
+  /// of the run [rad/s; m/s]: of a law's v_hat, or v_ref + nu; NaN for a law that has neither.
+  double velocity_error = 0;
 
   /// "converged", …, "stopped".
   [[nodiscard]] std::string_view outcome() const;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <stdexcept>
 #include <string_view>
 #include <tuple>
@@ -26,9 +27,10 @@ namespace tachless::controller::law {
 ///   x2dot = M(q)^-1 [tau - C(q, v_hat) v_hat - g(q) + KO (q - x1)],
 ///   tau = M(q) vdot_ref + C(q, v_hat) v_ref + g(q) - Kp e - Kv (v_hat - v_ref).
 ///
-/// Measures: link position. Memory: the observer, the position of the sample before and the torque
-/// commanded then. With `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken
-/// that much ahead; what is measured or estimated is not.
+/// Measures: link position. Memory: the observer, the position of the sample before and the torques
+/// commanded up to then, of which the one that acts is the observer's tau. With
+/// `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken that much ahead; what
+/// is measured or estimated is not.
 class NicosiaTomei {
  public:
   static constexpr std::string_view name = "nicosia_tomei";
@@ -51,7 +53,9 @@ class NicosiaTomei {
     robot::Vector delta;       ///< q - x1 [rad]
     robot::Vector x2;          ///< [rad/s]
     robot::Vector q_previous;  ///< [rad]
-    robot::Vector tau;         ///< held since [N m]; empty before the first step
+    /// Commanded then and in the ticks before, as far back as the delay goes [N m]; empty before
+    /// the first step, and beyond.
+    std::array<robot::Vector, Settings::most_delay + 1> tau;
 
     static constexpr std::tuple members{&Memory::delta, &Memory::x2, &Memory::q_previous,
                                         &Memory::tau};
@@ -84,7 +88,12 @@ class NicosiaTomei {
       : model_(std::move(model)),
         gains_(std::move(gains)),
         lead_s_(settings.feedforward_lead_s),
-        period_s_(settings.period_s) {}
+        period_s_(settings.period_s),
+        delay_(static_cast<std::size_t>(settings.command_delay)) {
+    if (settings.command_delay < 0 || settings.command_delay > Settings::most_delay) {
+      throw std::logic_error("nicosia_tomei: no such delay");
+    }
+  }
 
   [[nodiscard]] Memory start(const Measurement& measurement,
                              const loop::ReferencePoint& reference) const {
@@ -96,7 +105,7 @@ class NicosiaTomei {
                                   const loop::ReferencePoint& reference, int ticks = 1) const {
     const robot::Vector e = measurement.q - reference.q_ref;
     Step<Memory> result{memory, {}, {}};
-    if (memory.tau.size() > 0) observe(result.memory, measurement.q, ticks);
+    if (memory.tau[0].size() > 0) observe(result.memory, measurement.q, ticks);
     const robot::Vector v_hat = result.memory.x2 + gains_.observer_kd * result.memory.delta;
 
     const Feedforward ahead = feedforward_ahead(reference, lead_s_);
@@ -104,14 +113,20 @@ class NicosiaTomei {
         robot::inverse_dynamics_bilinear(model_, measurement.q, v_hat, ahead.v_ref, ahead.a_ref) -
         gains_.kp.cwiseProduct(e) - gains_.kv.cwiseProduct(v_hat - reference.v_ref);
     result.memory.q_previous = measurement.q;
-    result.memory.tau = result.command.tau;
+    // Ticks whose command was lost held the one before; those before the first command, that one.
+    for (std::size_t j = 0; j <= delay_; ++j) {
+      const auto lost = static_cast<std::size_t>(ticks) - 1;
+      const bool first = j == 0 || memory.tau[0].size() == 0;
+      result.memory.tau[j] = first ? result.command.tau : memory.tau[j > lost ? j - 1 - lost : 0];
+    }
     result.signals = {signals.size(), {e, v_hat}};
     return result;
   }
 
  private:
   /// delta and x2 after `ticks` periods in which q goes straight from `q_previous` to `q` under the
-  /// torque held, period by period by the implicit midpoint rule,
+  /// torques that acted, period by period by the
+  /// implicit midpoint rule,
   ///   d = delta + h/2 (qdot - x - k_D d),   x = x2 + h/2 M^-1 [tau - C v_hat - g + KO d],
   /// (d, x) the middle of (delta, x2), M, C and g at the middle of q; v_hat in the slow term C
   /// v_hat is the period's first. Without x that is linear in d, with a positive definite matrix.
@@ -121,6 +136,8 @@ class NicosiaTomei {
     const robot::Vector qdot = advance / h;
     const robot::Vector zero = robot::Vector::Zero(q.size());
     for (int i = 0; i < ticks; ++i) {
+      const auto passed = static_cast<std::size_t>(i);
+      const robot::Vector& tau = memory.tau[passed < delay_ ? delay_ - passed : 0];
       const robot::Vector q_middle = memory.q_previous + (i + 0.5) * advance;
       const robot::Vector v_hat = memory.x2 + kd * memory.delta;
       const robot::Matrix M = robot::mass_matrix(model_, q_middle);
@@ -131,7 +148,7 @@ class NicosiaTomei {
       }
       robot::Vector middle =
           M * (memory.delta + h / 2 * (qdot - memory.x2)) +
-          h * h / 4 * (robot::inverse_dynamics(model_, q_middle, v_hat, zero) - memory.tau);
+          h * h / 4 * (robot::inverse_dynamics(model_, q_middle, v_hat, zero) - tau);
       robot::solve_in_place(matrix, middle);
       const robot::Vector x2_middle = qdot - kd * middle - 2 / h * (middle - memory.delta);
       memory.x2 = 2 * x2_middle - memory.x2;
@@ -143,6 +160,7 @@ class NicosiaTomei {
   Gains gains_;
   double lead_s_;
   double period_s_;
+  std::size_t delay_;
 };
 
 static_assert(OutputFeedbackLaw<NicosiaTomei>);

@@ -106,7 +106,7 @@ TEST_F(SweepVerb, SaysWhatIsWrong) {
           "--shard 3/2: allowed: I/N");
   refused({"sweep", scenario, "--vary", "loop.duration_s=0.1,0.2", "--colour", "blue", "--out",
            directory("colour")},
-          "--colour blue: no measure; allowed: outcome, peak_error");
+          "--colour blue: no measure; allowed: outcome, certified, peak_error");
   refused({"sweep", scenario, "--vary", "loop.duration_s=0.1,0.2", "--laws", "loria", "--out",
            directory("law")},
           "did you mean loria_ortega_rigid?");

@@ -67,7 +67,7 @@ TEST(NicosiaTomei, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
     EXPECT_EQ(step.memory.delta, vector(0, 0));
     EXPECT_EQ(step.memory.x2, ref.v_ref);
     EXPECT_EQ(step.memory.q_previous, measured.q);
-    EXPECT_EQ(step.memory.tau, step.command.tau);
+    EXPECT_EQ(step.memory.tau[0], step.command.tau);
     EXPECT_EQ(step.signals.value[0], measured.q - ref.q_ref);
     EXPECT_EQ(step.signals.value[1], ref.v_ref);
   }
@@ -93,12 +93,12 @@ TEST(NicosiaTomei, ObserverHasSecondOrderUnderATorqueThatIsHeld) {
   const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
   const auto error_at = [&](int every, int ticks) {
     const NicosiaTomei law(model_with(0), gains, {2.5e-4 * every / ticks});
-    NicosiaTomei::Memory memory{zero, start.tail<2>(), start.head<2>(), tau};
+    NicosiaTomei::Memory memory{zero, start.tail<2>(), start.head<2>(), {tau}};
     double error = 0;
     for (std::size_t k = static_cast<std::size_t>(every); k < states.size();
          k += static_cast<std::size_t>(every)) {
       memory = law.step(memory, {states[k].head<2>()}, at_zero, ticks).memory;
-      memory.tau = tau;
+      memory.tau[0] = tau;
       const Pair delta = states[k].segment<2>(0) - states[k].segment<2>(4);
       error = std::max({error, (memory.delta - delta).norm() * 300,
                         (memory.x2 - Pair(states[k].tail<2>())).norm()});
@@ -119,7 +119,7 @@ TEST(NicosiaTomei, TakesAGapAsASlopeOfThePositionUnderTheTorqueHeld) {
   const loop::ReferencePoint ref = random.reference();
   for (const int ticks : {2, 7, 64}) {
     const robot::Vector from = random.pair(1), to = from + random.pair(1e-3 * ticks);
-    const NicosiaTomei::Memory before{random.pair(1e-4), random.pair(1), from, random.pair(50)};
+    const NicosiaTomei::Memory before{random.pair(1e-4), random.pair(1), from, {random.pair(50)}};
     NicosiaTomei::Memory stepped = before;
     for (int k = 1; k <= ticks; ++k) {
       stepped =
@@ -130,6 +130,50 @@ TEST(NicosiaTomei, TakesAGapAsASlopeOfThePositionUnderTheTorqueHeld) {
     // Roundings of up to 64 steps: measured 2.1e-17 and 6.6e-15, allow ten times that.
     EXPECT_LT((at_once.delta - stepped.delta).norm(), 2.1e-16);
     EXPECT_LT((at_once.x2 - stepped.x2).norm(), 6.6e-14);
+  }
+}
+
+/// An arm under a torque that changes with every tick and acts `delay` ticks after its command,
+/// every `gap`-th of which arrives. @return the largest error of v_hat [rad/s]
+double observer_error(int delay, int told, int gap) {
+  constexpr double h = 1e-4;  // short, for a straight line between measured positions
+  Settings settings{h};
+  settings.command_delay = told;
+  const NicosiaTomei law(model_with(0), gains, settings);
+  const auto command = [&](int tick) {
+    const double t = 0.05 * (tick - tick % gap);  // held over ticks that are lost
+    return vector(80 * std::sin(t), -9 * std::cos(t));
+  };
+  const robot::Vector zero = vector(0, 0);
+  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
+  State<4> x = rigid_state({0.3, -0.5}, {0, 0});
+  NicosiaTomei::Memory memory{zero, zero, x.head<2>(), {}};
+  memory.tau.fill(command(0));
+  double largest = 0;
+  for (int k = 1; k <= 1800; ++k) {
+    const Pair acting = command(std::max(0, k - 1 - delay));
+    x = solution([&](double /*t*/, const State<4>& y) -> State<4> { return RigidArm{}(y, acting); },
+                 x, h, 1, h)
+            .back();
+    if (k % gap != 0) continue;
+    const auto step = law.step(memory, {x.head<2>()}, at_zero, gap);
+    memory = step.memory;
+    memory.tau[0] = command(k);  // in place of the law's own
+    if (k > 1200) largest = std::max(largest, (step.signals.value[1] - x.tail<2>()).norm());
+  }
+  return largest;
+}
+
+TEST(NicosiaTomei, ObserverIsToldTheTorqueThatActs) {
+  for (const int delay : {0, 1, 3}) {
+    for (const int gap : {1, 2, 4}) {
+      const double told = observer_error(delay, delay, gap);
+      EXPECT_LT(told, observer_error(delay, delay + 1, gap) / 5)
+          << delay << " " << gap << " " << told;
+      if (delay > 0) {
+        EXPECT_LT(told, observer_error(delay, delay - 1, gap) / 5) << delay << " " << gap;
+      }
+    }
   }
 }
 
