@@ -89,7 +89,7 @@ void EveryoneElse::say(std::int64_t k) {
   state.num = 2;
   state.value[0] = state.value[1] = two;
   loop::truth::PlantTruth truth;
-  truth.q = truth.v = truth.tau = two;
+  truth.q = truth.v = truth.tau = truth.disturbance = two;
   const loop::Stamp stamp{1000 * k, run_id, k};
   transport_.publish(prefix_ + "TICK", ticks_.encode(stamp, {}));
   transport_.publish(prefix_ + "POSITION", positions_.encode(stamp, {two}));
