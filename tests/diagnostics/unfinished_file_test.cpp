@@ -4,20 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <iterator>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "tests/support/temporary_directory.h"
 
 namespace tachless::diagnostics {
 namespace {
 
 using ::testing::HasSubstr;
-
-std::string text_of(const std::filesystem::path& path) {
-  std::ifstream file(path);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
   const TemporaryDirectory directory;
@@ -26,11 +21,11 @@ TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
   {
     const UnfinishedFile abandoned(path, "name another");
     std::ofstream(abandoned.name()) << "half";
-    EXPECT_EQ(text_of(path), "earlier");
+    EXPECT_EQ(file_text(path), "earlier");
   }
-  EXPECT_EQ(text_of(path), "earlier");
+  EXPECT_EQ(file_text(path), "earlier");
   UnfinishedFile(path, "name another").write("whole");
-  EXPECT_EQ(text_of(path), "whole");
+  EXPECT_EQ(file_text(path), "whole");
   EXPECT_FALSE(std::filesystem::exists(path.string() + ".partial"));
 }
 

@@ -63,6 +63,21 @@ TEST(Chart, LogarithmicAxisLeavesOutWhatIsNotPositive) {
   EXPECT_THAT(svg, HasSubstr(">−2</tspan>")) << "the exponent of 0.01";
 }
 
+TEST(Chart, OfAStackHasRoomForAllItsTitles) {
+  Chart chart = swing();
+  chart.wide = true;
+  chart.curves.assign(10, chart.curves[0]);
+  for (Curve& curve : chart.curves) curve.title = "robust\\_differentiator";
+  const std::string ten = stacked_chart_commands({chart, swing()}, "laws", "laws.svg");
+  // Three titles of 21 letters beside each other, and 21 px for each row but the first.
+  EXPECT_THAT(ten, HasSubstr("set key maxrows 4\n"));
+  EXPECT_THAT(ten, HasSubstr("svg size 900,743 "));
+  chart.curves.resize(3);
+  const std::string three = stacked_chart_commands({chart, swing()}, "laws", "laws.svg");
+  EXPECT_THAT(three, Not(HasSubstr("set key maxrows 4\n")));
+  EXPECT_THAT(three, HasSubstr("svg size 900,680 "));
+}
+
 TEST(Chart, LogarithmicFloorLeavesOutTheDips) {
   Curve curve = swing().curves[0];
   curve.points = {{0, 1e-12}};
