@@ -89,7 +89,8 @@ TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
   const std::string commands = sweep_curves(plan, rows_of(plan), {1, 2, 4}, "map.svg");
   EXPECT_EQ(count(commands, "\nplot "), 6U);
   EXPECT_EQ(count(commands, "with lines"), 12U);
-  // The cases 1 and 7 of each law at its first value of the axis, the second of the list.
+  // The list's first value and its second, of the first law and of the second.
+  EXPECT_THAT(commands, HasSubstr("$d0_0_line << EOD\n12 1\n14 3\n16 5\n"));
   EXPECT_THAT(commands, HasSubstr("$d1_0_line << EOD\n12 2\n14 4\n16 6\n"));
   EXPECT_THAT(commands, HasSubstr("$d1_1_line << EOD\n12 8\n14 10\n16 12\n"));
   EXPECT_THAT(commands, Not(HasSubstr("limit cycle, saturated")));
