@@ -138,7 +138,7 @@ Vector by_trial(const robot::Matrix& M, const Vector& r, double held) {
       A.row(i) = Eigen::RowVectorXd::Unit(n, i);
       b[i] = 0;
     }
-    const Vector a = Eigen::MatrixXd(A).fullPivLu().solve(Eigen::VectorXd(b));
+    Vector a = Eigen::MatrixXd(A).fullPivLu().solve(Eigen::VectorXd(b));
     const Vector needed = r - M * a;
     bool fits = true;
     for (int i = 0; i < n; ++i) {
