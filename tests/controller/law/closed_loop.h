@@ -99,6 +99,28 @@ inline State<4> rigid_state(const Pair& q, const Pair& v) {
   return x;
 }
 
+/// Springs and rotors of the arm with flexible joints.
+inline const robot::Vector stiffness = vector(1e4, 8e3);
+inline const robot::Vector rotor_inertia = vector(0.1, 0.2);
+
+/// The arm with flexible joints: x = (q, theta, v, thetadot).
+struct FlexibleArm {
+  TwoLink<double> arm;
+
+  State<8> operator()(const State<8>& x, const Pair& tau) const {
+    const Pair q = x.segment<2>(0), theta = x.segment<2>(2), v = x.segment<2>(4);
+    const Pair spring = Pair(stiffness).cwiseProduct(theta - q);
+    State<8> dot;
+    dot << v, x.segment<2>(6), arm.acceleration(q, v, spring),
+        (tau - spring).cwiseQuotient(Pair(rotor_inertia));
+    return dot;
+  }
+  static loop::StateMeasurement state(const State<8>& x) {
+    return {x.segment<2>(0), x.segment<2>(4), x.segment<2>(2), x.segment<2>(6)};
+  }
+  static loop::MotorPositionMeasurement motor(const State<8>& x) { return {x.segment<2>(2)}; }
+};
+
 /// The same arm with a payload as `robot/` sees it.
 inline robot::Model model_with(double payload) {
   return payload > 0 ? robot::with_payload(two_link_model(), payload) : two_link_model();

@@ -2,13 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/controller/law/two_link.h"
+#include "tests/controller/law/closed_loop.h"
 
 namespace tachless::controller::law {
 namespace {
-
-const robot::Vector stiffness = vector(1e4, 8e3);
-const robot::Vector rotor_inertia = vector(0.1, 0.2);
 
 KellyFlexible law_at(double h) {
   return {{two_link_model(), stiffness, rotor_inertia},
@@ -56,6 +53,32 @@ TEST(KellyFlexible, IsItsFormulaAwayFromTheGoal) {
       EXPECT_NEAR(step.command.tau[j], g[j] - kp[j] * e[j] - kd[j] * nu, 1e-10);
     }
   }
+}
+
+TEST(KellyFlexible, ConvergesAndApproachesItsContinuousLoopAtFirstOrder) {
+  const Sine goal{{0, 0}};
+  const auto rate = [](double /*t*/, const State<10>& x) {
+    const Pair theta = x.segment<2>(2), thetadot = x.segment<2>(6), nu = x.tail<2>();
+    const Pair tau = -Pair(300, 400).cwiseProduct(theta) - Pair(40, 9).cwiseProduct(nu);
+    State<10> dot;
+    dot << FlexibleArm{}(x.head<8>(), tau),
+        Pair(50, 70).cwiseProduct(thetadot) - Pair(60, 60).cwiseProduct(nu);
+    return dot;
+  };
+  State<10> beside;
+  beside << 0.3, -0.3, 0.3, -0.3, 0, 0, 0, 0, 0, 0;
+  const auto settled = solution(rate, beside, 1e-3, 20'000, 2.5e-4);
+  EXPECT_LT(final_error(settled, goal, 1e-3, 500), 1e-9);
+  // Springs of 400 rad/s: (0.04)^4 of the motion at most.
+  const auto exact = solution(rate, beside, 1.25e-4, 8000, 1.25e-4);
+  double error[3] = {};
+  for (int i = 0; i < 3; ++i) {
+    const double h = 5e-4 / (1 << i);
+    error[i] = distance(sampled_loop(law_at(h), State<8>(beside.head<8>()), FlexibleArm{},
+                                     FlexibleArm::motor, goal, h, 2000 << i),
+                        exact);
+  }
+  EXPECT_NEAR(std::log2(error[1] / error[2]), 1, 0.15) << error[1] << " " << error[2];
 }
 
 }  // namespace

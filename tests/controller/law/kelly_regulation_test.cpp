@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "tests/controller/law/two_link.h"
+#include "tests/controller/law/first_order.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -32,6 +32,28 @@ TEST(KellyRegulation, IsGravityLessProportionalAndFilteredError) {
     // 20 eps of terms of up to 2e4 N m
     EXPECT_LE((step.command.tau - tau).norm(), 1e-10);
   }
+}
+
+TEST(KellyRegulation, ApproachesItsContinuousLoopAtFirstOrder) {
+  const Sine goal{{0, 0}};
+  const auto law_at = [](double h) {
+    return KellyRegulation(two_link_model(),
+                           {vector(900, 120), vector(120, 20), vector(90, 90), vector(90, 90)},
+                           {h, Discretisation::tustin});
+  };
+  const auto rate = [](double /*t*/, const State<6>& x) {
+    const Pair q = x.head<2>(), v = x.segment<2>(2), nu = x.tail<2>();
+    const Pair tau =
+        TwoLink<double>().g(q) - Pair(900, 120).cwiseProduct(q) - Pair(120, 20).cwiseProduct(nu);
+    State<6> dot;
+    dot << RigidArm{}(x.head<4>(), tau), 90 * (v - nu);
+    return dot;
+  };
+  State<6> beside;
+  beside << 0.5, -0.5, 0, 0, 0, 0;  // nu(0) = 0: the filter starts at the error
+  expect_first_order(law_at, RigidArm::position, rate, beside, goal, 5e-4);
+  // The slowest mode decays as exp(-7 t): 0.5 rad is 1e-12 after 4 s.
+  EXPECT_LT(final_error(solution(rate, beside, 1e-3, 4000, 1e-3), goal, 1e-3, 100), 1e-9);
 }
 
 }  // namespace

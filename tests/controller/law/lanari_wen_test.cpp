@@ -7,30 +7,11 @@
 namespace tachless::controller::law {
 namespace {
 
-const robot::Vector stiffness = vector(1e4, 8e3);
-const robot::Vector rotor_inertia = vector(0.1, 0.2);
 const LanariWen::Gains gains{vector(4000, 1000), vector(80, 40)};
 
 LanariWen law_with(double payload) {
   return {{model_with(payload), stiffness, rotor_inertia}, gains, {}};
 }
-
-/// (q, theta, v, thetadot) under a motor torque.
-struct FlexibleArm {
-  TwoLink<double> arm;
-
-  State<8> operator()(const State<8>& x, const Pair& tau) const {
-    const Pair q = x.segment<2>(0), theta = x.segment<2>(2), v = x.segment<2>(4);
-    const Pair spring = Pair(stiffness).cwiseProduct(theta - q);
-    State<8> dot;
-    dot << v, x.segment<2>(6), arm.acceleration(q, v, spring),
-        (tau - spring).cwiseQuotient(Pair(rotor_inertia));
-    return dot;
-  }
-  static loop::StateMeasurement measure(const State<8>& x) {
-    return {x.segment<2>(0), x.segment<2>(4), x.segment<2>(2), x.segment<2>(6)};
-  }
-};
 
 /// theta_ref and its derivatives by differences of the closed form along the reference, in extended
 /// precision.
@@ -89,7 +70,7 @@ TEST(LanariWen, ConvergesWithAndWithoutAPayloadThatTheModelKnows) {
     // The slowest modes decay as exp(-2 t): 0.05 rad is 1e-8 after 7.5 s; measured 3e-9 and 4e-8.
     EXPECT_LT(final_error(states, reference, 1e-3, 500), 4e-7) << payload;
     const auto sampled = sampled_loop(law_with(payload), beside(), FlexibleArm{{payload}},
-                                      FlexibleArm::measure, reference, 1e-3, 8000);
+                                      FlexibleArm::state, reference, 1e-3, 8000);
     // A feed-forward half a period old, some 10 N m/s * 0.5 ms, on Kp and K; measured 1.2e-6 and
     // 1.3e-6.
     EXPECT_LT(final_error(sampled, reference, 1e-3, 500), 5e-6) << payload;
@@ -103,7 +84,7 @@ TEST(LanariWen, ApproachesItsContinuousEquationsWithFirstOrder) {
   double error[3] = {};
   for (int i = 0; i < 3; ++i) {
     const double h = 5e-4 / (1 << i);
-    error[i] = distance(sampled_loop(law_with(0), beside(), FlexibleArm{}, FlexibleArm::measure,
+    error[i] = distance(sampled_loop(law_with(0), beside(), FlexibleArm{}, FlexibleArm::state,
                                      reference, h, 800 << i),
                         continuous);
   }

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/controller/law/two_link.h"
+#include "tests/controller/law/closed_loop.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -10,8 +10,6 @@ namespace {
 using Long = long double;
 using LongPair = TwoLink<Long>::Pair;
 
-const robot::Vector stiffness = vector(1e4, 8e3);
-const robot::Vector rotor_inertia = vector(0.1, 0.2);
 const robot::Vector lambda = vector(12, 20);
 
 SlotineLiFlexible example() {
@@ -93,6 +91,28 @@ TEST(SlotineLiFlexible, LeavesAPassiveErrorEquation) {
     EXPECT_LE(link.norm(), 2e-17L * size);
     EXPECT_LE(rotor.norm(), 4.7e-14L * size);
   }
+}
+
+/// Without memory its torque is one of the state and the time alone: the test above has checked it.
+TEST(SlotineLiFlexible, ConvergesAndApproachesItsContinuousLoopAtFirstOrder) {
+  const SlotineLiFlexible law = example();
+  const Sine reference;
+  const auto rate = [&](double t, const State<8>& x) {
+    const robot::Vector tau = law.step({}, FlexibleArm::state(x), reference.at(t)).command.tau;
+    return FlexibleArm{}(x, tau);
+  };
+  State<8> beside;
+  beside << 0.1, -0.1, 0.1, -0.1, 0, 0, 0, 0;
+  const auto exact = solution(rate, beside, 2.5e-4, 24'000, 2.5e-4);
+  EXPECT_LT(final_error(exact, reference, 2.5e-4, 500), 1e-9);
+  double error[3] = {};
+  for (int i = 0; i < 3; ++i) {
+    const double h = 1e-3 / (1 << i);
+    error[i] = distance(
+        sampled_loop(law, beside, FlexibleArm{}, FlexibleArm::state, reference, h, 1000 << i),
+        std::vector<State<8>>(exact.begin(), exact.begin() + 4001));
+  }
+  EXPECT_NEAR(std::log2(error[1] / error[2]), 1, 0.15) << error[1] << " " << error[2];
 }
 
 TEST(SlotineLiFlexible, NeedsMotorVelocityForTheLinkJerkUnlikeThePapersLaw) {
