@@ -171,7 +171,7 @@ law::Settings law_settings(const experiment::Scenario& scenario) {
   law::Settings settings;
   settings.period_s = scenario.loop.period_s;
   settings.filter = scenario.controller.filter;
-  settings.command_delay = scenario.loop.command_delay;
+  settings.command_delay = scenario.loop.command_delay + scenario.plant.encoder.latency_ticks;
   settings.filter_start = scenario.controller.filter_start;
   if (scenario.controller.feedforward_lead == experiment::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;

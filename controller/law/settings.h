@@ -14,8 +14,8 @@ struct Settings {
   /// Standard deviation of a measured position as the encoder's data sheet has it [rad]; zero or
   /// empty: ideal.
   robot::Vector position_std{};
-  /// Ticks from the measurement that a command answers to the one over which it acts; at most
-  /// most_delay.
+  /// Ticks from the state that was measured to the one over which the command that answers it acts,
+  /// the encoder's latency included; at most most_delay.
   int command_delay = 0;
 
   static constexpr int most_delay = 32;

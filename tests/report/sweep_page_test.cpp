@@ -38,7 +38,7 @@ SweepPlan plan_of(const std::vector<std::string>& axes, const std::string& file 
 std::vector<SweepRow> rows_of(const SweepPlan& plan) {
   std::vector<SweepRow> rows;
   for (std::int64_t i = 0; i < plan.num_cases(); ++i) {
-    rows.push_back({plan.at(i), "converged",
+    rows.push_back({"", plan.at(i), "converged",
                     std::vector<double>(study::measure_columns().size(), 1.0 + i), ""});
   }
   return rows;
