@@ -31,6 +31,13 @@ reference::trajectory::WaypointSpline parsed(const std::string& table) {
   return parse_motion(table, "m.csv", robot::model_from_urdf(urdf, "two.urdf"));
 }
 
+/// At the row before the last the spline is a sum of eight rounded coefficients of size one to ten.
+constexpr double rounding = 1e-14;
+
+double apart(const robot::Vector& q, const Eigen::Vector2d& expected) {
+  return (q - expected).lpNorm<Eigen::Infinity>();
+}
+
 std::string refusal(const std::string& table) {
   try {
     parsed(table);
@@ -49,7 +56,7 @@ TEST(MotionFile, FindsItsColumnsByNameOrByOrder) {
     EXPECT_EQ(by_name.at(t).q_ref, by_order.at(t).q_ref) << t;
     EXPECT_EQ(by_name.at(t).snap_ref, by_order.at(t).snap_ref) << t;
   }
-  EXPECT_EQ(by_name.at(1).q_ref, Eigen::Vector2d(0.3, 0.4));
+  EXPECT_LE(apart(by_name.at(1).q_ref, {0.3, 0.4}), rounding);
 }
 
 TEST(MotionFile, NamesTheLineOfWhatIsWrong) {
@@ -102,7 +109,7 @@ class ScenarioWithATable : public ::testing::Test {
 
 TEST_F(ScenarioWithATable, FollowsIt) {
   const auto trajectory = reference::make_trajectory(load());
-  EXPECT_EQ(trajectory.at(1).q_ref, Eigen::Vector2d(0.5, 0.5));
+  EXPECT_LE(apart(trajectory.at(1).q_ref, {0.5, 0.5}), rounding);
   EXPECT_EQ(trajectory.at(5).q_ref, Eigen::Vector2d(0, 0));
 }
 
