@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/SparseLU>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -94,29 +94,42 @@ class Equations {
         position_(position),
         num_pieces_(time_s.size() - 1),
         scale_((time_s.back() - time_s.front()) / static_cast<double>(num_pieces_)),
-        right_(Eigen::MatrixXd::Zero(num_unknowns(), position.rows())) {
+        blocks_(num_pieces_ - 1),
+        right_(Eigen::MatrixXd::Zero(2 * (static_cast<Eigen::Index>(num_pieces_) - 1),
+                                     position.rows())) {
     for (std::size_t i = 0; i < num_pieces_; ++i) {
       if (i > 0) add_end(i, false);
       if (i + 1 < num_pieces_) add_end(i, true);
     }
   }
 
-  /// Row 2 k: velocity at point k + 1, row 2 k + 1: acceleration there; one column per joint.
-  [[nodiscard]] Eigen::MatrixXd solution() const {
-    if (num_unknowns() == 0) return right_;
-    Eigen::SparseMatrix<double> matrix(num_unknowns(), num_unknowns());
-    matrix.setFromTriplets(entries_.begin(), entries_.end());
-    const Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
-    if (lu.info() != Eigen::Success) throw std::logic_error("waypoints: " + lu.lastErrorMessage());
-    return lu.solve(right_);
+  /// Row 2 k: velocity at point k + 1, row 2 k + 1: acceleration there; one column per joint. By
+  /// elimination from block to block: each has only its neighbours' unknowns beside its own.
+  Eigen::MatrixXd solution() {
+    const auto num_blocks = static_cast<Eigen::Index>(blocks_.size());
+    const auto block = [&](Eigen::Index k) -> Block& {
+      return blocks_[static_cast<std::size_t>(k)];
+    };
+    for (Eigen::Index k = 1; k < num_blocks; ++k) {
+      const Eigen::Matrix2d factor = block(k).before * block(k - 1).own.inverse();
+      block(k).own -= factor * block(k - 1).after;
+      right_.middleRows<2>(2 * k) -= factor * right_.middleRows<2>(2 * k - 2);
+    }
+    for (Eigen::Index k = num_blocks - 1; k >= 0; --k) {
+      auto own = right_.middleRows<2>(2 * k);
+      if (k + 1 < num_blocks) own -= block(k).after * right_.middleRows<2>(2 * k + 2);
+      own = (block(k).own.inverse() * own).eval();
+    }
+    return std::move(right_);
   }
 
   [[nodiscard]] double scale() const { return scale_; }
 
  private:
-  [[nodiscard]] Eigen::Index num_unknowns() const {
-    return 2 * (static_cast<Eigen::Index>(num_pieces_) - 1);
-  }
+  /// The equations at an inner point, by the unknowns of the points before, at and after it.
+  struct Block {
+    Eigen::Matrix2d before = Eigen::Matrix2d::Zero(), own = before, after = before;
+  };
 
   /// What piece `i` says about jerk and snap at its beginning or at its end.
   void add_end(std::size_t i, bool at_end) {
@@ -124,10 +137,10 @@ class Equations {
     const double ratio = (time_s_[i + 1] - time_s_[i]) / scale_;
     const bool mirrored = kind == Kind::last;
     const double x = at_end != mirrored ? 1 : 0;
-    const auto before = 2 * static_cast<Eigen::Index>(i) - 2;  // unknowns at the beginning
-    const Eigen::Index after = before + 2;
+    const std::size_t k = at_end ? i : i - 1;  // of the point's block
+    Eigen::Matrix2d& of_begin = at_end ? blocks_[k].before : blocks_[k].own;
+    Eigen::Matrix2d& of_end = at_end ? blocks_[k].own : blocks_[k].after;
     for (const int order : {3, 4}) {
-      const Eigen::Index row = (at_end ? after : before) + (order - 3);
       // The difference "from the left minus from the right" must vanish.
       const double sign = (at_end ? 1 : -1) * (mirrored && order == 3 ? -1 : 1);
       const double weight = sign / std::pow(ratio, order);
@@ -136,18 +149,15 @@ class Equations {
                                          a1 * ratio * ratio),
                                    order, x);
       };
-      if (i > 0) {
-        entries_.emplace_back(row, before, response(0, 1, 0, 0, 0, 0));
-        entries_.emplace_back(row, before + 1, response(0, 0, 1, 0, 0, 0));
-      }
-      if (i + 1 < num_pieces_) {
-        entries_.emplace_back(row, after, response(0, 0, 0, 0, 1, 0));
-        entries_.emplace_back(row, after + 1, response(0, 0, 0, 0, 0, 1));
-      }
+      of_begin.row(order - 3) +=
+          Eigen::RowVector2d(response(0, 1, 0, 0, 0, 0), response(0, 0, 1, 0, 0, 0));
+      of_end.row(order - 3) +=
+          Eigen::RowVector2d(response(0, 0, 0, 0, 1, 0), response(0, 0, 0, 0, 0, 1));
       // A constant has no jerk, so only the difference of the positions counts.
       const auto column = static_cast<Eigen::Index>(i);
-      right_.row(row) -= response(0, 0, 0, 1, 0, 0) *
-                         (position_.col(column + 1) - position_.col(column)).transpose();
+      right_.row(2 * static_cast<Eigen::Index>(k) + order - 3) -=
+          response(0, 0, 0, 1, 0, 0) *
+          (position_.col(column + 1) - position_.col(column)).transpose();
     }
   }
 
@@ -155,7 +165,7 @@ class Equations {
   const Eigen::MatrixXd& position_;
   std::size_t num_pieces_;
   double scale_;
-  std::vector<Eigen::Triplet<double>> entries_;
+  std::vector<Block> blocks_;
   Eigen::MatrixXd right_;
 };
 
@@ -205,7 +215,7 @@ WaypointSpline::WaypointSpline(const Waypoints& points)
 
 WaypointSpline::WaypointSpline(std::vector<double> time_s, Eigen::MatrixXd position)
     : time_s_(std::move(time_s)), position_(std::move(position)) {
-  const Equations equations(time_s_, position_);
+  Equations equations(time_s_, position_);
   inner_ = equations.solution();
   scale_ = equations.scale();
 }
