@@ -201,8 +201,8 @@ void draw_robot(const RobotFacts& facts, const std::string& title,
                 const std::filesystem::path& svg) {
   const robot::JointUnits units = robot::joint_units(facts.model);
   std::mt19937 random(1);  // the same postures for every chart
-  std::vector<robot::Vector> postures;
-  for (int k = 0; k < 40; ++k) postures.push_back(robot::random_posture(facts.model, random));
+  std::vector<robot::Vector> postures(40);
+  for (robot::Vector& each : postures) each = robot::random_posture(facts.model, random);
   std::vector<Chart> charts;
   charts.reserve(2 * units.length.size());
   for (int j = 0; j < facts.model.num_joints; ++j) {
