@@ -123,9 +123,8 @@ std::string feasibility_text(const Feasibility& f) {
   const auto limit = [](const std::optional<double>& value) {
     return value ? fmt::format("{:g}", *value) : std::string("none");
   };
-  for (std::size_t i = 0; i < f.joints.size(); ++i) {
-    const JointDemand& joint = f.joints[i];
-    text += line(fmt::format("joint {}", i + 1),
+  for (const JointDemand& joint : f.joints) {
+    text += line(joint.name,
                  fmt::format("torque at rest {:.4g}, moving {:.4g}, limit {}; speed {:.4g}, limit "
                              "{}; f h = {:.2g}",
                              joint.at_rest, joint.moving, limit(joint.torque_limit), joint.speed,
@@ -293,7 +292,8 @@ void add(Json& json, const StabilityCertificate& s) {
 void add(Json& json, const Feasibility& f) {
   Json joints = Json::array();
   for (const JointDemand& joint : f.joints) {
-    joints.push_back({{"torque_at_rest", number(joint.at_rest)},
+    joints.push_back({{"name", joint.name},
+                      {"torque_at_rest", number(joint.at_rest)},
                       {"torque_moving", number(joint.moving)},
                       {"torque_limit", number(joint.torque_limit)},
                       {"speed", number(joint.speed)},

@@ -19,6 +19,7 @@
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
+#include "robot/joint_labels.h"
 #include "robot/mass_matrix.h"
 
 namespace tachless::certificate {
@@ -253,7 +254,9 @@ class Search {
     const auto gain = own_gain(loop.at(rests_.front()).law(loop.settings().period_s));
     for (Eigen::Index i = 0; i < gain.size(); ++i) {
       if (gain[i] * count[i] > goal_.count_share * (*limit)[i]) {
-        return fmt::format("the torque of one encoder count on joint {}", i + 1);
+        return fmt::format(
+            "the torque of one encoder count on {}",
+            robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(i)));
       }
     }
     return {};

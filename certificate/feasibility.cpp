@@ -10,6 +10,7 @@
 
 #include "certificate/scenario_loop.h"
 #include "robot/inverse_dynamics.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::certificate {
 namespace {
@@ -73,10 +74,6 @@ Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& mo
 
 void take_largest(double& largest, double value) { largest = std::max(largest, std::abs(value)); }
 
-std::string joint_name(const robot::Model& model, std::size_t i) {
-  return fmt::format("joint {} ({})", i + 1, model.joint_names[i]);
-}
-
 /// "m" or "rad", and the like.
 struct Units {
   const char *angle, *torque, *speed;
@@ -90,7 +87,7 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
            const Pace& pace) {
   for (std::size_t i = 0; i < result.joints.size(); ++i) {
     const JointDemand& joint = result.joints[i];
-    const std::string name = joint_name(model, i);
+    const std::string name = robot::joint_labels(model).joint(i);
     const Units units = units_of(model, i);
     if (joint.torque_limit && joint.at_rest > *joint.torque_limit) {
       result.impossible.push_back(fmt::format(
@@ -154,6 +151,7 @@ Feasibility feasibility(const experiment::Scenario& scenario) {
   for (std::size_t i = 0; i < n; ++i) {
     const auto joint = static_cast<Eigen::Index>(i);
     JointDemand& demand = result.joints[i];
+    demand.name = model.joint_names[i];
     if (limit && std::isfinite((*limit)[joint])) demand.torque_limit = (*limit)[joint];
     const double speed_limit = model.velocity_limit[joint];
     if (std::isfinite(speed_limit)) demand.speed_limit = speed_limit;

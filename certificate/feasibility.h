@@ -11,6 +11,7 @@
 namespace tachless::certificate {
 
 struct JointDemand {
+  std::string name;
   double at_rest = 0;  ///< largest |torque| that holds the arm still on the way [N m; N]
   double moving = 0;   ///< largest |torque| along the motion [N m; N]
   double speed = 0;    ///< largest |v_ref| [rad/s; m/s]

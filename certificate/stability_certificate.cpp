@@ -10,6 +10,7 @@
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
 #include "robot/inverse_dynamics.h"
+#include "robot/joint_labels.h"
 #include "robot/mass_matrix.h"
 
 namespace tachless::certificate {
@@ -134,9 +135,10 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
   for (int i = 0; region != nullptr && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
     result.push_back(fmt::format(
-        "joint {} ({}) is prismatic and its range was sampled: it holds while |e_{}| stays in that "
+        "{} is prismatic and its range was sampled: it holds while |e_{}| stays in that "
         "range; from the whole level set it may reach {:g} m",
-        i + 1, model.joint_names[static_cast<std::size_t>(i)], i + 1, region->e_reached[i]));
+        robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
+        region->e_reached[i]));
   }
   return result;
 }

@@ -110,6 +110,13 @@ std::string printable(std::string_view text) {
   return result;
 }
 
+std::string csv_field(std::string_view text) {
+  if (text.find_first_of(",\"\r\n") == std::string_view::npos) return std::string(text);
+  std::string result = "\"";
+  for (const char c : text) result += c == '"' ? "\"\"" : std::string(1, c);
+  return result + "\"";
+}
+
 std::optional<std::string> nearest_of(std::string_view word,
                                       const std::vector<std::string_view>& candidates) {
   const std::string wanted = lower(word);

@@ -16,6 +16,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/fnv.h"
 #include "diagnostics/text.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::experiment {
 namespace {
@@ -146,12 +147,15 @@ class Table {
     return *x;
   }
 
+  [[nodiscard]] std::string joint(int i) const {
+    return robot::joint_labels(model_).joint(static_cast<std::size_t>(i));
+  }
+
   void add_position(int i, double t) {
     const double q = value(static_cast<std::size_t>(i) + 1);
-    const std::string& joint = model_.joint_names[static_cast<std::size_t>(i)];
     if (q < model_.lower[i] || q > model_.upper[i]) {
-      refuse("joint {} ({}) is at {:g}; allowed by the URDF: {:g} to {:g}", i + 1, joint, q,
-             model_.lower[i], model_.upper[i]);
+      refuse("{} is at {:g}; allowed by the URDF: {:g} to {:g}", joint(i), q, model_.lower[i],
+             model_.upper[i]);
     }
     if (!time_s_.empty()) {
       const double before =
@@ -159,9 +163,9 @@ class Table {
       const double speed = std::abs(q - before) / (t - time_s_.back());
       if (speed > model_.velocity_limit[i]) {
         refuse(
-            "joint {} ({}) moves at {:g} per second since the row before; allowed by the URDF: "
+            "{} moves at {:g} per second since the row before; allowed by the URDF: "
             "{:g}",
-            i + 1, joint, speed, model_.velocity_limit[i]);
+            joint(i), speed, model_.velocity_limit[i]);
       }
     }
     positions_.push_back(q);

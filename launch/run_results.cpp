@@ -17,7 +17,7 @@
 #include "report/gnuplot.h"
 #include "report/log_tracking.h"
 #include "report/report.h"
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::launch {
 namespace {
@@ -64,8 +64,8 @@ std::string log_problem(const ReadBack& log, const experiment::Scenario& scenari
 
 /// The table, and the files.
 void show(const report::RunSummary& summary, const report::FigureFacts& figure,
-          const robot::JointUnits& units, const RunDirectory& out) {
-  std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, units));
+          const robot::JointLabels& joints, const RunDirectory& out) {
+  std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, joints));
   for (const std::filesystem::path& file : out.files()) {
     std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
   }
@@ -89,11 +89,11 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
                                     const RunDirectory& out, const report::RunSummary& summary) {
   const study::Tracking& tracking = summary.tracking;
   const report::RunFacts& facts = summary.facts;
-  const robot::JointUnits units = robot::joint_units(*scenario.model);
-  const std::string json = diagnostics::json_text(to_json(summary, units), 2) + "\n";
+  const robot::JointLabels joints = robot::joint_labels(*scenario.model);
+  const std::string json = diagnostics::json_text(to_json(summary, joints), 2) + "\n";
   const report::FigureFacts figure{
       fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
-      facts.period_s, units.length, units.effort};
+      facts.period_s, joints};
   const std::string_view remedy = "name another directory with --out";
   auto code = diagnostics::ExitCode::done;
   try {
@@ -113,7 +113,7 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
   if (options.json) {
     std::cout << json;
   } else if (!options.quiet && tracking.num_ticks() > 0) {
-    show(summary, figure, units, out);
+    show(summary, figure, joints, out);
   }
   return code;
 }
@@ -147,7 +147,7 @@ diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOp
   if (code == diagnostics::ExitCode::done) code = written;
   if (!done || options.any_verdict || !summary.observed.bad()) return code;
   diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
-                                     text(summary.observed, robot::joint_units(*scenario.model))));
+                                     text(summary.observed, robot::joint_labels(*scenario.model))));
   return diagnostics::ExitCode::check_said_no;
 }
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/text.h"
 
 namespace tachless::logger {
 namespace {
@@ -26,7 +27,7 @@ CsvFile::CsvFile(const std::filesystem::path& path, const std::vector<Quantity>&
   line_ = "tick,t_s";
   for (const auto& quantity : quantities_) {
     for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-      line_.append(1, ',').append(quantity.column(i));
+      line_.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
     }
   }
   write(line_);

@@ -40,11 +40,12 @@ class Hdf5File::Impl {
     for (const auto& quantity : quantities_) {
       const auto& units = quantity.units;
       const bool one = std::ranges::count(units, units.front()) == std::ssize(units);
-      const hsize_t columns = quantity.per_joint ? quantity.units.size() : 0;
+      const hsize_t columns = quantity.joints.size();
       auto column =
           create(quantity.name, quantity.whole ? H5T_STD_I8LE : H5T_IEEE_F64LE, columns,
                  one ? units.front() : diagnostics::joined(units, ","), quantity.description);
       attribute(column.id, "present", "/" + mask_name(quantity.slot));
+      if (columns > 0) attribute(column.id, "joints", diagnostics::joined(quantity.joints, ","));
       columns_.push_back(std::move(column));
     }
   }

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "logger/column_names.h"
 #include "loop/measurements.h"
 
 namespace tachless::logger {
@@ -34,6 +35,7 @@ std::pair<std::string, std::string> column_units(std::string_view unit) {
 
 struct Builder {
   std::vector<robot::JointType> types;
+  std::vector<std::string> joints;
   std::vector<Quantity> quantities;
 
   [[nodiscard]] std::vector<std::string> units(std::string_view unit) const {
@@ -50,7 +52,7 @@ struct Builder {
   void add_vector(const std::string& name, std::string_view unit, const std::string& description,
                   Slot slot, Get get) {
     const auto size = static_cast<Eigen::Index>(types.size());
-    quantities.push_back({name, units(unit), description, slot, true, false,
+    quantities.push_back({name, units(unit), description, slot, joints, false,
                           [get, size, name](const TickRecord& record, double* values) {
                             const Vector& vector = get(record);
                             if (vector.size() != size) {
@@ -73,22 +75,17 @@ struct Builder {
         return (*loop::find<Value>(record)).*member;
       });
     } else if constexpr (std::is_enum_v<Member>) {
-      quantities.push_back({name,
-                            {"1"},
-                            text,
-                            slot,
-                            false,
-                            true,
-                            [member](const TickRecord& record, double* values) {
-                              *values = static_cast<double>((*loop::find<Value>(record)).*member);
-                            }});
+      quantities.push_back(
+          {name, {"1"}, text, slot, {}, true, [member](const TickRecord& record, double* values) {
+             *values = static_cast<double>((*loop::find<Value>(record)).*member);
+           }});
     } else {
-      const std::size_t joints = types.size();
-      quantities.push_back({name, units(field.unit), text, slot, true, true,
-                            [member, joints](const TickRecord& record, double* values) {
-                              const Member& flags = (*loop::find<Value>(record)).*member;
-                              std::copy_n(flags.begin(), joints, values);
-                            }});
+      quantities.push_back(
+          {name, units(field.unit), text, slot, joints, true,
+           [member, count = types.size()](const TickRecord& record, double* values) {
+             const Member& flags = (*loop::find<Value>(record)).*member;
+             std::copy_n(flags.begin(), count, values);
+           }});
     }
   }
 
@@ -110,16 +107,13 @@ struct Builder {
 }  // namespace
 
 std::string Quantity::column(std::size_t component) const {
-  std::string text = name;
-  if (per_joint) text += fmt::format("_{}", component + 1);
-  if (units[component] != "1") text += "_" + units[component];
-  return text;
+  return column_name(name, joints.empty() ? "" : joints[component], units[component]);
 }
 
 std::vector<Quantity> quantities_of(const RunLog& log) {
   const loop::Layout& layout = log.layout();
-  Builder to;
-  to.types = log.scenario().model->joint_types;
+  const robot::Model& model = *log.scenario().model;
+  Builder to{model.joint_types, model.joint_names, {}};
   using Truth = loop::truth::PlantTruth;
   constexpr std::size_t num_states = loop::MessageOf<Truth>::num_states;
   to.add_message<Truth>(layout, "", ", true", 0, num_states);
@@ -139,6 +133,12 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
   const bool disturbed = !log.scenario().plant.disturbances.empty();
   to.add_message<Truth>(layout, "", "", num_states, std::string_view::npos,
                         disturbed ? "" : "disturbance");
+  std::vector<std::string> names;
+  for (const Quantity& each : to.quantities) names.push_back(each.name);
+  const auto joints = joints_in_columns(names, model.joint_names);
+  for (Quantity& each : to.quantities) {
+    if (!each.joints.empty()) each.joints = joints;
+  }
   return std::move(to.quantities);
 }
 

@@ -14,14 +14,14 @@ struct Quantity {
   std::string name;                ///< "q_ref"
   std::vector<std::string> units;  ///< per component: "rad", "m", "Nm", "N", "1" ...
   std::string description;
-  Slot slot;           ///< the message it comes from; missing with it
-  bool per_joint;      ///< otherwise one number, and the column has no joint in its name
-  bool whole = false;  ///< numbers are integers
+  Slot slot;                        ///< the message it comes from; missing with it
+  std::vector<std::string> joints;  ///< as columns name them; empty: one number, of no joint
+  bool whole = false;               ///< numbers are integers
 
   /// The values of a record that `has(record, slot)`: as many as `units`.
   std::function<void(const TickRecord&, double* values)> read;
 
-  /// "q_ref_1_rad"; component counts from 0, its name from 1.
+  /// "q_ref_elbow_rad".
   [[nodiscard]] std::string column(std::size_t component) const;
 };
 

@@ -14,6 +14,7 @@
 #include "plant/emulated_robot.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::plant {
 namespace {
@@ -69,9 +70,10 @@ void GuardedRobot::start() {
       if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
       throw scenario_.complaint(
           "plant.initial.position_rad",
-          fmt::format("{:.6g} for joint {}, which is at {:.6g}; move the robot to within {:.6g} of "
+          fmt::format("{:.6g} for {}, which is at {:.6g}; move the robot to within {:.6g} of "
                       "where the scenario begins, or begin where it is",
-                      begin[i], i + 1, state_.q[i], start_tolerance));
+                      begin[i], robot::joint_labels(model_).joint(static_cast<std::size_t>(i)),
+                      state_.q[i], start_tolerance));
     }
   }
   started_ = true;
@@ -134,7 +136,7 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
                  : "; slow the reference or soften the gains, or go on all the same with "
                    "plant.on_limit: warn";
   }
-  return fmt::format("joint {} ({}) {} in {}{}", joint + 1, model_.joint_names[j], what,
+  return fmt::format("{} {} in {}{}", robot::joint_labels(model_).joint(j), what,
                      scenario_.robot.urdf_path, remedy);
 }
 

@@ -1,4 +1,5 @@
 #include "reference/make_trajectory.h"
+#include "robot/joint_labels.h"
 
 #include <fmt/format.h>
 
@@ -24,10 +25,9 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
           std::visit([](const auto& spec) { return spec.name; }, scenario.reference);
       throw scenario.complaint(
           fmt::format("reference.{}", name),
-          fmt::format(
-              "joint {} ({}) is at {:g} rad at t = {:g} s; allowed by the URDF: {:g} to {:g}",
-              i + 1, model.joint_names[static_cast<std::size_t>(i)], q_ref[i], t_s, model.lower[i],
-              model.upper[i]));
+          fmt::format("{} is at {:g} rad at t = {:g} s; allowed by the URDF: {:g} to {:g}",
+                      robot::joint_labels(model).joint(static_cast<std::size_t>(i)), q_ref[i], t_s,
+                      model.lower[i], model.upper[i]));
     }
   }
   return made;

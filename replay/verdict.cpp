@@ -20,7 +20,7 @@ std::string hindrance(const Replay& replay, const logger::RunLog& log) {
 }
 
 std::string problem_text(const Replay& replay, const logger::RunLog& log,
-                         const robot::JointUnits& units) {
+                         const robot::JointLabels& joints) {
   const std::string gap = hindrance(replay, log);
   if (replay.different == 0) {
     if (gap.empty()) return "";
@@ -28,14 +28,15 @@ std::string problem_text(const Replay& replay, const logger::RunLog& log,
                        replay.compared);
   }
   const Mismatch& first = *replay.first;
-  const std::string& unit = units.effort[static_cast<std::size_t>(first.joint)];
+  const std::string& unit = joints.effort[static_cast<std::size_t>(first.joint)];
   return fmt::format(
-      "{}: {} of {} commands differ, first at tick {} ({:.9g} s), joint {}: recorded {:.17g} {}, "
+      "{}: {} of {} commands differ, first at tick {} ({:.9g} s), {}: recorded {:.17g} {}, "
       "replayed {:.17g} {}, {} ulp{} or {:.3g} {} apart{}{}",
       log.path().string(), replay.different, replay.compared, first.tick,
-      static_cast<double>(first.tick) * log.info().period_s, first.joint + 1, first.recorded, unit,
-      first.replayed, unit, first.ulps, first.ulps == 1 ? "" : "s", first.replayed - first.recorded,
-      unit, gap.empty() ? "" : "; ", gap);
+      static_cast<double>(first.tick) * log.info().period_s,
+      joints.joint(static_cast<std::size_t>(first.joint)), first.recorded, unit, first.replayed,
+      unit, first.ulps, first.ulps == 1 ? "" : "s", first.replayed - first.recorded, unit,
+      gap.empty() ? "" : "; ", gap);
 }
 
 std::string verified_text(const Replay& replay, const logger::RunLog& log, double wall_s) {

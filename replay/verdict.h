@@ -3,7 +3,7 @@
 #include <string>
 
 #include "replay/replay.h"
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 
 /// What a replay found, in words. Decides nothing and prints nothing.
 namespace tachless::replay {
@@ -13,7 +13,7 @@ std::string hindrance(const Replay& replay, const logger::RunLog& log);
 
 /// Why the recorded commands are not all verified as the same; empty when they are.
 std::string problem_text(const Replay& replay, const logger::RunLog& log,
-                         const robot::JointUnits& units);
+                         const robot::JointLabels& joints);
 
 /// What was verified, after a replay that took `wall_s` and has no problem.
 std::string verified_text(const Replay& replay, const logger::RunLog& log, double wall_s);

@@ -9,9 +9,12 @@
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
+#include "diagnostics/text.h"
+#include "logger/column_names.h"
 #include "report/chart.h"
 #include "report/figure.h"
 #include "report/gnuplot.h"
+#include "report/summary.h"
 
 namespace tachless::replay {
 namespace {
@@ -35,16 +38,20 @@ void require_of_controller(const std::vector<std::string>& overrides) {
 
 }  // namespace
 
-WhatIf::WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units)
+WhatIf::WhatIf(std::filesystem::path csv, double period_s, robot::JointLabels labels)
     : file_(std::move(csv), remedy),
       csv_(file_.name()),
       period_s_(period_s),
-      effort_units_(std::move(effort_units)),
-      joints_(effort_units_.size()) {
+      labels_(std::move(labels)),
+      joints_(labels_.name.size()) {
   csv_ << "tick,t_s";
-  for (const char* name : {"tau", "tau_replayed"}) {
-    for (std::size_t i = 0; i < effort_units_.size(); ++i) {
-      csv_ << ',' << name << '_' << i + 1 << (effort_units_[i] == "N" ? "_N" : "_Nm");
+  const std::vector<std::string> names = {"tau", "tau_replayed"};
+  const auto joints = logger::joints_in_columns(names, labels_.name);
+  for (const std::string& name : names) {
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      csv_ << ','
+           << diagnostics::csv_field(
+                  logger::column_name(name, joints[i], labels_.effort[i] == "N" ? "N" : "Nm"));
     }
   }
   csv_ << '\n';
@@ -75,7 +82,8 @@ void WhatIf::finish() {
 std::string WhatIf::figure(const std::string& title, const std::filesystem::path& svg) const {
   std::vector<report::Chart> charts;
   for (std::size_t i = 0; i < joints_.size(); ++i) {
-    const std::string label = fmt::format("{}  [{}]", report::indexed("τ", i), effort_units_[i]);
+    const std::string label =
+        fmt::format("{}  [{}]", report::indexed("τ", i, labels_.name[i]), labels_.effort[i]);
     report::Chart torque;
     torque.height_px = 220;
     torque.y_label = label;
@@ -93,7 +101,7 @@ std::string WhatIf::figure(const std::string& title, const std::filesystem::path
 }
 
 Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
-                   const std::filesystem::path& out, const std::vector<std::string>& effort_units) {
+                   const std::filesystem::path& out, const robot::JointLabels& labels) {
   require_of_controller(overrides);
   if (!law.empty()) overrides.push_back(fmt::format("controller.law={}", law));
   Comparison result{
@@ -114,7 +122,7 @@ Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std:
 
   controller::scenario_law(result.scenario);  // complains before files are made
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
-  WhatIf what_if(result.csv, log.info().period_s, effort_units);
+  WhatIf what_if(result.csv, log.info().period_s, labels);
   result.replay = replay(log, result.scenario,
                          [&](std::int64_t tick, const auto& recorded, const auto& replayed) {
                            what_if.add(tick, recorded, replayed);
@@ -128,19 +136,22 @@ Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std:
   return result;
 }
 
-std::string comparison_text(const Comparison& comparison,
-                            const std::vector<std::string>& effort_units, double period_s) {
+std::string comparison_text(const Comparison& comparison, const robot::JointLabels& labels,
+                            double period_s) {
   const Replay& replay = comparison.replay;
+  const std::vector<std::string> names = report::joint_column(labels.name);
+  const std::size_t width = names.front().size();
   std::string text = fmt::format(
       "{}\n{} ticks, {} of them with another command\n\n"
-      "  {:>5}  {:>37}   {:>25}\n  {:>5}  {:>12} {:>11} {:>12}   {:>12} {:>12}\n",
-      comparison.title, replay.compared, replay.different, "joint", "replayed - recorded torque",
-      "peak torque", "", "max", "at", "rms", "recorded", "replayed");
+      "  {:<{}}  {:>37}   {:>25}\n  {:<{}}  {:>12} {:>11} {:>12}   {:>12} {:>12}\n",
+      comparison.title, replay.compared, replay.different, "joint", width,
+      "replayed - recorded torque", "peak torque", "", width, "max", "at", "rms", "recorded",
+      "replayed");
   for (std::size_t i = 0; i < replay.joints.size(); ++i) {
     const TorqueDifference& joint = replay.joints[i];
-    text += fmt::format("  {:>5}  {:12.5g} {:9.4g} s {:12.5g}   {:12.5g} {:12.5g} {}\n", i + 1,
+    text += fmt::format("  {}  {:12.5g} {:9.4g} s {:12.5g}   {:12.5g} {:12.5g} {}\n", names[i],
                         joint.max, static_cast<double>(joint.max_tick) * period_s, joint.rms,
-                        joint.recorded_peak, joint.replayed_peak, effort_units[i]);
+                        joint.recorded_peak, joint.replayed_peak, labels.effort[i]);
   }
   return text + fmt::format("\n  {}\n  {}\n", comparison.svg.string(), comparison.csv.string());
 }

@@ -8,6 +8,7 @@
 
 #include "diagnostics/unfinished_file.h"
 #include "replay/replay.h"
+#include "robot/joint_labels.h"
 #include "study/envelope.h"
 
 namespace tachless::replay {
@@ -16,10 +17,10 @@ namespace tachless::replay {
 /// side, as a CSV table and as a figure.
 class WhatIf {
  public:
-  /// Starts the table that `finish` puts at `csv`: tick, t_s, then tau_1_Nm (recorded) and
-  /// tau_replayed_1_Nm, … . `effort_units`: per joint, "N m" or "N".
+  /// Starts the table that `finish` puts at `csv`: tick, t_s, then tau_elbow_Nm (recorded) and
+  /// tau_replayed_elbow_Nm, … .
   /// @throw diagnostics::Failure(bad_usage) when it cannot be written.
-  WhatIf(std::filesystem::path csv, double period_s, std::vector<std::string> effort_units);
+  WhatIf(std::filesystem::path csv, double period_s, robot::JointLabels labels);
 
   void add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed);
 
@@ -37,7 +38,7 @@ class WhatIf {
   diagnostics::UnfinishedFile file_;
   std::ofstream csv_;
   double period_s_;
-  std::vector<std::string> effort_units_;
+  robot::JointLabels labels_;
   std::vector<Joint> joints_;
 };
 
@@ -54,11 +55,11 @@ struct Comparison {
 /// @throw diagnostics::Failure(bad_usage) for a setting that no command depends on, a scenario that
 /// is not valid, or a file that cannot be written
 Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
-                   const std::filesystem::path& out, const std::vector<std::string>& effort_units);
+                   const std::filesystem::path& out, const robot::JointLabels& labels);
 
 /// Largest and rms difference per joint, and the files.
-std::string comparison_text(const Comparison& comparison,
-                            const std::vector<std::string>& effort_units, double period_s);
+std::string comparison_text(const Comparison& comparison, const robot::JointLabels& labels,
+                            double period_s);
 
 /// `{compared_ticks, different_ticks, last_compared_tick, complete, ticks_without_command,
 /// ticks_passed_over, stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm,

@@ -10,6 +10,7 @@
 
 #include "diagnostics/unfinished_file.h"
 #include "report/gnuplot.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::report {
 namespace {
@@ -142,9 +143,10 @@ std::vector<std::pair<double, double>> section(const StabilityCertificate& s, co
 Panel region_panel(const StabilityCertificate& s, const experiment::Scenario& scenario,
                    Index joint) {
   const Index edot = 2 * s.system.num_errors() + joint;
-  Panel panel(fmt::format("Certified region, joint {}", joint + 1),
-              fmt::format("e{} [rad; m]", joint + 1),
-              fmt::format("edot{} [rad/s; m/s]", joint + 1));
+  Panel panel(
+      fmt::format("Certified region, {}",
+                  robot::joint_labels(*scenario.model).joint(static_cast<std::size_t>(joint))),
+      fmt::format("e{} [rad; m]", joint + 1), fmt::format("edot{} [rad/s; m/s]", joint + 1));
   const auto add = [&](const std::optional<Choice>& choice, const std::string& name,
                        std::size_t colour) {
     if (!choice) return;

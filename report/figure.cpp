@@ -39,17 +39,23 @@ Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTrac
 
 }  // namespace
 
-std::string indexed(std::string_view symbol, std::size_t joint) {
-  return fmt::format("{{/:Italic {}}}_{{{}}}", symbol, joint + 1);
+std::string indexed(std::string_view symbol, std::size_t joint, std::string_view name) {
+  std::string text = fmt::format("{{/:Italic {}}}_{{{}}}", symbol, joint + 1);
+  if (name.empty()) return text;
+  constexpr std::size_t longest = 18;
+  const bool cut = name.size() > longest;  // its end is what tells joints apart
+  if (cut) name.remove_prefix(name.size() - longest + 1);
+  while (cut && diagnostics::utf8_length(name) == 0) name.remove_prefix(1);
+  return text + fmt::format(" {{/=11 {}{}}}", cut ? "…" : "", enhanced(name));
 }
 
-Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& unit,
-                     std::size_t max_points) {
+Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& name,
+                     const std::string& unit, std::size_t max_points) {
   const study::JointTracking& signals = tracking.joints()[joint];
   const bool motors = tracking.has_motors();
   Chart chart;
-  chart.y_label = fmt::format("{}{}  [{}]", indexed("q", joint),
-                              motors ? ", " + indexed("θ", joint) : "", unit);
+  chart.y_label = fmt::format("{}{}  [{}]", motors ? indexed("q", joint) + ", " : "",
+                              indexed(motors ? "θ" : "q", joint, name), unit);
   chart.curves.push_back(
       {"link", signals.q.points(max_points), palette[5], 4, "", CurveStyle::line});
   if (motors) {
@@ -84,12 +90,12 @@ std::string tracking_figure(const study::Tracking& tracking, const FigureFacts& 
                             const std::filesystem::path& svg) {
   std::vector<Chart> charts;
   for (std::size_t joint = 0; joint < tracking.joints().size(); ++joint) {
-    charts.push_back(
-        position_chart(tracking, joint, facts.length_units[joint], study::Envelope::max_points));
+    charts.push_back(position_chart(tracking, joint, facts.joints.name[joint],
+                                    facts.joints.length[joint], study::Envelope::max_points));
   }
   Chart error = overlaid(tracking, &study::JointTracking::abs_error, "e");
   error.y_label =
-      fmt::format("|{{/:Italic q}} − {{/:Italic q}}_{{ref}}|  [{}]", units_of(facts.length_units));
+      fmt::format("|{{/:Italic q}} − {{/:Italic q}}_{{ref}}|  [{}]", units_of(facts.joints.length));
   make_logarithmic(error);
   // A joint without any error has nothing on this axis, nor a place in its key.
   std::erase_if(error.curves, [](const Curve& curve) {
@@ -97,8 +103,8 @@ std::string tracking_figure(const study::Tracking& tracking, const FigureFacts& 
                         [](const study::Point& point) { return point.y > 0; });
   });
   Chart torque = overlaid(tracking, &study::JointTracking::tau, "τ");
-  torque.y_label = fmt::format("{{/:Italic τ}}  [{}]", units_of(facts.effort_units));
-  cut_kick(torque, units_of(facts.effort_units));
+  torque.y_label = fmt::format("{{/:Italic τ}}  [{}]", units_of(facts.joints.effort));
+  cut_kick(torque, units_of(facts.joints.effort));
   charts.insert(charts.end(), {std::move(error), std::move(torque)});
   for (Chart& chart : charts) {
     chart.height_px = row_px;

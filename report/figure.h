@@ -6,18 +6,20 @@
 #include <vector>
 
 #include "report/chart.h"
+#include "robot/joint_labels.h"
 #include "study/tracking.h"
 
 /// The charts of one run's signals: those of tracking.svg, and the pieces that the report's charts
 /// are made of too.
 namespace tachless::report {
 
-/// gnuplot's enhanced text for a symbol with a joint's number: q_1.
-std::string indexed(std::string_view symbol, std::size_t joint);
+/// gnuplot's enhanced text for a symbol with a joint's number, and its name if that is given:
+/// q_1 shoulder. Of a long name its end.
+std::string indexed(std::string_view symbol, std::size_t joint, std::string_view name = {});
 
 /// Link angle, motor angle where there is one, and reference of one joint, named and labelled.
-Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& unit,
-                     std::size_t max_points);
+Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& name,
+                     const std::string& unit, std::size_t max_points);
 
 /// Where a kick would flatten the rest of a chart's curves, its axis is cut, and a note says so.
 void cut_kick(Chart& chart, const std::string& unit);
@@ -28,8 +30,7 @@ void make_logarithmic(Chart& chart);
 struct FigureFacts {
   std::string title;  ///< scenario, law and period
   double period_s = 0;
-  std::vector<std::string> length_units;  ///< per joint: "rad" or "m"
-  std::vector<std::string> effort_units;  ///< per joint: "N m" or "N"
+  robot::JointLabels joints;
 };
 
 /// gnuplot commands and data for the figure of a run: link angle against reference for each joint

@@ -37,22 +37,22 @@ Curve Overlay::curve(std::size_t run, const std::vector<study::Point>& points,
 
 std::string Overlay::joint_heading(std::size_t joint) const {
   for (const RecordedRun& run : runs_) {
-    if (joint >= run.joint_names.size()) continue;
-    return fmt::format("Joint {} · {}", joint + 1, run.joint_names[joint]);
+    if (joint >= run.joints.name.size()) continue;
+    return fmt::format("Joint {} · {}", joint + 1, run.joints.name[joint]);
   }
   return fmt::format("Joint {}", joint + 1);
 }
 
 std::string Overlay::length_unit(std::size_t joint) const {
   for (const RecordedRun& run : runs_) {
-    if (joint < run.units.length.size()) return run.units.length[joint];
+    if (joint < run.joints.length.size()) return run.joints.length[joint];
   }
   return "";
 }
 
 std::string Overlay::effort_unit(std::size_t joint) const {
   for (const RecordedRun& run : runs_) {
-    if (joint < run.units.effort.size()) return run.units.effort[joint];
+    if (joint < run.joints.effort.size()) return run.joints.effort[joint];
   }
   return "";
 }

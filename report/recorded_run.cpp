@@ -105,8 +105,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   run.info = log.info();
   run.scenario = log.scenario();
   const robot::Model model = controller::rigid_model(run.scenario);
-  run.units = robot::joint_units(model);
-  run.joint_names = model.joint_names;
+  run.joints = robot::joint_labels(model);
   run.signals = declared_signals(run, num_joints);
   run.saturated.resize(num_joints);
   if (!run.scenario.plant.disturbances.empty()) run.disturbance.resize(num_joints);

@@ -11,7 +11,7 @@
 #include "certificate/stability_certificate.h"
 #include "logger/run_log.h"
 #include "report/decay.h"
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 #include "study/envelope.h"
 #include "study/tracking.h"
 
@@ -52,8 +52,7 @@ struct RecordedRun {
   std::int64_t run_id = 0;
   loop::RunInfo info;
   experiment::Scenario scenario;
-  robot::JointUnits units;
-  std::vector<std::string> joint_names;
+  robot::JointLabels joints;
 
   study::Tracking tracking;
   std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors

@@ -49,7 +49,7 @@ ReportSection tracking_section(const Overlay& all) {
                       fmt::format("Position of joint {} and its reference over time", joint + 1));
     if (all.alone() && all.runs()[0].tracking.num_ticks() > 0) {
       Chart alone =
-          position_chart(all.runs()[0].tracking, joint, all.length_unit(joint), all.budget());
+          position_chart(all.runs()[0].tracking, joint, "", all.length_unit(joint), all.budget());
       chart.y_label = alone.y_label;
       chart.curves = std::move(alone.curves);
     } else {

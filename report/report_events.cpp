@@ -91,7 +91,7 @@ Html events_list(const RecordedRun& run) {
                   stretches.cut() ? ", of which the first stretches are drawn" : "");
   };
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
-    count(fmt::format("Torque of joint {} saturated", joint + 1), run.saturated[joint]);
+    count(fmt::format("Torque of {} saturated", run.joints.joint(joint)), run.saturated[joint]);
   }
   count("Command missed, the torque before held,", run.command_missed);
   count("Protective stop", run.protective_stop);

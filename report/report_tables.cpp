@@ -214,14 +214,14 @@ const std::vector<Fact>& facts() {
 
 Html results_row(const RecordedRun& run, std::size_t joint) {
   const study::JointTracking& signals = run.tracking.joints()[joint];
-  const std::string& length = run.units.length[joint];
-  const std::string& effort = run.units.effort[joint];
+  const std::string& length = run.joints.length[joint];
+  const std::string& effort = run.joints.effort[joint];
   const double share = 100 * static_cast<double>(run.saturated[joint].ticks()) /
                        static_cast<double>(run.tracking.num_ticks());
   const auto cell = [](const std::string& printed, const std::string& unit) {
     return html("<td class=\"number\">{} {}</td>", number(printed), unit);
   };
-  Html row = html("<th scope=\"row\">{}</th>", joint + 1);
+  Html row = html("<th scope=\"row\">{} {}</th>", joint + 1, run.joints.name[joint]);
   row += cell(fmt::format("{:.2e}", signals.error.peak()), length);
   row += cell(fmt::format("{:.2e}", signals.error.rms()), length);
   row += cell(fmt::format("{:.2e}", signals.error.final()), length);

@@ -15,7 +15,7 @@
 #include "report/chart.h"
 #include "report/gnuplot.h"
 #include "robot/inverse_dynamics.h"
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 #include "robot/mass_matrix.h"
 
 namespace tachless::report {
@@ -199,22 +199,22 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
 
 void draw_robot(const RobotFacts& facts, const std::string& title,
                 const std::filesystem::path& svg) {
-  const robot::JointUnits units = robot::joint_units(facts.model);
+  const robot::JointLabels joints = robot::joint_labels(facts.model);
   std::mt19937 random(1);  // the same postures for every chart
   std::vector<robot::Vector> postures(40);
   for (robot::Vector& each : postures) each = robot::random_posture(facts.model, random);
   std::vector<Chart> charts;
-  charts.reserve(2 * units.length.size());
+  charts.reserve(2 * joints.length.size());
   for (int j = 0; j < facts.model.num_joints; ++j) {
     const auto joint = static_cast<std::size_t>(j);
     const auto [lower, upper] = robot::finite_range(facts.model, j);
     Chart gravity, inertia;
     gravity.height_px = inertia.height_px = 170;
     gravity.x_label = inertia.x_label = "position in the range";
-    gravity.y_label = fmt::format("g  [{}]", units.effort[joint]);
-    inertia.y_label = units.length[joint] == "m" ? "M  [kg]" : "M  [kg m^2]";
-    gravity.note = fmt::format("{} [{:.3g}, {:.3g}] {}", facts.model.joint_names[joint], lower,
-                               upper, units.length[joint]);
+    gravity.y_label = fmt::format("g  [{}]", joints.effort[joint]);
+    inertia.y_label = joints.length[joint] == "m" ? "M  [kg]" : "M  [kg m^2]";
+    gravity.note = fmt::format("{} [{:.3g}, {:.3g}] {}", joints.name[joint], lower, upper,
+                               joints.length[joint]);
     inertia.y_range = {0, std::numeric_limits<double>::infinity()};
     const Overview seen = overview(facts, j, postures);
     gravity.curves = curves_of(seen.gravity, j == 0);

@@ -6,6 +6,8 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "diagnostics/text.h"
+
 namespace tachless::report {
 namespace {
 
@@ -120,7 +122,7 @@ study::Observed RunSummary::observe() const {
   return study::observe(tracking, plant_of(*this).saturated_ticks);
 }
 
-nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointUnits& units) {
+nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabels& joints) {
   const RunFacts& facts = summary.facts;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
@@ -128,6 +130,7 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointUnit
                {"run_id", facts.run_id},
                {"mode", facts.mode},
                {"law", facts.law},
+               {"joints", joints.name},
                {"ticks", summary.ticks()},
                {"period_s", facts.period_s},
                {"duration_s", summary.duration_s()},
@@ -137,24 +140,40 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointUnit
   add_signals(json, summary.tracking);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
-  json["verdict"] = text(summary.observed, units);
+  json["verdict"] = text(summary.observed, joints);
   json["fault"] = facts.fault ? Json(*facts.fault) : Json();
   return json;
 }
 
-std::string closing_table(const RunSummary& summary, const robot::JointUnits& units) {
+std::vector<std::string> joint_column(const std::vector<std::string>& names) {
+  const std::size_t digits = std::to_string(names.size()).size();
+  std::vector<std::string> column;
+  std::size_t width = std::string_view("joint").size();
+  for (const std::string& name : names) {
+    column.push_back(
+        fmt::format("{:>{}} {}", column.size() + 1, digits, diagnostics::printable(name)));
+    width = std::max(width, column.back().size());
+  }
+  for (std::string& cell : column) cell.resize(width, ' ');
+  return column;
+}
+
+std::string closing_table(const RunSummary& summary, const robot::JointLabels& joints) {
   const study::Tracking& tracking = summary.tracking;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
   const node::PlantStatistics plant = plant_of(summary);
-  std::string text =
-      fmt::format("  {:>5}  {:>35}   {:>25}\n  {:>5}  {:>11} {:>11} {:>11}   {:>12} {:>12}\n",
-                  "joint", "position error", "torque", "", "peak", "rms", "final", "peak", "rms");
+  const std::vector<std::string> names = joint_column(joints.name);
+  const std::size_t width = names.front().size();
+  std::string text = fmt::format(
+      "  {:<{}}  {:>35}   {:>25}\n  {:<{}}  {:>11} {:>11} {:>11}   {:>12} {:>12}\n", "joint", width,
+      "position error", "torque", "", width, "peak", "rms", "final", "peak", "rms");
   for (std::size_t i = 0; tracking.num_ticks() > 0 && i < tracking.joints().size(); ++i) {
     const study::JointTracking& joint = tracking.joints()[i];
-    text += fmt::format("  {:>5}  {:11.3e} {:11.3e} {:+11.3e} {:<3} {:11.5g} {:12.5g} {}\n", i + 1,
-                        joint.error.peak(), joint.error.rms(), joint.error.final(), units.length[i],
-                        joint.torque.peak(), joint.torque.rms(), units.effort[i]);
+    text +=
+        fmt::format("  {}  {:11.3e} {:11.3e} {:+11.3e} {:<3} {:11.5g} {:12.5g} {}\n", names[i],
+                    joint.error.peak(), joint.error.rms(), joint.error.final(), joints.length[i],
+                    joint.torque.peak(), joint.torque.rms(), joints.effort[i]);
   }
 
   text += fmt::format("\n  {} ticks of {}, {}, in {:.3g} s", summary.ticks(),
@@ -168,17 +187,17 @@ std::string closing_table(const RunSummary& summary, const robot::JointUnits& un
                                            : percentile_row(plant.round_trip_us, "round trip");
   for (std::size_t i = 0; i < plant.saturated_ticks.size(); ++i) {
     if (plant.saturated_ticks[i] == 0) continue;
-    text += fmt::format("  joint {} at its torque limit in {} ticks\n", i + 1,
+    text += fmt::format("  {} at its torque limit in {} ticks\n", joints.joint(i),
                         plant.saturated_ticks[i]);
   }
   for (std::size_t i = 0; i < plant.beyond_limit_ticks.size(); ++i) {
     if (plant.beyond_limit_ticks[i] == 0) continue;
-    text += fmt::format("  joint {} beyond its range or its speed in {} ticks\n", i + 1,
+    text += fmt::format("  {} beyond its range or its speed in {} ticks\n", joints.joint(i),
                         plant.beyond_limit_ticks[i]);
   }
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
-  text += fmt::format("  {}\n", study::text(summary.observed, units));
+  text += fmt::format("  {}\n", study::text(summary.observed, joints));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
 }

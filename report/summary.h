@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "node/statistics.h"
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 #include "study/observed.h"
 #include "study/tracking.h"
 
@@ -48,10 +48,13 @@ struct RunSummary {
 };
 
 /// The content of summary.json.
-nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointUnits& units);
+nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabels& joints);
 
 /// The closing table: per joint error and torque, then how the run went.
-std::string closing_table(const RunSummary& summary, const robot::JointUnits& units);
+std::string closing_table(const RunSummary& summary, const robot::JointLabels& joints);
+
+/// The first column of a table with a row per joint, all of one width: "1 shoulder", "2 elbow   ".
+std::vector<std::string> joint_column(const std::vector<std::string>& names);
 
 /// "50 µs", "1 ms": a period for people.
 std::string short_period(double period_s);

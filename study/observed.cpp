@@ -111,23 +111,23 @@ Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& satu
   return result;
 }
 
-std::string text(const Observed& observed, const robot::JointUnits& units) {
-  const std::size_t joint = observed.joint + 1;
-  const std::string& unit = units.length[observed.joint];
+std::string text(const Observed& observed, const robot::JointLabels& joints) {
+  const std::string joint = joints.joint(observed.joint);
+  const std::string& unit = joints.length[observed.joint];
   switch (observed.outcome) {
     case Outcome::converged:
       return fmt::format("converged, settled within {:.3g} s", observed.settled_s);
     case Outcome::followed:
-      return fmt::format("followed: error up to {:.2g} {} in the last quarter (joint {})",
+      return fmt::format("followed: error up to {:.2g} {} in the last quarter at {}",
                          observed.amplitude, unit, joint);
     case Outcome::saturated:
-      return fmt::format("saturated: joint {} at its torque limit in {:.0f} % of ticks", joint,
+      return fmt::format("saturated: {} at its torque limit in {:.0f} % of ticks", joint,
                          100 * observed.saturated_share);
     case Outcome::limit_cycle:
-      return fmt::format("limit cycle: joint {} swings by {:.2g} {} at {:.3g} Hz or more", joint,
+      return fmt::format("limit cycle: {} swings by {:.2g} {} at {:.3g} Hz or more", joint,
                          observed.amplitude, unit, observed.frequency_hz);
     case Outcome::diverging:
-      return fmt::format("diverging: the error of joint {} has grown to {:.2g} {}", joint,
+      return fmt::format("diverging: the error of {} has grown to {:.2g} {}", joint,
                          observed.amplitude, unit);
     case Outcome::not_judged:
       break;

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 #include "schema/schema.h"
 #include "study/tracking.h"
 
@@ -37,7 +37,7 @@ struct Observed {
 Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& saturated_ticks);
 
 /// "converged, settled within 0.21 s", "limit cycle: joint 2 swings by 0.03 rad at 61 Hz", …
-std::string text(const Observed& observed, const robot::JointUnits& units);
+std::string text(const Observed& observed, const robot::JointLabels& joints);
 
 }  // namespace tachless::study
 

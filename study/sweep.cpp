@@ -30,18 +30,12 @@ constexpr std::int64_t ticks_between_looks = 256;  // whether to go on
 
 std::string field(double value) { return std::isnan(value) ? "" : diagnostics::shortest(value); }
 
-std::string quoted(const std::string& text) {
-  std::string result = "\"";
-  for (const char c : diagnostics::one_line(text)) result += c == '"' ? "\"\"" : std::string(1, c);
-  return result + "\"";
-}
-
 std::string row_text(const SweepCase& which, const Measures& measures) {
   std::string row = fmt::format("{},{}", which.index, which.law);
   for (const double value : which.values) row += "," + field(value);
   row += fmt::format(",{}", measures.outcome());
   for (const MeasureColumn& column : measure_columns()) row += "," + field(column.value(measures));
-  return row + "," + (measures.stopped.empty() ? "" : quoted(measures.stopped)) + "\n";
+  return row + "," + diagnostics::csv_field(diagnostics::one_line(measures.stopped)) + "\n";
 }
 
 /// The file that a shard's rows are added to, held against other processes.

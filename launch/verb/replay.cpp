@@ -13,7 +13,7 @@
 #include "launch/verb.h"
 #include "replay/verdict.h"
 #include "replay/what_if.h"
-#include "robot/joint_units.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -37,12 +37,12 @@ void warn_of_damage(const logger::RunLog& log) {
   if (!damage.empty()) diagnostics::log_warning(damage);
 }
 
-ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointUnits& units) {
+ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointLabels& joints) {
   const auto begun = std::chrono::steady_clock::now();
   const replay::Replay result = replay::replay(log, log.scenario());
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-  const std::string problem = replay::problem_text(result, log, units);
+  const std::string problem = replay::problem_text(result, log, joints);
   warn_of_damage(log);
   if (options.json) {
     Json json = {{"log", log.path().string()},
@@ -60,9 +60,9 @@ ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointU
   return ExitCode::check_said_no;
 }
 
-ExitCode compare(const Options& options, logger::RunLog& log, const robot::JointUnits& units) {
+ExitCode compare(const Options& options, logger::RunLog& log, const robot::JointLabels& joints) {
   const replay::Comparison comparison =
-      replay::compare(log, options.law, options.overrides, options.out, units.effort);
+      replay::compare(log, options.law, options.overrides, options.out, joints);
   const replay::Replay& result = comparison.replay;
   warn_of_damage(log);
   const std::string hindrance = replay::hindrance(result, log);
@@ -79,7 +79,7 @@ ExitCode compare(const Options& options, logger::RunLog& log, const robot::Joint
     json["figure"] = result.compared > 0 ? Json(comparison.svg.string()) : Json();
     std::cout << diagnostics::json_text(json, 2) << "\n";
   } else if (result.compared > 0) {
-    std::cout << replay::comparison_text(comparison, units.effort, log.info().period_s);
+    std::cout << replay::comparison_text(comparison, joints, log.info().period_s);
   }
   if (result.not_finite) return ExitCode::protective_stop;
   return result.compared > 0 ? ExitCode::done : ExitCode::check_said_no;
@@ -88,8 +88,8 @@ ExitCode compare(const Options& options, logger::RunLog& log, const robot::Joint
 ExitCode run_replay(const Options& options) {
   logger::RunLog log = logger::RunLog::open(
       options.log, options.run == 0 ? std::nullopt : std::optional(options.run));
-  const robot::JointUnits units = robot::joint_units(controller::rigid_model(log.scenario()));
-  return options.what_if() ? compare(options, log, units) : verify(options, log, units);
+  const robot::JointLabels joints = robot::joint_labels(controller::rigid_model(log.scenario()));
+  return options.what_if() ? compare(options, log, joints) : verify(options, log, joints);
 }
 
 Verb::Action declare(CLI::App& command) {

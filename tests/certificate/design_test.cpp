@@ -189,7 +189,7 @@ TEST(Design, SaysWhatBindsAndWhyItCannot) {
            quiet);
     FAIL() << "a count of any gains is beyond that";
   } catch (const diagnostics::Failure& failure) {
-    EXPECT_THAT(failure.what(), HasSubstr("one encoder count on joint 1 binds"));
+    EXPECT_THAT(failure.what(), HasSubstr("one encoder count on joint 1 (shoulder) binds"));
   }
   DesignGoal fast;
   fast.bandwidth_hz = 200;  // at 1 kHz with a tick of delay

@@ -61,6 +61,13 @@ TEST(Text, NearestIsNothingWhenNoNameIsSimilar) {
   EXPECT_EQ(nearest("kp", std::vector<std::string>{}), std::nullopt);
 }
 
+TEST(Text, CsvFieldIsQuotedOnlyWhereItHasToBe) {
+  EXPECT_EQ(csv_field("q_elbow_rad"), "q_elbow_rad");
+  EXPECT_EQ(csv_field(""), "");
+  EXPECT_EQ(csv_field("a,b"), "\"a,b\"");
+  EXPECT_EQ(csv_field("say \"a\"\n"), "\"say \"\"a\"\"\n\"");
+}
+
 TEST(Text, PrintableKeepsUtf8AndReplacesTheRest) {
   EXPECT_EQ(printable("plain"), "plain");
   EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");

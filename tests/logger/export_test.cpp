@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "diagnostics/failure.h"
+#include "logger/column_names.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/temporary_directory.h"
@@ -70,6 +71,17 @@ std::vector<std::string> dataset(const std::filesystem::path& file, const std::s
   return values;
 }
 
+/// The same run of a robot whose URDF has `after` in place of `before`.
+void change_urdf(RecordedRun& recorded, const std::string& before, const std::string& after) {
+  std::string urdf = recorded.scenario.robot.urdf_text;
+  const auto at = urdf.find(before);
+  ASSERT_NE(at, std::string::npos);
+  recorded.info.robot_description = urdf.replace(at, before.size(), after);
+  bus::Codec<loop::RunInfo> codec(loop::Layout{1, 0, 0});
+  const auto bytes = codec.encode(loop::Stamp{0, recorded.run, -1}, recorded.info);
+  recorded.messages[0].data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+}
+
 class Export : public testing::Test {
  protected:
   ExportResult run(const std::string& log_bytes, const std::filesystem::path& to,
@@ -113,13 +125,35 @@ TEST_F(Export, RigidColumnsAreTheDocumentedOnes) {
   run(short_rigid_run().bytes(), csv_);
   EXPECT_EQ(testing::PrintToString(table(csv_).columns).empty(), false);
   const std::string header =
-      "tick,t_s,q_1_rad,q_2_rad,v_1_rad_per_s,v_2_rad_per_s,q_ref_1_rad,q_ref_2_rad,"
-      "v_ref_1_rad_per_s,v_ref_2_rad_per_s,a_ref_1_rad_per_s2,a_ref_2_rad_per_s2,"
-      "jerk_ref_1_rad_per_s3,jerk_ref_2_rad_per_s3,snap_ref_1_rad_per_s4,snap_ref_2_rad_per_s4,"
-      "tau_1_Nm,tau_2_Nm,error_1_rad,error_2_rad,nu_1_rad_per_s,nu_2_rad_per_s,"
-      "q_measured_1_rad,q_measured_2_rad,tau_applied_1_Nm,tau_applied_2_Nm,saturated_1,"
-      "saturated_2,drive_fault\n";
+      "tick,t_s,q_shoulder_rad,q_elbow_rad,v_shoulder_rad_per_s,v_elbow_rad_per_s,q_ref_shoulder_"
+      "rad,q_ref_elbow_rad,"
+      "v_ref_shoulder_rad_per_s,v_ref_elbow_rad_per_s,a_ref_shoulder_rad_per_s2,a_ref_elbow_rad_"
+      "per_s2,"
+      "jerk_ref_shoulder_rad_per_s3,jerk_ref_elbow_rad_per_s3,snap_ref_shoulder_rad_per_s4,snap_"
+      "ref_elbow_rad_per_s4,"
+      "tau_shoulder_Nm,tau_elbow_Nm,error_shoulder_rad,error_elbow_rad,nu_shoulder_rad_per_s,nu_"
+      "elbow_rad_per_s,"
+      "q_measured_shoulder_rad,q_measured_elbow_rad,tau_applied_shoulder_Nm,tau_applied_elbow_Nm,"
+      "saturated_shoulder,"
+      "saturated_elbow,drive_fault\n";
   EXPECT_EQ(read_file(csv_).substr(0, header.size()), header);
+}
+
+TEST(ColumnNames, AreThoseOfJointsUnlessTwoColumnsWouldBeCalledTheSame) {
+  using testing::ElementsAre;
+  const std::vector<std::string> quantities = {"q", "q_ref"};
+  EXPECT_THAT(joints_in_columns(quantities, {"a", "wrist 2"}), ElementsAre("a", "wrist 2"));
+  EXPECT_THAT(joints_in_columns(quantities, {"a", "ref_a"}), ElementsAre("1", "2"));
+  EXPECT_EQ(column_name("q_ref", "a", "rad"), "q_ref_a_rad");
+  EXPECT_EQ(column_name("saturated", "a", "1"), "saturated_a");
+  EXPECT_EQ(column_name("drive_fault", "", "1"), "drive_fault");
+}
+
+TEST_F(Export, QuotesANameWithAComma) {
+  auto recorded = short_rigid_run();
+  change_urdf(recorded, "<joint name=\"elbow\"", "<joint name=\"elbow, left\"");
+  run(recorded.bytes(), csv_);
+  EXPECT_THAT(read_file(csv_), HasSubstr(",\"q_elbow, left_rad\","));
 }
 
 TEST_F(Export, CsvHoldsEveryNumberInFull) {
@@ -140,20 +174,20 @@ TEST_F(Export, CsvHoldsEveryNumberInFull) {
   using Tick = const TickRecord&;
   expect_column("tick", [](Tick t) { return static_cast<double>(t.tick); });
   expect_column("t_s", [&](Tick t) { return static_cast<double>(t.tick) * 1e-5; });
-  expect_column("q_2_rad", [](Tick t) { return t.truth->q(1); });
-  expect_column("theta_1_rad", [](Tick t) { return t.truth->theta(0); });
-  expect_column("thetadot_2_rad_per_s", [](Tick t) { return t.truth->thetadot(1); });
-  expect_column("snap_ref_1_rad_per_s4", [](Tick t) { return t.reference->snap_ref(0); });
-  expect_column("tau_2_Nm", [](Tick t) { return t.command->tau(1); });
-  expect_column("nu_1_1_rad_per_s", [](Tick t) { return t.controller_state->value[1](0); });
-  expect_column("nu_2_2_rad_per_s", [](Tick t) { return t.controller_state->value[3](1); });
-  expect_column("error_2_1_rad", [](Tick t) { return t.controller_state->value[2](0); });
+  expect_column("q_elbow_rad", [](Tick t) { return t.truth->q(1); });
+  expect_column("theta_shoulder_rad", [](Tick t) { return t.truth->theta(0); });
+  expect_column("thetadot_elbow_rad_per_s", [](Tick t) { return t.truth->thetadot(1); });
+  expect_column("snap_ref_shoulder_rad_per_s4", [](Tick t) { return t.reference->snap_ref(0); });
+  expect_column("tau_elbow_Nm", [](Tick t) { return t.command->tau(1); });
+  expect_column("nu_1_shoulder_rad_per_s", [](Tick t) { return t.controller_state->value[1](0); });
+  expect_column("nu_2_elbow_rad_per_s", [](Tick t) { return t.controller_state->value[3](1); });
+  expect_column("error_2_shoulder_rad", [](Tick t) { return t.controller_state->value[2](0); });
   const auto measured = [](Tick t) { return std::get<loop::LinkStateMeasurement>(t.measurement); };
-  expect_column("q_measured_1_rad", [&](Tick t) { return measured(t).q(0); });
-  expect_column("v_measured_2_rad_per_s", [&](Tick t) { return measured(t).v(1); });
-  expect_column("theta_measured_2_rad", [&](Tick t) { return measured(t).theta(1); });
-  expect_column("tau_applied_1_Nm", [](Tick t) { return t.truth->tau(0); });
-  expect_column("saturated_1", [](Tick t) { return t.truth->saturated[0] ? 1 : 0; });
+  expect_column("q_measured_shoulder_rad", [&](Tick t) { return measured(t).q(0); });
+  expect_column("v_measured_elbow_rad_per_s", [&](Tick t) { return measured(t).v(1); });
+  expect_column("theta_measured_elbow_rad", [&](Tick t) { return measured(t).theta(1); });
+  expect_column("tau_applied_shoulder_Nm", [](Tick t) { return t.truth->tau(0); });
+  expect_column("saturated_shoulder", [](Tick t) { return t.truth->saturated[0] ? 1 : 0; });
   expect_column("drive_fault", [](Tick t) { return static_cast<double>(t.truth->fault); });
 }
 
@@ -169,29 +203,23 @@ TEST_F(Export, AMissingPieceIsAnEmptyCellAndIsCounted) {
   EXPECT_THAT(result.text(),
               AllOf(HasSubstr("no ARM_TRUTH"), HasSubstr("ARM_COMMAND missing in 1 ticks")));
   const auto csv = table(csv_);
-  EXPECT_EQ(csv.column("tau_1_Nm")[3], "");
-  EXPECT_NE(csv.column("tau_1_Nm")[4], "");
-  EXPECT_EQ(csv.column("q_1_rad")[4], "");
-  EXPECT_NE(csv.column("q_measured_1_rad")[4], "");
+  EXPECT_EQ(csv.column("tau_shoulder_Nm")[3], "");
+  EXPECT_NE(csv.column("tau_shoulder_Nm")[4], "");
+  EXPECT_EQ(csv.column("q_shoulder_rad")[4], "");
+  EXPECT_NE(csv.column("q_measured_shoulder_rad")[4], "");
 }
 
 TEST_F(Export, PrismaticJointsAreInMetresAndNewtons) {
   auto recorded = short_rigid_run();
   // The same numbers, of a robot whose second joint slides.
-  auto urdf = recorded.scenario.robot.urdf_text;
-  const std::string elbow = R"(<joint name="elbow" type="continuous">)";
-  const auto at = urdf.find(elbow);
-  ASSERT_NE(at, std::string::npos);
-  urdf.replace(at, elbow.size(), R"(<joint name="elbow" type="prismatic">
+  change_urdf(recorded, R"(<joint name="elbow" type="continuous">)",
+              R"(<joint name="elbow" type="prismatic">
     <limit lower="-1" upper="1" effort="0" velocity="0"/>)");
-  recorded.info.robot_description = urdf;
-  bus::Codec<loop::RunInfo> codec(loop::Layout{1, 0, 0});
-  const auto bytes = codec.encode(loop::Stamp{0, recorded.run, -1}, recorded.info);
-  recorded.messages[0].data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   run(recorded.bytes(), csv_);
   EXPECT_THAT(table(csv_).columns,
-              testing::IsSupersetOf({"q_1_rad", "q_2_m", "v_2_m_per_s", "tau_2_N", "nu_2_m_per_s",
-                                     "snap_ref_2_m_per_s4", "q_measured_2_m", "error_2_m"}));
+              testing::IsSupersetOf({"q_shoulder_rad", "q_elbow_m", "v_elbow_m_per_s",
+                                     "tau_elbow_N", "nu_elbow_m_per_s", "snap_ref_elbow_m_per_s4",
+                                     "q_measured_elbow_m", "error_elbow_m"}));
 }
 
 TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
@@ -216,7 +244,7 @@ TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
     ASSERT_EQ(values.size(), 80u) << name;
     const std::string suffix = unit.empty() ? "" : "_" + unit;
     for (std::size_t joint = 0; joint < 2; ++joint) {
-      const auto cells = csv.column(name + "_" + std::to_string(joint + 1) + suffix);
+      const auto cells = csv.column(name + (joint == 0 ? "_shoulder" : "_elbow") + suffix);
       for (std::size_t i = 0; i < cells.size(); ++i) {
         const std::string expected = cells[i].empty() ? "0" : cells[i];
         EXPECT_EQ(std::stod(values[2 * i + joint]), std::stod(expected)) << name << " " << i;

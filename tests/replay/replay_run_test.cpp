@@ -79,7 +79,7 @@ TEST_F(ReplayOfARun, NamesTheTickAndTheJointOfAFlippedBit) {
   const Outcome replayed = tachless("replay " + log.string());
   EXPECT_EQ(replayed.exit_code, 1);
   EXPECT_THAT(replayed.output, AllOf(HasSubstr("1 of 300 commands differ, first at tick 123 "),
-                                     HasSubstr("joint 2: recorded "), HasSubstr(", replayed "),
+                                     HasSubstr("joint 2 (elbow): recorded "), HasSubstr(", replayed "),
                                      HasSubstr(", 1 ulp or "), HasSubstr(" N m apart")));
   EXPECT_EQ(std::count(replayed.output.begin(), replayed.output.end(), '\n'), 1);
   const Outcome as_json = tachless("replay --json " + log.string());
@@ -108,8 +108,8 @@ TEST_F(ReplayOfARun, TellsWhatAnotherLawWouldHaveCommanded) {
   EXPECT_LT(json["joints"][0]["max_Nm"].get<double>(), 1e-9);
   EXPECT_THAT(logger::read_file(out / "replay.svg"), HasSubstr("</svg>"));
   EXPECT_THAT(logger::read_file(out / "replay.csv"),
-              ::testing::StartsWith(
-                  "tick,t_s,tau_1_Nm,tau_2_Nm,tau_replayed_1_Nm,tau_replayed_2_Nm\n0,0,"));
+              ::testing::StartsWith("tick,t_s,tau_shoulder_Nm,tau_elbow_Nm,tau_replayed_shoulder_"
+                                    "Nm,tau_replayed_elbow_Nm\n0,0,"));
   const Outcome softer =
       tachless("replay " + log.string() + " --set 'controller.gains.kp=[20000, 2400]' --out " +
                out.string());

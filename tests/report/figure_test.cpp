@@ -45,8 +45,10 @@ class Figure : public ::testing::Test {
   std::string drawn(const study::Tracking& tracking, const std::string& title,
                     double period_s = 5e-5) {
     const auto n = tracking.joints().size();
-    const FigureFacts facts{title, period_s, std::vector<std::string>(n, "rad"),
-                            std::vector<std::string>(n, "N m")};
+    robot::JointLabels joints{
+        {}, std::vector<std::string>(n, "rad"), std::vector<std::string>(n, "N m")};
+    for (std::size_t i = 0; i < n; ++i) joints.name.push_back(fmt::format("wrist_{}", i));
+    const FigureFacts facts{title, period_s, joints};
     const std::filesystem::path svg = directory_ / "tracking.svg";
     draw(tracking_figure(tracking, facts, svg), svg);
     std::ostringstream text;
@@ -60,6 +62,7 @@ class Figure : public ::testing::Test {
 TEST_F(Figure, ShowsLinkReferenceErrorAndTorqueWithUnits) {
   const std::string svg = drawn(run(2, false), "paper_rigid: loria_ortega_rigid, h = 50 µs");
   EXPECT_THAT(svg, HasSubstr("paper_rigid"));
+  EXPECT_THAT(svg, HasSubstr("wrist_1"));  // not as a subscript
   EXPECT_THAT(svg, HasSubstr("time [s]"));
   EXPECT_THAT(svg, HasSubstr("[rad]"));
   EXPECT_THAT(svg, HasSubstr("[N m]"));

@@ -122,7 +122,7 @@ TEST_F(Report, ShowsWhatWentWrong) {
   logger::write_file(path, bytes);
   const std::string page = page_of({read_recorded_run(path)});
   EXPECT_THAT(page, HasSubstr("No ARM_COMMAND in 1 tick"));
-  EXPECT_THAT(page, HasSubstr("Torque of joint 1 saturated"));
+  EXPECT_THAT(page, HasSubstr("Torque of joint 1 (shoulder) saturated"));
   EXPECT_THAT(page, HasSubstr("Fault of the controller at tick 17: &lt;encoder&gt; &amp; cable"));
   EXPECT_THAT(page, HasSubstr("The log is damaged"));
   EXPECT_THAT(page, Not(HasSubstr("<encoder>")));

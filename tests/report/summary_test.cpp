@@ -41,7 +41,7 @@ RunFacts facts() {
 
 using std::chrono::microseconds;
 
-const robot::JointUnits two_rotary = {{"rad", "rad"}, {"N m", "N m"}};
+const robot::JointLabels two_rotary = {{"shoulder", "elbow"}, {"rad", "rad"}, {"N m", "N m"}};
 
 std::vector<node::Statistics> counters() {
   node::Statistics plant(loop::Role::plant);
@@ -81,8 +81,8 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
   for (const auto& [key, value] : summary.items()) keys.push_back(key);
   EXPECT_THAT(
       keys,
-      ElementsAre("scenario", "run_id", "mode", "law", "ticks", "period_s", "duration_s", "wall_s",
-                  "ticks_per_s", "real_time_factor", "position_error_rad", "torque_Nm",
+      ElementsAre("scenario", "run_id", "mode", "law", "joints", "ticks", "period_s", "duration_s",
+                  "wall_s", "ticks_per_s", "real_time_factor", "position_error_rad", "torque_Nm",
                   "round_trip_us", "resends", "duplicates", "rejected", "takeovers",
                   "missed_deadlines", "longest_miss", "missed_commands", "longest_command_miss",
                   "late_commands", "skipped_ticks", "wake_up_jitter_us", "command_age_us",
@@ -95,6 +95,7 @@ TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {
   EXPECT_EQ(summary["position_error_rad"]["final"], (std::vector<double>{-0.25, 0}));
   EXPECT_EQ(summary["torque_Nm"]["peak"], (std::vector<double>{4, 0}));
   EXPECT_DOUBLE_EQ(summary["torque_Nm"]["rms"][0].get<double>(), std::sqrt(12.5));
+  EXPECT_EQ(summary["joints"], (std::vector<std::string>{"shoulder", "elbow"}));
   EXPECT_EQ(summary["ticks"], 2);
   EXPECT_EQ(summary["duration_s"], 0.5);
 }
@@ -142,9 +143,10 @@ TEST(Summary, OfARunThatNeverBeganSaysSo) {
 }
 
 TEST(Summary, TableShowsEveryJointWithItsUnits) {
-  const std::string table =
-      closing_table({facts(), two_ticks(), counters()}, {{"rad", "m"}, {"N m", "N"}});
-  EXPECT_THAT(table, HasSubstr("5.000e-01"));
+  const std::string table = closing_table({facts(), two_ticks(), counters()},
+                                          {{"turn", "slide"}, {"rad", "m"}, {"N m", "N"}});
+  EXPECT_THAT(table, HasSubstr("  1 turn     5.000e-01"));
+  EXPECT_THAT(table, HasSubstr("\n  2 slide  "));
   EXPECT_THAT(table, HasSubstr("-2.500e-01 rad"));
   EXPECT_THAT(table, HasSubstr("0 N\n"));
   EXPECT_THAT(table, HasSubstr("16 ticks/s"));
@@ -159,8 +161,8 @@ TEST(Summary, TableOfARealtimeRunShowsMissedDeadlines) {
   EXPECT_THAT(table, HasSubstr("missed deadlines 4 (longest run of them 2)"));
   EXPECT_THAT(table, HasSubstr("missed commands 7 (longest run of them 6)"));
   EXPECT_THAT(table, HasSubstr("command age    50 µs (median)"));
-  EXPECT_THAT(table, HasSubstr("joint 2 at its torque limit in 9 ticks"));
-  EXPECT_THAT(table, HasSubstr("joint 1 beyond its range or its speed in 3 ticks"));
+  EXPECT_THAT(table, HasSubstr("joint 2 (elbow) at its torque limit in 9 ticks"));
+  EXPECT_THAT(table, HasSubstr("joint 1 (shoulder) beyond its range or its speed in 3 ticks"));
 }
 
 TEST(Summary, GivesPeriodsInTheUnitPeopleUse) {

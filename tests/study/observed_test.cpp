@@ -12,7 +12,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-const robot::JointUnits rotary = {{"rad"}, {"N m"}};
+const robot::JointLabels rotary = {{"axle"}, {"rad"}, {"N m"}};
 
 /// Two seconds at 1 kHz, of one joint.
 Tracking run(const std::function<double(double)>& error,
@@ -67,7 +67,7 @@ TEST(Observed, ASwingThatTheReferenceDoesNotAskForIsALimitCycle) {
 TEST(Observed, CallsAGrowingErrorDivergence) {
   const Observed seen = observe(run([](double t) { return 1e-3 * std::exp(4 * t); }, still), {});
   EXPECT_EQ(seen.outcome, Outcome::diverging);
-  EXPECT_THAT(text(seen, rotary), HasSubstr("diverging: the error of joint 1"));
+  EXPECT_THAT(text(seen, rotary), HasSubstr("diverging: the error of joint 1 (axle) has grown"));
 }
 
 TEST(Observed, CallsAJointThatIsAtItsLimitForMostOfTheRunSaturated) {

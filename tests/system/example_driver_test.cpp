@@ -108,7 +108,7 @@ TEST_F(ExampleDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
   play({"--set", "plant.initial.position_rad=[0.3, 0]"});
   EXPECT_EQ(run["plant"].wait(), 2);
   EXPECT_THAT(run["plant"].errors(),
-              HasSubstr("plant.initial.position_rad: 0.3 for joint 1, which is at 0"));
+              HasSubstr("plant.initial.position_rad: 0.3 for joint 1 (shoulder), which is at 0"));
   for (const char* role : {"reference", "controller", "logger"}) {
     EXPECT_EQ(run[role].wait(), 3) << run[role].errors();
     EXPECT_THAT(run[role].errors(), HasSubstr("move the robot")) << role;

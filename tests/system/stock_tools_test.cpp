@@ -113,7 +113,7 @@ TEST(StockTools, InfoExportAndReportReadWhatLcmLoggerRecordedOfARealtimeRun) {
   tachless({"export", stock, "-o", directory / "run.csv"}, directory);
   const std::string table = contents(directory / "run.csv");
   EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), static_cast<std::ptrdiff_t>(ticks + 1));
-  EXPECT_THAT(table, HasSubstr("tick,t_s,q_1_rad,q_2_rad,"));
+  EXPECT_THAT(table, HasSubstr("tick,t_s,q_shoulder_rad,q_elbow_rad,"));
   tachless({"report", stock, "-o", directory / "report.html"}, directory);
   EXPECT_THAT(contents(directory / "report.html"),
               AllOf(HasSubstr("practical_rigid"), HasSubstr("</svg>"), HasSubstr("</html>")));
