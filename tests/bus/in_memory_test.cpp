@@ -58,6 +58,8 @@ TEST(AnInMemoryNetwork, LosesWhatComesWhileTheReceiveBufferIsFull) {
   const auto received = everything(*b);
   ASSERT_EQ(received.size(), static_cast<std::size_t>(holds));
   EXPECT_EQ(received.back(), holds - 1);
+  EXPECT_EQ(network.num_overflowed("b"), 5);
+  EXPECT_EQ(network.num_overflowed("a"), 0);
   a->publish("X", bytes(-3));
   EXPECT_EQ(everything(*b), std::vector<int>{-3});
 }

@@ -174,6 +174,7 @@ Evidence play(const Plan& plan) {
   evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
   hostile.stop();
   evidence.num_hostile = plan.hostility ? hostile.num_sent() : 0;
+  evidence.num_overflowed = threads.network().num_overflowed("logger's endpoint");
   evidence.lies = lies.ticks();
   evidence.mishap_happened = happened;
   read_log(threads.log_path(), evidence);

@@ -71,12 +71,15 @@ std::vector<std::string> dataset(const std::filesystem::path& file, const std::s
   return values;
 }
 
-/// The same run of a robot whose URDF has `after` in place of `before`.
+/// The same run of a robot whose URDF has `after` wherever it had `before`.
 void change_urdf(RecordedRun& recorded, const std::string& before, const std::string& after) {
   std::string urdf = recorded.scenario.robot.urdf_text;
-  const auto at = urdf.find(before);
+  std::size_t at = urdf.find(before);
   ASSERT_NE(at, std::string::npos);
-  recorded.info.robot_description = urdf.replace(at, before.size(), after);
+  for (; at != std::string::npos; at = urdf.find(before, at + after.size())) {
+    urdf.replace(at, before.size(), after);
+  }
+  recorded.info.robot_description = urdf;
   bus::Codec<loop::RunInfo> codec(loop::Layout{1, 0, 0});
   const auto bytes = codec.encode(loop::Stamp{0, recorded.run, -1}, recorded.info);
   recorded.messages[0].data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -151,7 +154,7 @@ TEST(ColumnNames, AreThoseOfJointsUnlessTwoColumnsWouldBeCalledTheSame) {
 
 TEST_F(Export, QuotesANameWithAComma) {
   auto recorded = short_rigid_run();
-  change_urdf(recorded, "<joint name=\"elbow\"", "<joint name=\"elbow, left\"");
+  change_urdf(recorded, "\"elbow\"", "\"elbow, left\"");
   run(recorded.bytes(), csv_);
   EXPECT_THAT(read_file(csv_), HasSubstr(",\"q_elbow, left_rad\","));
 }

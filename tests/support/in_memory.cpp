@@ -76,17 +76,26 @@ void InMemoryNetwork::deliver(const Endpoint* from, std::string_view sender,
       if (chance(faults_.reordering)) {
         message.held_back = std::uniform_int_distribution<int>(1, faults_.overtaken_by)(random_);
       }
-      put(to->mailbox_, std::move(message));
+      put(*to, std::move(message));
     }
   }
 }
 
-void InMemoryNetwork::put(Mailbox& mailbox, Message message) {
+std::int64_t InMemoryNetwork::num_overflowed(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  return num_overflowed_[name];
+}
+
+void InMemoryNetwork::put(Endpoint& to, Message message) {
+  Mailbox& mailbox = to.mailbox_;
   if (message.held_back > 0) {
     mailbox.held.push_back(std::move(message));
     return;
   }
-  if (mailbox.queue.size() >= receive_buffer) return;
+  if (mailbox.queue.size() >= receive_buffer) {
+    ++num_overflowed_[to.name_];
+    return;
+  }
   mailbox.queue.push_back(std::move(message));
   for (auto held = mailbox.held.begin(); held != mailbox.held.end();) {
     if (--held->held_back > 0) {

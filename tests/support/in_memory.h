@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <random>
@@ -41,6 +42,9 @@ class InMemoryNetwork {
   /// A new participant; receivers see `name` as the sender of its messages.
   std::unique_ptr<Transport> connect(std::string name);
 
+  /// Messages that this participant has lost because its receive buffer was full.
+  std::int64_t num_overflowed(const std::string& name);
+
  private:
   struct Message {
     std::string channel;
@@ -58,12 +62,13 @@ class InMemoryNetwork {
 
   void deliver(const Endpoint* from, std::string_view sender, std::string_view channel,
                std::span<const std::byte> payload);
-  void put(Mailbox& mailbox, Message message);
+  void put(Endpoint& to, Message message);
 
   std::mutex mutex_;
   NetworkFaults faults_;
   std::mt19937_64 random_;
   std::vector<Endpoint*> endpoints_;
+  std::map<std::string, std::int64_t> num_overflowed_;
 };
 
 }  // namespace tachless::bus
