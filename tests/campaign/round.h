@@ -34,9 +34,9 @@ struct Evidence {
   system_test::RunResult result;
   std::vector<Event> log;
   bool log_damaged = false;
-  std::vector<Event> clean_log;  ///< lockstep: of the run that nothing happened to
-  std::set<std::int64_t> lies;   ///< ticks for which a stranger has said something else
-  std::int64_t num_hostile = 0;  ///< datagrams of the hostile member
+  std::vector<Event> clean_log;     ///< lockstep: of the run that nothing happened to
+  std::set<std::int64_t> lies;      ///< ticks for which a stranger has said something else
+  std::int64_t num_hostile = 0;     ///< datagrams of the hostile member
   std::int64_t num_overflowed = 0;  ///< messages that the logger had no room for
   bool mishap_happened = false;
   bool hung = false;  ///< had to be interrupted

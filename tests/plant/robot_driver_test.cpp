@@ -226,8 +226,9 @@ TEST(RobotDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
   robot.state.q[1] = 0.02;
   const Outcome outcome = drive(limited(), robot);
   EXPECT_EQ(outcome.code, ExitCode::bad_usage);
-  EXPECT_THAT(outcome.fault, HasSubstr("plant.initial.position_rad: 0 for joint 2 (elbow), which is at "
-                                       "0.02; move the robot to within 0.01"));
+  EXPECT_THAT(outcome.fault,
+              HasSubstr("plant.initial.position_rad: 0 for joint 2 (elbow), which is at "
+                        "0.02; move the robot to within 0.01"));
   EXPECT_EQ(robot.calls, "r") << "neither started nor stopped";
 }
 

@@ -78,9 +78,10 @@ TEST_F(ReplayOfARun, NamesTheTickAndTheJointOfAFlippedBit) {
   logger::write_file(log, bytes);
   const Outcome replayed = tachless("replay " + log.string());
   EXPECT_EQ(replayed.exit_code, 1);
-  EXPECT_THAT(replayed.output, AllOf(HasSubstr("1 of 300 commands differ, first at tick 123 "),
-                                     HasSubstr("joint 2 (elbow): recorded "), HasSubstr(", replayed "),
-                                     HasSubstr(", 1 ulp or "), HasSubstr(" N m apart")));
+  EXPECT_THAT(replayed.output,
+              AllOf(HasSubstr("1 of 300 commands differ, first at tick 123 "),
+                    HasSubstr("joint 2 (elbow): recorded "), HasSubstr(", replayed "),
+                    HasSubstr(", 1 ulp or "), HasSubstr(" N m apart")));
   EXPECT_EQ(std::count(replayed.output.begin(), replayed.output.end(), '\n'), 1);
   const Outcome as_json = tachless("replay --json " + log.string());
   EXPECT_EQ(as_json.exit_code, 1);
