@@ -1,4 +1,5 @@
 #include "reference/make_trajectory.h"
+#include "diagnostics/text.h"
 #include "robot/joint_labels.h"
 
 #include <fmt/format.h>
@@ -13,6 +14,7 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
   }
   Trajectory made(scenario.reference);
   const robot::Model& model = *scenario.model;
+  const robot::JointLabels joints = robot::joint_labels(model);
   // A closed form need not be searched for its extremes: a limit that is passed between two of
   // these instants is passed by next to nothing.
   constexpr int num_instants = 2000;
@@ -25,9 +27,10 @@ Trajectory make_trajectory(const experiment::Scenario& scenario) {
           std::visit([](const auto& spec) { return spec.name; }, scenario.reference);
       throw scenario.complaint(
           fmt::format("reference.{}", name),
-          fmt::format("{} is at {:g} rad at t = {:g} s; allowed by the URDF: {:g} to {:g}",
-                      robot::joint_labels(model).joint(static_cast<std::size_t>(i)), q_ref[i], t_s,
-                      model.lower[i], model.upper[i]));
+          fmt::format("{} is at {} {} at t = {:g} s; allowed by the URDF: {:g} to {:g}",
+                      joints.joint(static_cast<std::size_t>(i)), diagnostics::shortest(q_ref[i]),
+                      joints.length[static_cast<std::size_t>(i)], t_s, model.lower[i],
+                      model.upper[i]));
     }
   }
   return made;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <regex>
@@ -118,12 +119,32 @@ std::string add_arrows(const Chart& chart, std::string& text) {
   return undone;
 }
 
+/// The range of the ordinate: that of the chart, or one whose numbers need four digits at most, or
+/// gnuplot's.
+std::string y_range(const Chart& chart) {
+  constexpr double narrowest = 2e-3;  // of the largest value
+  double low = INFINITY, high = -INFINITY;
+  for (const Curve& curve : chart.curves) {
+    for (const study::Point& point : curve.points) {
+      if (!std::isfinite(point.y)) continue;
+      low = std::min(low, point.y);
+      high = std::max(high, point.y);
+    }
+  }
+  const double least = narrowest * std::max(std::abs(low), std::abs(high));
+  if (chart.y_range || chart.logarithmic_y || !(high >= low) || high - low >= least) {
+    return range("y", chart.y_range);
+  }
+  const double centre = (low + high) / 2;
+  return range("y", {{centre - least / 2, centre + least / 2}});
+}
+
 enum class TimeTics { shown, hidden };
 
 std::string plot(const Chart& chart, const std::string& prefix, TimeTics tics = TimeTics::shown) {
   std::string text = axis_format("x", chart.logarithmic_x) + axis_format("y", chart.logarithmic_y) +
                      (tics == TimeTics::hidden ? "set format x ''\n" : "") +
-                     range("x", chart.x_range) + range("y", chart.y_range) +
+                     range("x", chart.x_range) + y_range(chart) +
                      fmt::format("set xlabel {} offset 0,0.3\nset ylabel {}\n",
                                  gnuplot_text(chart.x_label), gnuplot_string(chart.y_label));
   if (!chart.bars.empty()) return text + plot_bars(chart);
@@ -193,6 +214,13 @@ std::vector<Row> rows_of(const std::vector<Chart>& charts) {
 
 }  // namespace
 
+std::string colour_of(std::size_t curve) { return palette[curve % palette.size()]; }
+
+std::string dash_of(std::size_t curve) {
+  constexpr std::array<const char*, 4> dashes = {"", "(8,3)", "(3,2)", "(8,3,2,3)"};
+  return dashes[curve / palette.size() % dashes.size()];
+}
+
 bool has_something(const Chart& chart) {
   const auto shown = [&](const study::Point& point) {
     return std::isfinite(point.y) && (!chart.logarithmic_y || point.y > 0) &&
@@ -226,7 +254,7 @@ std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::
   constexpr int tics_px = 24;   // below those that show times
   constexpr int label_px = 26;  // below the last
   constexpr double stack_px = 900;
-  constexpr double left_px = 92, right_px = 20;
+  constexpr double left_px = 104, right_px = 20;
   const std::vector<Row> rows = rows_of(charts);
   std::vector<int> tops = {title_px};
   std::size_t columns = 1;

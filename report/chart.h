@@ -23,6 +23,10 @@ struct Curve {
   CurveStyle style = CurveStyle::line;
 };
 
+/// How the curve of that number is drawn among others: seven colours, then dashed, 28 in all.
+std::string colour_of(std::size_t curve);
+std::string dash_of(std::size_t curve);
+
 /// A stretch of the abscissa, marked by a bar at the top edge.
 struct Mark {
   double from = 0, to = 0;

@@ -62,7 +62,7 @@ Chart chart_of(const std::vector<ComparedLaw>& laws, study::Envelope study::Comp
   for (const auto& [result, overrides] : laws) {
     const std::size_t i = chart.curves.size();
     chart.curves.push_back({named ? enhanced(result.law) : "", (result.*signal).points(1000),
-                            run_colour(i), 1.4, run_dash(i), CurveStyle::line});
+                            colour_of(i), 1.4, dash_of(i), CurveStyle::line});
   }
   return chart;
 }

@@ -32,7 +32,7 @@ Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTrac
   chart.wide = true;
   for (std::size_t joint = 0; joint < tracking.joints().size(); ++joint) {
     chart.curves.push_back({indexed(symbol, joint), (tracking.joints()[joint].*signal).points(),
-                            palette[joint % palette.size()], 1.3, "", CurveStyle::line});
+                            colour_of(joint), 1.3, dash_of(joint), CurveStyle::line});
   }
   return chart;
 }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <utility>
 
 #include "report/gnuplot.h"
@@ -12,13 +11,6 @@ namespace tachless::report {
 
 void ReportSection::add(const std::string& chart_heading, Chart chart) {
   if (has_something(chart)) charts.push_back({chart_heading, std::move(chart)});
-}
-
-std::string run_colour(std::size_t run) { return palette[run % palette.size()]; }
-
-std::string run_dash(std::size_t run) {
-  constexpr std::array<const char*, 4> dashes = {"", "(8,3)", "(3,2)", "(8,3,2,3)"};
-  return dashes[run / palette.size() % dashes.size()];
 }
 
 Overlay::Overlay(const std::vector<RecordedRun>& runs) : runs_(runs) {
@@ -32,7 +24,7 @@ Overlay::Overlay(const std::vector<RecordedRun>& runs) : runs_(runs) {
 
 Curve Overlay::curve(std::size_t run, const std::vector<study::Point>& points,
                      const std::string& title, double width) const {
-  return {title, points, run_colour(run), width, dash(run), CurveStyle::line};
+  return {title, points, colour_of(run), width, dash(run), CurveStyle::line};
 }
 
 std::string Overlay::joint_heading(std::size_t joint) const {

@@ -29,10 +29,6 @@ struct ReportSection {
   void add(const std::string& chart_heading, Chart chart);
 };
 
-/// How the curves of run `run` are drawn where several are overlaid.
-std::string run_colour(std::size_t run);
-std::string run_dash(std::size_t run);  ///< gnuplot's, empty: solid
-
 /// Several runs on the same axes: what their charts have in common. Draws nothing.
 class Overlay {
  public:
@@ -44,7 +40,7 @@ class Overlay {
   /// Points of a curve at most.
   [[nodiscard]] std::size_t budget() const { return alone() ? 1600 : 1000; }
   /// Where runs are overlaid, a legend beside the charts names them.
-  [[nodiscard]] std::string dash(std::size_t run) const { return alone() ? "" : run_dash(run); }
+  [[nodiscard]] std::string dash(std::size_t run) const { return alone() ? "" : dash_of(run); }
   [[nodiscard]] Curve curve(std::size_t run, const std::vector<study::Point>& points,
                             const std::string& title = "", double width = 1.2) const;
 

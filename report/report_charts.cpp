@@ -30,7 +30,7 @@ void overlay_positions(const Overlay& all, std::size_t joint, Chart& chart) {
     if (references.empty()) {
       references.push_back({"reference", points, palette[6], 1.3, "(5,4)", CurveStyle::line});
     } else if (!same_points(points, references.front().points)) {
-      references.push_back({"", points, run_colour(i), 1.3, "(5,4)", CurveStyle::line});
+      references.push_back({"", points, colour_of(i), 1.3, "(5,4)", CurveStyle::line});
     }
   });
   chart.curves.insert(chart.curves.end(), references.begin(), references.end());
@@ -64,7 +64,7 @@ Curve fitted(const Overlay& all, const Decay& decay, std::size_t run) {
   const double end = decay.amplitude * std::exp(-decay.rate_per_s * (decay.to_s - decay.from_s));
   return {all.runs().size() <= 3 ? fmt::format("fit: {:.3g} 1/s", decay.rate_per_s) : "",
           {{decay.from_s, decay.amplitude}, {decay.to_s, end}},
-          all.alone() ? palette[1] : run_colour(run),
+          all.alone() ? palette[1] : colour_of(run),
           2.4,
           "(6,4)",
           CurveStyle::line};
@@ -129,7 +129,7 @@ ReportSection torque_section(const Overlay& all) {
       const double h = run.info.period_s;
       for (const auto& [first, last] : run.saturated[joint].listed()) {
         chart.marks.push_back({static_cast<double>(first) * h, static_cast<double>(last + 1) * h,
-                               all.alone() ? alarm_colour : run_colour(i)});
+                               all.alone() ? alarm_colour : colour_of(i)});
         saturated = true;
       }
     });
@@ -179,7 +179,7 @@ ReportSection signals_section(const Overlay& all) {
         Curve curve =
             all.curve(i, signal.joints[joint].points(all.budget()), "", row == 0 ? 1.2 : 0.7);
         if (all.alone()) {
-          curve.colour = run_colour(row);
+          curve.colour = colour_of(row);
           curve.title = signal.name;  // nu_2: the 2 becomes an index
         }
         unit = signal.unit == "rad/s" ? all.length_unit(joint) + "/s" : signal.unit;

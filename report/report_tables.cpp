@@ -238,13 +238,13 @@ Html results_row(const RecordedRun& run, std::size_t joint) {
 
 Html swatch(std::size_t run) {
   Html dash;
-  if (const std::string text = run_dash(run); !text.empty()) {
+  if (const std::string text = dash_of(run); !text.empty()) {
     dash = html(" stroke-dasharray=\"{}\"", text.substr(1, text.size() - 2));
   }
   return html(
       "<svg class=\"swatch\" viewBox=\"0 0 28 6\" aria-hidden=\"true\"><line x1=\"0\" y1=\"3\" "
       "x2=\"28\" y2=\"3\" stroke-width=\"4\" stroke=\"{}\"{}/></svg>",
-      run_colour(run), dash);
+      colour_of(run), dash);
 }
 
 Html facts_table(const std::vector<RecordedRun>& runs) {
