@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <sstream>
 
 #include "report/gnuplot.h"
@@ -116,6 +117,26 @@ TEST(Chart, StacksChartsInOneFile) {
   EXPECT_THAT(text, HasSubstr("viewBox=\"0 0 900 680\""));
 }
 
+TEST(Chart, GivesANearlyConstantCurveAnAxisWithShortNumbers) {
+  const auto commands = [](double least, double largest) {
+    Chart chart;
+    chart.curves.resize(1);
+    chart.curves[0].points = {{0, least}, {1, largest}};
+    return chart_commands({chart}, "/nowhere");
+  };
+  EXPECT_THAT(commands(-1.5709, -1.5707), HasSubstr("set yrange [-1.5723709:-1.5692291]"));
+  EXPECT_THAT(commands(3, 3), HasSubstr("set yrange [2.997:3.003]"));
+  for (const auto& [least, largest] : {std::pair(-1.5, -1.6), {-1e-9, 1e-9}, {0.0, 0.0}}) {
+    EXPECT_THAT(commands(least, largest), HasSubstr("set yrange [*:*]"));
+  }
+}
+
+TEST(Chart, DrawsTwentyEightCurvesThatAreToldApart) {
+  std::set<std::string> looks;
+  for (std::size_t i = 0; i < 28; ++i) looks.insert(colour_of(i) + dash_of(i));
+  EXPECT_EQ(looks.size(), 28U);
+}
+
 TEST(Chart, StacksMoreThanThreeInTwoColumnsAboveWideOnes) {
   Chart wide = swing();
   wide.wide = true;
@@ -129,7 +150,7 @@ TEST(Chart, StacksMoreThanThreeInTwoColumnsAboveWideOnes) {
     return found;
   };
   EXPECT_EQ(count("plot $"), 6U);
-  EXPECT_EQ(count("set lmargin at screen 0.602222222\n"), 2U) << "the right column";
+  EXPECT_EQ(count("set lmargin at screen 0.615555556\n"), 2U) << "the right column";
   EXPECT_EQ(count("set format x ''"), 2U) << "the first row alone has no times";
   EXPECT_EQ(count("set xlabel 'time [s]'"), 1U);
 }
