@@ -1,6 +1,7 @@
 #include "diagnostics/unfinished_file.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -20,7 +21,10 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
   const fs::file_status status = fs::status(path_, error);
   if (fs::is_directory(status)) refuse("it is a directory");
   direct_ = fs::exists(status) && !fs::is_regular_file(status);
-  if (!direct_) partial_ = path_.string() + ".partial";
+  if (direct_) return;
+  partial_ = path_.string() + ".partial";
+  const fs::path directory = path_.has_parent_path() ? path_.parent_path() : ".";
+  if (access(directory.c_str(), W_OK) != 0) refuse(std::strerror(errno));
 }
 
 UnfinishedFile::~UnfinishedFile() {

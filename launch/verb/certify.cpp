@@ -7,6 +7,7 @@
 
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/unfinished_file.h"
 #include "launch/progress_line.h"
 #include "launch/verb.h"
 #include "node/options.h"
@@ -27,6 +28,8 @@ diagnostics::ExitCode certify(const Options& options) {
   const experiment::Scenario scenario =
       experiment::load_scenario(options.scenario, options.overrides);
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
+  const std::string_view remedy = "name another file with --plot";
+  if (!options.plot.empty()) diagnostics::UnfinishedFile(options.plot, remedy);  // before the work
   certificate::Certificate result;
   {
     const ProgressLine progress(options.quiet);

@@ -119,6 +119,9 @@ void print(const certificate::Design& design, const experiment::Scenario& scenar
 ExitCode run_design(const Options& options) {
   const experiment::Scenario scenario = load(options, {});
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
+  const std::string_view remedy = "name another file with --write";
+  if (!options.write.empty())
+    diagnostics::UnfinishedFile(options.write, remedy);  // before the work
   certificate::Design design;
   {
     const ProgressLine progress(options.quiet);
@@ -127,7 +130,7 @@ ExitCode run_design(const Options& options) {
   }
   print(design, scenario);
   if (!options.write.empty()) {
-    diagnostics::UnfinishedFile(options.write, "name another file with --write")
+    diagnostics::UnfinishedFile(options.write, remedy)
         .write(designed_text(options, scenario, design));
     std::cout << fmt::format("  {}\n", options.write.string());
   }

@@ -32,8 +32,8 @@ TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
 TEST(AnUnfinishedFile, SaysWhyItCannotBeWrittenAndWhatToDo) {
   const TemporaryDirectory directory;
   try {
-    UnfinishedFile(directory / "missing/table.csv", "name another with -o").write("whole");
-    ADD_FAILURE() << "written";
+    const UnfinishedFile refused(directory / "missing/table.csv", "name another with -o");
+    ADD_FAILURE() << "before anything is written";
   } catch (const Failure& failure) {
     EXPECT_THAT(failure.what(),
                 HasSubstr("table.csv: cannot be written: No such file or directory; "
