@@ -162,7 +162,8 @@ class ArmWindow::Scene {
     visualizer_->setMode(SimTK::Visualizer::PassThrough);
     visualizer_->setWindowTitle(title);
     visualizer_->setShowSimTime(true);
-    draw_surroundings(model);
+    draw_floor();
+    if (shown.count(-1) == 0) draw_stand(model);
     set_view();
   }
 
@@ -217,11 +218,11 @@ class ArmWindow::Scene {
 
   /// Bars from the frame's origin along its axes.
   void draw_axes(const robot::Frame& frame) {
-    const double half_length = 2 * radius_;
+    const double half_length = 1.5 * radius_;
     for (int i = 0; i < 3; ++i) {
       const Eigen::Vector3d axis_B = frame.R_BF.col(i);
-      SimTK::Vec3 color(0.1);
-      color[i] = 0.9;
+      SimTK::Vec3 color(0.15);
+      color[i] = 1;
       decorate(frame.body,
                SimTK::Transform(turning(Eigen::Vector3d::UnitY(), axis_B),
                                 vec3(frame.p_BF + half_length * axis_B)),
@@ -275,7 +276,7 @@ class ArmWindow::Scene {
     floor_ = lowest_[2] > -0.01 * reach_ ? 0 : lowest_[2] - 0.15 * reach_;
   }
 
-  void draw_surroundings(const robot::Model& model) {
+  void draw_floor() {
     const auto tiles = [&](double from, double to, double at, bool along_x) {
       const SimTK::Vec3 a = along_x ? SimTK::Vec3(from, at, floor_) : SimTK::Vec3(at, from, floor_);
       const SimTK::Vec3 b = along_x ? SimTK::Vec3(to, at, floor_) : SimTK::Vec3(at, to, floor_);
@@ -288,6 +289,10 @@ class ArmWindow::Scene {
       tiles(-half * tile, half * tile, i * tile, true);
       tiles(-half * tile, half * tile, i * tile, false);
     }
+  }
+
+  /// From the floor to the root, or what hangs from above.
+  void draw_stand(const robot::Model& model) {
     const robot::Body& first = model.bodies.front();
     const Eigen::Vector3d axis = first.R_PB * first.axis_B;
     if (floor_ == 0) {
