@@ -142,11 +142,8 @@ class Viewer {
   bool was_connected_ = false;
 };
 
-void open(std::optional<viewer::ArmWindow>& window, const Options& options,
-          const experiment::Scenario& scenario, const robot::Model& model) {
-  const Visuals visuals =
-      read_visuals(options.scenario.parent_path() / scenario.robot.urdf_path, model);
-  if (const auto warning = visuals.warning()) diagnostics::log_warning(*warning);
+void open(std::optional<viewer::ArmWindow>& window, const experiment::Scenario& scenario,
+          const robot::Model& model, const Visuals& visuals) {
   const std::string& carrier = scenario.plant.payload.link;
   const std::vector<std::string> tools = model.frames.count(carrier) != 0
                                              ? std::vector<std::string>{carrier}
@@ -168,10 +165,14 @@ diagnostics::ExitCode show(const Options& options) {
   handle(SIGPIPE, SIG_IGN);
   TruthListener listener = listener_on(options, scenario);
   std::optional<viewer::ArmWindow> window;
-  open(window, options, scenario, model);
+  const Visuals visuals =
+      read_visuals(options.scenario.parent_path() / scenario.robot.urdf_path, model);
+  open(window, scenario, model, visuals);
   Viewer viewer;  // ended before the window
   const std::atomic<bool>& interrupted = process::catch_interruptions(SA_RESTART);
   std::cout << window_is_open << std::endl;
+  // Not before, when a run takes what is said for the reason why there is no window.
+  if (const auto warning = visuals.warning()) diagnostics::log_warning(*warning);
 
   PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);
   Clock::time_point next_frame{}, next_redraw{}, close_at = Clock::time_point::max();

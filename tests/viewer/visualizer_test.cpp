@@ -29,6 +29,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -246,7 +247,7 @@ TEST(Visualize, ShowsTheMeshesOfTheUrdfAndTheToolFrame) {
   replace(urdf, R"(<cylinder radius="0.05" length="1"/>)",
           R"(<mesh filename="package://meshes/cube.stl" scale="0.1 0.1 -0.9"/>)");
   replace(urdf, R"(<cylinder radius="0.035" length="1"/>)",
-          R"(<mesh filename="meshes/cube.obj" scale="0.1 0.1 0.9"/>)");
+          R"(<mesh filename="meshes/cube.obj" scale="0.1 0.1 0.4"/>)");
   replace(urdf, "0.15 0.35 0.65 1", "1 0 1 1");  // link 1
   replace(urdf, "0.95 0.50 0.10 1", "0 1 1 1");  // link 2
   replace(urdf, R"(<cylinder radius="0.15" length="0.06"/>)", R"(<mesh filename="rotor.dae"/>)");
@@ -280,9 +281,8 @@ TEST(Visualize, ShowsTheMeshesOfTheUrdfAndTheToolFrame) {
   wait_for_pixels("the tool's z axis, blue", 20, [](int red, int green, int blue) {
     return blue > 60 && blue > 4 * red && blue > 4 * green;
   });
-  run.program().wait_for("the window shows the run to its end", seconds(120));
   run.program().signal(SIGINT);
-  EXPECT_EQ(run.program().wait(seconds(10)), 0);
+  EXPECT_THAT(run.program().wait(seconds(20)), AnyOf(0, 130));  // the run may be over or not
 }
 
 TEST(Visualize, LeavesTheRunAlone) {
