@@ -66,9 +66,10 @@ std::vector<std::string> farthest_leaves(const Model& model) {
       leaves = {link};
       far = r;
     } else if (same_joints && std::abs(r.distance - far.distance) <= rounding &&
-               std::none_of(leaves.begin(), leaves.end(), [&](const std::string& other) {
-                 return coincide(frame, model.frames.at(other), rounding);
-               })) {
+               std::none_of(leaves.begin(), leaves.end(),
+                            [&, &leaf = frame](const std::string& other) {
+                              return coincide(leaf, model.frames.at(other), rounding);
+                            })) {
       leaves.push_back(link);
     }
   }
