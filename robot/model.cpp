@@ -31,30 +31,6 @@ bool coincide(const Frame& a, const Frame& b, double tolerance_m) {
   return a.body == b.body && (a.p_BF - b.p_BF).norm() <= tolerance_m;
 }
 
-std::string farthest_leaf(const Model& model) {
-  std::string best, rival;
-  Reach far{0, 0};
-  for (const auto& [link, frame] : model.frames) {
-    if (!frame.leaf || frame.body < 0) continue;
-    const Reach r = reach(model, frame);
-    const double rounding = 1e-9 * (1 + far.distance);
-    const bool same_joints = r.joints == far.joints;
-    if (r.joints > far.joints || (same_joints && r.distance > far.distance + rounding)) {
-      best = link;
-      rival.clear();
-      far = r;
-    } else if (same_joints && std::abs(r.distance - far.distance) <= rounding &&
-               !coincide(frame, model.frames.at(best), rounding)) {
-      rival = link;
-    }
-  }
-  if (!rival.empty()) {
-    throw std::invalid_argument("payload: links '" + best + "' and '" + rival +
-                                "' are equally far from the root; name the one that carries it");
-  }
-  return best;
-}
-
 }  // namespace
 
 Vector nearest_to_zero(const Model& model) {
@@ -78,6 +54,28 @@ Vector random_posture(const Model& model, std::mt19937& random) {
   return q;
 }
 
+std::vector<std::string> farthest_leaves(const Model& model) {
+  std::vector<std::string> leaves;
+  Reach far{0, 0};
+  for (const auto& [link, frame] : model.frames) {
+    if (!frame.leaf || frame.body < 0) continue;
+    const Reach r = reach(model, frame);
+    const double rounding = 1e-9 * (1 + far.distance);
+    const bool same_joints = r.joints == far.joints;
+    if (r.joints > far.joints || (same_joints && r.distance > far.distance + rounding)) {
+      leaves = {link};
+      far = r;
+    } else if (same_joints && std::abs(r.distance - far.distance) <= rounding &&
+               std::none_of(leaves.begin(), leaves.end(),
+                            [&, &leaf = frame](const std::string& other) {
+                              return coincide(leaf, model.frames.at(other), rounding);
+                            })) {
+      leaves.push_back(link);
+    }
+  }
+  return leaves;
+}
+
 Model with_payload(Model model, const MassProperties& payload, const std::string& link) {
   if (!std::isfinite(payload.mass) || payload.mass < 0) {
     std::ostringstream out;
@@ -86,7 +84,14 @@ Model with_payload(Model model, const MassProperties& payload, const std::string
         << " kg is not a mass; give a finite value of 0 or more";
     throw std::invalid_argument(out.str());
   }
-  const std::string name = link.empty() ? farthest_leaf(model) : link;
+  const std::vector<std::string> carriers =
+      link.empty() ? farthest_leaves(model) : std::vector<std::string>{link};
+  if (carriers.size() > 1) {
+    throw std::invalid_argument("payload: links '" + carriers.front() + "' and '" +
+                                carriers.back() +
+                                "' are equally far from the root; name the one that carries it");
+  }
+  const std::string name = carriers.empty() ? "" : carriers.front();
   const auto found = model.frames.find(name);
   if (found == model.frames.end()) {
     std::string known;

@@ -124,9 +124,13 @@ inline Model model_from_urdf(const std::string& text, const std::string& source,
   return model;
 }
 
-/// The model with a payload that is fixed to `link`, in whose frame it is given. Default: the leaf
-/// link farthest from the root, by moving joints, then by distance along the joints' origins at
-/// q = 0.
+/// The leaf link that is farthest from the root, by moving joints, then by distance along the
+/// joints' origins at q = 0: where a tool is. Of several at one place the first by name; several at
+/// different places, such as fingers, are all of them.
+std::vector<std::string> farthest_leaves(const Model& model);
+
+/// The model with a payload that is fixed to `link`, in whose frame it is given. Default: the one
+/// of `farthest_leaves`.
 /// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
 /// it does not move, or the default is ambiguous: equally far links at different places.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});

@@ -6,8 +6,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <stdexcept>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 #include "diagnostics/text.h"
@@ -77,6 +79,48 @@ double reach_of(const robot::Model& model) {
   return reach > 0 ? reach : 1;
 }
 
+/// Bodies that have visuals, all of which are drawn.
+std::set<int> bodies_shown_by(const Visuals& visuals) {
+  std::set<int> bodies;
+  for (const Visual& visual : visuals.drawn) bodies.insert(visual.place.body);
+  for (const int body : visuals.bodies_with_problems) bodies.erase(body);
+  return bodies;
+}
+
+constexpr double smoothness = 3;  // triangles, relative to Simbody's default
+
+/// What Simbody draws at the frame of a geometry; more than one for a mesh that is large.
+struct Drawn {
+  std::vector<SimTK::DecorativeGeometry> operator()(const Box& box) const {
+    return {SimTK::DecorativeBrick(vec3(box.size / 2))};
+  }
+  std::vector<SimTK::DecorativeGeometry> operator()(const Cylinder& cylinder) const {
+    // Simbody's are along y.
+    return {SimTK::DecorativeCylinder(cylinder.radius, cylinder.length / 2)
+                .setTransform(turning(Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitZ()))};
+  }
+  std::vector<SimTK::DecorativeGeometry> operator()(const Sphere& sphere) const {
+    return {SimTK::DecorativeSphere(sphere.radius)};
+  }
+  /// Each triangle has corners of its own: with common ones, Simbody rounds the edges off.
+  std::vector<SimTK::DecorativeGeometry> operator()(const Mesh& mesh) const {
+    constexpr std::size_t most = 65535;  // corners that Simbody's window takes at once
+    std::vector<SimTK::DecorativeGeometry> parts;
+    for (std::size_t begin = 0; begin < mesh.corners.size(); begin += most) {
+      SimTK::PolygonalMesh part;
+      for (std::size_t i = begin; i < std::min(begin + most, mesh.corners.size()); i += 3) {
+        SimTK::Array_<int> triangle;
+        for (std::size_t corner = i; corner < i + 3; ++corner) {
+          triangle.push_back(part.addVertex(vec3(mesh.corners[corner])));
+        }
+        part.addFace(triangle);
+      }
+      parts.push_back(SimTK::DecorativeMesh(part));
+    }
+    return parts;
+  }
+};
+
 const SimTK::Vec3 link_color(1.0, 0.55, 0.10);
 const SimTK::Vec3 joint_color(0.36, 0.42, 0.50);
 const SimTK::Vec3 stand_color(0.88, 0.90, 0.93);
@@ -87,11 +131,20 @@ const SimTK::Vec3 background_color(0.95, 0.96, 0.98);
 
 class ArmWindow::Scene {
  public:
-  Scene(const robot::Model& model, const robot::Vector& initial, const std::string& title)
+  Scene(const robot::Model& model, const Visuals& visuals, const std::vector<std::string>& tools,
+        const robot::Vector& initial, const std::string& title)
       : matter_(system_), reach_(reach_of(model)), radius_(0.04 * reach_) {
     matter_.setShowDefaultGeometry(false);
-    draw_links(matter_.updGround(), model, -1, stand_color);
-    for (std::size_t i = 0; i < model.bodies.size(); ++i) add(model, static_cast<int>(i));
+    const std::set<int> shown = bodies_shown_by(visuals);
+    if (shown.count(-1) == 0) draw_links(matter_.updGround(), model, -1, stand_color);
+    for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) {
+      SimTK::MobilizedBody mobilized = add(model.bodies[static_cast<std::size_t>(i)]);
+      if (shown.count(i) != 0 || hidden(model, i)) continue;
+      draw_joint(mobilized, model.bodies[static_cast<std::size_t>(i)]);
+      draw_links(mobilized, model, i, link_color);
+    }
+    for (const Visual& visual : visuals.drawn) draw(visual);
+    for (const std::string& tool : tools) draw_axes(model.frames.at(tool));
     state_ = system_.realizeTopology();
     system_.realizeModel(state_);
     for (std::size_t i = 0; i < model.bodies.size(); ++i) {
@@ -109,7 +162,8 @@ class ArmWindow::Scene {
     visualizer_->setMode(SimTK::Visualizer::PassThrough);
     visualizer_->setWindowTitle(title);
     visualizer_->setShowSimTime(true);
-    draw_surroundings(model);
+    draw_floor();
+    if (shown.count(-1) == 0) draw_stand(model);
     set_view();
   }
 
@@ -133,8 +187,7 @@ class ArmWindow::Scene {
     system_.realize(state_, SimTK::Stage::Position);
   }
 
-  void add(const robot::Model& model, int number) {
-    const robot::Body& body = model.bodies[static_cast<std::size_t>(number)];
+  SimTK::MobilizedBody add(const robot::Body& body) {
     // Simbody pins turn about z and sliders move along x of the mobilizer's frames.
     const bool revolute = body.type == robot::JointType::revolute;
     const SimTK::Rotation R_BM =
@@ -144,15 +197,37 @@ class ArmWindow::Scene {
     SimTK::MobilizedBody& parent =
         matter_.updMobilizedBody(SimTK::MobilizedBodyIndex(body.parent + 1));
     const SimTK::Body::Rigid rigid(SimTK::MassProperties(1, SimTK::Vec3(0), SimTK::Inertia(1)));
-    SimTK::MobilizedBody mobilized;
-    if (revolute) {
-      mobilized = SimTK::MobilizedBody::Pin(parent, X_PF, rigid, X_BM);
-    } else {
-      mobilized = SimTK::MobilizedBody::Slider(parent, X_PF, rigid, X_BM);
+    if (revolute) return SimTK::MobilizedBody::Pin(parent, X_PF, rigid, X_BM);
+    return SimTK::MobilizedBody::Slider(parent, X_PF, rigid, X_BM);
+  }
+
+  void decorate(int body, const SimTK::Transform& X_BD, const SimTK::DecorativeGeometry& geometry) {
+    matter_.updMobilizedBody(SimTK::MobilizedBodyIndex(body + 1)).addBodyDecoration(X_BD, geometry);
+  }
+
+  void draw(const Visual& visual) {
+    const SimTK::Transform X_BV(rotation(visual.place.R_BF), vec3(visual.place.p_BF));
+    for (SimTK::DecorativeGeometry& geometry : std::visit(Drawn{}, visual.geometry)) {
+      geometry.setResolution(smoothness).setColor(link_color);
+      if (const auto& rgba = visual.rgba) {
+        geometry.setColor({(*rgba)[0], (*rgba)[1], (*rgba)[2]}).setOpacity((*rgba)[3]);
+      }
+      decorate(visual.place.body, X_BV, geometry);
     }
-    if (hidden(model, number)) return;
-    draw_joint(mobilized, body);
-    draw_links(mobilized, model, number, link_color);
+  }
+
+  /// Bars from the frame's origin along its axes.
+  void draw_axes(const robot::Frame& frame) {
+    const double half_length = 1.5 * radius_;
+    for (int i = 0; i < 3; ++i) {
+      const Eigen::Vector3d axis_B = frame.R_BF.col(i);
+      SimTK::Vec3 color(0.15);
+      color[i] = 1;
+      decorate(frame.body,
+               SimTK::Transform(turning(Eigen::Vector3d::UnitY(), axis_B),
+                                vec3(frame.p_BF + half_length * axis_B)),
+               SimTK::DecorativeCylinder(0.15 * radius_, half_length).setColor(color));
+    }
   }
 
   void draw_joint(SimTK::MobilizedBody& mobilized, const robot::Body& body) const {
@@ -201,7 +276,7 @@ class ArmWindow::Scene {
     floor_ = lowest_[2] > -0.01 * reach_ ? 0 : lowest_[2] - 0.15 * reach_;
   }
 
-  void draw_surroundings(const robot::Model& model) {
+  void draw_floor() {
     const auto tiles = [&](double from, double to, double at, bool along_x) {
       const SimTK::Vec3 a = along_x ? SimTK::Vec3(from, at, floor_) : SimTK::Vec3(at, from, floor_);
       const SimTK::Vec3 b = along_x ? SimTK::Vec3(to, at, floor_) : SimTK::Vec3(at, to, floor_);
@@ -214,6 +289,10 @@ class ArmWindow::Scene {
       tiles(-half * tile, half * tile, i * tile, true);
       tiles(-half * tile, half * tile, i * tile, false);
     }
+  }
+
+  /// From the floor to the root, or what hangs from above.
+  void draw_stand(const robot::Model& model) {
     const robot::Body& first = model.bodies.front();
     const Eigen::Vector3d axis = first.R_PB * first.axis_B;
     if (floor_ == 0) {
@@ -255,8 +334,6 @@ class ArmWindow::Scene {
     visualizer_->setCameraTransform(SimTK::Transform(R_GC, centre + distance * towards_viewer));
   }
 
-  static constexpr double smoothness = 3;  // triangles, relative to Simbody's default
-
   SimTK::MultibodySystem system_;
   SimTK::SimbodyMatterSubsystem matter_;
   double reach_;   ///< of the robot [m]
@@ -268,7 +345,8 @@ class ArmWindow::Scene {
   std::unique_ptr<SimTK::Visualizer> visualizer_;
 };
 
-ArmWindow::ArmWindow(const robot::Model& model, const robot::Vector& initial,
+ArmWindow::ArmWindow(const robot::Model& model, const Visuals& visuals,
+                     const std::vector<std::string>& tools, const robot::Vector& initial,
                      const std::string& title) {
   // Where Simbody finds none, it goes on in two processes.
   if (access(SIMBODY_VIEWER, X_OK) != 0) {
@@ -276,7 +354,7 @@ ArmWindow::ArmWindow(const robot::Model& model, const robot::Vector& initial,
                              "; as root, type: apt-get install --reinstall libsimbody3.7");
   }
   try {
-    scene_ = std::make_unique<Scene>(model, initial, title);
+    scene_ = std::make_unique<Scene>(model, visuals, tools, initial, title);
     scene_->show(0, initial);
   } catch (const std::exception& error) {
     // Simbody's own words, in several lines, or none at all.

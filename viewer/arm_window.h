@@ -2,14 +2,17 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "robot/model.h"
 #include "robot/quantities.h"
+#include "viewer/visuals.h"
 
 namespace tachless::viewer {
 
 /// Simbody's 3D window of a robot in a given pose. Knows no bus, no time but what it is told, and
-/// no dynamics. Links are cylinders between the joints' frames, whatever the URDF shows.
+/// no dynamics. A body is what its visuals show; one without, or of which one cannot be drawn, is
+/// cylinders between the joints' frames.
 ///
 /// The window belongs to a child process, simbody-visualizer. Simbody does not notice its end:
 /// while the constructor runs it then waits for good, and later it fills a pipe that nobody
@@ -22,8 +25,11 @@ class ArmWindow {
       "OpenGL? As root, type: apt-get install libgl1-mesa-dri";
 
   /// Opens the window. Needs a display with OpenGL. The view fits the robot as it is at `initial`.
+  /// @param tools links whose frames are drawn: x red, y green, z blue
   /// @throw std::runtime_error saying what is missing
-  ArmWindow(const robot::Model& model, const robot::Vector& initial, const std::string& title);
+  ArmWindow(const robot::Model& model, const Visuals& visuals,
+            const std::vector<std::string>& tools, const robot::Vector& initial,
+            const std::string& title);
   ArmWindow(const ArmWindow&) = delete;
   ArmWindow& operator=(const ArmWindow&) = delete;
   /// Closes it.

@@ -33,6 +33,7 @@
 #include "viewer/arm_window.h"
 #include "viewer/pose_player.h"
 #include "viewer/truth_listener.h"
+#include "viewer/visuals.h"
 
 namespace tachless::viewer {
 namespace {
@@ -141,10 +142,15 @@ class Viewer {
   bool was_connected_ = false;
 };
 
-void open(std::optional<viewer::ArmWindow>& window, const robot::Model& model,
-          const robot::Vector& initial, const std::string& title) {
+void open(std::optional<viewer::ArmWindow>& window, const experiment::Scenario& scenario,
+          const robot::Model& model, const Visuals& visuals) {
+  const std::string& carrier = scenario.plant.payload.link;
+  const std::vector<std::string> tools = model.frames.count(carrier) != 0
+                                             ? std::vector<std::string>{carrier}
+                                             : robot::farthest_leaves(model);
+  const robot::Vector initial = plant::initial_state(scenario, model).q;
   handle(SIGCHLD, give_up_opening);
-  window.emplace(model, initial, title);
+  window.emplace(model, visuals, tools, initial, "tachless: " + scenario.name);
   handle(SIGCHLD, SIG_DFL);
 }
 
@@ -152,7 +158,6 @@ diagnostics::ExitCode show(const Options& options) {
   const experiment::Scenario scenario =
       experiment::load_scenario(options.scenario, options.overrides);
   const robot::Model model = plant::plant_model(scenario);
-  const robot::Vector initial = plant::initial_state(scenario, model).q;
   if (const auto problem = process::display_problem()) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, *problem);
   }
@@ -160,10 +165,14 @@ diagnostics::ExitCode show(const Options& options) {
   handle(SIGPIPE, SIG_IGN);
   TruthListener listener = listener_on(options, scenario);
   std::optional<viewer::ArmWindow> window;
-  open(window, model, initial, "tachless: " + scenario.name);
+  const Visuals visuals =
+      read_visuals(options.scenario.parent_path() / scenario.robot.urdf_path, model);
+  open(window, scenario, model, visuals);
   Viewer viewer;  // ended before the window
   const std::atomic<bool>& interrupted = process::catch_interruptions(SA_RESTART);
   std::cout << window_is_open << std::endl;
+  // Not before, when a run takes what is said for the reason why there is no window.
+  if (const auto warning = visuals.warning()) diagnostics::log_warning(*warning);
 
   PosePlayer player(static_cast<double>(scenario.loop.num_ticks - 1) * scenario.loop.period_s);
   Clock::time_point next_frame{}, next_redraw{}, close_at = Clock::time_point::max();

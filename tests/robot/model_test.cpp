@@ -12,6 +12,7 @@
 namespace tachless::robot {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 std::string complaint(const Model& model, double mass, const std::string& link) {
@@ -101,6 +102,7 @@ TEST(Payload, TakesEitherOfTwoToolFramesAtOnePlace) {
               "link='l1'/><child link='tool0'/><origin rpy='0 1 0'/></joint>");
   const Model model = model_from_urdf(urdf, "t");
   EXPECT_EQ(with_payload(model, 1).bodies[0].mass, model.bodies[0].mass + 1);
+  EXPECT_THAT(farthest_leaves(model), ElementsAre("flange"));
 }
 
 TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
@@ -115,6 +117,7 @@ TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
   }
   const Model model = model_from_urdf(urdf + "</robot>", "t.urdf");
   EXPECT_THAT(complaint(model, 1, ""), HasSubstr("'left' and 'right'"));
+  EXPECT_THAT(farthest_leaves(model), ElementsAre("left", "right"));
   EXPECT_EQ(with_payload(model, 1, "right").bodies[1].mass, 2);
 }
 

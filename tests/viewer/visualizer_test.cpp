@@ -29,6 +29,7 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
@@ -120,30 +121,36 @@ class Visualized {
   std::optional<std::string> window_;
 };
 
-/// Which pixels of a picture have the colour of the links.
-struct Links {
+/// Which pixels of a picture have a colour.
+struct Pixels {
   std::vector<bool> mask;
   int count = 0;
 };
-Links links_in(const fs::path& picture, const TemporaryDirectory& directory) {
-  const fs::path raw = directory / "links.rgb";
+using IsIt = bool (*)(int red, int green, int blue);
+Pixels pixels_in(const fs::path& picture, const TemporaryDirectory& directory, IsIt is_it) {
+  const fs::path raw = directory / "pixels.rgb";
   // Below the line with the time, which is orange too.
   output_of("convert",
             {picture, "-gravity", "North", "-chop", "0x40", "-depth", "8", "rgb:" + raw.string()},
             directory);
   const std::string bytes = contents(raw);
-  Links links;
+  const auto byte = [&](std::size_t i) { return int{static_cast<std::uint8_t>(bytes[i])}; };
+  Pixels pixels;
   for (std::size_t i = 0; i + 2 < bytes.size(); i += 3) {
-    const auto red = static_cast<std::uint8_t>(bytes[i]);
-    const auto green = static_cast<std::uint8_t>(bytes[i + 1]);
-    const auto blue = static_cast<std::uint8_t>(bytes[i + 2]);
-    links.mask.push_back(red > 60 && red > 5 * blue && 4 * red > 5 * green);
-    links.count += links.mask.back() ? 1 : 0;
+    pixels.mask.push_back(is_it(byte(i), byte(i + 1), byte(i + 2)));
+    pixels.count += pixels.mask.back() ? 1 : 0;
   }
-  return links;
+  return pixels;
 }
 
-int differing(const Links& a, const Links& b) {
+bool is_orange(int red, int green, int blue) {
+  return red > 60 && red > 5 * blue && 4 * red > 5 * green;
+}
+Pixels links_in(const fs::path& picture, const TemporaryDirectory& directory) {
+  return pixels_in(picture, directory, is_orange);
+}
+
+int differing(const Pixels& a, const Pixels& b) {
   int count = 0;
   for (std::size_t i = 0; i < a.mask.size(); ++i) count += a.mask[i] != b.mask[i] ? 1 : 0;
   return count;
@@ -199,6 +206,84 @@ TEST_P(ShowsARobot, MovingAtTheSimulatedPaceToTheEnd) {
 INSTANTIATE_TEST_SUITE_P(Robots, ShowsARobot,
                          ::testing::Values("practical_rigid", "iiwa_point_to_point"),
                          [](const auto& robot) { return std::string(robot.param); });
+
+void replace(std::string& text, const std::string& what, const std::string& by) {
+  const auto at = text.find(what);
+  if (at == std::string::npos) throw std::runtime_error("no " + what);
+  text.replace(at, what.size(), by);
+}
+
+/// A cube with edges of 1 about the origin, as a text STL and as an OBJ.
+void write_cubes(const fs::path& stl, const fs::path& obj) {
+  std::ofstream as_stl(stl), as_obj(obj);
+  as_stl << "solid cube\n";
+  for (int corner = 0; corner < 8; ++corner) {
+    as_obj << "v " << (corner & 1) - 0.5 << ' ' << (corner >> 1 & 1) - 0.5 << ' '
+           << (corner >> 2) - 0.5 << '\n';
+  }
+  const int faces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
+                           {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
+  for (const auto& face : faces) {
+    as_obj << "f " << face[0] + 1 << ' ' << face[1] + 1 << ' ' << face[2] + 1 << ' ' << face[3] + 1
+           << '\n';
+    for (int half = 0; half < 2; ++half) {
+      as_stl << "facet normal 0 0 0\nouter loop\n";
+      for (const int corner : {face[0], face[half + 1], face[half + 2]}) {
+        as_stl << "vertex " << (corner & 1) - 0.5 << ' ' << (corner >> 1 & 1) - 0.5 << ' '
+               << (corner >> 2) - 0.5 << '\n';
+      }
+      as_stl << "endloop\nendfacet\n";
+    }
+  }
+  as_stl << "endsolid\n";
+}
+
+TEST(Visualize, ShowsTheMeshesOfTheUrdfAndTheToolFrame) {
+  const TemporaryDirectory directory;
+  const VirtualDisplay display(directory);
+  fs::create_directory(directory / "meshes");
+  write_cubes(directory / "meshes/cube.stl", directory / "meshes/cube.obj");
+  std::string urdf = contents(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
+  replace(urdf, R"(<cylinder radius="0.05" length="1"/>)",
+          R"(<mesh filename="package://meshes/cube.stl" scale="0.1 0.1 -0.9"/>)");
+  replace(urdf, R"(<cylinder radius="0.035" length="1"/>)",
+          R"(<mesh filename="meshes/cube.obj" scale="0.1 0.1 0.4"/>)");
+  replace(urdf, "0.15 0.35 0.65 1", "1 0 1 1");  // link 1
+  replace(urdf, "0.95 0.50 0.10 1", "0 1 1 1");  // link 2
+  replace(urdf, R"(<cylinder radius="0.15" length="0.06"/>)", R"(<mesh filename="rotor.dae"/>)");
+  std::ofstream(directory / "robot.urdf") << urdf;
+  Visualized run(directory, display, "practical_rigid",
+                 {"--duration", "100", "--set", "robot.urdf=" + (directory / "robot.urdf").string(),
+                  "--set", "plant.initial.position_rad=[0.5, 1.2]"});
+  run.program().wait_for("1 of 6 visuals cannot be drawn, cylinders are instead; the first: " +
+                         (directory / "robot.urdf").string() +
+                         ": link 'rotor': mesh \"rotor.dae\" is not found");
+  const fs::path picture = screenshot("meshes.png");
+  const auto wait_for_pixels = [&](const std::string& what, int number, IsIt is_it) {
+    wait_until(what, [&] {
+      display.picture(run.window(), picture);
+      return pixels_in(picture, directory, is_it).count > number;
+    });
+  };
+  // Light changes brightness, not the ratios; nothing else in the window has these.
+  wait_for_pixels("the STL file, magenta", 1000, [](int red, int green, int blue) {
+    return red > 60 && blue > 60 && red > 3 * green && blue > 3 * green;
+  });
+  wait_for_pixels("the OBJ file, cyan", 1000, [](int red, int green, int blue) {
+    return blue > 60 && green > 60 && blue > 3 * red && green > 3 * red;
+  });
+  wait_for_pixels("the tool's x axis, red", 20, [](int red, int green, int blue) {
+    return red > 60 && red > 4 * green && red > 4 * blue;
+  });
+  wait_for_pixels("the tool's y axis, green", 20, [](int red, int green, int blue) {
+    return green > 60 && green > 4 * red && green > 4 * blue;
+  });
+  wait_for_pixels("the tool's z axis, blue", 20, [](int red, int green, int blue) {
+    return blue > 60 && blue > 4 * red && blue > 4 * green;
+  });
+  run.program().signal(SIGINT);
+  EXPECT_THAT(run.program().wait(seconds(20)), AnyOf(0, 130));  // the run may be over or not
+}
 
 TEST(Visualize, LeavesTheRunAlone) {
   const TemporaryDirectory directory;
