@@ -301,7 +301,8 @@ diagnostics::ExitCode in_four_processes(const std::vector<Planned>& runs) {
   }
   std::vector<std::size_t> order(ends.size());
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_partition(order, [&](std::size_t i) { return ends[i].failed(); });
+  std::stable_partition(order.begin(), order.end(),
+                        [&](std::size_t i) { return ends[i].failed(); });
   Conclusions conclusions;
   for (const std::size_t i : order) {
     const RunOptions& options = runs[i].options;

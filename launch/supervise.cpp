@@ -308,6 +308,7 @@ std::vector<Supervision> supervise(const std::vector<Supervised>& supervised) {
     for (Run& run : runs) run.interrupt_because_of(*first_failed);
   }
   std::vector<Supervision> results;
+  results.reserve(runs.size());
   for (const Run& run : runs) results.push_back(run.result());
   return results;
 }
