@@ -64,11 +64,12 @@ void append_fault(logger::LogWriter& log, const experiment::Scenario& scenario, 
 
 }  // namespace
 
-RunEnd run_in_this_process(const experiment::Scenario& scenario, std::int64_t run,
+RunEnd run_in_this_process(const experiment::Scenario& scenario, const RunOptions& options,
                            const std::filesystem::path& path, Screen& screen) {
   constexpr std::int64_t looks = 64;  // ticks from one look at clock and user to the next
   const std::atomic<bool>& interrupted = process::catch_interruptions();
-  Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
+  const std::int64_t run = options.run_id;
+  Progress progress(scenario.loop.num_ticks, scenario.loop.period_s, options.robot);
   Counters counters(run, scenario.num_joints);
   const Clock::time_point begun = Clock::now();
   RunEnd end;
@@ -84,7 +85,7 @@ RunEnd run_in_this_process(const experiment::Scenario& scenario, std::int64_t ru
           if (record.tick % looks != 0) return true;
           progress.note(record.tick, (record.truth.q - record.reference.q_ref).norm(),
                         Clock::now());
-          screen.show(progress);
+          screen.show({&progress, 1});
           return !interrupted;
         });
     log.close();

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 
 #include "experiment/scenario.h"
@@ -12,7 +11,7 @@ namespace tachless::launch {
 /// Runs a lockstep scenario in this process, without a bus, to its end, a fault or an interruption
 /// by the user, and writes the log that four processes write, to the last bit. That of a run that
 /// has failed ends with an announcement of the fault in the plant's name.
-RunEnd run_in_this_process(const experiment::Scenario& scenario, std::int64_t run,
+RunEnd run_in_this_process(const experiment::Scenario& scenario, const RunOptions& options,
                            const std::filesystem::path& log, Screen& screen);
 
 }  // namespace tachless::launch

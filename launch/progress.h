@@ -13,7 +13,8 @@ class Progress {
  public:
   using Clock = std::chrono::steady_clock;
 
-  Progress(std::int64_t num_ticks, double period_s);
+  /// @param robot stands before it; empty: nothing does
+  Progress(std::int64_t num_ticks, double period_s, const std::string& robot = "");
 
   /// The controller has handled tick `tick` (-1: none yet).
   void note(std::int64_t tick, double error_norm, Clock::time_point now);
@@ -23,6 +24,7 @@ class Progress {
  private:
   std::int64_t num_ticks_;
   double period_s_;
+  std::string before_;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
   struct Sample {

@@ -65,6 +65,18 @@ void require_no_clock(const RunOptions& options, const experiment::Scenario& sce
       "type --mode lockstep, or leave --in-process out");
 }
 
+/// A channel that robots of both prefixes would use; empty: none. Besides of equal ones, of "ARM"
+/// and "ARM_LINK": ARM_LINK_STATE is the link state of the one and the state of the other.
+std::string common_channel(const std::string& one, const std::string& other) {
+  std::string common;
+  loop::for_each_type(loop::Messages(), [&]<class A>(std::type_identity<A> /*type*/) {
+    loop::for_each_type(loop::Messages(), [&]<class B>(std::type_identity<B> /*type*/) {
+      if (loop::channel<A>(one) == loop::channel<B>(other)) common = loop::channel<A>(one);
+    });
+  });
+  return common;
+}
+
 bool isolation_wanted(const RunOptions& options) {
   const char* variable = std::getenv("TACHLESS_ISOLATE");
   const std::string value = variable == nullptr ? "" : variable;
@@ -80,8 +92,17 @@ std::vector<std::string> RunOptions::all_overrides() const {
   return all;
 }
 
-void require_open_files() {
-  constexpr rlim_t needed = 64;  // pipes to the programs, sockets, log
+std::string RunOptions::named(std::string_view line) const {
+  return robot.empty() ? std::string(line) : fmt::format("{}: {}", robot, line);
+}
+
+fs::path RunOptions::directory(const experiment::Scenario& checked) const {
+  if (robot.empty()) return out.empty() ? fs::path("out") / checked.name : out;
+  return (out.empty() ? fs::path("out") : out) / robot;
+}
+
+void require_open_files(std::size_t runs) {
+  const rlim_t needed = 64 * runs;  // pipes to the programs, sockets, log
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= needed) return;
   throw Failure(
@@ -89,6 +110,16 @@ void require_open_files() {
       fmt::format("a program may have {} files open here; a run needs {}; type: ulimit -n "
                   "1024",
                   limit.rlim_cur, needed));
+}
+
+void require_own_channels(const experiment::Scenario& one, const experiment::Scenario& other) {
+  const std::string common = common_channel(one.robot.channel_prefix, other.robot.channel_prefix);
+  if (common.empty()) return;
+  throw Failure(
+      ExitCode::bad_usage,
+      fmt::format("{} and {}: robot.name is {} and {}, and so both robots would use the channel "
+                  "{}; write another robot.name into one of the files (--set sets it for both)",
+                  one.source, other.source, one.robot.name, other.robot.name, common));
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {
@@ -104,9 +135,9 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   const double steps = plant::integrator_steps_per_tick(scenario, model);
   if (steps > many_integrator_steps && !options.quiet) {
     diagnostics::log_warning(
-        fmt::format("the joints are stiff for this period: about {} integrator steps a tick; "
+        fmt::format("{}: the joints are stiff for this period: about {} integrator steps a tick; "
                     "expect a slow run",
-                    std::llround(steps)));
+                    scenario.source, std::llround(steps)));
   }
   return scenario;
 }

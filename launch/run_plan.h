@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "experiment/scenario.h"
@@ -15,9 +16,11 @@
 /// started. Starts no process.
 namespace tachless::launch {
 
+/// Of one robot's run.
 struct RunOptions {
   std::filesystem::path scenario;
-  std::filesystem::path out;  ///< empty: out/<the scenario's name>
+  std::string robot;          ///< its name where the command line has several; empty: it has one
+  std::filesystem::path out;  ///< empty: out/<the scenario's name>; of several: out
   std::int64_t run_id = 0;    ///< 0: the time
   std::vector<std::string> overrides;
   std::string mode;
@@ -35,11 +38,19 @@ struct RunOptions {
   bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
+  /// `line`, after "<robot>: " where there are several.
+  [[nodiscard]] std::string named(std::string_view line) const;
+  /// Where the results go.
+  [[nodiscard]] std::filesystem::path directory(const experiment::Scenario& checked) const;
 };
 
-/// Whether the four programs can open what they need.
+/// Whether the four programs of each of `runs` can open what they need.
 /// @throw diagnostics::Failure(bad_usage) naming the limit
-void require_open_files();
+void require_open_files(std::size_t runs);
+
+/// Whether robots of these two runs use no channel in common.
+/// @throw diagnostics::Failure(bad_usage) naming both files, the robots' names and the channel
+void require_own_channels(const experiment::Scenario& one, const experiment::Scenario& other);
 
 /// The scenario of a run. What a process would refuse later is refused here.
 /// @throw diagnostics::Failure(bad_usage)

@@ -63,9 +63,9 @@ std::string log_problem(const ReadBack& log, const experiment::Scenario& scenari
 }
 
 /// The table, and the files.
-void show(const report::RunSummary& summary, const report::FigureFacts& figure,
+void show(const report::RunSummary& summary, const std::string& title,
           const robot::JointLabels& joints, const RunDirectory& out) {
-  std::cout << fmt::format("\n{}\n\n{}\n", figure.title, closing_table(summary, joints));
+  std::cout << fmt::format("\n{}\n\n{}\n", title, closing_table(summary, joints));
   for (const std::filesystem::path& file : out.files()) {
     std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
   }
@@ -113,7 +113,7 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
   if (options.json) {
     std::cout << json;
   } else if (!options.quiet && tracking.num_ticks() > 0) {
-    show(summary, figure, joints, out);
+    show(summary, options.named(figure.title), joints, out);
   }
   return code;
 }
@@ -139,15 +139,16 @@ diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOp
     }
   }
   if (facts.fault) {
-    diagnostics::log_error(*facts.fault);
+    diagnostics::log_error(options.named(*facts.fault));
     tell_others();
   }
   const report::RunSummary summary{facts, log.tracking, end.statistics};
   const auto written = write_results(scenario, options, out, summary);
   if (code == diagnostics::ExitCode::done) code = written;
   if (!done || options.any_verdict || !summary.observed.bad()) return code;
-  diagnostics::log_error(fmt::format("{}; --any-verdict makes that no failure",
-                                     text(summary.observed, robot::joint_labels(*scenario.model))));
+  diagnostics::log_error(
+      options.named(fmt::format("{}; --any-verdict makes that no failure",
+                                text(summary.observed, robot::joint_labels(*scenario.model)))));
   return diagnostics::ExitCode::check_said_no;
 }
 

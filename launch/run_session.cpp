@@ -2,11 +2,16 @@
 
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
+#include <deque>
+#include <iostream>
+#include <numeric>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "bus/authenticated.h"
 #include "bus/udp_transport.h"
@@ -30,14 +35,21 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
+/// What one robot's run is about, known before anything is started.
+struct Planned {
+  RunOptions options;
+  experiment::Scenario scenario;
+  RunVerdict verdict;
+};
+
 /// Reads the controller's heartbeats. Only listens.
 class Heartbeats {
  public:
-  Heartbeats(const std::string& lcm_url, const std::optional<bus::Key>& key,
-             const experiment::Scenario& scenario, std::int64_t run)
-      : transport_(lcm_url),
+  Heartbeats(const RunOptions& options, const experiment::Scenario& scenario,
+             const std::optional<bus::Key>& key)
+      : transport_(options.lcm_url),
         codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
-        run_(run) {
+        run_(options.run_id) {
     if (key) authenticated_.emplace(transport_, *key);
     transport_.subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
   }
@@ -53,11 +65,10 @@ class Heartbeats {
     }
   }
 
-  /// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
+  /// Listens until `until`.
   /// @throw diagnostics::Failure(protocol_violated) when a robot of this name has its processes
   /// here
-  void require_free_bus() {
-    const auto until = loop::Clock::now() + std::chrono::milliseconds(250);
+  void require_free_bus(loop::Clock::time_point until) {
     while (loop::Clock::now() < until) {
       const auto datagram = transport().receive(until);
       loop::Stamp stamp;
@@ -90,14 +101,15 @@ class Heartbeats {
 class Window {
  public:
   /// @throw diagnostics::Failure(bad_usage) when none can be opened
-  Window(const RunOptions& options, bool isolated, Screen& screen) : screen_(screen) {
+  Window(const RunOptions& options, bool isolated, Screen& screen)
+      : options_(options), screen_(screen) {
     std::vector<std::string> command = command_of("tachless-visualizer", options);
     command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     constexpr std::string_view itself = "tachless-visualizer: ";
     try {
-      program_.emplace("tachless-visualizer", command, viewer::window_is_open,
-                       std::chrono::seconds(30),
-                       [&](std::string_view line) { screen_.pass_on("visualizer", line); });
+      program_.emplace(
+          "tachless-visualizer", command, viewer::window_is_open, std::chrono::seconds(30),
+          [&](std::string_view line) { screen_.pass_on(options_.named(""), "visualizer", line); });
     } catch (const diagnostics::Failure& failure) {
       std::string_view why = failure.what();
       if (why.starts_with(itself)) why.remove_prefix(itself.size());
@@ -115,21 +127,21 @@ class Window {
     if (program_->running()) return;
     const std::string& trouble = program_->trouble();
     screen_.clear();
-    diagnostics::log_warning(
+    diagnostics::log_warning(options_.named(
         fmt::format("the window {}; the run goes on",
-                    trouble.empty() ? "was closed" : fmt::format("is gone: {}", trouble)));
+                    trouble.empty() ? "was closed" : fmt::format("is gone: {}", trouble))));
   }
 
   /// The run is over: what is left to show will be shown.
   void run_is_over(bool interrupted) { interrupted ? program_->stop() : program_->signal(SIGUSR1); }
 
   /// Waits until the window has shown everything, is closed, or the user interrupts.
-  void finish(bool quiet) {
+  void finish() {
     const std::atomic<bool>& interrupted = process::catch_interruptions();
     program_->attend();
-    if (program_->running() && !quiet) {
-      diagnostics::log_info(
-          "the window shows the run to its end, at the simulated pace; Ctrl-C closes it");
+    if (program_->running() && !options_.quiet) {
+      diagnostics::log_info(options_.named(
+          "the window shows the run to its end, at the simulated pace; Ctrl-C closes it"));
     }
     while (program_->running() && !interrupted) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -139,11 +151,13 @@ class Window {
   }
 
  private:
+  const RunOptions& options_;
   Screen& screen_;
   std::optional<process::SideProcess> program_;
 };
 
-SuperviseOptions supervise_options(const experiment::Scenario& scenario, Screen& screen) {
+SuperviseOptions supervise_options(const Planned& run, Screen& screen) {
+  const experiment::Scenario& scenario = run.scenario;
   SuperviseOptions options;
   if (scenario.loop.mode == experiment::Mode::realtime) {
     // The plant first brings the robot to rest, once it misses what was lost.
@@ -153,20 +167,22 @@ SuperviseOptions supervise_options(const experiment::Scenario& scenario, Screen&
                      std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
   }
   options.on_line = [&](std::string_view name, std::string_view line) {
-    screen.pass_on(name, line);
+    screen.pass_on(run.options.named(""), name, line);
   };
   options.on_restart = [&](std::string_view name, const std::string& how) {
     screen.clear();
     diagnostics::log_warning(
-        fmt::format("{}; another {} has been started in its place", how, name));
+        run.options.named(fmt::format("{}; another {} has been started in its place", how, name)));
   };
   return options;
 }
 
-RunEnd end_of(const Supervision& supervision, const RunDirectory& out, double wall_s) {
+/// @param culprit the robot whose failure interrupted the run, if one has
+RunEnd end_of(const Supervision& supervision, const std::string& culprit, const RunDirectory& out,
+              double wall_s) {
   RunEnd end{exit_code(supervision), {}, wall_s, out.take_statistics()};
   if (supervision.interrupted) {
-    end.fault = "interrupted";
+    end.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
   } else if (supervision.culprit) {
     end.fault = describe(supervision.ends[*supervision.culprit]);
   }
@@ -177,13 +193,13 @@ RunEnd end_of(const Supervision& supervision, const RunDirectory& out, double wa
 void tell_others(const Supervision& supervision, const RunOptions& options) {
   if (options.verbose) {
     for (const ProcessEnd& end : supervision.ends) {
-      if (end.failed()) diagnostics::log_info(describe(end));
+      if (end.failed()) diagnostics::log_info(options.named(describe(end)));
     }
   }
   const std::string others = others_that_failed(supervision);
   if (!supervision.interrupted && !others.empty()) {
-    diagnostics::log_info(fmt::format("because of it ended: {}{}", others,
-                                      options.verbose ? "" : "; details with --verbose"));
+    diagnostics::log_info(options.named(fmt::format(
+        "because of it ended: {}{}", others, options.verbose ? "" : "; details with --verbose")));
   }
   if (exit_code(supervision) != diagnostics::ExitCode::check_said_no) return;
   for (const Finding& finding : examine_punctuality()) {
@@ -192,66 +208,155 @@ void tell_others(const Supervision& supervision, const RunOptions& options) {
   }
 }
 
-fs::path directory_of(const experiment::Scenario& scenario, const RunOptions& options) {
-  return options.out.empty() ? fs::path("out") / scenario.name : options.out;
-}
+/// Tells of the runs one after another what has become of them; their JSON is one object, by robot.
+class Conclusions {
+ public:
+  void add(const Planned& run, RunDirectory& out, const RunEnd& end,
+           const std::function<void()>& tell_others) {
+    const RunOptions& options = run.options;
+    braces_ = options.json && !options.robot.empty();
+    if (braces_) std::cout << fmt::format("{}\"{}\": ", count_ == 0 ? "{" : ",", options.robot);
+    const auto code = conclude(run.scenario, options, out, end, tell_others);
+    if (code_ == diagnostics::ExitCode::done) code_ = code;
+    ++count_;
+  }
+  /// The exit code of the first that did not end well.
+  [[nodiscard]] diagnostics::ExitCode finish() const {
+    if (braces_) std::cout << "}\n";
+    return code_;
+  }
 
-diagnostics::ExitCode in_four_processes(const experiment::Scenario& scenario,
-                                        const RunVerdict& verdict, const RunOptions& options) {
-  const bool isolated = prepare_network(options);
-  std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
-  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
-  process::survive_broken_pipes();
-  Progress progress(scenario.loop.num_ticks, scenario.loop.period_s);
-  Heartbeats heartbeats(options.lcm_url, key, scenario, options.run_id);
-  if (!isolated) heartbeats.require_free_bus();
-  Screen screen(options.quiet);
+ private:
+  bool braces_ = false;
+  int count_ = 0;
+  diagnostics::ExitCode code_ = diagnostics::ExitCode::done;
+};
+
+/// A run whose four processes are on the bus.
+struct OnTheBus {
+  OnTheBus(const Planned& planned, const std::optional<bus::Key>& key)
+      : run(planned), heartbeats(planned.options, planned.scenario, key) {}
+
+  const Planned& run;
+  Heartbeats heartbeats;
   std::optional<Window> window;
-  if (options.visualize) window.emplace(options, isolated, screen);
-  RunDirectory out(directory_of(scenario, options));
-  SuperviseOptions supervising = supervise_options(scenario, screen);
-  supervising.on_wake = [&] {
-    heartbeats.read_into(progress);
-    screen.show(progress);
-    out.look();
-    if (window) window->attend();
-  };
-  say(verdict, options.quiet);
-  const Clock::time_point begun = Clock::now();
-  const Supervision supervision = supervise(run_processes(options, out), supervising);
-  if (window) window->run_is_over(supervision.interrupted);
-  screen.clear();
-  const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
-  const auto code = conclude(scenario, options, out, end_of(supervision, out, wall_s),
-                             [&] { tell_others(supervision, options); });
-  if (window) window->finish(options.quiet);
-  return code;
+  std::optional<RunDirectory> out;
+};
+
+/// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
+/// @throw diagnostics::Failure as Heartbeats::require_free_bus
+void require_free_bus(std::deque<OnTheBus>& robots) {
+  const auto until = loop::Clock::now() + std::chrono::milliseconds(250);
+  while (loop::Clock::now() < until) {
+    for (OnTheBus& each : robots) {
+      each.heartbeats.require_free_bus(
+          std::min(until, loop::Clock::now() + std::chrono::milliseconds(5)));
+    }
+  }
 }
 
-diagnostics::ExitCode in_this_process(const experiment::Scenario& scenario,
-                                      const RunVerdict& verdict, const RunOptions& options) {
-  process::survive_broken_pipes();
-  RunDirectory out(directory_of(scenario, options));
-  Screen screen(options.quiet);
-  say(verdict, options.quiet);
-  const RunEnd end = run_in_this_process(scenario, options.run_id, out / "lcmlog", screen);
+std::vector<Supervision> supervise_all(std::deque<OnTheBus>& robots, Screen& screen) {
+  std::vector<Progress> progress;
+  for (const OnTheBus& each : robots) {
+    const experiment::LoopSpec& loop = each.run.scenario.loop;
+    progress.emplace_back(loop.num_ticks, loop.period_s, each.run.options.robot);
+  }
+  std::vector<Supervised> runs;
+  for (std::size_t i = 0; i < robots.size(); ++i) {
+    OnTheBus& robot = robots[i];
+    SuperviseOptions options = supervise_options(robot.run, screen);
+    options.on_wake = [&, i] {
+      robot.heartbeats.read_into(progress[i]);
+      screen.show(progress);
+      robot.out->look();
+      if (robot.window) robot.window->attend();
+    };
+    runs.push_back({run_processes(robot.run.options, *robot.out), options});
+  }
+  std::vector<Supervision> ends = supervise(runs);
   screen.clear();
-  return conclude(scenario, options, out, end, [] {});
+  return ends;
+}
+
+diagnostics::ExitCode in_four_processes(const std::vector<Planned>& runs) {
+  const RunOptions& common = runs.front().options;
+  const bool isolated = prepare_network(common);
+  std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
+  if (!common.key_file.empty()) key = node::read_key_file(common.key_file);
+  process::survive_broken_pipes();
+  std::deque<OnTheBus> robots;
+  for (const Planned& run : runs) robots.emplace_back(run, key);
+  if (!isolated) require_free_bus(robots);
+  Screen screen(common.quiet);
+  for (OnTheBus& each : robots) {
+    if (common.visualize) each.window.emplace(each.run.options, isolated, screen);
+    each.out.emplace(each.run.options.directory(each.run.scenario));
+  }
+  for (const Planned& run : runs) say(run.verdict, run.options);
+  const Clock::time_point begun = Clock::now();
+  const std::vector<Supervision> ends = supervise_all(robots, screen);
+  const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    if (robots[i].window) robots[i].window->run_is_over(ends[i].interrupted);
+  }
+  std::vector<std::size_t> order(ends.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_partition(order.begin(), order.end(),
+                        [&](std::size_t i) { return ends[i].failed(); });
+  Conclusions conclusions;
+  for (const std::size_t i : order) {
+    const RunOptions& options = runs[i].options;
+    const std::string culprit = ends[i].because_of ? runs[*ends[i].because_of].options.robot : "";
+    conclusions.add(runs[i], *robots[i].out, end_of(ends[i], culprit, *robots[i].out, wall_s),
+                    [&] { tell_others(ends[i], options); });
+  }
+  for (OnTheBus& each : robots) {
+    if (each.window) each.window->finish();
+  }
+  return conclusions.finish();
+}
+
+diagnostics::ExitCode in_this_process(const std::vector<Planned>& runs) {
+  process::survive_broken_pipes();
+  std::deque<RunDirectory> out;
+  for (const Planned& run : runs) out.emplace_back(run.options.directory(run.scenario));
+  Screen screen(runs.front().options.quiet);
+  for (const Planned& run : runs) say(run.verdict, run.options);
+  Conclusions conclusions;
+  std::string failed;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const auto& [options, scenario, verdict] = runs[i];
+    if (!failed.empty()) {
+      diagnostics::log_error(options.named("not begun, because " + failed + " did not end well"));
+      continue;
+    }
+    const RunEnd end = run_in_this_process(scenario, options, out[i] / "lcmlog", screen);
+    screen.clear();
+    conclusions.add(runs[i], out[i], end, [] {});
+    if (end.code != diagnostics::ExitCode::done) failed = options.robot;
+  }
+  return conclusions.finish();
 }
 
 }  // namespace
 
-diagnostics::ExitCode run_session(RunOptions options) {
-  require_open_files();
-  const experiment::Scenario scenario = checked_scenario(options);
-  const RunVerdict verdict = judge(scenario, options);
+diagnostics::ExitCode run_session(RunOptions options, const std::vector<fs::path>& scenarios) {
+  require_open_files(scenarios.size());
   if (options.run_id == 0) {
     options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
                          std::chrono::system_clock::now().time_since_epoch())
                          .count();
   }
-  return options.in_process ? in_this_process(scenario, verdict, options)
-                            : in_four_processes(scenario, verdict, options);
+  std::vector<Planned> runs;
+  for (const fs::path& path : scenarios) {
+    options.scenario = path;
+    experiment::Scenario scenario = checked_scenario(options);
+    if (scenarios.size() > 1) options.robot = scenario.robot.name;
+    for (const Planned& other : runs) require_own_channels(other.scenario, scenario);
+    runs.push_back({options, std::move(scenario), {}});
+  }
+  for (Planned& run : runs) run.verdict = judge(run.scenario, run.options);
+  return options.in_process ? in_this_process(runs) : in_four_processes(runs);
 }
 
 }  // namespace tachless::launch

@@ -5,9 +5,14 @@
 
 namespace tachless::launch {
 
-/// `tachless run`: runs a scenario to its end, in four processes or in this one, shows how far it
-/// is, and writes log, summary, figure and report. Returns the run's exit code (see supervise.h).
+/// `tachless run`: runs one scenario or several at once to their end, each in four processes of its
+/// own on one bus or, one after another, in this one; shows how far they are, and writes log,
+/// summary, figure and report of each. When one fails, the others are interrupted, or not begun.
+/// @param options of all of them; without scenario and robot  @param scenarios at least one
+/// @return the exit code (see supervise.h) of the first that did not end well, by itself before
+/// because of another
 /// @throw diagnostics::Failure for what is refused before anything is started
-diagnostics::ExitCode run_session(RunOptions options);
+diagnostics::ExitCode run_session(RunOptions options,
+                                  const std::vector<std::filesystem::path>& scenarios);
 
 }  // namespace tachless::launch

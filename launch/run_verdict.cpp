@@ -42,14 +42,14 @@ RunVerdict judge(const experiment::Scenario& scenario, const RunOptions& options
   return verdict;
 }
 
-void say(const RunVerdict& verdict, bool quiet) {
-  if (verdict.warns) {
-    diagnostics::log_warning(verdict.line);
-  } else if (!quiet) {
-    diagnostics::log_info(verdict.line);
-  }
-  if (!quiet && !verdict.friction.empty()) diagnostics::log_info(verdict.friction);
-  for (const std::string& warning : verdict.warnings) diagnostics::log_warning(warning);
+void say(const RunVerdict& verdict, const RunOptions& options) {
+  const auto warn = [&](const std::string& line) { diagnostics::log_warning(options.named(line)); };
+  const auto inform = [&](const std::string& line) {
+    if (!options.quiet && !line.empty()) diagnostics::log_info(options.named(line));
+  };
+  verdict.warns ? warn(verdict.line) : inform(verdict.line);
+  inform(verdict.friction);
+  for (const std::string& warning : verdict.warnings) warn(warning);
 }
 
 }  // namespace tachless::launch

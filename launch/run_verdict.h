@@ -21,7 +21,7 @@ struct RunVerdict {
 /// @throw diagnostics::Failure(bad_usage) for an unstable loop without --force
 RunVerdict judge(const experiment::Scenario& scenario, const RunOptions& options);
 
-/// On stderr; with `quiet` the warnings alone.
-void say(const RunVerdict& verdict, bool quiet);
+/// On stderr; with --quiet the warnings alone.
+void say(const RunVerdict& verdict, const RunOptions& options);
 
 }  // namespace tachless::launch

@@ -12,6 +12,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <deque>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -91,14 +92,13 @@ class Signals {
 
 class Run {
  public:
-  Run(const std::vector<Process>& processes, const SuperviseOptions& options)
-      : processes_(processes),
-        options_(options),
-        result_{std::vector<ProcessEnd>(processes.size()), std::nullopt, false} {
-    for (std::size_t i = 0; i < processes.size(); ++i) result_.ends[i].name = processes[i].name;
+  /// @param mask signals that the processes have blocked
+  Run(const Supervised& run, const sigset_t& mask)
+      : processes_(run.processes), options_(run.options), mask_(mask) {
+    for (const Process& process : processes_) result_.ends.emplace_back().name = process.name;
     try {
-      for (const Process& process : processes) {
-        children_.push_back(process::start(process.command, signals_.mask_before()));
+      for (const Process& process : processes_) {
+        children_.push_back(process::start(process.command, mask));
       }
     } catch (...) {
       kill_rest();
@@ -109,33 +109,45 @@ class Run {
   Run& operator=(const Run&) = delete;
   ~Run() { kill_rest(); }
 
-  Supervision finish() {
-    while (any_running()) {
-      wait();
-      for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
-      handle_interrupts();
-      reap();
-      if (options_.on_wake) options_.on_wake();
-      enforce();
-    }
-    return std::move(result_);
-  }
-
- private:
   [[nodiscard]] bool any_running() const {
     return std::any_of(children_.begin(), children_.end(),
                        [](const process::Child& child) { return child.running; });
   }
+  /// Whether it is being ended before its time because of one of its processes.
+  [[nodiscard]] bool failed() const {
+    return result_.failed() && terminate_at_ != Clock::time_point::max();
+  }
+  [[nodiscard]] Supervision result() const { return result_; }
 
-  void wait() {
-    std::vector<pollfd> fds;
-    fds.push_back({signals_.fd(), POLLIN, 0});
+  void add_outputs(std::vector<pollfd>& fds) const {
     for (const process::Child& child : children_) {
       if (child.output.get() >= 0) fds.push_back({child.output.get(), POLLIN, 0});
     }
-    poll(fds.data(), fds.size(), static_cast<int>(wake_interval.count()));
   }
 
+  /// @param signals how many that end a run have come since the last call
+  void attend(int signals) {
+    if (!any_running()) return;
+    for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
+    pass_on(signals);
+    reap();
+    if (options_.on_wake) options_.on_wake();
+    enforce();
+  }
+
+  void interrupt() {
+    result_.interrupted = true;
+    order(SIGINT);
+    terminate_at_ = Clock::now() + options_.interrupt_grace;
+  }
+
+  void interrupt_because_of(std::size_t other) {
+    if (!any_running() || result_.interrupted || failed()) return;
+    result_.because_of = other;
+    interrupt();
+  }
+
+ private:
   void read_output(std::size_t i) {
     read_lines(children_[i], [&](std::string line) {
       ProcessEnd& end = result_.ends[i];
@@ -151,16 +163,11 @@ class Run {
     });
   }
 
-  void handle_interrupts() {
-    const int count = signals_.take_interrupts();
-    if (count == 0) return;
-    const bool again = result_.interrupted || count > 1;
-    if (!result_.interrupted) {
-      result_.interrupted = true;
-      order(SIGINT);
-      terminate_at_ = Clock::now() + options_.interrupt_grace;
-    }
-    if (again && !killed_) {
+  void pass_on(int signals) {
+    if (signals == 0) return;
+    signals_ += signals;
+    if (!result_.interrupted) interrupt();
+    if (signals_ > 1 && !killed_) {
       order(SIGKILL);
       killed_ = true;
     }
@@ -197,7 +204,7 @@ class Run {
     fresh.name = end.name;
     fresh.restarts = end.restarts + 1;
     end = std::move(fresh);
-    children_[i] = process::start(processes_[i].restart, signals_.mask_before());
+    children_[i] = process::start(processes_[i].restart, mask_);
     if (options_.on_restart) options_.on_restart(end.name, how);
   }
 
@@ -268,9 +275,10 @@ class Run {
 
   const std::vector<Process>& processes_;
   const SuperviseOptions& options_;
-  Signals signals_;
+  const sigset_t& mask_;
   std::vector<process::Child> children_;
   Supervision result_;
+  int signals_ = 0;  ///< of the user, so far
   bool ordered_ = false;
   bool terminated_ = false;
   bool killed_ = false;
@@ -282,8 +290,31 @@ class Run {
 
 }  // namespace
 
+std::vector<Supervision> supervise(const std::vector<Supervised>& supervised) {
+  Signals signals;
+  std::deque<Run> runs;
+  for (const Supervised& each : supervised) runs.emplace_back(each, signals.mask_before());
+  std::optional<std::size_t> first_failed;
+  while (std::ranges::any_of(runs, &Run::any_running)) {
+    std::vector<pollfd> fds{{signals.fd(), POLLIN, 0}};
+    for (const Run& run : runs) run.add_outputs(fds);
+    poll(fds.data(), fds.size(), static_cast<int>(wake_interval.count()));
+    const int interrupts = signals.take_interrupts();
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+      runs[i].attend(interrupts);
+      if (!first_failed && runs[i].failed()) first_failed = i;
+    }
+    if (!first_failed) continue;
+    for (Run& run : runs) run.interrupt_because_of(*first_failed);
+  }
+  std::vector<Supervision> results;
+  results.reserve(runs.size());
+  for (const Run& run : runs) results.push_back(run.result());
+  return results;
+}
+
 Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options) {
-  return Run(processes, options).finish();
+  return supervise({Supervised{processes, options}}).front();
 }
 
 namespace {

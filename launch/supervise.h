@@ -54,15 +54,29 @@ struct SuperviseOptions {
 struct Supervision {
   std::vector<ProcessEnd> ends;        ///< in the order of the processes given
   std::optional<std::size_t> culprit;  ///< index of the process because of which the run ended
-  bool interrupted = false;            ///< by a signal to this process
+  bool interrupted = false;            ///< by a signal to this process, or by another run's failure
+  std::optional<std::size_t> because_of;  ///< index of the run whose failure interrupted this one
+
+  /// Whether it ended because of one of its processes.
+  [[nodiscard]] bool failed() const { return culprit.has_value() && !interrupted; }
 };
 
-/// Starts `processes`, each in a process group of its own (so that Ctrl-C reaches this process
-/// alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and SIGPIPE are passed
-/// on once, as SIGINT; a second one kills. When one process fails, the others get `grace` to end by
-/// themselves, then SIGTERM, then SIGKILL. Should this process die, its children get SIGTERM.
+/// The processes of one run.
+struct Supervised {
+  std::vector<Process> processes;
+  SuperviseOptions options;
+};
+
+/// Starts the processes of all runs, each in a process group of its own (so that Ctrl-C reaches
+/// this process alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
+/// SIGPIPE are passed on once, as SIGINT; a second one kills. When one process fails, the others of
+/// its run get `grace` to end by themselves, then SIGTERM, then SIGKILL; the other runs are
+/// interrupted at once. Should this process die, its children get SIGTERM.
+/// @return in the order of the runs
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.
+std::vector<Supervision> supervise(const std::vector<Supervised>& runs);
+/// The same with one run.
 Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options);
 
 /// One line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at tick …".

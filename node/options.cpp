@@ -24,13 +24,17 @@ bool parse(CLI::App& program, int argc, const char* const* argv) {
   }
 }
 
-void add_scenario(CLI::App& command, std::filesystem::path& path,
-                  std::vector<std::string>& overrides) {
-  command.add_option("SCENARIO", path, "The experiment, a YAML file")->required();
+void add_overrides(CLI::App& command, std::vector<std::string>& overrides) {
   command
       .add_option("--set", overrides,
                   "key.path=value, in place of the scenario's value; may be repeated")
       ->allow_extra_args(false);
+}
+
+void add_scenario(CLI::App& command, std::filesystem::path& path,
+                  std::vector<std::string>& overrides) {
+  command.add_option("SCENARIO", path, "The experiment, a YAML file")->required();
+  add_overrides(command, overrides);
 }
 
 void add_lcm_url(CLI::App& command, std::string& url) {

@@ -19,6 +19,8 @@ inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0"
 /// @throw Failure(bad_usage), one line
 bool parse(CLI::App& program, int argc, const char* const* argv);
 
+/// --set for the values of scenarios.
+void add_overrides(CLI::App& command, std::vector<std::string>& overrides);
 /// SCENARIO, and --set for its values.
 void add_scenario(CLI::App& command, std::filesystem::path& path,
                   std::vector<std::string>& overrides);

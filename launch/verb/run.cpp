@@ -10,9 +10,16 @@ namespace {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<RunOptions>();
-  node::add_scenario(command, options->scenario, options->overrides);
+  auto scenarios = std::make_shared<std::vector<std::filesystem::path>>();
+  command
+      .add_option("SCENARIO", *scenarios,
+                  "The experiment, a YAML file; several: a robot each, on one bus, and every "
+                  "option is for all")
+      ->required();
+  node::add_overrides(command, options->overrides);
   command.add_option("--out", options->out,
-                     "Where log, summary and figure go; default: out/<the scenario's name>. "
+                     "Where log, summary and figure go; default: out/<the scenario's name>; of "
+                     "several robots each into a folder there with its name, default: out. "
                      "Files of an earlier run are replaced once this one has begun");
   node::add_run_id(command, "--run-id", options->run_id,
                    "Positive number in every message of the run; default: the time");
@@ -53,19 +60,20 @@ Verb::Action declare(CLI::App& command) {
                 "What each of the four programs works with, and why each of them ended")
       ->excludes(quiet);
   command.add_flag("--json", options->json, "The summary on stdout, instead of the table");
-  return [options] { return run_session(*options); };
+  return [options, scenarios] { return run_session(*options, *scenarios); };
 }
 
 }  // namespace
 
 extern const Verb run;
 const Verb run = {
-    "run", "Run an experiment: four processes, a log, a summary, a figure",
+    "run", "Run an experiment: four processes, a log, a summary, a figure; or several on one bus",
     "  tachless run scenarios/paper_rigid.yaml\n"
     "  tachless run scenarios/paper_rigid.yaml --duration 0.5 --set 'controller.gains.kp=[400, "
     "300]'\n"
     "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate\n"
-    "  tachless run scenarios/iiwa_point_to_point.yaml --visualize",
+    "  tachless run scenarios/iiwa_point_to_point.yaml --visualize\n"
+    "  tachless run left.yaml right.yaml",
     declare};
 
 }  // namespace tachless::launch::verb

@@ -10,6 +10,8 @@
 #include <array>
 #include <map>
 
+#include "tests/support/temporary_directory.h"
+
 namespace tachless::launch {
 namespace {
 
@@ -229,6 +231,67 @@ TEST(Supervise, NamesAProgramThatCannotBeStarted) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
     EXPECT_THAT(failure.what(), HasSubstr("cannot start /nowhere/tachless-logger"));
   }
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child was left behind";
+}
+
+TEST(SuperviseSeveral, InterruptsTheOthersWhenOneFails) {
+  const TemporaryDirectory directory;
+  const std::string is_up = directory / "up";
+  const auto ends = supervise(std::vector<Supervised>{
+      {{shell("plant", obedient),
+        shell("logger", "trap 'exit 130' INT; touch " + is_up + "; while :; do sleep 0.02; done")},
+       {}},
+      {{shell("plant", obedient),
+        shell("controller", "until [ -e " + is_up + " ]; do sleep 0.02; done; exit 5")},
+       {}}});
+  ASSERT_EQ(ends.size(), 2U);
+  EXPECT_TRUE(ends[1].failed());
+  EXPECT_EQ(ends[1].culprit, 1U);
+  EXPECT_EQ(exit_code(ends[1]), diagnostics::ExitCode::protective_stop);
+  EXPECT_FALSE(ends[1].because_of.has_value());
+  EXPECT_FALSE(ends[0].failed());
+  EXPECT_EQ(ends[0].because_of, 1U);
+  EXPECT_EQ(exit_code(ends[0]), diagnostics::ExitCode::interrupted);
+  EXPECT_EQ(ends[0].ends[1].exit_code, 130) << "it was to end in order, by SIGINT";
+}
+
+TEST(SuperviseSeveral, LetsTheOthersGoOnWhenOneEndsByItself) {
+  for (const int code : {0, 1}) {  // well, and with a check that said no
+    SuperviseOptions options;
+    options.end_together = milliseconds(50);
+    const auto ends = supervise(std::vector<Supervised>{
+        {{shell("plant", "exit " + std::to_string(code))}, options},
+        {{shell("plant", "sleep 0.5; exit 0"), shell("logger", "sleep 0.5; exit 0")}, options}});
+    EXPECT_EQ(static_cast<int>(exit_code(ends[0])), code);
+    EXPECT_FALSE(ends[1].interrupted) << code;
+    EXPECT_EQ(exit_code(ends[1]), diagnostics::ExitCode::done) << code;
+  }
+}
+
+TEST(SuperviseSeveral, PassesCtrlCOnToAll) {
+  std::array<bool, 2> up{};
+  std::vector<Supervised> runs;
+  for (bool& each : up) {
+    SuperviseOptions options;
+    options.on_line = [&](std::string_view, std::string_view) { each = true; };
+    options.on_wake = [&, sent = false]() mutable {
+      if (sent || !up[0] || !up[1] || &each != up.data()) return;
+      sent = true;
+      kill(getpid(), SIGINT);
+    };
+    runs.push_back({{shell("plant", obedient)}, options});
+  }
+  for (const Supervision& end : supervise(runs)) {
+    EXPECT_TRUE(end.interrupted);
+    EXPECT_FALSE(end.because_of.has_value());
+    EXPECT_EQ(end.ends[0].exit_code, 130);
+  }
+}
+
+TEST(SuperviseSeveral, LeavesNoChildWhenAProgramOfALaterRunCannotBeStarted) {
+  EXPECT_THROW(supervise(std::vector<Supervised>{{{shell("plant", "exec sleep 60")}, {}},
+                                                 {{{"logger", {"/nowhere/tachless-logger"}}}, {}}}),
+               diagnostics::Failure);
   EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1) << "a child was left behind";
 }
 
