@@ -1,7 +1,6 @@
 #include "diagnostics/unfinished_file.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -24,7 +23,7 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
   if (direct_) return;
   partial_ = path_.string() + ".partial";
   const fs::path directory = path_.has_parent_path() ? path_.parent_path() : ".";
-  if (access(directory.c_str(), W_OK) != 0) refuse(std::strerror(errno));
+  if (!fs::is_directory(directory, error)) refuse(std::strerror(ENOENT));
 }
 
 UnfinishedFile::~UnfinishedFile() {

@@ -11,7 +11,7 @@ namespace tachless::diagnostics {
 class UnfinishedFile {
  public:
   /// @param remedy what to do when it cannot be written: "name another file with -o"
-  /// @throw Failure(bad_usage) naming `path` when that is a directory, or no file can be made there
+  /// @throw Failure(bad_usage) naming `path` when that is a directory, or in one that is not there
   explicit UnfinishedFile(std::filesystem::path path, std::string_view remedy);
   UnfinishedFile(const UnfinishedFile&) = delete;
   UnfinishedFile& operator=(const UnfinishedFile&) = delete;
