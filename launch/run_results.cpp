@@ -120,9 +120,8 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
 
 }  // namespace
 
-diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOptions& options,
-                               RunDirectory& out, const RunEnd& end,
-                               const std::function<void()>& tell_others) {
+Concluded conclude(const experiment::Scenario& scenario, const RunOptions& options,
+                   RunDirectory& out, const RunEnd& end, const std::function<void()>& tell_others) {
   out.look();
   report::RunFacts facts = facts_of(scenario, options, end);
   facts.log_path = (out / "lcmlog").string();
@@ -145,11 +144,13 @@ diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOp
   const report::RunSummary summary{facts, log.tracking, end.statistics};
   const auto written = write_results(scenario, options, out, summary);
   if (code == diagnostics::ExitCode::done) code = written;
-  if (!done || options.any_verdict || !summary.observed.bad()) return code;
-  diagnostics::log_error(
-      options.named(fmt::format("{}; --any-verdict makes that no failure",
-                                text(summary.observed, robot::joint_labels(*scenario.model)))));
-  return diagnostics::ExitCode::check_said_no;
+  const robot::JointLabels joints = robot::joint_labels(*scenario.model);
+  if (done && !options.any_verdict && summary.observed.bad()) {
+    diagnostics::log_error(options.named(
+        fmt::format("{}; --any-verdict makes that no failure", text(summary.observed, joints))));
+    code = diagnostics::ExitCode::check_said_no;
+  }
+  return {code, overview_row(options.robot, summary, joints)};
 }
 
 }  // namespace tachless::launch

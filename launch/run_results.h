@@ -22,11 +22,16 @@ struct RunEnd {
   std::vector<node::Statistics> statistics;  ///< of the processes that left theirs
 };
 
+/// What has become of a run.
+struct Concluded {
+  diagnostics::ExitCode code = diagnostics::ExitCode::done;
+  std::string row;  ///< of the table of several runs
+};
+
 /// Reads the log back, tells the first cause and, by `tell_others`, what came of it, writes
 /// summary, figure and report, and for people the closing table. Of a run that has not begun there
-/// are neither files nor table. Returns the run's exit code.
-diagnostics::ExitCode conclude(const experiment::Scenario& scenario, const RunOptions& options,
-                               RunDirectory& out, const RunEnd& end,
-                               const std::function<void()>& tell_others);
+/// are neither files nor table.
+Concluded conclude(const experiment::Scenario& scenario, const RunOptions& options,
+                   RunDirectory& out, const RunEnd& end, const std::function<void()>& tell_others);
 
 }  // namespace tachless::launch

@@ -208,26 +208,31 @@ void tell_others(const Supervision& supervision, const RunOptions& options) {
   }
 }
 
-/// Tells of the runs one after another what has become of them; their JSON is one object, by robot.
+/// Tells of the runs one after another what has become of them, and of several at the end in one
+/// table; their JSON is one object, by robot.
 class Conclusions {
  public:
   void add(const Planned& run, RunDirectory& out, const RunEnd& end,
            const std::function<void()>& tell_others) {
     const RunOptions& options = run.options;
-    braces_ = options.json && !options.robot.empty();
+    const bool several = !options.robot.empty();
+    braces_ = options.json && several;
     if (braces_) std::cout << fmt::format("{}\"{}\": ", count_ == 0 ? "{" : ",", options.robot);
-    const auto code = conclude(run.scenario, options, out, end, tell_others);
-    if (code_ == diagnostics::ExitCode::done) code_ = code;
+    const Concluded concluded = conclude(run.scenario, options, out, end, tell_others);
+    if (code_ == diagnostics::ExitCode::done) code_ = concluded.code;
+    if (several && !options.json && !options.quiet) rows_ += concluded.row;
     ++count_;
   }
   /// The exit code of the first that did not end well.
   [[nodiscard]] diagnostics::ExitCode finish() const {
     if (braces_) std::cout << "}\n";
+    if (!rows_.empty()) std::cout << "\n" << report::overview_head() << rows_;
     return code_;
   }
 
  private:
   bool braces_ = false;
+  std::string rows_;
   int count_ = 0;
   diagnostics::ExitCode code_ = diagnostics::ExitCode::done;
 };

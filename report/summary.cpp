@@ -202,6 +202,21 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
 }
 
+std::string overview_head() {
+  return fmt::format("  {:<16} {:>9} {:>9} {:>9}  {}\n", "robot", "ticks", "ticks/s", "log gaps",
+                     "verdict");
+}
+
+std::string overview_row(const std::string& robot, const RunSummary& summary,
+                         const robot::JointLabels& joints) {
+  const double wall_s = summary.wall_s();
+  const auto ticks = static_cast<double>(summary.ticks());
+  return fmt::format(
+      "  {:<16} {:>9} {:>9} {:>9}  {}\n", robot, summary.ticks(),
+      wall_s > 0 ? short_rate(ticks / wall_s) : "-", summary.facts.log_gaps,
+      summary.facts.fault ? "did not end well" : study::text(summary.observed, joints));
+}
+
 std::string short_period(double period_s) {
   return period_s < 0.9995e-3 ? fmt::format("{:.6g} µs", period_s * 1e6)
                               : fmt::format("{:.6g} ms", period_s * 1e3);
