@@ -23,6 +23,7 @@
 #include "plant/plant_model.h"
 #include "process/isolate.h"
 #include "reference/make_trajectory.h"
+#include "robot/joint_labels.h"
 
 namespace tachless::launch {
 namespace {
@@ -134,10 +135,15 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   require_no_clock(options, scenario);
   const double steps = plant::integrator_steps_per_tick(scenario, model);
   if (steps > many_integrator_steps && !options.quiet) {
-    diagnostics::log_warning(
-        fmt::format("{}: the joints are stiff for this period: about {} integrator steps a tick; "
-                    "expect a slow run",
-                    scenario.source, std::llround(steps)));
+    const auto joint = plant::stiff_friction(scenario, model, many_integrator_steps);
+    diagnostics::log_warning(fmt::format(
+        "{}: the joints are stiff for this period: about {} integrator steps a tick; expect a slow "
+        "run{}",
+        scenario.source, std::llround(steps),
+        joint ? fmt::format("; the viscous friction of {} is out of proportion to its inertia: "
+                            "plant.drive.viscous_friction_Nms_per_rad gives it another",
+                            robot::joint_labels(model).joint(*joint))
+              : ""));
   }
   return scenario;
 }

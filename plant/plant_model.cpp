@@ -1,6 +1,6 @@
 #include "plant/plant_model.h"
 
-#include <optional>
+#include <Eigen/LU>
 #include <stdexcept>
 
 #include "plant/stiffness.h"
@@ -105,6 +105,20 @@ double integrator_steps_per_tick(const experiment::Scenario& scenario, const rob
       fastest_rate(robot::mass_matrix(model, initial_state(scenario, model).q),
                    drive ? &*drive : nullptr, scenario.plant.drive.viscous_friction_Nms_per_rad);
   return integrator_steps(scenario.plant.integrator.method, rate, scenario.loop.period_s);
+}
+
+std::optional<std::size_t> stiff_friction(const experiment::Scenario& scenario,
+                                          const robot::Model& model, double steps) {
+  const robot::Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
+  if (friction.size() == 0) return {};
+  const robot::Matrix inverse =
+      robot::mass_matrix(model, initial_state(scenario, model).q).inverse();
+  Eigen::Index joint = 0;
+  const double rate = friction.cwiseProduct(inverse.diagonal()).maxCoeff(&joint);
+  if (integrator_steps(scenario.plant.integrator.method, rate, scenario.loop.period_s) <= steps) {
+    return {};
+  }
+  return static_cast<std::size_t>(joint);
 }
 
 }  // namespace tachless::plant

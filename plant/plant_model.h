@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "experiment/scenario.h"
@@ -49,5 +51,10 @@ robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
 /// mode at the initial state; see plant/stiffness.h. Worth a warning from about 100 on:
 /// "stiffness … at period … needs about N integrator steps a tick".
 double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model);
+
+/// The joint whose viscous friction decays fastest against its inertia at the initial state, if the
+/// integrator takes more than `steps` steps a tick for that alone.
+std::optional<std::size_t> stiff_friction(const experiment::Scenario& scenario,
+                                          const robot::Model& model, double steps);
 
 }  // namespace tachless::plant

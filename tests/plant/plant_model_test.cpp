@@ -102,6 +102,18 @@ TEST(IntegratorStepsPerTick, WarnOfAnAbsurdStiffness) {
                {"loop.period_s=1e-3", "robot.joints.flexible.stiffness_Nm_per_rad=[1e12, 1e12]"});
   // sqrt(1e12 (1/J + largest eigenvalue of M^-1, 2.2)) = 3.5e6 rad/s, 3.4 of them a step.
   EXPECT_NEAR(integrator_steps_per_tick(stiff, plant_model(stiff)), 1030, 30);
+  EXPECT_EQ(stiff_friction(stiff, plant_model(stiff), 100), std::nullopt) << "the springs are";
+}
+
+TEST(StiffFriction, NamesTheJointThatIsOutOfProportion) {
+  const auto joint = [](const std::string& friction) {
+    const experiment::Scenario s =
+        scenario("practical_rigid", {"plant.drive.viscous_friction_Nms_per_rad=" + friction});
+    return stiff_friction(s, plant_model(s), 100);
+  };
+  EXPECT_EQ(joint("[1, 1]"), std::nullopt);
+  EXPECT_EQ(joint("[1, 1e6]"), 1U);
+  EXPECT_EQ(joint("[1e9, 1e3]"), 0U);
 }
 
 }  // namespace
