@@ -38,7 +38,10 @@ std::optional<Datagram> ChannelwiseTransport::receive(loop::Clock::time_point de
 ChannelwiseTransport::Wake ChannelwiseTransport::look_into_empty_boxes(
     loop::Clock::time_point deadline) {
   nfds_t empty = 0;
-  for (const Box& box : boxes_) {
+  for (Box& box : boxes_) {
+    if (!box.first && box.transport->holds_datagrams()) {
+      box.first = box.transport->receive_raw(loop::Clock::time_point::min());
+    }
     if (!box.first) descriptors_[empty++] = {box.transport->descriptor(), POLLIN, 0};
   }
   const int ready = poll_until({descriptors_.data(), empty}, deadline);

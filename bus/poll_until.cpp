@@ -1,7 +1,5 @@
 #include "bus/poll_until.h"
 
-#include <signal.h>
-
 #include <chrono>
 
 namespace tachless::bus {
@@ -13,11 +11,7 @@ int poll_until(std::span<pollfd> descriptors, loop::Clock::time_point deadline) 
       deadline > now ? deadline - now : loop::Clock::duration::zero();
   const auto left_s = std::chrono::duration_cast<std::chrono::seconds>(left);
   const timespec timeout{left_s.count(), std::chrono::nanoseconds(left - left_s).count()};
-  sigset_t mask;
-  pthread_sigmask(SIG_SETMASK, nullptr, &mask);
-  sigdelset(&mask, SIGINT);
-  sigdelset(&mask, SIGTERM);
-  return ::ppoll(descriptors.data(), descriptors.size(), &timeout, &mask);
+  return ::ppoll(descriptors.data(), descriptors.size(), &timeout, nullptr);
 }
 
 }  // namespace tachless::bus

@@ -25,8 +25,7 @@ namespace {
 
 constexpr std::size_t max_datagram = 65'536;
 constexpr int wanted_buffer_bytes = 4 << 20;
-// Signals get a chance, and the deadline a look, at least once in so many datagrams read.
-constexpr int max_reads_between_waits = 64;
+constexpr std::size_t kernel_overhead_bytes = 1024;  // of a datagram in the receive buffer, about
 
 [[noreturn]] void fail(const LcmUrl& url, const std::string& what, const std::string& remedy) {
   throw std::system_error(errno, std::generic_category(),
@@ -156,7 +155,7 @@ UdpTransport::UdpTransport(const LcmUrl& url)
     : url_(url),
       receiver_(open_receiver(url)),
       sender_(open_sender(url)),
-      buffer_(max_datagram),
+      buffer_(batch * max_datagram),
       host_overflowed_before_(host_overflows()) {
   socklen_t size = sizeof own_address_;
   if (::getsockname(sender_.get(), reinterpret_cast<sockaddr*>(&own_address_), &size) != 0) {
@@ -220,7 +219,6 @@ std::optional<RawDatagram> UdpTransport::receive_raw(loop::Clock::time_point dea
 }
 
 UdpTransport::Wake UdpTransport::wait(loop::Clock::time_point deadline, bool for_datagram) {
-  reads_since_wait_ = 0;
   pollfd descriptor{receiver_.get(), POLLIN, 0};
   const int ready = poll_until({&descriptor, for_datagram ? 1U : 0U}, deadline);
   if (ready < 0 && errno != EINTR) fail(url_, "cannot wait", remedy_for(errno));
@@ -228,38 +226,79 @@ UdpTransport::Wake UdpTransport::wait(loop::Clock::time_point deadline, bool for
   return ready > 0 ? Wake::datagram : Wake::deadline;
 }
 
-std::optional<RawDatagram> UdpTransport::next(loop::Clock::time_point deadline) {
-  for (int passed_over = 0;;) {
-    if (reads_since_wait_ >= max_reads_between_waits) {
-      // While datagrams are ready, ppoll delivers no signal: ask without the socket.
-      const bool outstayed = passed_over > 0 && loop::Clock::now() >= deadline;
-      if (wait(loop::Clock::time_point(), false) == Wake::signal || outstayed) return std::nullopt;
-    }
-    sockaddr_in from{};
-    iovec part{buffer_.data(), buffer_.size()};
-    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(timespec))> control{};
-    msghdr message{};
-    message.msg_name = &from;
-    message.msg_namelen = sizeof from;
-    message.msg_iov = &part;
-    message.msg_iovlen = 1;
+void UdpTransport::collect(int messages, std::chrono::nanoseconds longest) {
+  // A part: what comes while the collected is read needs room, too.
+  const auto room = static_cast<std::size_t>(receive_buffer_bytes()) / 2;
+  nap_ = Nap{messages, room, longest, longest / 16};
+}
+
+UdpTransport::Wake UdpTransport::nap(loop::Clock::time_point deadline) {
+  const double fullness = std::max(static_cast<double>(nap_->come) / nap_->messages,
+                                   static_cast<double>(nap_->occupied) / nap_->room);
+  const auto wanted = std::chrono::duration_cast<std::chrono::nanoseconds>(
+      nap_->length / std::max(fullness, 0.5));
+  nap_->length = std::min(wanted, nap_->longest);
+  nap_->come = 0;
+  nap_->occupied = 0;
+  return wait(std::min(deadline, loop::Clock::now() + nap_->length), false);
+}
+
+/// Whether there was something to read.
+bool UdpTransport::read_batch() {
+  for (int i = 0; i < batch; ++i) {
+    Held& held = held_[i];
+    held.part = {buffer_.data() + i * max_datagram, max_datagram};
+    msghdr& header = headers_[i].msg_hdr;
+    header = {};
+    header.msg_name = &held.from;
+    header.msg_namelen = sizeof held.from;
+    header.msg_iov = &held.part;
+    header.msg_iovlen = 1;
     if (stamped_) {
-      message.msg_control = control.data();
-      message.msg_controllen = control.size();
+      header.msg_control = held.control.data();
+      header.msg_controllen = held.control.size();
     }
-    const ssize_t size = ::recvmsg(receiver_.get(), &message, MSG_DONTWAIT);
-    if (size < 0) {
-      if (errno != EAGAIN) fail(url_, "cannot receive", remedy_for(errno));
-      if (wait(deadline, true) != Wake::datagram) return std::nullopt;
-      continue;
+  }
+  next_held_ = 0;
+  num_held_ = ::recvmmsg(receiver_.get(), headers_.data(), batch, MSG_DONTWAIT, nullptr);
+  if (num_held_ < 0) {
+    num_held_ = 0;
+    if (errno != EAGAIN) fail(url_, "cannot receive", remedy_for(errno));
+  }
+  return num_held_ > 0;
+}
+
+/// Reads what waits in the socket, or what comes before the deadline.
+/// @return false if nothing came, or a signal
+bool UdpTransport::fetch(loop::Clock::time_point deadline, bool passed_over) {
+  // A flood of what is passed over must not keep the caller from its deadline.
+  if (passed_over && loop::Clock::now() >= deadline) return false;
+  const bool more_may_wait = num_held_ == batch;
+  if (more_may_wait && read_batch()) return true;
+  if (nap_ && deadline > loop::Clock::now()) {
+    if (nap(deadline) == Wake::signal) return false;
+    if (read_batch()) return true;
+  }
+  while (wait(deadline, true) == Wake::datagram) {
+    if (read_batch()) return true;
+  }
+  return false;
+}
+
+std::optional<RawDatagram> UdpTransport::next(loop::Clock::time_point deadline) {
+  for (bool passed_over = false;; passed_over = true) {
+    if (!holds_datagrams() && !fetch(deadline, passed_over)) return std::nullopt;
+    msghdr& header = headers_[next_held_].msg_hdr;
+    const std::size_t size = headers_[next_held_].msg_len;
+    const Held& held = held_[next_held_++];
+    if (nap_) {
+      ++nap_->come;
+      nap_->occupied += size + kernel_overhead_bytes;
     }
-    ++reads_since_wait_;
-    std::optional<RawDatagram> raw = parse(static_cast<std::size_t>(size), from);
-    if (!raw) {
-      ++passed_over;
-      continue;
-    }
-    for (cmsghdr* c = CMSG_FIRSTHDR(&message); c != nullptr; c = CMSG_NXTHDR(&message, c)) {
+    const std::span bytes(static_cast<const std::byte*>(held.part.iov_base), size);
+    std::optional<RawDatagram> raw = parse(bytes, held.from);
+    if (!raw) continue;
+    for (cmsghdr* c = CMSG_FIRSTHDR(&header); c != nullptr; c = CMSG_NXTHDR(&header, c)) {
       if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPNS) continue;
       timespec stamp{};
       std::memcpy(&stamp, CMSG_DATA(c), sizeof stamp);
@@ -270,20 +309,20 @@ std::optional<RawDatagram> UdpTransport::next(loop::Clock::time_point deadline) 
   }
 }
 
-std::optional<RawDatagram> UdpTransport::parse(std::size_t size, const sockaddr_in& from) {
+std::optional<RawDatagram> UdpTransport::parse(std::span<const std::byte> bytes,
+                                               const sockaddr_in& from) {
   if (same(from, own_address_)) {
     ++statistics_.own;
     return std::nullopt;
   }
-  const std::span<const std::byte> bytes(buffer_.data(), size);
-  if (size < lcm_packet::header_size) {
+  if (bytes.size() < lcm_packet::header_size) {
     ++statistics_.malformed;
     return std::nullopt;
   }
   const std::uint32_t magic = word_at(bytes.data());
   if (magic == lcm_packet::fragment_magic) {
     // Counted once per message, by its first fragment.
-    if (size < lcm_packet::fragment_header_size) {
+    if (bytes.size() < lcm_packet::fragment_header_size) {
       ++statistics_.malformed;
     } else if (bytes[lcm_packet::fragment_number_offset] == std::byte{0} &&
                bytes[lcm_packet::fragment_number_offset + 1] == std::byte{0}) {

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -41,13 +43,9 @@ struct UdpStatistics {
 };
 
 /// LCM's wire format over UDP multicast, read and written by ourselves: no thread, no copy through
-/// a queue, no allocation per message, and a filter in the kernel that wakes the process for its
-/// own channels only. Interoperates with liblcm's udpm. Does not put fragments together: a message
-/// must fit one datagram. One transport serves one thread.
-///
-/// A wait lets SIGINT and SIGTERM through even where they are blocked. Block them (and install a
-/// handler) for the rest of the time: then a signal ends the present or the next wait, and none
-/// falls between two.
+/// a queue, no allocation per message, what waits read at once, and a filter in the kernel that
+/// wakes the process for its own channels only. Interoperates with liblcm's udpm. Does not put fragments together: a message
+/// must fit one datagram. One transport serves one thread. A signal that is handled ends a wait.
 class UdpTransport final : public Transport {
  public:
   /// Joins the bus. @param url see `parse_lcm_url`
@@ -79,7 +77,14 @@ class UdpTransport final : public Transport {
   /// What `other` sends is passed over, as if it were this one's own.
   void regard_as_own(const UdpTransport& other) { own_address_ = other.own_address_; }
 
-  /// Readable when there may be something to receive.
+  /// Before each wait for datagrams this process sleeps, so that they collect and it is woken once
+  /// for many: so long that about `messages` of them come, at most `longest`, and less where they
+  /// would fill the receive buffer. For who is not waited for.
+  void collect(int messages, std::chrono::nanoseconds longest);
+
+  /// Whether datagrams have been read that are not handed out yet. Otherwise `descriptor` is
+  /// readable when there may be something to receive.
+  [[nodiscard]] bool holds_datagrams() const { return next_held_ < num_held_; }
   [[nodiscard]] int descriptor() const { return receiver_.get(); }
 
   [[nodiscard]] UdpStatistics statistics() const;
@@ -97,9 +102,29 @@ class UdpTransport final : public Transport {
 
   enum class Wake { datagram, deadline, signal };
 
+  /// Room for what one call of the kernel yields.
+  static constexpr int batch = 16;
+  struct Held {
+    sockaddr_in from{};
+    iovec part{};
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(timespec))> control{};
+  };
+  /// How long to sleep before a wait (see `collect`).
+  struct Nap {
+    int messages = 0;          ///< wanted each time
+    std::size_t room = 0;      ///< of the receive buffer for them [bytes]
+    std::chrono::nanoseconds longest{0};
+    std::chrono::nanoseconds length{0};
+    int come = 0;              ///< messages since the last one
+    std::size_t occupied = 0;  ///< by these
+  };
+
   Wake wait(loop::Clock::time_point deadline, bool for_datagram);
+  Wake nap(loop::Clock::time_point deadline);
+  bool read_batch();
+  bool fetch(loop::Clock::time_point deadline, bool passed_over);
   std::optional<RawDatagram> next(loop::Clock::time_point deadline);
-  std::optional<RawDatagram> parse(std::size_t size, const sockaddr_in& from);
+  std::optional<RawDatagram> parse(std::span<const std::byte> bytes, const sockaddr_in& from);
   std::string_view name_of(const sockaddr_in& from);
   [[nodiscard]] std::uint64_t socket_drops() const;
 
@@ -112,9 +137,13 @@ class UdpTransport final : public Transport {
   bool stamped_ = false;
   std::uint32_t sequence_ = 0;
   std::vector<std::byte> buffer_;
+  std::array<Held, batch> held_{};
+  std::array<mmsghdr, batch> headers_{};
+  int num_held_ = 0;
+  int next_held_ = 0;
+  std::optional<Nap> nap_;
   std::array<Sender, 8> senders_{};
   std::size_t next_sender_ = 0;
-  int reads_since_wait_ = 0;
   UdpStatistics statistics_;
   std::uint64_t drops_before_ = 0;
   std::uint64_t host_overflowed_before_ = 0;

@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <chrono>
 #include <cstring>
 #include <optional>
 #include <system_error>
@@ -13,10 +14,12 @@
 #include "node/options.h"
 #include "node/real_time.h"
 #include "process/interruption.h"
+#include "protocol/lockstep/log_window.h"
 
 namespace tachless::node {
 namespace {
 
+using namespace std::chrono_literals;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 
@@ -32,13 +35,16 @@ class Bus {
     }
     diagnostics::log_detail(
         fmt::format("bus {}, receive buffer {} bytes", where.text(), udp_->receive_buffer_bytes()));
+    if (role != loop::Role::logger) return;
+    if (scenario.loop.mode == experiment::Mode::lockstep) {
+      // The plant waits for nothing that the logger does, until the window is full.
+      udp_->collect(loop::num_slots * protocol::lockstep::LogWindow::ack_interval, 1ms);
+      return;
+    }
     // Nothing is repeated for a realtime logger: what its buffers do not hold while it waits for a
     // processor is lost.
     constexpr int enough_bytes = 2 << 20;  // bursts of a thousand messages, and to spare
-    if (role == loop::Role::logger && scenario.loop.mode == experiment::Mode::realtime &&
-        udp_->receive_buffer_bytes() < enough_bytes) {
-      channelwise_.emplace(*udp_);
-    }
+    if (udp_->receive_buffer_bytes() < enough_bytes) channelwise_.emplace(*udp_);
   }
   bus::Transport& transport() {
     return channelwise_ ? static_cast<bus::Transport&>(*channelwise_) : *udp_;
