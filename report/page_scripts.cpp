@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <string_view>
@@ -53,7 +54,10 @@ Json dash_of(const std::string& dash) {
 Json curve_of(const Curve& curve) {
   std::vector<float> values;
   for (const study::Point& point : curve.points) {
-    values.insert(values.end(), {static_cast<float>(point.x), static_cast<float>(point.y)});
+    // Not a number is a gap; an infinite axis is none.
+    const bool drawn = std::abs(point.y) <= std::numeric_limits<float>::max();
+    values.insert(values.end(),
+                  {static_cast<float>(point.x), drawn ? static_cast<float>(point.y) : NAN});
   }
   return {{"name", curve.title.empty() ? Html(curve.signal).markup() : html_of(curve.title)},
           {"signal", curve.signal},

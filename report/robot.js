@@ -59,7 +59,10 @@ var report_robot = (() => {
     for (let k = 0; k <= pieces; ++k) {
       pose(robot, joint => robot.q[joint](end_s * k / pieces));
       robot.ground.updateMatrixWorld(true);
-      robot.tools.forEach((tool, i) => paths[i].push(new THREE.Vector3().setFromMatrixPosition(tool.matrixWorld)));
+      robot.tools.forEach((tool, i) => {
+        const point = new THREE.Vector3().setFromMatrixPosition(tool.matrixWorld);
+        if (Number.isFinite(point.lengthSq())) paths[i].push(point);
+      });
     }
     for (const path of paths) {
       scene.add(new THREE.Line(new THREE.BufferGeometry().setFromPoints(path), new THREE.LineBasicMaterial({color: colour})));

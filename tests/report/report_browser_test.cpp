@@ -369,6 +369,31 @@ TEST_F(Browser, SaysSoWithoutWebGlAndShowsTheChartsAllTheSame) {
   EXPECT_THAT(browsed.dom, HasSubstr("no WebGL: the robot cannot be shown.; charts 18"));
 }
 
+TEST_F(Browser, IsNotUpsetByWildNumbers) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.5"));
+  int truths = 0;
+  for (logger::Recorded& message : messages) {
+    if (message.channel != "ARM_TRUTH") continue;
+    // The first joint's position, after fingerprint, stamps and counts: about 1e301, and infinity.
+    if (truths == 100) message.data.replace(40, 2, "\x7e\x77");
+    if (truths == 200) message.data.replace(40, 8, std::string("\x7f\xf0\0\0\0\0\0\0", 8));
+    ++truths;
+  }
+  ASSERT_EQ(truths, 500);
+  const fs::path log = profile_.path() / "lcmlog", page = profile_.path() / "report.html";
+  logger::write_file(log, logger::log_of(messages));
+  std::vector<RecordedRun> runs;
+  runs.push_back(read_recorded_run(log));
+  ASSERT_GT(runs[0].tracking.joints()[0].error.peak(), 1e300) << "not what was to be wild";
+  write_report(runs, page);
+  const Browsed browsed = tried(page, R"(
+  for (let k = 0; k <= 500; ++k) report.seek(k / 1000);
+  setTimeout(() => say('charts ' + report.data.charts.filter(chart => chart.plot).length + ', robot ' + report_robot.drawn), 3000);
+)");
+  EXPECT_EQ(browsed.console, "");
+  EXPECT_THAT(browsed.dom, HasSubstr("charts 10, robot true"));
+}
+
 TEST_F(Browser, OpensAMinuteOfSevenJointsAtOnceAndFollowsTheCursor) {
   std::vector<RecordedRun> runs;
   runs.push_back(recorded("iiwa", support::shortened("iiwa_point_to_point.yaml", "60")));
