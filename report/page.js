@@ -46,7 +46,8 @@ var report = (() => {
     return rounded && Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
   }
   const dark = () => root.dataset.theme === 'dark';
-  const ink = colour => dark() && colour === '#000000' ? '#ffffff' : colour;
+  // Black and the darkest blue of the palette are not seen on a dark page.
+  const ink = colour => dark() && {'#000000': '#ffffff', '#0072B2': '#3d9fdc'}[colour] || colour;
 
   function colours(chart) {
     const series = {};
@@ -147,7 +148,9 @@ var report = (() => {
     chart.line.style.display = x >= area.x - 1 && x <= area.x + area.w + 1 ? '' : 'none';
     chart.line.style.transform = `translateX(${x}px)`;
     chart.curves.forEach((curve, i) => {
-      const there = chart.y_axis && state.t >= curve.x[0] && state.t <= curve.x[curve.x.length - 1];
+      // The first and the last point are somewhere in their stretches of ticks.
+      const stretch = data.end_s / 500, last = curve.x[curve.x.length - 1];
+      const there = chart.y_axis && state.t >= curve.x[0] - stretch && state.t <= last + stretch;
       chart.keys.children[i].lastChild.textContent = there ? short(value(curve, state.t), 4) : '';
     });
   }
