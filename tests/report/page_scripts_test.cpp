@@ -37,8 +37,20 @@ TEST_F(Browser, MovesTheRobotWithTheCursor) {
   say('shown ' + find('#tracking-1 .keys output').textContent);
   find('#tracking-1 .keys button').click();
   say('visible ' + charts[0].plot.visibility());
-  charts[0].plot.updateOptions({dateWindow: [0.2, 0.4]});
-  say('zoomed ' + charts[1].plot.xAxisRange());
+  // Dragged from a fifth of the chart's width to two fifths; with Shift a tenth back; double-click.
+  const drag = (from, to, shiftKey) => {
+    const at = (type, part, buttons) => new page.MouseEvent(type, {bubbles: true, view: page, buttons, shiftKey,
+        clientX: box.left + area.x + part * area.w, clientY: box.top + 50,
+        screenX: box.left + area.x + part * area.w, screenY: box.top + 50});
+    charts[1].place.querySelector('canvas:last-of-type').dispatchEvent(at('mousedown', from, 1));
+    page.document.dispatchEvent(at('mousemove', to, 1));
+    page.document.dispatchEvent(at('mouseup', to, 0));
+    return charts[0].plot.xAxisRange().map(x => x.toFixed(2));
+  };
+  say('zoomed ' + drag(0.2, 0.4, false));
+  say('panned ' + drag(0.5, 0, true));
+  charts[1].place.querySelector('canvas:last-of-type').dispatchEvent(new page.MouseEvent('dblclick', {bubbles: true}));
+  say('all ' + charts[0].plot.xAxisRange().map(x => x.toFixed(2)));
   const theme = page.document.documentElement.dataset.theme;
   find('.theme').click();
   say('themes ' + theme + ' ' + page.document.documentElement.dataset.theme);
@@ -63,8 +75,8 @@ TEST_F(Browser, MovesTheRobotWithTheCursor) {
   EXPECT_NEAR(number_after(browsed.dom, "y"), tool.y(), 1e-6);
   EXPECT_NEAR(number_after(browsed.dom, "z"), tool.z(), 1e-6);
   EXPECT_NEAR(number_after(browsed.dom, "shown"), q[0], 1e-3 * std::abs(q[0])) << "four digits";
-  EXPECT_THAT(browsed.dom, HasSubstr("visible false,true; zoomed 0.2,0.4; themes light dark; "
-                                     "fetched 0; "));
+  EXPECT_THAT(browsed.dom, HasSubstr("visible false,true; zoomed 0.20,0.40; panned 0.30,0.50; "
+                                     "all 0.00,1.00; themes light dark; fetched 0; "));
   EXPECT_GT(number_after(browsed.dom, "played"), 0.05) << "it began at 0.05";
   EXPECT_EQ(number_after(browsed.dom, "charts"), 9);
 }
