@@ -21,6 +21,8 @@ struct Curve {
   double width = 1.4;  ///< [px]
   std::string dash;    ///< gnuplot's dashtype, "(6,4)"; empty: solid
   CurveStyle style = CurveStyle::line;
+  std::size_t run = 0;      ///< whose, where several runs are overlaid
+  std::string signal = {};  ///< what it shows where no title says it: "q", "q_ref"; plain text
 };
 
 /// How the curve of that number is drawn among others: seven colours, then dashed, 28 in all.
@@ -57,6 +59,8 @@ struct Chart {
   std::string note;        ///< in the upper right corner; plain text
   bool wide = false;       ///< over the whole width of a page
   int height_px = 0;       ///< 0: as usual
+
+  [[nodiscard]] bool over_time() const { return x_label == "time [s]"; }
 };
 
 /// Whether there is anything to be seen in it.

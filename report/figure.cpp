@@ -57,13 +57,13 @@ Chart position_chart(const study::Tracking& tracking, std::size_t joint, const s
   chart.y_label = fmt::format("{}{}  [{}]", motors ? indexed("q", joint) + ", " : "",
                               indexed(motors ? "θ" : "q", joint, name), unit);
   chart.curves.push_back(
-      {"link", signals.q.points(max_points), palette[5], 4, "", CurveStyle::line});
+      {"link", signals.q.points(max_points), palette[5], 4, "", CurveStyle::line, 0, "q"});
   if (motors) {
-    chart.curves.push_back(
-        {"motor", signals.theta.points(max_points), palette[1], 1.2, "", CurveStyle::line});
+    chart.curves.push_back({"motor", signals.theta.points(max_points), palette[1], 1.2, "",
+                            CurveStyle::line, 0, "theta"});
   }
-  chart.curves.push_back(
-      {"reference", signals.q_ref.points(max_points), palette[6], 1.3, "(5,4)", CurveStyle::line});
+  chart.curves.push_back({"reference", signals.q_ref.points(max_points), palette[6], 1.3, "(5,4)",
+                          CurveStyle::line, 0, "q_ref"});
   return chart;
 }
 

@@ -21,6 +21,7 @@ class Html {
   static Html from_markup(std::string markup);
 
   Html& operator+=(const Html& other);
+  friend Html operator+(Html a, const Html& b) { return a += b; }
   [[nodiscard]] const std::string& markup() const { return markup_; }
   [[nodiscard]] bool empty() const { return markup_.empty(); }
 

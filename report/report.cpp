@@ -8,8 +8,10 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
+#include "diagnostics/logging.h"
 #include "diagnostics/unfinished_file.h"
 #include "report/gnuplot.h"
+#include "report/page_scripts.h"
 #include "report/report_charts.h"
 #include "report/report_page.h"
 
@@ -58,10 +60,21 @@ Drawings drawings_of(const std::vector<Chart>& charts, const fs::path& html) {
 
 }  // namespace
 
-void write_report(const std::vector<RecordedRun>& runs, const fs::path& html) {
+void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
+                  const Libraries& libraries) {
   const std::vector<ReportSection> sections = report_sections(runs);
-  diagnostics::UnfinishedFile(html, remedy)
-      .write(report_page(runs, sections, drawings_of(drawn_charts(sections), html)));
+  const Drawings drawings = drawings_of(drawn_charts(sections), html);
+  Html scripts;
+  const Overlay all(runs, Detail::screen);
+  if (libraries.missing.empty()) {
+    scripts = page_scripts(libraries, page_data(all, report_sections(runs, Detail::screen)));
+  } else {
+    diagnostics::log_warning(fmt::format(
+        "{} stands still, because {} cannot be read; to have a report that moves, type: "
+        "apt-get install libjs-dygraphs libjs-three",
+        html.string(), libraries.missing));
+  }
+  diagnostics::UnfinishedFile(html, remedy).write(report_page(runs, sections, drawings, scripts));
 }
 
 }  // namespace tachless::report

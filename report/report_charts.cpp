@@ -23,14 +23,16 @@ bool same_points(const std::vector<study::Point>& a, const std::vector<study::Po
 /// Several runs' positions of a joint over their references; a reference that they share once.
 void overlay_positions(const Overlay& all, std::size_t joint, Chart& chart) {
   std::vector<Curve> references;
-  chart.y_label = fmt::format("{}  [{}]", indexed("q", joint), all.length_unit(joint));
-  all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun&, const auto& signals) {
-    chart.curves.push_back(all.curve(i, signals.q.points(all.budget()), "", 1.6));
+  chart.y_label = fmt::format("{}  [{}]", all.symbol("q", joint), all.length_unit(joint));
+  all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun& run, std::size_t own) {
+    const study::JointTracking& signals = run.tracking.joints()[own];
+    chart.curves.push_back(all.curve(i, signals.q.points(all.budget()), "q", "", 1.6));
     const auto points = signals.q_ref.points(all.budget());
     if (references.empty()) {
-      references.push_back({"reference", points, palette[6], 1.3, "(5,4)", CurveStyle::line});
+      references.push_back(
+          {"reference", points, palette[6], 1.3, "(5,4)", CurveStyle::line, i, "q_ref"});
     } else if (!same_points(points, references.front().points)) {
-      references.push_back({"", points, colour_of(i), 1.3, "(5,4)", CurveStyle::line});
+      references.push_back({"", points, colour_of(i), 1.3, "(5,4)", CurveStyle::line, i, "q_ref"});
     }
   });
   chart.curves.insert(chart.curves.end(), references.begin(), references.end());
@@ -67,7 +69,9 @@ Curve fitted(const Overlay& all, const Decay& decay, std::size_t run) {
           all.alone() ? palette[1] : colour_of(run),
           2.4,
           "(6,4)",
-          CurveStyle::line};
+          CurveStyle::line,
+          run,
+          "fit"};
 }
 
 ReportSection error_section(const Overlay& all) {
@@ -83,12 +87,12 @@ ReportSection error_section(const Overlay& all) {
     Chart chart = all.over_time(
         fmt::format("error-{}", joint + 1),
         fmt::format("Absolute position error of joint {} over time, logarithmic", joint + 1));
-    chart.y_label = fmt::format("|{}|  [{}]", indexed("e", joint), all.length_unit(joint));
+    chart.y_label = fmt::format("|{}|  [{}]", all.symbol("e", joint), all.length_unit(joint));
     std::vector<Curve> fits;
-    all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun& run, const auto& signals) {
-      chart.curves.push_back(all.curve(i, signals.abs_error.points(all.budget()),
-                                       all.alone() ? "|{/:Italic e}|" : ""));
-      if (const auto& decay = run.decay[joint]) fits.push_back(fitted(all, *decay, i));
+    all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun& run, std::size_t own) {
+      chart.curves.push_back(all.curve(i, run.tracking.joints()[own].abs_error.points(all.budget()),
+                                       "|e|", all.alone() ? "|{/:Italic e}|" : ""));
+      if (const auto& decay = run.decay[own]) fits.push_back(fitted(all, *decay, i));
     });
     make_logarithmic(chart);
     chart.curves.insert(chart.curves.end(), fits.begin(), fits.end());
@@ -115,19 +119,20 @@ ReportSection torque_section(const Overlay& all) {
   for (std::size_t joint = 0; joint < all.num_joints(); ++joint) {
     Chart chart = all.over_time(fmt::format("torque-{}", joint + 1),
                                 fmt::format("Torque applied to joint {} over time", joint + 1));
-    chart.y_label = fmt::format("{}  [{}]", indexed("τ", joint), all.effort_unit(joint));
-    all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun& run, const auto& signals) {
-      chart.curves.push_back(all.curve(i, signals.tau.points(all.budget())));
+    chart.y_label = fmt::format("{}  [{}]", all.symbol("τ", joint), all.effort_unit(joint));
+    all.for_runs_with_joint(joint, [&](std::size_t i, const RecordedRun& run, std::size_t own) {
+      const study::JointTracking& signals = run.tracking.joints()[own];
+      chart.curves.push_back(all.curve(i, signals.tau.points(all.budget()), "τ"));
       if (!run.disturbance.empty()) {
         chart.curves.push_back(
-            all.curve(i, run.disturbance[joint].points(all.budget()), "disturbance", 1.0));
+            all.curve(i, run.disturbance[own].points(all.budget()), "", "disturbance", 1.0));
         chart.curves.back().dash = "(5,4)";
         if (all.alone()) chart.curves.back().colour = palette[1];
         disturbed = true;
       }
-      limited = add_limit(run, joint, signals.torque.peak(), chart) || limited;
+      limited = add_limit(run, own, signals.torque.peak(), chart) || limited;
       const double h = run.info.period_s;
-      for (const auto& [first, last] : run.saturated[joint].listed()) {
+      for (const auto& [first, last] : run.saturated[own].listed()) {
         chart.marks.push_back({static_cast<double>(first) * h, static_cast<double>(last + 1) * h,
                                all.alone() ? alarm_colour : colour_of(i)});
         saturated = true;
@@ -173,11 +178,11 @@ ReportSection signals_section(const Overlay& all) {
                                 fmt::format("Controller signals of joint {} over time", joint + 1));
     std::string unit;
     for (std::size_t i = 0; i < runs.size(); ++i) {
-      for (std::size_t row = 0; row < runs[i].signals.size(); ++row) {
+      const auto own = all.joint_of(i, joint);
+      for (std::size_t row = 0; own && row < runs[i].signals.size(); ++row) {
         const LoggedSignal& signal = runs[i].signals[row];
-        if (joint >= signal.joints.size()) continue;
-        Curve curve =
-            all.curve(i, signal.joints[joint].points(all.budget()), "", row == 0 ? 1.2 : 0.7);
+        Curve curve = all.curve(i, signal.joints[*own].points(all.budget()), signal.name, "",
+                                row == 0 ? 1.2 : 0.7);
         if (all.alone()) {
           curve.colour = colour_of(row);
           curve.title = signal.name;  // nu_2: the 2 becomes an index
@@ -234,9 +239,15 @@ Html lyapunov_text(const RecordedRun& run) {
 }
 
 /// The certified bound from the start to the run's end, down to where V ends.
-Curve bound_of(const RecordedRun& run, const std::vector<study::Point>& V) {
-  Curve bound{"",  {},      run.above_bound_s ? alarm_colour : palette[6],
-              1.4, "(2,3)", CurveStyle::line};
+Curve bound_of(std::size_t i, const RecordedRun& run, const std::vector<study::Point>& V) {
+  Curve bound{"",
+              {},
+              run.above_bound_s ? alarm_colour : palette[6],
+              1.4,
+              "(2,3)",
+              CurveStyle::line,
+              i,
+              "certified bound"};
   double least = V.front().y;
   for (const study::Point& each : V) least = each.y > 0 ? std::min(least, each.y) : least;
   constexpr int pieces = 200;
@@ -257,9 +268,9 @@ ReportSection lyapunov_section(const Overlay& all) {
   for (std::size_t i = 0; i < runs.size(); ++i) {
     if (runs[i].lyapunov_formula.empty()) continue;
     const std::vector<study::Point> V = runs[i].lyapunov.points(all.budget());
-    chart.curves.push_back(all.curve(i, V, "", 1.4));
+    chart.curves.push_back(all.curve(i, V, "V", "", 1.4));
     if (runs[i].certified && runs[i].certified->rate >= 0 && V.size() > 1) {
-      fits.push_back(bound_of(runs[i], V));
+      fits.push_back(bound_of(i, runs[i], V));
       if (all.alone()) fits.back().title = "certified bound";
       // One far above would flatten the curve.
       const double level = runs[i].certified->level;
@@ -288,8 +299,8 @@ ReportSection lyapunov_section(const Overlay& all) {
 
 }  // namespace
 
-std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs) {
-  const Overlay all(runs);
+std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs, Detail detail) {
+  const Overlay all(runs, detail);
   return {tracking_section(all), error_section(all),  torque_section(all), signals_section(all),
           lyapunov_section(all), timing_section(all), events_section(all)};
 }

@@ -9,6 +9,7 @@ namespace tachless::report {
 
 /// The sections of a report: tracking, error, torque, controller signals, Lyapunov function,
 /// timing, events. Several runs are overlaid; `runs` are labelled.
-std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs);
+std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs,
+                                           Detail detail = Detail::paper);
 
 }  // namespace tachless::report

@@ -140,7 +140,7 @@ ReportSection timing_section(const Overlay& all) {
           !outcome[key].contains("histogram")) {
         continue;
       }
-      chart.curves.push_back(all.curve(i, outline(outcome[key]["histogram"]), "", 1.6));
+      chart.curves.push_back(all.curve(i, outline(outcome[key]["histogram"]), "", "", 1.6));
       for (const study::Point& point : chart.curves.back().points) floor = std::min(floor, point.y);
     }
     if (std::isfinite(floor)) chart.y_range = {{floor, INFINITY}};
@@ -164,7 +164,7 @@ ReportSection events_section(const Overlay& all) {
       if (!all.alone()) section.text += html("<p>{}:</p>", run.label);
       section.text += html("<ul>{}</ul>\n", items);
     }
-    section.add(all.alone() ? "" : run.label, std::move(chart));
+    section.add(all.alone() ? "" : run.label, std::move(chart), i);
   }
   return section;
 }

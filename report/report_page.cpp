@@ -3,14 +3,13 @@
 #include <fmt/format.h>
 
 #include "diagnostics/version.h"
+#include "report/differences.h"
 #include "report/page_files.h"
 #include "report/report_tables.h"
 #include "report/summary.h"
 
 namespace tachless::report {
 namespace {
-
-constexpr const char* narrow_suffix = "-narrow";
 
 Html legend(const std::vector<RecordedRun>& runs) {
   Html names;
@@ -30,12 +29,10 @@ Html figure(const ReportChart& report, const Drawings& drawings) {
   const Chart& chart = report.chart;
   const Html caption =
       report.heading.empty() ? Html() : html("<figcaption>{}</figcaption>", report.heading);
-  const Html broad = drawing(drawings, chart.name, chart);
-  if (!chart.wide) return html("<figure id=\"{}\">{}{}</figure>\n", chart.name, caption, broad);
-  return html(
-      "<figure id=\"{}\" class=\"wide\">{}<div class=\"broad\">{}</div><div "
-      "class=\"narrow\">{}</div></figure>\n",
-      chart.name, caption, broad, drawing(drawings, chart.name + narrow_suffix, chart));
+  return html("<figure id=\"{}\"{}>{}<div class=\"still\">{}</div>{}</figure>\n", chart.name,
+              Html::from_markup(chart.wide ? " class=\"wide\"" : ""), caption,
+              drawing(drawings, chart.name, chart),
+              Html::from_markup(chart.over_time() ? "<div class=\"live\"></div>" : ""));
 }
 
 Html section_html(const ReportSection& section, const std::vector<RecordedRun>& runs,
@@ -68,19 +65,14 @@ Html title_of(const std::vector<RecordedRun>& runs) {
 std::vector<Chart> drawn_charts(const std::vector<ReportSection>& sections) {
   std::vector<Chart> charts;
   for (const ReportSection& section : sections) {
-    for (const ReportChart& report : section.charts) {
-      charts.push_back(report.chart);
-      if (!report.chart.wide) continue;
-      charts.push_back(report.chart);
-      charts.back().name += narrow_suffix;
-      charts.back().wide = false;
-    }
+    for (const ReportChart& report : section.charts) charts.push_back(report.chart);
   }
   return charts;
 }
 
 std::string report_page(const std::vector<RecordedRun>& runs,
-                        const std::vector<ReportSection>& sections, const Drawings& drawings) {
+                        const std::vector<ReportSection>& sections, const Drawings& drawings,
+                        const Html& scripts) {
   Html contents, shown, scenarios;
   for (const ReportSection& section : sections) {
     contents += html("<a href=\"#{}\">{}</a>", section.name, section.heading);
@@ -99,7 +91,9 @@ std::string report_page(const std::vector<RecordedRun>& runs,
                  {"runs", Html(runs.size() == 1 ? "one run" : fmt::format("{} runs", runs.size()))},
                  {"alarms", alarms(runs)},
                  {"contents", contents},
-                 {"facts", facts_table(runs)},
+                 {"points", Html(std::to_string(Overlay(runs, Detail::screen).budget()))},
+                 {"scripts", scripts},
+                 {"facts", facts_table(runs) + differences(runs)},
                  {"results", results_table(runs)},
                  {"sections", shown},
                  {"scenarios", scenarios},

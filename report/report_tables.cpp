@@ -247,25 +247,30 @@ Html swatch(std::size_t run) {
       colour_of(run), dash);
 }
 
-Html facts_table(const std::vector<RecordedRun>& runs) {
+Html run_headings(const std::vector<RecordedRun>& runs) {
   Html head;
   for (std::size_t i = 0; runs.size() > 1 && i < runs.size(); ++i) {
     head += html("<th scope=\"col\">{}{}</th>", swatch(i), runs[i].label);
   }
-  if (!head.empty()) head = html("<thead><tr><td></td>{}</tr></thead>\n", head);
+  return head.empty() ? head : html("<thead><tr><td></td>{}</tr></thead>\n", head);
+}
+
+Html facts_table(const std::vector<RecordedRun>& runs) {
   Html rows;
   for (const auto& [name, value] : facts()) {
+    const Html first = value(runs.front());
     Html cells;
     bool any = false;
     for (const RecordedRun& run : runs) {
       const Html cell = value(run);
       any = any || !cell.empty();
-      cells += html("<td>{}</td>", cell.empty() ? Html("–") : cell);
+      const char* marked = cell.markup() == first.markup() ? "" : " class=\"differs\"";
+      cells += html("<td{}>{}</td>", Html::from_markup(marked), cell.empty() ? Html("–") : cell);
     }
     if (any) rows += html("<tr><th scope=\"row\">{}</th>{}</tr>\n", name, cells);
   }
   return html("<div class=\"table\"><table class=\"facts\">\n{}<tbody>\n{}</tbody></table></div>\n",
-              head, rows);
+              run_headings(runs), rows);
 }
 
 Html results_table(const std::vector<RecordedRun>& runs) {

@@ -8,8 +8,12 @@
 /// A report's tables and warnings, with one column or row per run where there are several.
 namespace tachless::report {
 
-/// Of a run, what is not in its curves: scenario, law, gains, sampling, how it ended.
+/// Of a run, what is not in its curves: scenario, law, gains, sampling, how it ended. Marks what
+/// is not as in the first run.
 Html facts_table(const std::vector<RecordedRun>& runs);
+
+/// The head of a table with a column for each run; empty for one run.
+Html run_headings(const std::vector<RecordedRun>& runs);
 
 /// Errors, torques and decay per joint.
 Html results_table(const std::vector<RecordedRun>& runs);

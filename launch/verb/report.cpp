@@ -43,7 +43,8 @@ Verb::Action declare(CLI::App& command) {
 }  // namespace
 
 extern const Verb report;
-const Verb report = {"report", "One HTML page with plots; several logs are overlaid",
+const Verb report = {"report",
+                     "One HTML page with plots and the moving robot; several logs are overlaid",
                      "  tachless report out/paper_rigid/lcmlog\n"
                      "  tachless report out/a/lcmlog out/b/lcmlog -o compare.html",
                      declare};

@@ -4,10 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/logging.h"
+#include "report/page_scripts.h"
 #include "report/report_charts.h"
 #include "report/report_page.h"
 #include "tests/support/damaged_log.h"
@@ -19,6 +22,7 @@ namespace {
 
 using logger::Recorded;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -67,11 +71,15 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
     EXPECT_THAT(page, HasSubstr("<figure id=\"" + figure + "\"")) << figure;
   }
   EXPECT_EQ(count(page, "<figure"), 12U);
-  EXPECT_EQ(count(page, "role=\"img\""), 13U) << "the wide one also narrow";
+  EXPECT_EQ(count(page, "role=\"img\""), 12U);
+  EXPECT_EQ(count(page, "class=\"live\"></div>"), 9U) << "those over time";
   EXPECT_THAT(page, Not(HasSubstr("not drawn")));
-  // Nothing to fetch, nothing to execute.
-  EXPECT_THAT(page, AllOf(Not(HasSubstr("://")), Not(HasSubstr("<script")),
-                          Not(HasSubstr("@import")), Not(HasSubstr("src="))));
+  // The browser fetches nothing, and outside of the scripts nothing would have it do so.
+  EXPECT_THAT(page, HasSubstr("content=\"default-src 'none'; script-src 'unsafe-inline'; "
+                              "style-src 'unsafe-inline'; img-src data:\""));
+  const std::string still = page.substr(0, page.find("<script"));
+  EXPECT_THAT(still, AllOf(HasSubstr("</footer>"), Not(HasSubstr("://")), Not(HasSubstr("@import")),
+                           Not(HasSubstr("src="))));
   EXPECT_THAT(page, AllOf(HasSubstr("practical_rigid"), HasSubstr("loria_ortega_rigid"),
                           HasSubstr("kp = [40000, 2400]"), HasSubstr("20 bit per revolution")));
   EXPECT_THAT(page, HasSubstr("No torque saturated, no command was missed"));
@@ -81,6 +89,71 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   for (std::sregex_iterator match(page.begin(), page.end(), id), end; match != end; ++match) {
     EXPECT_TRUE(ids.insert((*match)[1]).second) << (*match)[1];
   }
+}
+
+TEST_F(Report, StandsStillWithoutALibraryAndSaysWhatToInstall) {
+  std::vector<RecordedRun> runs;
+  runs.push_back(run("a", support::in_process_log(support::shortened("regulation.yaml", "0.01"))));
+  std::filesystem::create_directories(directory_.path() / "dygraphs");
+  std::ofstream(directory_.path() / "dygraphs" / "dygraph.min.js") << "'use strict';";
+  const Libraries libraries = read_libraries(directory_.path());
+  EXPECT_THAT(libraries.missing, HasSubstr("three/three.min.js"));
+  const auto html = directory_.path() / "report.html";
+  ::testing::internal::CaptureStderr();
+  diagnostics::start_logging("test", diagnostics::Verbosity::normal);
+  write_report(runs, html, libraries);
+  EXPECT_THAT(::testing::internal::GetCapturedStderr(),
+              HasSubstr("apt-get install libjs-dygraphs libjs-three"));
+  const std::string page = logger::read_file(html);
+  EXPECT_THAT(page, AllOf(HasSubstr("<figure id=\"tracking-1\">"), HasSubstr("role=\"img\""),
+                          Not(HasSubstr("<script"))));
+}
+
+TEST_F(Report, MarksWhatDiffersBetweenScenarios) {
+  const auto log_of = [&](const std::string& name, const std::vector<std::string>& overrides) {
+    return run(name, support::in_process_log(
+                         support::shortened("practical_rigid.yaml", "0.01", overrides)));
+  };
+  std::vector<RecordedRun> runs;
+  runs.push_back(log_of("a", {}));
+  EXPECT_THAT(page_of({runs[0]}), Not(HasSubstr("What differs")));
+  runs.push_back(log_of("b", {}));
+  EXPECT_THAT(page_of(runs), HasSubstr("The scenarios are the same."));
+  runs.push_back(log_of("c", {"controller.gains.kp=[30000, 2400]", "plant.payload.mass_kg=0.5"}));
+  const std::string page = page_of(runs);
+  const std::string table = page.substr(page.find("id=\"differences\""));
+  const std::string rows = table.substr(0, table.find("</table>"));
+  EXPECT_EQ(count(rows, "<tr><th scope=\"row\">"), 2U);
+  EXPECT_THAT(rows, HasSubstr("<code>controller.gains.kp</code></th><td>[40000, 2400]\n</td>"
+                              "<td>[40000, 2400]\n</td><td class=\"differs\">[30000, 2400]\n"));
+  EXPECT_THAT(rows, HasSubstr("<code>plant.payload.mass_kg</code></th><td>–</td><td>–</td>"
+                              "<td class=\"differs\">0.5\n</td>"));
+  EXPECT_THAT(page, Not(HasSubstr("other joints")));
+}
+
+TEST_F(Report, MatchesJointsByNameAndTellsOfOtherRobots) {
+  std::vector<RecordedRun> runs;
+  const auto two = support::in_process_log(support::shortened("practical_rigid.yaml", "0.05"));
+  runs.push_back(run("a", two));
+  runs.push_back(run("b", two));
+  runs[1].joints.name = {"elbow", "wrist"};
+  label(runs);
+  const Overlay all(runs, Detail::paper);
+  ASSERT_EQ(all.num_joints(), 3U);
+  EXPECT_EQ(all.joint_heading(1), "elbow");  // which is joint 2 of one, joint 1 of the other
+  const std::vector<ReportSection> sections = report_sections(runs);
+  ASSERT_EQ(sections[0].charts.size(), 3U);
+  std::vector<std::pair<std::size_t, double>> last;  // run, last torque, of the elbow
+  for (const Curve& curve : sections[2].charts[1].chart.curves) {
+    last.emplace_back(curve.run, curve.points.back().y);
+  }
+  const auto torque = [&](std::size_t i, std::size_t joint) {
+    return runs[i].tracking.joints()[joint].torque.final();
+  };
+  EXPECT_THAT(last, ElementsAre(std::pair{0U, torque(0, 1)}, std::pair{1U, torque(1, 0)}));
+  const std::string page = page_of(runs);
+  EXPECT_THAT(page, HasSubstr("The robots have other joints: a has 2, b has 2."));
+  EXPECT_THAT(page, HasSubstr("Only a has: shoulder; only b has: wrist."));
 }
 
 TEST_F(Report, NamesTheLawsSignals) {
@@ -158,6 +231,28 @@ TEST_F(Report, LabelsRunsByWhatTellsThemApart) {
   runs.push_back(run("c", messages));
   label(runs);
   EXPECT_EQ(runs[2].label, "c");
+}
+
+TEST_F(Report, GivesItsScriptsEveryTickOfAShortRun) {
+  std::vector<RecordedRun> runs;
+  runs.push_back(
+      run("a", support::in_process_log(support::shortened("practical_rigid.yaml", "1"))));
+  runs[0].label = "</script><script>alert(1)";
+  const Overlay all(runs, Detail::screen);
+  const std::string text = page_data(all, report_sections(runs, Detail::screen));
+  EXPECT_THAT(text, Not(HasSubstr("<")));
+  const auto data = nlohmann::json::parse(text);
+  EXPECT_EQ(data["end_s"], 1.0);
+  EXPECT_EQ(data["runs"][0]["bodies"].size(), 4U) << "two links and their rotors";
+  std::vector<std::string> names;
+  for (const auto& chart : data["charts"]) names.push_back(chart["name"]);
+  EXPECT_THAT(names, ElementsAre("tracking-1", "tracking-2", "error-1", "error-2", "torque-1",
+                                 "torque-2", "controller-1", "controller-2", "lyapunov-v"));
+  // 1,000 ticks of two 32-bit floats: 8,000 bytes, 4 letters for 3 of them.
+  const auto& curve = data["charts"][0]["curves"][0];
+  EXPECT_EQ(curve["signal"], "q");
+  EXPECT_EQ(curve["points"].get<std::string>().size(), 10'668U);
+  EXPECT_EQ(data["charts"][0]["label"], "<i>q</i><sub>1</sub>  [rad]");
 }
 
 TEST_F(Report, DoesNotTakeAnotherRunsSummary) {

@@ -1,0 +1,219 @@
+// A report that moves: plots by dygraphs, one cursor across all of them, play, dark mode. The data is
+// in #data, as report/page_data.cpp wrote it; the robot is drawn by robot.js.
+'use strict';
+var report = (() => {
+  const data = JSON.parse(document.getElementById('data').textContent);
+  const root = document.documentElement;
+  const bar = document.getElementById('bar');
+  const part = name => bar.querySelector('.' + name);
+  const several = data.runs.length > 1;
+  const state = {t: 0, playing: false, window: [0, data.end_s]};
+
+  const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
+  for (const curve of data.charts.flatMap(chart => chart.curves)) {
+    const pairs = new Float32Array(bytes(curve.points).buffer);  // x, y, x, y, …
+    curve.x = pairs.filter((_, i) => i % 2 === 0);
+    curve.y = pairs.filter((_, i) => i % 2 === 1);
+    curve.shown = true;
+  }
+
+  /// The curve at time t: linear between its points, its ends beyond them.
+  function value(curve, t) {
+    const {x, y} = curve;
+    let low = 0, high = x.length - 1;
+    if (t <= x[0]) return y[0];
+    if (t >= x[high]) return y[high];
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (x[middle] <= t) low = middle; else high = middle;
+    }
+    return x[high] === x[low] ? y[high] : y[low] + (y[high] - y[low]) * (t - x[low]) / (x[high] - x[low]);
+  }
+
+  /// One row for each instant of any curve, as dygraphs wants them; null where a curve has no point.
+  function rows(curves) {
+    const next = curves.map(() => 0), all = [];
+    for (;;) {
+      let x = Infinity;
+      curves.forEach((curve, i) => { if (curve.x[next[i]] < x) x = curve.x[next[i]]; });
+      if (x === Infinity) return all;
+      all.push([x, ...curves.map((curve, i) => curve.x[next[i]] === x ? curve.y[next[i]++] : null)]);
+    }
+  }
+
+  function short(number, digits = 6) {
+    const rounded = Number(number.toPrecision(digits));
+    return rounded && Math.abs(rounded) < 1e-3 ? rounded.toExponential() : String(rounded);
+  }
+  const dark = () => root.dataset.theme === 'dark';
+  // Black and the darkest blue of the palette are not seen on a dark page.
+  const ink = colour => dark() && {'#000000': '#ffffff', '#0072B2': '#3d9fdc'}[colour] || colour;
+
+  function colours(chart) {
+    const series = {};
+    chart.curves.forEach((curve, i) => {
+      series[i] = {color: ink(curve.colour), strokeWidth: curve.width,
+                   strokePattern: curve.dash.length ? curve.dash : null};
+    });
+    return {series, gridLineColor: dark() ? '#3a3a3a' : '#dddddd', axisLineColor: '#777777'};
+  }
+
+  /// Levels and marks of a chart, under its curves.
+  function underlay(chart, context, area, plot) {
+    context.save();
+    context.setLineDash([2, 3]);
+    context.strokeStyle = '#888888';
+    for (const level of chart.levels) {
+      const y = plot.toDomYCoord(level);
+      context.beginPath();
+      context.moveTo(area.x, y);
+      context.lineTo(area.x + area.w, y);
+      context.stroke();
+    }
+    for (const [from, to, colour] of chart.marks) {
+      const x = plot.toDomXCoord(from);
+      context.fillStyle = colour;
+      context.fillRect(x, area.y, Math.max(1, plot.toDomXCoord(to) - x), 5);
+    }
+    context.restore();
+  }
+
+  function keys(chart) {
+    const line = document.createElement('div');
+    line.className = 'keys';
+    chart.curves.forEach((curve, i) => {
+      const key = document.createElement('button');
+      const shared = curve.signal === 'q_ref' && chart.curves.filter(each => each.signal === 'q_ref').length === 1;
+      const whose = several && !shared ? ' · ' + data.runs[curve.run].label : '';
+      key.innerHTML = '<b></b> ' + curve.name + whose + ' <output></output>';
+      key.setAttribute('aria-pressed', 'true');
+      key.onclick = () => {
+        curve.shown = !curve.shown;
+        key.setAttribute('aria-pressed', curve.shown);
+        chart.plot.setVisibility(i, curve.shown);
+      };
+      line.append(key);
+    });
+    return line;
+  }
+
+  function build(chart) {
+    const live = document.querySelector('#' + chart.name + ' .live');
+    const label = document.createElement('div');
+    label.className = 'unit';
+    label.innerHTML = chart.label + (chart.note ? ' · ' + chart.note : '');
+    chart.keys = keys(chart);
+    chart.place = document.createElement('div');
+    chart.place.className = 'plot';
+    chart.line = document.createElement('div');
+    chart.line.className = 'cursor';
+    live.append(label, chart.keys, chart.place);
+    chart.plot = new Dygraph(chart.place, rows(chart.curves), {
+      ...colours(chart), labels: ['t', ...chart.curves.keys()].map(String),
+      connectSeparatedPoints: true, legend: 'never', highlightCircleSize: 0, logscale: chart.logarithmic,
+      valueRange: chart.range, dateWindow: state.window, animatedZooms: false,
+      axes: {x: {axisLabelWidth: 60, axisLabelFormatter: x => short(x)}, y: {axisLabelWidth: 64, axisLabelFormatter: y => short(y), drawAxis: chart.y_axis}},
+      underlayCallback: (context, area, plot) => underlay(chart, context, area, plot),
+      drawCallback: (plot, initial) => { if (!initial) zoom(plot.xAxisRange(), chart); },
+    });
+    chart.place.append(chart.line);
+    chart.place.addEventListener('mousemove', event => {
+      if (!state.playing && !event.buttons) seek(chart.plot.toDataXCoord(event.clientX - chart.place.getBoundingClientRect().left));
+    });
+    paint(chart);
+  }
+
+  function inView(chart) {
+    const box = document.getElementById(chart.name).getBoundingClientRect();
+    return box.bottom > 0 && box.top < innerHeight;
+  }
+
+  /// Brings a chart that is in view to the cursor, to the common stretch of time and to the theme.
+  function paint(chart) {
+    const {plot} = chart;
+    if (chart.theme !== root.dataset.theme) {
+      chart.theme = root.dataset.theme;
+      plot.updateOptions(colours(chart), true);
+      chart.curves.forEach((curve, i) => {
+        const sample = chart.keys.children[i].firstChild;
+        sample.style.borderTop = (curve.dash.length ? 'dashed ' : 'solid ') + Math.max(2, Math.min(4, curve.width)) + 'px ' + ink(curve.colour);
+      });
+      chart.window = null;
+    }
+    if (chart.window !== state.window) {
+      chart.window = state.window;
+      plot.updateOptions({dateWindow: state.window});
+    }
+    const x = plot.toDomXCoord(state.t), area = plot.getArea();
+    chart.line.style.display = x >= area.x - 1 && x <= area.x + area.w + 1 ? '' : 'none';
+    chart.line.style.transform = `translateX(${x}px)`;
+    chart.curves.forEach((curve, i) => {
+      // The first and the last point are somewhere in their stretches of ticks.
+      const stretch = data.end_s / 500, last = curve.x[curve.x.length - 1];
+      const there = chart.y_axis && state.t >= curve.x[0] - stretch && state.t <= last + stretch;
+      chart.keys.children[i].lastChild.textContent = there ? short(value(curve, state.t), 4) : '';
+    });
+  }
+
+  /// All charts show what one shows of the time.
+  function zoom(window, from) {
+    if (window[0] === state.window[0] && window[1] === state.window[1]) return;
+    from.window = state.window = window;
+    refresh();
+  }
+
+  function refresh() {
+    for (const chart of data.charts.filter(inView)) chart.plot ? paint(chart) : build(chart);
+    if (report_robot.drawn) report_robot.move(state.t);
+    part('time').value = state.t;
+    part('now').textContent = state.t.toFixed(3) + ' s';
+  }
+
+  function seek(t) {
+    state.t = Math.max(0, Math.min(data.end_s, t));
+    refresh();
+  }
+
+  function play() {
+    state.playing = !state.playing;
+    part('play').textContent = state.playing ? '❚❚ pause' : '▶ play';
+    if (!state.playing) return;
+    if (state.t >= data.end_s) seek(0);
+    let before = performance.now();
+    requestAnimationFrame(function frame(now) {
+      if (!state.playing) return;
+      seek(state.t + Math.max(0, now - before) / 1000 * part('speed').value);
+      before = now;
+      if (state.t >= data.end_s) play(); else requestAnimationFrame(frame);
+    });
+  }
+
+  function start() {
+    root.dataset.theme = matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light';
+    root.classList.add('moves');
+    part('time').max = data.end_s;
+    part('time').oninput = event => seek(Number(event.target.value));
+    part('play').onclick = play;
+    part('theme').onclick = () => { root.dataset.theme = dark() ? 'light' : 'dark'; refresh(); };
+    part('view').onclick = () => root.classList.toggle('no-robot');
+    for (const event of ['scroll', 'resize']) addEventListener(event, () => requestAnimationFrame(refresh));
+    const curve_of = (run, signal, joint) => {
+      const curves = data.charts.find(chart => chart.name === 'tracking-' + (joint + 1))?.curves.filter(c => c.signal === signal);
+      // A reference that all runs have in common is there once.
+      return curves?.find(c => c.run === run) ?? (signal === 'q_ref' ? curves?.[0] : undefined);
+    };
+    report_robot.start(data.runs, (run, signal, joint) => {
+      const curve = curve_of(run, signal, joint);
+      return curve && (t => value(curve, t));
+    }, data.end_s);
+    // What is in view first; the others while nothing else is to be done.
+    refresh();
+    root.dataset.ready = performance.now().toFixed(0);
+    (function rest() {
+      const chart = data.charts.find(each => !each.plot);
+      if (chart) setTimeout(() => { if (!chart.plot) build(chart); rest(); });
+    })();
+  }
+
+  return {start, seek, play, state, data};
+})();

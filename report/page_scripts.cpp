@@ -1,0 +1,190 @@
+#include "report/page_scripts.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <string_view>
+
+#include "diagnostics/file_text.h"
+#include "diagnostics/json_text.h"
+#include "report/page_files.h"
+#include "robot/model.h"
+
+namespace tachless::report {
+namespace {
+
+using Json = nlohmann::json;
+
+std::string base64(const std::vector<float>& values) {
+  constexpr std::string_view letters =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve(values.size() * 16 / 3 + 4);
+  std::uint32_t bits = 0;
+  int count = 0;  // of bits that are not written yet
+  for (const float value : values) {
+    for (int byte = 0; byte < 4; ++byte) {
+      bits = bits << 8 | (std::bit_cast<std::uint32_t>(value) >> (8 * byte) & 0xff);
+      for (count += 8; count >= 6; count -= 6) text += letters[bits >> (count - 6) & 63];
+    }
+  }
+  if (count > 0) text += letters[bits << (6 - count) & 63];
+  while (text.size() % 4 != 0) text += '=';
+  return text;
+}
+
+/// The little of gnuplot's enhanced text that charts use: italics, indices, sizes, escapes.
+std::string html_of(const std::string& enhanced) {
+  static const std::regex italic(R"(\{/:Italic ([^{}]*)\})"), index(R"(_\{([^{}]*)\}|_(\w))"),
+      size(R"(\{/=[0-9]+ ([^{}]*)\})"), escape(R"(\\(.))");
+  std::string text = std::regex_replace(Html(enhanced).markup(), italic, "<i>$1</i>");
+  text = std::regex_replace(std::regex_replace(text, index, "<sub>$1$2</sub>"), size, "$1");
+  return std::regex_replace(text, escape, "$1");
+}
+
+/// "(5,4)" -> [5, 4].
+Json dash_of(const std::string& dash) {
+  return dash.empty() ? Json::array() : Json::parse("[" + dash.substr(1, dash.size() - 2) + "]");
+}
+
+Json curve_of(const Curve& curve) {
+  std::vector<float> values;
+  for (const study::Point& point : curve.points) {
+    // Not a number is a gap; an infinite axis is none.
+    const bool drawn = std::abs(point.y) <= std::numeric_limits<float>::max();
+    values.insert(values.end(),
+                  {static_cast<float>(point.x), drawn ? static_cast<float>(point.y) : NAN});
+  }
+  return {{"name", curve.title.empty() ? Html(curve.signal).markup() : html_of(curve.title)},
+          {"signal", curve.signal},
+          {"run", curve.run},
+          {"colour", curve.colour},
+          {"width", curve.width},
+          {"dash", dash_of(curve.dash)},
+          {"points", base64(values)}};
+}
+
+/// A row of bars as a curve of broad pieces.
+Curve curve_of(const Bars& bars, double row) {
+  Curve curve{bars.name, {}, bars.colour, 9, "", CurveStyle::line};
+  for (const auto& [from, to] : bars.stretches) {
+    curve.points.insert(curve.points.end(), {{from, row}, {to, row}, {to, NAN}});
+  }
+  return curve;
+}
+
+Json chart_of(const Chart& chart, std::size_t run) {
+  Json range, curves = Json::array(), marks = Json::array();
+  if (chart.y_range) range = {chart.y_range->first, chart.y_range->second};
+  for (const Curve& curve : chart.curves) {
+    if (!curve.points.empty()) curves.push_back(curve_of(curve));
+  }
+  for (const Bars& bars : chart.bars) {
+    Curve curve = curve_of(bars, -static_cast<double>(curves.size()));
+    curve.run = run;
+    curves.push_back(curve_of(curve));
+  }
+  if (!chart.bars.empty()) range = {0.5 - static_cast<double>(curves.size()), 0.5};
+  for (const Mark& mark : chart.marks) marks.push_back({mark.from, mark.to, mark.colour});
+  return {{"name", chart.name},
+          {"label", html_of(chart.y_label)},
+          {"note", Html(chart.note).markup()},
+          {"logarithmic", chart.logarithmic_y},
+          {"y_axis", chart.bars.empty()},
+          {"range", range},
+          {"levels", chart.levels},
+          {"marks", marks},
+          {"curves", curves}};
+}
+
+Json numbers(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
+
+/// Points of a body (-1: the ground) to which a link is drawn from its origin: its children's
+/// joints, the ends of the tree; without either, twice as far as its centre of mass.
+Json ends_of(const robot::Model& model, int body) {
+  Json ends = Json::array();
+  for (const robot::Body& other : model.bodies) {
+    if (other.parent == body) ends.push_back(numbers(other.p_PB));
+  }
+  for (const auto& [name, frame] : model.frames) {
+    if (frame.body == body && frame.leaf) ends.push_back(numbers(frame.p_BF));
+  }
+  if (ends.empty()) ends.push_back(numbers(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
+  return ends;
+}
+
+Json robot_of(const Overlay& all, std::size_t i) {
+  const RecordedRun& run = all.runs()[i];
+  const robot::Model& model = *run.scenario.model;
+  Json bodies = Json::array(), tools = Json::array();
+  for (int k = 0; k < static_cast<int>(model.bodies.size()); ++k) {
+    const robot::Body& body = model.bodies[static_cast<std::size_t>(k)];
+    const Eigen::Matrix3d rows = body.R_PB.transpose();  // Eigen stores columns
+    bodies.push_back({{"parent", body.parent},
+                      {"R", std::vector<double>(rows.data(), rows.data() + 9)},
+                      {"p", numbers(body.p_PB)},
+                      {"axis", numbers(body.axis_B)},
+                      {"prismatic", body.type == robot::JointType::prismatic},
+                      {"joint", body.coordinate},
+                      {"multiplier", body.multiplier},
+                      {"offset", body.offset},
+                      {"ends", ends_of(model, k)}});
+  }
+  for (const std::string& link : robot::farthest_leaves(model)) {
+    const robot::Frame& frame = model.frames.at(link);
+    tools.push_back({{"body", frame.body}, {"p", numbers(frame.p_BF)}});
+  }
+  std::vector<std::size_t> joints(run.joints.name.size());
+  for (std::size_t joint = 0; joint < all.num_joints(); ++joint) {
+    if (const auto own = all.joint_of(i, joint)) joints[*own] = joint;
+  }
+  return {{"number", i},      {"label", Html(run.label).markup()},
+          {"bodies", bodies}, {"colour", colour_of(i)},
+          {"tools", tools},   {"ends", ends_of(model, -1)},
+          {"joints", joints}};
+}
+
+Html script(const std::string& text) {
+  return Html::from_markup("<script>\n" + text + "\n</script>\n");
+}
+
+}  // namespace
+
+std::string page_data(const Overlay& all, const std::vector<ReportSection>& sections) {
+  Json charts = Json::array(), runs = Json::array();
+  for (const ReportSection& section : sections) {
+    for (const ReportChart& report : section.charts) {
+      if (report.chart.over_time()) charts.push_back(chart_of(report.chart, report.run));
+    }
+  }
+  for (std::size_t i = 0; i < all.runs().size(); ++i) runs.push_back(robot_of(all, i));
+  const std::string text =
+      diagnostics::json_text(Json{{"end_s", all.end_s()}, {"runs", runs}, {"charts", charts}});
+  static const std::regex less("<");
+  return std::regex_replace(text, less, "\\u003c");
+}
+
+Libraries read_libraries(const std::filesystem::path& root) {
+  Libraries libraries;
+  for (const char* name : {"dygraphs/dygraph.min.js", "three/three.min.js",
+                           "three/examples/js/controls/OrbitControls.js"}) {
+    const auto text = diagnostics::file_text(root / name);
+    // What would end the element early is no library as Debian has it.
+    if (!text || text->find("</script") != std::string::npos) return {{}, (root / name).string()};
+    libraries.scripts += script(*text);
+  }
+  return libraries;
+}
+
+Html page_scripts(const Libraries& libraries, const std::string& data) {
+  return libraries.scripts +
+         Html::from_markup("<script type=\"application/json\" id=\"data\">" + data +
+                           "</script>\n") +
+         script(page_js) + script(robot_js);
+}
+
+}  // namespace tachless::report
