@@ -8,8 +8,7 @@
 #include "plant/arm_engine.h"
 #include "plant/dry_friction.h"
 #include "robot/cholesky.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/forward_dynamics.h"
 
 namespace tachless::plant {
 namespace {
@@ -17,17 +16,15 @@ namespace {
 /// Inertia matrix and bias by the recursions of robot/, which control laws use too.
 class Recursions {
  public:
-  explicit Recursions(const robot::Model& model)
-      : model_(model), zero_(robot::Vector::Zero(model.num_joints)) {
+  explicit Recursions(const robot::Model& model) : model_(model) {
     model_.rotor_inertia.resize(0);  // `ArmDynamics` adds it
   }
 
   void evaluate(const double* q, const double* v) {
     const int n = model_.num_joints;
-    const robot::Vector position = Eigen::Map<const robot::Vector>(q, n);
+    position_ = Eigen::Map<const robot::Vector>(q, n);
     velocity_ = Eigen::Map<const robot::Vector>(v, n);
-    bias_ = robot::inverse_dynamics(model_, position, velocity_, zero_);
-    M_ = robot::mass_matrix(model_, position);
+    robot::equations_of_motion(model_, position_, velocity_, M_, bias_);
   }
   robot::Matrix& M() { return M_; }
   [[nodiscard]] const robot::Vector& bias() const { return bias_; }
@@ -44,7 +41,7 @@ class Recursions {
 
  private:
   robot::Model model_;
-  robot::Vector zero_, velocity_;
+  robot::Vector position_, velocity_;
   robot::Matrix M_;
   robot::Vector bias_;
 };

@@ -32,31 +32,42 @@ Scalar tree_position(const Body& body, const VectorOf<Scalar>& q) {
   return body.multiplier * q[body.coordinate] + body.offset;
 }
 
-/// The body's frame in its parent's, with its joint at `q_tree` [rad; m].
+/// The body's frame in its parent's, with its joint at `q_tree` [rad; m]: rotation, column by
+/// column, and origin [m].
 template <class Scalar>
-Pose<Scalar> joint_pose(const Body& body, const Scalar& q_tree) {
-  Pose<Scalar> X;
+[[gnu::always_inline]] inline void set_joint_pose(const Body& body, const Scalar& q_tree, Scalar* R,
+                                                  Scalar* p) {
+  const double* r = body.R_PB.data();
+  const double* a = body.axis_B.data();
+  // Along the axis, in the parent's frame.
+  const double d[3] = {r[0] * a[0] + r[3] * a[1] + r[6] * a[2],
+                       r[1] * a[0] + r[4] * a[1] + r[7] * a[2],
+                       r[2] * a[0] + (r[5] * a[1] + r[8] * a[2])};
   if (body.type == JointType::revolute) {
     // Rodrigues, the constant rotation multiplied in beforehand:
     // R_PB (a a' + cos (1 - a a') + sin [a]x).
-    const Eigen::Vector3d& a = body.axis_B;
-    const Eigen::Matrix3d along = (body.R_PB * a) * a.transpose();
-    const Eigen::Matrix3d across = body.R_PB - along;
-    Eigen::Matrix3d turned;
-    turned.col(0) = body.R_PB.col(1) * a[2] - body.R_PB.col(2) * a[1];
-    turned.col(1) = body.R_PB.col(2) * a[0] - body.R_PB.col(0) * a[2];
-    turned.col(2) = body.R_PB.col(0) * a[1] - body.R_PB.col(1) * a[0];
     Scalar s, c;
     sin_cos(q_tree, s, c);
-    for (int i = 0; i < 9; ++i) {
-      X.R.coeffRef(i) = along.coeff(i) + across.coeff(i) * c + turned.coeff(i) * s;
+    for (int j = 0; j < 3; ++j) {
+      const int k = (j + 1) % 3, l = (j + 2) % 3;
+      for (int i = 0; i < 3; ++i) {
+        const double along = d[i] * a[j];
+        const double across = r[i + 3 * j] - along;
+        const double turned = r[i + 3 * k] * a[l] - r[i + 3 * l] * a[k];
+        R[i + 3 * j] = along + across * c + turned * s;
+      }
     }
-    for (int i = 0; i < 3; ++i) X.p[i] = body.p_PB[i];
+    for (int i = 0; i < 3; ++i) p[i] = body.p_PB[i];
   } else {
-    for (int i = 0; i < 9; ++i) X.R.coeffRef(i) = body.R_PB.coeff(i);
-    const Eigen::Vector3d direction_P = body.R_PB * body.axis_B;
-    for (int i = 0; i < 3; ++i) X.p[i] = body.p_PB[i] + direction_P[i] * q_tree;
+    for (int i = 0; i < 9; ++i) R[i] = r[i];
+    for (int i = 0; i < 3; ++i) p[i] = body.p_PB[i] + d[i] * q_tree;
   }
+}
+
+template <class Scalar>
+Pose<Scalar> joint_pose(const Body& body, const Scalar& q_tree) {
+  Pose<Scalar> X;
+  set_joint_pose(body, q_tree, X.R.data(), X.p.data());
   return X;
 }
 

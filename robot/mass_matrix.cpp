@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "robot/kinematics.h"
+#include "robot/joint_frames.h"
 
 namespace tachless::robot {
 namespace {
@@ -10,99 +10,196 @@ namespace {
 /// A body with all that hangs on it, frozen; about and in the body's frame.
 template <class Scalar>
 struct Composite {
-  Pose<Scalar> X_PB;
-  Vector3Of<Scalar> h;  ///< mass times centre of mass [kg m]
-  Matrix3Of<Scalar> I;  ///< about the body's origin [kg m2]
+  Triple<Scalar> h;  ///< mass times centre of mass [kg m]
+  Turn<Scalar> I;    ///< about the body's origin [kg m2]
   double mass;
 };
 
-/// |r|^2 1 - r r', polarised: the parallel-axis matrix of the pair (a, b).
-template <class A, class B>
-auto parallel_axis(const A& a, const B& b) {
-  using Scalar = typename A::Scalar;
-  Matrix3Of<Scalar> I = -(a * b.transpose());
-  const Scalar dot = a.dot(b);
-  for (int k = 0; k < 3; ++k) I(k, k) += dot;
-  return I;
+/// a.b 1 - a b': the parallel-axis matrix of the pair (a, b).
+template <class S>
+TACHLESS_INLINE Turn<S> parallel_axis(const Triple<S>& a, const Triple<S>& b) {
+  const S d = dot(a, b);
+  return {{d - a.x * b.x, -(a.y * b.x), -(a.z * b.x),  //
+           -(a.x * b.y), d - a.y * b.y, -(a.z * b.y),  //
+           -(a.x * b.z), -(a.y * b.z), d - a.z * b.z}};
 }
+
+template <class S>
+TACHLESS_INLINE Triple<S> column(const Turn<S>& A, int j) {
+  return {A.m[3 * j], A.m[3 * j + 1], A.m[3 * j + 2]};
+}
+
+template <class S>
+TACHLESS_INLINE void start(const Body& body, Composite<S>& b) {
+  const Triple<double> c = triple(body.p_Bcm), h = c * body.mass;
+  const Turn<double> shift = parallel_axis(c, c);
+  b.mass = body.mass;
+  b.h = {S(h.x), S(h.y), S(h.z)};
+  for (int i = 0; i < 9; ++i) b.I.m[i] = S(body.I_Bcm.data()[i] + body.mass * shift.m[i]);
+}
+
+/// Adds the composite of `b`, whose frame in its parent's is X, to the parent's.
+template <class S>
+TACHLESS_INLINE void add(const Composite<S>& b, const JointFrame<S>& X, Composite<S>& parent) {
+  // R I, two columns at a time, and R h with the third.
+  const auto two = X.R * pair(column(b.I, 0), column(b.I, 1));
+  const auto third = X.R * pair(column(b.I, 2), b.h);
+  const Turn<S> RI{{part<0>(two.x), part<0>(two.y), part<0>(two.z), part<1>(two.x), part<1>(two.y),
+                    part<1>(two.z), part<0>(third.x), part<0>(third.y), part<0>(third.z)}};
+  const Triple<S> h = part<1>(third);
+  const S* R = X.R.m;
+  const auto left = RI * pair(Triple<S>{R[0], R[3], R[6]}, Triple<S>{R[1], R[4], R[7]});
+  const Triple<S> columns[3] = {part<0>(left), part<1>(left), RI * Triple<S>{R[2], R[5], R[8]}};
+  const Turn<S> mixed = parallel_axis(X.p, h), shift = parallel_axis(X.p, X.p);
+  for (int j = 0; j < 3; ++j) {
+    const S I[3] = {columns[j].x, columns[j].y, columns[j].z};
+    for (int i = 0; i < 3; ++i) {
+      const int k = i + 3 * j;
+      parent.I.m[k] += I[i] + mixed.m[k] + mixed.m[j + 3 * i] + b.mass * shift.m[k];
+    }
+  }
+  parent.h += h + X.p * b.mass;
+  parent.mass += b.mass;
+}
+
+/// Momentum of each body's composite under unit rate of its joint, about and in the frame of the
+/// body that it has been carried to. Those of a subtree are side by side.
+template <class S>
+struct Momenta {
+  S linear[3][max_bodies], angular[3][max_bodies];
+};
+
+/// One or two (L) neighbours.
+template <class L, class S>
+TACHLESS_INLINE Triple<L> load(const S (&from)[3][max_bodies], int at) {
+  if constexpr (std::is_same_v<S, L>) {
+    return {from[0][at], from[1][at], from[2][at]};
+  } else {
+    return {pair_at(from[0] + at), pair_at(from[1] + at), pair_at(from[2] + at)};
+  }
+}
+template <class L, class S>
+TACHLESS_INLINE void store(const Triple<L>& x, S (&to)[3][max_bodies], int at) {
+  if constexpr (std::is_same_v<S, L>) {
+    to[0][at] = x.x, to[1][at] = x.y, to[2][at] = x.z;
+  } else {
+    put_pair(x.x, to[0] + at), put_pair(x.y, to[1] + at), put_pair(x.z, to[2] + at);
+  }
+}
+
+/// Carries one or two momenta (L) from a body's frame to its parent's.
+template <class L, class S>
+TACHLESS_INLINE void carry(Momenta<S>& momenta, int at, const JointFrame<S>& X) {
+  const Triple<L> linear = X.R * load<L>(momenta.linear, at);
+  store(linear, momenta.linear, at);
+  store(X.R * load<L>(momenta.angular, at) + cross(X.p, linear), momenta.angular, at);
+}
+
+/// What of one or two momenta acts along a joint's axis.
+template <class L, class S>
+TACHLESS_INLINE L along(const S (&momenta)[3][max_bodies], int at, const Triple<double>& axis) {
+  const Triple<L> m = load<L>(momenta, at);
+  return axis.x * m.x + axis.y * m.y + axis.z * m.z;
+}
+
+/// Those of momenta `begin` to `end`.
+template <class S>
+TACHLESS_INLINE void set_along(const S (&momenta)[3][max_bodies], int begin, int end,
+                               const Triple<double>& axis, S* to) {
+  using Both = decltype(pair(S(), S()));
+  int at = begin;
+  for (; at + 1 < end; at += 2) put_pair(along<Both>(momenta, at, axis), to + at);
+  if (at < end) to[at] = along<S>(momenta, at, axis);
+}
+
+/// Where each body stands in an order in which every subtree is in one piece, and how many bodies
+/// that has.
+struct Preorder {
+  explicit Preorder(const std::vector<Body>& bodies) {
+    const int n = static_cast<int>(bodies.size());
+    for (int i = 0; i < n; ++i) size[i] = 1;
+    for (int i = n - 1; i >= 0; --i) {
+      if (bodies[i].parent >= 0) size[bodies[i].parent] += size[i];
+    }
+    int next[max_bodies], root = 0;
+    for (int i = 0; i < n; ++i) {
+      int& from = bodies[i].parent >= 0 ? next[bodies[i].parent] : root;
+      place[i] = from;
+      body[from] = i;
+      next[i] = from + 1;
+      from += size[i];
+    }
+  }
+  int place[max_bodies], size[max_bodies], body[max_bodies];
+};
 
 }  // namespace
 
 template <class Scalar>
-MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
-  using Vector3 = Vector3Of<Scalar>;
-  require_size(model, q.size(), "q");
+void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, MatrixOf<Scalar>& M) {
+  using Both = decltype(pair(Scalar(), Scalar()));
   const int n = model.num_joints;
   const int num_bodies = static_cast<int>(model.bodies.size());
+  const Preorder order(model.bodies);
 
   Composite<Scalar> composite[max_bodies];
-  for (int i = 0; i < num_bodies; ++i) {
-    const Body& body = model.bodies[i];
-    Composite<Scalar>& b = composite[i];
-    b.X_PB = joint_pose(body, tree_position(body, q));
-    b.mass = body.mass;
-    b.h = (body.mass * body.p_Bcm).template cast<Scalar>();
-    b.I = (body.I_Bcm + body.mass * parallel_axis(body.p_Bcm, body.p_Bcm)).template cast<Scalar>();
-  }
-
-  MatrixOf<Scalar> M(n, n);
+  for (int i = 0; i < num_bodies; ++i) start(model.bodies[i], composite[i]);
+  M.resize(n, n);
   for (int j = 0; j < n; ++j) {
     for (int i = 0; i < n; ++i) M(i, j) = Scalar(0);
   }
-  for (int i = num_bodies - 1; i >= 0; --i) {
-    const Body& body = model.bodies[i];
-    const Composite<Scalar>& b = composite[i];
-
-    // Momentum of the composite under unit rate of its joint, about the origin it is carried to.
-    Vector3 linear, angular;
-    if (body.type == JointType::revolute) {
-      linear = body.axis_B.cast<Scalar>().cross(b.h);
-      angular = b.I * body.axis_B;
+  Momenta<Scalar> momenta;
+  for (int k = num_bodies - 1; k >= 0; --k) {
+    const Body& body = model.bodies[k];
+    const Composite<Scalar>& b = composite[k];
+    const bool revolute = body.type == JointType::revolute;
+    const Triple<double> axis = triple(body.axis_B);
+    const int begin = order.place[k], end = begin + order.size[k];
+    if (revolute) {
+      store(cross(axis, b.h), momenta.linear, begin);
+      store(b.I * axis, momenta.angular, begin);
     } else {
-      linear = b.mass * body.axis_B.cast<Scalar>();
-      angular = b.h.cross(body.axis_B.cast<Scalar>());
-    }
-    for (int k = i;;) {
-      const Body& ancestor = model.bodies[k];
-      const Vector3& along = ancestor.type == JointType::revolute ? angular : linear;
-      const Scalar element = (body.multiplier * ancestor.multiplier) *
-                             (ancestor.axis_B[0] * along[0] + ancestor.axis_B[1] * along[1] +
-                              ancestor.axis_B[2] * along[2]);
-      const int row = std::max(body.coordinate, ancestor.coordinate);
-      const int col = std::min(body.coordinate, ancestor.coordinate);
-      M(row, col) += element;
-      // Two bodies of one coordinate meet twice on the diagonal, as (i, k) and as (k, i).
-      if (k != i && row == col) M(row, col) += element;
-      if (ancestor.parent < 0) break;
-      const Pose<Scalar>& X = composite[k].X_PB;
-      linear = (X.R * linear).eval();
-      angular = (X.R * angular + X.p.cross(linear)).eval();
-      k = ancestor.parent;
+      store(Triple<Scalar>{b.mass * axis.x, b.mass * axis.y, b.mass * axis.z}, momenta.linear,
+            begin);
+      store(cross(b.h, axis), momenta.angular, begin);
     }
 
-    if (body.parent >= 0) {
-      Composite<Scalar>& p = composite[body.parent];
-      const Matrix3Of<Scalar>& R = b.X_PB.R;
-      const Vector3& r = b.X_PB.p;
-      const Vector3 h_P = R * b.h;
-      const Matrix3Of<Scalar> I_P = R * b.I * R.transpose();
-      const Matrix3Of<Scalar> mixed = parallel_axis(r, h_P);
-      p.I += I_P + mixed + mixed.transpose() + b.mass * parallel_axis(r, r);
-      p.h += h_P + b.mass * r;
-      p.mass += b.mass;
+    Scalar carried[max_bodies];
+    set_along(revolute ? momenta.angular : momenta.linear, begin, end, axis, carried);
+    for (int at = end - 1; at >= begin; --at) {
+      const Body& other = model.bodies[order.body[at]];
+      const Scalar element = (other.multiplier * body.multiplier) * carried[at];
+      const int row = other.coordinate, col = body.coordinate;
+      M(row, col) += element;
+      // Two bodies of one coordinate meet twice on the diagonal.
+      if (row != col || at != begin) M(col, row) += element;
     }
-  }
-  for (int j = 0; j < n; ++j) {
-    for (int i = 0; i < j; ++i) M(i, j) = M(j, i);
+
+    if (body.parent < 0) continue;
+    const JointFrame<Scalar>& X = frames[k];
+    int at = begin;
+    for (; at + 1 < end; at += 2) carry<Both>(momenta, at, X);
+    if (at < end) carry<Scalar>(momenta, at, X);
+    add(b, X, composite[body.parent]);
   }
   if (model.rotor_inertia.size() != 0) {
     require_size(model, model.rotor_inertia.size(), "rotor_inertia");
     for (int j = 0; j < n; ++j) M(j, j) += model.rotor_inertia[j];
   }
+}
+
+template <class Scalar>
+MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
+  JointFrame<Scalar> frames[max_bodies];
+  set_joint_frames(model, q, frames);
+  MatrixOf<Scalar> M;
+  set_mass_matrix(model, frames, M);
   return M;
 }
 
 template MatrixOf<double> mass_matrix(const Model&, const VectorOf<double>&);
 template MatrixOf<Jet2> mass_matrix(const Model&, const VectorOf<Jet2>&);
+template void set_mass_matrix(const Model&, const JointFrame<double>*, MatrixOf<double>&);
+template void set_mass_matrix(const Model&, const JointFrame<Jet2>*, MatrixOf<Jet2>&);
 
 }  // namespace tachless::robot
