@@ -1,21 +1,33 @@
 #include "robot/forward_dynamics.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include "robot/cholesky.h"
 #include "robot/joint_frames.h"
 
 namespace tachless::robot {
 
+namespace {
+
 template <class Scalar>
-void equations_of_motion(const Model& model, const VectorOf<Scalar>& q, const VectorOf<Scalar>& v,
-                         MatrixOf<Scalar>& M, VectorOf<Scalar>& bias) {
+TACHLESS_INLINE void evaluate(const Model& model, const VectorOf<Scalar>& q,
+                              const VectorOf<Scalar>& v, MatrixOf<Scalar>& M,
+                              VectorOf<Scalar>& bias, const ModelConstants* constants) {
   JointFrame<Scalar> frames[max_bodies];
-  set_joint_frames(model, q, frames);
-  VectorOf<Scalar> a(model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) a[j] = Scalar(0);
-  bias = inverse_dynamics(model, frames, v, a);
-  set_mass_matrix(model, frames, M);
+  set_joint_frames(model, q, frames, constants);
+  bias = bias_torque(model, frames, v);
+  set_mass_matrix(model, frames, M, constants);
+}
+
+}  // namespace
+
+EquationsOfMotion::EquationsOfMotion(Model model)
+    : model_(std::move(model)), constants_(std::make_unique<ModelConstants>(model_)) {}
+EquationsOfMotion::~EquationsOfMotion() = default;
+
+void EquationsOfMotion::evaluate(const Vector& q, const Vector& v) {
+  robot::evaluate(model_, q, v, M, bias, constants_.get());
 }
 
 template <class Scalar>
@@ -24,7 +36,7 @@ VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
   require_size(model, tau.size(), "tau");
   MatrixOf<Scalar> M;
   VectorOf<Scalar> a;
-  equations_of_motion(model, q, v, M, a);
+  evaluate(model, q, v, M, a, nullptr);
   for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - a[j];
   const int failed = factorise(M);
   if (failed >= 0) {
@@ -35,8 +47,6 @@ VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
   return a;
 }
 
-template void equations_of_motion(const Model&, const VectorOf<double>&, const VectorOf<double>&,
-                                  MatrixOf<double>&, VectorOf<double>&);
 template VectorOf<double> forward_dynamics(const Model&, const VectorOf<double>&,
                                            const VectorOf<double>&, const VectorOf<double>&);
 template VectorOf<Jet2> forward_dynamics(const Model&, const VectorOf<Jet2>&, const VectorOf<Jet2>&,

@@ -76,8 +76,8 @@ TACHLESS_INLINE void joint_forces(const Model& model, const JointFrame<Scalar>* 
 
 /// M a + C(q,x) y + g for gravity `gravity`, by one sweep out and one sweep in. Every product of
 /// two velocities is symmetrised, which makes the result bilinear and symmetric in (x, y); with
-/// `two` false x stands for both.
-template <bool two, class Scalar>
+/// `two` false x stands for both, and with `accelerating` false a is zero.
+template <bool two, bool accelerating, class Scalar>
 VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
                               const JointFrame<Scalar>* frames, const VectorOf<Scalar>& x,
                               const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
@@ -104,7 +104,6 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
       b.acc = turned_back(X.R, acceleration_at<two>(p, X.p));
     }
     const Triple<Scalar> s_x = axis * (body.multiplier * x[body.coordinate]);
-    const Triple<Scalar> s_a = axis * (body.multiplier * a[body.coordinate]);
     Triple<Scalar> s_y, turning;  // the product of the parent's turning and the joint's rate
     if constexpr (two) {
       s_y = axis * (body.multiplier * y[body.coordinate]);
@@ -112,19 +111,22 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
     } else {
       turning = cross(b.w_x, s_x);
     }
-    if (body.type == JointType::revolute) {
-      b.alpha += s_a + turning;
+    const bool revolute = body.type == JointType::revolute;
+    if (!revolute) turning = turning * 2.0;
+    if constexpr (accelerating) turning = axis * (body.multiplier * a[body.coordinate]) + turning;
+    if (revolute) {
+      b.alpha += turning;
       b.w_x += s_x;
       if constexpr (two) b.w_y += s_y;
     } else {
-      b.acc += s_a + turning * 2.0;
+      b.acc += turning;
     }
     set_force<two>(body, b);
   }
 
   VectorOf<Scalar> tau(model.num_joints);
   joint_forces(model, frames, state, tau);
-  if (model.rotor_inertia.size() != 0) {
+  if (accelerating && model.rotor_inertia.size() != 0) {
     require_size(model, model.rotor_inertia.size(), "rotor_inertia");
     for (int j = 0; j < model.num_joints; ++j) tau[j] += model.rotor_inertia[j] * a[j];
   }
@@ -138,7 +140,7 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
                               const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
   JointFrame<Scalar> frames[max_bodies];
   set_joint_frames(model, q, frames);
-  return newton_euler<two>(model, gravity, frames, x, y, a);
+  return newton_euler<two, true>(model, gravity, frames, x, y, a);
 }
 
 template <class Scalar>
@@ -151,9 +153,9 @@ VectorOf<Scalar> zero(const Model& model) {
 }  // namespace
 
 template <class Scalar>
-VectorOf<Scalar> inverse_dynamics(const Model& model, const JointFrame<Scalar>* frames,
-                                  const VectorOf<Scalar>& v, const VectorOf<Scalar>& a) {
-  return newton_euler<false>(model, model.gravity, frames, v, v, a);
+VectorOf<Scalar> bias_torque(const Model& model, const JointFrame<Scalar>* frames,
+                             const VectorOf<Scalar>& v) {
+  return newton_euler<false, false>(model, model.gravity, frames, v, v, v);
 }
 
 template <class Scalar>
@@ -194,10 +196,9 @@ MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
   return C;
 }
 
-template VectorOf<double> inverse_dynamics(const Model&, const JointFrame<double>*,
-                                           const VectorOf<double>&, const VectorOf<double>&);
-template VectorOf<Jet2> inverse_dynamics(const Model&, const JointFrame<Jet2>*,
-                                         const VectorOf<Jet2>&, const VectorOf<Jet2>&);
+template VectorOf<double> bias_torque(const Model&, const JointFrame<double>*,
+                                      const VectorOf<double>&);
+template VectorOf<Jet2> bias_torque(const Model&, const JointFrame<Jet2>*, const VectorOf<Jet2>&);
 TACHLESS_INVERSE_DYNAMICS(, double)
 TACHLESS_INVERSE_DYNAMICS(, Jet2)
 

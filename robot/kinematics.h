@@ -5,6 +5,7 @@
 
 #include "robot/jet.h"
 #include "robot/model.h"
+#include "robot/triple.h"
 
 /// Forward kinematics, templated on the scalar (double or Jet2).
 namespace tachless::robot {
@@ -32,42 +33,50 @@ Scalar tree_position(const Body& body, const VectorOf<Scalar>& q) {
   return body.multiplier * q[body.coordinate] + body.offset;
 }
 
+/// What of a joint's frame its position does not change. Revolute, by Rodrigues, the constant
+/// rotation multiplied in beforehand: R_PB (a a' + cos (1 - a a') + sin [a]x).
+struct JointConstants {
+  TACHLESS_INLINE explicit JointConstants(const Body& body) {
+    const Turn<double> R = turn(body.R_PB);
+    const Triple<double> a = triple(body.axis_B);
+    direction = R * a;
+    const Triple<double> x = column(R, 0), y = column(R, 1), z = column(R, 2);
+    along[0] = direction * a.x, along[1] = direction * a.y, along[2] = direction * a.z;
+    across[0] = x - along[0], across[1] = y - along[1], across[2] = z - along[2];
+    turned[0] = y * a.z - z * a.y, turned[1] = z * a.x - x * a.z, turned[2] = x * a.y - y * a.x;
+  }
+  Triple<double> direction;                       ///< of the axis, in the parent's frame
+  Triple<double> along[3], across[3], turned[3];  ///< columns: constant, times cosine, times sine
+};
+
 /// The body's frame in its parent's, with its joint at `q_tree` [rad; m]: rotation, column by
 /// column, and origin [m].
 template <class Scalar>
-[[gnu::always_inline]] inline void set_joint_pose(const Body& body, const Scalar& q_tree, Scalar* R,
-                                                  Scalar* p) {
-  const double* r = body.R_PB.data();
-  const double* a = body.axis_B.data();
-  // Along the axis, in the parent's frame.
-  const double d[3] = {r[0] * a[0] + r[3] * a[1] + r[6] * a[2],
-                       r[1] * a[0] + r[4] * a[1] + r[7] * a[2],
-                       r[2] * a[0] + (r[5] * a[1] + r[8] * a[2])};
+TACHLESS_INLINE void set_joint_pose(const Body& body, const JointConstants& joint,
+                                    const Scalar& q_tree, Scalar* R, Scalar* p) {
+  const Triple<double> origin = triple(body.p_PB);
   if (body.type == JointType::revolute) {
-    // Rodrigues, the constant rotation multiplied in beforehand:
-    // R_PB (a a' + cos (1 - a a') + sin [a]x).
     Scalar s, c;
     sin_cos(q_tree, s, c);
-    for (int j = 0; j < 3; ++j) {
-      const int k = (j + 1) % 3, l = (j + 2) % 3;
-      for (int i = 0; i < 3; ++i) {
-        const double along = d[i] * a[j];
-        const double across = r[i + 3 * j] - along;
-        const double turned = r[i + 3 * k] * a[l] - r[i + 3 * l] * a[k];
-        R[i + 3 * j] = along + across * c + turned * s;
-      }
-    }
-    for (int i = 0; i < 3; ++i) p[i] = body.p_PB[i];
+    const auto set = [&](int j) {
+      const Triple<Scalar> turned = joint.across[j] * c, rest = joint.turned[j] * s;
+      R[3 * j] = joint.along[j].x + turned.x + rest.x;
+      R[3 * j + 1] = joint.along[j].y + turned.y + rest.y;
+      R[3 * j + 2] = joint.along[j].z + turned.z + rest.z;
+    };
+    set(0), set(1), set(2);
+    p[0] = origin.x, p[1] = origin.y, p[2] = origin.z;
   } else {
-    for (int i = 0; i < 9; ++i) R[i] = r[i];
-    for (int i = 0; i < 3; ++i) p[i] = body.p_PB[i] + d[i] * q_tree;
+    for (int i = 0; i < 9; ++i) R[i] = body.R_PB.data()[i];
+    const Triple<Scalar> moved = joint.direction * q_tree;
+    p[0] = origin.x + moved.x, p[1] = origin.y + moved.y, p[2] = origin.z + moved.z;
   }
 }
 
 template <class Scalar>
 Pose<Scalar> joint_pose(const Body& body, const Scalar& q_tree) {
   Pose<Scalar> X;
-  set_joint_pose(body, q_tree, X.R.data(), X.p.data());
+  set_joint_pose(body, JointConstants(body), q_tree, X.R.data(), X.p.data());
   return X;
 }
 

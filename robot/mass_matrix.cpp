@@ -7,14 +7,6 @@
 namespace tachless::robot {
 namespace {
 
-/// A body with all that hangs on it, frozen; about and in the body's frame.
-template <class Scalar>
-struct Composite {
-  Triple<Scalar> h;  ///< mass times centre of mass [kg m]
-  Turn<Scalar> I;    ///< about the body's origin [kg m2]
-  double mass;
-};
-
 /// a.b 1 - a b': the parallel-axis matrix of the pair (a, b).
 template <class S>
 TACHLESS_INLINE Turn<S> parallel_axis(const Triple<S>& a, const Triple<S>& b) {
@@ -22,11 +14,6 @@ TACHLESS_INLINE Turn<S> parallel_axis(const Triple<S>& a, const Triple<S>& b) {
   return {{d - a.x * b.x, -(a.y * b.x), -(a.z * b.x),  //
            -(a.x * b.y), d - a.y * b.y, -(a.z * b.y),  //
            -(a.x * b.z), -(a.y * b.z), d - a.z * b.z}};
-}
-
-template <class S>
-TACHLESS_INLINE Triple<S> column(const Turn<S>& A, int j) {
-  return {A.m[3 * j], A.m[3 * j + 1], A.m[3 * j + 2]};
 }
 
 template <class S>
@@ -87,12 +74,19 @@ TACHLESS_INLINE void store(const Triple<L>& x, S (&to)[3][max_bodies], int at) {
   }
 }
 
-/// Carries one or two momenta (L) from a body's frame to its parent's.
-template <class L, class S>
-TACHLESS_INLINE void carry(Momenta<S>& momenta, int at, const JointFrame<S>& X) {
-  const Triple<L> linear = X.R * load<L>(momenta.linear, at);
+/// Carries two momenta from a body's frame to its parent's, or one.
+template <class S>
+TACHLESS_INLINE void carry_two(Momenta<S>& momenta, int at, const JointFrame<S>& X) {
+  using Both = decltype(pair(S(), S()));
+  const Triple<Both> linear = X.R * load<Both>(momenta.linear, at);
   store(linear, momenta.linear, at);
-  store(X.R * load<L>(momenta.angular, at) + cross(X.p, linear), momenta.angular, at);
+  store(X.R * load<Both>(momenta.angular, at) + cross(X.p, linear), momenta.angular, at);
+}
+template <class S>
+TACHLESS_INLINE void carry_one(Momenta<S>& momenta, int at, const JointFrame<S>& X) {
+  const auto both = X.R * pair(load<S>(momenta.linear, at), load<S>(momenta.angular, at));
+  store(part<0>(both), momenta.linear, at);
+  store(part<1>(both) + cross(X.p, part<0>(both)), momenta.angular, at);
 }
 
 /// What of one or two momenta acts along a joint's axis.
@@ -112,38 +106,49 @@ TACHLESS_INLINE void set_along(const S (&momenta)[3][max_bodies], int begin, int
   if (at < end) to[at] = along<S>(momenta, at, axis);
 }
 
-/// Where each body stands in an order in which every subtree is in one piece, and how many bodies
-/// that has.
-struct Preorder {
-  explicit Preorder(const std::vector<Body>& bodies) {
-    const int n = static_cast<int>(bodies.size());
-    for (int i = 0; i < n; ++i) size[i] = 1;
-    for (int i = n - 1; i >= 0; --i) {
-      if (bodies[i].parent >= 0) size[bodies[i].parent] += size[i];
-    }
-    int next[max_bodies], root = 0;
-    for (int i = 0; i < n; ++i) {
-      int& from = bodies[i].parent >= 0 ? next[bodies[i].parent] : root;
-      place[i] = from;
-      body[from] = i;
-      next[i] = from + 1;
-      from += size[i];
-    }
-  }
-  int place[max_bodies], size[max_bodies], body[max_bodies];
-};
-
 }  // namespace
 
+void Preorder::set(const std::vector<Body>& bodies) {
+  const int n = static_cast<int>(bodies.size());
+  for (int i = 0; i < n; ++i) size[i] = 1;
+  for (int i = n - 1; i >= 0; --i) {
+    if (bodies[i].parent >= 0) size[bodies[i].parent] += size[i];
+  }
+  int next[max_bodies], root = 0;
+  for (int i = 0; i < n; ++i) {
+    int& from = bodies[i].parent >= 0 ? next[bodies[i].parent] : root;
+    place[i] = from;
+    body[from] = i;
+    next[i] = from + 1;
+    from += size[i];
+  }
+}
+
+ModelConstants::ModelConstants(const Model& model) : composite(model.bodies.size()) {
+  for (const Body& body : model.bodies) joints.emplace_back(body);
+  for (std::size_t i = 0; i < composite.size(); ++i) start(model.bodies[i], composite[i]);
+  order.set(model.bodies);
+}
+
 template <class Scalar>
-void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, MatrixOf<Scalar>& M) {
-  using Both = decltype(pair(Scalar(), Scalar()));
+void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, MatrixOf<Scalar>& M,
+                     const ModelConstants* constants) {
   const int n = model.num_joints;
   const int num_bodies = static_cast<int>(model.bodies.size());
-  const Preorder order(model.bodies);
+  Preorder found;
+  if (constants == nullptr) found.set(model.bodies);
+  const Preorder& order = constants != nullptr ? constants->order : found;
 
   Composite<Scalar> composite[max_bodies];
-  for (int i = 0; i < num_bodies; ++i) start(model.bodies[i], composite[i]);
+  for (int i = 0; i < num_bodies; ++i) {
+    if constexpr (std::is_same_v<Scalar, double>) {
+      if (constants != nullptr) {
+        composite[i] = constants->composite[static_cast<std::size_t>(i)];
+        continue;
+      }
+    }
+    start(model.bodies[i], composite[i]);
+  }
   M.resize(n, n);
   for (int j = 0; j < n; ++j) {
     for (int i = 0; i < n; ++i) M(i, j) = Scalar(0);
@@ -178,8 +183,8 @@ void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, Matri
     if (body.parent < 0) continue;
     const JointFrame<Scalar>& X = frames[k];
     int at = begin;
-    for (; at + 1 < end; at += 2) carry<Both>(momenta, at, X);
-    if (at < end) carry<Scalar>(momenta, at, X);
+    for (; at + 1 < end; at += 2) carry_two(momenta, at, X);
+    if (at < end) carry_one(momenta, at, X);
     add(b, X, composite[body.parent]);
   }
   if (model.rotor_inertia.size() != 0) {
@@ -199,7 +204,9 @@ MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
 
 template MatrixOf<double> mass_matrix(const Model&, const VectorOf<double>&);
 template MatrixOf<Jet2> mass_matrix(const Model&, const VectorOf<Jet2>&);
-template void set_mass_matrix(const Model&, const JointFrame<double>*, MatrixOf<double>&);
-template void set_mass_matrix(const Model&, const JointFrame<Jet2>*, MatrixOf<Jet2>&);
+template void set_mass_matrix(const Model&, const JointFrame<double>*, MatrixOf<double>&,
+                              const ModelConstants*);
+template void set_mass_matrix(const Model&, const JointFrame<Jet2>*, MatrixOf<Jet2>&,
+                              const ModelConstants*);
 
 }  // namespace tachless::robot

@@ -122,6 +122,11 @@ TACHLESS_INLINE Turn<double> turn(const Eigen::Matrix3d& a) {
   return {{a(0), a(1), a(2), a(3), a(4), a(5), a(6), a(7), a(8)}};
 }
 
+template <class S>
+TACHLESS_INLINE Triple<S> column(const Turn<S>& A, int j) {
+  return {A.m[3 * j], A.m[3 * j + 1], A.m[3 * j + 2]};
+}
+
 /// Two values of one kind, computed with at once; two neighbours in memory.
 TACHLESS_INLINE Two pair(double a, double b) { return Two{a, b}; }
 TACHLESS_INLINE JetTwo pair(const Jet2& a, const Jet2& b) {
