@@ -31,8 +31,7 @@ TACHLESS_INLINE void add(const Composite<S>& b, const JointFrame<S>& X, Composit
   // R I, two columns at a time, and R h with the third.
   const auto two = X.R * pair(column(b.I, 0), column(b.I, 1));
   const auto third = X.R * pair(column(b.I, 2), b.h);
-  const Turn<S> RI{{part<0>(two.x), part<0>(two.y), part<0>(two.z), part<1>(two.x), part<1>(two.y),
-                    part<1>(two.z), part<0>(third.x), part<0>(third.y), part<0>(third.z)}};
+  const Turn<S> RI = columns(part<0>(two), part<1>(two), part<0>(third));
   const Triple<S> h = part<1>(third);
   const S* R = X.R.m;
   const auto left = RI * pair(Triple<S>{R[0], R[3], R[6]}, Triple<S>{R[1], R[4], R[7]});
@@ -106,6 +105,67 @@ TACHLESS_INLINE void set_along(const S (&momenta)[3][max_bodies], int begin, int
   if (at < end) to[at] = along<S>(momenta, at, axis);
 }
 
+/// From this many bodies on, momenta are taken to the base at once instead of from body to body: n
+/// transforms in place of up to n^2 / 2. Below, carrying costs no more and rounds less.
+constexpr int many_bodies = 13;
+
+/// A joint's motion at unit rate, of the point of its body that is at the base's origin.
+template <class S>
+struct Motion {
+  Triple<S> angular, linear;
+};
+
+/// Power of momenta `begin` to `end` under a motion, all at the base.
+template <class S>
+TACHLESS_INLINE void set_power(const Momenta<S>& momenta, int begin, int end, const Motion<S>& m,
+                               S* to) {
+  using Both = decltype(pair(S(), S()));
+  const auto power = [&]<class L>(L /*one or two*/, int at) {
+    const Triple<L> n = load<L>(momenta.angular, at), p = load<L>(momenta.linear, at);
+    return (m.angular.x * n.x + m.angular.y * n.y + m.angular.z * n.z) +
+           (m.linear.x * p.x + m.linear.y * p.y + m.linear.z * p.z);
+  };
+  int at = begin;
+  for (; at + 1 < end; at += 2) put_pair(power(Both(), at), to + at);
+  if (at < end) to[at] = power(S(), at);
+}
+
+/// Each body's frame in the base.
+template <class S>
+TACHLESS_INLINE void set_base_frames(const Model& model, const JointFrame<S>* frames,
+                                     JointFrame<S>* base) {
+  const int num_bodies = static_cast<int>(model.bodies.size());
+  for (int i = 0; i < num_bodies; ++i) {
+    const int parent = model.bodies[i].parent;
+    const JointFrame<S>& X = frames[i];
+    if (parent < 0) {
+      base[i] = X;
+      continue;
+    }
+    const JointFrame<S>& P = base[parent];
+    const auto two = P.R * pair(column(X.R, 0), column(X.R, 1));
+    const auto third = P.R * pair(column(X.R, 2), X.p);
+    base[i].R = columns(part<0>(two), part<1>(two), part<0>(third));
+    base[i].p = P.p + part<1>(third);
+  }
+}
+
+/// The momentum at place `at` and a joint's motion, from the frame X of its body to the base.
+template <class S>
+TACHLESS_INLINE Motion<S> to_base(Momenta<S>& momenta, int at, const JointFrame<S>& X,
+                                  const Body& body) {
+  carry_one(momenta, at, X);
+  const Triple<S> axis = X.R * triple(body.axis_B);
+  if (body.type == JointType::revolute) return {axis, cross(X.p, axis)};
+  return {zero_triple<S>(), axis};
+}
+
+/// Of a body, as in the model.
+struct Coordinate {
+  double multiplier;
+  int coordinate;
+};
+
 }  // namespace
 
 void Preorder::set(const std::vector<Body>& bodies) {
@@ -149,10 +209,15 @@ void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, Matri
     }
     start(model.bodies[i], composite[i]);
   }
-  M.resize(n, n);
-  for (int j = 0; j < n; ++j) {
-    for (int i = 0; i < n; ++i) M(i, j) = Scalar(0);
+  const bool many = num_bodies >= many_bodies, one_to_one = num_bodies == n;
+  JointFrame<Scalar> base[max_bodies];
+  if (many) set_base_frames(model, frames, base);
+  Coordinate coordinates[max_bodies];
+  for (int i = 0; i < num_bodies; ++i) {
+    coordinates[order.place[i]] = {model.bodies[i].multiplier, model.bodies[i].coordinate};
   }
+  M.resize(n, n);
+  std::fill_n(M.data(), n * n, Scalar(0));
   Momenta<Scalar> momenta;
   for (int k = num_bodies - 1; k >= 0; --k) {
     const Body& body = model.bodies[k];
@@ -169,22 +234,30 @@ void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, Matri
       store(cross(b.h, axis), momenta.angular, begin);
     }
 
-    Scalar carried[max_bodies];
-    set_along(revolute ? momenta.angular : momenta.linear, begin, end, axis, carried);
+    Scalar element[max_bodies];
+    if (many) {
+      set_power(momenta, begin, end, to_base(momenta, begin, base[k], body), element);
+    } else {
+      set_along(revolute ? momenta.angular : momenta.linear, begin, end, axis, element);
+    }
+    const int col = body.coordinate;
     for (int at = end - 1; at >= begin; --at) {
-      const Body& other = model.bodies[order.body[at]];
-      const Scalar element = (other.multiplier * body.multiplier) * carried[at];
-      const int row = other.coordinate, col = body.coordinate;
-      M(row, col) += element;
+      const auto& [multiplier, row] = coordinates[at];
+      element[at] = (multiplier * body.multiplier) * element[at];
+      if (one_to_one) {
+        M(row, col) = M(col, row) = element[at];
+        continue;
+      }
+      M(row, col) += element[at];
       // Two bodies of one coordinate meet twice on the diagonal.
-      if (row != col || at != begin) M(col, row) += element;
+      if (row != col || at != begin) M(col, row) += element[at];
     }
 
     if (body.parent < 0) continue;
     const JointFrame<Scalar>& X = frames[k];
     int at = begin;
-    for (; at + 1 < end; at += 2) carry_two(momenta, at, X);
-    if (at < end) carry_one(momenta, at, X);
+    for (; !many && at + 1 < end; at += 2) carry_two(momenta, at, X);
+    if (!many && at < end) carry_one(momenta, at, X);
     add(b, X, composite[body.parent]);
   }
   if (model.rotor_inertia.size() != 0) {

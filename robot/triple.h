@@ -126,6 +126,10 @@ template <class S>
 TACHLESS_INLINE Triple<S> column(const Turn<S>& A, int j) {
   return {A.m[3 * j], A.m[3 * j + 1], A.m[3 * j + 2]};
 }
+template <class S>
+TACHLESS_INLINE Turn<S> columns(const Triple<S>& a, const Triple<S>& b, const Triple<S>& c) {
+  return {{a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z}};
+}
 
 /// Two values of one kind, computed with at once; two neighbours in memory.
 TACHLESS_INLINE Two pair(double a, double b) { return Two{a, b}; }
