@@ -1,17 +1,23 @@
 // What a tick pays for mechanics: inverse dynamics over double and jets, the inertia matrix,
-// forward dynamics, for the two-link arm (four bodies, two of them by mimic) and the seven-joint
-// arm.
+// forward dynamics, for the two-link arm (2: four bodies, two of them by mimic), the seven-joint
+// arm (7) and chains of 30 and 60 joints; and the same by Pinocchio, where CMake has found it, of
+// the same tree.
 #include <benchmark/benchmark.h>
 
-#include <fstream>
-#include <iterator>
-#include <string>
+#ifdef TACHLESS_HAS_PINOCCHIO
+#include <pinocchio/algorithm/aba.hpp>
+#include <pinocchio/algorithm/crba.hpp>
+#include <pinocchio/algorithm/rnea.hpp>
+#include <pinocchio/multibody/data.hpp>
+#include <pinocchio/multibody/model.hpp>
+#endif
 
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/jet.h"
 #include "robot/mass_matrix.h"
 #include "robot/model.h"
+#include "tests/robot/robots.h"
 
 using namespace tachless;
 
@@ -22,70 +28,111 @@ using robot::Model;
 using robot::VectorOf;
 
 Model load(int num_joints) {
-  const std::string path = std::string(TACHLESS_SOURCE_DIR) + "/scenarios/robots/" +
-                           (num_joints == 2 ? "two_link.urdf" : "iiwa7.urdf");
-  std::ifstream in(path);
-  const std::string text{std::istreambuf_iterator<char>(in), {}};
-  return robot::model_from_urdf(text, path);
+  if (num_joints == 2) return robot::testing::two_link();
+  if (num_joints == 7) return robot::testing::iiwa7();
+  return robot::model_from_urdf(robot::testing::chain_urdf(num_joints), "chain");
 }
 
 /// A state that changes a little with every iteration, so that nothing is computed beforehand.
-template <class Scalar>
+template <class Vector>
 struct State {
   explicit State(int n) : q(n), v(n), a(n) {
     for (int i = 0; i < n; ++i) {
-      q[i] = Scalar(0.3 * i - 0.4);
-      v[i] = Scalar(0.5 - 0.1 * i);
-      a[i] = Scalar(1.0 + i);
+      q[i] = 0.3 * i - 0.4;
+      v[i] = 0.5 - 0.1 * (i % 7);
+      a[i] = 1.0 + i % 5;
     }
   }
-  void nudge() { q[0] += Scalar(1e-6); }
-  VectorOf<Scalar> q, v, a;
+  void nudge() { q[0] += 1e-6; }
+  Vector q, v, a;
 };
+
+/// Times `compute(model, state)` at a state that moves.
+template <class Scalar, class Compute>
+void time(benchmark::State& bench, const Compute& compute) {
+  const Model model = load(static_cast<int>(bench.range(0)));
+  State<VectorOf<Scalar>> s(model.num_joints);
+  for (auto _ : bench) {
+    s.nudge();
+    benchmark::DoNotOptimize(compute(model, s));
+  }
+}
 
 template <class Scalar>
 void inverse_dynamics(benchmark::State& bench) {
-  const Model model = load(static_cast<int>(bench.range(0)));
-  State<Scalar> s(model.num_joints);
-  for (auto _ : bench) {
-    s.nudge();
-    benchmark::DoNotOptimize(robot::inverse_dynamics(model, s.q, s.v, s.a));
-  }
+  time<Scalar>(bench, [](auto& m, auto& s) { return robot::inverse_dynamics(m, s.q, s.v, s.a); });
 }
-BENCHMARK_TEMPLATE(inverse_dynamics, double)->Arg(2)->Arg(7);
-BENCHMARK_TEMPLATE(inverse_dynamics, Jet2)->Arg(2)->Arg(7);
-
 template <class Scalar>
 void inverse_dynamics_bilinear(benchmark::State& bench) {
-  const Model model = load(static_cast<int>(bench.range(0)));
-  State<Scalar> s(model.num_joints);
-  for (auto _ : bench) {
-    s.nudge();
-    benchmark::DoNotOptimize(robot::inverse_dynamics_bilinear(model, s.q, s.v, s.a, s.a));
-  }
+  time<Scalar>(bench, [](auto& m, auto& s) {
+    return robot::inverse_dynamics_bilinear(m, s.q, s.v, s.a, s.a);
+  });
 }
-BENCHMARK_TEMPLATE(inverse_dynamics_bilinear, double)->Arg(2)->Arg(7);
-BENCHMARK_TEMPLATE(inverse_dynamics_bilinear, Jet2)->Arg(2)->Arg(7);
-
+template <class Scalar>
 void mass_matrix(benchmark::State& bench) {
-  const Model model = load(static_cast<int>(bench.range(0)));
-  State<double> s(model.num_joints);
-  for (auto _ : bench) {
-    s.nudge();
-    benchmark::DoNotOptimize(robot::mass_matrix(model, s.q));
-  }
+  time<Scalar>(bench, [](auto& m, auto& s) { return robot::mass_matrix(m, s.q); });
 }
-BENCHMARK(mass_matrix)->Arg(2)->Arg(7);
-
+template <class Scalar>
 void forward_dynamics(benchmark::State& bench) {
-  const Model model = load(static_cast<int>(bench.range(0)));
-  State<double> s(model.num_joints);
+  time<Scalar>(bench, [](auto& m, auto& s) { return robot::forward_dynamics(m, s.q, s.v, s.a); });
+}
+#define TACHLESS_SIZES ->Arg(2)->Arg(7)->Arg(30)->Arg(60)
+BENCHMARK_TEMPLATE(inverse_dynamics, double) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(mass_matrix, double) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(forward_dynamics, double) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(inverse_dynamics_bilinear, double) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(inverse_dynamics, Jet2) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(inverse_dynamics_bilinear, Jet2) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(mass_matrix, Jet2) TACHLESS_SIZES;
+BENCHMARK_TEMPLATE(forward_dynamics, Jet2) TACHLESS_SIZES;
+
+#ifdef TACHLESS_HAS_PINOCCHIO
+
+/// The same tree; a mimic joint is one of its own there.
+pinocchio::Model peer(const Model& model) {
+  pinocchio::Model peer;
+  peer.gravity.linear() = model.gravity;
+  for (const robot::Body& b : model.bodies) {
+    // The ground is joint 0, body i joint i + 1.
+    const auto parent = static_cast<pinocchio::JointIndex>(b.parent + 1);
+    const pinocchio::SE3 X(b.R_PB, b.p_PB);
+    const bool revolute = b.type == robot::JointType::revolute;
+    const auto joint =
+        !revolute
+            ? peer.addJoint(parent, pinocchio::JointModelPrismaticUnaligned(b.axis_B), X, b.joint)
+        : b.axis_B == Eigen::Vector3d::UnitZ()
+            ? peer.addJoint(parent, pinocchio::JointModelRZ(), X, b.joint)
+            : peer.addJoint(parent, pinocchio::JointModelRevoluteUnaligned(b.axis_B), X, b.joint);
+    peer.appendBodyToJoint(joint, pinocchio::Inertia(b.mass, b.p_Bcm, b.I_Bcm));
+  }
+  return peer;
+}
+
+template <class Compute>
+void time_peer(benchmark::State& bench, const Compute& compute) {
+  const pinocchio::Model model = peer(load(static_cast<int>(bench.range(0))));
+  pinocchio::Data data(model);
+  State<Eigen::VectorXd> s(model.nv);
   for (auto _ : bench) {
     s.nudge();
-    benchmark::DoNotOptimize(robot::forward_dynamics(model, s.q, s.v, s.a));
+    compute(model, data, s);
+    benchmark::ClobberMemory();
   }
 }
-BENCHMARK(forward_dynamics)->Arg(2)->Arg(7);
+void pinocchio_rnea(benchmark::State& bench) {
+  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::rnea(m, d, s.q, s.v, s.a); });
+}
+void pinocchio_crba(benchmark::State& bench) {
+  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::crba(m, d, s.q); });
+}
+void pinocchio_aba(benchmark::State& bench) {
+  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::aba(m, d, s.q, s.v, s.a); });
+}
+BENCHMARK(pinocchio_rnea) TACHLESS_SIZES;
+BENCHMARK(pinocchio_crba) TACHLESS_SIZES;
+BENCHMARK(pinocchio_aba) TACHLESS_SIZES;
+
+#endif
 
 }  // namespace
 

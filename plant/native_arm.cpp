@@ -8,8 +8,7 @@
 #include "plant/arm_engine.h"
 #include "plant/dry_friction.h"
 #include "robot/cholesky.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/forward_dynamics.h"
 
 namespace tachless::plant {
 namespace {
@@ -17,36 +16,36 @@ namespace {
 /// Inertia matrix and bias by the recursions of robot/, which control laws use too.
 class Recursions {
  public:
-  explicit Recursions(const robot::Model& model)
-      : model_(model), zero_(robot::Vector::Zero(model.num_joints)) {
-    model_.rotor_inertia.resize(0);  // `ArmDynamics` adds it
-  }
+  explicit Recursions(robot::Model model) : equations_(without_rotors(std::move(model))) {}
 
   void evaluate(const double* q, const double* v) {
-    const int n = model_.num_joints;
-    const robot::Vector position = Eigen::Map<const robot::Vector>(q, n);
+    const Eigen::Index n = position_.size();
+    position_ = Eigen::Map<const robot::Vector>(q, n);
     velocity_ = Eigen::Map<const robot::Vector>(v, n);
-    bias_ = robot::inverse_dynamics(model_, position, velocity_, zero_);
-    M_ = robot::mass_matrix(model_, position);
+    equations_.evaluate(position_, velocity_);
   }
-  robot::Matrix& M() { return M_; }
-  [[nodiscard]] const robot::Vector& bias() const { return bias_; }
+  robot::Matrix& M() { return equations_.M; }
+  [[nodiscard]] const robot::Vector& bias() const { return equations_.bias; }
 
   void solve(robot::Vector& rhs) {
-    if (friction.present()) return friction.solve(M_, velocity_, rhs);
-    if (robot::factorise(M_) >= 0) {
+    if (friction.present()) return friction.solve(M(), velocity_, rhs);
+    if (robot::factorise(M()) >= 0) {
       throw std::runtime_error("the inertia matrix is not positive definite");
     }
-    robot::solve_in_place(M_, rhs);
+    robot::solve_in_place(M(), rhs);
   }
 
   DryFriction friction;
 
  private:
-  robot::Model model_;
-  robot::Vector zero_, velocity_;
-  robot::Matrix M_;
-  robot::Vector bias_;
+  robot::Model without_rotors(robot::Model model) {
+    position_.resize(model.num_joints);
+    model.rotor_inertia.resize(0);  // `ArmDynamics` adds it
+    return model;
+  }
+
+  robot::Vector position_, velocity_;
+  robot::EquationsOfMotion equations_;
 };
 
 constexpr int max_stages = 6;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "robot/quantities.h"
+#include "robot/triple.h"
 
 namespace tachless::robot {
 
@@ -11,21 +12,21 @@ namespace tachless::robot {
 template <class Scalar>
 int factorise(MatrixOf<Scalar>& M, double tolerance = 0) {
   const Eigen::Index n = M.rows();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    Scalar pivot = M(i, i);
-    for (Eigen::Index j = 0; j < i; ++j) {
-      Scalar u = M(i, j);  // L(i,j) D(j)
-      for (Eigen::Index k = 0; k < j; ++k) u -= M(i, k) * M(j, k);
-      M(i, j) = u;
+  Scalar diagonal[max_joints], u[max_joints];  // of M; L D's column
+  for (Eigen::Index i = 0; i < n; ++i) diagonal[i] = M(i, i);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    const Scalar pivot = M(j, j);
+    if (!(pivot > diagonal[j] * tolerance) || !(pivot > Scalar(0))) return static_cast<int>(j);
+    Scalar* column = &M(0, j);
+    for (Eigen::Index i = j + 1; i < n; ++i) {
+      u[i] = column[i];
+      column[i] = u[i] / pivot;
     }
-    const Scalar diagonal = pivot;
-    for (Eigen::Index j = 0; j < i; ++j) {
-      const Scalar l = M(i, j) / M(j, j);
-      pivot -= l * M(i, j);
-      M(i, j) = l;
+    for (Eigen::Index k = j + 1; k < n; ++k) {
+      const Scalar l = column[k];
+      M(k, k) -= l * u[k];
+      subtract_scaled(&M(0, k) + k + 1, u + k + 1, l, n - k - 1);
     }
-    if (!(pivot > diagonal * tolerance) || !(pivot > Scalar(0))) return static_cast<int>(i);
-    M(i, i) = pivot;
   }
   return -1;
 }
@@ -34,12 +35,14 @@ int factorise(MatrixOf<Scalar>& M, double tolerance = 0) {
 template <class Scalar>
 void solve_in_place(const MatrixOf<Scalar>& LD, VectorOf<Scalar>& x) {
   const Eigen::Index n = LD.rows();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < i; ++j) x[i] -= LD(i, j) * x[j];
+  for (Eigen::Index j = 0; j < n; ++j) {
+    subtract_scaled(x.data() + j + 1, &LD(0, j) + j + 1, x[j], n - j - 1);
   }
   for (Eigen::Index i = 0; i < n; ++i) x[i] /= LD(i, i);
   for (Eigen::Index i = n - 1; i >= 0; --i) {
-    for (Eigen::Index j = i + 1; j < n; ++j) x[i] -= LD(j, i) * x[j];
+    Scalar y = x[i];
+    for (Eigen::Index j = i + 1; j < n; ++j) y -= LD(j, i) * x[j];
+    x[i] = y;
   }
 }
 

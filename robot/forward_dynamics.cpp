@@ -1,23 +1,43 @@
 #include "robot/forward_dynamics.h"
 
 #include <stdexcept>
+#include <utility>
 
 #include "robot/cholesky.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/kinematics.h"
-#include "robot/mass_matrix.h"
+#include "robot/joint_frames.h"
 
 namespace tachless::robot {
+
+namespace {
+
+template <class Scalar>
+TACHLESS_INLINE void evaluate(const Model& model, const VectorOf<Scalar>& q,
+                              const VectorOf<Scalar>& v, MatrixOf<Scalar>& M,
+                              VectorOf<Scalar>& bias, const ModelConstants* constants) {
+  JointFrame<Scalar> frames[max_bodies];
+  set_joint_frames(model, q, frames, constants);
+  bias = bias_torque(model, frames, v);
+  set_mass_matrix(model, frames, M, constants);
+}
+
+}  // namespace
+
+EquationsOfMotion::EquationsOfMotion(Model model)
+    : model_(std::move(model)), constants_(std::make_unique<ModelConstants>(model_)) {}
+EquationsOfMotion::~EquationsOfMotion() = default;
+
+void EquationsOfMotion::evaluate(const Vector& q, const Vector& v) {
+  robot::evaluate(model_, q, v, M, bias, constants_.get());
+}
 
 template <class Scalar>
 VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
                                   const VectorOf<Scalar>& v, const VectorOf<Scalar>& tau) {
   require_size(model, tau.size(), "tau");
-  VectorOf<Scalar> a(model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) a[j] = Scalar(0);
-  const VectorOf<Scalar> bias = inverse_dynamics(model, q, v, a);
-  for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - bias[j];
-  MatrixOf<Scalar> M = mass_matrix(model, q);
+  MatrixOf<Scalar> M;
+  VectorOf<Scalar> a;
+  evaluate(model, q, v, M, a, nullptr);
+  for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - a[j];
   const int failed = factorise(M);
   if (failed >= 0) {
     throw std::logic_error("robot: the inertia matrix is not positive definite at joint '" +

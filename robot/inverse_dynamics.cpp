@@ -1,6 +1,6 @@
 #include "robot/inverse_dynamics.h"
 
-#include "robot/kinematics.h"
+#include "robot/joint_frames.h"
 
 namespace tachless::robot {
 namespace {
@@ -9,68 +9,78 @@ namespace {
 /// model's bodies are touched.
 template <class Scalar>
 struct BodyState {
-  Pose<Scalar> X_PB;
-  Vector3Of<Scalar> w_x, w_y;  ///< angular velocity under x and under y
-  Vector3Of<Scalar> alpha;     ///< angular acceleration
-  Vector3Of<Scalar> acc;       ///< acceleration of the origin, less gravity
-  Vector3Of<Scalar> f, n;      ///< force on the body through its joint, moment about the origin
+  Triple<Scalar> w_x, w_y;  ///< angular velocity under x and under y
+  Triple<Scalar> alpha;     ///< angular acceleration
+  Triple<Scalar> acc;       ///< acceleration of the origin, less gravity
+  Triple<Scalar> f, n;      ///< force on the body through its joint, moment about the origin
 };
+
+/// Acceleration of a body's point r.
+template <bool two, class Scalar>
+TACHLESS_INLINE Triple<Scalar> acceleration_at(const BodyState<Scalar>& b,
+                                               const Triple<Scalar>& r) {
+  if constexpr (two) {
+    return b.acc + cross(b.alpha, r) +
+           (cross(b.w_x, cross(b.w_y, r)) + cross(b.w_y, cross(b.w_x, r))) * 0.5;
+  } else {
+    const auto lever = cross(pair(b.alpha, b.w_x), r);
+    return b.acc + part<0>(lever) + cross(b.w_x, part<1>(lever));
+  }
+}
 
 /// What a body's inertia asks of its joint: `b.f` and `b.n` from the motion of `b`.
 template <bool two, class Scalar>
-void set_force(const Body& body, BodyState<Scalar>& b) {
-  using Vector3 = Vector3Of<Scalar>;
-  const Eigen::Vector3d& c_d = body.p_Bcm;
-  const Vector3 c = c_d.cast<Scalar>();
-  const Eigen::Matrix3d& I = body.I_Bcm;
-  Vector3 acc_cm = b.acc + b.alpha.cross(c);
-  b.n = I * b.alpha;
+TACHLESS_INLINE void set_force(const Body& body, BodyState<Scalar>& b) {
+  const Triple<double> c = triple(body.p_Bcm);
+  const Turn<double> I = turn(body.I_Bcm);
   if constexpr (two) {
-    acc_cm += 0.5 * (b.w_x.cross(b.w_y.cross(c)) + b.w_y.cross(b.w_x.cross(c)));
-    const Vector3 L_x = I * b.w_x;
-    const Vector3 L_y = I * b.w_y;
-    b.n += 0.5 * (b.w_x.cross(L_y) + b.w_y.cross(L_x));
+    b.n = I * b.alpha + (cross(b.w_x, I * b.w_y) + cross(b.w_y, I * b.w_x)) * 0.5;
+    b.f = (b.acc + cross(b.alpha, c) +
+           (cross(b.w_x, cross(b.w_y, c)) + cross(b.w_y, cross(b.w_x, c))) * 0.5) *
+          body.mass;
   } else {
-    acc_cm += b.w_x.cross(b.w_x.cross(c));
-    const Vector3 L_x = I * b.w_x;
-    b.n += b.w_x.cross(L_x);
+    const auto turning = pair(b.alpha, b.w_x);
+    const auto moment = I * turning;
+    const auto lever = cross(turning, c);
+    // Of the angular velocity with lever and angular momentum.
+    const auto product = cross(b.w_x, pair(part<1>(lever), part<1>(moment)));
+    b.n = part<0>(moment) + part<1>(product);
+    b.f = (b.acc + part<0>(lever) + part<0>(product)) * body.mass;
   }
-  b.f = acc_cm * body.mass;
-  b.n += c.cross(b.f);
+  b.n += cross(c, b.f);
 }
 
 /// The sweep in: joint forces from those on the bodies. What a body hands to its parent is added to
 /// the parent's.
 template <class Scalar>
-VectorOf<Scalar> joint_forces(const Model& model, BodyState<Scalar>* state) {
-  VectorOf<Scalar> tau(model.num_joints);
+TACHLESS_INLINE void joint_forces(const Model& model, const JointFrame<Scalar>* frames,
+                                  BodyState<Scalar>* state, VectorOf<Scalar>& tau) {
   for (int j = 0; j < model.num_joints; ++j) tau[j] = Scalar(0);
   for (int i = static_cast<int>(model.bodies.size()) - 1; i >= 0; --i) {
     const Body& body = model.bodies[i];
     const BodyState<Scalar>& b = state[i];
-    const Vector3Of<Scalar>& along = body.type == JointType::revolute ? b.n : b.f;
+    const Triple<Scalar>& along = body.type == JointType::revolute ? b.n : b.f;
     const Scalar tau_tree =
-        body.axis_B[0] * along[0] + body.axis_B[1] * along[1] + body.axis_B[2] * along[2];
+        body.axis_B[0] * along.x + body.axis_B[1] * along.y + body.axis_B[2] * along.z;
     tau[body.coordinate] += body.multiplier * tau_tree;
     if (body.parent >= 0) {
       BodyState<Scalar>& p = state[body.parent];
-      const Vector3Of<Scalar> f_P = b.X_PB.R * b.f;
+      const JointFrame<Scalar>& X = frames[i];
+      const auto both = X.R * pair(b.f, b.n);
+      const Triple<Scalar> f_P = part<0>(both);
       p.f += f_P;
-      p.n += b.X_PB.R * b.n + b.X_PB.p.cross(f_P);
+      p.n += part<1>(both) + cross(X.p, f_P);
     }
   }
-  return tau;
 }
 
 /// M a + C(q,x) y + g for gravity `gravity`, by one sweep out and one sweep in. Every product of
 /// two velocities is symmetrised, which makes the result bilinear and symmetric in (x, y); with
-/// `two` false x stands for both.
-template <bool two, class Scalar>
+/// `two` false x stands for both, and with `accelerating` false a is zero.
+template <bool two, bool accelerating, class Scalar>
 VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
-                              const VectorOf<Scalar>& q, const VectorOf<Scalar>& x,
+                              const JointFrame<Scalar>* frames, const VectorOf<Scalar>& x,
                               const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
-  using Vector3 = Vector3Of<Scalar>;
-  require_size(model, q.size(), "q");
   require_size(model, x.size(), "v");
   require_size(model, y.size(), "v");
   require_size(model, a.size(), "a");
@@ -80,56 +90,57 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
   for (int i = 0; i < num_bodies; ++i) {
     const Body& body = model.bodies[i];
     BodyState<Scalar>& b = state[i];
-    b.X_PB = joint_pose(body, tree_position(body, q));
-    const auto R_BP = b.X_PB.R.transpose();
-    const Vector3& r = b.X_PB.p;
-
-    Vector3 acc_P;
+    const JointFrame<Scalar>& X = frames[i];
+    const Triple<double> axis = triple(body.axis_B);
     if (body.parent < 0) {
-      b.w_x.setZero();
-      if constexpr (two) b.w_y.setZero();
-      b.alpha.setZero();
-      acc_P = -gravity.cast<Scalar>();
+      b.w_x = b.w_y = b.alpha = zero_triple<Scalar>();
+      b.acc = turned_back(X.R, Triple<double>{-gravity[0], -gravity[1], -gravity[2]});
     } else {
       const BodyState<Scalar>& p = state[body.parent];
-      b.w_x = R_BP * p.w_x;
-      if constexpr (two) b.w_y = R_BP * p.w_y;
-      b.alpha = R_BP * p.alpha;
-      acc_P = p.acc + p.alpha.cross(r);
-      if constexpr (two) {
-        acc_P += 0.5 * (p.w_x.cross(p.w_y.cross(r)) + p.w_y.cross(p.w_x.cross(r)));
-      } else {
-        acc_P += p.w_x.cross(p.w_x.cross(r));
-      }
+      const auto turning = turned_back(X.R, pair(p.w_x, p.alpha));
+      b.w_x = part<0>(turning);
+      b.alpha = part<1>(turning);
+      if constexpr (two) b.w_y = turned_back(X.R, p.w_y);
+      b.acc = turned_back(X.R, acceleration_at<two>(p, X.p));
     }
-    b.acc = R_BP * acc_P;
-
-    const Vector3 s_x = scaled<Scalar>(body.axis_B, body.multiplier * x[body.coordinate]);
-    const Vector3 s_a = scaled<Scalar>(body.axis_B, body.multiplier * a[body.coordinate]);
-    Vector3 s_y, turning;  // the product of the parent's turning and the joint's rate
+    const Triple<Scalar> s_x = axis * (body.multiplier * x[body.coordinate]);
+    Triple<Scalar> s_y, turning;  // the product of the parent's turning and the joint's rate
     if constexpr (two) {
-      s_y = scaled<Scalar>(body.axis_B, body.multiplier * y[body.coordinate]);
-      turning = 0.5 * (b.w_x.cross(s_y) + b.w_y.cross(s_x));
+      s_y = axis * (body.multiplier * y[body.coordinate]);
+      turning = (cross(b.w_x, s_y) + cross(b.w_y, s_x)) * 0.5;
     } else {
-      turning = b.w_x.cross(s_x);
+      turning = cross(b.w_x, s_x);
     }
-    if (body.type == JointType::revolute) {
-      b.alpha += s_a + turning;
+    const bool revolute = body.type == JointType::revolute;
+    if (!revolute) turning = turning * 2.0;
+    if constexpr (accelerating) turning = axis * (body.multiplier * a[body.coordinate]) + turning;
+    if (revolute) {
+      b.alpha += turning;
       b.w_x += s_x;
       if constexpr (two) b.w_y += s_y;
     } else {
-      b.acc += s_a + turning * 2.0;
+      b.acc += turning;
     }
-
     set_force<two>(body, b);
   }
 
-  VectorOf<Scalar> tau = joint_forces(model, state);
-  if (model.rotor_inertia.size() != 0) {
+  VectorOf<Scalar> tau(model.num_joints);
+  joint_forces(model, frames, state, tau);
+  if (accelerating && model.rotor_inertia.size() != 0) {
     require_size(model, model.rotor_inertia.size(), "rotor_inertia");
     for (int j = 0; j < model.num_joints; ++j) tau[j] += model.rotor_inertia[j] * a[j];
   }
   return tau;
+}
+
+/// The same at joint positions.
+template <bool two, class Scalar>
+VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
+                              const VectorOf<Scalar>& q, const VectorOf<Scalar>& x,
+                              const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
+  JointFrame<Scalar> frames[max_bodies];
+  set_joint_frames(model, q, frames);
+  return newton_euler<two, true>(model, gravity, frames, x, y, a);
 }
 
 template <class Scalar>
@@ -140,6 +151,12 @@ VectorOf<Scalar> zero(const Model& model) {
 }
 
 }  // namespace
+
+template <class Scalar>
+VectorOf<Scalar> bias_torque(const Model& model, const JointFrame<Scalar>* frames,
+                             const VectorOf<Scalar>& v) {
+  return newton_euler<false, false>(model, model.gravity, frames, v, v, v);
+}
 
 template <class Scalar>
 VectorOf<Scalar> inverse_dynamics(const Model& model, const VectorOf<Scalar>& q,
@@ -179,6 +196,9 @@ MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
   return C;
 }
 
+template VectorOf<double> bias_torque(const Model&, const JointFrame<double>*,
+                                      const VectorOf<double>&);
+template VectorOf<Jet2> bias_torque(const Model&, const JointFrame<Jet2>*, const VectorOf<Jet2>&);
 TACHLESS_INVERSE_DYNAMICS(, double)
 TACHLESS_INVERSE_DYNAMICS(, Jet2)
 

@@ -5,6 +5,7 @@
 
 #include "robot/jet.h"
 #include "robot/model.h"
+#include "robot/triple.h"
 
 /// Forward kinematics, templated on the scalar (double or Jet2).
 namespace tachless::robot {
@@ -32,31 +33,50 @@ Scalar tree_position(const Body& body, const VectorOf<Scalar>& q) {
   return body.multiplier * q[body.coordinate] + body.offset;
 }
 
-/// The body's frame in its parent's, with its joint at `q_tree` [rad; m].
+/// What of a joint's frame its position does not change. Revolute, by Rodrigues, the constant
+/// rotation multiplied in beforehand: R_PB (a a' + cos (1 - a a') + sin [a]x).
+struct JointConstants {
+  TACHLESS_INLINE explicit JointConstants(const Body& body) {
+    const Turn<double> R = turn(body.R_PB);
+    const Triple<double> a = triple(body.axis_B);
+    direction = R * a;
+    const Triple<double> x = column(R, 0), y = column(R, 1), z = column(R, 2);
+    along[0] = direction * a.x, along[1] = direction * a.y, along[2] = direction * a.z;
+    across[0] = x - along[0], across[1] = y - along[1], across[2] = z - along[2];
+    turned[0] = y * a.z - z * a.y, turned[1] = z * a.x - x * a.z, turned[2] = x * a.y - y * a.x;
+  }
+  Triple<double> direction;                       ///< of the axis, in the parent's frame
+  Triple<double> along[3], across[3], turned[3];  ///< columns: constant, times cosine, times sine
+};
+
+/// The body's frame in its parent's, with its joint at `q_tree` [rad; m]: rotation, column by
+/// column, and origin [m].
+template <class Scalar>
+TACHLESS_INLINE void set_joint_pose(const Body& body, const JointConstants& joint,
+                                    const Scalar& q_tree, Scalar* R, Scalar* p) {
+  const Triple<double> origin = triple(body.p_PB);
+  if (body.type == JointType::revolute) {
+    Scalar s, c;
+    sin_cos(q_tree, s, c);
+    const auto set = [&](int j) {
+      const Triple<Scalar> turned = joint.across[j] * c, rest = joint.turned[j] * s;
+      R[3 * j] = joint.along[j].x + turned.x + rest.x;
+      R[3 * j + 1] = joint.along[j].y + turned.y + rest.y;
+      R[3 * j + 2] = joint.along[j].z + turned.z + rest.z;
+    };
+    set(0), set(1), set(2);
+    p[0] = origin.x, p[1] = origin.y, p[2] = origin.z;
+  } else {
+    for (int i = 0; i < 9; ++i) R[i] = body.R_PB.data()[i];
+    const Triple<Scalar> moved = joint.direction * q_tree;
+    p[0] = origin.x + moved.x, p[1] = origin.y + moved.y, p[2] = origin.z + moved.z;
+  }
+}
+
 template <class Scalar>
 Pose<Scalar> joint_pose(const Body& body, const Scalar& q_tree) {
   Pose<Scalar> X;
-  if (body.type == JointType::revolute) {
-    // Rodrigues, the constant rotation multiplied in beforehand:
-    // R_PB (a a' + cos (1 - a a') + sin [a]x).
-    const Eigen::Vector3d& a = body.axis_B;
-    const Eigen::Matrix3d along = (body.R_PB * a) * a.transpose();
-    const Eigen::Matrix3d across = body.R_PB - along;
-    Eigen::Matrix3d turned;
-    turned.col(0) = body.R_PB.col(1) * a[2] - body.R_PB.col(2) * a[1];
-    turned.col(1) = body.R_PB.col(2) * a[0] - body.R_PB.col(0) * a[2];
-    turned.col(2) = body.R_PB.col(0) * a[1] - body.R_PB.col(1) * a[0];
-    Scalar s, c;
-    sin_cos(q_tree, s, c);
-    for (int i = 0; i < 9; ++i) {
-      X.R.coeffRef(i) = along.coeff(i) + across.coeff(i) * c + turned.coeff(i) * s;
-    }
-    for (int i = 0; i < 3; ++i) X.p[i] = body.p_PB[i];
-  } else {
-    for (int i = 0; i < 9; ++i) X.R.coeffRef(i) = body.R_PB.coeff(i);
-    const Eigen::Vector3d direction_P = body.R_PB * body.axis_B;
-    for (int i = 0; i < 3; ++i) X.p[i] = body.p_PB[i] + direction_P[i] * q_tree;
-  }
+  set_joint_pose(body, JointConstants(body), q_tree, X.R.data(), X.p.data());
   return X;
 }
 

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <vector>
 
 #include "robot/inverse_dynamics.h"
 #include "tests/robot/robots.h"
@@ -45,6 +47,33 @@ TEST_P(MassMatrix, HasTheTorqueOfUnitAccelerationsAsItsColumns) {
       EXPECT_LT((M.col(j) - inverse_dynamics(weightless, q, zero, e)).cwiseAbs().maxCoeff(),
                 8 * eps * static_cast<double>(model.bodies.size()) * M.cwiseAbs().maxCoeff());
     }
+  }
+}
+
+TEST_P(MassMatrix, DoesNotDependOnTheOrderOfItsBodies) {
+  // Level by level in place of branch by branch: a subtree's bodies are not side by side.
+  std::vector<int> level(model.bodies.size(), 0), order(model.bodies.size()), at(order.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const int parent = model.bodies[i].parent;
+    if (parent >= 0) level[i] = level[static_cast<std::size_t>(parent)] + 1;
+    order[i] = static_cast<int>(i);
+  }
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    return level[static_cast<std::size_t>(a)] < level[static_cast<std::size_t>(b)];
+  });
+  Model by_level = model;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const auto from = static_cast<std::size_t>(order[i]);
+    at[from] = static_cast<int>(i);
+    Body& body = by_level.bodies[i] = model.bodies[from];
+    if (body.parent >= 0) body.parent = at[static_cast<std::size_t>(body.parent)];
+  }
+  for (int k = 0; k < 20; ++k) {
+    const Vector q = random.vector(n, 3);
+    const Matrix M = mass_matrix(model, q);
+    // The same sums in another order.
+    EXPECT_LT((mass_matrix(by_level, q) - M).cwiseAbs().maxCoeff(),
+              8 * eps * static_cast<double>(model.bodies.size()) * M.cwiseAbs().maxCoeff());
   }
 }
 
