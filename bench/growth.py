@@ -160,5 +160,6 @@ def growth(bench, svg):
             lines += [f"| {' | '.join(f'{x:,.0f}' if x >= 20 or x == int(x) else f'{x:.1f}' for x in row)} |"
                       for row in rows]
             parts.append(f"{title}:\n\n" + "\n".join(lines))
-        bench.output("gnuplot", "-e", PLOT.format(svg=svg, d=folder))
+        (folder / "plot").write_text(PLOT.format(svg=svg, d=folder))
+        bench.output("gnuplot", folder / "plot")
     return "\n\n".join(parts)
