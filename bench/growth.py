@@ -126,20 +126,20 @@ TABLES = [
      ["runs", "ticks per second of all, four processes each", "in one process each"], by_runs),
 ]
 
-PLOT = """set terminal svg size 900,620 font 'sans,11'
+PLOT = """set terminal svg size 900,620 font 'sans,11' background rgb 'white'
 set output '{svg}'
 set multiplot layout 2,2
 set grid
 set key top right
 set logscale xy
-set xlabel 'joints'; set ylabel 'ticks per second'
+set xlabel 'joints'; set ylabel 'ticks per second'; set xtics (2, 4, 8, 16, 32, 64)
 plot '{d}/0' u 1:6 w lp t 'native, one process', '' u 1:5 w lp t 'native, four', \\
   '' u 1:3 w lp t 'Simbody, one process', '' u 1:2 w lp t 'Simbody, four'
 set xlabel 'joints'; set ylabel 'step [us]'; set key top left
 plot '{d}/0' u 1:4 w lp t 'Simbody', '' u 1:7 w lp t 'native'
-set xlabel 'ticks of a run'; set ylabel 'MB'; set format x '10^{{%T}}'
+set xlabel 'ticks of a run'; set ylabel 'MB'; set xtics auto; set format x '10^{{%T}}'
 plot '{d}/1' u 1:4 w lp t 'log', '' u 1:3 w lp t 'memory'
-unset logscale; unset format; set yrange [0:]
+unset logscale; unset format; set yrange [0:]; set xtics (1, 2, 4, 8); set key bottom right
 set xlabel 'robots on a bus, runs at a time'; set ylabel 'ticks per second of all'
 plot '{d}/2' u 1:3 w lp t 'robots on one bus', '{d}/3' u 1:2 w lp t 'runs at a time'
 """

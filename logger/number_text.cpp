@@ -33,9 +33,9 @@ struct Power {
 const std::array<Power, 2 * largest_power + 1> powers_of_ten = [] {
   static_assert(std::numeric_limits<long double>::digits >= 64);
   std::array<Power, 2 * largest_power + 1> powers{};
-  for (int i = -largest_power; i <= largest_power; ++i) {
-    Power& power = powers[static_cast<std::size_t>(i + largest_power)];
-    const long double value = std::strtold(("1e" + std::to_string(i)).c_str(), nullptr);
+  int exponent = -largest_power;
+  for (Power& power : powers) {
+    const long double value = std::strtold(("1e" + std::to_string(exponent++)).c_str(), nullptr);
     const long double fraction = std::frexp(value, &power.exponent);
     power.mantissa = static_cast<std::uint64_t>(std::rint(std::ldexp(fraction, 64)));
     power.exponent -= 64;
@@ -55,9 +55,9 @@ Decimal decimal_of(double value) {
   const std::uint64_t mantissa = (bits << 11) | (std::uint64_t{1} << 63);
   Decimal result{0, (binary * 78'913) >> 18};  // floor(binary log10(2)): right, or one too little
   for (;; ++result.exponent) {
-    const Power power =
-        powers_of_ten[static_cast<std::size_t>(num_digits - 1 - result.exponent + largest_power)];
-    // value 10^(16 - exponent) = product 2^-shift; 59 < shift < 72, for it is below 1e18.
+    const int index = largest_power + num_digits - 1 - result.exponent;
+    const Power power = powers_of_ten[static_cast<std::size_t>(index)];
+    // value 10^(16 - exponent) = product 2^-shift; 66 < shift < 75, for it is 1e16 to 1e18.
     const Product product = static_cast<Product>(mantissa) * power.mantissa;
     const int shift = 63 - binary - power.exponent;
     const auto whole = static_cast<std::uint64_t>(product >> shift);
