@@ -5,6 +5,7 @@ import concurrent.futures
 import json
 import os
 import pathlib
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -95,21 +96,27 @@ def by_length(bench, folder):
 def by_robots(bench, folder):
     for robots in MANY:
         paths = [scenario(folder, 2, f"r{i}") for i in range(robots)]
-        summaries = run(bench, folder / "out", paths, 4000 // robots, "--isolate", "--set",
-                        "plant.mechanics=native")[0]
-        rates = [rate(each) for each in summaries.values()] if robots > 1 else [rate(summaries)]
-        yield [robots, sum(rates) / robots, sum(rates)]
+
+        def of_all():
+            summaries = run(bench, folder / "out", paths, 16_000 // robots, "--isolate", "--set",
+                            "plant.mechanics=native")[0]
+            return sum(map(rate, summaries.values() if robots > 1 else [summaries]))
+        total = statistics.median(of_all() for _ in range(3))
+        yield [robots, total / robots, total]
 
 
 def by_runs(bench, folder):
     path = scenario(folder, 2)
     for runs in MANY:
         row = [runs]
-        for where, ticks in (("--isolate", 8000 // runs), ("--in-process", 100_000)):
-            with concurrent.futures.ThreadPoolExecutor(runs) as pool:
-                each = [pool.submit(run, bench, folder / f"out{i}", [path], ticks, where, "--set",
-                                    "plant.mechanics=native") for i in range(runs)]
-                row.append(sum(rate(future.result()[0]) for future in each))
+        for where, ticks in (("--isolate", 16_000 // runs), ("--in-process", 100_000)):
+
+            def of_all():
+                with concurrent.futures.ThreadPoolExecutor(runs) as pool:
+                    each = [pool.submit(run, bench, folder / f"out{i}", [path], ticks, where, "--set",
+                                        "plant.mechanics=native") for i in range(runs)]
+                    return sum(rate(future.result()[0]) for future in each)
+            row.append(statistics.median(of_all() for _ in range(3)))
         yield row
 
 
@@ -120,9 +127,10 @@ TABLES = [
       "memory [MB]", "log per tick [B]"], by_joints),
     ("Length of a run (`paper_rigid`, native, in one process; the memory is the most until its report "
      "is written)", ["ticks", "ticks per second", "memory [MB]", "log [MB]"], by_length),
-    ("Robots on one bus (chains of two joints, native, four processes each, one command)",
+    ("Robots on one bus (chains of two joints, native, four processes each, one command; the median of "
+     "three)",
      ["robots", "ticks per second of each", "of all"], by_robots),
-    ("Runs at a time (chains of two joints, native, a command each)",
+    ("Runs at a time (chains of two joints, native, a command each; the median of three)",
      ["runs", "ticks per second of all, four processes each", "in one process each"], by_runs),
 ]
 
