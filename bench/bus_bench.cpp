@@ -1,10 +1,14 @@
-// Round trips between two processes over UDP multicast on loopback, in a private network
-// namespace: liblcm on both sides against the project's own transport, alone on the bus and with
+// Round trips between two processes over loopback, in a private network namespace: plain UDP,
+// liblcm and the project's own transport, the latter two over multicast, alone on the bus and with
 // a third process publishing on a channel that neither has subscribed to.
 //
-//   bus_bench [ROUND_TRIPS]     (20000 by default)
+//   bus_bench [ROUND_TRIPS [CPU CPU]]     (20000; where the scheduler likes)
 
+#include <arpa/inet.h>
+#include <sched.h>
 #include <signal.h>
+#include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -23,6 +27,7 @@
 #include <vector>
 
 #include "bus/udp_transport.h"
+#include "process/file_descriptor.h"
 #include "process/isolate.h"
 
 using namespace tachless;
@@ -84,6 +89,39 @@ class LiblcmSide final : public Side {
   int heard_ = 0;
 };
 
+/// Datagrams from socket to socket and nothing else: what the kernel takes.
+class RawSide final : public Side {
+ public:
+  RawSide(const std::string& out, const std::string& in) : fd_(::socket(AF_INET, SOCK_DGRAM, 0)) {
+    const sockaddr_in own = address(in);
+    to_ = address(out);
+    const timeval patience{1, 0};
+    if (::bind(fd_.get(), reinterpret_cast<const sockaddr*>(&own), sizeof own) != 0 ||
+        ::setsockopt(fd_.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0) {
+      throw std::runtime_error("no UDP socket");
+    }
+  }
+  void say(const Payload& payload) override {
+    ::sendto(fd_.get(), payload.data(), payload.size(), 0, reinterpret_cast<const sockaddr*>(&to_),
+             sizeof to_);
+  }
+  bool hear() override {
+    Payload payload;
+    return ::recv(fd_.get(), payload.data(), payload.size(), 0) > 0;
+  }
+
+ private:
+  static sockaddr_in address(const std::string& channel) {
+    sockaddr_in result{};
+    result.sin_family = AF_INET;
+    result.sin_port = htons(channel == "PING" ? 7001 : 7002);
+    result.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    return result;
+  }
+  process::FileDescriptor fd_;
+  sockaddr_in to_{};
+};
+
 using MakeSide = std::function<std::unique_ptr<Side>(const std::string&, const std::string&)>;
 
 pid_t in_child(const std::function<void()>& body) {
@@ -98,9 +136,21 @@ void end(pid_t child) {
   ::waitpid(child, nullptr, 0);
 }
 
-void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_trips) {
+void run_on(int cpu) {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  CPU_SET(static_cast<std::size_t>(cpu), &set);
+  if (sched_setaffinity(0, sizeof set, &set) != 0) throw std::runtime_error("no such processor");
+}
+
+void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_trips,
+               const std::vector<int>& cpus) {
+  std::array<int, 2> up{};
+  if (::pipe(up.data()) != 0) throw std::runtime_error("no pipe");
   const pid_t echo = in_child([&] {
+    if (!cpus.empty()) run_on(cpus[1]);
     const auto side = make("PONG", "PING");
+    if (::write(up[1], "", 1) != 1) return;
     for (const Payload payload{};;) {
       if (side->hear()) side->say(payload);
     }
@@ -114,7 +164,12 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
     }
   })
                                : 0;
+  if (!cpus.empty()) run_on(cpus[0]);
   const auto side = make("PING", "PONG");
+  std::array<char, 1> byte;
+  if (::read(up[0], byte.data(), 1) != 1) throw std::runtime_error("the echo did not start");
+  ::close(up[0]);
+  ::close(up[1]);
   const Payload payload{};
   std::vector<double> round_trip_us;
   int silences = 0;
@@ -143,6 +198,8 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
 
 int main(int argc, char** argv) {
   const int round_trips = argc > 1 ? std::atoi(argv[1]) : 20'000;
+  std::vector<int> cpus;
+  if (argc > 3) cpus = {std::atoi(argv[2]), std::atoi(argv[3])};
   process::enter_private_network();
   const MakeSide own = [](const auto& out, const auto& in) {
     return std::make_unique<OwnSide>(out, in);
@@ -150,8 +207,12 @@ int main(int argc, char** argv) {
   const MakeSide liblcm = [](const auto& out, const auto& in) {
     return std::make_unique<LiblcmSide>(out, in);
   };
-  ping_pong("liblcm", liblcm, false, round_trips);
-  ping_pong("own transport", own, false, round_trips);
-  ping_pong("liblcm, foreign traffic", liblcm, true, round_trips);
-  ping_pong("own transport, foreign traffic", own, true, round_trips);
+  const MakeSide raw = [](const auto& out, const auto& in) {
+    return std::make_unique<RawSide>(out, in);
+  };
+  ping_pong("plain UDP", raw, false, round_trips, cpus);
+  ping_pong("own transport", own, false, round_trips, cpus);
+  ping_pong("liblcm", liblcm, false, round_trips, cpus);
+  ping_pong("own transport, foreign traffic", own, true, round_trips, cpus);
+  ping_pong("liblcm, foreign traffic", liblcm, true, round_trips, cpus);
 }

@@ -26,6 +26,10 @@ using SignalRows = decltype(loop::LawSignals::value);
 constexpr std::size_t count_size = sizeof(std::int32_t);
 constexpr std::size_t smallest_text = count_size + 1;
 
+constexpr std::uint64_t big_endian(std::uint64_t value) {
+  return std::endian::native == std::endian::little ? __builtin_bswap64(value) : value;
+}
+
 class Reader {
  public:
   explicit Reader(std::span<const std::byte> bytes) : left_(bytes) {}
@@ -33,8 +37,13 @@ class Reader {
   /// The next `size` bytes as an unsigned number. The caller knows that they are there.
   std::uint64_t take(std::size_t size) {
     std::uint64_t value = 0;
-    for (std::size_t i = 0; i < size; ++i) {
-      value = value << 8 | std::to_integer<std::uint64_t>(left_[i]);
+    if (size == 8) {
+      std::memcpy(&value, left_.data(), 8);
+      value = big_endian(value);
+    } else {
+      for (std::size_t i = 0; i < size; ++i) {
+        value = value << 8 | std::to_integer<std::uint64_t>(left_[i]);
+      }
     }
     left_ = left_.subspan(size);
     return value;
@@ -57,8 +66,13 @@ class Writer {
   explicit Writer(std::span<std::byte> bytes) : left_(bytes) {}
 
   void put(std::uint64_t value, std::size_t size) {
-    for (std::size_t i = 0; i < size; ++i) {
-      left_[i] = static_cast<std::byte>(value >> 8 * (size - 1 - i));
+    if (size == 8) {
+      value = big_endian(value);
+      std::memcpy(left_.data(), &value, 8);
+    } else {
+      for (std::size_t i = 0; i < size; ++i) {
+        left_[i] = static_cast<std::byte>(value >> 8 * (size - 1 - i));
+      }
     }
     left_ = left_.subspan(size);
   }

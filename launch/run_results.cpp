@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <filesystem>
+#include <future>
 #include <iostream>
 #include <string_view>
 
@@ -99,12 +100,16 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
   try {
     if (out.begun()) diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
     if (tracking.num_ticks() > 0) {
+      // Each waits for a gnuplot of its own.
+      auto reported = std::async(std::launch::async, [&] {
+        report::write_report(
+            {report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run)},
+            out / "report.html");
+      });
       diagnostics::UnfinishedFile svg(out / "tracking.svg", remedy);
       report::draw(report::tracking_figure(tracking, figure, svg.name()), svg.name());
       svg.finish();
-      report::write_report(
-          {report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run)},
-          out / "report.html");
+      reported.get();
     }
   } catch (const diagnostics::Failure& failure) {
     diagnostics::log_error(failure.what());

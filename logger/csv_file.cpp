@@ -1,21 +1,20 @@
 #include "logger/csv_file.h"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <system_error>
 #include <utility>
 
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
+#include "logger/number_text.h"
 
 namespace tachless::logger {
 namespace {
 
-void append_number(std::string& line, double value) {
-  std::array<char, 32> text;
-  const int length = std::snprintf(text.data(), text.size(), "%.17g", value);
-  line.append(text.data(), static_cast<std::size_t>(length));
-}
+constexpr std::size_t block_bytes = 1 << 18;
 
 }  // namespace
 
@@ -24,13 +23,18 @@ CsvFile::CsvFile(const std::filesystem::path& path, const std::vector<Quantity>&
     : path_(path), quantities_(quantities), period_s_(period_s) {
   file_ = std::fopen(path.c_str(), "we");
   if (file_ == nullptr) fail(errno);
-  line_ = "tick,t_s";
+  std::string head = "tick,t_s";
+  std::size_t columns = 2;
   for (const auto& quantity : quantities_) {
     for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-      line_.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
+      head.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
     }
+    columns += quantity.units.size();
   }
-  write(line_);
+  head += '\n';
+  longest_row_ = columns * (longest_number + 1);
+  block_.resize(std::max(block_bytes, head.size() + longest_row_));
+  filled_ = head.copy(block_.data(), head.size());
 }
 
 CsvFile::~CsvFile() {
@@ -38,29 +42,31 @@ CsvFile::~CsvFile() {
 }
 
 void CsvFile::append(const TickRecord& record) {
-  line_ = std::to_string(record.tick);
-  line_ += ',';
-  append_number(line_, static_cast<double>(record.tick) * period_s_);
+  if (block_.size() - filled_ < longest_row_) write();
+  char* at = &block_[filled_];
+  at = std::to_chars(at, at + longest_number, record.tick).ptr;
+  *at++ = ',';
+  at = write_number(at, static_cast<double>(record.tick) * period_s_);
   std::array<double, robot::max_joints> values;
   for (const auto& quantity : quantities_) {
     const bool present = has(record, quantity.slot);
     if (present) quantity.read(record, values.data());
     for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-      line_ += ',';
-      if (present) append_number(line_, values[i]);
+      *at++ = ',';
+      if (present) at = write_number(at, values[i]);
     }
   }
-  write(line_);
+  *at++ = '\n';
+  filled_ = static_cast<std::size_t>(at - block_.data());
 }
 
-void CsvFile::write(const std::string& line) {
-  if (std::fwrite(line.data(), 1, line.size(), file_) != line.size() ||
-      std::fputc('\n', file_) == EOF) {
-    fail(errno);
-  }
+void CsvFile::write() {
+  if (std::fwrite(block_.data(), 1, filled_, file_) != filled_) fail(errno);
+  filled_ = 0;
 }
 
 void CsvFile::close() {
+  write();
   if (std::fclose(std::exchange(file_, nullptr)) != 0) fail(errno);
 }
 

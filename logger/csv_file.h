@@ -26,13 +26,15 @@ class CsvFile {
 
  private:
   [[noreturn]] void fail(int error) const;
-  void write(const std::string& line);
+  void write();
 
   std::filesystem::path path_;
   const std::vector<Quantity>& quantities_;
   double period_s_;
   std::FILE* file_ = nullptr;
-  std::string line_;
+  std::vector<char> block_;  ///< written at once when no further row is sure to fit
+  std::size_t filled_ = 0;
+  std::size_t longest_row_ = 0;
 };
 
 }  // namespace tachless::logger

@@ -28,7 +28,7 @@ std::int64_t difference(std::int64_t b, std::int64_t a) {
   return result;
 }
 
-RunFacts facts_of(RunLog log) {
+RunFacts facts_of(RunLog& log) {
   RunFacts facts;
   const auto& scenario = log.scenario();
   facts.run = log.run();
@@ -160,6 +160,69 @@ std::optional<double> ChannelInfo::rate_hz() const {
 
 namespace {
 
+/// Counts messages by channel.
+class ChannelTally {
+ public:
+  explicit ChannelTally(LogInfo& info) : info_(info) {}
+
+  void add(const LogEvent& event) {
+    info_.first_utime = info_.events == 0 ? event.utime : std::min(info_.first_utime, event.utime);
+    info_.last_utime = info_.events == 0 ? event.utime : std::max(info_.last_utime, event.utime);
+    ++info_.events;
+    Entry* const entry = find(event);
+    if (entry == nullptr) {
+      ++info_.events_elsewhere;
+      return;
+    }
+    ChannelInfo& channel = entry->channel;
+    ++channel.messages;
+    channel.bytes += event.data.size();
+    if (bus::fingerprint_of(event.data) != entry->fingerprint &&
+        type_name(event.data) != channel.type) {
+      ++channel.other_type;
+    }
+    channel.longest_silence_us =
+        std::max(channel.longest_silence_us, difference(event.utime, channel.last_utime));
+    channel.last_utime = event.utime;
+  }
+
+  /// Hands over the channels.
+  void finish() {
+    for (auto& [name, entry] : entries_) info_.channels.push_back(std::move(entry.channel));
+  }
+
+ private:
+  struct Entry {
+    ChannelInfo channel;
+    std::optional<std::int64_t> fingerprint;  ///< of the first message
+    Entry* follower = nullptr;                ///< of which the message after the last one was
+  };
+
+  /// @return null when there are too many channels already
+  Entry* find(const LogEvent& event) {
+    if (last_ != nullptr && last_->follower != nullptr &&
+        last_->follower->channel.name == event.channel) {
+      return last_ = last_->follower;
+    }
+    auto found = entries_.find(event.channel);
+    if (found == entries_.end()) {
+      if (entries_.size() == LogInfo::max_channels) return nullptr;
+      Entry fresh;
+      fresh.channel.name = event.channel;
+      fresh.channel.type = type_name(event.data);
+      fresh.channel.first_utime = fresh.channel.last_utime = event.utime;
+      fresh.fingerprint = bus::fingerprint_of(event.data);
+      found = entries_.emplace(event.channel, std::move(fresh)).first;
+    }
+    if (last_ != nullptr) last_->follower = &found->second;
+    return last_ = &found->second;
+  }
+
+  LogInfo& info_;
+  std::map<std::string, Entry, std::less<>> entries_;
+  Entry* last_ = nullptr;
+};
+
 /// What a file without any message is, by its beginning.
 std::string no_log_text(const std::filesystem::path& path) {
   std::string text(1 << 16, '\0');
@@ -182,49 +245,27 @@ std::string no_log_text(const std::filesystem::path& path) {
 LogInfo read_info(const std::filesystem::path& path) {
   LogInfo info;
   info.path = path;
-  LogReader reader(path);
-  info.size_bytes = reader.size_bytes();
-  std::map<std::string, ChannelInfo, std::less<>> channels;
-  bool has_run_info = false;
-  while (const auto event = reader.next()) {
-    info.first_utime = info.events == 0 ? event->utime : std::min(info.first_utime, event->utime);
-    info.last_utime = info.events == 0 ? event->utime : std::max(info.last_utime, event->utime);
-    ++info.events;
-    auto found = channels.find(event->channel);
-    const std::string_view type = type_name(event->data);
-    if (event->channel.ends_with(run_info_suffix)) has_run_info = true;
-    if (found == channels.end()) {
-      if (channels.size() == LogInfo::max_channels) {
-        ++info.events_elsewhere;
-        continue;
-      }
-      ChannelInfo fresh;
-      fresh.name = event->channel;
-      fresh.type = type;
-      fresh.first_utime = fresh.last_utime = event->utime;
-      found = channels.emplace(fresh.name, fresh).first;
-    }
-    ChannelInfo& channel = found->second;
-    ++channel.messages;
-    channel.bytes += event->data.size();
-    if (type != channel.type) ++channel.other_type;
-    channel.longest_silence_us =
-        std::max(channel.longest_silence_us, difference(event->utime, channel.last_utime));
-    channel.last_utime = event->utime;
+  ChannelTally tally(info);
+  try {
+    RunLog log = RunLog::open(path);
+    log.watch([&](const LogEvent& event) { tally.add(event); });
+    info.run = facts_of(log);
+    info.damage = log.damage();
+  } catch (const diagnostics::Failure& failure) {
+    info.run_problem = printable(failure.what());
+    LogReader reader(path);
+    while (const auto event = reader.next()) tally.add(*event);
+    info.damage = reader.damage();
   }
-  for (auto& [name, channel] : channels) info.channels.push_back(std::move(channel));
-  info.damage = reader.damage();
+  info.size_bytes = std::filesystem::file_size(path);
+  tally.finish();
   if (info.events == 0 && info.size_bytes > 0) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, no_log_text(path));
   }
-  if (!has_run_info) {
+  const bool has_run_info = std::ranges::any_of(
+      info.channels, [](const ChannelInfo& each) { return each.name.ends_with(run_info_suffix); });
+  if (!info.run && !has_run_info) {
     info.run_problem = "no RUN_INFO in it: not a log of tachless, or recorded without its start";
-    return info;
-  }
-  try {
-    info.run = facts_of(RunLog::open(path));
-  } catch (const diagnostics::Failure& failure) {
-    info.run_problem = printable(failure.what());
   }
   return info;
 }

@@ -30,7 +30,7 @@ constexpr std::size_t buffer_bytes = 1 << 20;
 // liblcm's reader refuses longer names, though the network protocol ends at 63.
 constexpr std::size_t max_readable_channel_bytes = 999;
 constexpr std::uint64_t smallest_event_bytes = event_header_bytes + 1;
-constexpr std::uint64_t release_bytes = 64 << 20;
+constexpr std::uint64_t release_bytes = 4 << 20;
 
 template <class Integer>
 Integer big_endian(Integer value) {

@@ -76,6 +76,7 @@ class RunLog::Impl {
         ready_.pop_front();
         take(event);
       } else if (const auto event = reader_.next()) {
+        if (on_event_) on_event_(*event);
         take(*event);
       } else if (at_end_ = true; newest_ >= base_) {
         release_below_ = newest_ + 1;
@@ -108,6 +109,8 @@ class RunLog::Impl {
     for (const Slot slot : loop::all_slots)
       piece_summary(slot).channel = piece_channels_[index(slot)];
   }
+
+  void watch(std::function<void(const LogEvent&)> on_event) { on_event_ = std::move(on_event); }
 
   [[nodiscard]] const LogReader& reader() const { return reader_; }
   [[nodiscard]] std::int64_t run() const { return described_.run; }
@@ -308,6 +311,7 @@ class RunLog::Impl {
   };
 
   LogReader reader_;
+  std::function<void(const LogEvent&)> on_event_;
   RunDescription described_;
   RunSummary summary_;
 
@@ -339,6 +343,9 @@ const loop::RunInfo& RunLog::info() const { return impl_->info(); }
 const experiment::Scenario& RunLog::scenario() const { return impl_->scenario(); }
 const loop::Layout& RunLog::layout() const { return impl_->layout(); }
 bool RunLog::next(TickRecord& record) { return impl_->next(record); }
+void RunLog::watch(std::function<void(const LogEvent&)> on_event) {
+  impl_->watch(std::move(on_event));
+}
 void RunLog::rewind() { impl_->rewind(); }
 const RunSummary& RunLog::summary() const { return impl_->summary(); }
 const Damage& RunLog::damage() const { return impl_->reader().damage(); }

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -93,6 +94,9 @@ class RunLog {
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);
+
+  /// Calls `on_event` with every event of the log, of whatever channel, when `next` reads it.
+  void watch(std::function<void(const LogEvent&)> on_event);
 
   /// Starts over.
   void rewind();

@@ -2,8 +2,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "tests/support/damaged_log.h"
 #include "tests/support/recorded_run.h"
@@ -25,6 +27,31 @@ class Info : public testing::Test {
   TemporaryDirectory directory_;
   std::filesystem::path path_ = directory_.path() / "lcmlog";
 };
+
+TEST_F(Info, NeedsNoMoreMemoryForALongLog) {
+  constexpr int megabytes = 100;
+  {
+    const auto run_path = directory_.path() / "run";
+    write_file(run_path, short_flexible_run().bytes());
+    LogReader run(run_path);
+    LogWriter log(path_);
+    while (const auto event = run.next()) log.append(event->utime, event->channel, event->data);
+    const std::vector<std::byte> data(1 << 12);  // so that every page is looked at
+    for (int i = 0; i < 256 * megabytes; ++i) log.append(0, "CAMERA", data);
+    log.close();
+  }
+  const auto most_kB = [] {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_maxrss;
+  };
+  const long before_kB = most_kB();
+  const auto info = read_info(path_);
+  EXPECT_TRUE(info.run);
+  EXPECT_EQ(info.channels.back().name, "CAMERA");
+  // Two stretches of 4 MB and the window of ticks; 105 MB where no page is given back.
+  EXPECT_LT(most_kB() - before_kB, 40'000);
+}
 
 TEST_F(Info, TellsRunAndChannelsOfOurLog) {
   const auto info = info_of(short_flexible_run().bytes());

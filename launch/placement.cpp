@@ -1,0 +1,150 @@
+#include "launch/placement.h"
+
+#include <fmt/core.h>
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <chrono>
+#include <sstream>
+#include <system_error>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/text.h"
+
+namespace tachless::launch {
+namespace {
+
+using loop::Role;
+using std::chrono::nanoseconds;
+
+constexpr std::array loop_roles = {Role::plant, Role::controller, Role::reference};
+// What goes on beside the way from the measurement to the command where processes have a CPU each:
+// the reference's step, the controller's state.
+constexpr nanoseconds in_parallel = std::chrono::microseconds(10);
+
+[[noreturn]] void refuse(const std::string& wanted, const std::string& why) {
+  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                             fmt::format("--placement {}: {}", wanted, why));
+}
+
+void put(Placement& placement, Role role, std::vector<int> cpus) {
+  placement.cpus[static_cast<std::size_t>(role)] = std::move(cpus);
+}
+
+std::vector<int> without(const std::vector<int>& cpus, int cpu) {
+  std::vector<int> others;
+  std::ranges::remove_copy(cpus, std::back_inserter(others), cpu);
+  return others;
+}
+
+/// From the last on: the first has the most of the kernel's own work.
+bool claim_one(const std::vector<int>& cpus, Placement& placement) {
+  for (auto cpu = cpus.rbegin(); cpu != cpus.rend(); ++cpu) {
+    auto claim = process::CpuClaim::of(*cpu);
+    if (!claim) continue;
+    placement.claims.push_back(std::move(*claim));
+    return true;
+  }
+  return false;
+}
+
+Placement spread(const std::string& why) {
+  Placement placement;
+  placement.words = "spread by the kernel" + (why.empty() ? "" : ": " + why);
+  return placement;
+}
+
+Placement together(const std::vector<int>& cpus, const std::string& why) {
+  Placement placement;
+  const bool own = claim_one(cpus, placement);
+  const int cpu = own ? placement.claims.front().cpu()
+                      : cpus[static_cast<std::size_t>(getpid()) % cpus.size()];
+  for (const Role role : loop_roles) put(placement, role, {cpu});
+  put(placement, Role::logger, cpus.size() > 1 ? without(cpus, cpu) : cpus);
+  placement.words = fmt::format("together on CPU {}{}{}", cpu,
+                                own ? "" : ", which another run may have, too",
+                                why.empty() ? "" : ": " + why);
+  return placement;
+}
+
+Placement spin(const std::vector<int>& cpus) {
+  Placement placement;
+  placement.spin = true;
+  const std::string needs = "each of three processes needs a CPU for itself, and the rest one";
+  if (cpus.size() <= loop_roles.size()) {
+    refuse("spin", fmt::format("{}; this one may use {}; type: --placement together", needs,
+                               fmt::join(cpus, ", ")));
+  }
+  std::vector<int> rest = cpus;
+  for (const Role role : loop_roles) {
+    if (!claim_one(rest, placement)) {
+      refuse("spin", needs + "; other runs have them; type: --placement together");
+    }
+    const int cpu = placement.claims.back().cpu();
+    put(placement, role, {cpu});
+    rest = without(rest, cpu);
+  }
+  put(placement, Role::logger, rest);
+  placement.words = fmt::format("awake on CPUs {}, {} and {}", placement.claims[0].cpu(),
+                                placement.claims[1].cpu(), placement.claims[2].cpu());
+  return placement;
+}
+
+Placement automatic(const std::vector<int>& cpus, experiment::Mode mode) {
+  if (mode == experiment::Mode::realtime || cpus.size() == 1) return spread("");
+  try {
+    const nanoseconds here = process::wake_up_round_trip(cpus.back(), cpus.back());
+    const nanoseconds across = process::wake_up_round_trip(cpus.front(), cpus.back());
+    const std::string measured =
+        fmt::format("to wake somebody and be woken takes {:.1f} µs on one CPU, {:.1f} µs on two",
+                    here.count() * 1e-3, across.count() * 1e-3);
+    return across > here + in_parallel ? together(cpus, measured) : spread(measured);
+  } catch (const std::system_error&) {
+    return spread("processes cannot be bound to CPUs here");
+  }
+}
+
+Placement listed(const std::string& wanted, const std::vector<int>& allowed) {
+  std::vector<int> cpus;
+  std::istringstream list(wanted);
+  for (std::string word; std::getline(list, word, ',');) {
+    int cpu = -1;
+    const char* const end = word.data() + word.size();
+    const auto read = std::from_chars(word.data(), end, cpu);
+    if (read.ec != std::errc() || read.ptr != end) {
+      refuse(wanted, "allowed: auto, spread, together, spin, or numbers of CPUs");
+    }
+    if (std::ranges::find(allowed, cpu) == allowed.end()) {
+      refuse(wanted, fmt::format("CPU {} is none that this process may use; allowed: {}", cpu,
+                                 fmt::join(allowed, ", ")));
+    }
+    cpus.push_back(cpu);
+  }
+  if (cpus.size() != 1 && cpus.size() != 2 && cpus.size() != 4) {
+    refuse(wanted,
+           "allowed: one CPU for all, two (plant, controller and reference; logger) or four "
+           "(plant, controller, reference, logger)");
+  }
+  Placement placement;
+  for (std::size_t i = 0; i < loop_roles.size(); ++i) {
+    put(placement, loop_roles[i], {cpus[cpus.size() == 4 ? i : 0]});
+  }
+  put(placement, Role::logger, {cpus.back()});
+  placement.words = "on CPUs " + wanted;
+  return placement;
+}
+
+}  // namespace
+
+Placement choose_placement(const std::string& wanted, experiment::Mode mode) {
+  const std::vector<int> cpus = process::allowed_cpus();
+  if (wanted == "auto") return automatic(cpus, mode);
+  if (wanted == "spread") return spread("");
+  if (wanted == "together") return together(cpus, "");
+  if (wanted == "spin") return spin(cpus);
+  return listed(wanted, cpus);
+}
+
+}  // namespace tachless::launch
