@@ -235,8 +235,8 @@ void UdpTransport::collect(int messages, std::chrono::nanoseconds longest) {
 UdpTransport::Wake UdpTransport::nap(loop::Clock::time_point deadline) {
   const double fullness = std::max(static_cast<double>(nap_->come) / nap_->messages,
                                    static_cast<double>(nap_->occupied) / nap_->room);
-  const auto wanted = std::chrono::duration_cast<std::chrono::nanoseconds>(
-      nap_->length / std::max(fullness, 0.5));
+  const auto wanted =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(nap_->length / std::max(fullness, 0.5));
   nap_->length = std::min(wanted, nap_->longest);
   nap_->come = 0;
   nap_->occupied = 0;
@@ -277,6 +277,9 @@ bool UdpTransport::fetch(loop::Clock::time_point deadline, bool passed_over) {
   if (more_may_wait && read_batch()) return true;
   if (nap_ && deadline > loop::Clock::now()) {
     if (nap(deadline) == Wake::signal) return false;
+    if (read_batch()) return true;
+  }
+  while (spin_ && loop::Clock::now() < deadline) {
     if (read_batch()) return true;
   }
   while (wait(deadline, true) == Wake::datagram) {

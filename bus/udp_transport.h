@@ -44,8 +44,9 @@ struct UdpStatistics {
 
 /// LCM's wire format over UDP multicast, read and written by ourselves: no thread, no copy through
 /// a queue, no allocation per message, what waits read at once, and a filter in the kernel that
-/// wakes the process for its own channels only. Interoperates with liblcm's udpm. Does not put fragments together: a message
-/// must fit one datagram. One transport serves one thread. A signal that is handled ends a wait.
+/// wakes the process for its own channels only. Interoperates with liblcm's udpm. Does not put
+/// fragments together: a message must fit one datagram. One transport serves one thread. A signal
+/// that is handled ends a wait.
 class UdpTransport final : public Transport {
  public:
   /// Joins the bus. @param url see `parse_lcm_url`
@@ -82,6 +83,10 @@ class UdpTransport final : public Transport {
   /// would fill the receive buffer. For who is not waited for.
   void collect(int messages, std::chrono::nanoseconds longest);
 
+  /// From now on this process does not sleep while it waits for datagrams: for who has a CPU for
+  /// itself.
+  void spin() { spin_ = true; }
+
   /// Whether datagrams have been read that are not handed out yet. Otherwise `descriptor` is
   /// readable when there may be something to receive.
   [[nodiscard]] bool holds_datagrams() const { return next_held_ < num_held_; }
@@ -111,8 +116,8 @@ class UdpTransport final : public Transport {
   };
   /// How long to sleep before a wait (see `collect`).
   struct Nap {
-    int messages = 0;          ///< wanted each time
-    std::size_t room = 0;      ///< of the receive buffer for them [bytes]
+    int messages = 0;      ///< wanted each time
+    std::size_t room = 0;  ///< of the receive buffer for them [bytes]
     std::chrono::nanoseconds longest{0};
     std::chrono::nanoseconds length{0};
     int come = 0;              ///< messages since the last one
@@ -142,6 +147,7 @@ class UdpTransport final : public Transport {
   int num_held_ = 0;
   int next_held_ = 0;
   std::optional<Nap> nap_;
+  bool spin_ = false;
   std::array<Sender, 8> senders_{};
   std::size_t next_sender_ = 0;
   UdpStatistics statistics_;

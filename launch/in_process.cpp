@@ -89,13 +89,14 @@ RunEnd run_in_this_process(const experiment::Scenario& scenario, const RunOption
           return !interrupted;
         });
     log.close();
-    if (interrupted) end = {ExitCode::interrupted, "interrupted", 0, {}};
+    if (interrupted) end = {ExitCode::interrupted, "interrupted", 0, {}, {}};
   } catch (const Failure& failure) {
-    end = {failure.code(), failure.what(), 0, {}};
+    end = {failure.code(), failure.what(), 0, {}, {}};
     if (log.num_events() > 0 && failure.code() == ExitCode::protective_stop) {
       append_fault(log, scenario, run, counters.ticks(), failure);
     }
   }
+  end.placement = "one process";
   end.wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
   end.statistics.push_back(counters.take(end));
   return end;

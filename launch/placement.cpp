@@ -7,11 +7,12 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <iterator>
 #include <sstream>
 #include <system_error>
+#include <utility>
 
 #include "diagnostics/failure.h"
-#include "diagnostics/text.h"
 
 namespace tachless::launch {
 namespace {
@@ -19,6 +20,7 @@ namespace {
 using loop::Role;
 using std::chrono::nanoseconds;
 
+constexpr const char* asked_for = "asked for";
 constexpr std::array loop_roles = {Role::plant, Role::controller, Role::reference};
 // What goes on beside the way from the measurement to the command where processes have a CPU each:
 // the reference's step, the controller's state.
@@ -50,22 +52,23 @@ bool claim_one(const std::vector<int>& cpus, Placement& placement) {
   return false;
 }
 
-Placement spread(const std::string& why) {
+Placement spread(std::string why) {
   Placement placement;
-  placement.words = "spread by the kernel" + (why.empty() ? "" : ": " + why);
+  placement.words = "spread over CPUs";
+  placement.reason = std::move(why);
   return placement;
 }
 
 Placement together(const std::vector<int>& cpus, const std::string& why) {
   Placement placement;
   const bool own = claim_one(cpus, placement);
-  const int cpu = own ? placement.claims.front().cpu()
-                      : cpus[static_cast<std::size_t>(getpid()) % cpus.size()];
+  const int cpu =
+      own ? placement.claims.front().cpu() : cpus[static_cast<std::size_t>(getpid()) % cpus.size()];
   for (const Role role : loop_roles) put(placement, role, {cpu});
   put(placement, Role::logger, cpus.size() > 1 ? without(cpus, cpu) : cpus);
-  placement.words = fmt::format("together on CPU {}{}{}", cpu,
-                                own ? "" : ", which another run may have, too",
-                                why.empty() ? "" : ": " + why);
+  placement.words =
+      fmt::format("together on CPU {}{}", cpu, own ? "" : ", which another run has, too");
+  placement.reason = why;
   return placement;
 }
 
@@ -89,11 +92,13 @@ Placement spin(const std::vector<int>& cpus) {
   put(placement, Role::logger, rest);
   placement.words = fmt::format("awake on CPUs {}, {} and {}", placement.claims[0].cpu(),
                                 placement.claims[1].cpu(), placement.claims[2].cpu());
+  placement.reason = asked_for;
   return placement;
 }
 
 Placement automatic(const std::vector<int>& cpus, experiment::Mode mode) {
-  if (mode == experiment::Mode::realtime || cpus.size() == 1) return spread("");
+  if (mode == experiment::Mode::realtime) return spread("realtime");
+  if (cpus.size() == 1) return spread("there is one CPU");
   try {
     const nanoseconds here = process::wake_up_round_trip(cpus.back(), cpus.back());
     const nanoseconds across = process::wake_up_round_trip(cpus.front(), cpus.back());
@@ -133,6 +138,7 @@ Placement listed(const std::string& wanted, const std::vector<int>& allowed) {
   }
   put(placement, Role::logger, {cpus.back()});
   placement.words = "on CPUs " + wanted;
+  placement.reason = asked_for;
   return placement;
 }
 
@@ -141,8 +147,8 @@ Placement listed(const std::string& wanted, const std::vector<int>& allowed) {
 Placement choose_placement(const std::string& wanted, experiment::Mode mode) {
   const std::vector<int> cpus = process::allowed_cpus();
   if (wanted == "auto") return automatic(cpus, mode);
-  if (wanted == "spread") return spread("");
-  if (wanted == "together") return together(cpus, "");
+  if (wanted == "spread") return spread(asked_for);
+  if (wanted == "together") return together(cpus, asked_for);
   if (wanted == "spin") return spin(cpus);
   return listed(wanted, cpus);
 }

@@ -12,7 +12,8 @@ namespace tachless::launch {
 
 /// On which CPUs the four processes of a run execute.
 struct Placement {
-  std::string words;                                ///< for people
+  std::string words;   ///< where they are, for people: "together on CPU 1"
+  std::string reason;  ///< why, for people, or what was asked for
   std::array<std::vector<int>, loop::num_roles> cpus;  ///< by role; empty: all that are allowed
   /// Plant, controller and reference do not sleep while they wait for messages.
   bool spin = false;

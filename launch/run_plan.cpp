@@ -252,7 +252,8 @@ std::vector<std::string> command_of(const std::string& program, const RunOptions
   return command;
 }
 
-std::vector<Process> run_processes(const RunOptions& options, const RunDirectory& out) {
+std::vector<Process> run_processes(const RunOptions& options, const Placement& placement,
+                                   const RunDirectory& out) {
   const std::string log = (out / "lcmlog").string();
   std::vector<Process> all;
   for (const loop::Role role : roles) {
@@ -264,7 +265,8 @@ std::vector<Process> run_processes(const RunOptions& options, const RunDirectory
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
-    Process process{std::string(loop::name(role)), std::move(command), {}};
+    if (placement.spin && role != loop::Role::logger) command.emplace_back("--spin");
+    Process process{std::string(loop::name(role)), std::move(command), {}, placement.cpus_of(role)};
     if (process.name == options.restart) {
       process.restart = process.command;
       process.restart.insert(process.restart.end(), {"--resume", log});

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "experiment/scenario.h"
+#include "launch/placement.h"
 #include "launch/supervise.h"
 #include "loop/messages.h"
 #include "node/options.h"
@@ -27,6 +28,7 @@ struct RunOptions {
   std::string duration_s;
   std::string lcm_url = node::default_lcm_url;
   std::string key_file;
+  std::string placement = "auto";  ///< see choose_placement
   std::string restart;  ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
@@ -100,6 +102,7 @@ class RunDirectory {
 std::vector<std::string> command_of(const std::string& program, const RunOptions& options);
 
 /// The four processes, in the order in which they are started.
-std::vector<Process> run_processes(const RunOptions& options, const RunDirectory& out);
+std::vector<Process> run_processes(const RunOptions& options, const Placement& placement,
+                                   const RunDirectory& out);
 
 }  // namespace tachless::launch

@@ -81,6 +81,7 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
   facts.law = scenario.controller.law;
   facts.period_s = scenario.loop.period_s;
   facts.wall_s = end.wall_s;
+  facts.placement = end.placement;
   facts.fault = end.fault;
   return facts;
 }

@@ -20,6 +20,7 @@ struct RunEnd {
   std::optional<std::string> fault;  ///< the first cause
   double wall_s = 0;
   std::vector<node::Statistics> statistics;  ///< of the processes that left theirs
+  std::string placement;                     ///< of the processes on CPUs, for people
 };
 
 /// What has become of a run.

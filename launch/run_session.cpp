@@ -177,18 +177,6 @@ SuperviseOptions supervise_options(const Planned& run, Screen& screen) {
   return options;
 }
 
-/// @param culprit the robot whose failure interrupted the run, if one has
-RunEnd end_of(const Supervision& supervision, const std::string& culprit, const RunDirectory& out,
-              double wall_s) {
-  RunEnd end{exit_code(supervision), {}, wall_s, out.take_statistics()};
-  if (supervision.interrupted) {
-    end.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
-  } else if (supervision.culprit) {
-    end.fault = describe(supervision.ends[*supervision.culprit]);
-  }
-  return end;
-}
-
 /// Who else ended because of the first cause, in one line, and what helps.
 void tell_others(const Supervision& supervision, const RunOptions& options) {
   if (options.verbose) {
@@ -240,13 +228,29 @@ class Conclusions {
 /// A run whose four processes are on the bus.
 struct OnTheBus {
   OnTheBus(const Planned& planned, const std::optional<bus::Key>& key)
-      : run(planned), heartbeats(planned.options, planned.scenario, key) {}
+      : run(planned),
+        placement(choose_placement(planned.options.placement, planned.scenario.loop.mode)),
+        heartbeats(planned.options, planned.scenario, key) {}
 
   const Planned& run;
+  Placement placement;
   Heartbeats heartbeats;
   std::optional<Window> window;
   std::optional<RunDirectory> out;
 };
+
+/// @param culprit the robot whose failure interrupted the run, if one has
+RunEnd end_of(const Supervision& supervision, const std::string& culprit, const OnTheBus& robot,
+              double wall_s) {
+  RunEnd end{
+      exit_code(supervision), {}, wall_s, robot.out->take_statistics(), robot.placement.words};
+  if (supervision.interrupted) {
+    end.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
+  } else if (supervision.culprit) {
+    end.fault = describe(supervision.ends[*supervision.culprit]);
+  }
+  return end;
+}
 
 /// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
 /// @throw diagnostics::Failure as Heartbeats::require_free_bus
@@ -276,7 +280,7 @@ std::vector<Supervision> supervise_all(std::deque<OnTheBus>& robots, Screen& scr
       robot.out->look();
       if (robot.window) robot.window->attend();
     };
-    runs.push_back({run_processes(robot.run.options, *robot.out), options});
+    runs.push_back({run_processes(robot.run.options, robot.placement, *robot.out), options});
   }
   std::vector<Supervision> ends = supervise(runs);
   screen.clear();
@@ -297,7 +301,11 @@ diagnostics::ExitCode in_four_processes(const std::vector<Planned>& runs) {
     if (common.visualize) each.window.emplace(each.run.options, isolated, screen);
     each.out.emplace(each.run.options.directory(each.run.scenario));
   }
-  for (const Planned& run : runs) say(run.verdict, run.options);
+  for (const OnTheBus& each : robots) {
+    say(each.run.verdict, each.run.options);
+    diagnostics::log_detail(
+        each.run.options.named(fmt::format("{}: {}", each.placement.words, each.placement.reason)));
+  }
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise_all(robots, screen);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
@@ -312,7 +320,7 @@ diagnostics::ExitCode in_four_processes(const std::vector<Planned>& runs) {
   for (const std::size_t i : order) {
     const RunOptions& options = runs[i].options;
     const std::string culprit = ends[i].because_of ? runs[*ends[i].because_of].options.robot : "";
-    conclusions.add(runs[i], *robots[i].out, end_of(ends[i], culprit, *robots[i].out, wall_s),
+    conclusions.add(runs[i], *robots[i].out, end_of(ends[i], culprit, robots[i], wall_s),
                     [&] { tell_others(ends[i], options); });
   }
   for (OnTheBus& each : robots) {

@@ -42,10 +42,6 @@ std::string without_program(const std::string& line) {
   return end == std::string::npos ? line : line.substr(end + separator.size());
 }
 
-// Signals that end a run and were delivered while `SuperviseOptions::on_wake` let them through.
-volatile std::sig_atomic_t delivered = 0;
-void count_delivery(int /*signal*/) { delivered = delivered + 1; }
-
 /// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
 class Signals {
  public:
@@ -54,27 +50,19 @@ class Signals {
     sigemptyset(&set);
     for (int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGCHLD}) sigaddset(&set, signal);
     if (sigprocmask(SIG_BLOCK, &set, &mask_before_) != 0) fail("sigprocmask");
-    delivered = 0;
-    struct sigaction count {};
-    count.sa_handler = count_delivery;
-    for (std::size_t i = 0; i < ending.size(); ++i) sigaction(ending[i], &count, &before_[i]);
     fd_ = process::FileDescriptor(signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
     if (fd_.get() < 0) fail("signalfd");
   }
   Signals(const Signals&) = delete;
   Signals& operator=(const Signals&) = delete;
-  ~Signals() {
-    for (std::size_t i = 0; i < ending.size(); ++i) sigaction(ending[i], &before_[i], nullptr);
-    sigprocmask(SIG_SETMASK, &mask_before_, nullptr);
-  }
+  ~Signals() { sigprocmask(SIG_SETMASK, &mask_before_, nullptr); }
 
   [[nodiscard]] int fd() const { return fd_.get(); }
   [[nodiscard]] const sigset_t& mask_before() const { return mask_before_; }
 
   /// How many signals that end a run have come since the last call.
   int take_interrupts() {
-    int count = delivered;
-    delivered = 0;
+    int count = 0;
     signalfd_siginfo info;
     while (::read(fd_.get(), &info, sizeof info) == sizeof info) {
       if (info.ssi_signo != SIGCHLD) ++count;
@@ -83,10 +71,7 @@ class Signals {
   }
 
  private:
-  static constexpr std::array ending = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
-
   sigset_t mask_before_{};
-  std::array<struct sigaction, ending.size()> before_{};
   process::FileDescriptor fd_;
 };
 
@@ -98,7 +83,7 @@ class Run {
     for (const Process& process : processes_) result_.ends.emplace_back().name = process.name;
     try {
       for (const Process& process : processes_) {
-        children_.push_back(process::start(process.command, mask));
+        children_.push_back(process::start(process.command, mask, process.cpus));
       }
     } catch (...) {
       kill_rest();
@@ -204,7 +189,7 @@ class Run {
     fresh.name = end.name;
     fresh.restarts = end.restarts + 1;
     end = std::move(fresh);
-    children_[i] = process::start(processes_[i].restart, mask_);
+    children_[i] = process::start(processes_[i].restart, mask_, processes_[i].cpus);
     if (options_.on_restart) options_.on_restart(end.name, how);
   }
 

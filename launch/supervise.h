@@ -22,6 +22,7 @@ struct Process {
   /// What to start in its place when a signal kills it (not when it ends by itself: then it has
   /// said why), `most_restarts` times at most; empty: its death ends the run.
   std::vector<std::string> restart = {};
+  std::vector<int> cpus = {};  ///< on which it may execute; empty: as this process
   static constexpr int most_restarts = 5;
 };
 

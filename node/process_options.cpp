@@ -100,6 +100,8 @@ void add_options(CLI::App& cli, loop::Role role, ProcessOptions& options, Given&
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   cli.add_option("--stats", given.stats_path, "Write counters to this file, as JSON, at the end");
+  cli.add_flag("--spin", options.spin,
+               "Do not sleep while waiting for messages: answers at once, and takes a CPU");
   add_role_options(cli, role, given);
   auto* quiet = cli.add_flag("-q,--quiet", given.quiet, "Warnings and errors only");
   cli.add_flag("-v,--verbose", given.verbose, "More detail on stderr")->excludes(quiet);

@@ -26,15 +26,16 @@ using diagnostics::Failure;
 /// The bus that a process listens and speaks on.
 class Bus {
  public:
-  void open(const std::string& url, loop::Role role, const experiment::Scenario& scenario) {
-    const bus::LcmUrl where = parse_lcm_url(url);
+  void open(const ProcessOptions& options, loop::Role role, const experiment::Scenario& scenario) {
+    const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
     try {
       udp_.emplace(where);
     } catch (const std::system_error& problem) {
-      throw Failure(ExitCode::bad_usage, fmt::format("{}: {}", url, problem.what()));
+      throw Failure(ExitCode::bad_usage, fmt::format("{}: {}", options.lcm_url, problem.what()));
     }
     diagnostics::log_detail(
         fmt::format("bus {}, receive buffer {} bytes", where.text(), udp_->receive_buffer_bytes()));
+    if (options.spin) udp_->spin();
     if (role != loop::Role::logger) return;
     if (scenario.loop.mode == experiment::Mode::lockstep) {
       // The plant waits for nothing that the logger does, until the window is full.
@@ -104,7 +105,7 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
                     "--resume: a realtime run does not wait for another controller: the robot is "
                     "stopped; start a new run");
     }
-    bus.open(options.lcm_url, role, scenario);
+    bus.open(options, role, scenario);
     if (options.controller.follow) {
       played.emplace(scenario, Playback::Config{.run = *options.controller.follow,
                                                 .wait_s = options.wait_s,

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -42,6 +43,15 @@ std::vector<char*> arguments(const std::vector<std::string>& command) {
   return argv;
 }
 
+/// No CPU: nothing to do.
+bool execute_on(const std::vector<int>& cpus) {
+  if (cpus.empty()) return true;
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  for (const int cpu : cpus) CPU_SET(static_cast<std::size_t>(cpu), &set);
+  return sched_setaffinity(0, sizeof set, &set) == 0;
+}
+
 }  // namespace
 
 sigset_t blocked_signals() {
@@ -50,7 +60,8 @@ sigset_t blocked_signals() {
   return mask;
 }
 
-Child start(const std::vector<std::string>& command, const sigset_t& mask) {
+Child start(const std::vector<std::string>& command, const sigset_t& mask,
+            const std::vector<int>& cpus) {
   std::array<int, 2> output{};
   std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
   if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
@@ -72,7 +83,7 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask) {
     if (getppid() == parent && null >= 0 && dup2(null, STDIN_FILENO) >= 0 &&
         dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
         dup2(output_write.get(), STDERR_FILENO) >= 0 &&
-        sigprocmask(SIG_SETMASK, &mask, nullptr) == 0) {
+        sigprocmask(SIG_SETMASK, &mask, nullptr) == 0 && execute_on(cpus)) {
       execvp(argv[0], argv.data());
     }
     const int error = errno;

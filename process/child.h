@@ -28,9 +28,10 @@ sigset_t blocked_signals();
 /// Starts a program (a path, or a name on the search path) with its arguments, stdin empty, in a
 /// process group of its own, so that Ctrl-C reaches this process alone. Should this process die, it
 /// gets SIGTERM.
-/// @param mask signals that it has blocked
+/// @param mask signals that it has blocked  @param cpus on which it may execute; empty: as this one
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started
-Child start(const std::vector<std::string>& command, const sigset_t& mask = blocked_signals());
+Child start(const std::vector<std::string>& command, const sigset_t& mask = blocked_signals(),
+            const std::vector<int>& cpus = {});
 
 /// Hands over each line that the process has written since the last call, without waiting. Once it
 /// has ended and closed its output, that includes a last line without an end.

@@ -136,7 +136,8 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
                {"duration_s", summary.duration_s()},
                {"wall_s", wall_s},
                {"ticks_per_s", wall_s > 0 ? Json(ticks / wall_s) : Json()},
-               {"real_time_factor", wall_s > 0 ? Json(summary.duration_s() / wall_s) : Json()}};
+               {"real_time_factor", wall_s > 0 ? Json(summary.duration_s() / wall_s) : Json()},
+               {"placement", facts.placement}};
   add_signals(json, summary.tracking);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
@@ -182,6 +183,7 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
     text += fmt::format(": {} ticks/s, {:.3g} x real time", short_rate(ticks / wall_s),
                         summary.duration_s() / wall_s);
   }
+  if (!summary.facts.placement.empty()) text += ", " + summary.facts.placement;
   text += "\n";
   text += summary.facts.mode == "realtime" ? realtime_rows(plant)
                                            : percentile_row(plant.round_trip_us, "round trip");

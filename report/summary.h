@@ -21,7 +21,8 @@ struct RunFacts {
   std::string mode;
   std::string law;
   double period_s = 0;
-  double wall_s = 0;  ///< of the launcher; the plant's own figure is preferred
+  double wall_s = 0;      ///< of the launcher; the plant's own figure is preferred
+  std::string placement;  ///< of the processes on CPUs: "together on CPU 1"
   std::string log_path;
   std::int64_t log_ticks = 0;
   std::int64_t log_gaps = 0;

@@ -36,6 +36,12 @@ Verb::Action declare(CLI::App& command) {
           "Start this process again when a signal kills it, 5 times at most; lockstep only. "
           "The run goes on from its log, to the same result")
       ->check(CLI::IsMember({"controller"}));
+  command
+      .add_option("--placement", options->placement,
+                  "On which CPUs: auto, spread, together (plant, controller and reference on one), "
+                  "spin (on one each, never asleep), or numbers: one for all, two (these three, "
+                  "logger) or four (plant,controller,reference,logger)")
+      ->capture_default_str();
   command.add_flag("--any-verdict", options->any_verdict,
                    "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly "
                    "saturated");
@@ -46,7 +52,7 @@ Verb::Action declare(CLI::App& command) {
   auto* in_process = command.add_flag(
       "--in-process", options->in_process,
       "The loop in one process, without a bus: the same log, many times as fast; lockstep only");
-  for (const char* bus : {"--lcm-url", "--key-file", "--restart", "--isolate"}) {
+  for (const char* bus : {"--lcm-url", "--key-file", "--restart", "--isolate", "--placement"}) {
     in_process->excludes(command.get_option(bus));
   }
   auto* visualize = command.add_flag(
