@@ -113,7 +113,7 @@ Placement automatic(const std::vector<int>& cpus, experiment::Mode mode) {
 
 Placement listed(const std::string& wanted, const std::vector<int>& allowed) {
   std::vector<int> cpus;
-  std::istringstream list(wanted);
+  std::istringstream list(wanted + ",");  // so that an empty number at the end is one
   for (std::string word; std::getline(list, word, ',');) {
     int cpu = -1;
     const char* const end = word.data() + word.size();

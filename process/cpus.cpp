@@ -61,8 +61,8 @@ std::vector<int> allowed_cpus() {
   return cpus;
 }
 
-std::optional<CpuClaim> CpuClaim::of(int cpu) {
-  const std::string entry = fmt::format("/sys/devices/system/cpu/cpu{}", cpu);
+std::optional<CpuClaim> CpuClaim::of(int cpu, const std::filesystem::path& entries) {
+  const std::filesystem::path entry = entries / fmt::format("cpu{}", cpu);
   FileDescriptor lock(::open(entry.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (lock.get() < 0 || ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) return std::nullopt;
   return CpuClaim(cpu, std::move(lock));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <filesystem>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -18,8 +19,9 @@ std::vector<int> allowed_cpus();
 /// behind: it is a lock on the CPU's entry in /sys.
 class CpuClaim {
  public:
-  /// Nothing when another process has it, or the machine has no such entry.
-  static std::optional<CpuClaim> of(int cpu);
+  /// Nothing when another process has it, or there is no such entry.
+  static std::optional<CpuClaim> of(
+      int cpu, const std::filesystem::path& entries = "/sys/devices/system/cpu");
 
   [[nodiscard]] int cpu() const { return cpu_; }
 

@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -324,6 +325,24 @@ TEST(UdpTransport, ANapEndsAtTheDeadline) {
   const auto start = loop::Clock::now();
   EXPECT_FALSE(a.receive(start + 10ms));
   EXPECT_LT(loop::Clock::now() - start, 30s);
+}
+TEST(UdpTransport, ThatSpinsNeverSleepsAndKeepsToItsDeadline) {
+  UdpTransport a;
+  UdpTransport b;
+  b.subscribe("C");
+  b.spin();
+  const auto sleeps = [] {
+    rusage usage{};
+    getrusage(RUSAGE_THREAD, &usage);
+    return usage.ru_nvcsw;  // how often this thread has given up the processor by itself
+  };
+  const auto before = sleeps();
+  const auto start = loop::Clock::now();
+  EXPECT_FALSE(b.receive(start + 5ms));
+  EXPECT_GE(loop::Clock::now(), start + 5ms);
+  EXPECT_EQ(sleeps(), before);
+  a.publish("C", bytes("one"));
+  EXPECT_TRUE(b.receive(start + 60s));
 }
 TEST(UdpTransport, DoesNotOutstayItsDeadlineInAFloodOfItsOwnMessages) {
   UdpTransport a;
