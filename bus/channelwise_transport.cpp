@@ -41,6 +41,7 @@ ChannelwiseTransport::Wake ChannelwiseTransport::look_into_empty_boxes(
   for (Box& box : boxes_) {
     if (!box.first && box.transport->holds_datagrams()) {
       box.first = box.transport->receive_raw(loop::Clock::time_point::min());
+      if (box.first) deadline = loop::Clock::time_point::min();  // there is something: no wait
     }
     if (!box.first) descriptors_[empty++] = {box.transport->descriptor(), POLLIN, 0};
   }

@@ -265,6 +265,7 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
     return CertifiedRun{{}, V0({}), std::numeric_limits<double>::infinity(),
                         0,  true,   provisos(scenario, nullptr)};
   }
+  if (model.num_joints > most_joints_of_certified_run) return {};
   const Conditions conditions(system, model, B_d, 12, 128);
   const bool proved = conditions.postures.proved();
   std::optional<CertifiedRun> best;

@@ -35,7 +35,7 @@ struct ProcessOptions {
   std::vector<std::string> overrides;  ///< of --set, in order; for load_scenario
   std::string lcm_url;                 ///< --lcm-url, else LCM_DEFAULT_URL, else one host only
   std::optional<std::filesystem::path> key_path;  ///< --key-file, else TACHLESS_KEY_FILE
-  bool spin = false;  ///< does not sleep while it waits for messages
+  bool spin = false;                              ///< does not sleep while it waits for messages
   double wait_s = 0;  ///< longest wait for the other processes at the start; 0 = unlimited
   std::optional<std::filesystem::path> stats_path;  ///< where counters go, as JSON, at the end
   diagnostics::Verbosity verbosity = diagnostics::Verbosity::normal;

@@ -234,8 +234,15 @@ Html lyapunov_text(const RecordedRun& run) {
   if (run.lyapunov_formula.empty()) {
     return html("for {} no function is evaluated.", run.scenario.controller.law);
   }
-  return html("<i>V</i> = {}, at the plant's true state and the law's own model.{}",
-              run.lyapunov_formula, run.certified ? certified_text(run) : Html());
+  Html text = html("<i>V</i> = {}, at the plant's true state and the law's own model.",
+                   run.lyapunov_formula);
+  if (run.certified) {
+    text += certified_text(run);
+  } else if (run.scenario.num_joints > certificate::most_joints_of_certified_run) {
+    text += html(" With more than {} joints no report searches a bound: `tachless certify` does.",
+                 certificate::most_joints_of_certified_run);
+  }
+  return text;
 }
 
 /// The certified bound from the start to the run's end, down to where V ends.

@@ -7,9 +7,12 @@
 
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
+#include "experiment/urdf_scenario.h"
+#include "reference/make_trajectory.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
 #include "study/in_process_loop.h"
+#include "tests/robot/robots.h"
 
 namespace tachless::certificate {
 namespace {
@@ -230,6 +233,19 @@ TEST(Lyapunov, OfLawsThatMeasureVelocityFalls) {
       EXPECT_GT(values[k], 0);
     }
   }
+}
+
+// A search over more joints would hold up the report for minutes; a constant reference needs none.
+TEST(CertifiedRun, IsSearchedUpToItsMostJoints) {
+  const int n = most_joints_of_certified_run + 1;
+  const std::string urdf = robot::testing::chain_urdf(n);
+  experiment::Scenario chain = experiment::parse_scenario(
+      experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), "chain", "chain.urdf", 1e-3),
+      urdf, "chain");
+  ASSERT_EQ(chain.num_joints, n);
+  ASSERT_EQ(chain.controller.law, "loria_ortega_rigid");
+  ASSERT_GT(reference::make_trajectory(chain).at(0.1).v_ref.norm(), 0);
+  EXPECT_FALSE(certified_run(chain));
 }
 
 }  // namespace

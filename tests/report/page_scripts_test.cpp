@@ -88,8 +88,9 @@ TEST_F(Browser, SaysSoWithoutWebGlAndShowsTheChartsAllTheSame) {
   write_report(runs, page);
   const Browsed browsed =
       tried(page,
-            "setTimeout(() => { say(find('#robot').textContent); report.seek(0.05); "
-            "say('charts ' + page.document.querySelectorAll('.plot canvas').length); }, 3000);",
+            "const wait = () => { if (!report.data.charts.every(chart => chart.plot)) return "
+            "setTimeout(wait, 20); say(find('#robot').textContent); report.seek(0.05); "
+            "say('charts ' + page.document.querySelectorAll('.plot canvas').length); }; wait();",
             10'000, {"--disable-3d-apis"});
   EXPECT_EQ(browsed.console, "");
   EXPECT_THAT(browsed.dom, HasSubstr("no WebGL: the robot cannot be shown.; charts 18"));
@@ -133,7 +134,9 @@ TEST_F(Browser, IsNotUpsetByWildNumbers) {
   write_report(runs, page);
   const Browsed browsed = tried(page, R"(
   for (let k = 0; k <= 500; ++k) report.seek(k / 1000);
-  setTimeout(() => say('charts ' + report.data.charts.filter(chart => chart.plot).length + ', robot ' + report_robot.drawn), 3000);
+  const all = report.data.charts;
+  const wait = () => all.every(chart => chart.plot) ? say('charts ' + all.length + ', robot ' + report_robot.drawn) : setTimeout(wait, 20);
+  wait();
 )");
   EXPECT_EQ(browsed.console, "");
   EXPECT_THAT(browsed.dom, HasSubstr("charts 10, robot true"));

@@ -82,8 +82,8 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
   EXPECT_THAT(
       keys,
       ElementsAre("scenario", "run_id", "mode", "law", "joints", "ticks", "period_s", "duration_s",
-                  "wall_s", "ticks_per_s", "real_time_factor", "position_error_rad", "torque_Nm",
-                  "round_trip_us", "resends", "duplicates", "rejected", "takeovers",
+                  "wall_s", "ticks_per_s", "real_time_factor", "placement", "position_error_rad",
+                  "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected", "takeovers",
                   "missed_deadlines", "longest_miss", "missed_commands", "longest_command_miss",
                   "late_commands", "skipped_ticks", "wake_up_jitter_us", "command_age_us",
                   "saturated_ticks", "beyond_limit_ticks", "log", "verdict", "fault"));
