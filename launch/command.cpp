@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <exception>
+#include <filesystem>
 #include <iostream>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "diagnostics/logging.h"
@@ -32,6 +34,15 @@ std::span<const Verb* const> verbs() {
   return list;
 }
 
+CLI::Option* with_directories(CLI::Option* logs) {
+  return logs->transform([](const std::string& path) {
+    std::error_code error;
+    return std::filesystem::is_directory(path, error)
+               ? (std::filesystem::path(path) / "lcmlog").string()
+               : path;
+  });
+}
+
 namespace {
 
 constexpr const char* footer =
@@ -39,7 +50,7 @@ constexpr const char* footer =
     "  tachless run scenarios/paper_rigid.yaml\n"
     "  tachless info out/paper_rigid/lcmlog\n"
     "  tachless doctor\n"
-    "`tachless VERB --help` tells more.\n"
+    "`tachless help VERB` tells more.\n"
     "Exit codes: 0 done, 1 a check said no, 2 bad usage or scenario, 3 a peer is lost,\n"
     "4 protocol violated, 5 protective stop, 130 interrupted.";
 
@@ -54,10 +65,20 @@ void require_verb(const std::string& word) {
                                          diagnostics::joined(names)));
 }
 
-diagnostics::ExitCode run(int argc, const char* const* argv) {
+/// `help VERB` is `VERB --help`.
+std::vector<const char*> words_of(int argc, const char* const* argv) {
+  std::vector<const char*> words(argv, argv + argc);
+  if (words.size() > 1 && words[1] == std::string_view("help")) {
+    words.erase(words.begin() + 1);
+    words.push_back("--help");
+  }
+  return words;
+}
+
+diagnostics::ExitCode run(const std::vector<const char*>& words) {
   CLI::App cli("Robot joints tracked from positions alone.", "tachless");
   cli.footer(footer);
-  cli.set_version_flag("--version", fmt::format("tachless {}", diagnostics::version),
+  cli.set_version_flag("-V,--version", fmt::format("tachless {}", diagnostics::version),
                        "Print the version and exit");
   cli.require_subcommand(1);
   diagnostics::ExitCode result = diagnostics::ExitCode::done;
@@ -66,20 +87,20 @@ diagnostics::ExitCode run(int argc, const char* const* argv) {
     command->footer(fmt::format("Examples:\n{}", verb->examples));
     command->callback([action = verb->declare(*command), &result] { result = action(); });
   }
-  if (argc < 2) {
+  if (words.size() < 2) {
     std::cerr << cli.help();
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
                                "name a verb, for example: tachless doctor");
   }
-  if (argv[1][0] != '-') require_verb(argv[1]);
+  if (words[1][0] != '-') require_verb(words[1]);
   try {
-    cli.parse(argc, argv);
+    cli.parse(static_cast<int>(words.size()), words.data());
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) {
       cli.exit(error, std::cout, std::cerr);
       return diagnostics::ExitCode::done;
     }
-    const std::string_view verb = argv[1][0] == '-' ? "" : argv[1];
+    const std::string_view verb = words[1][0] == '-' ? "" : words[1];
     throw diagnostics::Failure(
         diagnostics::ExitCode::bad_usage,
         fmt::format("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ", error.what(),
@@ -94,7 +115,7 @@ int tachless(int argc, const char* const* argv) {
   diagnostics::start_logging("tachless", diagnostics::Verbosity::normal);
   process::survive_file_size_limit();
   try {
-    return static_cast<int>(run(argc, argv));
+    return static_cast<int>(run(words_of(argc, argv)));
   } catch (const std::exception&) {
     return diagnostics::told_exception("the command line");
   }

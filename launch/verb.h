@@ -21,6 +21,10 @@ struct Verb {
   Action (*declare)(CLI::App& command);
 };
 
+/// For an option or argument with logs of runs: a directory stands for the log in it, `lcmlog`.
+/// @return the same option
+CLI::Option* with_directories(CLI::Option* logs);
+
 /// In the order of --help.
 std::span<const Verb* const> verbs();
 

@@ -26,7 +26,8 @@ diagnostics::ExitCode export_to(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("LOG", options->log, "The log of a run")->required();
+  with_directories(command.add_option("LOG", options->log, "The log of a run, or its directory"))
+      ->required();
   command.add_option("-o,--output", options->out, "F.csv, or F.h5 (HDF5)")->required();
   command.add_option("--run-id", options->run, "Which run, where the log holds several");
   command.add_flag("--force", options->force, "Replace the file if it exists");

@@ -16,7 +16,9 @@ struct Options {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("LOG", options->log, "Any LCM log")->required();
+  with_directories(
+      command.add_option("LOG", options->log, "Any LCM log, or the directory of a run"))
+      ->required();
   command.add_flag("--json", options->json, "As JSON");
   return [options] {
     const logger::LogInfo info = logger::read_info(options->log);
@@ -30,7 +32,7 @@ Verb::Action declare(CLI::App& command) {
 
 extern const Verb info;
 const Verb info = {"info", "What is in a log: channels, rates, the run's facts, gaps, damage",
-                   "  tachless info out/paper_rigid/lcmlog\n"
+                   "  tachless info out/paper_rigid\n"
                    "  tachless info lcmlog-2024-05-01.00 --json",
                    declare};
 

@@ -94,7 +94,8 @@ ExitCode run_replay(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("LOG", options->log, "The log of a run")->required();
+  with_directories(command.add_option("LOG", options->log, "The log of a run, or its directory"))
+      ->required();
   command.add_option("--run-id", options->run, "Which run, where the log holds several");
   command.add_option("--law", options->law, "What would this law have commanded?");
   command

@@ -33,7 +33,9 @@ diagnostics::ExitCode report_on(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("LOG", options->logs, "Logs of runs; several are overlaid")->required();
+  with_directories(command.add_option("LOG", options->logs,
+                                      "Logs of runs, or their directories; several are overlaid"))
+      ->required();
   command.add_option("-o,--output", options->out,
                      "The page; default: report.html beside the first log");
   command.add_option("--run-id", options->run, "Which run, where the logs hold several");
@@ -46,7 +48,7 @@ extern const Verb report;
 const Verb report = {"report",
                      "One HTML page with plots and the moving robot; several logs are overlaid",
                      "  tachless report out/paper_rigid/lcmlog\n"
-                     "  tachless report out/a/lcmlog out/b/lcmlog -o compare.html",
+                     "  tachless report out/a out/b -o compare.html",
                      declare};
 
 }  // namespace tachless::launch::verb

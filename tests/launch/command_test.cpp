@@ -40,6 +40,7 @@ TEST_F(Command, TellsItsVersion) {
   const Outcome outcome = tachless("--version");
   EXPECT_EQ(outcome.exit_code, 0);
   EXPECT_THAT(outcome.output, StartsWith("tachless 0."));
+  EXPECT_EQ(tachless("-V").output, outcome.output);
 }
 
 TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
@@ -51,7 +52,10 @@ TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
     const Outcome of_verb = tachless(verb + " --help");
     EXPECT_EQ(of_verb.exit_code, 0);
     EXPECT_THAT(of_verb.output, HasSubstr("Examples:\n  tachless " + verb));
+    EXPECT_EQ(tachless("help " + verb).output, of_verb.output);
   }
+  EXPECT_EQ(tachless("help").output, help.output);
+  EXPECT_EQ(tachless("help nothing").exit_code, 2);
 }
 
 TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
@@ -197,6 +201,22 @@ TEST_F(Command, RobotShowsAnImpossibleOneAndSaysWhichKeyItNeeds) {
   EXPECT_EQ(outcome.exit_code, 1) << outcome.output;
   EXPECT_THAT(outcome.output, AllOf(HasSubstr("2 joints"), HasSubstr("warning: "),
                                     HasSubstr("robot.check_inertia: warn")));
+}
+
+TEST_F(Command, ADirectoryStandsForTheLogInIt) {
+  const std::string out = (directory_ / "out").string();
+  ASSERT_EQ(tachless("run " TACHLESS_SOURCE_DIR
+                     "/scenarios/practical_rigid.yaml --in-process --duration 0.05 --out " +
+                     out)
+                .exit_code,
+            0);
+  EXPECT_EQ(tachless("info " + out).output, tachless("info " + out + "/lcmlog").output);
+  EXPECT_THAT(tachless("replay " + out).output, HasSubstr("50 commands, bit for bit"));
+  EXPECT_THAT(tachless("report " + out + " " + out + "/lcmlog").output,
+              HasSubstr(out + "/report.html"));
+  EXPECT_EQ(tachless("export " + out + " -o " + out + "/run.csv").exit_code, 0);
+  EXPECT_THAT(tachless("info " + directory_.path().string()).output,
+              HasSubstr(directory_.path().string() + "/lcmlog: cannot read the log"));
 }
 
 TEST_F(Command, InfoAndExportRefuseWhatIsNoLog) {
