@@ -1,5 +1,8 @@
 #include "logger/csv_file.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -21,7 +24,8 @@ constexpr std::size_t block_bytes = 1 << 18;
 CsvFile::CsvFile(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
                  double period_s)
     : path_(path), quantities_(quantities), period_s_(period_s) {
-  file_ = std::fopen(path.c_str(), "we");
+  file_ = path == "-" ? ::fdopen(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0), "w")
+                      : std::fopen(path.c_str(), "we");
   if (file_ == nullptr) fail(errno);
   std::string head = "tick,t_s";
   std::size_t columns = 2;

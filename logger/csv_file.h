@@ -13,7 +13,7 @@ namespace tachless::logger {
 /// read back the same (%.17g); what is missing is an empty cell.
 class CsvFile {
  public:
-  /// Overwrites `path`.
+  /// Overwrites `path`; `-` is standard output, to which is added.
   /// @throw diagnostics::Failure(bad_usage) when it cannot be written, here and below
   CsvFile(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
           double period_s);

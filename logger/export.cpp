@@ -38,11 +38,13 @@ void write_rows(RunLog& log, const std::vector<Quantity>& quantities, File& file
 
 ExportFormat export_format_of(const std::filesystem::path& path) {
   const auto ending = path.extension();
-  if (ending == ".csv") return ExportFormat::csv;
+  if (ending == ".csv" || path == "-") return ExportFormat::csv;
   if (ending == ".h5" || ending == ".hdf5") return ExportFormat::hdf5;
   throw diagnostics::Failure(
       diagnostics::ExitCode::bad_usage,
-      path.string() + ": unknown kind of file; end its name in .csv, .h5 or .hdf5");
+      path.string() +
+          ": unknown kind of file; end its name in .csv, .h5 or .hdf5, or write CSV to "
+          "standard output by -");
 }
 
 std::string ExportResult::text() const {
@@ -63,23 +65,30 @@ std::string ExportResult::text() const {
 
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFormat format,
                         bool force) {
-  if (!force) require_free(path);
-  diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
   const auto quantities = quantities_of(log);
   ExportResult result;
+  const auto write_csv = [&](const std::filesystem::path& to) {
+    CsvFile file(to, quantities, log.info().period_s);
+    write_rows(log, quantities, file, result);
+  };
   log.rewind();
-  if (format == ExportFormat::csv) {
-    CsvFile file(unfinished.name(), quantities, log.info().period_s);
-    write_rows(log, quantities, file, result);
+  if (path == "-") {
+    write_csv(path);
   } else {
-    if (unfinished.direct()) {
-      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 path.string() + ": HDF5 needs a regular file; name one");
+    if (!force) require_free(path);
+    diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
+    if (format == ExportFormat::csv) {
+      write_csv(unfinished.name());
+    } else {
+      if (unfinished.direct()) {
+        throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                                   path.string() + ": HDF5 needs a regular file; name one");
+      }
+      Hdf5File file(unfinished.name(), quantities, log);
+      write_rows(log, quantities, file, result);
     }
-    Hdf5File file(unfinished.name(), quantities, log);
-    write_rows(log, quantities, file, result);
+    unfinished.finish();
   }
-  unfinished.finish();
   result.summary = log.summary();
   result.damage = log.damage();
   return result;

@@ -11,7 +11,7 @@ namespace tachless::logger {
 
 enum class ExportFormat { csv, hdf5 };
 
-/// By the ending: .csv; .h5, .hdf5.
+/// By the ending: .csv, and `-`, standard output; .h5, .hdf5.
 /// @throw diagnostics::Failure(bad_usage) for any other.
 ExportFormat export_format_of(const std::filesystem::path& path);
 

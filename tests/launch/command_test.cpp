@@ -215,6 +215,13 @@ TEST_F(Command, ADirectoryStandsForTheLogInIt) {
   EXPECT_THAT(tachless("report " + out + " " + out + "/lcmlog").output,
               HasSubstr(out + "/report.html"));
   EXPECT_EQ(tachless("export " + out + " -o " + out + "/run.csv").exit_code, 0);
+  const std::string to_stdout = "(" + binary + " export " + out + " -o - ";
+  EXPECT_EQ(shell(to_stdout + "| cmp - " + out + "/run.csv)").exit_code, 0);
+  EXPECT_EQ(shell("((echo first; " + binary + " export " + out + " -o -) > " + out + "/added.csv)")
+                .exit_code,
+            0);
+  EXPECT_EQ(shell("tail -n +2 " + out + "/added.csv | cmp - " + out + "/run.csv").exit_code, 0);
+  EXPECT_EQ(shell(to_stdout + "> /dev/full)").exit_code, 2);
   EXPECT_THAT(tachless("info " + directory_.path().string()).output,
               HasSubstr(directory_.path().string() + "/lcmlog: cannot read the log"));
 }
