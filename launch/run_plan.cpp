@@ -201,6 +201,7 @@ void RunDirectory::look() {
   const auto size = fs::file_size(path_ / "lcmlog", ignored);
   if (ignored || size == 0) return;
   begun_ = true;
+  fs::rename(aside("lcmlog"), path_ / "lcmlog.previous", ignored);
   for (const char* file : our_files) fs::remove(aside(file), ignored);
 }
 

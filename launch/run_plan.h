@@ -64,7 +64,8 @@ experiment::Scenario checked_scenario(const RunOptions& options);
 bool prepare_network(const RunOptions& options);
 
 /// The run's directory, locked against a second run until destruction. The files of an earlier run
-/// are set aside until this run has begun: if it does not, they are there again afterwards.
+/// are set aside until this run has begun: if it does not, they are there again afterwards, else
+/// its log is `lcmlog.previous`.
 class RunDirectory {
  public:
   /// @throw diagnostics::Failure(bad_usage) naming --out
@@ -75,7 +76,7 @@ class RunDirectory {
 
   /// Whether something of this run was recorded when last looked.
   [[nodiscard]] bool begun() const { return begun_; }
-  /// Looks, and removes what was set aside once something is. Cheap, for a loop.
+  /// Looks, and removes what was set aside, but for the log, once something is. Cheap, for a loop.
   void look();
 
   [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {

@@ -80,6 +80,7 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
   facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
   facts.law = scenario.controller.law;
   facts.period_s = scenario.loop.period_s;
+  facts.planned_ticks = scenario.loop.num_ticks;
   facts.wall_s = end.wall_s;
   facts.placement = end.placement;
   facts.fault = end.fault;

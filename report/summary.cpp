@@ -177,7 +177,9 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
                     joint.torque.peak(), joint.torque.rms(), joints.effort[i]);
   }
 
-  text += fmt::format("\n  {} ticks of {}, {}, in {:.3g} s", summary.ticks(),
+  const std::int64_t planned = summary.facts.planned_ticks;
+  text += fmt::format("\n  {}{} ticks of {}, {}, in {:.3g} s", summary.ticks(),
+                      summary.ticks() < planned ? fmt::format(" of {}", planned) : "",
                       short_period(summary.facts.period_s), summary.facts.mode, wall_s);
   if (wall_s > 0) {
     text += fmt::format(": {} ticks/s, {:.3g} x real time", short_rate(ticks / wall_s),

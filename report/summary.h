@@ -21,8 +21,9 @@ struct RunFacts {
   std::string mode;
   std::string law;
   double period_s = 0;
-  double wall_s = 0;      ///< of the launcher; the plant's own figure is preferred
-  std::string placement;  ///< of the processes on CPUs: "together on CPU 1"
+  std::int64_t planned_ticks = 0;  ///< of the motion; 0: not known
+  double wall_s = 0;               ///< of the launcher; the plant's own figure is preferred
+  std::string placement;           ///< of the processes on CPUs: "together on CPU 1"
   std::string log_path;
   std::int64_t log_ticks = 0;
   std::int64_t log_gaps = 0;

@@ -116,7 +116,8 @@ const Verb replay = {
     "replay", "The controller again, on a log's own inputs: the same commands, bit for bit?",
     "  tachless replay out/paper_rigid/lcmlog\n"
     "  tachless replay out/paper_rigid/lcmlog --set 'controller.gains.kp=[400, 300]'\n"
-    "  tachless replay out/practical_rigid/lcmlog --law slotine_li --out out/what_if",
+    "  tachless replay out/paper_rigid --law numerical_difference "
+    "--set 'controller.gains={kp: 400, kd: 40, samples: 2}' --out out/what_if",
     declare};
 
 }  // namespace tachless::launch::verb

@@ -221,6 +221,7 @@ TEST_F(Run, LeavesOtherFilesInItsDirectoryAlone) {
   EXPECT_EQ(finish(), 0) << standard_error();
   EXPECT_EQ(text_of(out() / "notes.txt"), "mine");
   EXPECT_EQ(ticks_of(out() / "lcmlog"), 200);
+  EXPECT_EQ(text_of(out() / "lcmlog.previous"), "an earlier run");
   EXPECT_EQ(nlohmann::json::parse(standard_output()), summary());
 }
 
@@ -260,6 +261,8 @@ TEST_F(Run, EndsCleanlyOnCtrlC) {
   EXPECT_EQ(finish(), 130) << standard_error();
   EXPECT_LT(Clock::now() - interrupted, seconds(2));
   EXPECT_EQ(summary()["fault"], "interrupted");
+  EXPECT_THAT(standard_output(),
+              HasSubstr(std::to_string(summary()["ticks"].get<int>()) + " of 20000000 ticks"));
   EXPECT_EQ(summary()["log"]["gaps"], 0);
   EXPECT_GT(ticks_of(out() / "lcmlog"), 100);
 }
