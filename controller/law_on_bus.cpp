@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <utility>
@@ -12,17 +11,11 @@
 
 #include "bus/wire.h"
 #include "controller/law_stepper.h"
-#include "controller/registry.h"
 #include "diagnostics/logging.h"
 #include "protocol/lockstep/message_ring.h"
 
 namespace tachless::controller {
 namespace {
-
-loop::Layout layout(const experiment::Scenario& scenario) {
-  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
-                      static_cast<int>(law_facts(scenario.controller.law).signals.size()));
-}
 
 /// The decoded values of the last ticks, each at the place of its tick. Preallocated.
 template <class Value>
@@ -51,20 +44,6 @@ class DecodedRing {
   std::vector<Entry> entries_ = std::vector<Entry>(static_cast<std::size_t>(depth));
 };
 
-diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick) {
-  std::string where = "the state";
-  for (Eigen::Index i = 0; i < tau.size(); ++i) {
-    if (!std::isfinite(tau[i])) {
-      where = fmt::format("the torque of joint {}", i + 1);
-      break;
-    }
-  }
-  return {diagnostics::ExitCode::protective_stop,
-          fmt::format("{} of law {} at tick {} is not finite: the loop is unstable; shorten "
-                      "loop.period_s or soften the gains",
-                      where, law, tick)};
-}
-
 /// What one step gave; valid until the next one.
 struct Advance {
   const loop::TorqueCommand& command;
@@ -90,7 +69,6 @@ struct LawOnBus::Messages {
 class LawOnBus::Measured {
  public:
   virtual ~Measured() = default;
-  [[nodiscard]] virtual std::string_view suffix() const = 0;
   [[nodiscard]] virtual std::size_t longest() const = 0;
   virtual bool accept(node::Session& session, const bus::Datagram& datagram,
                       loop::Stamp& stamp) = 0;
@@ -105,12 +83,10 @@ class LawOnBus::Measured {
 template <class Measurement>
 class LawOnBus::MeasuredBy final : public LawOnBus::Measured {
  public:
-  MeasuredBy(std::unique_ptr<AnyLaw<Measurement>> law, const experiment::Scenario& scenario)
-      : stepper_(std::move(law), scenario.loop), codec_(layout(scenario)) {}
+  MeasuredBy(std::unique_ptr<AnyLaw<Measurement>> law, const experiment::LoopSpec& loop,
+             const loop::Layout& layout)
+      : stepper_(std::move(law), loop), codec_(layout) {}
 
-  [[nodiscard]] std::string_view suffix() const override {
-    return loop::MessageOf<Measurement>::suffix;
-  }
   [[nodiscard]] std::size_t longest() const override { return codec_.longest(); }
   bool accept(node::Session& session, const bus::Datagram& datagram, loop::Stamp& stamp) override {
     return session.accept(codec_, datagram, stamp, newest_);
@@ -126,7 +102,7 @@ class LawOnBus::MeasuredBy final : public LawOnBus::Measured {
     const auto outcome = stepper_.step(tick, measurements_.at(tick).value, reference);
     const auto& [command, signals] = outcome.output;
     if (!bus::all_finite(command) || !bus::all_finite(signals)) {
-      throw not_finite(stepper_.name(), command.tau, tick);
+      throw not_finite(stepper_.law().name(), command.tau, tick);
     }
     stepper_.keep(tick);
     return {command, signals, outcome.skipped, outcome.restarted};
@@ -139,32 +115,29 @@ class LawOnBus::MeasuredBy final : public LawOnBus::Measured {
   DecodedRing<Measurement> measurements_;
 };
 
-LawOnBus::LawOnBus(const experiment::Scenario& scenario, bus::Transport& transport,
+LawOnBus::LawOnBus(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
                    node::Session& session)
     : transport_(transport),
       session_(session),
-      measured_(std::visit(
-          [&]<class Measurement>(
-              std::unique_ptr<AnyLaw<Measurement>> law) -> std::unique_ptr<Measured> {
-            return std::make_unique<MeasuredBy<Measurement>>(std::move(law), scenario);
-          },
-          scenario_law(scenario))),
-      messages_(std::make_unique<Messages>(layout(scenario))),
+      info_(law_info(law)),
       measurement_channel_(
-          fmt::format("{}_{}", scenario.robot.channel_prefix, measured_->suffix())),
+          fmt::format("{}_{}", scenario.robot.channel_prefix, info_.measurement)),
       reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
       command_channel_(loop::channel<loop::TorqueCommand>(scenario.robot.channel_prefix)),
-      state_channel_(loop::channel<loop::LawSignals>(scenario.robot.channel_prefix)),
-      signals_(loop::text_of(law_facts(scenario.controller.law).signals)) {
-  diagnostics::log_detail(fmt::format("law {}, measures {}, publishes its signals {}",
-                                      scenario.controller.law, measured_->suffix(), signals_));
+      state_channel_(loop::channel<loop::LawSignals>(scenario.robot.channel_prefix)) {
+  const loop::Layout layout = law_layout(scenario, law);
+  messages_ = std::make_unique<Messages>(layout);
+  measured_ = std::visit(
+      [&]<class Measurement>(
+          std::unique_ptr<AnyLaw<Measurement>> own) -> std::unique_ptr<Measured> {
+        return std::make_unique<MeasuredBy<Measurement>>(std::move(own), scenario.loop, layout);
+      },
+      std::move(law));
+  diagnostics::log_detail(fmt::format("law {}, measures {}, publishes its signals {}", info_.name,
+                                      info_.measurement, info_.signals));
 }
 
 LawOnBus::~LawOnBus() = default;
-
-std::string LawOnBus::needs() const { return std::string(measured_->suffix()); }
-
-std::string LawOnBus::signals() const { return signals_; }
 
 std::size_t LawOnBus::longest_measurement() const { return measured_->longest(); }
 std::size_t LawOnBus::longest_reference() const { return messages_->reference_codec.longest(); }

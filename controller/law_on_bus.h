@@ -7,25 +7,24 @@
 #include <string>
 
 #include "bus/transport.h"
+#include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "loop/messages.h"
 #include "node/session.h"
 
 namespace tachless::controller {
 
-/// The scenario's law as the bus sees it: the channels and codecs that belong to it (what it
+/// A law as the bus sees it: the channels and codecs that belong to it (what it
 /// measures is what its type says, so is the channel), and one tick from decoded inputs to
 /// published output. Knows nothing of which tick is due.
 class LawOnBus {
  public:
-  /// @throw diagnostics::Failure(bad_usage) as `scenario_law`.
-  LawOnBus(const experiment::Scenario& scenario, bus::Transport& transport, node::Session& session);
+  LawOnBus(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
+           node::Session& session);
   ~LawOnBus();
 
-  /// Suffix of the channel that the law is fed from, to be announced before the run.
-  [[nodiscard]] std::string needs() const;
-  /// The signals that the law declares, as `loop::text_of` gives them; likewise announced.
-  [[nodiscard]] std::string signals() const;
+  /// To be announced before the run.
+  [[nodiscard]] const loop::LawInfo& info() const { return info_; }
   [[nodiscard]] const std::string& measurement_channel() const { return measurement_channel_; }
   [[nodiscard]] const std::string& reference_channel() const { return reference_channel_; }
   [[nodiscard]] const std::string& command_channel() const { return command_channel_; }
@@ -71,13 +70,13 @@ class LawOnBus {
 
   bus::Transport& transport_;
   node::Session& session_;
+  loop::LawInfo info_;
   std::unique_ptr<Measured> measured_;  ///< what depends on the law's measurement type
   std::unique_ptr<Messages> messages_;  ///< what does not
   std::string measurement_channel_;
   std::string reference_channel_;
   std::string command_channel_;
   std::string state_channel_;
-  std::string signals_;
 };
 
 }  // namespace tachless::controller

@@ -34,7 +34,7 @@ class LawStepper {
                          ? std::min(loop.max_missed + 1, most_ticks)
                          : 1) {}
 
-  [[nodiscard]] std::string_view name() const { return law_->name(); }
+  [[nodiscard]] const AnyLaw<Measurement>& law() const { return *law_; }
 
   /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
@@ -46,9 +46,9 @@ class LawStepper {
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::LawStepper: ticks go forward");
     if (!started_ || gap > longest_gap_) {
-      return {law_->start(measurement, reference), gap - 1, started_};
+      return {law_->start(tick, measurement, reference), gap - 1, started_};
     }
-    return {law_->step(measurement, reference, static_cast<int>(gap)), gap - 1};
+    return {law_->step(tick, measurement, reference, static_cast<int>(gap)), gap - 1};
   }
 
   /// `tick` was the last step's, and counts.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cstdint>
+#include <utility>
 
 #include "controller/law_on_bus.h"
 #include "controller/recorded_inputs.h"
@@ -15,12 +16,12 @@ namespace {
 
 class LockstepNode {
  public:
-  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport,
+  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
                node::Session& session)
       : transport_(transport),
         session_(session),
         loop_(transport, session),
-        law_(scenario, transport, session),
+        law_(scenario, std::move(law), transport, session),
         responder_(scenario.loop.num_ticks, {law_.longest_measurement(), law_.longest_reference(),
                                              law_.longest_command(), law_.longest_state()}) {
     loop_.on(law_.measurement_channel(), [this](const auto& each) { on_measurement(each); });
@@ -29,7 +30,7 @@ class LockstepNode {
 
   /// `log`: of a run under way, to be resumed.
   void run(const std::optional<std::filesystem::path>& log) {
-    session_.join({law_.needs(), law_.signals()}, {});
+    session_.join(law_.info(), {});
     if (log) resume(*log);
     loop_.run_until_finished([this](auto) { return responder_.all_computed(); });
     session_.leave();
@@ -110,9 +111,9 @@ class LockstepNode {
 
 }  // namespace
 
-void run_lockstep(const experiment::Scenario& scenario, bus::Transport& transport,
+void run_lockstep(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
                   node::Session& session, const std::optional<std::filesystem::path>& resume) {
-  LockstepNode(scenario, transport, session).run(resume);
+  LockstepNode(scenario, std::move(law), transport, session).run(resume);
 }
 
 }  // namespace tachless::controller

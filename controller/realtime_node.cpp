@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "controller/law_on_bus.h"
 #include "diagnostics/logging.h"
@@ -17,11 +18,11 @@ namespace {
 
 class RealtimeNode {
  public:
-  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport,
+  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
                node::Session& session)
       : session_(session),
         loop_(transport, session),
-        law_(scenario, transport, session),
+        law_(scenario, std::move(law), transport, session),
         picker_(scenario.loop.num_ticks, law_.longest_measurement(), law_.longest_reference()),
         pace_(scenario.loop.period_s),
         num_ticks_(scenario.loop.num_ticks) {
@@ -30,7 +31,7 @@ class RealtimeNode {
   }
 
   void run() {
-    session_.join({law_.needs(), law_.signals()}, {});
+    session_.join(law_.info(), {});
     try {
       loop_.run_until_finished(
           [this](loop::Clock::time_point now) { return pace_.over(acted_, num_ticks_ - 1, now); });
@@ -123,9 +124,9 @@ class RealtimeNode {
 
 }  // namespace
 
-void run_realtime(const experiment::Scenario& scenario, bus::Transport& transport,
+void run_realtime(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
                   node::Session& session) {
-  RealtimeNode(scenario, transport, session).run();
+  RealtimeNode(scenario, std::move(law), transport, session).run();
 }
 
 }  // namespace tachless::controller

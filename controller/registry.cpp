@@ -6,7 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "controller/law/lyapunov.h"
+#include "controller/facts_of.h"
 #include "controller/laws.h"
 #include "diagnostics/text.h"
 #include "loop/measurements.h"
@@ -14,52 +14,18 @@
 namespace tachless::controller {
 namespace {
 
-template <class L>
-std::map<std::string, robot::Vector> tuned_by_name(const law::Tuning& tuning) {
-  using Gains = typename L::Gains;
-  const Gains gains = L::tuned(tuning);
-  std::map<std::string, robot::Vector> all;
-  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
-    if constexpr (std::is_same_v<Member, robot::Vector>) {
-      all[std::string(key.name)] = gains.*key.member;
-    } else {
-      all[std::string(key.name)] = tuning.each(static_cast<double>(gains.*key.member));
-    }
-  });
-  return all;
-}
-
-template <class L>
-LawFacts facts_of() {
-  LawFacts facts;
-  facts.name = L::name;
-  facts.measurement = loop::MessageOf<typename L::Measurement>::suffix;
-  facts.signals = L::signals;
-  schema::for_each_key<typename L::Gains>([&]<class Member>(
-                                              const schema::Key<typename L::Gains, Member>& key) {
-    facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
-                                key.range, schema::allowed_text(key),
-                                key.fallback == schema::Default::required, key.described_default});
-  });
-  facts.source = L::source;
-  facts.proved = L::proved;
-  facts.conditions = L::conditions;
-  if constexpr (law::HasLyapunovFunction<L>) facts.lyapunov_formula = L::lyapunov_formula;
-  if constexpr (!law::MadeOfVectors<typename L::Memory>) {
-    facts.no_linearisation = L::Memory::no_linearisation;
-  }
-  facts.needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>;
-  facts.regulation_only = L::regulation_only;
-  facts.has_feedforward_lead = L::has_feedforward_lead;
-  facts.reads_links = loop::holds_links<typename L::Measurement>;
-  facts.reads_motors = loop::holds_motors<typename L::Measurement>;
-  if constexpr (law::Tuned<L>) facts.tuned = tuned_by_name<L>;
-  return facts;
-}
-
 template <class... L>
 std::vector<LawFacts> facts_of_all(LawList<L...> /*laws*/) {
   return {facts_of<L>()...};
+}
+
+LawFacts facts_of_another_program() {
+  LawFacts facts;
+  facts.name = experiment::external_law;
+  facts.source = "the program that --controller names";
+  facts.no_linearisation = "it is computed by another program";
+  facts.has_feedforward_lead = true;  // the program's own business
+  return facts;
 }
 
 /// "; did you mean loria_ortega_rigid?", or nothing when no name is similar.
@@ -80,10 +46,12 @@ std::string shown(const robot::Vector& value) {
 std::string gain_key(std::string_view gain) { return fmt::format("controller.gains.{}", gain); }
 
 void require_known_gains(const experiment::Scenario& scenario, const LawFacts& facts) {
-  const auto known = [](std::string_view gain) {
-    return std::ranges::any_of(laws(), [&](const LawFacts& law) {
-      return std::ranges::any_of(law.parameters, [&](auto& each) { return each.name == gain; });
-    });
+  const auto has = [](const LawFacts& law, std::string_view gain) {
+    return std::ranges::any_of(law.parameters, [&](auto& each) { return each.name == gain; });
+  };
+  const auto known = [&](std::string_view gain) {
+    if (scenario.controller.law == experiment::external_law) return has(facts, gain);
+    return std::ranges::any_of(laws(), [&](const LawFacts& law) { return has(law, gain); });
   };
   const std::vector<std::string_view> names = parameter_names(facts);
   for (const auto& [gain, value] : scenario.controller.gains) {
@@ -140,6 +108,8 @@ std::vector<std::string_view> law_names() {
 }
 
 const LawFacts& law_facts(std::string_view name) {
+  static const LawFacts external = facts_of_another_program();
+  if (name == external.name) return external;
   for (const LawFacts& law : laws()) {
     if (law.name == name) return law;
   }
@@ -151,8 +121,6 @@ std::vector<std::string_view> parameter_names(const LawFacts& law) {
   for (const Parameter& parameter : law.parameters) names.push_back(parameter.name);
   return names;
 }
-
-std::string_view measurement_suffix(std::string_view name) { return law_facts(name).measurement; }
 
 robot::Model rigid_model(const experiment::Scenario& scenario) {
   robot::Model model = known_model(scenario);
@@ -237,7 +205,42 @@ std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenari
   return value;
 }
 
+diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick) {
+  std::string where = "the state";
+  for (Eigen::Index i = 0; i < tau.size(); ++i) {
+    if (!std::isfinite(tau[i])) {
+      where = fmt::format("the torque of joint {}", i + 1);
+      break;
+    }
+  }
+  return {diagnostics::ExitCode::protective_stop,
+          fmt::format("{} of law {} at tick {} is not finite: the loop is unstable; shorten "
+                      "loop.period_s or soften the gains",
+                      where, law, tick)};
+}
+
+loop::LawInfo law_info(const ScenarioLaw& law) {
+  return std::visit(
+      []<class Measurement>(const std::unique_ptr<AnyLaw<Measurement>>& own) -> loop::LawInfo {
+        return {std::string(own->name()), std::string(loop::MessageOf<Measurement>::suffix),
+                loop::text_of(own->signals())};
+      },
+      law);
+}
+
+loop::Layout law_layout(const experiment::Scenario& scenario, const ScenarioLaw& law) {
+  const auto signals = std::visit([](const auto& own) { return own->signals().size(); }, law);
+  return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                      static_cast<int>(signals));
+}
+
 ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
+  if (scenario.controller.law == experiment::external_law) {
+    throw scenario.complaint("controller.law",
+                             "external: the law is in a program of yours, and what is asked for "
+                             "needs it here; name the program with --controller where that can "
+                             "be said (run, replay), or a law of tachless");
+  }
   const auto of_list = [&]<class... L>(LawList<L...> /*laws*/) {
     ScenarioLaw chosen;
     const bool found = ((scenario.controller.law == L::name &&

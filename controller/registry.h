@@ -53,20 +53,17 @@ struct LawFacts {
   std::function<std::map<std::string, robot::Vector>(const law::Tuning&)> tuned;
 };
 
-/// In the order of `Laws`.
+/// In the order of `Laws`; without the one of another program (`experiment::external_law`).
 const std::vector<LawFacts>& laws();
 
 std::vector<std::string_view> law_names();
 
+/// Of the law of another program too, of which nothing is known but that.
 /// @throw std::invalid_argument naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
 
 /// The names of the law's parameters, in its order.
 std::vector<std::string_view> parameter_names(const LawFacts& law);
-
-/// Suffix of the channel that feeds the law.
-/// @throw std::invalid_argument as `law_facts`.
-std::string_view measurement_suffix(std::string_view name);
 
 /// The model that laws for rigid joints get: URDF and gravity of the scenario, rotor inertia
 /// added (M = M_l + J); on a flexible robot too, which they take for rigid. The payload is not in
@@ -82,7 +79,8 @@ law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario);
 law::Settings law_settings(const experiment::Scenario& scenario);
 
 /// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead,
-/// parameters that no law has. @throw diagnostics::Failure(bad_usage).
+/// parameters that no law has (`law` itself, where the scenario's is the one of another program).
+/// @throw diagnostics::Failure(bad_usage).
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law);
 
 /// The scenario's value of a parameter, an entry per joint (all the same unless it is per joint);
@@ -119,8 +117,7 @@ Gains gains_of(const experiment::Scenario& scenario, const LawFacts& law) {
 /// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
 /// as the two functions above.
 template <class L>
-L make_law(const experiment::Scenario& scenario) {
-  const LawFacts& law = law_facts(L::name);
+L make_law(const experiment::Scenario& scenario, const LawFacts& law = law_facts(L::name)) {
   require_compatible(scenario, law);
   auto gains = gains_of<typename L::Gains>(scenario, law);
   try {
@@ -139,9 +136,22 @@ template <class Measurement>
 using AnyLawOf = std::unique_ptr<AnyLaw<Measurement>>;
 using ScenarioLaw = loop::EachMeasurement<AnyLawOf>;
 
+/// Why a step is not kept: the torque, or what is logged, is not finite.
+diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick);
+
+/// What the law's controller announces of it.
+loop::LawInfo law_info(const ScenarioLaw& law);
+
+/// The layout of the messages of a run under this law.
+loop::Layout law_layout(const experiment::Scenario& scenario, const ScenarioLaw& law);
+
+/// From a scenario to its law.
+using MakeLaw = std::function<ScenarioLaw(const experiment::Scenario&)>;
+
 /// The law that the scenario names. Visit it with a function of `std::unique_ptr<AnyLaw<M>>`: it is
 /// compiled once per measurement type.
-/// @throw diagnostics::Failure(bad_usage) as `make_law`, or when there is no such law.
+/// @throw diagnostics::Failure(bad_usage) as `make_law`, or when there is no such law
+/// or it is in another program.
 ScenarioLaw scenario_law(const experiment::Scenario& scenario);
 
 }  // namespace tachless::controller

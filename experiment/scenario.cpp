@@ -18,6 +18,7 @@
 #include "experiment/scenario_keys.h"
 #include "experiment/scenario_rules.h"
 #include "experiment/yaml_tree.h"
+#include "loop/measurements.h"
 #include "robot/positive_inertia.h"
 
 namespace tachless::experiment {
@@ -259,10 +260,28 @@ std::optional<schema::Refusal> RobotSpec::refusal() const {
       "name", fmt::format("\"{}\"; allowed: letters, digits and _, at most 32 of them", name)};
 }
 
+std::string ControllerSpec::law_text() const {
+  return announced.empty() ? law : fmt::format("{} ({})", announced, law);
+}
+
 std::optional<schema::Refusal> ControllerSpec::refusal() const {
   if (!consists_of(law, "_", false)) {
     return schema::Refusal{"law",
                            fmt::format("\"{}\"; allowed: lower-case letters, digits and _", law)};
+  }
+  if (law != external_law && !measurement.empty()) {
+    return schema::Refusal{"measurement",
+                           fmt::format("{}: law {} says itself what it is fed with; allowed: only "
+                                       "with law: {}",
+                                       measurement, law, external_law)};
+  }
+  if (law == external_law && std::ranges::find(loop::measurement_suffixes, measurement) ==
+                                 loop::measurement_suffixes.end()) {
+    return schema::Refusal{
+        "measurement",
+        fmt::format("{}; needed with law: {}: {}",
+                    measurement.empty() ? "missing" : '"' + measurement + '"', external_law,
+                    diagnostics::joined(loop::measurement_suffixes))};
   }
   for (const auto& [gain, value] : gains) {
     if (consists_of(gain, "_")) continue;

@@ -88,16 +88,23 @@ struct RobotSpec {
           .by_default()};
 };
 
+/// Name of the law of a program that is not one of tachless.
+inline constexpr std::string_view external_law = "external";
+
 enum class FeedforwardLead { none, half_tick_plus_delay };
 
 struct ControllerSpec {
   std::string law;
+  std::string measurement;  ///< suffix of the channel that feeds the external law; else empty
+  std::string announced;    ///< what a recorded run's external law called itself; else empty
   std::string urdf_path;  ///< as written in the scenario; empty: the law's robot is the plant's
   std::map<std::string, robot::Vector> gains;  ///< each of length num_joints
   controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
   controller::law::FilterStart filter_start = controller::law::FilterStart::at_error;
   FeedforwardLead feedforward_lead = FeedforwardLead::none;
 
+  /// The law for people: "loria_ortega_rigid", "my_pd (external)".
+  [[nodiscard]] std::string law_text() const;
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;
 
   static constexpr schema::Key urdf_key =
@@ -108,7 +115,12 @@ struct ControllerSpec {
 
   static constexpr std::tuple keys{
       schema::Key{"law", &ControllerSpec::law, "",
-                  "Name of the control law: lower-case letters, digits, `_`"},
+                  "Name of the control law: lower-case letters, digits, `_`; `external`: a "
+                  "program of yours computes it (`run --controller`)"},
+      schema::Key{"measurement", &ControllerSpec::measurement, "",
+                  "What an external law is fed with, and nothing else: `POSITION`, "
+                  "`MOTOR_POSITION`, `LINK_STATE`, `STATE`"}
+          .by_default("the law's own"),
       urdf_key,
       schema::Key{"gains", &ControllerSpec::gains, "",
                   "The law's gains by name; which ones, with units and ranges, the law says"},

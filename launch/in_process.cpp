@@ -76,7 +76,7 @@ RunEnd run_in_this_process(const experiment::Scenario& scenario, const RunOption
   logger::LogWriter log(path);
   try {
     study::log_in_process(
-        scenario, run,
+        scenario, options.make_law()(scenario), run,
         [&](const study::LogMessage& message) {
           log.append(message.utime, message.channel, message.data);
         },

@@ -16,7 +16,7 @@
 #include <utility>
 
 #include "bus/network_check.h"
-#include "controller/registry.h"
+#include "controller/law_socket.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "node/process_options.h"
@@ -88,13 +88,37 @@ bool isolation_wanted(const RunOptions& options) {
 
 std::vector<std::string> RunOptions::all_overrides() const {
   std::vector<std::string> all = overrides;
+  if (!law_program.empty()) {
+    all.push_back(fmt::format("controller.law={}", experiment::external_law));
+    if (!measurement.empty()) all.push_back("controller.measurement=" + measurement);
+  }
   if (!mode.empty()) all.push_back("loop.mode=" + mode);
   if (!duration_s.empty()) all.push_back("loop.duration_s=" + duration_s);
   return all;
 }
 
+controller::MakeLaw RunOptions::make_law() const {
+  if (law_program.empty()) return controller::scenario_law;
+  return [program = law_program](const experiment::Scenario& of) {
+    return controller::external_law(of, program);
+  };
+}
+
 std::string RunOptions::named(std::string_view line) const {
   return robot.empty() ? std::string(line) : fmt::format("{}: {}", robot, line);
+}
+
+std::string measurement_wanted(const RunOptions& options) {
+  if (options.law_program.empty()) return {};
+  const experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.overrides);
+  const std::string& law = scenario.controller.law;
+  if (law == experiment::external_law) return {};
+  try {
+    return std::string(controller::law_facts(law).measurement);
+  } catch (const std::invalid_argument& problem) {
+    throw scenario.complaint("controller.law", problem.what());
+  }
 }
 
 fs::path RunOptions::directory(const experiment::Scenario& checked) const {
@@ -127,7 +151,7 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   experiment::Scenario scenario =
       experiment::load_scenario(options.scenario, options.all_overrides());
   reference::make_trajectory(scenario);
-  controller::scenario_law(scenario);
+  if (options.law_program.empty()) controller::scenario_law(scenario);
   const robot::Model model = plant::plant_model(scenario);
   plant::initial_state(scenario, model);
   plant::make_drive(scenario, model);
@@ -264,6 +288,9 @@ std::vector<Process> run_processes(const RunOptions& options, const Placement& p
                     rendezvous_s, "--stats", out.statistics_path(role).string()});
     if (role == loop::Role::plant) {
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
+    }
+    if (role == loop::Role::controller && !options.law_program.empty()) {
+      command = controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
     if (placement.spin && role != loop::Role::logger) command.emplace_back("--spin");

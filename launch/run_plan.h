@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "launch/placement.h"
 #include "launch/supervise.h"
@@ -29,6 +30,8 @@ struct RunOptions {
   std::string lcm_url = node::default_lcm_url;
   std::string key_file;
   std::string placement = "auto";  ///< see choose_placement
+  std::string law_program;  ///< shell command of the program with the law; empty: none of its own
+  std::string measurement;  ///< that `law_program` is fed with, where the scenario does not say
   std::string restart;  ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
@@ -40,11 +43,18 @@ struct RunOptions {
   bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
+  /// With the law that it runs under: the scenario's, or that of `law_program`.
+  [[nodiscard]] controller::MakeLaw make_law() const;
   /// `line`, after "<robot>: " where there are several.
   [[nodiscard]] std::string named(std::string_view line) const;
   /// Where the results go.
   [[nodiscard]] std::filesystem::path directory(const experiment::Scenario& checked) const;
 };
+
+/// The measurement of the law in whose place `options.law_program` comes; empty where the scenario's
+/// law is external already, or stays.
+/// @throw diagnostics::Failure(bad_usage)
+std::string measurement_wanted(const RunOptions& options);
 
 /// Whether the four programs of each of `runs` can open what they need.
 /// @throw diagnostics::Failure(bad_usage) naming the limit

@@ -31,6 +31,7 @@ struct ReadBack {
   std::int64_t ticks = 0;
   std::int64_t gaps = 0;
   bool damaged = false;
+  std::string law;      ///< as the log names it
   std::string problem;  ///< why it cannot be read; empty: it can
 };
 
@@ -43,6 +44,7 @@ ReadBack read_back(const experiment::Scenario& scenario, const std::string& path
     result.ticks = static_cast<std::int64_t>(log.summary().ticks);
     result.gaps = static_cast<std::int64_t>(log.summary().gaps());
     result.damaged = log.damage().any();
+    result.law = log.scenario().controller.law_text();
   } catch (const diagnostics::Failure& failure) {
     result.problem = failure.what();
   }
@@ -134,6 +136,7 @@ Concluded conclude(const experiment::Scenario& scenario, const RunOptions& optio
   facts.log_path = (out / "lcmlog").string();
   const ReadBack log = read_back(scenario, facts.log_path, options.run_id);
   facts.log_ticks = log.ticks;
+  if (!log.law.empty()) facts.law = log.law;
   facts.log_gaps = log.gaps;
   diagnostics::ExitCode code = end.code;
   const bool done = code == diagnostics::ExitCode::done;

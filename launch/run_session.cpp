@@ -363,6 +363,7 @@ diagnostics::ExitCode run_session(RunOptions options, const std::vector<fs::path
   std::vector<Planned> runs;
   for (const fs::path& path : scenarios) {
     options.scenario = path;
+    options.measurement = measurement_wanted(options);
     experiment::Scenario scenario = checked_scenario(options);
     if (scenarios.size() > 1) options.robot = scenario.robot.name;
     for (const Planned& other : runs) require_own_channels(other.scenario, scenario);

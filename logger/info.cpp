@@ -34,7 +34,7 @@ RunFacts facts_of(RunLog& log) {
   facts.run = log.run();
   facts.scenario = printable(scenario.name);
   facts.robot = printable(log.info().robot);
-  facts.law = printable(scenario.controller.law);
+  facts.law = printable(scenario.controller.law_text());
   facts.measurement = printable(log.info().measurement);
   facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
   facts.version = printable(log.info().version);

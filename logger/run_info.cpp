@@ -63,6 +63,9 @@ std::string read(const LogEvent& event, const std::filesystem::path& path,
   } catch (const diagnostics::Failure& failure) {
     return fmt::format("cannot be used: {}", failure.what());
   }
+  if (found.scenario.controller.law == experiment::external_law) {
+    found.scenario.controller.announced = found.info.law;
+  }
   const std::string prefix(event.channel.substr(0, event.channel.size() - run_info_suffix.size()));
   std::string problem = contradiction(found, prefix);
   if (problem.empty()) {

@@ -51,6 +51,13 @@ std::string_view name(ParticipantState state);
 /// A number for each role, in the order of Role; 0: none.
 using PerRole = std::array<std::int64_t, num_roles>;
 
+/// What a controller announces of its law.
+struct LawInfo {
+  std::string name;         ///< what it calls itself
+  std::string measurement;  ///< channel suffix of what it needs
+  std::string signals;      ///< rows of LawSignals, as `text_of` gives them
+};
+
 struct Participant {
   std::int64_t instance = 0;
   std::int64_t scenario_digest = 0;
@@ -61,6 +68,7 @@ struct Participant {
   Role role = Role::plant;
   std::string host;
   std::string scenario;     ///< its name, for messages to people
+  std::string law;          ///< controller only: what its law calls itself
   std::string measurement;  ///< controller only: channel suffix of what it needs
   std::string signals;      ///< controller only: what its law declares, as `text_of` gives it
   std::string fault;
@@ -78,6 +86,7 @@ struct RunInfo {
   double period_s = 0;
   std::string version;
   std::string robot;
+  std::string law;
   std::string measurement;
   std::string signals;  ///< rows of LawSignals, as `text_of` gives them
   std::string scenario;
@@ -196,6 +205,7 @@ struct MessageOf<Participant> {
                  text("scenario", max_participant_text, &Value::scenario),
                  text("host", max_participant_text, &Value::host),
                  number("pid", "", Kind::int32, &Value::pid),
+                 text("law", max_participant_text, &Value::law),
                  text("measurement", max_participant_text, &Value::measurement),
                  text("signals", max_participant_text, &Value::signals),
                  number("fault_code", "", Kind::uint8, &Value::fault_code, 0, 255),
@@ -222,6 +232,7 @@ struct MessageOf<RunInfo> {
                         std::numeric_limits<double>::denorm_min()),
                  text("version", max_size, &Value::version),
                  text("robot", max_size, &Value::robot),
+                 text("law", max_size, &Value::law),
                  text("measurement", max_size, &Value::measurement),
                  text("signals", max_size, &Value::signals),
                  text("scenario", max_size, &Value::scenario),

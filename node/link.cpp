@@ -78,10 +78,9 @@ Link::Link(const experiment::Scenario& scenario, bus::Transport& transport, cons
   this->transport().subscribe(channel_);
 }
 
-void Link::join(const Law& law, const Handler& other) {
+void Link::join(const loop::LawInfo& law, const Handler& other) {
   const auto begin = Clock::now();
-  self_.measurement = law.measurement;
-  self_.signals = law.signals;
+  self_.law = law;
   membership_.emplace(self_, begin);
   next_notice_ = begin + first_notice;
   while (!membership_->joined()) {

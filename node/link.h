@@ -37,10 +37,10 @@ class Link final : public Session {
   /// What the node's own messages are to be sent and received by.
   bus::Transport& transport() { return authenticated_ ? *authenticated_ : raw_; }
 
-  void join(const Law& law, const Handler& other) override;
+  void join(const loop::LawInfo& law, const Handler& other) override;
   [[nodiscard]] std::int64_t run() const override { return membership_->run(); }
   /// What the controller has announced of its law.
-  [[nodiscard]] Law law() const { return {membership_->measurement(), membership_->signals()}; }
+  [[nodiscard]] loop::LawInfo law() const { return membership_->law(); }
   void started(loop::Clock::time_point now) override;
   void poll(loop::Clock::time_point now) override;
   [[nodiscard]] loop::Clock::time_point next_poll() const override {

@@ -23,7 +23,7 @@ Playback::Playback(const experiment::Scenario& scenario, const Config& config)
   if (config.wait_s > 0) wait_ = diagnostics::nanoseconds_of(config.wait_s);
 }
 
-void Playback::join(const Law& /*law*/, const Handler& /*other*/) {
+void Playback::join(const loop::LawInfo& /*law*/, const Handler& /*other*/) {
   progress_at_ = next_poll_ = Clock::now();
   statistics().run_id = run_;
   diagnostics::log_info(fmt::format("following run {} as it is played back", run_));

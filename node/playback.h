@@ -19,7 +19,7 @@ class Playback final : public Session {
 
   Playback(const experiment::Scenario& scenario, const Config& config);
 
-  void join(const Law& law, const Handler& other) override;
+  void join(const loop::LawInfo& law, const Handler& other) override;
   [[nodiscard]] std::int64_t run() const override { return run_; }
   void started(loop::Clock::time_point now) override;
   void poll(loop::Clock::time_point now) override;

@@ -59,6 +59,7 @@ struct Given {
   std::int64_t run_id = 0;  // 0: not given; the options allow more only
   std::int64_t follow = 0;
   std::string resume;
+  int serve = -1;
   std::string stats_path;
   std::string key_path;
   std::string log_path;
@@ -81,6 +82,8 @@ void add_role_options(CLI::App& cli, loop::Role role, Given& given) {
                    "Take the place of the lockstep run's controller, which has died: go through "
                    "the run's log, as far as it is, and on from there")
         ->excludes(follow);
+    // For `tachless replay` and `tachless run --in-process`; not in --help.
+    cli.add_option("--serve", given.serve)->group("");
   }
   if (role == loop::Role::logger) {
     cli.add_option("--out-log", given.log_path,
@@ -153,6 +156,7 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
   options.plant.run_id = if_given<std::int64_t>(given.run_id);
   options.controller.follow = if_given<std::int64_t>(given.follow);
   options.controller.resume = if_given<std::filesystem::path>(given.resume);
+  if (given.serve >= 0) options.controller.serve = given.serve;
   if (options.controller.follow && options.key_path) {
     throw bad_usage(
         "--follow: what is played back does not verify under a key; unset --key-file "

@@ -22,6 +22,7 @@ struct PlantOptions {
 struct ControllerOptions {
   std::optional<std::int64_t> follow;           ///< the run that is played back
   std::optional<std::filesystem::path> resume;  ///< log of the run to take over in
+  std::optional<int> serve;  ///< descriptor of the socket to answer on, without a bus
 };
 
 struct LoggerOptions {

@@ -29,16 +29,10 @@ class Session {
   /// noted in the statistics and told to the others before it goes on.
   void guard(const std::function<void()>& main);
 
-  /// What a controller announces of its law: channel suffix of its measurement, and what it logs.
-  struct Law {
-    std::string measurement;
-    std::string signals;
-  };
-
   /// Waits until the run is known (plant: until all are ready). `law`: controller only. `other` is
   /// given what comes on the node's own channels meanwhile.
   /// @throw Failure: see `poll`; refused by or refusing another; nobody came within the wait.
-  virtual void join(const Law& law, const Handler& other) = 0;
+  virtual void join(const loop::LawInfo& law, const Handler& other) = 0;
   [[nodiscard]] virtual std::int64_t run() const = 0;
 
   /// The first message of the run has been sent or accepted.

@@ -51,8 +51,32 @@ PlantMessages::PlantMessages(const experiment::Scenario& scenario, const Guarded
   link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
 }
 
+namespace {
+
+/// Whether the controller that came is the one that the scenario speaks of.
+void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario& scenario) {
+  const experiment::ControllerSpec& spec = scenario.controller;
+  const bool external = spec.law == experiment::external_law;
+  if (!external && law.name != spec.law) {
+    throw scenario.complaint(
+        "controller.law",
+        fmt::format("{}, but the controller that came runs the law \"{}\"; for a law of your own, "
+                    "write law: {}",
+                    spec.law, law.name, experiment::external_law));
+  }
+  if (external && law.measurement != spec.measurement) {
+    throw scenario.complaint("controller.measurement",
+                             fmt::format("{}, but the controller that came needs \"{}\"",
+                                         spec.measurement, law.measurement));
+  }
+}
+
+}  // namespace
+
 void PlantMessages::prepare() {
-  const auto [needed, signals] = link_.law();
+  const loop::LawInfo law = link_.law();
+  require_the_scenarios(law, scenario_);
+  const std::string& needed = law.measurement;
   if (!robot_.measures_velocity() && loop::measures_velocity(needed)) {
     throw scenario_.complaint("controller.law",
                               fmt::format("{} measures velocity, this robot does not; take a law "
@@ -63,7 +87,7 @@ void PlantMessages::prepare() {
   measurement_port_ = {measurement_->channel(), measurement_->longest()};
   diagnostics::log_detail(fmt::format("the law measures {}", needed));
 
-  run_info_ = plant::run_info(scenario_, link_.run(), needed, signals);
+  run_info_ = plant::run_info(scenario_, link_.run(), law);
 }
 
 loop::Stamp PlantMessages::stamp(std::int64_t tick) const {

@@ -11,14 +11,15 @@
 namespace tachless::plant {
 
 std::vector<std::byte> run_info(const experiment::Scenario& scenario, std::int64_t run,
-                                std::string_view measurement, std::string_view signals) {
+                                const loop::LawInfo& law) {
   loop::RunInfo info;
   info.num_ticks = scenario.loop.num_ticks;
   info.period_s = scenario.loop.period_s;
   info.version = diagnostics::version;
   info.robot = scenario.robot.channel_prefix;
-  info.measurement = measurement;
-  info.signals = signals;
+  info.law = law.name;
+  info.measurement = law.measurement;
+  info.signals = law.signals;
   info.scenario = scenario.text;
   info.robot_description = scenario.robot.urdf_text;
   try {

@@ -61,7 +61,7 @@ sigset_t blocked_signals() {
 }
 
 Child start(const std::vector<std::string>& command, const sigset_t& mask,
-            const std::vector<int>& cpus) {
+            const std::vector<int>& cpus, int input) {
   std::array<int, 2> output{};
   std::array<int, 2> refusal{};  // carries errno when exec fails; closed by exec when it works
   if (pipe2(output.data(), O_CLOEXEC) != 0) fail("pipe2");
@@ -79,8 +79,8 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask,
   if (pid == 0) {
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGTERM);
-    const int null = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
-    if (getppid() == parent && null >= 0 && dup2(null, STDIN_FILENO) >= 0 &&
+    if (input < 0) input = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+    if (getppid() == parent && input >= 0 && dup2(input, STDIN_FILENO) >= 0 &&
         dup2(output_write.get(), STDOUT_FILENO) >= 0 &&
         dup2(output_write.get(), STDERR_FILENO) >= 0 &&
         sigprocmask(SIG_SETMASK, &mask, nullptr) == 0 && execute_on(cpus)) {

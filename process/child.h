@@ -29,9 +29,10 @@ sigset_t blocked_signals();
 /// process group of its own, so that Ctrl-C reaches this process alone. Should this process die, it
 /// gets SIGTERM.
 /// @param mask signals that it has blocked  @param cpus on which it may execute; empty: as this one
+/// @param input descriptor that becomes its stdin in place of nothing; -1: none
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started
 Child start(const std::vector<std::string>& command, const sigset_t& mask = blocked_signals(),
-            const std::vector<int>& cpus = {});
+            const std::vector<int>& cpus = {}, int input = -1);
 
 /// Hands over each line that the process has written since the last call, without waiting. Once it
 /// has ended and closed its output, that includes a last line without an end.

@@ -61,8 +61,9 @@ Membership::Membership(const Self& self, Time now)
   mine.role = self.role;
   mine.host = self.host;
   mine.scenario = self.scenario;
-  mine.measurement = self.measurement;
-  mine.signals = self.signals;
+  mine.law = self.law.name;
+  mine.measurement = self.law.measurement;
+  mine.signals = self.law.signals;
 }
 
 bool Membership::in_own_run(const loop::Stamp& stamp, const loop::Participant& peer) const {
@@ -417,14 +418,11 @@ std::int64_t Membership::truth_digest() const {
   return plant != nullptr ? plant->participant.truth_digest : 0;
 }
 
-std::string Membership::measurement() const {
+loop::LawInfo Membership::law() const {
   const Peer* controller = peers_.find(Role::controller);
-  return controller != nullptr ? controller->participant.measurement : std::string();
-}
-
-std::string Membership::signals() const {
-  const Peer* controller = peers_.find(Role::controller);
-  return controller != nullptr ? controller->participant.signals : std::string();
+  if (controller == nullptr) return {};
+  const loop::Participant& said = controller->participant;
+  return {said.law, said.measurement, said.signals};
 }
 
 std::string Membership::describe(const Peer& peer) {

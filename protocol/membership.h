@@ -55,8 +55,7 @@ class Membership {
     std::int32_t pid = 0;
     std::string host;
     std::string scenario;     ///< its name
-    std::string measurement;  ///< controller only: channel suffix of what it needs
-    std::string signals;      ///< controller only: what its law logs
+    loop::LawInfo law;        ///< controller only
     std::int64_t run = 0;     ///< plant only: the run it has chosen, > 0
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
@@ -133,9 +132,8 @@ class Membership {
 
   /// Roles of which no process is known.
   [[nodiscard]] std::vector<loop::Role> missing() const;
-  /// What the controller needs; empty before it is known.
-  [[nodiscard]] std::string measurement() const;
-  [[nodiscard]] std::string signals() const;
+  /// What the controller announces; empty before it is known.
+  [[nodiscard]] loop::LawInfo law() const;
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
   [[nodiscard]] std::string describe(loop::Role role) const;

@@ -12,7 +12,6 @@
 #include <variant>
 
 #include "controller/law_stepper.h"
-#include "controller/registry.h"
 #include "diagnostics/failure.h"
 
 namespace tachless::replay {
@@ -62,14 +61,12 @@ void require_fitting(const logger::RunLog& log, const experiment::Scenario& scen
     refuse(log, "recorded from a robot whose joints are {}; robot.joints must stay so",
            recorded.robot.flexible ? "flexible" : "rigid");
   }
-  const auto& law = scenario.controller.law;
-  const auto names = controller::law_names();
-  if (std::find(names.begin(), names.end(), law) == names.end()) return;  // scenario_law complains
-  const std::string_view wanted = controller::measurement_suffix(law);
-  if (!holds(log.info().measurement, wanted)) {
-    refuse(log, "law {} needs the measurement {}, which cannot be had from the recorded one, {}",
-           law, wanted, log.info().measurement);
-  }
+}
+
+void require_measured(const logger::RunLog& log, const loop::LawInfo& law) {
+  if (holds(log.info().measurement, law.measurement)) return;
+  refuse(log, "law {} needs the measurement {}, which cannot be had from the recorded one, {}",
+         law.name, law.measurement, log.info().measurement);
 }
 
 class Comparison {
@@ -234,16 +231,22 @@ std::uint64_t ulps_between(double a, double b) {
 }
 
 Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
-              const OnCompared& on_compared) {
+              controller::ScenarioLaw law, const OnCompared& on_compared) {
   require_fitting(log, scenario);
+  require_measured(log, controller::law_info(law));
   log.rewind();
   return std::visit(
-      [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> law) {
+      [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> own) {
         Comparison comparison(scenario.num_joints, on_compared);
-        Replayer<Measurement>(log, scenario, std::move(law), comparison).run();
+        Replayer<Measurement>(log, scenario, std::move(own), comparison).run();
         return comparison.finish();
       },
-      controller::scenario_law(scenario));
+      std::move(law));
+}
+
+Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
+              const OnCompared& on_compared) {
+  return replay(log, scenario, controller::scenario_law(scenario), on_compared);
 }
 
 }  // namespace tachless::replay

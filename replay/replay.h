@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "logger/run_log.h"
 
@@ -54,7 +55,7 @@ using OnCompared = std::function<void(std::int64_t tick, const robot::Vector& re
 
 /// Steps the law of `scenario` through the log's own measurements and references, from tick 0 on,
 /// and compares its commands with the recorded ones. `scenario` is the log's, or the log's with
-/// another law or other gains. Reads `log` from its start to its end.
+/// another law or other gains, and `law` its law. Reads `log` from its start to its end.
 ///
 /// A law's memory holds all ticks before: a tick without measurement or reference ends what can
 /// be computed. A tick without a command is stepped through. Ticks after the last command are
@@ -62,6 +63,9 @@ using OnCompared = std::function<void(std::int64_t tick, const robot::Vector& re
 /// with neither its command nor its state are passed over likewise (controller::LawStepper).
 /// @throw diagnostics::Failure(bad_usage) when the scenario is not one for this log: another number
 /// of joints, another period, rigid for flexible joints, a law that needs more than was measured.
+Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
+              controller::ScenarioLaw law, const OnCompared& on_compared = {});
+/// With `controller::scenario_law`, and its errors.
 Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
               const OnCompared& on_compared = {});
 

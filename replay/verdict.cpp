@@ -43,7 +43,7 @@ std::string verified_text(const Replay& replay, const logger::RunLog& log, doubl
   const double recorded_s = static_cast<double>(replay.compared) * log.info().period_s;
   std::string text =
       fmt::format("{}: run {}, law {}\nthe same: {} commands, bit for bit", log.path().string(),
-                  log.run(), log.scenario().controller.law, replay.compared);
+                  log.run(), log.scenario().controller.law_text(), replay.compared);
   if (replay.passed_over != 0) {
     text +=
         fmt::format("; {} ticks have none, the controller passed them over", replay.passed_over);

@@ -100,10 +100,10 @@ std::string WhatIf::figure(const std::string& title, const std::filesystem::path
   return report::stacked_chart_commands(charts, title, svg);
 }
 
-Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
-                   const std::filesystem::path& out, const robot::JointLabels& labels) {
+Comparison compare(logger::RunLog& log, const std::vector<std::string>& overrides,
+                   const controller::MakeLaw& make_law, const std::filesystem::path& out,
+                   const robot::JointLabels& labels) {
   require_of_controller(overrides);
-  if (!law.empty()) overrides.push_back(fmt::format("controller.law={}", law));
   Comparison result{
       {},
       experiment::parse_scenario(log.info().scenario, log.info().robot_description,
@@ -115,15 +115,18 @@ Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std:
   std::error_code error;
   result.csv = folder / "replay.csv";
   result.svg = folder / "replay.svg";
-  const std::string& was = log.scenario().controller.law;
-  const std::string& is = result.scenario.controller.law;
+  controller::ScenarioLaw law = make_law(result.scenario);  // complains before files are made
+  if (result.scenario.controller.law == experiment::external_law) {
+    result.scenario.controller.announced = controller::law_info(law).name;
+  }
+  const std::string was = log.scenario().controller.law_text();
+  const std::string is = result.scenario.controller.law_text();
   result.title = fmt::format("{}: recorded under {}, replayed {}", log.scenario().name, was,
                              is == was ? "with other settings" : fmt::format("under {}", is));
 
-  controller::scenario_law(result.scenario);  // complains before files are made
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
   WhatIf what_if(result.csv, log.info().period_s, labels);
-  result.replay = replay(log, result.scenario,
+  result.replay = replay(log, result.scenario, std::move(law),
                          [&](std::int64_t tick, const auto& recorded, const auto& replayed) {
                            what_if.add(tick, recorded, replayed);
                          });

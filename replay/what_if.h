@@ -50,12 +50,13 @@ struct Comparison {
   std::filesystem::path csv, svg;  ///< there is no figure when no tick was compared
 };
 
-/// Replays `log` with `law` (empty: its own) and the settings `overrides`, and writes replay.csv
-/// and replay.svg into `out` (empty: beside the log).
+/// Replays `log` with the settings `overrides`, under the law that `make_law` makes, and writes
+/// replay.csv and replay.svg into `out` (empty: beside the log).
 /// @throw diagnostics::Failure(bad_usage) for a setting that no command depends on, a scenario that
 /// is not valid, or a file that cannot be written
-Comparison compare(logger::RunLog& log, const std::string& law, std::vector<std::string> overrides,
-                   const std::filesystem::path& out, const robot::JointLabels& labels);
+Comparison compare(logger::RunLog& log, const std::vector<std::string>& overrides,
+                   const controller::MakeLaw& make_law, const std::filesystem::path& out,
+                   const robot::JointLabels& labels);
 
 /// Largest and rms difference per joint, and the files.
 std::string comparison_text(const Comparison& comparison, const robot::JointLabels& labels,

@@ -187,7 +187,7 @@ void draw_certificate(const certificate::Certificate& certificate,
       "set key below horizontal samplen 2\nset grid lc rgb '#dddddd'\nset border 3\nset tics "
       "nomirror\n",
       420 * columns, 320 * rows + 30, gnuplot_string(unfinished.name().string()), rows, columns,
-      gnuplot_text(fmt::format("{}: {}", scenario.name, scenario.controller.law)));
+      gnuplot_text(fmt::format("{}: {}", scenario.name, scenario.controller.law_text())));
   for (const Panel& panel : panels) commands += panel.text();
   draw(commands + "unset multiplot\n", unfinished.name());
   unfinished.finish();

@@ -149,9 +149,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
 void label(std::vector<RecordedRun>& runs) {
   const std::vector<std::function<std::string(const RecordedRun&)>> names = {
       [](const RecordedRun& run) { return run.scenario.name; },
-      [](const RecordedRun& run) { return run.scenario.controller.law; },
+      [](const RecordedRun& run) { return run.scenario.controller.law_text(); },
       [](const RecordedRun& run) {
-        return fmt::format("{}, {}", run.scenario.name, run.scenario.controller.law);
+        return fmt::format("{}, {}", run.scenario.name, run.scenario.controller.law_text());
       },
       [](const RecordedRun& run) {
         const auto directory = run.log.parent_path().filename().string();

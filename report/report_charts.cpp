@@ -232,7 +232,7 @@ Html certified_text(const RecordedRun& run) {
 
 Html lyapunov_text(const RecordedRun& run) {
   if (run.lyapunov_formula.empty()) {
-    return html("for {} no function is evaluated.", run.scenario.controller.law);
+    return html("for {} no function is evaluated.", run.scenario.controller.law_text());
   }
   Html text = html("<i>V</i> = {}, at the plant's true state and the law's own model.",
                    run.lyapunov_formula);

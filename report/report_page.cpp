@@ -51,7 +51,7 @@ Html section_html(const ReportSection& section, const std::vector<RecordedRun>& 
 
 Html title_of(const std::vector<RecordedRun>& runs) {
   if (runs.size() == 1) {
-    return html("{}: {}, h = {}", runs[0].scenario.name, runs[0].scenario.controller.law,
+    return html("{}: {}, h = {}", runs[0].scenario.name, runs[0].scenario.controller.law_text(),
                 short_period(runs[0].info.period_s));
   }
   std::vector<Html> labels;

@@ -191,7 +191,7 @@ const std::vector<Fact>& facts() {
       {"Robot", robot_text},
       {"Stiffness", stiffness_text},
       {"Payload", payload_text},
-      {"Law", [](const Run& run) { return Html(run.scenario.controller.law); }},
+      {"Law", [](const Run& run) { return Html(run.scenario.controller.law_text()); }},
       {"Measured", [](const Run& run) { return html("<code>{}</code>", run.info.measurement); }},
       {"Gains", gains_text},
       {"Filter", filter_fact},

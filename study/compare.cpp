@@ -92,7 +92,7 @@ double step_time_us(const experiment::Scenario& scenario, const Recorded& record
 Compared compare(const experiment::Scenario& scenario, int seeds) {
   Compared compared;
   compared.law = scenario.controller.law;
-  compared.measures = controller::measurement_suffix(compared.law);
+  compared.measures = controller::law_facts(compared.law).measurement;
   Recorded recorded;
   compared.run = *measure(scenario, [&](const TickRecord& tick) {
     if (recorded.measurements.size() < timed) {

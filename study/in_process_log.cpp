@@ -2,11 +2,11 @@
 
 #include <cmath>
 #include <string>
+#include <utility>
 #include <variant>
 
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
-#include "controller/registry.h"
 #include "loop/measurements.h"
 #include "plant/run_info.h"
 #include "plant/truth_of.h"
@@ -17,11 +17,10 @@ namespace {
 /// The messages of a run, one codec and channel for each kind.
 class Messages {
  public:
-  Messages(const experiment::Scenario& scenario, std::int64_t run, int num_signals,
+  Messages(const experiment::Scenario& scenario, std::int64_t run, const loop::Layout& layout,
            const std::function<void(const LogMessage&)>& write)
       : prefix_(scenario.robot.channel_prefix),
-        layout_(
-            loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(), num_signals)),
+        layout_(layout),
         num_ticks_(scenario.loop.num_ticks),
         run_(run),
         write_(write) {}
@@ -73,16 +72,14 @@ class Messages {
 
 }  // namespace
 
-void log_in_process(const experiment::Scenario& scenario, std::int64_t run,
-                    const std::function<void(const LogMessage&)>& write,
+void log_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
+                    std::int64_t run, const std::function<void(const LogMessage&)>& write,
                     const std::function<bool(const TickRecord&)>& on_tick) {
-  const std::string& law = scenario.controller.law;
-  const auto signals = controller::law_facts(law).signals;
-  const auto info =
-      plant::run_info(scenario, run, controller::measurement_suffix(law), loop::text_of(signals));
+  const loop::Layout layout = controller::law_layout(scenario, law);
+  const auto info = plant::run_info(scenario, run, controller::law_info(law));
   write({0, loop::channel<loop::RunInfo>(scenario.robot.channel_prefix), info});
-  Messages messages(scenario, run, static_cast<int>(signals.size()), write);
-  run_in_process(scenario, [&](const TickRecord& record) {
+  Messages messages(scenario, run, layout, write);
+  run_in_process(scenario, std::move(law), [&](const TickRecord& record) {
     messages.write(record);
     return on_tick(record);
   });

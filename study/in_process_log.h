@@ -21,8 +21,8 @@ struct LogMessage {
 /// the last bit: RUN_INFO, then six messages per tick in their order. Writes no file.
 /// @param on_tick as of `run_in_process`, after the tick's messages
 /// @throw diagnostics::Failure as `run_in_process`, and (bad_usage) when RUN_INFO is too long
-void log_in_process(const experiment::Scenario& scenario, std::int64_t run,
-                    const std::function<void(const LogMessage&)>& write,
+void log_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
+                    std::int64_t run, const std::function<void(const LogMessage&)>& write,
                     const std::function<bool(const TickRecord&)>& on_tick);
 
 }  // namespace tachless::study

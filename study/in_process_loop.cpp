@@ -7,7 +7,6 @@
 #include <variant>
 
 #include "controller/law_stepper.h"
-#include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "plant/encoder.h"
 #include "plant/guarded_robot.h"
@@ -58,10 +57,14 @@ void run(const experiment::Scenario& scenario, std::unique_ptr<controller::AnyLa
 
 }  // namespace
 
+void run_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
+                    const std::function<bool(const TickRecord&)>& on_tick) {
+  std::visit([&](auto own) { run(scenario, std::move(own), on_tick); }, std::move(law));
+}
+
 void run_in_process(const experiment::Scenario& scenario,
                     const std::function<bool(const TickRecord&)>& on_tick) {
-  std::visit([&](auto law) { run(scenario, std::move(law), on_tick); },
-             controller::scenario_law(scenario));
+  run_in_process(scenario, controller::scenario_law(scenario), on_tick);
 }
 
 }  // namespace tachless::study

@@ -7,7 +7,7 @@
 #include <memory>
 #include <optional>
 
-#include "controller/registry.h"
+#include "controller/law_socket.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "launch/verb.h"
@@ -25,12 +25,30 @@ struct Options {
   std::filesystem::path log;
   std::int64_t run = 0;
   std::string law;
+  std::string law_program;
   std::vector<std::string> overrides;
   std::filesystem::path out;
   bool json = false;
 
-  [[nodiscard]] bool what_if() const { return !law.empty() || !overrides.empty(); }
+  [[nodiscard]] controller::MakeLaw make_law() const {
+    if (law_program.empty()) return controller::scenario_law;
+    return [this](const experiment::Scenario& scenario) {
+      return controller::external_law(scenario, law_program);
+    };
+  }
 };
+
+/// What has to be set for the law that is asked for, in place of the recorded one.
+std::vector<std::string> changes(const Options& options, const logger::RunLog& log) {
+  std::vector<std::string> all = options.overrides;
+  if (!options.law.empty()) all.push_back("controller.law=" + options.law);
+  const std::string& recorded = log.scenario().controller.law;
+  if (!options.law_program.empty() && recorded != experiment::external_law) {
+    all.push_back(fmt::format("controller.law={}", experiment::external_law));
+    all.push_back("controller.measurement=" + log.info().measurement);
+  }
+  return all;
+}
 
 void warn_of_damage(const logger::RunLog& log) {
   const std::string damage = replay::damage_text(log);
@@ -39,7 +57,7 @@ void warn_of_damage(const logger::RunLog& log) {
 
 ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointLabels& joints) {
   const auto begun = std::chrono::steady_clock::now();
-  const replay::Replay result = replay::replay(log, log.scenario());
+  const replay::Replay result = replay::replay(log, log.scenario(), options.make_law()(log.scenario()));
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   const std::string problem = replay::problem_text(result, log, joints);
@@ -47,7 +65,7 @@ ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointL
   if (options.json) {
     Json json = {{"log", log.path().string()},
                  {"run_id", log.run()},
-                 {"law", log.scenario().controller.law},
+                 {"law", log.scenario().controller.law_text()},
                  {"same", problem.empty()}};
     json.update(to_json(result));
     json["wall_s"] = wall_s;
@@ -60,9 +78,10 @@ ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointL
   return ExitCode::check_said_no;
 }
 
-ExitCode compare(const Options& options, logger::RunLog& log, const robot::JointLabels& joints) {
+ExitCode compare(const Options& options, const std::vector<std::string>& overrides,
+                 logger::RunLog& log, const robot::JointLabels& joints) {
   const replay::Comparison comparison =
-      replay::compare(log, options.law, options.overrides, options.out, joints);
+      replay::compare(log, overrides, options.make_law(), options.out, joints);
   const replay::Replay& result = comparison.replay;
   warn_of_damage(log);
   const std::string hindrance = replay::hindrance(result, log);
@@ -72,8 +91,8 @@ ExitCode compare(const Options& options, logger::RunLog& log, const robot::Joint
   if (options.json) {
     Json json = {{"log", log.path().string()},
                  {"run_id", log.run()},
-                 {"law", comparison.scenario.controller.law},
-                 {"set", options.overrides}};
+                 {"law", comparison.scenario.controller.law_text()},
+                 {"set", overrides}};
     json.update(to_json(result));
     json["csv"] = comparison.csv.string();
     json["figure"] = result.compared > 0 ? Json(comparison.svg.string()) : Json();
@@ -89,7 +108,9 @@ ExitCode run_replay(const Options& options) {
   logger::RunLog log = logger::RunLog::open(
       options.log, options.run == 0 ? std::nullopt : std::optional(options.run));
   const robot::JointLabels joints = robot::joint_labels(controller::rigid_model(log.scenario()));
-  return options.what_if() ? compare(options, log, joints) : verify(options, log, joints);
+  const std::vector<std::string> overrides = changes(options, log);
+  return overrides.empty() ? verify(options, log, joints)
+                           : compare(options, overrides, log, joints);
 }
 
 Verb::Action declare(CLI::App& command) {
@@ -97,7 +118,12 @@ Verb::Action declare(CLI::App& command) {
   with_directories(command.add_option("LOG", options->log, "The log of a run, or its directory"))
       ->required();
   command.add_option("--run-id", options->run, "Which run, where the log holds several");
-  command.add_option("--law", options->law, "What would this law have commanded?");
+  auto* law = command.add_option("--law", options->law, "What would this law have commanded?");
+  command
+      .add_option("--controller", options->law_program,
+                  "The recorded law, or one in its place, is in this program, as typed in a shell; "
+                  "it is given the recorded measurements and references")
+      ->excludes(law);
   command
       .add_option("--set", options->overrides,
                   "key.path=value: what would have been commanded with it? May be repeated")

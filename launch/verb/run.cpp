@@ -30,6 +30,9 @@ Verb::Action declare(CLI::App& command) {
   command.add_option("--duration", options->duration_s, "Length of the run [s]");
   node::add_lcm_url(command, options->lcm_url);
   node::add_key_file(command, options->key_file);
+  command.add_option("--controller", options->law_program,
+                     "The controller is this program, as typed in a shell: 'python3 law.py'; its "
+                     "law is fed with what the scenario's would be");
   command
       .add_option(
           "--restart", options->restart,
@@ -79,6 +82,7 @@ const Verb run = {
     "300]'\n"
     "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate\n"
     "  tachless run scenarios/iiwa_point_to_point.yaml --visualize\n"
+    "  tachless run scenarios/paper_rigid.yaml --controller 'python3 law.py'\n"
     "  tachless run left.yaml right.yaml",
     declare};
 

@@ -88,6 +88,8 @@ const std::vector<Rule> rules = {
      {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "schema/",
       "diagnostics/"},
      {"Eigen/"}},
+    {"controller/law_socket.", {"controller/", "process/file_descriptor.h", "bus/"}, {}},
+    {"controller/external_law.", {"controller/", "process/", "bus/", "diagnostics/"}, {}},
     {"controller/recorded_inputs.",
      {"controller/", "bus/", "diagnostics/", "logger/log_file.h"},
      {}},
@@ -151,7 +153,7 @@ const std::vector<Rule> rules = {
 
     {"launch/",
      {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
-      "plant/", "reference/", "logger/", "node/", "bus/", "experiment/", "process/", "robot/",
+      "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/", "process/", "robot/",
       "loop/", "diagnostics/", "viewer/", "study/"},
      {"CLI/", "nlohmann/"},
      true},

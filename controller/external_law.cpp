@@ -1,0 +1,232 @@
+#include "controller/law_socket.h"
+
+#include <fmt/core.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <iostream>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "diagnostics/version.h"
+#include "process/child.h"
+
+namespace tachless::controller {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages, on a busy machine
+constexpr std::chrono::seconds end_limit{2};
+
+std::pair<process::FileDescriptor, process::FileDescriptor> socket_pair() {
+  std::array<int, 2> ends{};
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
+    throw std::system_error(errno, std::generic_category(), "socketpair");
+  }
+  return {process::FileDescriptor(ends[0]), process::FileDescriptor(ends[1])};
+}
+
+/// The program that computes the law.
+class Program {
+ public:
+  Program(const experiment::Scenario& scenario, std::string command)
+      : command_(std::move(command)), socket_(process::FileDescriptor()) {
+    auto [own, other] = socket_pair();
+    // The shell moves its stdin, the socket, out of the reach of what reads there.
+    child_ = process::start(
+        {"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"", "sh",
+         scenario.source, "--serve", "3"},
+        process::blocked_signals(), {}, other.get());
+    socket_ = LawSocket(std::move(own));
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+  ~Program() { end(); }
+
+  void send(std::span<const std::byte> message) { socket_.send(message); }
+
+  /// @param when "at tick 3", for messages
+  template <class Value>
+  void receive(const bus::Codec<Value>& codec, loop::Stamp& stamp, Value& value,
+               Clock::duration limit, const std::string& when) {
+    wait(limit, when);
+    const auto message = socket_.receive();
+    if (message.empty()) throw ended(when);
+    if (const auto why = codec.decode(message, stamp, value); why != bus::Rejection::none) {
+      throw Failure(ExitCode::protocol_violated,
+                    fmt::format("--controller '{}': answered {} with a message that is {}",
+                                command_, when, bus::name(why)));
+    }
+  }
+
+  [[nodiscard]] const std::string& command() const { return command_; }
+
+ private:
+  /// Until there is something to be received; what the program writes meanwhile goes to stderr.
+  void wait(Clock::duration limit, const std::string& when) {
+    const auto until = Clock::now() + limit;
+    for (;;) {
+      std::array<pollfd, 2> fds{pollfd{socket_.descriptor(), POLLIN, 0},
+                                pollfd{child_.output.get(), POLLIN, 0}};
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now());
+      if (left.count() < 0) break;
+      if (poll(fds.data(), fds.size(), static_cast<int>(left.count())) < 0 && errno != EINTR) {
+        throw std::system_error(errno, std::generic_category(), "poll");
+      }
+      if (fds[1].revents != 0) pass_on();
+      if (fds[0].revents != 0) return;
+    }
+    throw Failure(ExitCode::peer_lost,
+                  fmt::format("--controller '{}': no answer {} within {:g} s", command_, when,
+                              std::chrono::duration<double>(limit).count()));
+  }
+
+  void pass_on() {
+    process::read_lines(child_, [](const std::string& line) { std::cerr << line << "\n"; });
+  }
+
+  /// Closes the socket, which ends the program, and waits for that. @return its exit code
+  int end() {
+    if (!child_.running) return 0;
+    socket_.close();
+    const auto until = Clock::now() + end_limit;
+    while (child_.output.get() >= 0) {
+      pollfd fd{child_.output.get(), POLLIN, 0};
+      const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now());
+      if (left.count() <= 0) break;
+      poll(&fd, 1, static_cast<int>(left.count()));
+      pass_on();
+    }
+    if (child_.output.get() >= 0) kill(-child_.pid, SIGKILL);
+    int status = 0;
+    while (waitpid(child_.pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    child_.running = false;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+
+  Failure ended(const std::string& when) {
+    const int code = end();
+    const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
+                      code <= static_cast<int>(ExitCode::protective_stop);
+    return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
+            fmt::format("--controller '{}': ended {} with exit code {}{}", command_, when, code,
+                        code == 0 ? "; has it a main that calls tachless::run_controller (Python: "
+                                    "tachless.run_controller)?"
+                                  : ", and has said above why")};
+  }
+
+  std::string command_;
+  LawSocket socket_;
+  process::Child child_;
+};
+
+template <class Measurement>
+class ExternalLaw final : public AnyLaw<Measurement> {
+ public:
+  using Output = typename AnyLaw<Measurement>::Output;
+
+  ExternalLaw(std::unique_ptr<Program> program, loop::LawInfo info,
+              const experiment::Scenario& scenario)
+      : program_(std::move(program)),
+        info_(std::move(info)),
+        signals_(loop::parse_signals(info_.signals).value()),
+        period_s_(scenario.loop.period_s),
+        limit_(std::chrono::duration_cast<Clock::duration>(
+            std::chrono::duration<double>(scenario.loop.give_up_s))),
+        layout_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                             static_cast<int>(signals_.size()))) {}
+
+  [[nodiscard]] std::string_view name() const override { return info_.name; }
+  [[nodiscard]] std::span<const loop::Signal> signals() const override { return signals_; }
+
+  Output start(std::int64_t tick, const Measurement& measurement,
+               const loop::ReferencePoint& reference) override {
+    const double time_s = static_cast<double>(tick) * period_s_;
+    const loop::Stamp asked{std::llround(time_s * 1e6), 1, tick};
+    program_->send(measurement_codec_.encode(asked, measurement));
+    program_->send(reference_codec_.encode(asked, reference));
+    const std::string when = fmt::format("at tick {}", tick);
+    loop::Stamp stamp;
+    program_->receive(command_codec_, stamp, command_, limit_, when);
+    program_->receive(state_codec_, stamp, law_signals_, limit_, when);
+    return {command_, law_signals_};
+  }
+  /// The program counts the ticks between two measurements itself.
+  Output step(std::int64_t tick, const Measurement& measurement,
+              const loop::ReferencePoint& reference, int /*ticks*/) override {
+    return start(tick, measurement, reference);
+  }
+  void keep() override {}
+
+ private:
+  std::unique_ptr<Program> program_;
+  loop::LawInfo info_;
+  std::vector<loop::Signal> signals_;  ///< views into `info_`
+  double period_s_;
+  Clock::duration limit_;
+  loop::Layout layout_;
+  bus::Codec<Measurement> measurement_codec_{layout_};
+  bus::Codec<loop::ReferencePoint> reference_codec_{layout_};
+  bus::Codec<loop::TorqueCommand> command_codec_{layout_};
+  bus::Codec<loop::LawSignals> state_codec_{layout_};
+  loop::TorqueCommand command_;
+  loop::LawSignals law_signals_;
+};
+
+loop::RunInfo run_info(const experiment::Scenario& scenario) {
+  loop::RunInfo info;
+  info.num_ticks = scenario.loop.num_ticks;
+  info.period_s = scenario.loop.period_s;
+  info.version = diagnostics::version;
+  info.robot = scenario.robot.channel_prefix;
+  info.scenario = scenario.text;
+  info.robot_description = scenario.robot.urdf_text;
+  return info;
+}
+
+}  // namespace
+
+ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
+  auto program = std::make_unique<Program>(scenario, command);
+  program->send(bus::Codec<loop::RunInfo>(loop::Layout{}).encode({0, 1, -1}, run_info(scenario)));
+  loop::Stamp stamp;
+  loop::Participant self;
+  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), stamp, self, start_limit,
+                   "at the start");
+  ScenarioLaw law;
+  const bool known =
+      loop::parse_signals(self.signals) &&
+      loop::with_measurement(
+          self.measurement, [&]<class Measurement>(std::type_identity<Measurement> /*type*/) {
+            law = std::make_unique<ExternalLaw<Measurement>>(
+                std::move(program), loop::LawInfo{self.law, self.measurement, self.signals},
+                scenario);
+          });
+  if (!known) {
+    throw Failure(ExitCode::protocol_violated,
+                  fmt::format("--controller '{}': announces the measurement \"{}\" and the signals "
+                              "\"{}\", which this version does not know",
+                              command, self.measurement, self.signals));
+  }
+  return law;
+}
+
+std::vector<std::string> shell_command(const std::string& command,
+                                       const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {"/bin/sh", "-c", "exec " + command + " \"$@\"", "sh"};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  return words;
+}
+
+}  // namespace tachless::controller

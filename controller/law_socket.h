@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "bus/wire.h"
+#include "controller/registry.h"
+#include "process/file_descriptor.h"
+
+/// A law in another process of this machine, asked over a pair of sockets instead of the bus: the
+/// caller sends RUN_INFO and is told the law (PARTICIPANT); then for each tick it sends measurement
+/// and reference, and is sent command and state. The messages are those of the bus; whoever
+/// computes the law gets these and nothing else.
+namespace tachless::controller {
+
+/// One end. Messages keep their limits (SOCK_SEQPACKET).
+class LawSocket {
+ public:
+  explicit LawSocket(process::FileDescriptor socket) : socket_(std::move(socket)) {}
+
+  [[nodiscard]] int descriptor() const { return socket_.get(); }
+  void close() { socket_ = process::FileDescriptor(); }
+
+  /// Whether the other end is still there.
+  bool send(std::span<const std::byte> message);
+
+  /// Waits for a message, which is valid until the next call; empty when the other end is closed.
+  std::span<const std::byte> receive();
+
+  /// Whether a message has come that is one of `Value`.
+  template <class Value>
+  bool receive(const bus::Codec<Value>& codec, loop::Stamp& stamp, Value& value) {
+    const auto message = receive();
+    return !message.empty() && codec.decode(message, stamp, value) == bus::Rejection::none;
+  }
+
+ private:
+  process::FileDescriptor socket_;
+  std::vector<std::byte> buffer_ = std::vector<std::byte>(loop::max_run_info_size);
+};
+
+/// Answers on the descriptor `socket`, which becomes its own, until the other end is closed.
+/// @throw diagnostics::Failure bad_usage (scenario, law), protective_stop (a torque that is not
+/// finite), protocol_violated (what came is no message)
+void serve_law(int socket, const MakeLaw& make_law);
+
+/// The law that the program `command` computes, which is started here and ends with the law.
+/// `command` is what would be typed in a shell; the program has `serve_law` behind the option
+/// --serve, as all have whose main is `tachless::run_controller`. What it writes goes to stderr.
+/// Steps cannot be discarded: the program has taken them.
+/// @throw diagnostics::Failure naming the command: bad_usage (it cannot be started, or does not
+/// say what it needs), later at a step its own code when it ends, peer_lost when it does not
+/// answer within loop.give_up_s
+ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command);
+
+/// What starts `command` with further arguments in a shell.
+std::vector<std::string> shell_command(const std::string& command,
+                                       const std::vector<std::string>& arguments);
+
+}  // namespace tachless::controller

@@ -1,0 +1,46 @@
+#include "controller/program.h"
+
+#include "controller/law_socket.h"
+#include "controller/node.h"
+#include "node/process_options.h"
+#include "node/run_role.h"
+
+namespace tachless {
+
+int run_controller(int argc, const char* const* argv, const controller::MakeLaw& make_law) {
+  return controller::run_program(argc, argv, [&](const experiment::Scenario& scenario) {
+    const auto& [law, measurement] =
+        std::tie(scenario.controller.law, scenario.controller.measurement);
+    if (law != experiment::external_law) {
+      throw scenario.complaint("controller.law",
+                               fmt::format("{}, which this program does not compute; write {}, or "
+                                           "start it with: tachless run SCENARIO --controller",
+                                           law, experiment::external_law));
+    }
+    controller::ScenarioLaw made = make_law(scenario);
+    const loop::LawInfo info = controller::law_info(made);
+    if (info.measurement != measurement) {
+      throw scenario.complaint("controller.measurement",
+                               fmt::format("{}, but the law {} of this program needs {}",
+                                           measurement, info.name, info.measurement));
+    }
+    return made;
+  });
+}
+
+int controller::run_program(int argc, const char* const* argv, const MakeLaw& make_law) {
+  constexpr auto role = loop::Role::controller;
+  return node::run_process(role, argc, argv, [&](const node::ProcessOptions& options) {
+    if (options.controller.serve) {
+      serve_law(*options.controller.serve, make_law);
+      return diagnostics::ExitCode::done;
+    }
+    const auto run = [&](const experiment::Scenario& scenario, bus::Transport& transport,
+                         node::Session& session) {
+      run_node(scenario, make_law(scenario), transport, session, options.controller.resume);
+    };
+    return node::run_role(role, options, run, run);
+  });
+}
+
+}  // namespace tachless
