@@ -290,7 +290,8 @@ std::vector<Process> run_processes(const RunOptions& options, const Placement& p
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }
     if (role == loop::Role::controller && !options.law_program.empty()) {
-      command = controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
+      command =
+          controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
     if (placement.spin && role != loop::Role::logger) command.emplace_back("--spin");
