@@ -21,6 +21,7 @@
 #include "diagnostics/logging.h"
 #include "node/process_options.h"
 #include "plant/plant_model.h"
+#include "process/installation.h"
 #include "process/isolate.h"
 #include "reference/make_trajectory.h"
 #include "robot/joint_labels.h"
@@ -267,9 +268,8 @@ void RunDirectory::refuse(const std::string& why) const {
 }
 
 std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
-  const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
-  std::vector<std::string> command = {(programs / program).string(), options.scenario.string(),
-                                      "--lcm-url", options.lcm_url};
+  std::vector<std::string> command = {(process::program_directory() / program).string(),
+                                      options.scenario.string(), "--lcm-url", options.lcm_url};
   if (!options.key_file.empty()) command.insert(command.end(), {"--key-file", options.key_file});
   for (const std::string& value : options.all_overrides()) {
     command.insert(command.end(), {"--set", value});
@@ -290,7 +290,8 @@ std::vector<Process> run_processes(const RunOptions& options, const Placement& p
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }
     if (role == loop::Role::controller && !options.law_program.empty()) {
-      command = controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
+      command =
+          controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
     if (placement.spin && role != loop::Role::logger) command.emplace_back("--spin");

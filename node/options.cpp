@@ -3,10 +3,12 @@
 #include <fmt/core.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <iostream>
 #include <stdexcept>
 
 #include "diagnostics/failure.h"
+#include "process/installation.h"
 
 namespace tachless::node {
 
@@ -24,6 +26,23 @@ bool parse(CLI::App& program, int argc, const char* const* argv) {
   }
 }
 
+CLI::Option* with_installed_scenarios(CLI::Option* files) {
+  return files->transform([](const std::string& given) {
+    namespace fs = std::filesystem;
+    std::error_code error;
+    if (given.empty() || fs::exists(given, error)) return given;
+    const fs::path folder = process::shared_directory() / "scenarios";
+    fs::path name = given;
+    if (*name.begin() == "scenarios") name = name.lexically_relative("scenarios");
+    if (!name.has_extension()) name += ".yaml";
+    const fs::path installed = folder / name;  // `given` itself, if that is absolute
+    if (fs::exists(installed, error)) return installed.string();
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::bad_usage,
+        fmt::format("{}: no such file; looked for here and in {}", given, folder.string()));
+  });
+}
+
 void add_overrides(CLI::App& command, std::vector<std::string>& overrides) {
   command
       .add_option("--set", overrides,
@@ -33,7 +52,8 @@ void add_overrides(CLI::App& command, std::vector<std::string>& overrides) {
 
 void add_scenario(CLI::App& command, std::filesystem::path& path,
                   std::vector<std::string>& overrides) {
-  command.add_option("SCENARIO", path, "The experiment, a YAML file")->required();
+  with_installed_scenarios(command.add_option("SCENARIO", path, "The experiment, a YAML file"))
+      ->required();
   add_overrides(command, overrides);
 }
 

@@ -19,6 +19,11 @@ inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0"
 /// @throw Failure(bad_usage), one line
 bool parse(CLI::App& program, int argc, const char* const* argv);
 
+/// For an option or argument with scenarios or URDF files: one that is not a file here is looked
+/// for in the installation, by its path from scenarios/, with and without this word and .yaml.
+/// @return the same option, which throws Failure(bad_usage) when there is none either
+CLI::Option* with_installed_scenarios(CLI::Option* files);
+
 /// --set for the values of scenarios.
 void add_overrides(CLI::App& command, std::vector<std::string>& overrides);
 /// SCENARIO, and --set for its values.

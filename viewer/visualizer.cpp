@@ -27,6 +27,7 @@
 #include "node/options.h"
 #include "plant/plant_model.h"
 #include "process/display.h"
+#include "process/installation.h"
 #include "process/interruption.h"
 #include "process/process_tree.h"
 #include "process/step_aside.h"
@@ -150,7 +151,8 @@ void open(std::optional<viewer::ArmWindow>& window, const experiment::Scenario& 
                                              : robot::farthest_leaves(model);
   const robot::Vector initial = plant::initial_state(scenario, model).q;
   handle(SIGCHLD, give_up_opening);
-  window.emplace(model, visuals, tools, initial, "tachless: " + scenario.name);
+  window.emplace(model, visuals, tools, initial, "tachless: " + scenario.name,
+                 process::shared_directory() / "simbody");
   handle(SIGCHLD, SIG_DFL);
 }
 

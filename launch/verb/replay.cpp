@@ -57,7 +57,8 @@ void warn_of_damage(const logger::RunLog& log) {
 
 ExitCode verify(const Options& options, logger::RunLog& log, const robot::JointLabels& joints) {
   const auto begun = std::chrono::steady_clock::now();
-  const replay::Replay result = replay::replay(log, log.scenario(), options.make_law()(log.scenario()));
+  const replay::Replay result =
+      replay::replay(log, log.scenario(), options.make_law()(log.scenario()));
   const double wall_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   const std::string problem = replay::problem_text(result, log, joints);
