@@ -43,12 +43,13 @@ std::string rate_text(double period_s) {
 }  // namespace
 
 Verdict verdict(const experiment::Scenario& scenario) {
-  const ScenarioLoop loop(scenario);
   Verdict result;
-  result.period_s = loop.settings().period_s;
-  result.delay = loop.settings().delay;
+  const controller::law::Settings settings = controller::law_settings(scenario);
+  result.period_s = settings.period_s;
+  result.delay = settings.command_delay;
   result.unknown = controller::law_facts(scenario.controller.law).no_linearisation;
   if (!result.unknown.empty()) return result;
+  const ScenarioLoop loop(scenario);
   const double h = result.period_s;
 
   constexpr int postures = 5, motion_pieces = 12;

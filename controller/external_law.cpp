@@ -43,10 +43,9 @@ class Program {
       : command_(std::move(command)), socket_(process::FileDescriptor()) {
     auto [own, other] = socket_pair();
     // The shell moves its stdin, the socket, out of the reach of what reads there.
-    child_ = process::start(
-        {"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"", "sh",
-         scenario.source, "--serve", "3"},
-        process::blocked_signals(), {}, other.get());
+    child_ = process::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
+                             "sh", scenario.source, "--serve", "3"},
+                            process::blocked_signals(), {}, other.get());
     socket_ = LawSocket(std::move(own));
   }
   Program(const Program&) = delete;
@@ -207,12 +206,11 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
   ScenarioLaw law;
   const bool known =
       loop::parse_signals(self.signals) &&
-      loop::with_measurement(
-          self.measurement, [&]<class Measurement>(std::type_identity<Measurement> /*type*/) {
-            law = std::make_unique<ExternalLaw<Measurement>>(
-                std::move(program), loop::LawInfo{self.law, self.measurement, self.signals},
-                scenario);
-          });
+      loop::with_measurement(self.measurement, [&]<class Measurement>(
+                                                   std::type_identity<Measurement> /*type*/) {
+        law = std::make_unique<ExternalLaw<Measurement>>(
+            std::move(program), loop::LawInfo{self.law, self.measurement, self.signals}, scenario);
+      });
   if (!known) {
     throw Failure(ExitCode::protocol_violated,
                   fmt::format("--controller '{}': announces the measurement \"{}\" and the signals "

@@ -120,8 +120,7 @@ LawOnBus::LawOnBus(const experiment::Scenario& scenario, ScenarioLaw law, bus::T
     : transport_(transport),
       session_(session),
       info_(law_info(law)),
-      measurement_channel_(
-          fmt::format("{}_{}", scenario.robot.channel_prefix, info_.measurement)),
+      measurement_channel_(fmt::format("{}_{}", scenario.robot.channel_prefix, info_.measurement)),
       reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
       command_channel_(loop::channel<loop::TorqueCommand>(scenario.robot.channel_prefix)),
       state_channel_(loop::channel<loop::LawSignals>(scenario.robot.channel_prefix)) {

@@ -16,12 +16,12 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
 /// scenario's controller.gains.
 template <controller::law::Law L>
 int run_controller(int argc, const char* const* argv) {
-  return run_controller(
-      argc, argv, [](const experiment::Scenario& scenario) -> controller::ScenarioLaw {
-        static const controller::LawFacts facts = controller::facts_of<L>();
-        return std::make_unique<controller::LawWithMemory<L>>(
-            controller::make_law<L>(scenario, facts));
-      });
+  return run_controller(argc, argv,
+                        [](const experiment::Scenario& scenario) -> controller::ScenarioLaw {
+                          static const controller::LawFacts facts = controller::facts_of<L>();
+                          return std::make_unique<controller::LawWithMemory<L>>(
+                              controller::make_law<L>(scenario, facts));
+                        });
 }
 
 namespace controller {

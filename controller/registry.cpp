@@ -237,9 +237,9 @@ loop::Layout law_layout(const experiment::Scenario& scenario, const ScenarioLaw&
 ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
   if (scenario.controller.law == experiment::external_law) {
     throw scenario.complaint("controller.law",
-                             "external: the law is in a program of yours, and what is asked for "
-                             "needs it here; name the program with --controller where that can "
-                             "be said (run, replay), or a law of tachless");
+                             "external: the law is in a program of yours; run and replay take it "
+                             "with --controller 'PROGRAM', everything else needs one of "
+                             "tachless's laws");
   }
   const auto of_list = [&]<class... L>(LawList<L...> /*laws*/) {
     ScenarioLaw chosen;

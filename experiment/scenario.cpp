@@ -278,10 +278,9 @@ std::optional<schema::Refusal> ControllerSpec::refusal() const {
   if (law == external_law && std::ranges::find(loop::measurement_suffixes, measurement) ==
                                  loop::measurement_suffixes.end()) {
     return schema::Refusal{
-        "measurement",
-        fmt::format("{}; needed with law: {}: {}",
-                    measurement.empty() ? "missing" : '"' + measurement + '"', external_law,
-                    diagnostics::joined(loop::measurement_suffixes))};
+        "measurement", fmt::format("{}; needed with law: {}: {}",
+                                   measurement.empty() ? "missing" : '"' + measurement + '"',
+                                   external_law, diagnostics::joined(loop::measurement_suffixes))};
   }
   for (const auto& [gain, value] : gains) {
     if (consists_of(gain, "_")) continue;

@@ -32,7 +32,7 @@ struct RunOptions {
   std::string placement = "auto";  ///< see choose_placement
   std::string law_program;  ///< shell command of the program with the law; empty: none of its own
   std::string measurement;  ///< that `law_program` is fed with, where the scenario does not say
-  std::string restart;  ///< the process to start again when a signal kills it; empty: none
+  std::string restart;      ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
@@ -51,8 +51,8 @@ struct RunOptions {
   [[nodiscard]] std::filesystem::path directory(const experiment::Scenario& checked) const;
 };
 
-/// The measurement of the law in whose place `options.law_program` comes; empty where the scenario's
-/// law is external already, or stays.
+/// The measurement of the law in whose place `options.law_program` comes; empty where the
+/// scenario's law is external already, or stays.
 /// @throw diagnostics::Failure(bad_usage)
 std::string measurement_wanted(const RunOptions& options);
 

@@ -239,6 +239,21 @@ struct OnTheBus {
   std::optional<RunDirectory> out;
 };
 
+/// Whether the program of --controller ended as if all was well, but without the counters that a
+/// controller leaves.
+bool program_took_no_part(const RunOptions& options, const Supervision& supervision,
+                          const std::vector<node::Statistics>& statistics) {
+  const std::string_view controller = loop::name(loop::Role::controller);
+  return !options.law_program.empty() &&
+         std::ranges::any_of(supervision.ends,
+                             [&](const ProcessEnd& end) {
+                               return end.name == controller && !end.failed() && !end.on_order;
+                             }) &&
+         std::ranges::none_of(statistics, [](const node::Statistics& of) {
+           return of.role == loop::Role::controller;
+         });
+}
+
 /// @param culprit the robot whose failure interrupted the run, if one has
 RunEnd end_of(const Supervision& supervision, const std::string& culprit, const OnTheBus& robot,
               double wall_s) {
@@ -248,6 +263,13 @@ RunEnd end_of(const Supervision& supervision, const std::string& culprit, const 
     end.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
   } else if (supervision.culprit) {
     end.fault = describe(supervision.ends[*supervision.culprit]);
+  }
+  if (program_took_no_part(robot.run.options, supervision, end.statistics)) {
+    end.code = diagnostics::ExitCode::peer_lost;
+    end.fault = fmt::format(
+        "--controller '{}': ended without having taken part; has it a main that calls "
+        "tachless::run_controller (Python: tachless.run_controller)?",
+        robot.run.options.law_program);
   }
   return end;
 }
@@ -320,8 +342,11 @@ diagnostics::ExitCode in_four_processes(const std::vector<Planned>& runs) {
   for (const std::size_t i : order) {
     const RunOptions& options = runs[i].options;
     const std::string culprit = ends[i].because_of ? runs[*ends[i].because_of].options.robot : "";
-    conclusions.add(runs[i], *robots[i].out, end_of(ends[i], culprit, robots[i], wall_s),
-                    [&] { tell_others(ends[i], options); });
+    const RunEnd end = end_of(ends[i], culprit, robots[i], wall_s);
+    conclusions.add(runs[i], *robots[i].out, end, [&] {
+      // The others have only waited for it.
+      if (!program_took_no_part(options, ends[i], end.statistics)) tell_others(ends[i], options);
+    });
   }
   for (OnTheBus& each : robots) {
     if (each.window) each.window->finish();

@@ -153,8 +153,8 @@ const std::vector<Rule> rules = {
 
     {"launch/",
      {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
-      "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/", "process/", "robot/",
-      "loop/", "diagnostics/", "viewer/", "study/"},
+      "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/",
+      "process/", "robot/", "loop/", "diagnostics/", "viewer/", "study/"},
      {"CLI/", "nlohmann/"},
      true},
 

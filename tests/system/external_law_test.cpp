@@ -1,0 +1,179 @@
+// Laws of programs that are not tachless's: tachless-own-law (own_law.cpp) has the law of
+// paper_rigid under another name, so its torques are known to the last bit.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "logger/run_log.h"
+#include "process/process_tree.h"
+#include "tests/support/private_network.h"
+#include "tests/support/program.h"
+#include "tests/system/four_programs.h"
+
+using namespace tachless;
+
+namespace {
+
+namespace fs = std::filesystem;
+using system_test::scenarios;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+using Words = std::vector<std::string>;
+
+class ExternalLaw : public ::testing::Test {
+ protected:
+  ~ExternalLaw() override { unsetenv("OWN_LAW"); }
+
+  Program start(const Words& words) { return {"tachless", words, directory_.path()}; }
+  int tachless(const Words& words) {
+    Program program = start(words);
+    const int code = program.wait();
+    errors_ = program.errors();
+    output_ = program.output();
+    return code;
+  }
+  /// Of paper_rigid, for 0.1 s, into `out`.
+  Words run(const std::string& out, const Words& more = {}) {
+    Words words = {"run",        scenarios + "paper_rigid.yaml",
+                   "--duration", "0.1",
+                   "--run-id",   "7",
+                   "--out",      (directory_ / out)};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  Words with_program(Words words) const {
+    words.insert(words.end(), {"--controller", program()});
+    return words;
+  }
+  [[nodiscard]] static std::string program() {
+    return (fs::read_symlink("/proc/self/exe").parent_path().parent_path().parent_path() /
+            "bin/tachless-own-law")
+        .string();
+  }
+  [[nodiscard]] std::string log(const std::string& out) const {
+    return directory_ / (out + "/lcmlog");
+  }
+  std::vector<robot::Vector> torques(const std::string& out) {
+    std::vector<robot::Vector> all;
+    logger::RunLog recorded = logger::RunLog::open(log(out));
+    logger::TickRecord record;
+    while (recorded.next(record)) all.push_back(record.command.value().tau);
+    return all;
+  }
+  /// A run under the program, to be replayed.
+  void record() { ASSERT_EQ(tachless(with_program(run("own"))), 0) << errors_; }
+  int replay_misbehaving(const char* how) {
+    setenv("OWN_LAW", how, 1);
+    return tachless(with_program({"replay", log("own")}));
+  }
+
+  TemporaryDirectory directory_;
+  std::string errors_, output_;
+};
+
+TEST_F(ExternalLaw, CommandsWhatItWouldInsideAndIsCalledByItsName) {
+  ASSERT_EQ(tachless(run("inside")), 0) << errors_;
+  record();
+  EXPECT_THAT(output_, HasSubstr("\npaper_rigid: own_law (external), h = 50 µs\n"));
+  const auto inside = torques("inside"), own = torques("own");
+  ASSERT_EQ(own.size(), 2000U);
+  EXPECT_TRUE(inside == own);
+  const auto summary = nlohmann::json::parse(contents(directory_ / "own/summary.json"));
+  EXPECT_EQ(summary["law"], "own_law (external)");
+  const std::string report = contents(directory_ / "own/report.html");
+  EXPECT_THAT(report, AllOf(HasSubstr("own_law (external)"), HasSubstr("no function is evaluated"),
+                            Not(HasSubstr("loria_ortega"))));
+}
+
+TEST_F(ExternalLaw, LeavesTheSameLogInOneProcess) {
+  record();
+  ASSERT_EQ(tachless(with_program(run("alone", {"--in-process"}))), 0) << errors_;
+  EXPECT_TRUE(contents(log("own")) == contents(log("alone")));
+}
+
+TEST_F(ExternalLaw, IsReplayedBitForBitByTheProgramAlone) {
+  record();
+  EXPECT_EQ(tachless(with_program({"replay", log("own")})), 0) << errors_;
+  EXPECT_THAT(output_, HasSubstr("the same: 2000 commands, bit for bit"));
+  EXPECT_EQ(replay_misbehaving("other"), 1);
+  EXPECT_THAT(errors_, HasSubstr("1901 of 2000 commands differ, first at tick 99"));
+  EXPECT_EQ(tachless({"replay", log("own")}), 2);
+  EXPECT_THAT(errors_, HasSubstr("controller.law: external: the law is in a program of yours"));
+}
+
+TEST_F(ExternalLaw, IsComparedWithTheRecordedOne) {
+  ASSERT_EQ(tachless(run("inside")), 0) << errors_;
+  ASSERT_EQ(tachless(with_program({"replay", log("inside"), "--out", directory_ / "what_if"})), 0)
+      << errors_;
+  EXPECT_THAT(output_, AllOf(HasSubstr("recorded under loria_ortega_rigid, replayed under own_law "
+                                       "(external)\n2000 ticks, 0 of them with another command")));
+}
+
+TEST_F(ExternalLaw, TellsHowTheProgramEnded) {
+  record();
+  EXPECT_EQ(replay_misbehaving("exit"), 3);
+  EXPECT_THAT(errors_, HasSubstr("ended at tick 99 with exit code 7"));
+  EXPECT_EQ(replay_misbehaving("kill"), 3);
+  EXPECT_THAT(errors_, HasSubstr("ended at tick 99 with exit code 137"));
+  EXPECT_EQ(replay_misbehaving("not finite"), 5);
+  EXPECT_THAT(errors_, HasSubstr("the torque of joint 1 of law own_law at tick 99 is not finite"));
+  EXPECT_EQ(replay_misbehaving("hang"), 3);
+  EXPECT_THAT(errors_, HasSubstr("no answer at tick 99 within 5 s"));
+  EXPECT_TRUE(process::children_of(getpid()).empty()) << "the program outlived the replay";
+}
+
+TEST_F(ExternalLaw, IsTakenOverWhenKilled) {
+  record();
+  Words words = with_program(run("restarted", {"--restart", "controller"}));
+  Program launcher = start(words);
+  std::error_code absent;
+  while (fs::file_size(log("restarted"), absent) < 200'000 || absent) {
+    ASSERT_TRUE(launcher.running()) << launcher.errors();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  for (const pid_t pid : process::children_of(launcher.pid())) {
+    if (contents(fs::path("/proc") / std::to_string(pid) / "cmdline").starts_with(program())) {
+      ASSERT_EQ(kill(pid, SIGKILL), 0);
+    }
+  }
+  ASSERT_EQ(launcher.wait(), 0) << launcher.errors();
+  EXPECT_THAT(launcher.errors(), HasSubstr("controller was killed by signal 9"));
+  EXPECT_TRUE(contents(log("own")) == contents(log("restarted")));
+}
+
+TEST_F(ExternalLaw, HasToBeTheOneOfTheScenario) {
+  EXPECT_EQ(tachless(run("no", {"--set", "controller.law=external"})), 2);
+  EXPECT_THAT(errors_, HasSubstr("controller.measurement: missing; needed with law: external"));
+  const Words of_state = {"--set", "controller.law=external", "--set",
+                          "controller.measurement=STATE"};
+  EXPECT_EQ(tachless(run("no", of_state)), 2);
+  EXPECT_THAT(errors_, HasSubstr("run and replay take it with --controller 'PROGRAM'"));
+  EXPECT_EQ(tachless(with_program(run("no", of_state))), 2);
+  EXPECT_THAT(errors_, HasSubstr("STATE, but the law own_law of this program needs POSITION"));
+  EXPECT_EQ(tachless(with_program(run("no", {"--set", "controller.gains.stiffness=1"}))), 2);
+  EXPECT_THAT(errors_, HasSubstr("Gains of own_law: kp, kd, a, b"));
+  EXPECT_EQ(tachless(run("no", {"--set", "controller.measurement=POSITION"})), 2);
+  EXPECT_THAT(errors_, HasSubstr("law loria_ortega_rigid says itself what it is fed with"));
+}
+
+TEST_F(ExternalLaw, HasToTakePart) {
+  EXPECT_EQ(tachless(run("no", {"--controller", "true"})), 3);
+  EXPECT_THAT(errors_, HasSubstr("--controller 'true': ended without having taken part"));
+  EXPECT_EQ(tachless(run("no", {"--in-process", "--controller", "true"})), 3);
+  EXPECT_THAT(errors_, HasSubstr("ended at the start with exit code 0"));
+  EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 3);
+  EXPECT_THAT(errors_, HasSubstr("no-such-program: not found"));
+}
+
+}  // namespace

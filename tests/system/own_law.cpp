@@ -1,0 +1,49 @@
+// A controller program with laws of its own, for external_law_test.cpp: equation (15) under another
+// name, and what a law can do wrong.
+
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <string_view>
+
+#include "controller/law/loria_ortega_rigid.h"
+#include "controller/program.h"
+
+using namespace tachless;
+
+namespace {
+
+class OwnLaw : public controller::law::LoriaOrtegaRigid {
+ public:
+  static constexpr std::string_view name = "own_law";
+  using LoriaOrtegaRigid::LoriaOrtegaRigid;
+
+  [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
+                                                   const Measurement& measurement,
+                                                   const loop::ReferencePoint& reference,
+                                                   int ticks = 1) const {
+    auto result = LoriaOrtegaRigid::step(memory, measurement, reference, ticks);
+    misbehave(result.command.tau);
+    return result;
+  }
+
+ private:
+  /// OWN_LAW says how; from the hundredth step on.
+  void misbehave(robot::Vector& tau) const {
+    const char* variable = std::getenv("OWN_LAW");
+    const std::string_view how = variable == nullptr ? "" : variable;
+    if (how.empty() || ++steps_ < 100) return;
+    if (how == "not finite") tau[0] = NAN;
+    if (how == "kill") kill(getpid(), SIGKILL);
+    if (how == "exit") _exit(7);
+    if (how == "hang") pause();
+    if (how == "other") tau[0] += 1e-9;
+  }
+  mutable int steps_ = 0;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) { return run_controller<OwnLaw>(argc, argv); }
