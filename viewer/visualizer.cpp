@@ -70,7 +70,7 @@ std::optional<Options> parse(int argc, const char* const* argv) {
       "Exit codes: 0 shown to the end or closed, 2 bad usage or no display, 130 interrupted.");
   cli.set_version_flag("--version", std::string(diagnostics::version),
                        "Print the version and exit");
-  node::add_scenario(cli, options.scenario, options.overrides);
+  node::with_installed_scenarios(node::add_scenario(cli, options.scenario, options.overrides));
   node::add_lcm_url(cli, options.lcm_url);
   node::add_key_file(cli, options.key_file);
   node::add_run_id(cli, "--run-id", options.run_id,
