@@ -9,9 +9,12 @@ foreach(row IN LISTS rows)
 endforeach()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
 
+include(GNUInstallDirs)
+set(TACHLESS_LIBDIR ${CMAKE_INSTALL_LIBDIR}/tachless)
+
 add_library(tachless_options INTERFACE)
 target_link_libraries(tachless_options INTERFACE fmt::fmt)
-target_include_directories(tachless_options INTERFACE ${PROJECT_SOURCE_DIR})
+target_include_directories(tachless_options INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 # Without contraction, every machine rounds alike and a log replays bit for bit.
 target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -ffp-contract=off)
 # g++ 12 takes std::string's own copying for a write beyond its bounds wherever it inlines the
@@ -20,6 +23,14 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
   target_compile_options(tachless_options INTERFACE -Wno-array-bounds -Wno-restrict
     -Wno-stringop-overflow -Wno-stringop-overread)
 endif()
+
+# What others may link of ours, as tachless::name.
+function(tachless_export name)
+  set_property(GLOBAL APPEND PROPERTY TACHLESS_LIBRARIES ${name})
+  install(TARGETS ${name} EXPORT tachless COMPONENT development ARCHIVE DESTINATION ${TACHLESS_LIBDIR}
+    INCLUDES DESTINATION include/tachless)
+endfunction()
+tachless_export(tachless_options)
 
 # What most sources include, parsed once. A source includes what it uses all the same: the preset `dev`
 # builds without.
@@ -30,17 +41,26 @@ add_library(common_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
 target_link_libraries(common_headers PRIVATE tachless_options Eigen3::Eigen)
 target_precompile_headers(common_headers PRIVATE ${TACHLESS_COMMON_HEADERS})
 
-# tachless_library(robot SOURCES a.cpp … LIBS x … [STANDARD 17]): the library of one room.
+# tachless_library(robot SOURCES a.cpp … LIBS x … [STANDARD 17]): a library of a room; without SOURCES
+# headers alone. Installed as tachless::robot.
 function(tachless_library name)
   cmake_parse_arguments(arg "" "STANDARD" "SOURCES;LIBS;PRIVATE_LIBS" ${ARGN})
-  add_library(${name} STATIC ${arg_SOURCES})
-  target_link_libraries(${name} PUBLIC ${arg_LIBS} PRIVATE tachless_options ${arg_PRIVATE_LIBS})
-  target_include_directories(${name} PUBLIC ${PROJECT_SOURCE_DIR})
+  if(arg_SOURCES)
+    add_library(${name} STATIC ${arg_SOURCES})
+    target_link_libraries(${name} PUBLIC ${arg_LIBS} PRIVATE tachless_options ${arg_PRIVATE_LIBS})
+    target_include_directories(${name} PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+  else()
+    add_library(${name} INTERFACE)
+    target_link_libraries(${name} INTERFACE ${arg_LIBS})
+    target_include_directories(${name} INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
+  endif()
   if(arg_STANDARD)
     set_target_properties(${name} PROPERTIES CXX_STANDARD ${arg_STANDARD})
-  else()
+  elseif(arg_SOURCES)
     target_precompile_headers(${name} REUSE_FROM common_headers)
+    target_compile_features(${name} INTERFACE $<INSTALL_INTERFACE:cxx_std_20>)
   endif()
+  tachless_export(${name})
 endfunction()
 
 # tachless_program(tachless-plant SOURCES … LIBS …)

@@ -21,6 +21,7 @@
 #include "diagnostics/logging.h"
 #include "node/process_options.h"
 #include "plant/plant_model.h"
+#include "process/installation.h"
 #include "process/isolate.h"
 #include "reference/make_trajectory.h"
 #include "robot/joint_labels.h"
@@ -267,9 +268,8 @@ void RunDirectory::refuse(const std::string& why) const {
 }
 
 std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
-  const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
-  std::vector<std::string> command = {(programs / program).string(), options.scenario.string(),
-                                      "--lcm-url", options.lcm_url};
+  std::vector<std::string> command = {(process::program_directory() / program).string(),
+                                      options.scenario.string(), "--lcm-url", options.lcm_url};
   if (!options.key_file.empty()) command.insert(command.end(), {"--key-file", options.key_file});
   for (const std::string& value : options.all_overrides()) {
     command.insert(command.end(), {"--set", value});

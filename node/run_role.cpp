@@ -98,7 +98,7 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
   };
   try {
     const experiment::Scenario scenario =
-        experiment::load_scenario(options.scenario_path, options.overrides);
+        experiment::load_scenario(find_scenario(options.scenario_path), options.overrides);
     const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
     if (options.controller.resume && realtime) {
       throw Failure(ExitCode::bad_usage,

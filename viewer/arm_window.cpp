@@ -132,7 +132,8 @@ const SimTK::Vec3 background_color(0.95, 0.96, 0.98);
 class ArmWindow::Scene {
  public:
   Scene(const robot::Model& model, const Visuals& visuals, const std::vector<std::string>& tools,
-        const robot::Vector& initial, const std::string& title)
+        const robot::Vector& initial, const std::string& title,
+        const std::filesystem::path& viewers)
       : matter_(system_), reach_(reach_of(model)), radius_(0.04 * reach_) {
     matter_.setShowDefaultGeometry(false);
     const std::set<int> shown = bodies_shown_by(visuals);
@@ -156,7 +157,7 @@ class ArmWindow::Scene {
     }
     pose(0, initial);
     measure(model);
-    const SimTK::Array_<SimTK::String> folders(1, SIMBODY_VIEWER_LINKS);
+    const SimTK::Array_<SimTK::String> folders(1, viewers.string() + "/");
     visualizer_ = std::make_unique<SimTK::Visualizer>(system_, folders);
     visualizer_->setShutdownWhenDestructed(true);
     visualizer_->setMode(SimTK::Visualizer::PassThrough);
@@ -347,14 +348,14 @@ class ArmWindow::Scene {
 
 ArmWindow::ArmWindow(const robot::Model& model, const Visuals& visuals,
                      const std::vector<std::string>& tools, const robot::Vector& initial,
-                     const std::string& title) {
+                     const std::string& title, const std::filesystem::path& viewers) {
   // Where Simbody finds none, it goes on in two processes.
   if (access(SIMBODY_VIEWER, X_OK) != 0) {
     throw std::runtime_error("there is no " SIMBODY_VIEWER
                              "; as root, type: apt-get install --reinstall libsimbody3.7");
   }
   try {
-    scene_ = std::make_unique<Scene>(model, visuals, tools, initial, title);
+    scene_ = std::make_unique<Scene>(model, visuals, tools, initial, title, viewers);
     scene_->show(0, initial);
   } catch (const std::exception& error) {
     // Simbody's own words, in several lines, or none at all.

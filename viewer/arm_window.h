@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -26,10 +27,11 @@ class ArmWindow {
 
   /// Opens the window. Needs a display with OpenGL. The view fits the robot as it is at `initial`.
   /// @param tools links whose frames are drawn: x red, y green, z blue
+  /// @param viewers folder with simbody-visualizer, and the same as simbody-visualizer_d
   /// @throw std::runtime_error saying what is missing
   ArmWindow(const robot::Model& model, const Visuals& visuals,
             const std::vector<std::string>& tools, const robot::Vector& initial,
-            const std::string& title);
+            const std::string& title, const std::filesystem::path& viewers);
   ArmWindow(const ArmWindow&) = delete;
   ArmWindow& operator=(const ArmWindow&) = delete;
   /// Closes it.

@@ -27,6 +27,7 @@
 #include "node/options.h"
 #include "plant/plant_model.h"
 #include "process/display.h"
+#include "process/installation.h"
 #include "process/interruption.h"
 #include "process/process_tree.h"
 #include "process/step_aside.h"
@@ -69,7 +70,7 @@ std::optional<Options> parse(int argc, const char* const* argv) {
       "Exit codes: 0 shown to the end or closed, 2 bad usage or no display, 130 interrupted.");
   cli.set_version_flag("--version", std::string(diagnostics::version),
                        "Print the version and exit");
-  node::add_scenario(cli, options.scenario, options.overrides);
+  node::with_installed_scenarios(node::add_scenario(cli, options.scenario, options.overrides));
   node::add_lcm_url(cli, options.lcm_url);
   node::add_key_file(cli, options.key_file);
   node::add_run_id(cli, "--run-id", options.run_id,
@@ -150,7 +151,8 @@ void open(std::optional<viewer::ArmWindow>& window, const experiment::Scenario& 
                                              : robot::farthest_leaves(model);
   const robot::Vector initial = plant::initial_state(scenario, model).q;
   handle(SIGCHLD, give_up_opening);
-  window.emplace(model, visuals, tools, initial, "tachless: " + scenario.name);
+  window.emplace(model, visuals, tools, initial, "tachless: " + scenario.name,
+                 process::shared_directory() / "simbody");
   handle(SIGCHLD, SIG_DFL);
 }
 

@@ -54,7 +54,8 @@ diagnostics::ExitCode certify(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  node::add_scenario(command, options->scenario, options->overrides);
+  node::with_installed_scenarios(
+      node::add_scenario(command, options->scenario, options->overrides));
   command.add_option("--plot", options->plot,
                      "An SVG: margin against period, spectral radius along the reference, the "
                      "certified region against the initial state");

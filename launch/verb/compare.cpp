@@ -71,7 +71,8 @@ ExitCode run_compare(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  node::add_scenario(command, options->scenario, options->overrides);
+  node::with_installed_scenarios(
+      node::add_scenario(command, options->scenario, options->overrides));
   command
       .add_option("--laws", options->laws,
                   "Names, with commas between; default: all, every law for these joints")

@@ -17,6 +17,7 @@
 #include "experiment/urdf_scenario.h"
 #include "launch/progress_line.h"
 #include "launch/verb.h"
+#include "node/options.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -143,7 +144,9 @@ ExitCode run_design(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("SCENARIO", options->input, "A scenario, or a URDF file")->required();
+  node::with_installed_scenarios(
+      command.add_option("SCENARIO", options->input, "A scenario, or a URDF file"))
+      ->required();
   command.add_option("--set", options->overrides, "key.path=value; may be repeated")
       ->allow_extra_args(false);
   auto* bandwidth = command.add_option("--bandwidth", options->goal.bandwidth_hz,

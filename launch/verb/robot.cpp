@@ -10,6 +10,7 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "launch/verb.h"
+#include "node/options.h"
 #include "report/robot_facts.h"
 
 namespace tachless::launch::verb {
@@ -59,7 +60,8 @@ ExitCode show(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command.add_option("FILE", options->urdf, "A URDF file")->required();
+  node::with_installed_scenarios(command.add_option("FILE", options->urdf, "A URDF file"))
+      ->required();
   command
       .add_option("--position", options->position,
                   "a,b,... in the order of the joints [rad; m]; default: as near to 0 as their "

@@ -11,10 +11,10 @@ namespace {
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<RunOptions>();
   auto scenarios = std::make_shared<std::vector<std::filesystem::path>>();
-  command
-      .add_option("SCENARIO", *scenarios,
-                  "The experiment, a YAML file; several: a robot each, on one bus, and every "
-                  "option is for all")
+  node::with_installed_scenarios(
+      command.add_option("SCENARIO", *scenarios,
+                         "The experiment, a YAML file; several: a robot each, on one bus, and "
+                         "every option is for all"))
       ->required();
   node::add_overrides(command, options->overrides);
   command.add_option("--out", options->out,

@@ -11,6 +11,7 @@
 #include "node/options.h"
 #include "process/child.h"
 #include "process/display.h"
+#include "process/installation.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -38,8 +39,7 @@ fs::path find_java() {
 }
 
 std::string class_path() {
-  const fs::path types =
-      fs::read_symlink("/proc/self/exe").parent_path().parent_path() / "tachless_types.jar";
+  const fs::path types = process::shared_directory() / "tachless_types.jar";
   for (const auto& [jar, remedy] :
        {std::pair<fs::path, const char*>{LCM_JAR, "as root, type: apt-get install liblcm-java"},
         {chart_jar, "as root, type: apt-get install libjchart2d-java"},

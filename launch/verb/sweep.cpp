@@ -14,6 +14,7 @@
 #include "launch/slurm.h"
 #include "launch/sweep_results.h"
 #include "launch/verb.h"
+#include "node/options.h"
 #include "process/interruption.h"
 
 namespace tachless::launch::verb {
@@ -138,9 +139,9 @@ ExitCode run_sweep(const Options& options) {
 
 Verb::Action declare(CLI::App& command) {
   auto options = std::make_shared<Options>();
-  command
-      .add_option("SCENARIO", options->input,
-                  "A scenario's file, or the directory of a sweep to go on with")
+  node::with_installed_scenarios(
+      command.add_option("SCENARIO", options->input,
+                         "A scenario's file, or the directory of a sweep to go on with"))
       ->required();
   command
       .add_option("--vary", options->vary,

@@ -1,9 +1,11 @@
+#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "launch/verb.h"
 #include "process/child.h"
+#include "process/installation.h"
 
 namespace tachless::launch::verb {
 namespace {
@@ -16,7 +18,13 @@ struct Options {
 
 // Building and testing need the source tree, so the script at its root does them.
 diagnostics::ExitCode hand_over(const Options& options) {
-  std::vector<std::string> words = {TACHLESS_SOURCE_DIR "/tachless", "test"};
+  const std::filesystem::path script = process::shared_directory() / "source/tachless";
+  if (!std::filesystem::exists(script)) {
+    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
+                               "test: the tests need the source tree, and this is an installed "
+                               "program; in a clone, type: ./tachless test");
+  }
+  std::vector<std::string> words = {script.string(), "test"};
   if (!options.preset.empty()) words.push_back("--preset=" + options.preset);
   if (!options.label.empty()) words.push_back("--label=" + options.label);
   words.insert(words.end(), options.patterns.begin(), options.patterns.end());

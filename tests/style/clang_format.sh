@@ -3,7 +3,7 @@
 set -euo pipefail
 cd "${1:?usage: clang_format.sh SOURCE_DIR}"
 mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
-for other in tests bench docs; do
+for other in tests bench examples; do
   [[ -d $other ]] && rooms+=("$other")
 done
 find "${rooms[@]}" \

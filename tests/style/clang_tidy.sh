@@ -38,6 +38,6 @@ export source_dir scratch passed dependencies
 mapfile -t rooms < <(sed -nE 's/^([a-z]+) .*/\1/p' cmake/rooms.txt)
 headers="/($(IFS='|'; echo "${rooms[*]}"))/([^/]*/)*[^/]*\.h\$"
 export headers
-[[ ! -d docs ]] || rooms+=(docs)
+[[ ! -d examples ]] || rooms+=(examples)
 find "${rooms[@]}" -name '*.cpp' -print0 |
   xargs -0 -n 1 -P 2 bash -c 'set -euo pipefail; check "$1"' bash

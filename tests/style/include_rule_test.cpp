@@ -160,13 +160,13 @@ const std::vector<Rule> rules = {
 
     {"tests/", anything, anything, true},
     {"bench/", anything, anything, true},
-    {"docs/", anything, anything, true},
+    {"examples/", anything, anything, true},
 };
 
 // Only these may see the ground truth, directly or through other headers.
 const std::vector<std::string> may_see_truth = {
     "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/", "replay/",
-    "monitor/",    "viewer/",    "launch/", "tests/",  "bench/", "docs/"};
+    "monitor/",    "viewer/",    "launch/", "tests/",  "bench/", "examples/"};
 
 bool starts_with_one_of(const std::string& text, const std::vector<std::string>& prefixes) {
   return std::any_of(prefixes.begin(), prefixes.end(),
@@ -278,14 +278,14 @@ TEST(IncludeRule, EveryRoomOfTheListHasOneAndEveryRuleARoom) {
   listed.erase("lcmtypes/");  // holds no C++
   std::set<std::string> ruled;
   for (const Rule& rule : rules) ruled.insert(rule.folder.substr(0, rule.folder.find('/') + 1));
-  for (const char* other : {"tests/", "bench/", "docs/"}) ruled.erase(other);
+  for (const char* other : {"tests/", "bench/", "examples/"}) ruled.erase(other);
   EXPECT_EQ(listed, ruled);
 }
 
 TEST(IncludeRule, SimbodyUrdfdomAndLcmAreSeenByTheirFilesAlone) {
   std::map<std::string, std::set<std::string>> users;
   for (const std::string& file : sources()) {
-    if (starts_with_one_of(file, {"tests/", "bench/", "docs/"})) continue;
+    if (starts_with_one_of(file, {"tests/", "bench/", "examples/"})) continue;
     for (const Include& include : includes_of_file(file)) {
       for (const char* library : {"SimTK", "urdf_", "lcm/"}) {
         if (include.path.rfind(library, 0) == 0) users[library].insert(file);

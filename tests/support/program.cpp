@@ -19,7 +19,8 @@ Program::Program(const std::string& name, const std::vector<std::string>& argume
                  const std::filesystem::path& directory)
     : name_(name) {
   static int count = 0;
-  const std::string stem = name + "." + std::to_string(count++);
+  const std::string stem =
+      std::filesystem::path(name).filename().string() + "." + std::to_string(count++);
   stderr_path_ = directory / (stem + ".err");
   stdout_path_ = directory / (stem + ".out");
   const bool ours = name.rfind("tachless", 0) == 0;

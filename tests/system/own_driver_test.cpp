@@ -1,4 +1,5 @@
-// docs/example_driver in the plant's place, with the real reference, controller and logger.
+// examples/own_driver, built against the installation, in the plant's place, with the real
+// reference, controller and logger.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -27,10 +28,10 @@ using ::testing::AllOf;
 using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
-class ExampleDriver : public testing::Test {
+class OwnDriver : public testing::Test {
  protected:
   void play(const std::vector<std::string>& settings) {
-    run.plant = "tachless-example-driver";
+    run.plant = TACHLESS_BINARY_DIR "/installed/work/own_driver/build/own_driver";
     run.settings = settings;
     run.start_all();
   }
@@ -48,10 +49,10 @@ class ExampleDriver : public testing::Test {
     return result;
   }
 
-  FourPrograms run{"../docs/example_driver/rig.yaml"};
+  FourPrograms run{"../examples/own_driver/rig.yaml"};
 };
 
-TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
+TEST_F(OwnDriver, MovesTheRobotToWhereTheReferenceEnds) {
   // No busy machine shall end this run.
   play({"--set", "loop.max_missed=400", "--set", "loop.max_missed_share=1"});
   run.expect_all_done();
@@ -69,7 +70,7 @@ TEST_F(ExampleDriver, MovesTheRobotToWhereTheReferenceEnds) {
   }
 }
 
-TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
+TEST_F(OwnDriver, StopsTheRobotWhenTheControllerDies) {
   play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=400"});
   wait_until_it_moves();
   run["controller"].signal(SIGKILL);
@@ -91,7 +92,7 @@ TEST_F(ExampleDriver, StopsTheRobotWhenTheControllerDies) {
   EXPECT_LT(last.v.norm(), 0.01);
 }
 
-TEST_F(ExampleDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
+TEST_F(OwnDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
   play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=1000"});
   wait_until_it_moves();
   // For longer than the rig's watchdog, and not so long that the others give up.
@@ -104,7 +105,7 @@ TEST_F(ExampleDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
   }
 }
 
-TEST_F(ExampleDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
+TEST_F(OwnDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
   play({"--set", "plant.initial.position_rad=[0.3, 0]"});
   EXPECT_EQ(run["plant"].wait(), 2);
   EXPECT_THAT(run["plant"].errors(),

@@ -5,7 +5,7 @@
 
 #include "robot/model.h"
 
-namespace tachless::example_driver {
+namespace tachless::own_driver {
 
 /// Stands for what comes with a robot: the library of its fieldbus, and behind that the robot. An
 /// arm on a bench that moves on the wall clock, whether anybody looks or not, with encoders of 20
@@ -38,4 +38,4 @@ class Rig {
   bool tripped_ = false;
 };
 
-}  // namespace tachless::example_driver
+}  // namespace tachless::own_driver

@@ -2,12 +2,12 @@
 
 #include <chrono>
 
-#include "docs/example_driver/rig.h"
 #include "node/process_options.h"
 #include "node/run_role.h"
 #include "plant/node.h"
 #include "plant/plant_model.h"
 #include "plant/robot_driver.h"
+#include "rig.h"
 
 using namespace tachless;
 
@@ -15,7 +15,7 @@ namespace {
 
 class RigDriver final : public plant::RobotDriver {
  public:
-  explicit RigDriver(example_driver::Rig& rig) : rig_(rig) {}
+  explicit RigDriver(own_driver::Rig& rig) : rig_(rig) {}
 
   // The rig has encoders and no tachometers.
   [[nodiscard]] bool measures_velocity() const override { return false; }
@@ -44,7 +44,7 @@ class RigDriver final : public plant::RobotDriver {
   void stop() override { rig_.brake(); }
 
  private:
-  example_driver::Rig& rig_;
+  own_driver::Rig& rig_;
   robot::Vector last_q_;
   std::chrono::steady_clock::time_point read_at_;
 };
@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
   constexpr auto role = loop::Role::plant;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
     return node::run_role(role, options, [](const auto& scenario, auto& transport, auto& link) {
-      example_driver::Rig rig(plant::plant_model(scenario));
+      own_driver::Rig rig(plant::plant_model(scenario));
       RigDriver driver(rig);
       plant::run_driver(scenario, transport, link, driver);
     });

@@ -1,4 +1,4 @@
-#include "docs/example_driver/rig.h"
+#include "rig.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 
 #include "robot/forward_dynamics.h"
 
-namespace tachless::example_driver {
+namespace tachless::own_driver {
 namespace {
 
 constexpr double step_s = 1e-4;
@@ -68,4 +68,4 @@ bool Rig::watchdog_has_tripped() {
   return tripped_;
 }
 
-}  // namespace tachless::example_driver
+}  // namespace tachless::own_driver

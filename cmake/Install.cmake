@@ -1,0 +1,32 @@
+# What is installed beside programs and libraries (cmake/Tachless.cmake). The programs look for their
+# files from where they are, in ../share/tachless (process/installation.h): the build directory is laid
+# out the same, by links to the tree.
+set(shared share/tachless)
+file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})
+file(CREATE_LINK ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/${shared}/source SYMBOLIC)
+file(CREATE_LINK ${PROJECT_SOURCE_DIR}/scenarios ${PROJECT_BINARY_DIR}/${shared}/scenarios SYMBOLIC)
+install(DIRECTORY scenarios DESTINATION ${shared} COMPONENT program)
+install(DIRECTORY ${PROJECT_BINARY_DIR}/${shared}/simbody DESTINATION ${shared} COMPONENT program)
+install(FILES ${PROJECT_BINARY_DIR}/${shared}/tachless_types.jar DESTINATION ${shared}
+  COMPONENT program)
+install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
+install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
+  COMPONENT program)
+
+install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
+  DESTINATION include/tachless COMPONENT development
+  FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE)
+install(DIRECTORY examples DESTINATION ${shared} COMPONENT development)
+file(GLOB messages lcmtypes/*.lcm)
+install(FILES ${messages} DESTINATION ${shared}/lcmtypes COMPONENT development)
+
+include(CMakePackageConfigHelpers)
+set(package ${CMAKE_INSTALL_LIBDIR}/cmake/tachless)
+configure_package_config_file(cmake/tachlessConfig.cmake.in tachlessConfig.cmake
+  INSTALL_DESTINATION ${package})
+# 0.x: the headers change with every version.
+write_basic_package_version_file(tachlessConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES ${PROJECT_BINARY_DIR}/tachlessConfig.cmake ${PROJECT_BINARY_DIR}/tachlessConfigVersion.cmake
+  cmake/FindLcm.cmake DESTINATION ${package} COMPONENT development)
+install(EXPORT tachless NAMESPACE tachless:: FILE tachlessTargets.cmake DESTINATION ${package}
+  COMPONENT development)

@@ -1,0 +1,99 @@
+// A control law of one's own, as a program in the controller's place: docs/install.md. What is
+// specific to the law is `MyLaw`, equations and all.
+
+#include <array>
+#include <string_view>
+#include <tuple>
+#include <utility>
+
+#include "controller/law/law.h"
+#include "controller/law/settings.h"
+#include "controller/program.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/model.h"
+#include "schema/schema.h"
+
+using namespace tachless;
+
+namespace {
+
+using robot::Vector;
+
+/// Loria and Ortega's law for rigid joints, from positions alone:
+///
+///   tau = ID(q, v_ref, a_ref) - Kp e - Kd nu,   nudot = -A nu + B edot,   e = q - q_ref,
+///
+/// its filter by backward Euler: nu_k = (nu_{k-1} + B (e_k - e_{k-1})) / (1 + A h).
+class MyLaw {
+ public:
+  // What report, info and error messages say of it.
+  static constexpr std::string_view name = "my_law";
+  static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
+  static constexpr std::string_view source = "own work";
+  static constexpr std::string_view proved = "nothing yet";
+  static constexpr std::string_view conditions = "none known";
+  static constexpr bool regulation_only = false;
+  static constexpr bool has_feedforward_lead = false;
+
+  // What it is fed with, and so all that it can see.
+  using Measurement = loop::PositionMeasurement;
+  using Robot = robot::Model;
+
+  // The scenario's controller.gains: names, units, allowed values.
+  struct Gains {
+    Vector kp, kd, a, b;
+
+    static constexpr std::tuple keys{
+        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
+            schema::positive),
+        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the filter output"}.in(
+            schema::positive),
+        schema::Key{"a", &Gains::a, "1/s", "Filter pole"}.in(schema::positive),
+        schema::Key{"b", &Gains::b, "1/s", "Filter gain"}.in(schema::positive)};
+  };
+
+  // What it keeps between ticks.
+  struct Memory {
+    Vector nu;          // [rad/s]
+    Vector e_previous;  // [rad]
+
+    static constexpr std::tuple members{&Memory::nu, &Memory::e_previous};
+  };
+
+  MyLaw(Robot model, Gains gains, const controller::law::Settings& settings)
+      : model_(std::move(model)), gains_(std::move(gains)), period_s_(settings.period_s) {}
+
+  [[nodiscard]] Memory start(const Measurement& measurement,
+                             const loop::ReferencePoint& reference) const {
+    const Vector e = measurement.q - reference.q_ref;
+    return {Vector::Zero(e.size()), e};
+  }
+
+  /// `ticks`: periods since the step that gave `memory`; in realtime some may have been missed.
+  [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
+                                                   const Measurement& measurement,
+                                                   const loop::ReferencePoint& reference,
+                                                   int ticks = 1) const {
+    const Vector e = measurement.q - reference.q_ref;
+    const Vector shrinks = (1 + gains_.a.array() * (ticks * period_s_)).inverse();
+    const Vector nu =
+        shrinks.cwiseProduct(memory.nu + gains_.b.cwiseProduct(e - memory.e_previous));
+    controller::law::Step<Memory> result{{nu, e}, {}, {}};
+    result.command.tau =
+        robot::inverse_dynamics(model_, measurement.q, reference.v_ref, reference.a_ref) -
+        gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
+    result.signals = {signals.size(), {e, nu}};
+    return result;
+  }
+
+ private:
+  Robot model_;
+  Gains gains_;
+  double period_s_;
+};
+
+static_assert(controller::law::OutputFeedbackLaw<MyLaw>);
+
+}  // namespace
+
+int main(int argc, char** argv) { return run_controller<MyLaw>(argc, argv); }
