@@ -17,6 +17,8 @@ target_link_libraries(tachless_options INTERFACE fmt::fmt)
 target_include_directories(tachless_options INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 # Without contraction, every machine rounds alike and a log replays bit for bit.
 target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -ffp-contract=off)
+# The libraries go into the Python module too; calls within stay direct.
+target_compile_options(tachless_options INTERFACE -fPIC -fno-semantic-interposition)
 # g++ 12 takes std::string's own copying for a write beyond its bounds wherever it inlines the
 # concatenation of a literal and a string (GCC bug 105651).
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)

@@ -111,15 +111,21 @@ std::string Quantity::column(std::size_t component) const {
 }
 
 std::vector<Quantity> quantities_of(const RunLog& log) {
-  const loop::Layout& layout = log.layout();
-  const robot::Model& model = *log.scenario().model;
+  return quantities_of(log.scenario(), {log.info().law, log.info().measurement, log.info().signals});
+}
+
+std::vector<Quantity> quantities_of(const experiment::Scenario& scenario,
+                                    const loop::LawInfo& law) {
+  const loop::Layout layout =
+      loop::layout(scenario.num_joints, scenario.robot.flexible.has_value());
+  const robot::Model& model = *scenario.model;
   Builder to{model.joint_types, model.joint_names, {}};
   using Truth = loop::truth::PlantTruth;
   constexpr std::size_t num_states = loop::MessageOf<Truth>::num_states;
   to.add_message<Truth>(layout, "", ", true", 0, num_states);
   to.add_message<loop::ReferencePoint>(layout, "", "");
   to.add_message<loop::TorqueCommand>(layout, "", "");
-  const auto signals = loop::parse_signals(log.info().signals).value();
+  const auto signals = loop::parse_signals(law.signals).value();
   for (std::size_t i = 0; i < signals.size(); ++i) {
     const std::string name(signals[i].name);
     to.add_vector(name, signals[i].unit, "signal of the law: " + name, Slot::controller_state,
@@ -127,10 +133,10 @@ std::vector<Quantity> quantities_of(const RunLog& log) {
                     return record.controller_state->value[i];
                   });
   }
-  loop::with_measurement(log.info().measurement, [&]<class M>(std::type_identity<M>) {
+  loop::with_measurement(law.measurement, [&]<class M>(std::type_identity<M>) {
     to.add_message<M>(layout, "_measured", " as measured");
   });
-  const bool disturbed = !log.scenario().plant.disturbances.empty();
+  const bool disturbed = !scenario.plant.disturbances.empty();
   to.add_message<Truth>(layout, "", "", num_states, std::string_view::npos,
                         disturbed ? "" : "disturbance");
   std::vector<std::string> names;

@@ -25,9 +25,10 @@ struct Quantity {
   [[nodiscard]] std::string column(std::size_t component) const;
 };
 
-/// The quantities that a log of this run can hold, whether or not this one does. In order:
-/// truth (q, v, theta, thetadot), reference, tau, the law's signals, measured values,
-/// and what the drives did.
+/// The quantities that a log of the scenario under that law can hold. In order: truth (q, v, theta,
+/// thetadot), reference, tau, the law's signals, measured values, and what the drives did.
+std::vector<Quantity> quantities_of(const experiment::Scenario& scenario, const loop::LawInfo& law);
+/// Those of this log's run, whether or not it holds them.
 std::vector<Quantity> quantities_of(const RunLog& log);
 
 }  // namespace tachless::logger

@@ -1,0 +1,150 @@
+#include "python/python_law.h"
+
+#include <fmt/format.h>
+
+#include <memory>
+
+#include "diagnostics/failure.h"
+#include "loop/measurements.h"
+
+namespace tachless::python {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+py::object field_or_none(const robot::Vector* x) {
+  if (x == nullptr || x->size() == 0) return py::none();
+  return array_of(*x);
+}
+
+template <class M>
+Measurement measurement_of(const M& measured) {
+  Measurement result{py::none(), py::none(), py::none(), py::none()};
+  if constexpr (requires { measured.q; }) result.q = field_or_none(&measured.q);
+  if constexpr (requires { measured.v; }) result.v = field_or_none(&measured.v);
+  if constexpr (requires { measured.theta; }) result.theta = field_or_none(&measured.theta);
+  if constexpr (requires { measured.thetadot; }) {
+    result.thetadot = field_or_none(&measured.thetadot);
+  }
+  return result;
+}
+
+template <class M>
+class PythonLaw final : public controller::AnyLaw<M> {
+ public:
+  using Output = typename controller::AnyLaw<M>::Output;
+
+  PythonLaw(const experiment::Scenario& scenario, py::object f, std::string name)
+      : f_(std::move(f)),
+        name_(std::move(name)),
+        num_joints_(scenario.num_joints),
+        period_s_(scenario.loop.period_s) {}
+  ~PythonLaw() override {
+    const py::gil_scoped_acquire locked;
+    f_ = py::object();
+  }
+
+  [[nodiscard]] std::string_view name() const override { return name_; }
+  [[nodiscard]] std::span<const loop::Signal> signals() const override { return logged; }
+
+  Output start(std::int64_t tick, const M& measurement,
+               const loop::ReferencePoint& reference) override {
+    {
+      const py::gil_scoped_acquire locked;
+      in_python(tick, [&] {
+        if (py::hasattr(f_, "reset")) f_.attr("reset")();
+      });
+    }
+    return step(tick, measurement, reference, 1);
+  }
+
+  Output step(std::int64_t tick, const M& measurement, const loop::ReferencePoint& reference,
+              int /*ticks*/) override {
+    {
+      const py::gil_scoped_acquire locked;
+      in_python(tick, [&] {
+        const py::object tau =
+            f_(tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
+               Reference{array_of(reference.q_ref), array_of(reference.v_ref),
+                         array_of(reference.a_ref), array_of(reference.jerk_ref),
+                         array_of(reference.snap_ref)});
+        command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
+      });
+    }
+    if constexpr (loop::holds_links<M>) signals_ = {1, {measurement.q - reference.q_ref}};
+    return {command_, signals_};
+  }
+  void keep() override {}
+
+ private:
+  static constexpr auto logged = [] {
+    if constexpr (loop::holds_links<M>) {
+      return std::array{loop::Signal{"error", "rad"}};
+    } else {
+      return std::array<loop::Signal, 0>{};
+    }
+  }();
+
+  /// What `action` raises becomes the run's end; its traceback goes to stderr.
+  template <class Action>
+  void in_python(std::int64_t tick, const Action& action) const {
+    try {
+      action();
+    } catch (const Failure& failure) {
+      throw Failure(failure.code(), fmt::format("{}, at tick {}", failure.what(), tick));
+    } catch (py::error_already_set& raised) {
+      const std::string what =
+          fmt::format("{}: {}", std::string(py::str(raised.type().attr("__name__"))),
+                      std::string(py::str(raised.value())));
+      raised.restore();
+      PyErr_Print();
+      throw Failure(ExitCode::protective_stop,
+                    fmt::format("the law {} raised {}, at tick {}", name_, what, tick));
+    }
+  }
+
+  py::object f_;
+  std::string name_;
+  int num_joints_;
+  double period_s_;
+  loop::TorqueCommand command_;
+  loop::LawSignals signals_;
+};
+
+}  // namespace
+
+py::array_t<double> array_of(const robot::Vector& x) {
+  py::array_t<double> result(x.size());
+  std::copy(x.begin(), x.end(), result.mutable_data());
+  return result;
+}
+
+robot::Vector vector_of(const py::handle& object, int size, const std::string& what) {
+  const auto values =
+      py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(object);
+  if (!values) {
+    PyErr_Clear();
+    throw Failure(ExitCode::bad_usage, fmt::format("{} is {}; needed: {} numbers", what,
+                                                   std::string(py::str(py::repr(object))), size));
+  }
+  if (values.ndim() != 1 || values.shape(0) != size) {
+    std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
+    throw Failure(ExitCode::bad_usage, fmt::format("{} has the shape ({}); needed: ({},)", what,
+                                                   fmt::join(shape, ", "), size));
+  }
+  robot::Vector result(size);
+  std::copy_n(values.data(), size, result.data());
+  return result;
+}
+
+controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
+                                   const std::string& name) {
+  controller::ScenarioLaw law;
+  loop::with_measurement(scenario.controller.measurement, [&]<class M>(std::type_identity<M>) {
+    law = std::make_unique<PythonLaw<M>>(scenario, f, name);
+  });
+  return law;
+}
+
+}  // namespace tachless::python

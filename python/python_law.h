@@ -1,0 +1,36 @@
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <array>
+#include <string>
+
+#include "controller/registry.h"
+
+/// A control law that is a Python callable.
+namespace tachless::python {
+
+namespace py = pybind11;
+
+/// What the callable is given; its own, so it may keep them.
+struct Measurement {
+  py::object q, v, theta, thetadot;  ///< None: not measured
+};
+struct Reference {
+  py::array_t<double> q, v, a, jerk, snap;
+};
+
+py::array_t<double> array_of(const robot::Vector& x);
+
+/// @throw diagnostics::Failure naming `what`, the shape that is needed and the one that came
+robot::Vector vector_of(const py::handle& object, int size, const std::string& what);
+
+/// `f(k, t, measurement, reference) -> torque`. Where it has a method `reset`, that is called
+/// before the first step, and whenever the memory has to begin anew (after a long gap in realtime).
+/// Logs the position error where it measures the links. To be used and destroyed without the GIL.
+/// @param name as announced; the law measures what the scenario's controller.measurement says
+controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
+                                   const std::string& name);
+
+}  // namespace tachless::python

@@ -1,0 +1,200 @@
+"""The Python package against the C++ programs. Called with the directory of the programs and that of the scenarios."""
+
+import ast
+import inspect
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+import tachless
+
+programs, scenarios = map(pathlib.Path, sys.argv[1:3])
+examples = scenarios.parent / "examples" / "python"
+paper = scenarios / "paper_rigid.yaml"
+arm = scenarios / "robots" / "two_link.urdf"
+short = {"loop.duration_s": 0.1}
+
+
+def tachless_command(*words, code=0):
+    """stdout and stderr of the program, which has to end with `code`."""
+    done = subprocess.run([programs / "tachless", *map(str, words)], capture_output=True, text=True, check=False)
+    assert done.returncode == code, f"{words}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
+    return done.stdout + done.stderr
+
+
+class Folder(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def script(self, text):
+        path = self.folder / "law.py"
+        path.write_text("import numpy as np\nimport tachless\n" + text)
+        return f"{sys.executable} {path}"
+
+    def run_paper(self, controller, *more, out="run", code=0):
+        return tachless_command("run", paper, "--duration", 0.1, "--run-id", 7, "--out", self.folder / out,
+                                "--controller", controller, *more, code=code)
+
+
+class TheRobot(unittest.TestCase):
+    def setUp(self):
+        self.robot = tachless.Robot(arm)
+        self.q, self.v, self.a = np.array([0.3, -0.7]), np.array([0.5, 1.5]), np.array([-2.0, 4.0])
+
+    def test_mechanics_are_consistent(self):
+        robot, q, v, a = self.robot, self.q, self.v, self.a
+        tau = robot.M(q) @ a + robot.C(q, v) @ v + robot.g(q)
+        # Two orders of the same sums of terms up to 100 N m.
+        np.testing.assert_allclose(robot.ID(q, v, a), tau, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(robot.FD(q, v, tau), a, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(tachless.Robot(arm, gravity=0).g(q), 0, atol=0)
+
+    def test_mechanics_are_those_of_the_program(self):
+        import json
+
+        facts = json.loads(tachless_command("robot", arm, "--position", "0.3,-0.7", "--json"))
+        np.testing.assert_array_equal(self.robot.M(self.q), facts["inertia_matrix"])
+        np.testing.assert_array_equal(self.robot.g(self.q), facts["gravity_torque"])
+
+    def test_names_and_poses(self):
+        robot = self.robot
+        self.assertEqual((robot.num_joints, robot.joints), (2, ["shoulder", "elbow"]))
+        self.assertEqual(robot.lower.shape, (2,))
+        turned = robot.pose(robot.links[-1], self.q)
+        np.testing.assert_allclose(turned[:3, :3] @ turned[:3, :3].T, np.eye(3), atol=1e-15)
+        self.assertEqual(turned[3].tolist(), [0, 0, 0, 1])
+
+    def test_a_locked_joint_is_none(self):
+        self.assertEqual(tachless.Robot(arm, locked={"elbow": 0.5}).joints, ["shoulder"])
+
+    def test_errors_name_the_thing_the_value_and_the_remedy(self):
+        for action, words in [
+            (lambda: tachless.Robot("nothing.urdf"), "nothing.urdf cannot be read; name a URDF file"),
+            (lambda: tachless.Robot(arm, locked={"nose": 0}), "nose"),
+            (lambda: self.robot.M([1, 2, 3]), "q has the shape (3); needed: (2,)"),
+            (lambda: self.robot.g("far"), "q is 'far'; needed: 2 numbers"),
+            (lambda: self.robot.pose("nose", self.q), "link: \"nose\"; this robot has"),
+        ]:
+            with self.assertRaises(tachless.Error) as raised:
+                action()
+            self.assertIn(words, str(raised.exception))
+            self.assertEqual(raised.exception.code, 2)
+
+
+class Runs(Folder):
+    def test_simulation_recording_and_export_are_the_same_numbers(self):
+        tachless_command("run", paper, "--in-process", "--duration", 0.1, "--out", self.folder / "run")
+        tachless_command("export", self.folder / "run", "-o", self.folder / "run.csv")
+        table = np.genfromtxt(self.folder / "run.csv", delimiter=",", names=True)
+        read, simulated = tachless.read(self.folder / "run"), tachless.simulate(paper, **short)
+        self.assertEqual(read.names, simulated.names)
+        for name in read.names:
+            np.testing.assert_array_equal(read[name], simulated[name], err_msg=name)
+        for column, joint in enumerate(read.joints):
+            for name in ("q", "q_ref", "tau", "nu", "q_measured"):
+                exported = table[f"{name}_{joint}_{read.units(name)[column]}"]
+                np.testing.assert_array_equal(read[name][:, column], exported, err_msg=name)
+        self.assertEqual(read["q"].shape, (2000, 2))
+        self.assertEqual((read.law, read.run_id != 0, read.period_s), ("loria_ortega_rigid", True, 5e-5))
+        np.testing.assert_array_equal(read.t, table["t_s"])
+
+    def test_overrides(self):
+        soft = tachless.simulate(paper, **short, **{"controller.gains.kp": np.array([400, 300])})
+        stiff = tachless.simulate(paper, **short)
+        np.testing.assert_array_equal(soft["error"][0], stiff["error"][0])
+        # Kp e, of the first error that is not zero, is smaller as the gain is.
+        self.assertLess(np.abs((soft["tau"] - stiff["tau"])[:, 0]).max(), 5000 * np.abs(stiff["error"]).max())
+        self.assertTrue(np.any(soft["tau"] != stiff["tau"]))
+        self.assertRegex(soft.text, r"kp:\s*\n?.*400")
+        with self.assertRaisesRegex(tachless.Error, "controller.gains.kp.*-1"):
+            tachless.simulate(paper, **{"controller.gains.kp": -1})
+
+    def test_a_log_that_is_none(self):
+        with self.assertRaisesRegex(tachless.Error, "nowhere"):
+            tachless.read(self.folder / "nowhere")
+        with self.assertRaisesRegex(KeyError, "flavour: this run has q, v"):
+            tachless.simulate(paper, **short)["flavour"]
+
+    def test_a_law_in_the_simulation(self):
+        spring = tachless.simulate(paper, controller=lambda k, t, m, r: 400 * (r.q - m.q), name="spring", **short)
+        self.assertEqual(spring.law, "spring (external)")
+        np.testing.assert_array_equal(spring["tau"], 400 * (spring["q_ref"] - spring["q"]))
+        with self.assertRaises(tachless.Error) as raised:
+            tachless.simulate(paper, controller=lambda k, t, m, r: [0, 0, 0], name="wide", **short)
+        self.assertEqual(str(raised.exception), "the torque of wide has the shape (3); needed: (2,), at tick 0")
+
+
+class Controllers(Folder):
+    def test_the_papers_law_in_python_commands_what_it_does_in_cpp(self):
+        law = f"{sys.executable} {examples / 'loria_ortega.py'}"
+        said = self.run_paper(law)
+        self.assertIn("paper_rigid: loria_ortega (external)", said)
+        own, inside = tachless.read(self.folder / "run"), tachless.simulate(paper, **short)
+        # exp and expm1 of numpy and of C may differ in the last bit, and the gains are 1e4 per radian.
+        np.testing.assert_allclose(own["tau"], inside["tau"], rtol=0, atol=1e-9 * np.abs(inside["tau"]).max())
+        self.assertIn("the same: 2000 commands, bit for bit",
+                      tachless_command("replay", self.folder / "run", "--controller", law))
+        self.run_paper(law, "--in-process", out="alone")
+        self.assertEqual((self.folder / "run/lcmlog").read_bytes(), (self.folder / "alone/lcmlog").read_bytes())
+
+    def test_what_the_law_raises_ends_the_run(self):
+        law = self.script("def broken(k, t, m, r):\n    return 1 / (100 - k) * m.q\ntachless.run_controller(broken)\n")
+        said = self.run_paper(law, code=5)
+        self.assertIn("the law broken raised ZeroDivisionError: division by zero, at tick 100", said)
+        self.assertIn("in broken", said)
+
+    def test_a_torque_that_is_not_finite_ends_the_run(self):
+        law = self.script("tachless.run_controller(lambda k, t, m, r: m.q * (np.nan if k == 50 else 0), name='nan')\n")
+        self.assertIn("of law nan at tick 50 is not finite", self.run_paper(law, code=5))
+
+    def test_it_hears_positions_and_nothing_else(self):
+        law = self.script("def deaf(k, t, m, r):\n    assert m.v is m.theta is m.thetadot is None\n    return 0 * m.q\n"
+                          "tachless.run_controller(deaf)\n")
+        self.run_paper(law)
+
+    def test_its_memory_begins_anew_with_reset(self):
+        law = self.script("class Law:\n    def reset(self): self.n = 0\n"
+                          "    def __call__(self, k, t, m, r):\n        self.n += 1\n        return m.q * 0 + 1e-6 * self.n\n"
+                          "tachless.run_controller(Law())\n")
+        self.run_paper(law, "--any-verdict")
+        run = tachless.read(self.folder / "run")
+        self.assertEqual(run.law, "Law (external)")
+        np.testing.assert_array_equal(run["tau"][:, 0], 1e-6 * np.arange(1, 2001))
+
+
+class Documentation(unittest.TestCase):
+    def test_everything_public_has_a_docstring_and_annotations(self):
+        public = [getattr(tachless, name) for name in tachless.__all__ if name not in ("Measurement", "Reference", "Error")]
+        for thing in public:
+            self.assertTrue(thing.__doc__, thing)
+            functions = [m for _, m in inspect.getmembers(thing, inspect.isfunction)] if inspect.isclass(thing) else [thing]
+            for function in functions:
+                if not function.__name__.startswith("_"):
+                    self.assertTrue(function.__doc__, function)
+                    self.assertIn("return", function.__annotations__, function)
+
+    def test_the_examples_run(self):
+        with tempfile.TemporaryDirectory() as folder:
+            plot = pathlib.Path(folder) / "plot.svg"
+            out = subprocess.run([sys.executable, examples / "sweep.py", scenarios / "practical_rigid.yaml", plot],
+                                 capture_output=True, text=True, check=True).stdout
+            self.assertEqual(len(out.splitlines()), 4)
+            self.assertIn("rms position error", plot.read_text())
+            tachless_command("run", paper, "--in-process", "--duration", 0.05, "--out", folder)
+            out = subprocess.run([sys.executable, examples / "read_log.py", folder], capture_output=True, text=True,
+                                 check=True).stdout
+            self.assertIn("shoulder: largest error", out)
+
+    def test_the_papers_law_takes_fifteen_lines(self):
+        tree = ast.parse((examples / "loria_ortega.py").read_text())
+        law = next(node for node in tree.body if isinstance(node, ast.FunctionDef))
+        self.assertLessEqual(law.end_lineno - law.lineno + 1, 15)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:])
