@@ -36,7 +36,7 @@ printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %
   "$version" "The tachless authors <authors@tachless.invalid>" "$date" >"$out/changelog"
 gzip -9n "$out/changelog" "$man"/*
 {
-  echo "Copyright: The tachless authors"
+  echo "Copyright (C) 2026 The tachless authors"
   echo "License: Apache-2.0; on Debian in full in /usr/share/common-licenses/Apache-2.0"
   echo "Where the robots of /usr/share/tachless/scenarios/robots come from is said in their files."
 } >"$out/copyright"
