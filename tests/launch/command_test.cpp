@@ -47,8 +47,8 @@ TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
   const Outcome help = tachless("--help");
   EXPECT_EQ(help.exit_code, 0);
   for (const std::string verb :
-       {"run", "certify", "design", "compare", "sweep", "laws", "robot", "info", "replay", "report",
-        "export", "doctor", "completion", "test"}) {
+       {"init", "run", "certify", "design", "compare", "sweep", "laws", "robot", "info", "replay",
+        "report", "export", "doctor", "completion", "test"}) {
     EXPECT_THAT(help.output, HasSubstr("  " + verb + " "));
     const Outcome of_verb = tachless(verb + " --help");
     EXPECT_EQ(of_verb.exit_code, 0);

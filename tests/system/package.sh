@@ -29,6 +29,11 @@ tachless replay out/paper_rigid
 tachless report out/paper_rigid
 grep -q THREE out/paper_rigid/report.html
 
+tachless init mine
+cd mine
+tachless run arm.yaml
+cd ..
+
 cp -r "$ROOT/usr/share/tachless/examples/own_law" .
 cp "$ROOT/usr/share/tachless/scenarios/robots/two_link.urdf" own_law
 sed -i 's|urdf: .*|urdf: two_link.urdf|' own_law/own_law.yaml
