@@ -138,6 +138,7 @@ struct ParticipantType {
     m.role = "controller";
     m.host = "workbench";
     m.scenario = "paper_rigid";
+    m.law = "loria_ortega_rigid";
     m.measurement = "POSITION";
     m.signals = "error:rad";
     m.fault = "";
@@ -160,6 +161,7 @@ struct RunInfoType {
     m.period_s = 5.0e-5;
     m.version = "0.1.0";
     m.robot = "ARM";
+    m.law = "loria_ortega_rigid";
     m.measurement = "POSITION";
     m.signals = "error:rad,nu:rad/s";
     m.scenario = "name: paper_rigid\n";

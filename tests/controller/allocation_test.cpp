@@ -86,10 +86,10 @@ TYPED_TEST(Allocation, NoneInStartAndSteps) {
   measure(measured);
 
   const std::size_t before = num_allocations;
-  double sum = law.start(measured, ref).command.tau[0];
+  double sum = law.start(0, measured, ref).command.tau[0];
   law.keep();
   for (int k = 0; k < 100; ++k) {
-    sum += law.step(measured, ref, k % 3 + 1).command.tau[0];
+    sum += law.step(k, measured, ref, k % 3 + 1).command.tau[0];
     law.keep();
   }
   const std::size_t after = num_allocations;

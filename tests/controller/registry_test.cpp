@@ -83,22 +83,22 @@ TEST(Registry, MakesEveryLawByItsName) {
 }
 
 TEST(Registry, KnowsWhatEachLawIsFedWith) {
-  EXPECT_EQ(measurement_suffix("loria_ortega_rigid"), "POSITION");
-  EXPECT_EQ(measurement_suffix("kelly_regulation"), "POSITION");
-  EXPECT_EQ(measurement_suffix("berghuis_nijmeijer"), "POSITION");
-  EXPECT_EQ(measurement_suffix("nicosia_tomei"), "POSITION");
-  EXPECT_EQ(measurement_suffix("zhang_dawson"), "POSITION");
-  EXPECT_EQ(measurement_suffix("kelly_flexible"), "MOTOR_POSITION");
-  EXPECT_EQ(measurement_suffix("loria_ortega_flexible"), "LINK_STATE");
-  EXPECT_EQ(measurement_suffix("wen_bayard"), "STATE");
-  EXPECT_EQ(measurement_suffix("slotine_li"), "STATE");
-  EXPECT_EQ(measurement_suffix("slotine_li_flexible"), "STATE");
-  EXPECT_EQ(measurement_suffix("lanari_wen"), "STATE");
+  EXPECT_EQ(law_facts("loria_ortega_rigid").measurement, "POSITION");
+  EXPECT_EQ(law_facts("kelly_regulation").measurement, "POSITION");
+  EXPECT_EQ(law_facts("berghuis_nijmeijer").measurement, "POSITION");
+  EXPECT_EQ(law_facts("nicosia_tomei").measurement, "POSITION");
+  EXPECT_EQ(law_facts("zhang_dawson").measurement, "POSITION");
+  EXPECT_EQ(law_facts("kelly_flexible").measurement, "MOTOR_POSITION");
+  EXPECT_EQ(law_facts("loria_ortega_flexible").measurement, "LINK_STATE");
+  EXPECT_EQ(law_facts("wen_bayard").measurement, "STATE");
+  EXPECT_EQ(law_facts("slotine_li").measurement, "STATE");
+  EXPECT_EQ(law_facts("slotine_li_flexible").measurement, "STATE");
+  EXPECT_EQ(law_facts("lanari_wen").measurement, "STATE");
   for (const char* law : {"numerical_difference", "kalman_velocity", "robust_differentiator"}) {
-    EXPECT_EQ(measurement_suffix(law), "POSITION");
+    EXPECT_EQ(law_facts(law).measurement, "POSITION");
   }
-  EXPECT_EQ(measurement_suffix("computed_torque"), "STATE");
-  EXPECT_EQ(measurement_suffix("pd_gravity"), "STATE");
+  EXPECT_EQ(law_facts("computed_torque").measurement, "STATE");
+  EXPECT_EQ(law_facts("pd_gravity").measurement, "STATE");
 }
 
 TEST(Registry, NamesFiltersAndGains) {
@@ -130,7 +130,7 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
       rigid_model(scenario), {pair(5, 6), pair(7, 8), pair(9, 10), pair(11, 12)}, settings);
   const ScenarioLaw law = scenario_law(scenario);
   const robot::Vector tau = std::get<std::unique_ptr<AnyLaw<loop::PositionMeasurement>>>(law)
-                                ->start(measured, ref)
+                                ->start(0, measured, ref)
                                 .command.tau;
   EXPECT_EQ(tau, expected.step(expected.start(measured, ref), measured, ref).command.tau);
 }
@@ -203,7 +203,7 @@ TEST(Registry, RefusesAnUnknownLawNamingTheNearest) {
   scenario.controller.law = "nothing";
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("no law \"nothing\"; Allowed"), Not(HasSubstr("did you mean"))));
-  EXPECT_THROW(measurement_suffix("nothing"), std::invalid_argument);
+  EXPECT_THROW(law_facts("nothing"), std::invalid_argument);
 }
 
 TEST(Registry, RefusesGainsThatAreMissingUnknownOrOutOfRange) {

@@ -25,7 +25,7 @@ using ::testing::Pair;
 class SilentSession final : public Session {
  public:
   SilentSession() : Session(loop::Role::logger, nullptr) {}
-  void join(const Law& /*law*/, const Handler& /*other*/) override {}
+  void join(const loop::LawInfo& /*law*/, const Handler& /*other*/) override {}
   [[nodiscard]] std::int64_t run() const override { return 7; }
   void started(loop::Clock::time_point /*now*/) override {}
   void poll(loop::Clock::time_point now) override {

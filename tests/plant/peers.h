@@ -52,7 +52,8 @@ class Peers : public bus::Transport {
   std::function<void()> on_run_info = [] {};
   std::function<void()> on_first_announcement = [] {};
 
-  std::string measurement = "POSITION";  ///< what the controller asks for
+  std::string law = "loria_ortega_rigid";  ///< what the controller announces
+  std::string measurement = "POSITION";      ///< what it asks for
 
   std::vector<loop::truth::PlantTruth> truths;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;
@@ -145,7 +146,7 @@ class Peers : public bus::Transport {
       self.role = role;
       self.instance = 100 + static_cast<int>(role);
       self.digest = digest_;
-      if (role == loop::Role::controller) self.measurement = measurement;
+      if (role == loop::Role::controller) self.law = {law, measurement, {}};
       members_.emplace_back(self, loop::Clock::now()).complete();
     }
   }

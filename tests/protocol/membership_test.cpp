@@ -42,7 +42,7 @@ class Network {
     self.pid = static_cast<std::int32_t>(instance);
     self.host = "arm-1";
     self.scenario = "scenario_" + std::to_string(digest);
-    self.measurement = role == Role::controller ? "POSITION" : "";
+    self.law.measurement = role == Role::controller ? "POSITION" : "";
     self.run = role == Role::plant ? next_run : 0;
     self.wait_limit = wait_limit;
     self.takeover = takeover;
@@ -152,8 +152,8 @@ TEST(AMembership, IsQuickWhenAllAreThere) {
   network.pass(50ms);
   EXPECT_TRUE(plant.running());
   EXPECT_TRUE(reference.joined() && controller.joined() && logger.joined());
-  EXPECT_EQ(plant.measurement(), "POSITION");
-  EXPECT_EQ(logger.measurement(), "POSITION");
+  EXPECT_EQ(plant.law().measurement, "POSITION");
+  EXPECT_EQ(logger.law().measurement, "POSITION");
 }
 
 TEST(AMembership, SucceedsUnderLoss) {

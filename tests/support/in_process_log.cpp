@@ -8,7 +8,7 @@ std::vector<logger::Recorded> in_process_log(const experiment::Scenario& scenari
                                              std::int64_t run) {
   std::vector<logger::Recorded> messages;
   study::log_in_process(
-      scenario, run,
+      scenario, controller::scenario_law(scenario), run,
       [&](const study::LogMessage& message) {
         messages.push_back(
             {message.utime,

@@ -45,6 +45,7 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
                  result.scenario.loop.period_s,
                  "0.2.0",
                  robot.channel_prefix,
+                 result.scenario.controller.law,
                  measurement,
                  signals,
                  result.scenario.text,

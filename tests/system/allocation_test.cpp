@@ -118,7 +118,7 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
         reference::run_node(scenario, replay, link);
         break;
       case Role::controller:
-        controller::run_node(scenario, replay, link);
+        controller::run_node(scenario, controller::scenario_law(scenario), replay, link);
         break;
       case Role::logger:
         logger::run_node(scenario, replay, link, elsewhere.log_path());

@@ -29,7 +29,7 @@ EveryoneElse::EveryoneElse(const experiment::Scenario& scenario, const std::stri
     self.instance = 99 + static_cast<int>(role);
     self.digest = scenario.digest;
     if (role == loop::Role::plant) self.run = run_id;
-    if (role == loop::Role::controller) self.measurement = "POSITION";
+    if (role == loop::Role::controller) self.law.measurement = "POSITION";
     members_.emplace_back(self, loop::Clock::now());
   }
 }

@@ -26,7 +26,7 @@ void run_role(Role role, const experiment::Scenario& scenario, node::Link& link,
     case Role::reference:
       return reference::run_node(scenario, transport, link);
     case Role::controller:
-      return controller::run_node(scenario, transport, link);
+      return controller::run_node(scenario, controller::scenario_law(scenario), transport, link);
     case Role::logger:
       return logger::run_node(scenario, transport, link, log_path);
   }
