@@ -5,7 +5,8 @@ set(shared share/tachless)
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})
 file(CREATE_LINK ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/${shared}/source SYMBOLIC)
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/scenarios ${PROJECT_BINARY_DIR}/${shared}/scenarios SYMBOLIC)
-install(DIRECTORY scenarios DESTINATION ${shared} COMPONENT program)
+file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples/project ${PROJECT_BINARY_DIR}/${shared}/project SYMBOLIC)
+install(DIRECTORY scenarios examples/project DESTINATION ${shared} COMPONENT program)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/${shared}/simbody DESTINATION ${shared} COMPONENT program)
 install(FILES ${PROJECT_BINARY_DIR}/${shared}/tachless_types.jar DESTINATION ${shared}
   COMPONENT program)
@@ -16,7 +17,8 @@ install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_IN
 install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
   DESTINATION include/tachless COMPONENT development
   FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE)
-install(DIRECTORY examples DESTINATION ${shared} COMPONENT development)
+install(DIRECTORY examples/own_law examples/own_driver DESTINATION ${shared}/examples
+  COMPONENT development)
 file(GLOB messages lcmtypes/*.lcm)
 install(FILES ${messages} DESTINATION ${shared}/lcmtypes COMPONENT development)
 

@@ -46,8 +46,9 @@ TEST_F(Command, TellsItsVersion) {
 TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
   const Outcome help = tachless("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const std::string verb : {"run", "certify", "design", "compare", "sweep", "laws", "robot",
-                                 "info", "replay", "report", "export", "doctor", "test"}) {
+  for (const std::string verb :
+       {"init", "run", "certify", "design", "compare", "sweep", "laws", "robot", "info", "replay",
+        "report", "export", "doctor", "completion", "test"}) {
     EXPECT_THAT(help.output, HasSubstr("  " + verb + " "));
     const Outcome of_verb = tachless(verb + " --help");
     EXPECT_EQ(of_verb.exit_code, 0);
@@ -56,6 +57,26 @@ TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
   }
   EXPECT_EQ(tachless("help").output, help.output);
   EXPECT_EQ(tachless("help nothing").exit_code, 2);
+}
+
+TEST_F(Command, CompletionOffersWhatTheVerbsDeclare) {
+  const auto completed = [](const std::string& typed) {
+    return shell("bash -c 'source <(" + binary + " completion bash); COMP_WORDS=(tachless " +
+                 typed +
+                 "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _tachless; echo ${COMPREPLY[*]}'")
+        .output;
+  };
+  EXPECT_EQ(completed("rep"), "replay report\n");
+  EXPECT_EQ(completed("run --mo"), "--mode\n");
+  EXPECT_EQ(completed("run x.yaml --mode \"\""), "lockstep realtime\n");
+  EXPECT_EQ(completed("run --out \"\""), "\n") << "files are the shell's own";
+  EXPECT_EQ(completed("help swe"), "sweep\n");
+  const std::string of_zsh = tachless("completion zsh").output;
+  EXPECT_THAT(of_zsh,
+              AllOf(StartsWith("#compdef tachless\n"), HasSubstr("'certify:Is a scenario'\\''s"),
+                    HasSubstr("'*--duration[Length of the run \\[s\\]]:value:_files'"),
+                    HasSubstr(":value:(lockstep realtime)'")));
+  EXPECT_EQ(tachless("completion fish").exit_code, 2);
 }
 
 TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {

@@ -180,6 +180,18 @@ TEST_F(Script, SoakBuildsItsProgramAndHandsOver) {
   EXPECT_EQ(run("soak --help").output, "soak: --help\n");
 }
 
+TEST_F(Script, PackageBuildsWhatIsPackedAndNamesThePackages) {
+  tool("cpack", "mkdir -p $ROOT/build/package; touch $ROOT/build/package/a.deb");
+  const Outcome outcome = run("package");
+  EXPECT_EQ(outcome.exit_code, 0) << outcome.output;
+  EXPECT_THAT(outcome.output, EndsWith("/build/package/a.deb\n"));
+  EXPECT_THAT(calls(), AllOf(HasSubstr("--target package_files\n"),
+                             HasSubstr("cpack --config " + root_.string() +
+                                       "/build/release/CPackConfig.cmake\n")));
+  tool("cpack", "exit 1");
+  EXPECT_EQ(run("package").exit_code, 2);
+}
+
 TEST_F(Script, TestEndsWithTheCountAlone) {
   tool("ctest", "echo '96% tests passed, 1 tests failed out of 25'; exit 8");
   const Outcome failed = run("test");

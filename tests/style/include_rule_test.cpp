@@ -165,7 +165,7 @@ const std::vector<Rule> rules = {
 
 // Only these may see the ground truth, directly or through other headers.
 const std::vector<std::string> may_see_truth = {
-    "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/", "replay/",
+    "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/",  "replay/",
     "monitor/",    "viewer/",    "launch/", "tests/",  "bench/", "examples/"};
 
 bool starts_with_one_of(const std::string& text, const std::vector<std::string>& prefixes) {

@@ -69,6 +69,37 @@ TEST_F(Installed, SaysThatItsTestsNeedTheSourceTree) {
   EXPECT_THAT(outcome.output, HasSubstr("the tests need the source tree"));
 }
 
+TEST_F(Installed, ANewProjectDoesWhatItsReadmeSaysAsTyped) {
+  EXPECT_EQ(type("tachless init arm").exit_code, 0);
+  std::ifstream readme(directory_ / "arm/README.md");
+  bool typed = false;
+  int commands = 0;
+  for (std::string line; std::getline(readme, line);) {
+    if (line.starts_with("```")) {
+      typed = line == "```sh";
+    } else if (typed) {
+      const Outcome outcome = type("cd arm && " + line);
+      EXPECT_EQ(outcome.exit_code, 0) << line << "\n" << outcome.output;
+      ++commands;
+    }
+  }
+  EXPECT_GE(commands, 9);
+  for (const char* file : {"out/arm/report.html", "all.html", "arm.csv"}) {
+    EXPECT_TRUE(fs::exists(directory_ / "arm" / file)) << file;
+  }
+}
+
+TEST_F(Installed, ANewProjectTakesNoDirectoryThatHasFiles) {
+  EXPECT_EQ(type("mkdir old new && echo mine > old/arm.yaml").exit_code, 0);
+  const Outcome outcome = type("tachless init old");
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_THAT(outcome.output, HasSubstr("init old: is not empty; name another directory\n"));
+  EXPECT_EQ(type("ls old").output, "arm.yaml\n");
+  EXPECT_EQ(type("tachless init new").exit_code, 0);
+  EXPECT_EQ(type("tachless init old/arm.yaml").exit_code, 2);
+  EXPECT_EQ(type("tachless init old/arm.yaml/x").exit_code, 2);
+}
+
 // examples/own_law is equation (4) with the filter by backward Euler, which the tree has too.
 TEST_F(Installed, OwnLawOfTheExampleGivesTheTorquesOfTheOneBuiltIn) {
   const std::string example = prefix + "work/own_law/";

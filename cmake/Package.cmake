@@ -1,0 +1,45 @@
+# Debian packages, one for each component of what is installed: the target `package_files`, then cpack;
+# `./tachless package` does both.
+#
+# Another component: COMPONENT name at its install commands, and below tachless_package, its name in
+# CPACK_COMPONENTS_ALL and its own CPACK_DEBIAN_<NAME>_….
+set(files ${PROJECT_BINARY_DIR}/package_files)
+add_custom_target(package_files
+  COMMAND ${PROJECT_SOURCE_DIR}/cmake/package_files.sh ${PROJECT_BINARY_DIR}/bin ${files} ${PROJECT_VERSION}
+  DEPENDS programs VERBATIM)
+install(DIRECTORY ${files}/share/ DESTINATION share COMPONENT program OPTIONAL)
+function(tachless_package component package)
+  install(FILES ${files}/changelog.gz ${files}/copyright DESTINATION share/doc/${package}
+    COMPONENT ${component} OPTIONAL)
+endfunction()
+tachless_package(program tachless)
+tachless_package(development libtachless-dev)
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "The tachless authors <authors@tachless.invalid>")
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/../package)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_COMPONENTS_ALL program development)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME tachless)
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PROGRAM_DESCRIPTION "robot joints tracked from positions alone
+Velocity-free control of rigid and flexible-joint robots, as four processes
+on a message bus: a simulated robot, a trajectory generator, a controller
+and a logger; with certificates, studies, reports and replay.")
+# What the programs call or read, beside the libraries that they are linked with.
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "gnuplot-nox | gnuplot, libjs-dygraphs, libjs-three")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS
+  "iproute2, default-jre, liblcm-java, libjchart2d-java, libgl1-mesa-dri")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libtachless-dev)
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "control laws and robot drivers for tachless, in C++
+Headers, static libraries and CMake files, for controllers and drivers of
+real robots in the place of those of tachless; with an example of each.")
+set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION}), libeigen3-dev, libfmt-dev, \
+libspdlog-dev, libyaml-cpp-dev, libcli11-dev, nlohmann-json3-dev, liburdfdom-dev, libsimbody-dev, \
+libnlopt-dev, liblcm-dev, libsodium-dev, libhdf5-dev")
+include(CPack)

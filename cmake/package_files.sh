@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Writes what Debian packages have besides: man pages and completions as the programs tell them,
+# changelog, copyright.
+set -euo pipefail
+usage="usage: package_files.sh PROGRAM_DIR OUT_DIR VERSION"
+programs=${1:?$usage} out=${2:?$usage} version=${3:?$usage}
+tree=$(dirname "$(dirname "$(readlink -f "$0")")")
+man=$out/share/man/man1
+bash=$out/share/bash-completion/completions
+zsh=$out/share/zsh/vendor-completions
+rm -rf "$out"
+mkdir -p "$man" "$bash" "$zsh"
+
+"$programs/tachless" completion bash >"$bash/tachless"
+"$programs/tachless" completion zsh >"$zsh/_tachless"
+
+# man_page PROGRAM [INCLUDED FILE]
+man_page() {
+  local name
+  name=$("$programs/$1" --help | head -n 1 | sed 's/\.$//')
+  help2man --no-info --name "$name" --version-string "$version" --output "$man/$1.1" \
+    ${2:+--include "$2"} "$programs/$1"
+}
+verbs=$out/verbs.h2m
+for verb in $("$programs/tachless" --help | sed -n '/^Subcommands:/,/^Examples/s/^  \([a-z]*\) .*/\1/p'); do
+  printf '[tachless %s]\n.nf\n' "$verb"
+  "$programs/tachless" "$verb" --help | sed 's/\\/\\\\/g; s/-/\\-/g; s/^[.'\'']/\\\&&/; s/^\[/ [/; s/^\//\\\&\//'
+  printf '.fi\n\n'
+done >"$verbs"
+man_page tachless "$verbs"
+rm "$verbs"
+for program in plant reference controller logger visualizer; do man_page "tachless-$program"; done
+
+date=$(date -R -u -r "$tree/CHANGELOG.md")
+printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \
+  "$version" "The tachless authors <authors@tachless.invalid>" "$date" >"$out/changelog"
+gzip -9n "$out/changelog" "$man"/*
+{
+  echo "Copyright (C) 2026 The tachless authors"
+  echo "License: Apache-2.0; on Debian in full in /usr/share/common-licenses/Apache-2.0"
+  echo "Where the robots of /usr/share/tachless/scenarios/robots come from is said in their files."
+} >"$out/copyright"

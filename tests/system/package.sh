@@ -1,0 +1,46 @@
+#!/usr/bin/env bash
+# Builds the Debian packages, unpacks them, and works with what is in them where neither the source tree
+# nor the build can be seen: a run of an installed scenario, a law of one's own built and run, a project
+# of one's own.
+set -euo pipefail
+tree=${1:?usage: package.sh SOURCE_DIR BUILD_DIR}
+build=${2:?usage: package.sh SOURCE_DIR BUILD_DIR}
+[[ $build == "$tree"/* ]] || { echo "the build has to be in the tree, which is hidden"; exit 1; }
+root=$(mktemp -d)
+trap 'rm -rf "$root"' EXIT
+
+cmake --build "$build" --target package_files
+cpack --config "$build/CPackConfig.cmake" -B "$root/package"
+for package in "$root"/package/*.deb; do dpkg-deb -x "$package" "$root"; done
+cd "$root"
+zcat usr/share/man/man1/tachless.1.gz | grep -q '^.SH "TACHLESS REPLAY"'
+zcat usr/share/man/man1/tachless-plant.1.gz | grep -q 'run\\-id'
+
+cat >user.sh <<'END'
+set -euo pipefail
+mount -t tmpfs none "$TREE"
+[[ ! -e $TREE/tachless ]]
+ip link set lo up multicast on
+ip route add 224.0.0.0/4 dev lo
+PATH=$ROOT/usr/bin:$PATH
+mkdir home && cd home
+tachless run paper_rigid --duration 0.05
+tachless replay out/paper_rigid
+tachless report out/paper_rigid
+grep -q THREE out/paper_rigid/report.html
+
+tachless init mine
+cd mine
+tachless run arm.yaml
+cd ..
+
+cp -r "$ROOT/usr/share/tachless/examples/own_law" .
+cp "$ROOT/usr/share/tachless/scenarios/robots/two_link.urdf" own_law
+sed -i 's|urdf: .*|urdf: two_link.urdf|' own_law/own_law.yaml
+cmake -S own_law -B own_law/build -DCMAKE_PREFIX_PATH="$ROOT/usr" >cmake.log || { cat cmake.log; exit 1; }
+cmake --build own_law/build
+cd own_law/build
+tachless run ../own_law.yaml --controller ./own_law
+tachless info out/own_law | grep my_law
+END
+ROOT=$root TREE=$tree unshare -rmn bash user.sh
