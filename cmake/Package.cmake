@@ -15,12 +15,18 @@ endfunction()
 tachless_package(program tachless)
 tachless_package(development libtachless-dev)
 
+if(TARGET tachless_python)
+  tachless_package(python python3-tachless)
+  add_dependencies(package_files tachless_python)
+  set(python python)
+endif()
+
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_CONTACT "The tachless authors <authors@tachless.invalid>")
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/../package)
 set(CPACK_STRIP_FILES ON)
-set(CPACK_COMPONENTS_ALL program development)
+set(CPACK_COMPONENTS_ALL program development ${python})
 set(CPACK_DEB_COMPONENT_INSTALL ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
@@ -42,4 +48,11 @@ real robots in the place of those of tachless; with an example of each.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION}), libeigen3-dev, libfmt-dev, \
 libspdlog-dev, libyaml-cpp-dev, libcli11-dev, nlohmann-json3-dev, liburdfdom-dev, libsimbody-dev, \
 libnlopt-dev, liblcm-dev, libsodium-dev, libhdf5-dev")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tachless)
+set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+set(CPACK_DEBIAN_PYTHON_DESCRIPTION "robot joints tracked from positions alone, from Python
+Control laws as Python functions in the place of tachless's controller;
+simulations, recorded runs and a robot's mechanics as arrays.")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+  "python3 (>= ${Python_VERSION_MAJOR}.${Python_VERSION_MINOR}), python3 (<< ${Python_VERSION_MAJOR}.${PYTHON_NEXT_MINOR}), python3-numpy")
 include(CPack)

@@ -29,7 +29,9 @@ class Installed : public testing::Test {
   /// As typed in a shell whose directory is empty at first.
   Outcome type(const std::string& command) {
     return support::shell("cd " + directory_.path().string() + " && PATH=" + prefix +
-                          "bin:$PATH && " + command);
+                          "bin:$PATH PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" + prefix +
+                          "lib/python3/dist-packages && export PYTHONPATH PYTHONDONTWRITEBYTECODE && " +
+                          command);
   }
   std::vector<robot::Vector> torques(const std::string& log) {
     std::vector<robot::Vector> result;
