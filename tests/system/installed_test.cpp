@@ -28,10 +28,10 @@ class Installed : public testing::Test {
  protected:
   /// As typed in a shell whose directory is empty at first.
   Outcome type(const std::string& command) {
-    return support::shell("cd " + directory_.path().string() + " && PATH=" + prefix +
-                          "bin:$PATH PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" + prefix +
-                          "lib/python3/dist-packages && export PYTHONPATH PYTHONDONTWRITEBYTECODE && " +
-                          command);
+    return support::shell(
+        "cd " + directory_.path().string() + " && PATH=" + prefix +
+        "bin:/usr/bin:$PATH PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" + prefix +
+        "lib/python3/dist-packages && export PYTHONPATH PYTHONDONTWRITEBYTECODE && " + command);
   }
   std::vector<robot::Vector> torques(const std::string& log) {
     std::vector<robot::Vector> result;
@@ -89,6 +89,33 @@ TEST_F(Installed, ANewProjectDoesWhatItsReadmeSaysAsTyped) {
   for (const char* file : {"out/arm/report.html", "all.html", "arm.csv"}) {
     EXPECT_TRUE(fs::exists(directory_ / "arm" / file)) << file;
   }
+}
+
+// A line may say the exit code that it is to end with: "… # exit code 2".
+TEST_F(Installed, TheTutorialWorksAsTyped) {
+  std::ifstream tutorial(prefix + "share/doc/tachless/docs/tutorial.md");
+  const std::string expects = " # exit code ";
+  std::string folder = ".";
+  bool typed = false;
+  int commands = 0;
+  for (std::string line; std::getline(tutorial, line);) {
+    if (line.starts_with("```")) {
+      typed = line == "```sh";
+    } else if (typed && line.starts_with("cd ")) {
+      folder = line.substr(3);
+    } else if (typed) {
+      const std::size_t at = line.find(expects);
+      const int expected =
+          at == std::string::npos ? 0 : std::stoi(line.substr(at + expects.size()));
+      const Outcome outcome = type("cd " + folder + " && " + line);
+      EXPECT_EQ(outcome.exit_code, expected) << line << "\n" << outcome.output;
+      ++commands;
+    }
+  }
+  EXPECT_GE(commands, 14);
+  EXPECT_THAT(contents(directory_ / "my_arm/out/python/report.html"),
+              HasSubstr("MyLaw (external)"));
+  EXPECT_THAT(contents(directory_ / "my_arm/both.html"), HasSubstr("THREE"));
 }
 
 TEST_F(Installed, ANewProjectTakesNoDirectoryThatHasFiles) {
