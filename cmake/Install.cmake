@@ -17,8 +17,12 @@ install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_IN
 install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
   DESTINATION include/tachless COMPONENT development
   FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE)
-install(DIRECTORY examples/own_law examples/own_driver DESTINATION ${shared}/examples
-  COMPONENT development)
+foreach(example IN ITEMS own_law own_driver)  # each with its robot, which is a link in the tree
+  install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
+    PATTERN *.urdf EXCLUDE)
+  install(FILES scenarios/robots/two_link.urdf DESTINATION ${shared}/examples/${example}
+    COMPONENT development)
+endforeach()
 file(GLOB messages lcmtypes/*.lcm)
 install(FILES ${messages} DESTINATION ${shared}/lcmtypes COMPONENT development)
 

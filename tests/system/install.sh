@@ -17,7 +17,6 @@ for example in own_law own_driver; do
   rm -rf "$prefix/work/$example"
   mkdir -p "$prefix/work"
   cp -r "$prefix/share/tachless/examples/$example" "$prefix/work/$example"
-  sed -i "s|urdf: ../..|urdf: $prefix/share/tachless|" "$prefix/work/$example"/*.yaml
   cmake -S "$prefix/work/$example" -B "$prefix/work/$example/build" -G Ninja -DCMAKE_PREFIX_PATH="$prefix"
   cmake --build "$prefix/work/$example/build"
 done

@@ -35,8 +35,6 @@ tachless run arm.yaml
 cd ..
 
 cp -r "$ROOT/usr/share/tachless/examples/own_law" .
-cp "$ROOT/usr/share/tachless/scenarios/robots/two_link.urdf" own_law
-sed -i 's|urdf: .*|urdf: two_link.urdf|' own_law/own_law.yaml
 cmake -S own_law -B own_law/build -DCMAKE_PREFIX_PATH="$ROOT/usr" >cmake.log || { cat cmake.log; exit 1; }
 cmake --build own_law/build
 cd own_law/build
