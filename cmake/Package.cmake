@@ -10,7 +10,7 @@ add_custom_target(package_files
 install(DIRECTORY ${files}/share/ DESTINATION share COMPONENT program OPTIONAL)
 function(tachless_package component package)
   install(FILES ${files}/changelog.gz ${files}/copyright DESTINATION share/doc/${package}
-    COMPONENT ${component} OPTIONAL)
+    COMPONENT ${component} EXCLUDE_FROM_ALL OPTIONAL)
 endfunction()
 tachless_package(program tachless)
 tachless_package(development libtachless-dev)

@@ -32,6 +32,9 @@ grep -q THREE out/paper_rigid/report.html
 tachless init mine
 cd mine
 tachless run arm.yaml
+export PYTHONPATH=$ROOT/usr/lib/python3/dist-packages
+tachless run arm.yaml --controller '/usr/bin/python3 law.py' --out out/python
+tachless info out/python | grep 'MyLaw (external)'
 cd ..
 
 cp -r "$ROOT/usr/share/tachless/examples/own_law" .
