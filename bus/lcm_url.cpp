@@ -11,7 +11,7 @@
 namespace tachless::bus {
 namespace {
 
-constexpr std::string_view provider = "udpm://";
+constexpr std::string_view provider = "udpm://", tcp_provider = "tcpq://";
 
 std::optional<long> integer(std::string_view text) {
   long value = 0;
@@ -34,8 +34,11 @@ class Reader {
   explicit Reader(const std::string& url) : url_(url) {}
 
   [[nodiscard]] LcmUrl read() const {
+    if (url_.rfind(tcp_provider, 0) == 0) return tcp();
     if (url_.rfind(provider, 0) != 0) {
-      refuse("the bus needs LCM's provider udpm, as in udpm://239.255.76.67:7667?ttl=0");
+      refuse(
+          "the bus needs LCM's provider udpm or tcpq, as in udpm://239.255.76.67:7667?ttl=0 or "
+          "tcpq://127.0.0.1:7700");
     }
     LcmUrl result;
     std::string_view options = std::string_view(url_).substr(provider.size());
@@ -66,6 +69,17 @@ class Reader {
   }
 
  private:
+  [[nodiscard]] LcmUrl tcp() const {
+    std::string_view port = std::string_view(url_).substr(tcp_provider.size());
+    if (port.find('?') != std::string_view::npos) refuse("tcpq has no options");
+    const bool has_port = port.find(':') != std::string_view::npos;
+    LcmUrl result;
+    result.server = take(port, ':');
+    if (result.server.empty()) result.server = "127.0.0.1";
+    result.port = has_port ? static_cast<std::uint16_t>(number("port", port, 1, 65'535)) : 7700;
+    return result;
+  }
+
   [[noreturn]] void refuse(const std::string& why) const {
     throw std::invalid_argument("LCM URL '" + url_ + "': " + why);
   }
@@ -86,6 +100,7 @@ class Reader {
 }  // namespace
 
 std::string LcmUrl::text() const {
+  if (is_tcp()) return std::string(tcp_provider) + server + ":" + std::to_string(port);
   return std::string(provider) + group + ":" + std::to_string(port) +
          "?ttl=" + std::to_string(ttl) +
          (receive_buffer_bytes == 0 ? ""

@@ -17,6 +17,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "bus/tcpq_transport.h"
 #include "bus/udp_transport.h"
 #include "process/file_descriptor.h"
 
@@ -133,6 +134,15 @@ std::optional<MulticastRoute> multicast_route(const LcmUrl& url) {
 }
 
 std::optional<NetworkProblem> check_network(const LcmUrl& url) {
+  if (url.is_tcp()) {
+    try {
+      const TcpqTransport probe(url);
+      return std::nullopt;
+    } catch (const std::system_error& error) {
+      return NetworkProblem{error.what(), "java -cp /usr/share/java/lcm.jar lcm.lcm.TCPService " +
+                                              std::to_string(url.port)};
+    }
+  }
   if (auto problem = problem_of_route(url)) return problem;
   try {
     return problem_of_probe(url);

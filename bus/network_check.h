@@ -13,7 +13,8 @@ struct NetworkProblem {
 };
 
 /// Says within a second whether a message sent to this bus arrives on this host. Sends up to
-/// three datagrams with ttl 0 on a channel of its own, which nobody on the bus minds.
+/// three datagrams with ttl 0 on a channel of its own, which nobody on the bus minds. Over tcpq:
+/// whether the server answers.
 /// @return nothing if all is well
 std::optional<NetworkProblem> check_network(const LcmUrl& url);
 

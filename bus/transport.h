@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
 #include <string>
@@ -34,6 +35,46 @@ class Transport {
   /// The next message of a subscribed channel; nothing if `deadline` passes first or a signal
   /// interrupts the wait. A deadline in the past polls.
   virtual std::optional<Datagram> receive(loop::Clock::time_point deadline) = 0;
+};
+
+/// What a monitor of the bus wants to know of a datagram besides.
+struct RawDatagram {
+  Datagram datagram;
+  std::uint32_t sequence = 0;    ///< the sender's count of all its messages, from 0
+  std::int64_t received_ns = 0;  ///< the kernel's stamp [ns since the Unix epoch]
+};
+
+/// Counts since construction; of a bus over TCP only the first two.
+struct BusStatistics {
+  std::uint64_t received = 0;    ///< handed out
+  std::uint64_t own = 0;         ///< own messages that came back and were passed over
+  std::uint64_t malformed = 0;   ///< not an LCM message; counted after `subscribe_all` only, since
+                                 ///< otherwise the kernel's filter drops them
+  std::uint64_t fragmented = 0;  ///< messages in fragments, which are not supported
+  std::uint64_t unsent = 0;      ///< refused by the kernel: no room, no route, firewall
+  int refusal = 0;               ///< errno of the last one of these
+  /// Datagrams that this transport lost because its buffer was full. Known after `subscribe_all`
+  /// only: the kernel counts what a filter drops alike.
+  std::optional<std::uint64_t> overflowed;
+  /// The same, of all UDP sockets of this host (network namespace) together.
+  std::uint64_t host_overflowed = 0;
+};
+
+/// A bus for who listens to all of it.
+class MonitoredBus {
+ public:
+  MonitoredBus() = default;
+  MonitoredBus(const MonitoredBus&) = delete;
+  MonitoredBus& operator=(const MonitoredBus&) = delete;
+  virtual ~MonitoredBus() = default;
+
+  /// From now on `receive_raw` yields every message on the bus.
+  virtual void subscribe_all() = 0;
+  /// As `Transport::receive`, with sequence number and time.
+  virtual std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) = 0;
+  [[nodiscard]] virtual BusStatistics statistics() const = 0;
+  /// That the kernel granted [bytes].
+  [[nodiscard]] virtual int receive_buffer_bytes() const = 0;
 };
 
 }  // namespace tachless::bus

@@ -385,8 +385,8 @@ std::uint64_t UdpTransport::socket_drops() const {
   return values[SK_MEMINFO_DROPS];
 }
 
-UdpStatistics UdpTransport::statistics() const {
-  UdpStatistics result = statistics_;
+BusStatistics UdpTransport::statistics() const {
+  BusStatistics result = statistics_;
   if (all_) result.overflowed = socket_drops() - drops_before_;
   result.host_overflowed = host_overflows() - host_overflowed_before_;
   return result;

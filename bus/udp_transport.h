@@ -19,35 +19,12 @@
 
 namespace tachless::bus {
 
-/// What a monitor of the bus wants to know of a datagram besides.
-struct RawDatagram {
-  Datagram datagram;
-  std::uint32_t sequence = 0;    ///< the sender's count of all its messages, from 0
-  std::int64_t received_ns = 0;  ///< the kernel's stamp [ns since the Unix epoch]
-};
-
-/// Counts since construction.
-struct UdpStatistics {
-  std::uint64_t received = 0;    ///< handed out
-  std::uint64_t own = 0;         ///< own messages that came back and were passed over
-  std::uint64_t malformed = 0;   ///< not an LCM message; counted after `subscribe_all` only, since
-                                 ///< otherwise the kernel's filter drops them
-  std::uint64_t fragmented = 0;  ///< messages in fragments, which are not supported
-  std::uint64_t unsent = 0;      ///< refused by the kernel: no room, no route, firewall
-  int refusal = 0;               ///< errno of the last one of these
-  /// Datagrams that this transport lost because its buffer was full. Known after `subscribe_all`
-  /// only: the kernel counts what a filter drops alike.
-  std::optional<std::uint64_t> overflowed;
-  /// The same, of all UDP sockets of this host (network namespace) together.
-  std::uint64_t host_overflowed = 0;
-};
-
 /// LCM's wire format over UDP multicast, read and written by ourselves: no thread, no copy through
 /// a queue, no allocation per message, what waits read at once, and a filter in the kernel that
 /// wakes the process for its own channels only. Interoperates with liblcm's udpm. Does not put
 /// fragments together: a message must fit one datagram. One transport serves one thread. A signal
 /// that is handled ends a wait.
-class UdpTransport final : public Transport {
+class UdpTransport final : public Transport, public MonitoredBus {
  public:
   /// Joins the bus. @param url see `parse_lcm_url`
   /// @throw std::invalid_argument for a URL that cannot be used
@@ -59,7 +36,7 @@ class UdpTransport final : public Transport {
   void subscribe(const std::string& channel) override;
 
   /// From now on `receive` and `receive_raw` yield every message on the bus.
-  void subscribe_all();
+  void subscribe_all() override;
 
   /// Never waits: what the kernel does not take at once is lost and counted.
   /// @throw std::length_error if channel and payload together exceed one datagram (65,498 bytes)
@@ -73,7 +50,7 @@ class UdpTransport final : public Transport {
 
   /// As `receive`, with sequence number and time. Precondition: `subscribe_all` or `stamp_arrivals`
   /// was called.
-  std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline);
+  std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) override;
 
   /// What `other` sends is passed over, as if it were this one's own.
   void regard_as_own(const UdpTransport& other) { own_address_ = other.own_address_; }
@@ -92,11 +69,11 @@ class UdpTransport final : public Transport {
   [[nodiscard]] bool holds_datagrams() const { return next_held_ < num_held_; }
   [[nodiscard]] int descriptor() const { return receiver_.get(); }
 
-  [[nodiscard]] UdpStatistics statistics() const;
+  [[nodiscard]] BusStatistics statistics() const override;
   [[nodiscard]] const LcmUrl& url() const { return url_; }
 
   /// Receive buffer that the kernel granted [bytes], comparable with net.core.rmem_max.
-  [[nodiscard]] int receive_buffer_bytes() const;
+  [[nodiscard]] int receive_buffer_bytes() const override;
 
  private:
   struct Sender {
@@ -150,7 +127,7 @@ class UdpTransport final : public Transport {
   bool spin_ = false;
   std::array<Sender, 8> senders_{};
   std::size_t next_sender_ = 0;
-  UdpStatistics statistics_;
+  BusStatistics statistics_;
   std::uint64_t drops_before_ = 0;
   std::uint64_t host_overflowed_before_ = 0;
 };

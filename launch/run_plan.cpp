@@ -175,6 +175,19 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
 
 bool prepare_network(const RunOptions& options) {
   const bus::LcmUrl url = node::parse_lcm_url(options.lcm_url);
+  if (url.is_tcp()) {
+    if (isolation_wanted(options)) {
+      throw Failure(ExitCode::bad_usage,
+                    fmt::format("--isolate: the server of {} cannot be reached from a private "
+                                "network; leave --isolate (TACHLESS_ISOLATE) out",
+                                url.text()));
+    }
+    const auto problem = bus::check_network(url);
+    if (problem) {
+      throw Failure(ExitCode::bad_usage, fmt::format("{}; {}", problem->what, problem->remedy));
+    }
+    return false;
+  }
   if (!isolation_wanted(options)) {
     const auto problem = bus::check_network(url);
     if (!problem) return false;

@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "bus/authenticated.h"
-#include "bus/udp_transport.h"
+#include "bus/open_bus.h"
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
 #include "launch/doctor.h"
@@ -47,11 +47,11 @@ class Heartbeats {
  public:
   Heartbeats(const RunOptions& options, const experiment::Scenario& scenario,
              const std::optional<bus::Key>& key)
-      : transport_(options.lcm_url),
+      : transport_(bus::open_bus(node::parse_lcm_url(options.lcm_url))),
         codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
         run_(options.run_id) {
-    if (key) authenticated_.emplace(transport_, *key);
-    transport_.subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+    if (key) authenticated_.emplace(*transport_, *key);
+    transport_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
   }
 
   void read_into(Progress& progress) {
@@ -88,10 +88,10 @@ class Heartbeats {
 
  private:
   bus::Transport& transport() {
-    return authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+    return authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
   }
 
-  bus::UdpTransport transport_;
+  std::unique_ptr<bus::Transport> transport_;
   std::optional<bus::Authenticated> authenticated_;
   bus::Codec<loop::Participant> codec_;
   std::int64_t run_;

@@ -26,7 +26,7 @@ class BusMonitor {
   void take(const bus::RawDatagram& raw);
 
   /// What the transport itself has lost or passed over, as of now.
-  void set_statistics(const bus::UdpStatistics& statistics) { transport_ = statistics; }
+  void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
 
   /// Ends the stretch of time over which rate, jitter and bandwidth are taken, and begins a new
   /// one.
@@ -93,7 +93,7 @@ class BusMonitor {
   std::uint64_t elsewhere_ = 0;      ///< messages on channels beyond `max_channels`
   std::uint64_t other_senders_ = 0;  ///< messages of senders beyond `max_senders`
   double seconds_ = 0;
-  bus::UdpStatistics transport_;
+  bus::BusStatistics transport_;
 };
 
 }  // namespace tachless::monitor

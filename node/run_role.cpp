@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "bus/channelwise_transport.h"
+#include "bus/tcpq_transport.h"
 #include "bus/udp_transport.h"
 #include "diagnostics/logging.h"
 #include "node/key_file.h"
@@ -29,6 +30,11 @@ class Bus {
   void open(const ProcessOptions& options, loop::Role role, const experiment::Scenario& scenario) {
     const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
     try {
+      if (where.is_tcp()) {
+        tcp_.emplace(where);
+        diagnostics::log_detail("bus " + where.text());
+        return;
+      }
       udp_.emplace(where);
     } catch (const std::system_error& problem) {
       throw Failure(ExitCode::bad_usage, fmt::format("{}: {}", options.lcm_url, problem.what()));
@@ -48,6 +54,7 @@ class Bus {
     if (udp_->receive_buffer_bytes() < enough_bytes) channelwise_.emplace(*udp_);
   }
   bus::Transport& transport() {
+    if (tcp_) return *tcp_;
     return channelwise_ ? static_cast<bus::Transport&>(*channelwise_) : *udp_;
   }
   /// The others cannot know: they only miss this process.
@@ -60,6 +67,7 @@ class Bus {
 
  private:
   std::optional<bus::UdpTransport> udp_;
+  std::optional<bus::TcpqTransport> tcp_;
   std::optional<bus::ChannelwiseTransport> channelwise_;
 };
 

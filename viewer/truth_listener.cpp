@@ -4,21 +4,21 @@ namespace tachless::viewer {
 
 TruthListener::TruthListener(const bus::LcmUrl& url, const std::optional<bus::Key>& key,
                              const experiment::Scenario& scenario, std::int64_t run)
-    : transport_(url),
+    : transport_(bus::open_bus(url)),
       truth_channel_(loop::channel<loop::truth::PlantTruth>(scenario.robot.channel_prefix)),
       truth_codec_({scenario.num_joints, scenario.robot.flexible ? scenario.num_joints : 0, 0}),
       participant_codec_(loop::Layout{}),
       period_s_(scenario.loop.period_s),
       run_(run) {
-  transport_.subscribe(truth_channel_);
+  transport_->subscribe(truth_channel_);
   if (!key) return;
-  authenticated_.emplace(transport_, *key);
-  transport_.subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+  authenticated_.emplace(*transport_, *key);
+  transport_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
 }
 
 void TruthListener::drain(const std::function<void(double t_s, const robot::Vector& q)>& on_pose) {
   bus::Transport& heard =
-      authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : transport_;
+      authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
   while (const auto datagram = heard.receive(loop::Clock::time_point{})) {
     if (datagram->channel != truth_channel_) {
       note_plant(*datagram);

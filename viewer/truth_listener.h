@@ -2,12 +2,13 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "bus/authenticated.h"
 #include "bus/truth/truth_wire.h"
-#include "bus/udp_transport.h"
+#include "bus/open_bus.h"
 #include "experiment/scenario.h"
 
 namespace tachless::viewer {
@@ -28,7 +29,7 @@ class TruthListener {
  private:
   void note_plant(const bus::Datagram& datagram);
 
-  bus::UdpTransport transport_;
+  std::unique_ptr<bus::Transport> transport_;
   std::optional<bus::Authenticated> authenticated_;
   std::string truth_channel_;
   bus::Codec<loop::truth::PlantTruth> truth_codec_;

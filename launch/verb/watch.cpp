@@ -9,7 +9,7 @@
 #include <optional>
 #include <system_error>
 
-#include "bus/udp_transport.h"
+#include "bus/open_bus.h"
 #include "diagnostics/json_text.h"
 #include "launch/verb.h"
 #include "monitor/bus_monitor.h"
@@ -34,9 +34,9 @@ struct Options {
   std::string lcm_url = node::default_lcm_url;
 };
 
-bus::UdpTransport join(const std::string& lcm_url) {
+std::unique_ptr<bus::MonitoredBus> join(const bus::LcmUrl& url) {
   try {
-    return bus::UdpTransport(node::parse_lcm_url(lcm_url));
+    return bus::open_monitored_bus(url);
   } catch (const std::system_error& error) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, error.what());
   }
@@ -50,12 +50,13 @@ std::string json_text(const std::string& url, monitor::BusMonitor& monitor, int 
 
 diagnostics::ExitCode watch_bus(const Options& options) {
   const std::atomic<bool>& interrupted = process::catch_interruptions();
-  bus::UdpTransport transport = join(options.lcm_url);
-  const std::string url = transport.url().text();
+  const bus::LcmUrl where = node::parse_lcm_url(options.lcm_url);
+  const std::string url = where.text();
+  const auto transport = join(where);
   process::step_aside(getpid());
-  transport.subscribe_all();
+  transport->subscribe_all();
   monitor::BusMonitor monitor;
-  monitor::Listener listener(transport, monitor, interrupted);
+  monitor::Listener listener(*transport, monitor, interrupted);
   Clock::time_point begin = Clock::now();
   const double seconds = options.once && options.seconds == 0 ? once_s : options.seconds;
   const Clock::time_point end = seconds == 0 ? Clock::time_point::max()

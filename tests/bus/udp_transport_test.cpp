@@ -253,7 +253,7 @@ TEST(UdpTransport, CountsWhatItsBufferCouldNotHold) {
   for (int i = 0; i < 200; ++i) a.publish("C", bytes(payload));
   while (monitor.receive(now())) {
   }
-  const UdpStatistics statistics = monitor.statistics();
+  const BusStatistics statistics = monitor.statistics();
   ASSERT_TRUE(statistics.overflowed);
   EXPECT_GT(*statistics.overflowed, 0U);
   EXPECT_EQ(statistics.received + *statistics.overflowed, 200U);
@@ -268,7 +268,7 @@ TEST(UdpTransport, CountsTheHostsOverflowsWhereItsFilterHidesItsOwn) {
   for (int i = 0; i < 200; ++i) a.publish("OTHER", bytes(payload));
   while (b.receive(now())) {
   }
-  const UdpStatistics statistics = b.statistics();
+  const BusStatistics statistics = b.statistics();
   EXPECT_FALSE(statistics.overflowed);
   EXPECT_EQ(statistics.received + statistics.host_overflowed, 200U);
 }

@@ -124,7 +124,7 @@ TEST(BusMonitor, FitsTheWindow) {
 
 TEST(BusMonitor, SaysWhatTheTransportLost) {
   Bus bus;
-  bus::UdpStatistics statistics;
+  bus::BusStatistics statistics;
   statistics.overflowed = 5;
   statistics.malformed = 6;
   bus.monitor.set_statistics(statistics);

@@ -1,0 +1,233 @@
+#include "bus/tcpq_transport.h"
+
+#include <arpa/inet.h>
+#include <fmt/core.h>
+#include <netdb.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <memory>
+#include <stdexcept>
+#include <system_error>
+
+#include "bus/poll_until.h"
+#include "diagnostics/failure.h"
+
+namespace tachless::bus {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+// Words of the protocol, in network order on the wire; see lcm/lcm_tcpq.c of LCM.
+constexpr std::uint32_t magic_server = 0x287617fa, magic_client = 0x287617fb, version = 0x0100;
+constexpr std::uint32_t publish_message = 1, subscribe_message = 2;
+
+std::uint32_t word_at(const std::byte* bytes) {
+  std::uint32_t word = 0;
+  std::memcpy(&word, bytes, sizeof word);
+  return ntohl(word);
+}
+
+process::FileDescriptor connected(const LcmUrl& url) {
+  addrinfo hints{};
+  hints.ai_socktype = SOCK_STREAM;
+  addrinfo* found = nullptr;
+  const int refusal = getaddrinfo(url.server.c_str(), std::to_string(url.port).c_str(), &hints, &found);
+  if (refusal != 0) {
+    throw std::system_error(EHOSTUNREACH, std::generic_category(),
+                            fmt::format("{}: {}", url.text(), gai_strerror(refusal)));
+  }
+  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> all(found, &freeaddrinfo);
+  int error = 0;
+  for (const addrinfo* at = found; at != nullptr; at = at->ai_next) {
+    process::FileDescriptor fd(socket(at->ai_family, at->ai_socktype | SOCK_CLOEXEC, 0));
+    if (fd.get() >= 0 && ::connect(fd.get(), at->ai_addr, at->ai_addrlen) == 0) return fd;
+    error = errno;
+  }
+  throw std::system_error(
+      error, std::generic_category(),
+      fmt::format("{}: no LCM server", url.text()));
+}
+
+}  // namespace
+
+TcpqTransport::TcpqTransport(const LcmUrl& url)
+    : name_(url.text()), socket_(connected(url)), buffer_(4 * longest_message) {
+  const int on = 1;
+  setsockopt(socket_.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  const timeval limit{patience.count(), 0};
+  setsockopt(socket_.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
+  setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+  const std::array<std::uint32_t, 2> hello = {htonl(magic_client), htonl(version)};
+  std::array<std::byte, sizeof hello> answer{};
+  if (::send(socket_.get(), hello.data(), sizeof hello, MSG_NOSIGNAL) != sizeof hello ||
+      ::recv(socket_.get(), answer.data(), answer.size(), MSG_WAITALL) != sizeof hello ||
+      word_at(answer.data()) != magic_server) {
+    throw std::system_error(EPROTO, std::generic_category(),
+                            name_ + ": who answers there is no LCM server");
+  }
+}
+
+void TcpqTransport::lose(const std::string& why) const {
+  throw Failure(ExitCode::peer_lost,
+                fmt::format("{}: the connection to the LCM server is gone: {}", name_, why));
+}
+
+void TcpqTransport::subscribe(const std::string& channel) {
+  const bool plain = std::ranges::all_of(channel, [](char c) {
+    return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+  });
+  if (channel.empty() || channel.size() > 63 || !plain) {
+    throw std::invalid_argument("channel \"" + channel +
+                                "\": allowed over tcpq: 1 to 63 letters, digits and _");
+  }
+  channels_.push_back(channel);
+  subscribe_to(channel);
+}
+
+void TcpqTransport::subscribe_all() {
+  all_ = true;
+  subscribe_to(".*");
+}
+
+void TcpqTransport::subscribe_to(std::string_view expression) {
+  send(subscribe_message, expression, nullptr);
+}
+
+void TcpqTransport::publish(std::string_view channel, std::span<const std::byte> payload) {
+  if (channel.size() + payload.size() > longest_message) {
+    throw std::length_error(fmt::format("{} bytes on channel {}; allowed: {}", payload.size(),
+                                        channel, longest_message - channel.size()));
+  }
+  if (all_ || std::ranges::find(channels_, channel) != channels_.end()) {
+    std::vector<std::byte> copy(channel.size() + 1 + payload.size());
+    std::memcpy(copy.data(), channel.data(), channel.size());
+    std::ranges::copy(payload, copy.begin() + static_cast<std::ptrdiff_t>(channel.size() + 1));
+    sent_.push_back(std::move(copy));
+  }
+  send(publish_message, channel, &payload);
+}
+
+void TcpqTransport::send(std::uint32_t type, std::string_view channel,
+                         const std::span<const std::byte>* payload) {
+  std::array<std::uint32_t, 2> head = {htonl(type), htonl(static_cast<std::uint32_t>(channel.size()))};
+  std::uint32_t size = payload == nullptr ? 0 : htonl(static_cast<std::uint32_t>(payload->size()));
+  std::array<iovec, 4> parts{{{head.data(), sizeof head},
+                              {const_cast<char*>(channel.data()), channel.size()},
+                              {&size, sizeof size},
+                              {nullptr, 0}}};
+  if (payload != nullptr) parts[3] = {const_cast<std::byte*>(payload->data()), payload->size()};
+  msghdr message{};
+  message.msg_iov = parts.data();
+  message.msg_iovlen = payload == nullptr ? 2 : 4;
+  while (message.msg_iovlen > 0) {
+    const ssize_t sent = ::sendmsg(socket_.get(), &message, MSG_NOSIGNAL);
+    if (sent < 0 && errno == EINTR) continue;
+    if (sent < 0) {
+      lose(errno == EAGAIN ? "it takes nothing any more" : std::strerror(errno));
+    }
+    for (auto left = static_cast<std::size_t>(sent); message.msg_iovlen > 0;) {
+      iovec& first = *message.msg_iov;
+      const std::size_t done = std::min(left, first.iov_len);
+      first.iov_base = static_cast<char*>(first.iov_base) + done;
+      first.iov_len -= done;
+      left -= done;
+      if (first.iov_len > 0) break;
+      ++message.msg_iov;
+      --message.msg_iovlen;
+    }
+  }
+}
+
+bool TcpqTransport::read(loop::Clock::time_point deadline) {
+  std::array<pollfd, 1> fds{pollfd{socket_.get(), POLLIN, 0}};
+  if (poll_until(fds, deadline) <= 0) return false;
+  // The server writes a message in pieces, each of which waits for the last one's acknowledgement.
+  const int on = 1;
+  setsockopt(socket_.get(), IPPROTO_TCP, TCP_QUICKACK, &on, sizeof on);
+  if (begin_ > 0) {
+    std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
+    end_ -= begin_;
+    begin_ = 0;
+  }
+  const ssize_t got =
+      ::recv(socket_.get(), buffer_.data() + end_, buffer_.size() - end_, MSG_DONTWAIT);
+  if (got == 0) lose("the server has closed it");
+  if (got < 0 && errno != EAGAIN && errno != EINTR) lose(std::strerror(errno));
+  end_ += static_cast<std::size_t>(std::max<ssize_t>(got, 0));
+  return true;
+}
+
+bool TcpqTransport::parse(Datagram& message) {
+  const std::byte* at = buffer_.data() + begin_;
+  const std::size_t have = end_ - begin_;
+  if (have < 8) return false;
+  const std::size_t channel = word_at(at + 4);
+  // The type word is not looked at: liblcm does not either.
+  if (channel > longest_message) {
+    throw Failure(ExitCode::protocol_violated, name_ + ": what the server sends is no LCM");
+  }
+  if (have < 8 + channel + 4) return false;
+  const std::size_t size = word_at(at + 8 + channel);
+  if (channel + size > longest_message) {
+    throw Failure(ExitCode::protocol_violated,
+                  fmt::format("{}: a message of {} bytes; allowed: {}", name_, size,
+                              longest_message - channel));
+  }
+  if (have < 12 + channel + size) return false;
+  message.channel = {reinterpret_cast<const char*>(at + 8), channel};
+  message.payload = {at + 12 + channel, size};
+  message.sender = name_;
+  begin_ += 12 + channel + size;
+  return true;
+}
+
+bool TcpqTransport::is_own(const Datagram& message) {
+  // What one program sends comes back in its order.
+  if (sent_.empty()) return false;
+  const std::vector<std::byte>& first = sent_.front();
+  if (first.size() != message.channel.size() + 1 + message.payload.size() ||
+      std::memcmp(first.data(), message.channel.data(), message.channel.size()) != 0 ||
+      !std::ranges::equal(std::span(first).subspan(message.channel.size() + 1), message.payload)) {
+    return false;
+  }
+  sent_.pop_front();
+  ++statistics_.own;
+  return true;
+}
+
+std::optional<Datagram> TcpqTransport::receive(loop::Clock::time_point deadline) {
+  Datagram message;
+  for (;;) {
+    while (parse(message)) {
+      if (is_own(message)) continue;
+      ++statistics_.received;
+      return message;
+    }
+    if (!read(deadline)) return std::nullopt;
+  }
+}
+
+std::optional<RawDatagram> TcpqTransport::receive_raw(loop::Clock::time_point deadline) {
+  const auto message = receive(deadline);
+  if (!message) return std::nullopt;
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  return RawDatagram{*message, static_cast<std::uint32_t>(statistics_.received),
+                     std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
+}
+
+int TcpqTransport::receive_buffer_bytes() const {
+  int bytes = 0;
+  socklen_t size = sizeof bytes;
+  getsockopt(socket_.get(), SOL_SOCKET, SO_RCVBUF, &bytes, &size);
+  return bytes;
+}
+
+}  // namespace tachless::bus

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "bus/lcm_url.h"
+#include "bus/transport.h"
+#include "process/file_descriptor.h"
+
+namespace tachless::bus {
+
+/// LCM's provider tcpq: every message goes to a server over TCP, and from it to whoever has
+/// subscribed. For networks without multicast. Nothing is lost or reordered while the connection
+/// lasts; where it ends, `receive` and `publish` throw. The server sends a program its own messages
+/// too; these are passed over, one for each that was sent. Interoperates with liblcm's tcpq and its
+/// Java server. One transport serves one thread.
+class TcpqTransport final : public Transport, public MonitoredBus {
+ public:
+  /// @throw std::system_error naming the server and the command that starts one
+  explicit TcpqTransport(const LcmUrl& url);
+
+  /// @throw std::invalid_argument unless the name has 1 to 63 characters, all of them letters,
+  /// digits or '_': the server takes it for a regular expression
+  void subscribe(const std::string& channel) override;
+  void subscribe_all() override;
+
+  /// Waits while the connection is full, at most `patience`.
+  /// @throw diagnostics::Failure(peer_lost) when the connection is gone
+  void publish(std::string_view channel, std::span<const std::byte> payload) override;
+
+  /// `Datagram::sender` is the server: who has sent it the server does not say.
+  /// @throw diagnostics::Failure(peer_lost) when the connection is gone, (protocol_violated) when
+  /// what comes is no LCM
+  std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
+
+  std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) override;
+  [[nodiscard]] BusStatistics statistics() const override { return statistics_; }
+  [[nodiscard]] int receive_buffer_bytes() const override;
+
+ private:
+  static constexpr std::chrono::seconds patience{5};
+  /// A longer message could be on no other bus.
+  static constexpr std::size_t longest_message = 65'498;
+
+  void send(std::uint32_t type, std::string_view channel,
+            const std::span<const std::byte>* payload);
+  void subscribe_to(std::string_view expression);
+  /// The next message that is all there.
+  bool parse(Datagram& message);
+  /// Whether bytes came before the deadline.
+  bool read(loop::Clock::time_point deadline);
+  bool is_own(const Datagram& message);
+  [[noreturn]] void lose(const std::string& why) const;
+
+  std::string name_;  ///< "tcpq://10.0.0.1:7700"
+  process::FileDescriptor socket_;
+  std::vector<std::string> channels_;  ///< subscribed
+  bool all_ = false;
+  std::deque<std::vector<std::byte>> sent_;  ///< that will come back: channel, NUL, payload
+  std::vector<std::byte> buffer_;
+  std::size_t begin_ = 0, end_ = 0;  ///< of what was read and not handed out
+  BusStatistics statistics_;
+};
+
+}  // namespace tachless::bus
