@@ -7,6 +7,7 @@ build=${2:?usage: install.sh SOURCE_DIR BUILD_DIR}
 prefix=$build/installed
 rm -rf "$prefix"
 cmake --install "$build" --prefix "$prefix" >/dev/null
+cmake --install "$build" --prefix "$prefix" --component python >/dev/null
 
 # No program and no library knows where it was built; no folder is empty.
 fail=0
