@@ -17,8 +17,9 @@ struct LcmUrl {
   [[nodiscard]] std::string text() const;  ///< "udpm://239.255.76.67:7667?ttl=0"
 };
 
-/// Reads `udpm://[GROUP][:PORT][?ttl=N&recv_buf_size=N]` or `tcpq://[HOST][:PORT]`; what is left out has LCM's default.
-/// An empty text means $LCM_DEFAULT_URL, or LCM's default where that is not set.
+/// Reads `udpm://[GROUP][:PORT][?ttl=N&recv_buf_size=N]` or `tcpq://[HOST][:PORT]`; what is left
+/// out has LCM's default. An empty text means $LCM_DEFAULT_URL, or LCM's default where that is not
+/// set.
 /// @throw std::invalid_argument naming the URL, what is wrong with it and what is allowed
 LcmUrl parse_lcm_url(const std::string& text);
 

@@ -139,8 +139,7 @@ std::optional<NetworkProblem> check_network(const LcmUrl& url) {
       const TcpqTransport probe(url);
       return std::nullopt;
     } catch (const std::system_error& error) {
-      return NetworkProblem{error.what(), "java -cp /usr/share/java/lcm.jar lcm.lcm.TCPService " +
-                                              std::to_string(url.port)};
+      return NetworkProblem{error.what(), server_command(url)};
     }
   }
   if (auto problem = problem_of_route(url)) return problem;

@@ -39,7 +39,8 @@ process::FileDescriptor connected(const LcmUrl& url) {
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
-  const int refusal = getaddrinfo(url.server.c_str(), std::to_string(url.port).c_str(), &hints, &found);
+  const int refusal =
+      getaddrinfo(url.server.c_str(), std::to_string(url.port).c_str(), &hints, &found);
   if (refusal != 0) {
     throw std::system_error(EHOSTUNREACH, std::generic_category(),
                             fmt::format("{}: {}", url.text(), gai_strerror(refusal)));
@@ -51,12 +52,15 @@ process::FileDescriptor connected(const LcmUrl& url) {
     if (fd.get() >= 0 && ::connect(fd.get(), at->ai_addr, at->ai_addrlen) == 0) return fd;
     error = errno;
   }
-  throw std::system_error(
-      error, std::generic_category(),
-      fmt::format("{}: no LCM server", url.text()));
+  throw std::system_error(error, std::generic_category(),
+                          fmt::format("{}: no LCM server", url.text()));
 }
 
 }  // namespace
+
+std::string server_command(const LcmUrl& url) {
+  return fmt::format("java -cp /usr/share/java/lcm.jar lcm.lcm.TCPService {}", url.port);
+}
 
 TcpqTransport::TcpqTransport(const LcmUrl& url)
     : name_(url.text()), socket_(connected(url)), buffer_(4 * longest_message) {
@@ -117,7 +121,8 @@ void TcpqTransport::publish(std::string_view channel, std::span<const std::byte>
 
 void TcpqTransport::send(std::uint32_t type, std::string_view channel,
                          const std::span<const std::byte>* payload) {
-  std::array<std::uint32_t, 2> head = {htonl(type), htonl(static_cast<std::uint32_t>(channel.size()))};
+  std::array<std::uint32_t, 2> head = {htonl(type),
+                                       htonl(static_cast<std::uint32_t>(channel.size()))};
   std::uint32_t size = payload == nullptr ? 0 : htonl(static_cast<std::uint32_t>(payload->size()));
   std::array<iovec, 4> parts{{{head.data(), sizeof head},
                               {const_cast<char*>(channel.data()), channel.size()},
@@ -177,9 +182,8 @@ bool TcpqTransport::parse(Datagram& message) {
   if (have < 8 + channel + 4) return false;
   const std::size_t size = word_at(at + 8 + channel);
   if (channel + size > longest_message) {
-    throw Failure(ExitCode::protocol_violated,
-                  fmt::format("{}: a message of {} bytes; allowed: {}", name_, size,
-                              longest_message - channel));
+    throw Failure(ExitCode::protocol_violated, fmt::format("{}: a message of {} bytes; allowed: {}",
+                                                           name_, size, longest_message - channel));
   }
   if (have < 12 + channel + size) return false;
   message.channel = {reinterpret_cast<const char*>(at + 8), channel};

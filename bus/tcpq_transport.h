@@ -66,4 +66,7 @@ class TcpqTransport final : public Transport, public MonitoredBus {
   BusStatistics statistics_;
 };
 
+/// What starts the server that the URL names, where it may be started.
+std::string server_command(const LcmUrl& url);
+
 }  // namespace tachless::bus

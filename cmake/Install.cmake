@@ -16,7 +16,8 @@ install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_IN
 
 install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
   DESTINATION include/tachless COMPONENT development
-  FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE)
+  FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE
+  PATTERN python EXCLUDE)
 foreach(example IN ITEMS own_law own_driver)  # each with its robot, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)

@@ -97,7 +97,7 @@ struct ControllerSpec {
   std::string law;
   std::string measurement;  ///< suffix of the channel that feeds the external law; else empty
   std::string announced;    ///< what a recorded run's external law called itself; else empty
-  std::string urdf_path;  ///< as written in the scenario; empty: the law's robot is the plant's
+  std::string urdf_path;    ///< as written in the scenario; empty: the law's robot is the plant's
   std::map<std::string, robot::Vector> gains;  ///< each of length num_joints
   controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
   controller::law::FilterStart filter_start = controller::law::FilterStart::at_error;

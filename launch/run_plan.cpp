@@ -184,7 +184,8 @@ bool prepare_network(const RunOptions& options) {
     }
     const auto problem = bus::check_network(url);
     if (problem) {
-      throw Failure(ExitCode::bad_usage, fmt::format("{}; {}", problem->what, problem->remedy));
+      throw Failure(ExitCode::bad_usage,
+                    fmt::format("{}; start it with: {}", problem->what, problem->remedy));
     }
     return false;
   }

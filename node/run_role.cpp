@@ -37,7 +37,10 @@ class Bus {
       }
       udp_.emplace(where);
     } catch (const std::system_error& problem) {
-      throw Failure(ExitCode::bad_usage, fmt::format("{}: {}", options.lcm_url, problem.what()));
+      throw Failure(ExitCode::bad_usage,
+                    where.is_tcp() ? fmt::format("{}; start it with: {}", problem.what(),
+                                                 bus::server_command(where))
+                                   : fmt::format("{}: {}", options.lcm_url, problem.what()));
     }
     diagnostics::log_detail(
         fmt::format("bus {}, receive buffer {} bytes", where.text(), udp_->receive_buffer_bytes()));

@@ -54,9 +54,9 @@ class Membership {
     std::int64_t digest = 0;
     std::int32_t pid = 0;
     std::string host;
-    std::string scenario;     ///< its name
-    loop::LawInfo law;        ///< controller only
-    std::int64_t run = 0;     ///< plant only: the run it has chosen, > 0
+    std::string scenario;  ///< its name
+    loop::LawInfo law;     ///< controller only
+    std::int64_t run = 0;  ///< plant only: the run it has chosen, > 0
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "bus/authenticated.h"
-#include "bus/truth/truth_wire.h"
 #include "bus/open_bus.h"
+#include "bus/truth/truth_wire.h"
 #include "experiment/scenario.h"
 
 namespace tachless::viewer {

@@ -53,7 +53,7 @@ class Peers : public bus::Transport {
   std::function<void()> on_first_announcement = [] {};
 
   std::string law = "loria_ortega_rigid";  ///< what the controller announces
-  std::string measurement = "POSITION";      ///< what it asks for
+  std::string measurement = "POSITION";    ///< what it asks for
 
   std::vector<loop::truth::PlantTruth> truths;
   std::vector<std::int64_t> truth_ticks, ticks, tick_utimes;

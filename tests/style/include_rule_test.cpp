@@ -57,7 +57,7 @@ const std::vector<Rule> rules = {
 
     {"experiment/",
      {"experiment/", "plant/spec.h", "controller/law/filter.h", "reference/trajectories.h",
-      "robot/", "schema/", "diagnostics/"},
+      "robot/", "schema/", "loop/measurements.h", "diagnostics/"},
      {"fmt/"}},
     {"experiment/yaml_tree.cpp", {"experiment/", "diagnostics/"}, {"yaml-cpp/"}},
 
@@ -88,8 +88,8 @@ const std::vector<Rule> rules = {
      {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "schema/",
       "diagnostics/"},
      {"Eigen/"}},
-    {"controller/law_socket.", {"controller/", "process/file_descriptor.h", "bus/"}, {}},
-    {"controller/external_law.", {"controller/", "process/", "bus/", "diagnostics/"}, {}},
+    {"controller/law_socket.", {"controller/", "process/file_descriptor.h", "bus/"}, {}, true},
+    {"controller/external_law.", {"controller/", "process/", "bus/", "diagnostics/"}, {}, true},
     {"controller/recorded_inputs.",
      {"controller/", "bus/", "diagnostics/", "logger/log_file.h"},
      {}},
@@ -158,6 +158,11 @@ const std::vector<Rule> rules = {
      {"CLI/", "nlohmann/"},
      true},
 
+    {"python/",
+     {"python/", "controller/", "experiment/", "logger/", "plant/truth_of.h", "study/", "robot/",
+      "loop/", "diagnostics/"},
+     {"pybind11/", "Eigen/"}},
+
     {"tests/", anything, anything, true},
     {"bench/", anything, anything, true},
     {"examples/", anything, anything, true},
@@ -165,8 +170,8 @@ const std::vector<Rule> rules = {
 
 // Only these may see the ground truth, directly or through other headers.
 const std::vector<std::string> may_see_truth = {
-    "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/",  "replay/",
-    "monitor/",    "viewer/",    "launch/", "tests/",  "bench/", "examples/"};
+    "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/", "replay/",
+    "monitor/",    "viewer/",    "launch/", "python/", "tests/", "bench/",  "examples/"};
 
 bool starts_with_one_of(const std::string& text, const std::vector<std::string>& prefixes) {
   return std::any_of(prefixes.begin(), prefixes.end(),
