@@ -135,7 +135,7 @@ TEST(MessageReader, SurvivesDamagedMessages) {
       encoded(loop::Layout{3, 0, 0}, loop::LawSignals{}),
       encoded(loop::Layout{}, loop::Participant{}),
       encoded(loop::Layout{},
-              loop::RunInfo{1, 1.0, "1", "ARM", "POSITION", "e:rad", "a: b", "<robot/>"})};
+              loop::RunInfo{1, 1.0, "1", "ARM", "own", "POSITION", "e:rad", "a: b", "<robot/>"})};
   std::mt19937 random(1);
   for (int i = 0; i < 20'000; ++i) {
     auto message = originals[random() % originals.size()];

@@ -47,6 +47,7 @@ const std::vector<Rule> rules = {
     {"bus/fingerprint.cpp", {"bus/"}, {"tachless/"}},
     {"bus/truth/", {"bus/", "loop/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
+    {"bus/tcpq_transport.cpp", {"bus/", "diagnostics/failure.h"}, {}, true},
     {"bus/authenticated.cpp", {"bus/", "loop/"}, {"sodium.h"}, true},
     {"bus/digest.cpp", {"bus/"}, {"sodium.h"}, true},
     {"bus/key.cpp", {"bus/"}, {"sodium.h"}, true},
