@@ -1,19 +1,25 @@
 #include "diagnostics/logging.h"
 
-#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/sinks/ansicolor_sink.h>
 #include <spdlog/spdlog.h>
 
+#include <cstdlib>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "diagnostics/text.h"
 
 namespace tachless::diagnostics {
 
 void start_logging(std::string_view program, Verbosity verbosity, Marks marks) {
-  auto logger = std::make_shared<spdlog::logger>(std::string(program),
-                                                 std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  logger->set_pattern(marks == Marks::levels ? "<%l> %n: %v" : "%n: %v");
+  // Warnings and errors in colour, on a terminal that has any (https://no-color.org).
+  const bool plain = std::getenv("NO_COLOR") != nullptr;
+  auto sink = std::make_shared<spdlog::sinks::ansicolor_stderr_sink_mt>(
+      plain ? spdlog::color_mode::never : spdlog::color_mode::automatic);
+  sink->set_color(spdlog::level::info, "");
+  auto logger = std::make_shared<spdlog::logger>(std::string(program), std::move(sink));
+  logger->set_pattern(marks == Marks::levels ? "<%l> %n: %v" : "%^%n:%$ %v");
   logger->set_level(verbosity == Verbosity::quiet    ? spdlog::level::warn
                     : verbosity == Verbosity::normal ? spdlog::level::info
                                                      : spdlog::level::debug);

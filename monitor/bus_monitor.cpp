@@ -204,21 +204,25 @@ std::vector<std::string> BusMonitor::head_lines() const {
   return lines;
 }
 
-std::vector<std::string> BusMonitor::channel_lines() const {
+std::vector<std::string> BusMonitor::channel_lines(std::size_t columns) const {
   std::size_t width = 7;
   for (const auto& [name, channel] : channels_) width = std::max(width, printable(name).size());
-  constexpr const char* row = "{:<{}}  {:<28} {:>10} {:>9} {:>10} {:>9} {:>7} {:>11}";
-  std::vector<std::string> lines = {fmt::format(row, "channel", width, "type", "messages", "per s",
-                                                "jitter us", "kB/s", "gaps", "undecodable")};
+  // The numbers come first; the types where there is room for them.
+  constexpr const char* row = "{:<{}} {:>9} {:>9} {:>10} {:>8} {:>6} {:>11}  {:.{}}";
+  constexpr std::size_t width_of_numbers = 61, longest_type = 28;
+  const bool has_room = columns == 0 || width + width_of_numbers + longest_type <= columns;
+  const std::size_t type_width = has_room ? longest_type : 0;
+  std::vector<std::string> lines = {fmt::format(row, "channel", width, "messages", "per s",
+                                                "jitter us", "kB/s", "gaps", "undecodable", "type",
+                                                type_width)};
   for (const auto& [name, channel] : channels_) {
     const double bytes = static_cast<double>(channel.shown.bytes);
     const double kb_per_s = channel.shown_seconds > 0 ? 1e-3 * bytes / channel.shown_seconds : 0.0;
     lines.push_back(
-        fmt::format(row, printable(name), width, short_type(channel.type), channel.messages,
-                    per_s(channel.shown.rate_hz()), microseconds(channel.shown.jitter_s()),
-                    fmt::format("{:.1f}", kb_per_s),
+        fmt::format(row, printable(name), width, channel.messages, per_s(channel.shown.rate_hz()),
+                    microseconds(channel.shown.jitter_s()), fmt::format("{:.1f}", kb_per_s),
                     channel.once_per_tick ? std::to_string(channel.ticks.missing()) : "-",
-                    channel.undecodable()));
+                    channel.undecodable(), short_type(channel.type), type_width));
   }
   return lines;
 }
@@ -244,7 +248,7 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
     lines.emplace_back();
     std::move(more.begin(), more.end(), std::back_inserter(lines));
   };
-  append(channel_lines());
+  append(channel_lines(columns));
   append(value_lines());
   if (rows != 0 && lines.size() > rows) {
     const std::size_t left_out = lines.size() - (rows - 1);

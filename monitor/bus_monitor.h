@@ -83,7 +83,7 @@ class BusMonitor {
   void note_sender(std::string_view sender, std::uint32_t sequence);
   void note_channel(const bus::RawDatagram& raw);
   [[nodiscard]] std::vector<std::string> head_lines() const;
-  [[nodiscard]] std::vector<std::string> channel_lines() const;
+  [[nodiscard]] std::vector<std::string> channel_lines(std::size_t columns) const;
   [[nodiscard]] std::vector<std::string> value_lines();
 
   MessageReader reader_;

@@ -1,6 +1,7 @@
 #include "monitor/table_screen.h"
 
 #include <fmt/core.h>
+#include <poll.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -9,11 +10,28 @@
 namespace tachless::monitor {
 
 TableScreen::TableScreen() : terminal_(isatty(STDOUT_FILENO) == 1) {
-  if (terminal_) std::cout << "\033[?25l" << std::flush;
+  if (!terminal_) return;
+  std::cout << "\033[?25l" << std::flush;
+  termios keys{};
+  if (tcgetattr(STDIN_FILENO, &keys) != 0) return;
+  keyboard_ = keys;
+  keys.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+  tcsetattr(STDIN_FILENO, TCSANOW, &keys);
 }
 
 TableScreen::~TableScreen() {
   if (terminal_) std::cout << "\033[?25h" << std::flush;
+  if (keyboard_) tcsetattr(STDIN_FILENO, TCSANOW, &*keyboard_);
+}
+
+bool TableScreen::quit_wanted() {
+  bool wanted = false;
+  pollfd keys{STDIN_FILENO, POLLIN, 0};
+  char key = 0;
+  while (keyboard_ && poll(&keys, 1, 0) > 0 && read(STDIN_FILENO, &key, 1) == 1) {
+    wanted = wanted || key == 'q';
+  }
+  return wanted;
 }
 
 void TableScreen::show(BusMonitor& monitor) {

@@ -74,10 +74,10 @@ diagnostics::ExitCode watch_bus(const Options& options) {
   }
   std::optional<monitor::TableScreen> screen;
   if (!options.json) {
-    std::cout << url << ", Ctrl-C ends\n" << std::flush;
+    std::cout << url << ", q or Ctrl-C ends\n" << std::flush;
     screen.emplace();
   }
-  while (!interrupted && Clock::now() < end && std::cout) {
+  while (!interrupted && Clock::now() < end && std::cout && !(screen && screen->quit_wanted())) {
     listener.listen(begin, std::min(end, begin + redraw_period));
     begin = Clock::now();
     if (screen) {

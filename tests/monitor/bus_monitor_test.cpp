@@ -122,6 +122,17 @@ TEST(BusMonitor, FitsTheWindow) {
   EXPECT_THAT(table.back(), HasSubstr("lines more"));
 }
 
+TEST(BusMonitor, HasAllItsNumbersInEightyColumns) {
+  Bus bus;
+  bus.say("ARM_CONTROLLER_STATE", position(0));
+  const auto narrow = bus.monitor.table(80), wide = bus.monitor.table(120);
+  const std::string numbers =
+      "channel               messages     per s  jitter us     kB/s   gaps undecodable";
+  EXPECT_THAT(narrow, Contains(::testing::StartsWith(numbers)));
+  EXPECT_THAT(narrow, Each(::testing::Not(HasSubstr("type"))));
+  EXPECT_THAT(wide, Contains(::testing::StartsWith(numbers + "  type")));
+}
+
 TEST(BusMonitor, SaysWhatTheTransportLost) {
   Bus bus;
   bus::BusStatistics statistics;

@@ -29,13 +29,20 @@ tachless replay out/paper_rigid
 tachless report out/paper_rigid
 grep -q THREE out/paper_rigid/report.html
 
-tachless init mine
-cd mine
-tachless run arm.yaml
+# The tutorial as typed; a line may say the exit code that it is to end with.
 export PYTHONPATH=$ROOT/usr/lib/python3/dist-packages
-tachless run arm.yaml --controller '/usr/bin/python3 law.py' --out out/python
+home=$PWD typed=0
+while IFS= read -r line; do
+  echo "\$ $line"
+  code=0
+  eval "$line" || code=$?
+  [[ $line =~ \#\ exit\ code\ ([0-9]+) ]] && expected=${BASH_REMATCH[1]} || expected=0
+  ((code == expected)) || { echo "exit code $code, not $expected"; exit 1; }
+  typed=$((typed + 1))
+done < <(awk '/^```/ { typed = $0 == "```sh"; next } typed' "$ROOT/usr/share/doc/tachless/docs/tutorial.md")
+((typed >= 15))
 tachless info out/python | grep 'MyLaw (external)'
-cd ..
+cd "$home"
 
 cp -r "$ROOT/usr/share/tachless/examples/own_law" .
 cmake -S own_law -B own_law/build -DCMAKE_PREFIX_PATH="$ROOT/usr" >cmake.log || { cat cmake.log; exit 1; }
