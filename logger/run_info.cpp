@@ -9,6 +9,7 @@
 
 #include "bus/wire.h"
 #include "diagnostics/failure.h"
+#include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "loop/measurements.h"
 
@@ -64,7 +65,7 @@ std::string read(const LogEvent& event, const std::filesystem::path& path,
     return fmt::format("cannot be used: {}", failure.what());
   }
   if (found.scenario.controller.law == experiment::external_law) {
-    found.scenario.controller.announced = found.info.law;
+    found.scenario.controller.announced = diagnostics::printable(found.info.law);
   }
   const std::string prefix(event.channel.substr(0, event.channel.size() - run_info_suffix.size()));
   std::string problem = contradiction(found, prefix);
