@@ -124,6 +124,7 @@ class Hdf5File::Impl {
     attribute(file_, "period_s", H5T_NATIVE_DOUBLE, &info.period_s);
     attribute(file_, "version", info.version);
     attribute(file_, "robot", info.robot);
+    attribute(file_, "law", info.law);
     attribute(file_, "measurement", info.measurement);
     attribute(file_, "signals", info.signals);
     attribute(file_, "scenario", info.scenario);
