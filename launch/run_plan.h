@@ -36,6 +36,7 @@ struct RunOptions {
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
+  bool cross_check = false;  ///< compare Simbody's mechanics with the library's own first
   bool force = false;        ///< run a loop that is unstable when linearised
   bool quiet = false;
   bool verbose = false;

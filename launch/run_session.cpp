@@ -27,6 +27,7 @@
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
 #include "process/side_process.h"
+#include "study/cross_check.h"
 #include "viewer/visualizer.h"
 
 namespace tachless::launch {
@@ -376,6 +377,22 @@ diagnostics::ExitCode in_this_process(const std::vector<Planned>& runs) {
   return conclusions.finish();
 }
 
+void cross_check(const Planned& run) {
+  constexpr double most = 1e-8;  // the integrators' 1e-12 a step, and what a loop makes of it
+  const study::CrossCheck check = study::cross_check(run.scenario);
+  const std::string found = run.options.named(
+      fmt::format("cross-check: Simbody and the native mechanics differ by {:.2g} at most (rad, "
+                  "rad/s), at tick {} of {}",
+                  check.distance, check.tick, check.ticks));
+  if (!(check.distance <= most)) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::check_said_no,
+        fmt::format("{}; allowed: {:g}. The loop magnifies differences, or one of them is wrong",
+                    found, most));
+  }
+  if (!run.options.quiet) diagnostics::log_info(found);
+}
+
 }  // namespace
 
 diagnostics::ExitCode run_session(RunOptions options, const std::vector<fs::path>& scenarios) {
@@ -395,6 +412,9 @@ diagnostics::ExitCode run_session(RunOptions options, const std::vector<fs::path
     runs.push_back({options, std::move(scenario), {}});
   }
   for (Planned& run : runs) run.verdict = judge(run.scenario, run.options);
+  for (const Planned& run : runs) {
+    if (run.options.cross_check) cross_check(run);
+  }
   return options.in_process ? in_this_process(runs) : in_four_processes(runs);
 }
 

@@ -50,6 +50,9 @@ Verb::Action declare(CLI::App& command) {
                    "saturated");
   command.add_flag("--force", options->force,
                    "Run a loop too that is unstable at its period, as its linearisation shows");
+  command.add_flag("--cross-check", options->cross_check,
+                   "Before the run: step it in this process with Simbody's mechanics and with the "
+                   "library's own, and end with code 1 if they differ");
   command.add_flag("--isolate", options->isolate,
                    "Run in a private network namespace; also TACHLESS_ISOLATE=1");
   auto* in_process = command.add_flag(

@@ -1,51 +1,62 @@
 // The shipped experiments on the plant's native mechanics, against Simbody's.
 
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <string>
-#include <vector>
 
+#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
-#include "study/in_process_loop.h"
+#include "study/cross_check.h"
 
 namespace tachless::study {
 namespace {
 
-constexpr int num_ticks = 400;
+// The loops are stable and integrated to a local error of 1e-12, so the difference of the two
+// mechanics does not grow: some ticks' worth of it at most.
+constexpr double agreement = 1e-10;
 
-std::vector<robot::Vector> motion(const std::filesystem::path& path, const std::string& mechanics) {
-  std::vector<robot::Vector> q;
-  const auto scenario = experiment::load_scenario(
-      path, {"plant.mechanics=" + mechanics, "plant.encoder.resolution_bits=null"});
-  run_in_process(scenario, [&](const TickRecord& record) {
-    q.push_back(record.truth.q);
-    return record.tick < num_ticks;
-  });
-  return q;
-}
-
-// The scenarios integrate to a local error of 1e-9 and better, and their loops are stable, so the
-// difference of the two mechanics does not grow: some ticks' worth of it at most. With exact
-// encoders: a position beside the edge of a count would make a count of any difference.
 TEST(NativeMechanics, MoveEveryShippedScenarioAsSimbodyDoes) {
   int scenarios = 0;
   const std::filesystem::path folder = std::filesystem::path(TACHLESS_SOURCE_DIR) / "scenarios";
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
     if (entry.path().extension() != ".yaml") continue;
     ++scenarios;
-    const auto simbody = motion(entry.path(), "simbody");
-    const auto native = motion(entry.path(), "native");
-    ASSERT_EQ(native.size(), simbody.size());
-    double largest = 0;
-    for (std::size_t k = 0; k < native.size(); ++k) {
-      largest = std::max(largest, (native[k] - simbody[k]).cwiseAbs().maxCoeff());
-    }
-    EXPECT_LT(largest, 1e-10) << entry.path();
-    EXPECT_GT(largest, 0) << entry.path() << ": the same mechanics twice?";
+    const double period_s = experiment::load_scenario(entry.path()).loop.period_s;
+    const auto scenario = experiment::load_scenario(
+        entry.path(), {fmt::format("loop.duration_s={}", 400 * period_s)});
+    const CrossCheck check = cross_check(scenario);
+    EXPECT_EQ(check.ticks, 400) << entry.path();
+    EXPECT_LT(check.distance, agreement) << entry.path();
+    EXPECT_GT(check.distance, 0) << entry.path() << ": the same mechanics twice?";
   }
   EXPECT_GE(scenarios, 8);
+}
+
+TEST(NativeMechanics, MoveAPlantAsRoughAsRealityAsSimbodyDoes) {
+  const auto scenario = experiment::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+      {"loop.duration_s=0.5", "plant.encoder.noise_std_rad=1e-6", "plant.encoder.latency_ticks=1",
+       "plant.drive.viscous_friction_Nms_per_rad=0.5", "plant.drive.torque_limit_Nm=[700, 70]",
+       "plant.payload={mass_kg: 0.5, attach_s: 0.2}",
+       "plant.disturbances=[{joint: elbow, torque_Nm: 3, shape: pulse, start_s: 0.1, end_s: "
+       "0.3}]"});
+  const CrossCheck check = cross_check(scenario);
+  EXPECT_EQ(check.ticks, 500);
+  EXPECT_LT(check.distance, agreement);
+}
+
+TEST(NativeMechanics, AreNotComparedWhereSimbodyHasNone) {
+  const auto scenario = experiment::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml", {"plant.drive.coulomb_friction_Nm=1"});
+  try {
+    cross_check(scenario);
+    FAIL();
+  } catch (const diagnostics::Failure& refusal) {
+    EXPECT_THAT(refusal.what(), ::testing::HasSubstr("simbody: it does not model"));
+  }
 }
 
 }  // namespace
