@@ -147,12 +147,17 @@ std::uint64_t host_overflows() {
   return 0;
 }
 
+const LcmUrl& require_udp(const LcmUrl& url) {
+  if (url.is_tcp()) throw std::invalid_argument(url.text() + ": needed here is a bus over UDP");
+  return url;
+}
+
 }  // namespace
 
 UdpTransport::UdpTransport(const std::string& url) : UdpTransport(parse_lcm_url(url)) {}
 
 UdpTransport::UdpTransport(const LcmUrl& url)
-    : url_(url),
+    : url_(require_udp(url)),
       receiver_(open_receiver(url)),
       sender_(open_sender(url)),
       buffer_(batch * max_datagram),

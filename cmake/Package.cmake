@@ -15,9 +15,9 @@ endfunction()
 tachless_package(program tachless)
 tachless_package(development libtachless-dev)
 
-if(TARGET tachless_python)
+if(TARGET python_module)
   tachless_package(python python3-tachless)
-  add_dependencies(package_files tachless_python)
+  add_dependencies(package_files python_module)
   set(python python)
 endif()
 

@@ -43,8 +43,9 @@ std::string human_bytes(double bytes) {
 
 Finding check_bus(const bus::LcmUrl& url) {
   if (const auto problem = bus::check_network(url)) {
-    return {"multicast", false, problem->what, problem->remedy};
+    return {url.is_tcp() ? "server" : "multicast", false, problem->what, problem->remedy};
   }
+  if (url.is_tcp()) return {"server", true, "the LCM server of " + url.text() + " answers", {}};
   const auto route = bus::multicast_route(url);
   return {"multicast",
           true,
@@ -230,9 +231,11 @@ std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::
   if (findings.empty()) {
     findings.push_back(check_bus(url));
     const bool usable = findings.back().ok;
-    const auto route = bus::multicast_route(url);
-    findings.push_back(judge_ttl(url, route ? route->interface : std::string()));
-    if (usable) findings.push_back(check_other_publishers(url));
+    if (!url.is_tcp()) {
+      const auto route = bus::multicast_route(url);
+      findings.push_back(judge_ttl(url, route ? route->interface : std::string()));
+      if (usable) findings.push_back(check_other_publishers(url));
+    }
   }
   findings.push_back(judge_receive_buffer(bus::receive_buffer_limit_bytes()));
   findings.push_back(check_private_network());

@@ -571,7 +571,7 @@ TEST(RunInfoCodec, FitsOneDatagramOrIsRefused) {
   loop::RunInfo value;
   value.num_ticks = 1;
   value.period_s = 1e-3;
-  value.robot_description = std::string(loop::max_run_info_size - body - 16 - 6 * 5, 'x');
+  value.robot_description = std::string(loop::max_run_info_size - body - 16 - 7 * 5, 'x');
   EXPECT_EQ(codec.encode({}, value).size(), static_cast<std::size_t>(loop::max_run_info_size));
   value.scenario.push_back('y');
   EXPECT_THROW(codec.encode({}, value), std::length_error);

@@ -311,8 +311,9 @@ TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   messages[0].data.pop_back();
   EXPECT_THAT(failure_of(messages), HasSubstr("at byte 0 is damaged"));
   messages = short_rigid_run().messages;
-  const auto at = messages[0].data.find("loria_ortega_rigid");
-  messages[0].data.replace(at, 5, "LORIA");
+  const std::string law = "law: ";
+  const auto at = messages[0].data.find(law + "loria_ortega_rigid");
+  messages[0].data.replace(at + law.size(), 5, "LORIA");
   EXPECT_THAT(failure_of(messages), HasSubstr("cannot be used"));
   messages = short_rigid_run().messages;
   messages[0].data[39] ^= 1;  // lowest byte of num_ticks
