@@ -35,22 +35,30 @@ std::uint32_t word_at(const std::byte* bytes) {
   return ntohl(word);
 }
 
-process::FileDescriptor connected(const LcmUrl& url) {
+template <class Value>
+void set(int socket, int level, int option, const Value& value) {
+  setsockopt(socket, level, option, &value, sizeof value);
+}
+
+process::FileDescriptor connected(const LcmUrl& url, std::chrono::seconds patience) {
   addrinfo hints{};
   hints.ai_socktype = SOCK_STREAM;
   addrinfo* found = nullptr;
-  const int refusal =
-      getaddrinfo(url.server.c_str(), std::to_string(url.port).c_str(), &hints, &found);
-  if (refusal != 0) {
-    throw std::system_error(EHOSTUNREACH, std::generic_category(),
-                            fmt::format("{}: {}", url.text(), gai_strerror(refusal)));
+  int error = ENXIO;
+  if (getaddrinfo(url.server.c_str(), std::to_string(url.port).c_str(), &hints, &found) != 0) {
+    found = nullptr;
   }
   const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> all(found, &freeaddrinfo);
-  int error = 0;
   for (const addrinfo* at = found; at != nullptr; at = at->ai_next) {
     process::FileDescriptor fd(socket(at->ai_family, at->ai_socktype | SOCK_CLOEXEC, 0));
+    const timeval limit{patience.count(), 0};
+    set(fd.get(), SOL_SOCKET, SO_SNDTIMEO, limit);  // holds for connect, too
+    set(fd.get(), SOL_SOCKET, SO_RCVTIMEO, limit);
+    set(fd.get(), SOL_SOCKET, SO_KEEPALIVE, 1);
+    set(fd.get(), IPPROTO_TCP, TCP_NODELAY, 1);
+    set(fd.get(), IPPROTO_TCP, TCP_USER_TIMEOUT, static_cast<unsigned>(1000 * patience.count()));
     if (fd.get() >= 0 && ::connect(fd.get(), at->ai_addr, at->ai_addrlen) == 0) return fd;
-    error = errno;
+    error = errno == EINPROGRESS ? ETIMEDOUT : errno;
   }
   throw std::system_error(error, std::generic_category(),
                           fmt::format("{}: no LCM server", url.text()));
@@ -63,12 +71,7 @@ std::string server_command(const LcmUrl& url) {
 }
 
 TcpqTransport::TcpqTransport(const LcmUrl& url)
-    : name_(url.text()), socket_(connected(url)), buffer_(4 * longest_message) {
-  const int on = 1;
-  setsockopt(socket_.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  const timeval limit{patience.count(), 0};
-  setsockopt(socket_.get(), SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
-  setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+    : name_(url.text()), socket_(connected(url, patience)), buffer_(4 * longest_message) {
   const std::array<std::uint32_t, 2> hello = {htonl(magic_client), htonl(version)};
   std::array<std::byte, sizeof hello> answer{};
   if (::send(socket_.get(), hello.data(), sizeof hello, MSG_NOSIGNAL) != sizeof hello ||
@@ -80,15 +83,18 @@ TcpqTransport::TcpqTransport(const LcmUrl& url)
 }
 
 void TcpqTransport::lose(const std::string& why) const {
-  throw Failure(ExitCode::peer_lost,
-                fmt::format("{}: the connection to the LCM server is gone: {}", name_, why));
+  throw Failure(
+      ExitCode::peer_lost,
+      fmt::format("{}: the connection to the LCM server is gone: {}; start it again, and a new "
+                  "run",
+                  name_, why));
 }
 
 void TcpqTransport::subscribe(const std::string& channel) {
   const bool plain = std::ranges::all_of(channel, [](char c) {
     return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
   });
-  if (channel.empty() || channel.size() > 63 || !plain) {
+  if (channel.empty() || channel.size() > longest_channel || !plain) {
     throw std::invalid_argument("channel \"" + channel +
                                 "\": allowed over tcpq: 1 to 63 letters, digits and _");
   }
@@ -135,9 +141,7 @@ void TcpqTransport::send(std::uint32_t type, std::string_view channel,
   while (message.msg_iovlen > 0) {
     const ssize_t sent = ::sendmsg(socket_.get(), &message, MSG_NOSIGNAL);
     if (sent < 0 && errno == EINTR) continue;
-    if (sent < 0) {
-      lose(errno == EAGAIN ? "it takes nothing any more" : std::strerror(errno));
-    }
+    if (sent < 0) lose(errno == EAGAIN ? "it takes nothing any more" : std::strerror(errno));
     for (auto left = static_cast<std::size_t>(sent); message.msg_iovlen > 0;) {
       iovec& first = *message.msg_iov;
       const std::size_t done = std::min(left, first.iov_len);
@@ -155,8 +159,7 @@ bool TcpqTransport::read(loop::Clock::time_point deadline) {
   std::array<pollfd, 1> fds{pollfd{socket_.get(), POLLIN, 0}};
   if (poll_until(fds, deadline) <= 0) return false;
   // The server writes a message in pieces, each of which waits for the last one's acknowledgement.
-  const int on = 1;
-  setsockopt(socket_.get(), IPPROTO_TCP, TCP_QUICKACK, &on, sizeof on);
+  set(socket_.get(), IPPROTO_TCP, TCP_QUICKACK, 1);
   if (begin_ > 0) {
     std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
     end_ -= begin_;
@@ -171,26 +174,32 @@ bool TcpqTransport::read(loop::Clock::time_point deadline) {
 }
 
 bool TcpqTransport::parse(Datagram& message) {
-  const std::byte* at = buffer_.data() + begin_;
-  const std::size_t have = end_ - begin_;
-  if (have < 8) return false;
-  const std::size_t channel = word_at(at + 4);
-  // The type word is not looked at: liblcm does not either.
-  if (channel > longest_message) {
-    throw Failure(ExitCode::protocol_violated, name_ + ": what the server sends is no LCM");
+  for (;;) {
+    const std::size_t skipped = std::min(skip_, end_ - begin_);
+    begin_ += skipped;
+    skip_ -= skipped;
+    const std::byte* at = buffer_.data() + begin_;
+    const std::size_t have = end_ - begin_;
+    if (skip_ > 0 || have < 8) return false;
+    // The word before, the message's type, is not looked at: liblcm does not either.
+    const std::size_t channel = word_at(at + 4);
+    if (channel > longest_message) {
+      throw Failure(ExitCode::protocol_violated, name_ + ": what the server sends is no LCM");
+    }
+    if (have < 8 + channel + 4) return false;
+    const std::size_t size = word_at(at + 8 + channel);
+    if (channel > longest_channel || channel + size > longest_message) {  // on no bus of UDP
+      ++statistics_.malformed;
+      skip_ = 12 + channel + size;
+      continue;
+    }
+    if (have < 12 + channel + size) return false;
+    message.channel = {reinterpret_cast<const char*>(at + 8), channel};
+    message.payload = {at + 12 + channel, size};
+    message.sender = name_;
+    begin_ += 12 + channel + size;
+    return true;
   }
-  if (have < 8 + channel + 4) return false;
-  const std::size_t size = word_at(at + 8 + channel);
-  if (channel + size > longest_message) {
-    throw Failure(ExitCode::protocol_violated, fmt::format("{}: a message of {} bytes; allowed: {}",
-                                                           name_, size, longest_message - channel));
-  }
-  if (have < 12 + channel + size) return false;
-  message.channel = {reinterpret_cast<const char*>(at + 8), channel};
-  message.payload = {at + 12 + channel, size};
-  message.sender = name_;
-  begin_ += 12 + channel + size;
-  return true;
 }
 
 bool TcpqTransport::is_own(const Datagram& message) {

@@ -20,7 +20,7 @@ namespace tachless::bus {
 /// Java server. One transport serves one thread.
 class TcpqTransport final : public Transport, public MonitoredBus {
  public:
-  /// @throw std::system_error naming the server and the command that starts one
+  /// @throw std::system_error naming the server, within `patience`
   explicit TcpqTransport(const LcmUrl& url);
 
   /// @throw std::invalid_argument unless the name has 1 to 63 characters, all of them letters,
@@ -34,7 +34,7 @@ class TcpqTransport final : public Transport, public MonitoredBus {
 
   /// `Datagram::sender` is the server: who has sent it the server does not say.
   /// @throw diagnostics::Failure(peer_lost) when the connection is gone, (protocol_violated) when
-  /// what comes is no LCM
+  /// what comes is no LCM. Too long messages are passed over.
   std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
   std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) override;
@@ -43,8 +43,8 @@ class TcpqTransport final : public Transport, public MonitoredBus {
 
  private:
   static constexpr std::chrono::seconds patience{5};
-  /// A longer message could be on no other bus.
-  static constexpr std::size_t longest_message = 65'498;
+  // Anything longer could be on no other bus, and is passed over.
+  static constexpr std::size_t longest_channel = 63, longest_message = 65'498;
 
   void send(std::uint32_t type, std::string_view channel,
             const std::span<const std::byte>* payload);
@@ -63,6 +63,7 @@ class TcpqTransport final : public Transport, public MonitoredBus {
   std::deque<std::vector<std::byte>> sent_;  ///< that will come back: channel, NUL, payload
   std::vector<std::byte> buffer_;
   std::size_t begin_ = 0, end_ = 0;  ///< of what was read and not handed out
+  std::size_t skip_ = 0;             ///< bytes to come that are passed over
   BusStatistics statistics_;
 };
 

@@ -19,7 +19,7 @@ struct Datagram {
 };
 
 /// Sends and receives opaque messages by channel name. Knows nothing of types, ticks or runs, may
-/// lose, duplicate and reorder, and never blocks in `publish`.
+/// lose, duplicate and reorder. `publish` never blocks (over TCP: while the connection is full).
 class Transport {
  public:
   Transport() = default;

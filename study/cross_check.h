@@ -9,10 +9,10 @@ namespace tachless::study {
 /// How far Simbody and the library's own mechanics are apart over a run.
 struct CrossCheck {
   std::int64_t ticks = 0;  ///< compared
-  /// Largest difference of a true position [rad; m] or velocity [rad/s; m/s], link or motor; of
-  /// values above 1 relative to them.
-  double distance = 0;
-  std::int64_t tick = 0;  ///< where
+  // Largest difference of a true value, of links and motors; of values above 1 relative to them.
+  double position = 0;    ///< [rad; m]
+  double velocity = 0;    ///< [rad/s; m/s]
+  std::int64_t tick = 0;  ///< of the largest in position
 };
 
 /// The closed loop of the scenario stepped twice in this process, with plant.mechanics simbody and

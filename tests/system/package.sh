@@ -22,7 +22,7 @@ mount -t tmpfs none "$TREE"
 [[ ! -e $TREE/tachless ]]
 ip link set lo up multicast on
 ip route add 224.0.0.0/4 dev lo
-PATH=$ROOT/usr/bin:$PATH
+PATH=$ROOT/usr/bin:/usr/bin:$PATH
 mkdir home && cd home
 tachless run paper_rigid --duration 0.05
 tachless replay out/paper_rigid

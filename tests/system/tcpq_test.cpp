@@ -99,6 +99,8 @@ TEST_F(Tcpq, EndsTheRunWhenTheServerIsGone) {
   server_->signal(SIGKILL);
   EXPECT_EQ(program.wait(), 3);
   EXPECT_THAT(program.errors(), HasSubstr("the connection to the LCM server is gone"));
+  EXPECT_TRUE(fs::exists(directory_ / "out/summary.json"));
+  EXPECT_TRUE(fs::exists(directory_ / "out/report.html"));
 }
 
 TEST_F(Tcpq, SaysHowToStartAServerThatIsNotThere) {
@@ -107,6 +109,30 @@ TEST_F(Tcpq, SaysHowToStartAServerThatIsNotThere) {
                              HasSubstr("lcm.lcm.TCPService 7700")));
   EXPECT_EQ(run("none", {"--lcm-url", url, "--isolate"}), 2);
   EXPECT_THAT(errors_, HasSubstr("cannot be reached from a private network"));
+}
+
+// A channel that is longer than LCM's, and a message longer than a datagram, as any client may
+// send.
+TEST_F(Tcpq, PassesOverWhatIsTooLong) {
+  start_server();
+  bus::TcpqTransport watcher(bus::parse_lcm_url(url)), sender(bus::parse_lcm_url(url));
+  watcher.subscribe_all();
+  const std::string text = "sound";
+  const auto payload = std::as_bytes(std::span(text));
+  std::optional<bus::RawDatagram> heard;
+  while (!heard) {
+    sender.publish("A_CHANNEL", payload);
+    heard = watcher.receive_raw(loop::Clock::now() + std::chrono::milliseconds(50));
+  }
+  sender.publish(std::string(64, 'C'), payload);
+  sender.publish("LAST", payload);
+  const auto until = loop::Clock::now() + std::chrono::seconds(5);
+  do {
+    heard = watcher.receive_raw(until);
+    ASSERT_TRUE(heard);
+    EXPECT_LE(heard->datagram.channel.size(), 63U);
+  } while (heard->datagram.channel != "LAST");
+  EXPECT_EQ(watcher.statistics().malformed, 1U);
 }
 
 TEST_F(Tcpq, PassesOverOwnMessagesAndNoOthers) {
