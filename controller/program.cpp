@@ -1,5 +1,10 @@
 #include "controller/program.h"
 
+#include <fmt/core.h>
+
+#include <string>
+#include <tuple>
+
 #include "controller/law_socket.h"
 #include "controller/node.h"
 #include "node/process_options.h"
