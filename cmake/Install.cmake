@@ -3,7 +3,7 @@
 # out the same, by links to the tree.
 set(shared share/tachless)
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})
-file(CREATE_LINK ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/${shared}/source SYMBOLIC)
+file(CREATE_LINK ${PROJECT_SOURCE_DIR}/tachless ${PROJECT_BINARY_DIR}/${shared}/tachless SYMBOLIC)
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/scenarios ${PROJECT_BINARY_DIR}/${shared}/scenarios SYMBOLIC)
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples/project ${PROJECT_BINARY_DIR}/${shared}/project SYMBOLIC)
 install(DIRECTORY scenarios examples/project DESTINATION ${shared} COMPONENT program)

@@ -10,7 +10,7 @@ namespace tachless::process {
 std::filesystem::path program_directory();
 
 /// Of scenarios/, templates and tachless_types.jar: share/tachless/ beside bin/. In a build
-/// directory source/ is the tree that it was built from.
+/// directory also of the script that builds and tests the tree.
 std::filesystem::path shared_directory();
 
 }  // namespace tachless::process

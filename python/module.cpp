@@ -135,6 +135,7 @@ void declare_recorded(py::module_& module) {
 
 int run(const std::vector<std::string>& words, const py::object& f, const std::string& name) {
   std::vector<const char*> argv;
+  argv.reserve(words.size());
   for (const std::string& word : words) argv.push_back(word.c_str());
   const py::gil_scoped_release unlocked;
   return run_controller(static_cast<int>(argv.size()), argv.data(),
@@ -147,6 +148,7 @@ int run(const std::vector<std::string>& words, const py::object& f, const std::s
 PYBIND11_MODULE(_tachless, module) {
   module.attr("version") = std::string(diagnostics::version);
   static const py::exception<Failure> error(module, "Error");
+  // NOLINTNEXTLINE(performance-unnecessary-value-param): so pybind11 has it
   py::register_exception_translator([](std::exception_ptr raised) {
     try {
       if (raised) std::rethrow_exception(raised);

@@ -18,7 +18,7 @@ struct Options {
 
 // Building and testing need the source tree, so the script at its root does them.
 diagnostics::ExitCode hand_over(const Options& options) {
-  const std::filesystem::path script = process::shared_directory() / "source/tachless";
+  const std::filesystem::path script = process::shared_directory() / "tachless";
   if (!std::filesystem::exists(script)) {
     throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
                                "test: the tests need the source tree, and this is an installed "
