@@ -4,6 +4,7 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <cmath>
 #include <stdexcept>
 
 #include "controller/program.h"
@@ -42,7 +43,13 @@ class Robot {
   }
 
   [[nodiscard]] const robot::Model& model() const { return model_; }
-  void set_gravity(double g) { model_.gravity = model_.gravity.normalized() * g; }
+  void set_gravity(double g) {
+    if (!std::isfinite(g)) {
+      throw Failure(ExitCode::bad_usage,
+                    fmt::format("gravity: {}; allowed: a finite number [m/s²]", g));
+    }
+    model_.gravity = model_.gravity.normalized() * g;
+  }
 
   [[nodiscard]] Eigen::MatrixXd M(const py::handle& q) const {
     return robot::mass_matrix<double>(model_, vector(q, "q"));

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <string_view>
 
 #include "diagnostics/failure.h"
 #include "loop/measurements.h"
@@ -87,18 +88,22 @@ class PythonLaw final : public controller::AnyLaw<M> {
   }();
 
   /// What `action` raises becomes the run's end; its traceback goes to stderr.
+  /// Ctrl-C stays what it is.
   template <class Action>
   void in_python(std::int64_t tick, const Action& action) const {
     try {
       action();
     } catch (const Failure& failure) {
       throw Failure(failure.code(), fmt::format("{}, at tick {}", failure.what(), tick));
-    } catch (py::error_already_set& raised) {
+    } catch (const py::error_already_set& raised) {
+      if (raised.matches(PyExc_KeyboardInterrupt)) throw;
       const std::string what =
           fmt::format("{}: {}", std::string(py::str(raised.type().attr("__name__"))),
                       std::string(py::str(raised.value())));
-      raised.restore();
-      PyErr_Print();
+      // Not PyErr_Print, which ends the process at a SystemExit, with the law's exit code.
+      const py::object trace = raised.trace() ? raised.trace() : py::object(py::none());
+      py::module_::import("traceback")
+          .attr("print_exception")(raised.type(), raised.value(), trace);
       throw Failure(ExitCode::protective_stop,
                     fmt::format("the law {} raised {}, at tick {}", name_, what, tick));
     }
@@ -121,13 +126,13 @@ py::array_t<double> array_of(const robot::Vector& x) {
 }
 
 robot::Vector vector_of(const py::handle& object, int size, const std::string& what) {
-  const auto values =
-      py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(object);
-  if (!values) {
-    PyErr_Clear();
+  // Integers and floating point only: the cast would take None for NaN, and 1j for 0.
+  const auto given = py::array::ensure(object);
+  if (!given || std::string_view("iuf").find(given.dtype().kind()) == std::string_view::npos) {
     throw Failure(ExitCode::bad_usage, fmt::format("{} is {}; needed: {} numbers", what,
                                                    std::string(py::str(py::repr(object))), size));
   }
+  const py::array_t<double, py::array::c_style | py::array::forcecast> values(given);
   if (values.ndim() != 1 || values.shape(0) != size) {
     std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
     throw Failure(ExitCode::bad_usage, fmt::format("{} has the shape ({}); needed: ({},)", what,

@@ -108,6 +108,10 @@ Recorded simulate(const std::filesystem::path& path, const std::vector<std::stri
   const py::gil_scoped_release unlocked;
   Recorded recorded(scenario, controller::law_info(law));
   study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {
+    if (tick.tick % 1000 == 0) {  // Ctrl-C; seldom, for it waits for the lock
+      const py::gil_scoped_acquire locked;
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    }
     loop::TickRecord record;
     record.tick = tick.tick;
     std::visit([&](const auto& measured) { record.measurement = measured; }, tick.measurement);

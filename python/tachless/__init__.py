@@ -222,8 +222,10 @@ def simulate(scenario: Path, *, controller: Optional[Law] = None, name: Optional
 
     Raises:
         Error: the scenario is not valid (code 2), or a torque or state is not finite (code 5).
+        KeyboardInterrupt: Ctrl-C, in the main thread.
 
-    Other threads of Python run on meanwhile; several simulations may run at once.
+    Other threads of Python run on meanwhile; several simulations may run at once. Between processes go the arrays of
+    a Run, not the Run.
     """
     return Run(_tachless.simulate(os.fspath(scenario), _settings(overrides), controller,
                                   "" if controller is None else _name_of(controller, name)))

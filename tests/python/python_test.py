@@ -3,9 +3,11 @@
 import ast
 import inspect
 import pathlib
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
 
 import numpy as np
@@ -78,6 +80,9 @@ class TheRobot(unittest.TestCase):
             (lambda: tachless.Robot(arm, locked={"nose": 0}), "nose"),
             (lambda: self.robot.M([1, 2, 3]), "q has the shape (3); needed: (2,)"),
             (lambda: self.robot.g("far"), "q is 'far'; needed: 2 numbers"),
+            (lambda: self.robot.g([1j, 0]), "q is [1j, 0]; needed: 2 numbers"),
+            (lambda: self.robot.g([None, 0]), "q is [None, 0]; needed: 2 numbers"),
+            (lambda: tachless.Robot(arm, gravity=np.nan), "gravity: nan; allowed: a finite number"),
             (lambda: self.robot.pose("nose", self.q), "link: \"nose\"; this robot has"),
         ]:
             with self.assertRaises(tachless.Error) as raised:
@@ -127,6 +132,27 @@ class Runs(Folder):
         with self.assertRaises(tachless.Error) as raised:
             tachless.simulate(paper, controller=lambda k, t, m, r: [0, 0, 0], name="wide", **short)
         self.assertEqual(str(raised.exception), "the torque of wide has the shape (3); needed: (2,), at tick 0")
+        for name, law, words in [
+            ("silent", lambda k, t, m, r: None, "the torque of silent is None; needed: 2 numbers, at tick 0"),
+            ("leaving", lambda k, t, m, r: sys.exit(0), "the law leaving raised SystemExit: 0, at tick 0"),
+            ("number", 5, "the law number raised TypeError: 'int' object is not callable, at tick 0"),
+        ]:
+            with self.assertRaisesRegex(tachless.Error, words):
+                tachless.simulate(paper, controller=law, name=name, **short)
+
+    def test_ctrl_c_ends_a_simulation(self):
+        # An hour of simulated time: the timer can only run, and end it, while Python is unlocked.
+        with self.assertRaises(KeyboardInterrupt):
+            threading.Timer(0.5, signal.raise_signal, [signal.SIGINT]).start()
+            tachless.simulate(paper, **{"loop.duration_s": 3600})
+
+        def interrupted(k, t, m, r):
+            if k == 10:
+                signal.raise_signal(signal.SIGINT)
+            return 0 * m.q
+
+        with self.assertRaises(KeyboardInterrupt):
+            tachless.simulate(paper, controller=interrupted, **short)
 
 
 class Controllers(Folder):
