@@ -9,7 +9,8 @@ add_custom_target(package_files
   DEPENDS programs VERBATIM)
 install(DIRECTORY ${files}/share/ DESTINATION share COMPONENT program OPTIONAL)
 function(tachless_package component package)
-  install(FILES ${files}/changelog.gz ${files}/copyright DESTINATION share/doc/${package}
+  install(FILES cmake/copyright DESTINATION share/doc/${package} COMPONENT ${component} EXCLUDE_FROM_ALL)
+  install(FILES ${files}/changelog.gz DESTINATION share/doc/${package}
     COMPONENT ${component} EXCLUDE_FROM_ALL OPTIONAL)
 endfunction()
 tachless_package(program tachless)

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Writes what Debian packages have besides: man pages and completions as the programs tell them,
-# changelog, copyright.
+# changelog.
 set -euo pipefail
 usage="usage: package_files.sh PROGRAM_DIR OUT_DIR VERSION"
 programs=${1:?$usage} out=${2:?$usage} version=${3:?$usage}
@@ -35,8 +35,3 @@ date=$(date -R -u -r "$tree/CHANGELOG.md")
 printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \
   "$version" "The tachless authors <authors@tachless.invalid>" "$date" >"$out/changelog"
 gzip -9n "$out/changelog" "$man"/*
-{
-  echo "Copyright (C) 2026 The tachless authors"
-  echo "License: Apache-2.0; on Debian in full in /usr/share/common-licenses/Apache-2.0"
-  echo "Where the robots of /usr/share/tachless/scenarios/robots come from is said in their files."
-} >"$out/copyright"

@@ -148,7 +148,7 @@ int run(const std::vector<std::string>& words, const py::object& f, const std::s
   return run_controller(static_cast<int>(argv.size()), argv.data(),
                         [&](const experiment::Scenario& scenario) {
                           const py::gil_scoped_acquire locked;
-                          return python_law(scenario, f, name);
+                          return python_law(scenario, f, name, Interrupt::a_failure);
                         });
 }
 

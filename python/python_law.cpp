@@ -36,9 +36,11 @@ class PythonLaw final : public controller::AnyLaw<M> {
  public:
   using Output = typename controller::AnyLaw<M>::Output;
 
-  PythonLaw(const experiment::Scenario& scenario, py::object f, std::string name)
+  PythonLaw(const experiment::Scenario& scenario, py::object f, std::string name,
+            Interrupt interrupt)
       : f_(std::move(f)),
         name_(std::move(name)),
+        interrupt_(interrupt),
         num_joints_(scenario.num_joints),
         period_s_(scenario.loop.period_s) {}
   ~PythonLaw() override {
@@ -88,7 +90,6 @@ class PythonLaw final : public controller::AnyLaw<M> {
   }();
 
   /// What `action` raises becomes the run's end; its traceback goes to stderr.
-  /// Ctrl-C stays what it is.
   template <class Action>
   void in_python(std::int64_t tick, const Action& action) const {
     try {
@@ -96,7 +97,7 @@ class PythonLaw final : public controller::AnyLaw<M> {
     } catch (const Failure& failure) {
       throw Failure(failure.code(), fmt::format("{}, at tick {}", failure.what(), tick));
     } catch (const py::error_already_set& raised) {
-      if (raised.matches(PyExc_KeyboardInterrupt)) throw;
+      if (interrupt_ == Interrupt::passed_on && raised.matches(PyExc_KeyboardInterrupt)) throw;
       const std::string what =
           fmt::format("{}: {}", std::string(py::str(raised.type().attr("__name__"))),
                       std::string(py::str(raised.value())));
@@ -111,6 +112,7 @@ class PythonLaw final : public controller::AnyLaw<M> {
 
   py::object f_;
   std::string name_;
+  Interrupt interrupt_;
   int num_joints_;
   double period_s_;
   loop::TorqueCommand command_;
@@ -144,10 +146,10 @@ robot::Vector vector_of(const py::handle& object, int size, const std::string& w
 }
 
 controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
-                                   const std::string& name) {
+                                   const std::string& name, Interrupt interrupt) {
   controller::ScenarioLaw law;
   loop::with_measurement(scenario.controller.measurement, [&]<class M>(std::type_identity<M>) {
-    law = std::make_unique<PythonLaw<M>>(scenario, f, name);
+    law = std::make_unique<PythonLaw<M>>(scenario, f, name, interrupt);
   });
   return law;
 }

@@ -21,6 +21,8 @@ struct Reference {
   py::array_t<double> q, v, a, jerk, snap;
 };
 
+enum class Interrupt { passed_on, a_failure };
+
 py::array_t<double> array_of(const robot::Vector& x);
 
 /// @throw diagnostics::Failure naming `what`, the shape that is needed and the one that came
@@ -28,9 +30,10 @@ robot::Vector vector_of(const py::handle& object, int size, const std::string& w
 
 /// `f(k, t, measurement, reference) -> torque`. Where it has a method `reset`, that is called
 /// before the first step, and whenever the memory has to begin anew (after a long gap in realtime).
+/// What it raises is a diagnostics::Failure; on `Interrupt::passed_on`, KeyboardInterrupt is not.
 /// Logs the position error where it measures the links. To be used and destroyed without the GIL.
 /// @param name as announced; the law measures what the scenario's controller.measurement says
 controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
-                                   const std::string& name);
+                                   const std::string& name, Interrupt interrupt);
 
 }  // namespace tachless::python

@@ -104,7 +104,7 @@ Recorded simulate(const std::filesystem::path& path, const std::vector<std::stri
     scenario.controller.law = experiment::external_law;
   }
   controller::ScenarioLaw law =
-      own ? python_law(scenario, f, name) : controller::scenario_law(scenario);
+      own ? python_law(scenario, f, name, Interrupt::passed_on) : controller::scenario_law(scenario);
   const py::gil_scoped_release unlocked;
   Recorded recorded(scenario, controller::law_info(law));
   study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {

@@ -173,6 +173,8 @@ class Controllers(Folder):
         said = self.run_paper(law, code=5)
         self.assertIn("the law broken raised ZeroDivisionError: division by zero, at tick 100", said)
         self.assertIn("in broken", said)
+        law = self.script("def stopping(k, t, m, r):\n    raise KeyboardInterrupt\ntachless.run_controller(stopping)\n")
+        self.assertIn("the law stopping raised KeyboardInterrupt: , at tick 0", self.run_paper(law, code=5))
 
     def test_a_torque_that_is_not_finite_ends_the_run(self):
         law = self.script("tachless.run_controller(lambda k, t, m, r: m.q * (np.nan if k == 50 else 0), name='nan')\n")
