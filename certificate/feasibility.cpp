@@ -74,37 +74,30 @@ Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& mo
 
 void take_largest(double& largest, double value) { largest = std::max(largest, std::abs(value)); }
 
-/// "m" or "rad", and the like.
-struct Units {
-  const char *angle, *torque, *speed;
-};
-Units units_of(const robot::Model& model, std::size_t i) {
-  return model.joint_types[i] == robot::JointType::prismatic ? Units{"m", "N", "m/s"}
-                                                             : Units{"rad", "N m", "rad/s"};
-}
-
 void judge(Feasibility& result, const experiment::Scenario& scenario, const robot::Model& model,
            const Pace& pace) {
+  const robot::JointLabels labels = robot::joint_labels(model);
   for (std::size_t i = 0; i < result.joints.size(); ++i) {
     const JointDemand& joint = result.joints[i];
-    const std::string name = robot::joint_labels(model).joint(i);
-    const Units units = units_of(model, i);
+    const std::string name = labels.joint(i);
+    const std::string& effort = labels.effort[i];
     if (joint.torque_limit && joint.at_rest > *joint.torque_limit) {
       result.impossible.push_back(fmt::format(
           "{} needs {:.4g} {} to stand still, and its limit is {:g} {}; raise "
           "plant.drive.torque_limit_Nm if the limit is wrong, as in many URDFs, or choose other "
           "postures",
-          name, joint.at_rest, units.torque, *joint.torque_limit, units.torque));
+          name, joint.at_rest, effort, *joint.torque_limit, effort));
     } else if (joint.torque_limit && joint.moving > *joint.torque_limit) {
       result.impossible.push_back(
           fmt::format("{} needs up to {:.4g} {} to follow the reference, and its limit is {:g} {}; "
                       "slow the reference down or raise plant.drive.torque_limit_Nm",
-                      name, joint.moving, units.torque, *joint.torque_limit, units.torque));
+                      name, joint.moving, effort, *joint.torque_limit, effort));
     }
     if (joint.speed_limit && joint.speed > *joint.speed_limit) {
       result.impossible.push_back(fmt::format(
-          "{} is to move at up to {:.4g} {}, and the URDF allows {:g} {}; slow the reference down",
-          name, joint.speed, units.speed, *joint.speed_limit, units.speed));
+          "{} is to move at up to {:.4g} {}/s, and the URDF allows {:g} {}/s; slow the reference "
+          "down",
+          name, joint.speed, labels.length[i], *joint.speed_limit, labels.length[i]));
     }
     if (joint.cycles_per_tick > fastest_cycles_per_tick) {
       result.doubtful.push_back(fmt::format(

@@ -46,16 +46,17 @@ void require_restartable(const RunOptions& options, const experiment::Scenario& 
   if (options.restart.empty()) return;
   if (scenario.loop.mode != experiment::Mode::lockstep) {
     throw Failure(ExitCode::bad_usage,
-                  fmt::format("--restart {}: a realtime run does not wait for another controller: "
-                              "the robot is stopped; leave --restart out, or take --mode lockstep",
-                              options.restart));
+                  options.named(fmt::format(
+                      "--restart {}: a realtime run does not wait for another controller: the "
+                      "robot is stopped; leave --restart out, or take --mode lockstep",
+                      options.restart)));
   }
   if (scenario.loop.give_up_s < takeover_s) {
-    throw Failure(
-        ExitCode::bad_usage,
-        fmt::format("--restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so long "
-                    "may it take until another one has taken its place",
-                    options.restart, scenario.loop.give_up_s, takeover_s));
+    throw Failure(ExitCode::bad_usage,
+                  options.named(fmt::format(
+                      "--restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so "
+                      "long may it take until another one has taken its place",
+                      options.restart, scenario.loop.give_up_s, takeover_s)));
   }
 }
 
@@ -63,8 +64,8 @@ void require_no_clock(const RunOptions& options, const experiment::Scenario& sce
   if (!options.in_process || scenario.loop.mode == experiment::Mode::lockstep) return;
   throw Failure(
       ExitCode::bad_usage,
-      "--in-process: loop.mode is realtime, and in one process there is no clock to keep; "
-      "type --mode lockstep, or leave --in-process out");
+      options.named("--in-process: loop.mode is realtime, and in one process there is no clock to "
+                    "keep; type --mode lockstep, or leave --in-process out"));
 }
 
 /// A channel that robots of both prefixes would use; empty: none. Besides of equal ones, of "ARM"

@@ -91,10 +91,10 @@ report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions
 
 /// Tells what cannot be written, and returns its exit code.
 diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                                    const RunDirectory& out, const report::RunSummary& summary) {
+                                    const RunDirectory& out, const report::RunSummary& summary,
+                                    const robot::JointLabels& joints) {
   const study::Tracking& tracking = summary.tracking;
   const report::RunFacts& facts = summary.facts;
-  const robot::JointLabels joints = robot::joint_labels(*scenario.model);
   const std::string json = diagnostics::json_text(to_json(summary, joints), 2) + "\n";
   const report::FigureFacts figure{
       fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
@@ -152,9 +152,9 @@ Concluded conclude(const experiment::Scenario& scenario, const RunOptions& optio
     tell_others();
   }
   const report::RunSummary summary{facts, log.tracking, end.statistics};
-  const auto written = write_results(scenario, options, out, summary);
-  if (code == diagnostics::ExitCode::done) code = written;
   const robot::JointLabels joints = robot::joint_labels(*scenario.model);
+  const auto written = write_results(scenario, options, out, summary, joints);
+  if (code == diagnostics::ExitCode::done) code = written;
   if (done && !options.any_verdict && summary.observed.bad()) {
     diagnostics::log_error(options.named(
         fmt::format("{}; --any-verdict makes that no failure", text(summary.observed, joints))));
