@@ -46,17 +46,17 @@ void require_restartable(const RunOptions& options, const experiment::Scenario& 
   if (options.restart.empty()) return;
   if (scenario.loop.mode != experiment::Mode::lockstep) {
     throw Failure(ExitCode::bad_usage,
-                  options.named(fmt::format(
-                      "--restart {}: a realtime run does not wait for another controller: the "
-                      "robot is stopped; leave --restart out, or take --mode lockstep",
-                      options.restart)));
+                  fmt::format("{}: --restart {}: a realtime run does not wait for another "
+                              "controller: the robot is stopped; leave --restart out, or take "
+                              "--mode lockstep",
+                              scenario.source, options.restart));
   }
   if (scenario.loop.give_up_s < takeover_s) {
     throw Failure(ExitCode::bad_usage,
-                  options.named(fmt::format(
-                      "--restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so "
-                      "long may it take until another one has taken its place",
-                      options.restart, scenario.loop.give_up_s, takeover_s)));
+                  fmt::format("{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and "
+                              "more, for so long may it take until another one has taken its place",
+                              scenario.source, options.restart, scenario.loop.give_up_s,
+                              takeover_s));
   }
 }
 
@@ -64,8 +64,9 @@ void require_no_clock(const RunOptions& options, const experiment::Scenario& sce
   if (!options.in_process || scenario.loop.mode == experiment::Mode::lockstep) return;
   throw Failure(
       ExitCode::bad_usage,
-      options.named("--in-process: loop.mode is realtime, and in one process there is no clock to "
-                    "keep; type --mode lockstep, or leave --in-process out"));
+      fmt::format("{}: --in-process: loop.mode is realtime, and in one process there is no clock "
+                  "to keep; type --mode lockstep, or leave --in-process out",
+                  scenario.source));
 }
 
 /// A channel that robots of both prefixes would use; empty: none. Besides of equal ones, of "ARM"
