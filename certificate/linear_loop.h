@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "certificate/error_system.h"
-#include "controller/law/filter.h"
 #include "robot/model.h"
 
 /// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
@@ -54,22 +53,6 @@ struct LinearLaw {
   /// The part of D that compensates gravity by the model: no gain of the feedback. Empty: none.
   Eigen::MatrixXd compensation = {};
 };
-
-/// How a sampled filter is made.
-struct Sampling {
-  controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
-  double period_s = 1e-3;
-};
-
-/// tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu (law 1), about any motion: `feedforward_gradient` is
-/// the gradient of ID with respect to q there.
-LinearLaw linear_rigid_law(const FilterGains& gains, const Eigen::MatrixXd& feedforward_gradient,
-                           const Sampling& sampling);
-/// The flexible law (law 2) about rest at q.
-LinearLaw linear_flexible_law(const robot::Model& links, const robot::Vector& q,
-                              const Eigen::VectorXd& stiffness,
-                              const Eigen::VectorXd& rotor_inertia, const FilterGains& link,
-                              const FilterGains& motor, const Sampling& sampling);
 
 /// Any law as a function of its memory and measurement, both written as vectors: (memory,
 /// measurement) -> (next memory, torque); the reference is held fixed inside.

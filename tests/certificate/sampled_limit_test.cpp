@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "robot/mass_matrix.h"
+#include "tests/certificate/linear_laws.h"
 #include "tests/certificate/loops.h"
 
 // The expected numbers were computed by an independent program, at q = 0.

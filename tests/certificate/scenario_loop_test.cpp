@@ -10,6 +10,7 @@
 #include "certificate/verdict.h"
 #include "controller/registry.h"
 #include "robot/mass_matrix.h"
+#include "tests/certificate/linear_laws.h"
 #include "tests/certificate/loops.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/support/law_examples.h"
