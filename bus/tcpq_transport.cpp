@@ -121,6 +121,12 @@ void TcpqTransport::publish(std::string_view channel, std::span<const std::byte>
     std::memcpy(copy.data(), channel.data(), channel.size());
     std::ranges::copy(payload, copy.begin() + static_cast<std::ptrdiff_t>(channel.size() + 1));
     sent_.push_back(std::move(copy));
+    if (sent_.size() > most_sent) {
+      throw Failure(ExitCode::protocol_violated,
+                    fmt::format("{}: the server does not send back what it is sent: {} messages "
+                                "on channel {} are missing",
+                                name_, sent_.size(), channel));
+    }
   }
   send(publish_message, channel, &payload);
 }

@@ -29,7 +29,8 @@ class TcpqTransport final : public Transport, public MonitoredBus {
   void subscribe_all() override;
 
   /// Waits while the connection is full, at most `patience`.
-  /// @throw diagnostics::Failure(peer_lost) when the connection is gone
+  /// @throw diagnostics::Failure(peer_lost) when the connection is gone, (protocol_violated) when
+  /// the server does not send back what this program hears too
   void publish(std::string_view channel, std::span<const std::byte> payload) override;
 
   /// `Datagram::sender` is the server: who has sent it the server does not say.
@@ -45,6 +46,8 @@ class TcpqTransport final : public Transport, public MonitoredBus {
   static constexpr std::chrono::seconds patience{5};
   // Anything longer could be on no other bus, and is passed over.
   static constexpr std::size_t longest_channel = 63, longest_message = 65'498;
+  // Of a server that sends them back, a few are on their way.
+  static constexpr std::size_t most_sent = 10'000;
 
   void send(std::uint32_t type, std::string_view channel,
             const std::span<const std::byte>* payload);

@@ -27,6 +27,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages, on a busy machine
 constexpr std::chrono::seconds end_limit{2};
+constexpr std::int64_t no_tick = -1;
 
 std::pair<process::FileDescriptor, process::FileDescriptor> socket_pair() {
   std::array<int, 2> ends{};
@@ -56,15 +57,21 @@ class Program {
 
   /// @param when "at tick 3", for messages
   template <class Value>
-  void receive(const bus::Codec<Value>& codec, loop::Stamp& stamp, Value& value,
+  void receive(const bus::Codec<Value>& codec, std::int64_t tick, Value& value,
                Clock::duration limit, const std::string& when) {
     wait(limit, when);
     const auto message = socket_.receive();
     if (message.empty()) throw ended(when);
+    loop::Stamp stamp;
     if (const auto why = codec.decode(message, stamp, value); why != bus::Rejection::none) {
       throw Failure(ExitCode::protocol_violated,
                     fmt::format("--controller '{}': answered {} with a message that is {}",
                                 command_, when, bus::name(why)));
+    }
+    if (stamp.tick != tick) {
+      throw Failure(ExitCode::protocol_violated,
+                    fmt::format("--controller '{}': answered {} with a message of tick {}",
+                                command_, when, stamp.tick));
     }
   }
 
@@ -156,9 +163,8 @@ class ExternalLaw final : public AnyLaw<Measurement> {
     program_->send(measurement_codec_.encode(asked, measurement));
     program_->send(reference_codec_.encode(asked, reference));
     const std::string when = fmt::format("at tick {}", tick);
-    loop::Stamp stamp;
-    program_->receive(command_codec_, stamp, command_, limit_, when);
-    program_->receive(state_codec_, stamp, law_signals_, limit_, when);
+    program_->receive(command_codec_, tick, command_, limit_, when);
+    program_->receive(state_codec_, tick, law_signals_, limit_, when);
     return {command_, law_signals_};
   }
   /// The program counts the ticks between two measurements itself.
@@ -198,10 +204,10 @@ loop::RunInfo run_info(const experiment::Scenario& scenario) {
 
 ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
   auto program = std::make_unique<Program>(scenario, command);
-  program->send(bus::Codec<loop::RunInfo>(loop::Layout{}).encode({0, 1, -1}, run_info(scenario)));
-  loop::Stamp stamp;
+  program->send(
+      bus::Codec<loop::RunInfo>(loop::Layout{}).encode({0, 1, no_tick}, run_info(scenario)));
   loop::Participant self;
-  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), stamp, self, start_limit,
+  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit,
                    "at the start");
   ScenarioLaw law;
   const bool known =

@@ -130,6 +130,8 @@ TEST_F(ExternalLaw, TellsHowTheProgramEnded) {
   EXPECT_THAT(errors_, HasSubstr("the torque of joint 1 of law own_law at tick 99 is not finite"));
   EXPECT_EQ(replay_misbehaving("hang"), 3);
   EXPECT_THAT(errors_, HasSubstr("no answer at tick 99 within 5 s"));
+  EXPECT_EQ(replay_misbehaving("other tick"), 4);
+  EXPECT_THAT(errors_, HasSubstr("answered at tick 0 with a message of tick 1"));
   EXPECT_TRUE(process::children_of(getpid()).empty()) << "the program outlived the replay";
 }
 
