@@ -155,10 +155,11 @@ class Worker:
         inside = ("ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && "
                   f"exec {program} --gtest_fail_fast '--gtest_filter={chosen}'")
         began = time.monotonic()
+        limit_s = 20 + 10 * self.run_s[target] if target in self.run_s else None  # None: without a mutant
         try:
             ended = subprocess.run(["unshare", "-rn", "bash", "-c", inside],
                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                                   timeout=20 + 10 * self.run_s.get(target, 6))
+                                   timeout=limit_s)
         except subprocess.TimeoutExpired:
             return False
         self.run_s.setdefault(target, time.monotonic() - began)
