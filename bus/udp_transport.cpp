@@ -16,99 +16,15 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "bus/channel_filter.h"
 #include "bus/lcm_packet.h"
 #include "bus/poll_until.h"
+#include "bus/udp_socket.h"
 
 namespace tachless::bus {
 namespace {
 
 constexpr std::size_t max_datagram = 65'536;
-constexpr int wanted_buffer_bytes = 4 << 20;
 constexpr std::size_t kernel_overhead_bytes = 1024;  // of a datagram in the receive buffer, about
-
-[[noreturn]] void fail(const LcmUrl& url, const std::string& what, const std::string& remedy) {
-  throw std::system_error(errno, std::generic_category(),
-                          "bus " + url.text() + ": " + what + " (" + remedy + ")");
-}
-
-const char* remedy_for(int error) {
-  switch (error) {
-    case ENODEV:
-    case ENETUNREACH:
-    case EADDRNOTAVAIL:
-      return "no multicast route: `ip link set lo up multicast on; ip route add 224.0.0.0/4 dev "
-             "lo`, or run with --isolate";
-    case EADDRINUSE:
-      return "a program holds the port for itself: take another port, or find it with `ss -ulpn`";
-    default:
-      return "`tachless doctor` looks closer";
-  }
-}
-
-template <class Value>
-void set(const LcmUrl& url, int fd, int level, int option, const Value& value, const char* what) {
-  if (::setsockopt(fd, level, option, &value, sizeof value) != 0) {
-    fail(url, what, remedy_for(errno));
-  }
-}
-
-sockaddr_in address_of(const LcmUrl& url) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(url.port);
-  inet_pton(AF_INET, url.group.c_str(), &address.sin_addr);
-  return address;
-}
-
-process::FileDescriptor open_socket(const LcmUrl& url) {
-  process::FileDescriptor fd(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
-  if (fd.get() < 0) fail(url, "cannot open a UDP socket", remedy_for(errno));
-  return fd;
-}
-
-void install_filter(const LcmUrl& url, int fd, const std::vector<std::string>& channels) {
-  std::vector<sock_filter> program = channel_filter(channels);
-  const sock_fprog handle{static_cast<unsigned short>(program.size()), program.data()};
-  set(url, fd, SOL_SOCKET, SO_ATTACH_FILTER, handle, "cannot install the channel filter");
-}
-
-process::FileDescriptor open_receiver(const LcmUrl& url) {
-  process::FileDescriptor fd = open_socket(url);
-  install_filter(url, fd.get(), {});  // nothing may queue before the first subscription
-  const int on = 1;
-  const int off = 0;
-  set(url, fd.get(), SOL_SOCKET, SO_REUSEADDR, on, "cannot share the port");
-  set(url, fd.get(), SOL_SOCKET, SO_REUSEPORT, on, "cannot share the port");
-  const int size = url.receive_buffer_bytes != 0 ? url.receive_buffer_bytes : wanted_buffer_bytes;
-  if (::setsockopt(fd.get(), SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0) {
-    set(url, fd.get(), SOL_SOCKET, SO_RCVBUF, size, "cannot set the receive buffer");
-  }
-  // The group's address, not any: other groups on this port are other buses.
-  const sockaddr_in address = address_of(url);
-  if (::bind(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    fail(url, "cannot bind the port", remedy_for(errno));
-  }
-  ip_mreq membership{};
-  membership.imr_multiaddr = address.sin_addr;
-  membership.imr_interface.s_addr = htonl(INADDR_ANY);
-  set(url, fd.get(), IPPROTO_IP, IP_ADD_MEMBERSHIP, membership, "cannot join the group");
-  set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_ALL, off, "cannot leave other groups");
-  return fd;
-}
-
-process::FileDescriptor open_sender(const LcmUrl& url) {
-  process::FileDescriptor fd = open_socket(url);
-  const auto ttl = static_cast<unsigned char>(url.ttl);
-  const unsigned char loop = 1;
-  set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_TTL, ttl, "cannot set the ttl");
-  set(url, fd.get(), IPPROTO_IP, IP_MULTICAST_LOOP, loop, "cannot reach this host");
-  const sockaddr_in address = address_of(url);
-  if (::connect(fd.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    fail(url, "cannot send to the group", remedy_for(errno));
-  }
-  return fd;
-}
 
 void require_channel(std::string_view channel) {
   if (channel.empty() || channel.size() > lcm_packet::max_channel_size ||
@@ -164,7 +80,7 @@ UdpTransport::UdpTransport(const LcmUrl& url)
       host_overflowed_before_(host_overflows()) {
   socklen_t size = sizeof own_address_;
   if (::getsockname(sender_.get(), reinterpret_cast<sockaddr*>(&own_address_), &size) != 0) {
-    fail(url_, "cannot read the own address", remedy_for(errno));
+    fail_with_errno(url_, "cannot read the own address");
   }
 }
 
@@ -226,7 +142,7 @@ std::optional<RawDatagram> UdpTransport::receive_raw(loop::Clock::time_point dea
 UdpTransport::Wake UdpTransport::wait(loop::Clock::time_point deadline, bool for_datagram) {
   pollfd descriptor{receiver_.get(), POLLIN, 0};
   const int ready = poll_until({&descriptor, for_datagram ? 1U : 0U}, deadline);
-  if (ready < 0 && errno != EINTR) fail(url_, "cannot wait", remedy_for(errno));
+  if (ready < 0 && errno != EINTR) fail_with_errno(url_, "cannot wait");
   if (ready < 0) return Wake::signal;
   return ready > 0 ? Wake::datagram : Wake::deadline;
 }
@@ -268,7 +184,7 @@ bool UdpTransport::read_batch() {
   num_held_ = ::recvmmsg(receiver_.get(), headers_.data(), batch, MSG_DONTWAIT, nullptr);
   if (num_held_ < 0) {
     num_held_ = 0;
-    if (errno != EAGAIN) fail(url_, "cannot receive", remedy_for(errno));
+    if (errno != EAGAIN) fail_with_errno(url_, "cannot receive");
   }
   return num_held_ > 0;
 }
@@ -385,7 +301,7 @@ std::uint64_t UdpTransport::socket_drops() const {
   std::array<std::uint32_t, SK_MEMINFO_VARS> values{};
   socklen_t size = sizeof values;
   if (::getsockopt(receiver_.get(), SOL_SOCKET, SO_MEMINFO, values.data(), &size) != 0) {
-    fail(url_, "cannot read the drop counter", remedy_for(errno));
+    fail_with_errno(url_, "cannot read the drop counter");
   }
   return values[SK_MEMINFO_DROPS];
 }
@@ -401,7 +317,7 @@ int UdpTransport::receive_buffer_bytes() const {
   int size = 0;
   socklen_t length = sizeof size;
   if (::getsockopt(receiver_.get(), SOL_SOCKET, SO_RCVBUF, &size, &length) != 0) {
-    fail(url_, "cannot read the receive buffer", remedy_for(errno));
+    fail_with_errno(url_, "cannot read the receive buffer");
   }
   return size / 2;  // the kernel doubles what is asked for, to have room for its own records
 }

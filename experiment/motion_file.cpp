@@ -49,17 +49,19 @@ struct FileText {
 
 /// @param digest that it must have; empty: any
 FileText table_of(const Scenario& scenario, const fs::path& path, std::string_view digest) {
-  auto text = diagnostics::file_text(path);
-  if (!text) {
-    throw scenario.complaint("reference.file", path.string() + ": no file that can be read");
+  std::string text;
+  try {
+    text = diagnostics::given_text(path);
+  } catch (const diagnostics::Failure& failure) {
+    throw scenario.complaint("reference.file", failure.what());
   }
-  std::string found = fmt::format("{:016x}", diagnostics::fnv(*text));
+  std::string found = fmt::format("{:016x}", diagnostics::fnv(text));
   if (!digest.empty() && digest != found) {
     throw scenario.complaint(
         "reference.file.digest",
         fmt::format("{}, but that of {} is {}: it is another table", digest, path.string(), found));
   }
-  return {std::move(*text), std::move(found)};
+  return {std::move(text), std::move(found)};
 }
 
 YamlNode* child(YamlNode& map, std::string_view key) {

@@ -4,9 +4,7 @@
 
 #include <algorithm>
 #include <bit>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <iterator>
 #include <stdexcept>
 
@@ -209,32 +207,6 @@ Scenario read_scenario(const YamlNode& root, const Description& plant, const Des
   return scenario;
 }
 
-/// The file's text. @throw std::runtime_error with what is wrong, without the file's name.
-std::string text_of(const fs::path& path) {
-  std::error_code error;
-  const auto status = fs::status(path, error);
-  if (status.type() == fs::file_type::not_found) throw std::runtime_error("no such file");
-  if (fs::is_directory(status)) throw std::runtime_error("is a directory; allowed: a file");
-  // It is read by each program of the run, and a pipe would be waited for.
-  if (fs::exists(status) && !fs::is_regular_file(status)) {
-    throw std::runtime_error("is a pipe or a device; allowed: a file");
-  }
-  const auto size = fs::file_size(path, error);
-  if (!error && size > max_file_bytes) {
-    throw std::runtime_error(fmt::format("too large; allowed: at most {} bytes", max_file_bytes));
-  }
-  errno = 0;
-  const auto text = diagnostics::file_text(path);
-  if (!text) {
-    const int cause = errno;
-    throw std::runtime_error(fmt::format("cannot be read: {}; {}", std::strerror(cause),
-                                         cause == EMFILE || cause == ENFILE
-                                             ? "allow more open files, for example: ulimit -n 1024"
-                                             : "see its permissions"));
-  }
-  return *text;
-}
-
 }  // namespace
 
 void RobotSpec::set_joints(Joints given) {
@@ -343,14 +315,7 @@ diagnostics::Failure Scenario::complaint(const std::string& key, const std::stri
 Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = path.string();
-  std::string text;
-  try {
-    text = text_of(path);
-  } catch (const std::runtime_error& error) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               path.string() + ": " + error.what());
-  }
-  YamlNode root = surveyed_tree(text, overrides, scenario);
+  YamlNode root = surveyed_tree(diagnostics::given_text(path, max_file_bytes), overrides, scenario);
   const fs::path directory = path.parent_path();
   const std::string motion = motion_text(root, scenario, directory);
   const Place place{scenario, &root, ""};
@@ -360,9 +325,9 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
     if (written.empty()) return {};
     const fs::path urdf_path = directory / written;
     try {
-      return {text_of(urdf_path), urdf_path.string()};
-    } catch (const std::runtime_error& error) {
-      throw scenario.complaint(key, urdf_path.string() + ": " + error.what());
+      return {diagnostics::given_text(urdf_path, max_file_bytes), urdf_path.string()};
+    } catch (const diagnostics::Failure& failure) {
+      throw scenario.complaint(key, failure.what());
     }
   };
   const Description plant = description("robot.urdf", scenario.robot.urdf_path);

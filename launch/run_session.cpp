@@ -3,14 +3,11 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
-#include <csignal>
 #include <deque>
 #include <iostream>
 #include <numeric>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "bus/authenticated.h"
@@ -22,13 +19,12 @@
 #include "launch/progress.h"
 #include "launch/run_results.h"
 #include "launch/run_verdict.h"
+#include "launch/run_window.h"
 #include "launch/screen.h"
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
-#include "process/side_process.h"
 #include "study/cross_check.h"
-#include "viewer/visualizer.h"
 
 namespace tachless::launch {
 namespace {
@@ -101,65 +97,6 @@ class Heartbeats {
   std::optional<bus::Authenticated> authenticated_;
   bus::Codec<loop::Participant> codec_;
   std::int64_t run_;
-};
-
-/// Simbody's 3D window beside the run. Closing it is reported but does not stop the run.
-class Window {
- public:
-  /// @throw diagnostics::Failure(bad_usage) when none can be opened
-  Window(const RunOptions& options, bool isolated, Screen& screen)
-      : options_(options), screen_(screen) {
-    std::vector<std::string> command = command_of("tachless-visualizer", options);
-    command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
-    constexpr std::string_view itself = "tachless-visualizer: ";
-    try {
-      program_.emplace(
-          "tachless-visualizer", command, viewer::window_is_open, std::chrono::seconds(30),
-          [&](std::string_view line) { screen_.pass_on(options_.named(""), "visualizer", line); });
-    } catch (const diagnostics::Failure& failure) {
-      std::string_view why = failure.what();
-      if (why.starts_with(itself)) why.remove_prefix(itself.size());
-      throw diagnostics::Failure(
-          failure.code(),
-          fmt::format(
-              "--visualize: {}; or leave out --visualize{}", why,
-              isolated ? " (this run is isolated: it reaches no display over the network)" : ""));
-    }
-  }
-
-  void attend() {
-    if (!program_->running()) return;
-    program_->attend();
-    if (program_->running()) return;
-    const std::string& trouble = program_->trouble();
-    screen_.clear();
-    diagnostics::log_warning(options_.named(
-        fmt::format("the window {}; the run goes on",
-                    trouble.empty() ? "was closed" : fmt::format("is gone: {}", trouble))));
-  }
-
-  /// The run is over: what is left to show will be shown.
-  void run_is_over(bool interrupted) { interrupted ? program_->stop() : program_->signal(SIGUSR1); }
-
-  /// Waits until the window has shown everything, is closed, or the user interrupts.
-  void finish() {
-    const std::atomic<bool>& interrupted = process::catch_interruptions();
-    program_->attend();
-    if (program_->running() && !options_.quiet) {
-      diagnostics::log_info(options_.named(
-          "the window shows the run to its end, at the simulated pace; Ctrl-C closes it"));
-    }
-    while (program_->running() && !interrupted) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      program_->attend();
-    }
-    program_->stop();
-  }
-
- private:
-  const RunOptions& options_;
-  Screen& screen_;
-  std::optional<process::SideProcess> program_;
 };
 
 SuperviseOptions supervise_options(const Planned& run, Screen& screen) {
@@ -241,7 +178,7 @@ struct OnTheBus {
   const Planned& run;
   Placement placement;
   Heartbeats heartbeats;
-  std::optional<Window> window;
+  std::optional<RunWindow> window;
   std::optional<RunDirectory> out;
 };
 

@@ -31,12 +31,9 @@ using robot::Vector;
 class Robot {
  public:
   Robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides) {
-    const auto text = diagnostics::file_text(urdf);
-    if (!text) {
-      throw Failure(ExitCode::bad_usage, urdf.string() + " cannot be read; name a URDF file");
-    }
+    const std::string text = diagnostics::given_text(urdf);
     try {
-      model_ = robot::model_from_urdf(*text, urdf.string(), experiment::urdf_options(overrides));
+      model_ = robot::model_from_urdf(text, urdf.string(), experiment::urdf_options(overrides));
     } catch (const std::invalid_argument& problem) {
       throw Failure(ExitCode::bad_usage, problem.what());
     }

@@ -43,13 +43,7 @@ struct Urdf {
 };
 
 Urdf read_urdf(const Options& options) {
-  const auto text = diagnostics::file_text(options.input);
-  if (!text) {
-    throw Failure(
-        ExitCode::bad_usage,
-        fmt::format("{} cannot be read; name a scenario or a URDF file", options.input.string()));
-  }
-  Urdf urdf{*text, {}};
+  Urdf urdf{diagnostics::given_text(options.input), {}};
   try {
     const robot::Model model = robot::read_urdf(urdf.urdf_text, options.input.string(),
                                                 experiment::urdf_options(options.overrides));

@@ -29,17 +29,16 @@ struct Options {
 /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its message.
 robot::Model read(const Options& options, std::optional<std::string>& refusal) {
   const std::string source = options.urdf.string();
-  const auto text = diagnostics::file_text(options.urdf);
-  if (!text) throw Failure(ExitCode::bad_usage, source + " cannot be read; name a URDF file");
+  const std::string text = diagnostics::given_text(options.urdf);
   try {
     try {
-      return robot::model_from_urdf(*text, source);
+      return robot::model_from_urdf(text, source);
     } catch (const std::invalid_argument& problem) {
       refusal = problem.what();
     }
     robot::UrdfOptions lenient;
     lenient.check_inertia = robot::CheckInertia::warn;
-    return robot::model_from_urdf(*text, source, lenient);
+    return robot::model_from_urdf(text, source, lenient);
   } catch (const std::invalid_argument& problem) {
     throw Failure(ExitCode::bad_usage, refusal.value_or(problem.what()));
   }

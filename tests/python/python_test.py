@@ -76,7 +76,7 @@ class TheRobot(unittest.TestCase):
 
     def test_errors_name_the_thing_the_value_and_the_remedy(self):
         for action, words in [
-            (lambda: tachless.Robot("nothing.urdf"), "nothing.urdf cannot be read; name a URDF file"),
+            (lambda: tachless.Robot("nothing.urdf"), "nothing.urdf: no such file"),
             (lambda: tachless.Robot(arm, locked={"nose": 0}), "nose"),
             (lambda: self.robot.M([1, 2, 3]), "q has the shape (3); needed: (2,)"),
             (lambda: self.robot.g("far"), "q is 'far'; needed: 2 numbers"),
