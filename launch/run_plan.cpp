@@ -52,11 +52,11 @@ void require_restartable(const RunOptions& options, const experiment::Scenario& 
                               scenario.source, options.restart));
   }
   if (scenario.loop.give_up_s < takeover_s) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and "
-                              "more, for so long may it take until another one has taken its place",
-                              scenario.source, options.restart, scenario.loop.give_up_s,
-                              takeover_s));
+    throw Failure(
+        ExitCode::bad_usage,
+        fmt::format("{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and "
+                    "more, for so long may it take until another one has taken its place",
+                    scenario.source, options.restart, scenario.loop.give_up_s, takeover_s));
   }
 }
 

@@ -103,8 +103,8 @@ Recorded simulate(const std::filesystem::path& path, const std::vector<std::stri
     scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
     scenario.controller.law = experiment::external_law;
   }
-  controller::ScenarioLaw law =
-      own ? python_law(scenario, f, name, Interrupt::passed_on) : controller::scenario_law(scenario);
+  controller::ScenarioLaw law = own ? python_law(scenario, f, name, Interrupt::passed_on)
+                                    : controller::scenario_law(scenario);
   const py::gil_scoped_release unlocked;
   Recorded recorded(scenario, controller::law_info(law));
   study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {

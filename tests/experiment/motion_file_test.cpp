@@ -139,8 +139,7 @@ TEST_F(ScenarioWithATable, IsAnotherScenarioWithAnotherTable) {
 }
 
 TEST_F(ScenarioWithATable, NamesAFileThatIsNotThere) {
-  EXPECT_THAT(refusal_with({"reference.file=none.csv"}),
-              HasSubstr("none.csv: no such file"));
+  EXPECT_THAT(refusal_with({"reference.file=none.csv"}), HasSubstr("none.csv: no such file"));
   EXPECT_THAT(refusal_with({"reference.file.path=[1]"}), HasSubstr("reference.file.path"));
 }
 
