@@ -148,8 +148,10 @@ TEST_F(Browser, OpensAMinuteOfSevenJointsAtOnceAndFollowsTheCursor) {
   const fs::path page = profile_.path() / "report.html";
   write_report(runs, page);
   EXPECT_LT(fs::file_size(page), 5'000'000U) << "what a mail takes";
-  // By the wall clock, on a machine that runs other tests too and has no GPU: the best of three
-  // openings, the median of the frames. Each frame is waited for until it is drawn.
+  // By the wall clock, on a machine without a GPU: the best of three openings, the median of the
+  // frames. Each frame is waited for until it is drawn. docs/report.md has what a quiet machine
+  // shows (0.6 s, 9 ms; 1 s and 16 ms are promised). The limits are three times the promise, for a
+  // shared machine; what they refuse is work for every tick of the run at each opening or frame.
   double opened_ms = INFINITY, frame_ms = INFINITY;
   for (int i = 0; i < 3; ++i) {
     const Browsed browsed = tried(page, R"(
@@ -171,8 +173,8 @@ TEST_F(Browser, OpensAMinuteOfSevenJointsAtOnceAndFollowsTheCursor) {
   }
   RecordProperty("opened_ms", fmt::format("{}", opened_ms));
   RecordProperty("frame_ms", fmt::format("{}", frame_ms));
-  EXPECT_LT(opened_ms, 1000);
-  EXPECT_LT(frame_ms, 16) << "60 Hz";
+  EXPECT_LT(opened_ms, 3 * 1000);
+  EXPECT_LT(frame_ms, 3 * 16);
 }
 
 }  // namespace
