@@ -18,7 +18,6 @@ ReferenceResponder::Answer ReferenceResponder::on_tick(std::int64_t tick,
                                                        std::string_view sender) {
   // The plant cannot have begun k without command k - 1, hence not without reference k - 1.
   if (tick < 0 || tick >= num_ticks_ || tick > newest_ + 1) return {Verdict::not_asked, {}, {}};
-  if (tick <= newest_ - MessageRing::depth) return {Verdict::too_old, {}, {}};
   Answer result;
   result.verdict = ring_.put(tick, question, bytes, sender);
   if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;

@@ -77,6 +77,15 @@ TEST(Payload, OfNoMassChangesNothing) {
   }
 }
 
+TEST(MassProperties, OfTwoInertiasWithoutMassAreTheirSum) {
+  const Eigen::Matrix3d one = Eigen::Vector3d(1, 2, 3).asDiagonal();
+  const Eigen::Matrix3d other = Eigen::Vector3d(2, 2, 1).asDiagonal();
+  const MassProperties both = combine({0, {1, 0, 0}, one}, {0, {2, 0, 0}, other});
+  EXPECT_EQ(both.mass, 0);
+  EXPECT_EQ(both.p_cm, Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(both.I_cm, one + other);
+}
+
 TEST(Payload, PrefersMoreJointsOverMoreMetres) {
   // The claw hangs by three joints (turn, arm, finger, claw: four), the hand by three.
   const Model loaded = with_payload(testing::branching(), 1);

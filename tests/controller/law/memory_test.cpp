@@ -38,6 +38,14 @@ struct Counter {
 };
 static_assert(!DeclaredMemory<Counter>);
 
+struct Sums {
+  robot::Vector nu;
+  std::array<double, 2> sums{};
+  static constexpr std::tuple members{&Sums::nu, &Sums::sums};
+};
+static_assert(sizeof(Sums) == sizeof(robot::Vector) + sizeof(Sums::sums));  // no padding
+static_assert(!DeclaredMemory<Sums>);
+
 struct Told {
   int count = 0;
   static constexpr std::string_view no_linearisation = "it counts";

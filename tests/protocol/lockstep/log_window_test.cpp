@@ -58,6 +58,12 @@ TEST_F(ALogWindow, AcknowledgesEachRunInfoAtOnce) {
   EXPECT_EQ(window.on_run_info(false), Verdict::conflicting);
 }
 
+TEST_F(ALogWindow, TellsAPlantThatRepeatsThatItHasNoRunInfo) {
+  put_all_but(0, {});
+  EXPECT_EQ(put(0, Slot::truth), Verdict::repeated);
+  EXPECT_EQ(window.take_ack()->tick, -2);
+}
+
 TEST_F(ALogWindow, NeedsAllSixMessagesOfATickInAnyOrder) {
   introduce();
   for (Slot slot : {Slot::truth, Slot::reference, Slot::tick, Slot::command, Slot::measurement}) {

@@ -203,6 +203,18 @@ TEST_F(ARequester, RepeatsAllThatIsKnownToBeMissingWhenStalled) {
   EXPECT_EQ(repeated_ticks(), (Ticks{0, 1, 4}));
 }
 
+TEST_F(ARequester, AsksALoggerThatSpeaksAgainSoonAfterLongSilence) {
+  introduce();
+  while (tick_master.may_begin()) run_one();
+  for (int i = 0; i < 14; ++i) {
+    now = tick_master.deadline();
+    repeated_ticks();
+  }
+  ASSERT_GT(tick_master.deadline(), now + 100ms);
+  tick_master.on_ack(-1, 0, now);
+  EXPECT_EQ(tick_master.deadline(), now + 2ms);
+}
+
 TEST_F(ARequester, ForgetsARequestOfTheLoggerThatIsFulfilled) {
   introduce();
   for (int i = 0; i < 20; ++i) run_one();

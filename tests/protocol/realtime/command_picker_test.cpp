@@ -68,6 +68,12 @@ TEST_F(Picking, ActsOnTheOldestTickThatIsKept) {
   EXPECT_EQ(due(), 2);
 }
 
+TEST_F(Picking, ActsOnNothingOlderThanItsMemoryThoughItsPlaceIsNotTaken) {
+  refer(2), measure(2);
+  measure(67);  // 66, whose place is that of 2, was lost
+  EXPECT_EQ(due(), -1);
+}
+
 TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
   measure(0), refer(0);
   EXPECT_EQ(measure(0), Verdict::repeated);
