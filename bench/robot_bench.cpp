@@ -1,9 +1,15 @@
 // What a tick pays for mechanics: inverse dynamics over double and jets, the inertia matrix,
 // forward dynamics, for the two-link arm (2: four bodies, two of them by mimic), the seven-joint
-// arm (7) and chains of 30 and 60 joints; and the same by Pinocchio, where CMake has found it, of
-// the same tree.
+// arm (7) and chains of 30 and 60 joints; and the same by Pinocchio and by DART, where CMake has
+// found them, of the same tree.
 #include <benchmark/benchmark.h>
 
+#ifdef TACHLESS_HAS_DART
+#include <dart/dynamics/BodyNode.hpp>
+#include <dart/dynamics/PrismaticJoint.hpp>
+#include <dart/dynamics/RevoluteJoint.hpp>
+#include <dart/dynamics/Skeleton.hpp>
+#endif
 #ifdef TACHLESS_HAS_PINOCCHIO
 #include <pinocchio/algorithm/aba.hpp>
 #include <pinocchio/algorithm/crba.hpp>
@@ -11,6 +17,8 @@
 #include <pinocchio/multibody/data.hpp>
 #include <pinocchio/multibody/model.hpp>
 #endif
+
+#include <type_traits>
 
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
@@ -131,6 +139,72 @@ void pinocchio_aba(benchmark::State& bench) {
 BENCHMARK(pinocchio_rnea) TACHLESS_SIZES;
 BENCHMARK(pinocchio_crba) TACHLESS_SIZES;
 BENCHMARK(pinocchio_aba) TACHLESS_SIZES;
+
+#endif
+
+#ifdef TACHLESS_HAS_DART
+
+/// The same tree, as above.
+dart::dynamics::SkeletonPtr dart_peer(const Model& model) {
+  using namespace dart::dynamics;
+  SkeletonPtr peer = Skeleton::create();
+  peer->setGravity(model.gravity);
+  for (const robot::Body& b : model.bodies) {
+    BodyNode* const parent =
+        b.parent < 0 ? nullptr : peer->getBodyNode(static_cast<std::size_t>(b.parent));
+    Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
+    X.linear() = b.R_PB;
+    X.translation() = b.p_PB;
+    BodyNode::Properties body;
+    body.mInertia = Inertia(b.mass, b.p_Bcm, b.I_Bcm);
+    const auto add = [&](auto joint) {
+      using Joint = typename decltype(joint)::type;
+      typename Joint::Properties properties;
+      properties.mName = b.joint;
+      properties.mT_ParentBodyToJoint = X;
+      properties.mAxis = b.axis_B;
+      peer->createJointAndBodyNodePair<Joint>(parent, properties, body);
+    };
+    if (b.type == robot::JointType::revolute) {
+      add(std::type_identity<RevoluteJoint>());
+    } else {
+      add(std::type_identity<PrismaticJoint>());
+    }
+  }
+  return peer;
+}
+
+/// DART computes nothing twice for the same state: positions and velocities are set each time.
+template <class Compute>
+void time_dart(benchmark::State& bench, const Compute& compute) {
+  const dart::dynamics::SkeletonPtr peer = dart_peer(load(static_cast<int>(bench.range(0))));
+  State<Eigen::VectorXd> s(static_cast<int>(peer->getNumDofs()));
+  for (auto _ : bench) {
+    s.nudge();
+    peer->setPositions(s.q);
+    peer->setVelocities(s.v);
+    compute(*peer, s);
+    benchmark::ClobberMemory();
+  }
+}
+void dart_inverse_dynamics(benchmark::State& bench) {
+  time_dart(bench, [](auto& peer, auto& s) {
+    peer.setAccelerations(s.a);
+    peer.computeInverseDynamics();
+  });
+}
+void dart_mass_matrix(benchmark::State& bench) {
+  time_dart(bench, [](auto& peer, auto&) { benchmark::DoNotOptimize(peer.getMassMatrix()); });
+}
+void dart_forward_dynamics(benchmark::State& bench) {
+  time_dart(bench, [](auto& peer, auto& s) {
+    peer.setForces(s.a);
+    peer.computeForwardDynamics();
+  });
+}
+BENCHMARK(dart_inverse_dynamics) TACHLESS_SIZES;
+BENCHMARK(dart_mass_matrix) TACHLESS_SIZES;
+BENCHMARK(dart_forward_dynamics) TACHLESS_SIZES;
 
 #endif
 
