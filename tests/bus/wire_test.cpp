@@ -600,5 +600,12 @@ TEST(Channels, AreUpperSnakeWithTheRobotsName) {
   EXPECT_EQ(loop::channel<loop::RunInfo>("ARM"), "ARM_RUN_INFO");
 }
 
+TEST(Fingerprint, IsReadFromTheFirstEightBytes) {
+  const std::vector<std::byte> bytes = {std::byte{1}, std::byte{0}, std::byte{0}, std::byte{0},
+                                        std::byte{0}, std::byte{0}, std::byte{0}, std::byte{2}};
+  EXPECT_EQ(fingerprint_of(bytes), (std::int64_t{1} << 56) + 2);
+  EXPECT_EQ(fingerprint_of(std::span(bytes).first(7)), std::nullopt);
+}
+
 }  // namespace
 }  // namespace tachless::bus

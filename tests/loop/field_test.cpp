@@ -95,6 +95,14 @@ TEST(Fields, AreThoseOfTheLcmFilesInTheirOrder) {
   compare(std::type_identity<truth::PlantTruth>());
 }
 
+TEST(AllFinite, LooksAtNumbersAndNotAtTexts) {
+  Participant who;
+  who.host = "nan";
+  EXPECT_TRUE(all_finite(who));
+  who.error_norm = std::numeric_limits<double>::infinity();
+  EXPECT_FALSE(all_finite(who));
+}
+
 TEST(Same, ComparesNumbersBitForBit) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   LinkStateMeasurement a{robot::Vector::Constant(2, nan), robot::Vector::Zero(2),
@@ -111,6 +119,16 @@ TEST(Same, ComparesNumbersBitForBit) {
   EXPECT_TRUE(same(who, other));
   other.fault = "hot";
   EXPECT_FALSE(same(who, other));
+}
+
+TEST(Same, LooksAtEachOfALawsSignals) {
+  LawSignals a;
+  a.num = 2;
+  a.value[0] = a.value[1] = robot::Vector::Ones(2);
+  LawSignals b = a;
+  EXPECT_TRUE(same(a, b));
+  b.value[1][0] = 2;
+  EXPECT_FALSE(same(a, b));
 }
 
 TEST(Channels, AreUpperSnakeWithTheRobotsName) {

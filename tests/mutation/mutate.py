@@ -10,6 +10,7 @@ A survivor that no test can kill is argued in tests/mutation/argued.txt.
 
     tests/mutation/mutate.py                       240 mutants, drawn evenly from all areas
     tests/mutation/mutate.py --area robot --number 20
+    tests/mutation/mutate.py --survivors           those that survived, again: after new tests
     tests/mutation/mutate.py --list                what would be tried; builds nothing
     tests/mutation/mutate.py --report              the score and the survivors so far
 
@@ -272,17 +273,23 @@ def main():
     parser.add_argument("--work", type=pathlib.Path, default=ROOT / "build/mutation",
                         help="where worktrees and results are (default build/mutation)")
     parser.add_argument("--list", action="store_true", help="list the mutants and end")
+    parser.add_argument("--survivors", action="store_true", help="try those that survived again")
     parser.add_argument("--report", action="store_true", help="report on the results so far and end")
     options = parser.parse_args()
     if not options.report:
-        chosen = drawn(mutants(options.area or AREAS), options.number, options.seed)
+        done = results(options.work)
+        found = mutants(options.area or AREAS)
+        if options.survivors:
+            survived = {each for each in done if done[each]["outcome"] == "survived"}
+            chosen = [each for each in found if each["id"] in survived - argued().keys()]
+        else:
+            chosen = [each for each in drawn(found, options.number, options.seed) if each["id"] not in done]
         if options.list:
             for each in chosen:
                 print(f"{each['id']}  {each['file']}:{each['number']}\n"
                       f"  - {each['line'].strip()}\n  + {each['mutated'].strip()}")
             return 0
-        done = results(options.work)
-        run([each for each in chosen if each["id"] not in done], options.workers, options.work)
+        run(chosen, options.workers, options.work)
     return 1 if report(options.work) else 0
 
 

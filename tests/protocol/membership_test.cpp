@@ -446,6 +446,52 @@ TEST_F(ARunningMembership, IsOverWithItsLastTickThoughThePlantsEndCameBeforeAndI
   EXPECT_TRUE(logger.plant_finished());
 }
 
+TEST_F(ARunningMembership, DoesNotCountItsOwnSuspensionAsAFinishThatStands) {
+  auto said = plant.announce(network.now());
+  said.participant.state = ParticipantState::finished;
+  answer(said, controller, network.now());
+  controller.handle(said.stamp, said.participant, "plant1", network.now());
+  controller.poll(network.now());
+  // Of a minute without looking one period counts.
+  const auto awake = network.now() + 60s;
+  controller.poll(awake);
+  const auto stands = awake + Membership::finish_stands_after - Membership::period;
+  for (auto now = awake; now < stands; now += 50ms) controller.poll(now);
+  EXPECT_EQ(text(controller), "");
+  controller.poll(stands);
+  EXPECT_EQ(code(controller), diagnostics::ExitCode::protocol_violated);
+}
+
+TEST_F(ARunningMembership, KnowsThatItsEndIsKnownThoughItHasSaidSoAgainSince) {
+  const auto tell = [&](Membership& from, Membership& to) {
+    const auto said = from.announce(network.now());
+    to.handle(said.stamp, said.participant, &from == &plant ? "plant1" : "controller3",
+              network.now());
+  };
+  tell(plant, controller);
+  EXPECT_FALSE(controller.end_is_known()) << "it has not finished";
+  controller.complete();
+  plant.finished(network.now());
+  tell(plant, controller);
+  controller.finished(network.now());
+  EXPECT_FALSE(controller.end_is_known()) << "it has not said so";
+  tell(controller, plant);
+  controller.announce(network.now());  // which is lost
+  tell(plant, controller);
+  EXPECT_TRUE(controller.end_is_known());
+}
+
+TEST_F(ARunningMembership, SaysWhyItStopsFromTheFirstReasonOn) {
+  using diagnostics::ExitCode;
+  const auto fault = [&] { return controller.announce(network.now()).participant.fault; };
+  EXPECT_EQ(fault(), "");
+  controller.stopping(diagnostics::Failure(ExitCode::interrupted, "first"), network.now());
+  controller.stopping(diagnostics::Failure(ExitCode::peer_lost, "second"), network.now());
+  EXPECT_EQ(fault(), "first");
+  controller.failed(diagnostics::Failure(ExitCode::peer_lost, "third"), network.now());
+  EXPECT_EQ(fault(), "first");
+}
+
 TEST_F(ARunningMembership, SaysHowFarItIs) {
   controller.progressed(17, 0.25);
   const auto said = controller.announce(network.now());

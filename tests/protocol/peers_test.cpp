@@ -87,6 +87,17 @@ TEST_F(APlantsPeers, AreBelievedOnlyWhatProvesSomething) {
   EXPECT_EQ(peers.find(Role::logger)->participant.host, "arm-1");
 }
 
+TEST_F(APlantsPeers, AreInNoRunUntilTheyHaveProvenSomething) {
+  announce();
+  loop::Stamp stamp;
+  stamp.run = 77;
+  const auto run_of = [&](const loop::Participant& said) {
+    return peers.remember(stamp, said, "address", peers.answered(said), now).peer.run;
+  };
+  EXPECT_EQ(run_of(who(7, 1)), 0);
+  EXPECT_EQ(run_of(answering(7, 2, 1)), 77);
+}
+
 TEST_F(APlantsPeers, LivedWhenTheAnswerWasAskedForNotWhenItCame) {
   const auto asked = now;
   announce();

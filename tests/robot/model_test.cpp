@@ -86,6 +86,15 @@ TEST(MassProperties, OfTwoInertiasWithoutMassAreTheirSum) {
   EXPECT_EQ(both.I_cm, one + other);
 }
 
+TEST(MassProperties, AreNotPhysicalWhereAnyNumberIsNotFinite) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
+  EXPECT_EQ(why_not_physical({1, {0, 0, 0}, I}), "");
+  EXPECT_THAT(why_not_physical({nan, {0, 0, 0}, I}), HasSubstr("mass nan kg"));
+  EXPECT_THAT(why_not_physical({1, {0, nan, 0}, I}), HasSubstr("not finite"));
+  EXPECT_THAT(why_not_physical({1, {0, 0, 0}, nan * I}), HasSubstr("not finite"));
+}
+
 TEST(Payload, PrefersMoreJointsOverMoreMetres) {
   // The claw hangs by three joints (turn, arm, finger, claw: four), the hand by three.
   const Model loaded = with_payload(testing::branching(), 1);

@@ -57,6 +57,16 @@ TEST(NicosiaTomei, ApproachesItsContinuousEquationsWithFirstOrder) {
                      RigidArm::position, exact, exact.from(beside), reference, 5e-4);
 }
 
+TEST(NicosiaTomei, IsTunedToAnObserverWithBothPolesAtTheFilters) {
+  Tuning tuning;
+  tuning.filter = 80;
+  tuning.inertia = vector(2, 0.5);
+  const NicosiaTomei::Gains tuned = NicosiaTomei::tuned(tuning);
+  // s^2 + k_D s + K_O / M = (s + 80)^2.
+  EXPECT_EQ(tuned.observer_kd, 160);
+  EXPECT_EQ(tuned.observer_ko, vector(12800, 3200));
+}
+
 TEST(NicosiaTomei, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
   const NicosiaTomei law(two_link_model(), gains, {1e-3});
   Random random(1);

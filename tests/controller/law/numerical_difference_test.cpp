@@ -53,6 +53,12 @@ TEST(NumericalDifference, FillsLostTicksAlongAStraightLine) {
   EXPECT_LT((estimator.velocity(memory) - vector(2, 4)).norm(), 1e-12);
 }
 
+TEST(NumericalDifference, IsOverOnePeriodOrMore) {
+  const schema::Range samples = std::get<2>(NumericalDifference::Gains::keys).range;
+  EXPECT_TRUE(samples.contains(1));
+  EXPECT_FALSE(samples.contains(0));
+}
+
 TEST(NumericalDifference, StartsAtTheReferencesVelocity) {
   const NumericalDifference law = law_at(1e-3, 7);
   const loop::PositionMeasurement measured{vector(0.3, 0.4)};

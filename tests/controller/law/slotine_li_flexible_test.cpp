@@ -126,5 +126,17 @@ TEST(SlotineLiFlexible, NeedsMotorVelocityForTheLinkJerkUnlikeThePapersLaw) {
   EXPECT_GT((after - before).norm(), 1);
 }
 
+TEST(SlotineLiFlexible, IsTunedToPolesOfTheBandwidthAndDamping) {
+  Tuning tuning;
+  tuning.w = 10;
+  tuning.damping = 0.5;
+  tuning.inertia = vector(2, 0.5);
+  tuning.rotor = tuning.stiffness = vector(1, 1);
+  const SlotineLiFlexible::Gains tuned = SlotineLiFlexible::tuned(tuning);
+  // Of the link alone: s^2 + (ks1 / M + lambda) s + ks1 lambda / M.
+  EXPECT_EQ(tuned.ks1.cwiseProduct(tuned.lambda), 100 * tuning.inertia);
+  EXPECT_EQ(tuned.ks1, vector(10, 2.5));
+}
+
 }  // namespace
 }  // namespace tachless::controller::law

@@ -69,6 +69,14 @@ TEST_F(ARequester, HasNothingToRepeatForALoggerThatHasHeardOfTicksBeforeTheFirst
   EXPECT_EQ(repeated_ticks(), Ticks());
 }
 
+TEST_F(ARequester, TakesALoggerWithoutRunInfoForNoProgress) {
+  tick_master.introduced(now);
+  tick_master.on_ack(-2, 0, now + 4s);
+  EXPECT_TRUE(tick_master.given_up(now + 5s));
+  tick_master.on_ack(-1, 0, now + 4s);
+  EXPECT_FALSE(tick_master.given_up(now + 5s));
+}
+
 TEST_F(ARequester, RepeatsAQuestionEvery2msAndLaterDoublesTo320ms) {
   introduce();
   tick_master.asked(now);
@@ -270,6 +278,19 @@ TEST_F(ARequester, AsksASuccessorAgainFromWhereItIsUntilItHasCommanded) {
   EXPECT_EQ(tick_master.on_command(10, BytesOf(10), "successor", now), Verdict::fresh);
   EXPECT_FALSE(tick_master.catching_up());
   EXPECT_FALSE(tick_master.next_repeat(now + 1s)) << "the command is there";
+}
+
+TEST_F(ARequester, AsksASuccessorForNoTickThatIsNotBegun) {
+  introduce();
+  while (tick_master.may_begin()) run_one();  // it waits for the logger
+  const std::int64_t newest = tick_master.next_tick() - 1;
+  tick_master.replaced(now);
+  tick_master.successor_at(newest - 2, now);
+  std::vector<std::int64_t> asked;
+  while (const auto repeat = tick_master.next_repeat(now)) {
+    if (repeat->what == What::question) asked.push_back(repeat->tick);
+  }
+  EXPECT_EQ(asked, (Ticks{newest - 1, newest}));
 }
 
 TEST_F(ARequester, AsksASuccessorForNothingThatIsNoLongerKept) {

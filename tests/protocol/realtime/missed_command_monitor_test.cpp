@@ -20,6 +20,7 @@ TEST(MissedCommandMonitor, TakesTheCommandOfThePresentTickOnce) {
   EXPECT_EQ(watch.on_command(0, BytesOf(1), "here"), Verdict::repeated);
   watch.end();
   EXPECT_EQ(watch.missed(), 0);
+  EXPECT_EQ(watch.longest_miss(), 0);
 }
 
 TEST(MissedCommandMonitor, TellsLateFromNotAsked) {

@@ -33,5 +33,22 @@ TEST(Pace, DoesNotBelieveInTheFarFuture) {
   EXPECT_FALSE(pace.possible(-1, t0 + 1s));
 }
 
+TEST(Pace, AllowsTwoTicksMoreThanTheTimeAndTheSlack) {
+  Pace pace(0.25);
+  EXPECT_TRUE(pace.possible(10, t0));
+  const auto two_periods = t0 + 500ms - Pace::slack;
+  EXPECT_TRUE(pace.possible(14, two_periods));
+  EXPECT_FALSE(pace.possible(14, two_periods - 1ms));
+}
+
+TEST(Pace, IsOverWithTheLastTickOrWhenItsTimeHasCome) {
+  Pace pace(0.25);
+  EXPECT_FALSE(pace.over(-1, 14, t0 + 100s)) << "no tick was shown";
+  EXPECT_TRUE(pace.possible(10, t0));
+  EXPECT_TRUE(pace.over(14, 14, t0));
+  EXPECT_FALSE(pace.over(13, 14, t0 + 999ms));
+  EXPECT_TRUE(pace.over(13, 14, t0 + 1s));
+}
+
 }  // namespace
 }  // namespace tachless::protocol::realtime

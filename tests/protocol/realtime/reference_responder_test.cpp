@@ -19,6 +19,7 @@ Range ask(ReferenceResponder& responder, std::int64_t tick) {
 
 TEST(RealtimeReferenceResponder, IsOneTickAhead) {
   ReferenceResponder responder(100, 16);
+  EXPECT_EQ(responder.newest(), -1);
   EXPECT_EQ(ask(responder, 0), Range(0, 1));
   EXPECT_EQ(ask(responder, 1), Range(2, 2));
   EXPECT_EQ(ask(responder, 2), Range(3, 3));
