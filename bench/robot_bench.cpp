@@ -127,14 +127,15 @@ void time_peer(benchmark::State& bench, const Compute& compute) {
     benchmark::ClobberMemory();
   }
 }
+constexpr auto world = pinocchio::Convention::WORLD;  // the faster of its two from 7 joints on
 void pinocchio_rnea(benchmark::State& bench) {
   time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::rnea(m, d, s.q, s.v, s.a); });
 }
 void pinocchio_crba(benchmark::State& bench) {
-  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::crba(m, d, s.q); });
+  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::crba(m, d, s.q, world); });
 }
 void pinocchio_aba(benchmark::State& bench) {
-  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::aba(m, d, s.q, s.v, s.a); });
+  time_peer(bench, [](auto& m, auto& d, auto& s) { pinocchio::aba(m, d, s.q, s.v, s.a, world); });
 }
 BENCHMARK(pinocchio_rnea) TACHLESS_SIZES;
 BENCHMARK(pinocchio_crba) TACHLESS_SIZES;
@@ -156,6 +157,7 @@ dart::dynamics::SkeletonPtr dart_peer(const Model& model) {
     X.linear() = b.R_PB;
     X.translation() = b.p_PB;
     BodyNode::Properties body;
+    body.mName = b.link;
     body.mInertia = Inertia(b.mass, b.p_Bcm, b.I_Bcm);
     const auto add = [&](auto joint) {
       using Joint = typename decltype(joint)::type;
