@@ -147,7 +147,8 @@ void TickMaster::ask_successor() {
   // While it is rebuilding its memory from the log it is further behind than we can repeat.
   const std::int64_t oldest_kept = last_asked() - MessageRing::depth + 1;
   if (*successor_ + 1 < oldest_kept) return;
-  ask_again_ = *successor_ + 1;
+  // The command of the newest tick may be lost though the successor has computed it.
+  ask_again_ = std::min(*successor_ + 1, last_asked());
   ask_again_last_ = last_asked();
 }
 

@@ -280,6 +280,21 @@ TEST_F(ARequester, AsksASuccessorAgainFromWhereItIsUntilItHasCommanded) {
   EXPECT_FALSE(tick_master.next_repeat(now + 1s)) << "the command is there";
 }
 
+TEST_F(ARequester, AsksASuccessorAgainThatHasComputedTheTickUnderWayAndWhoseCommandIsLost) {
+  introduce();
+  for (int k = 0; k < 10; ++k) run_one();
+  tick_master.asked(now);
+  tick_master.replaced(now);
+  tick_master.successor_at(10, now);
+  for (int i = 0; i < 3; ++i) {
+    const auto repeat = tick_master.next_repeat(now);
+    ASSERT_TRUE(repeat);
+    EXPECT_EQ(repeat->tick, 10);
+    EXPECT_FALSE(tick_master.next_repeat(now));
+    now = tick_master.deadline();
+  }
+}
+
 TEST_F(ARequester, AsksASuccessorForNoTickThatIsNotBegun) {
   introduce();
   while (tick_master.may_begin()) run_one();  // it waits for the logger
