@@ -83,11 +83,9 @@ TcpqTransport::TcpqTransport(const LcmUrl& url)
 }
 
 void TcpqTransport::lose(const std::string& why) const {
-  throw Failure(
-      ExitCode::peer_lost,
-      fmt::format("{}: the connection to the LCM server is gone: {}; start it again, and a new "
-                  "run",
-                  name_, why));
+  throw Failure(ExitCode::peer_lost,
+                "{}: the connection to the LCM server is gone: {}; start it again, and a new run",
+                name_, why);
 }
 
 void TcpqTransport::subscribe(const std::string& channel) {
@@ -123,9 +121,9 @@ void TcpqTransport::publish(std::string_view channel, std::span<const std::byte>
     sent_.push_back(std::move(copy));
     if (sent_.size() > most_sent) {
       throw Failure(ExitCode::protocol_violated,
-                    fmt::format("{}: the server does not send back what it is sent: {} messages "
-                                "on channel {} are missing",
-                                name_, sent_.size(), channel));
+                    "{}: the server does not send back what it is sent: {} messages on channel {} "
+                    "are missing",
+                    name_, sent_.size(), channel);
     }
   }
   send(publish_message, channel, &payload);

@@ -94,8 +94,8 @@ class Search {
   Search(const experiment::Scenario& scenario, const DesignGoal& goal)
       : scenario_(scenario), goal_(goal), law_(controller::law_facts(scenario.controller.law)) {
     if (!law_.tuned) {
-      throw Failure(ExitCode::check_said_no,
-                    fmt::format("{} has no rule for its gains: tune it by hand", law_.name));
+      throw Failure(ExitCode::check_said_no, "{} has no rule for its gains: tune it by hand",
+                    law_.name);
     }
     const robot::Model model = plant_of(scenario);
     const robot::Model& links = scenario.robot.flexible ? *scenario.model : model;
@@ -295,11 +295,10 @@ std::vector<Candidate> candidates_up_to(Search& search, const std::vector<Rule>&
     all.push_back({rules[k], w, settling, why.empty() ? bandwidth_asked_for : why});
   }
   if (all.empty()) {
-    throw Failure(
-        ExitCode::check_said_no,
-        fmt::format("no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a "
-                    "shorter period, less delay, a finer encoder or a smaller --margin",
-                    highest / (2 * pi), last_reason));
+    throw Failure(ExitCode::check_said_no,
+                  "no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a shorter "
+                  "period, less delay, a finer encoder or a smaller --margin",
+                  highest / (2 * pi), last_reason);
   }
   std::erase_if(all, [&](const Candidate& c) { return c.settling_s > as_fast * fastest; });
   return all;
@@ -340,9 +339,9 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
   const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
   if (!law.no_linearisation.empty()) {
     throw Failure(ExitCode::check_said_no,
-                  fmt::format("{} cannot be linearised ({}): tune it by hand, or by the rule of "
-                              "thumb of tachless compare",
-                              law.name, law.no_linearisation));
+                  "{} cannot be linearised ({}): tune it by hand, or by the rule of thumb of "
+                  "tachless compare",
+                  law.name, law.no_linearisation);
   }
   Search search(scenario, goal);
   const double rate = 1 / scenario.loop.period_s;

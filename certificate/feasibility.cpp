@@ -82,11 +82,11 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
     const std::string name = labels.joint(i);
     const std::string& effort = labels.effort[i];
     if (joint.torque_limit && joint.at_rest > *joint.torque_limit) {
-      result.impossible.push_back(fmt::format(
-          "{} needs {:.4g} {} to stand still, and its limit is {:g} {}; raise "
-          "plant.drive.torque_limit_Nm if the limit is wrong, as in many URDFs, or choose other "
-          "postures",
-          name, joint.at_rest, effort, *joint.torque_limit, effort));
+      result.impossible.push_back(
+          fmt::format("{} needs {:.4g} {} to stand still, and its limit is {:g} {}; raise "
+                      "plant.drive.torque_limit_Nm if the limit is wrong, as in many URDFs, or "
+                      "choose other postures",
+                      name, joint.at_rest, effort, *joint.torque_limit, effort));
     } else if (joint.torque_limit && joint.moving > *joint.torque_limit) {
       result.impossible.push_back(
           fmt::format("{} needs up to {:.4g} {} to follow the reference, and its limit is {:g} {}; "
@@ -94,10 +94,10 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
                       name, joint.moving, effort, *joint.torque_limit, effort));
     }
     if (joint.speed_limit && joint.speed > *joint.speed_limit) {
-      result.impossible.push_back(fmt::format(
-          "{} is to move at up to {:.4g} {}/s, and the URDF allows {:g} {}/s; slow the reference "
-          "down",
-          name, joint.speed, labels.length[i], *joint.speed_limit, labels.length[i]));
+      result.impossible.push_back(
+          fmt::format("{} is to move at up to {:.4g} {}/s, and the URDF allows {:g} {}/s; slow the "
+                      "reference down",
+                      name, joint.speed, labels.length[i], *joint.speed_limit, labels.length[i]));
     }
     if (joint.cycles_per_tick > fastest_cycles_per_tick) {
       result.doubtful.push_back(fmt::format(
@@ -109,10 +109,10 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
     const auto k = static_cast<Eigen::Index>(i);
     if (q.size() > k && model.joint_types[i] == robot::JointType::revolute &&
         std::abs(q[k]) > 2 * std::numbers::pi) {
-      result.doubtful.push_back(fmt::format(
-          "plant.initial.position_rad: {:g} rad for {} is more than a full turn; angles are in "
-          "rad, were degrees given?",
-          q[k], name));
+      result.doubtful.push_back(
+          fmt::format("plant.initial.position_rad: {:g} rad for {} is more than a full turn; "
+                      "angles are in rad, were degrees given?",
+                      q[k], name));
     }
   }
 }

@@ -134,11 +134,11 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
   const robot::Model& model = *scenario.model;
   for (int i = 0; region != nullptr && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
-    result.push_back(fmt::format(
-        "{} is prismatic and its range was sampled: it holds while |e_{}| stays in that "
-        "range; from the whole level set it may reach {:g} m",
-        robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
-        region->e_reached[i]));
+    result.push_back(
+        fmt::format("{} is prismatic and its range was sampled: it holds while |e_{}| stays in "
+                    "that range; from the whole level set it may reach {:g} m",
+                    robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
+                    region->e_reached[i]));
   }
   return result;
 }

@@ -65,13 +65,13 @@ class Program {
     loop::Stamp stamp;
     if (const auto why = codec.decode(message, stamp, value); why != bus::Rejection::none) {
       throw Failure(ExitCode::protocol_violated,
-                    fmt::format("--controller '{}': answered {} with a message that is {}",
-                                command_, when, bus::name(why)));
+                    "--controller '{}': answered {} with a message that is {}", command_, when,
+                    bus::name(why));
     }
     if (stamp.tick != tick) {
       throw Failure(ExitCode::protocol_violated,
-                    fmt::format("--controller '{}': answered {} with a message of tick {}",
-                                command_, when, stamp.tick));
+                    "--controller '{}': answered {} with a message of tick {}", command_, when,
+                    stamp.tick);
     }
   }
 
@@ -92,9 +92,8 @@ class Program {
       if (fds[1].revents != 0) pass_on();
       if (fds[0].revents != 0) return;
     }
-    throw Failure(ExitCode::peer_lost,
-                  fmt::format("--controller '{}': no answer {} within {:g} s", command_, when,
-                              std::chrono::duration<double>(limit).count()));
+    throw Failure(ExitCode::peer_lost, "--controller '{}': no answer {} within {:g} s", command_,
+                  when, std::chrono::duration<double>(limit).count());
   }
 
   void pass_on() {
@@ -219,9 +218,9 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
       });
   if (!known) {
     throw Failure(ExitCode::protocol_violated,
-                  fmt::format("--controller '{}': announces the measurement \"{}\" and the signals "
-                              "\"{}\", which this version does not know",
-                              command, self.measurement, self.signals));
+                  "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
+                  "which this version does not know",
+                  command, self.measurement, self.signals);
   }
   return law;
 }

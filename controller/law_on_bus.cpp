@@ -132,8 +132,8 @@ LawOnBus::LawOnBus(const experiment::Scenario& scenario, ScenarioLaw law, bus::T
         return std::make_unique<MeasuredBy<Measurement>>(std::move(own), scenario.loop, layout);
       },
       std::move(law));
-  diagnostics::log_detail(fmt::format("law {}, measures {}, publishes its signals {}", info_.name,
-                                      info_.measurement, info_.signals));
+  diagnostics::log_detail("law {}, measures {}, publishes its signals {}", info_.name,
+                          info_.measurement, info_.signals);
 }
 
 LawOnBus::~LawOnBus() = default;

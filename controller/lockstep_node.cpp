@@ -56,14 +56,13 @@ class LockstepNode {
     session_.handle_pending();
     const std::int64_t begun = session_.tick_of(loop::Role::plant) + 1;
     if (begun >= inputs.next_tick() + Responder::reach) {
-      throw inputs.unusable(fmt::format(
-          "it ends before tick {}, the run is at tick {}, and no more than {} ticks can "
-          "be asked again",
-          inputs.next_tick(), begun, Responder::reach));
+      throw inputs.unusable(
+          fmt::format("it ends before tick {}, the run is at tick {}, and no more than {} ticks "
+                      "can be asked again",
+                      inputs.next_tick(), begun, Responder::reach));
     }
     responder_.resume(inputs.next_tick());
-    diagnostics::log_info(
-        fmt::format("resumed run {} at tick {}", session_.run(), inputs.next_tick()));
+    diagnostics::log_info("resumed run {} at tick {}", session_.run(), inputs.next_tick());
   }
 
   void on_measurement(const bus::Datagram& datagram) {

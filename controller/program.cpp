@@ -30,9 +30,8 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
                                            measurement, info.name, info.measurement));
     }
     if (info.name.size() > loop::max_participant_text) {
-      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 fmt::format("the law's name has {} characters; allowed: {}",
-                                             info.name.size(), loop::max_participant_text));
+      throw diagnostics::bad_usage("the law's name has {} characters; allowed: {}",
+                                   info.name.size(), loop::max_participant_text);
     }
     return made;
   });

@@ -108,9 +108,9 @@ class RealtimeNode {
             : fmt::format(", {} of them so long that the law's memory began anew",
                           statistics.restarts);
     diagnostics::log_warning(
-        fmt::format("{} ticks in {} gaps were passed over, for their measurement or reference came "
-                    "late or not at all{}",
-                    statistics.skipped_ticks, statistics.gaps, restarts));
+        "{} ticks in {} gaps were passed over, for their measurement or reference came late or not "
+        "at all{}",
+        statistics.skipped_ticks, statistics.gaps, restarts);
   }
 
   node::Session& session_;

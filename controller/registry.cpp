@@ -154,11 +154,10 @@ law::Settings law_settings(const experiment::Scenario& scenario) {
 
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law) {
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
-    throw scenario.complaint(
-        "controller.law",
-        fmt::format("{} needs robot.joints: {{flexible: …}}, and the joints are rigid; allowed on "
-                    "rigid joints: {}",
-                    law.name, diagnostics::joined(laws_for_rigid_joints())));
+    throw scenario.complaint("controller.law",
+                             fmt::format("{} needs robot.joints: {{flexible: …}}, and the joints "
+                                         "are rigid; allowed on rigid joints: {}",
+                                         law.name, diagnostics::joined(laws_for_rigid_joints())));
   }
   if (law.regulation_only &&
       !std::holds_alternative<reference::trajectory::Hold>(scenario.reference)) {
@@ -236,10 +235,10 @@ loop::Layout law_layout(const experiment::Scenario& scenario, const ScenarioLaw&
 
 ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
   if (scenario.controller.law == experiment::external_law) {
-    throw scenario.complaint("controller.law",
-                             "external: the law is in a program of yours; run and replay take it "
-                             "with --controller 'PROGRAM', everything else needs one of "
-                             "tachless's laws");
+    throw scenario.complaint(
+        "controller.law",
+        "external: the law is in a program of yours; run and replay take it with --controller "
+        "'PROGRAM', everything else needs one of tachless's laws");
   }
   const auto of_list = [&]<class... L>(LawList<L...> /*laws*/) {
     ScenarioLaw chosen;

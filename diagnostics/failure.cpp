@@ -7,4 +7,6 @@ namespace tachless::diagnostics {
 Failure::Failure(ExitCode code, std::string_view what)
     : std::runtime_error(printable(one_line(what))), code_(code) {}
 
+Failure bad_usage(std::string_view what) { return {ExitCode::bad_usage, what}; }
+
 }  // namespace tachless::diagnostics

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <fmt/core.h>
+
 #include <stdexcept>
 #include <string_view>
+#include <utility>
 
 namespace tachless::diagnostics {
 
@@ -21,10 +24,22 @@ enum class ExitCode : int {
 class Failure : public std::runtime_error {
  public:
   Failure(ExitCode code, std::string_view what);
+  /// `what` with its arguments, as fmt::format writes them.
+  template <class First, class... Rest>
+  Failure(ExitCode code, fmt::format_string<First, Rest...> what, First&& first, Rest&&... rest)
+      : Failure(code, std::string_view(fmt::format(what, std::forward<First>(first),
+                                                   std::forward<Rest>(rest)...))) {}
   [[nodiscard]] ExitCode code() const { return code_; }
 
  private:
   ExitCode code_;
 };
+
+/// Failure(ExitCode::bad_usage, …), the most frequent one.
+Failure bad_usage(std::string_view what);
+template <class First, class... Rest>
+Failure bad_usage(fmt::format_string<First, Rest...> what, First&& first, Rest&&... rest) {
+  return {ExitCode::bad_usage, what, std::forward<First>(first), std::forward<Rest>(rest)...};
+}
 
 }  // namespace tachless::diagnostics

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <fmt/core.h>
+
 #include <string_view>
+#include <utility>
 
 /// Lines for people, on stderr: "tachless-plant: waiting for controller". Never called from the
 /// code that runs once per tick: writing may block and allocates.
@@ -22,5 +25,19 @@ void log_detail(std::string_view line);  ///< shown with --verbose
 void log_info(std::string_view line);
 void log_warning(std::string_view line);
 void log_error(std::string_view line);
+
+/// The same with arguments, as fmt::format writes them.
+template <class First, class... Rest>
+void log_info(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_info(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <class First, class... Rest>
+void log_warning(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_warning(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <class First, class... Rest>
+void log_error(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_error(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
 
 }  // namespace tachless::diagnostics

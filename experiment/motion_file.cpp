@@ -164,10 +164,8 @@ class Table {
           positions_[positions_.size() - static_cast<std::size_t>(model_.num_joints)];
       const double speed = std::abs(q - before) / (t - time_s_.back());
       if (speed > model_.velocity_limit[i]) {
-        refuse(
-            "{} moves at {:g} per second since the row before; allowed by the URDF: "
-            "{:g}",
-            joint(i), speed, model_.velocity_limit[i]);
+        refuse("{} moves at {:g} per second since the row before; allowed by the URDF: {:g}",
+               joint(i), speed, model_.velocity_limit[i]);
       }
     }
     positions_.push_back(q);
@@ -215,7 +213,7 @@ void attach_motion(Scenario& scenario, const std::string& text, const fs::path& 
     file->motion = std::make_shared<const reference::trajectory::WaypointSpline>(
         parse_motion(text, (directory / file->path).string(), *scenario.model));
   } catch (const std::invalid_argument& refused) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, refused.what());
+    throw diagnostics::bad_usage(refused.what());
   }
 }
 

@@ -76,11 +76,10 @@ YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& ov
                        Scenario& scenario) {
   YamlNode root = parse_yaml(text, scenario.source);
   if (root.kind != YamlNode::Kind::map) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               root.kind == YamlNode::Kind::null
-                                   ? scenario.source + ":1: empty; allowed: a scenario"
-                                   : fmt::format("{}:{}: {}; allowed: a map of keys",
-                                                 scenario.source, root.line, emit_line(root)));
+    throw diagnostics::bad_usage(root.kind == YamlNode::Kind::null
+                                     ? scenario.source + ":1: empty; allowed: a scenario"
+                                     : fmt::format("{}:{}: {}; allowed: a map of keys",
+                                                   scenario.source, root.line, emit_line(root)));
   }
   for (const std::string& assignment : overrides) apply_override(root, assignment);
   survey(root, root, "", scenario);
@@ -172,10 +171,10 @@ Scenario read_scenario(const YamlNode& root, const Description& plant, const Des
   if (scenario.text.size() + mechanics.size() > max_message_bytes) {
     throw scenario.complaint(
         "robot.urdf",
-        fmt::format("scenario ({} bytes) and the URDF's joints and inertials ({} bytes) must fit "
-                    "one message; allowed: {} bytes in all; shorten names, numbers or the "
-                    "reference",
-                    scenario.text.size(), mechanics.size(), max_message_bytes));
+        fmt::format(
+            "scenario ({} bytes) and the URDF's joints and inertials ({} bytes) must fit one "
+            "message; allowed: {} bytes in all; shorten names, numbers or the reference",
+            scenario.text.size(), mechanics.size(), max_message_bytes));
   }
   scenario.num_joints = model.num_joints;
   read(Place{scenario, &root, ""}, scenario);
@@ -242,10 +241,10 @@ std::optional<schema::Refusal> ControllerSpec::refusal() const {
                            fmt::format("\"{}\"; allowed: lower-case letters, digits and _", law)};
   }
   if (law != external_law && !measurement.empty()) {
-    return schema::Refusal{"measurement",
-                           fmt::format("{}: law {} says itself what it is fed with; allowed: only "
-                                       "with law: {}",
-                                       measurement, law, external_law)};
+    return schema::Refusal{
+        "measurement",
+        fmt::format("{}: law {} says itself what it is fed with; allowed: only with law: {}",
+                    measurement, law, external_law)};
   }
   if (law == external_law && std::ranges::find(loop::measurement_suffixes, measurement) ==
                                  loop::measurement_suffixes.end()) {
@@ -289,9 +288,10 @@ std::optional<schema::Refusal> Scenario::refusal() const {
     return std::nullopt;
   }
   return schema::Refusal{
-      "name", fmt::format("\"{}\"; allowed: letters, digits, ., _ and -, not . or - first, at most "
-                          "100 of them",
-                          name)};
+      "name",
+      fmt::format(
+          "\"{}\"; allowed: letters, digits, ., _ and -, not . or - first, at most 100 of them",
+          name)};
 }
 
 diagnostics::Failure Scenario::complaint(const std::string& key, const std::string& problem) const {
@@ -308,8 +308,7 @@ diagnostics::Failure Scenario::complaint(const std::string& key, const std::stri
     const std::size_t cut = part.find_last_of(".[");
     part = cut == std::string::npos ? "" : part.substr(0, cut);
   }
-  return diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                              where + ": " + key + ": " + problem);
+  return diagnostics::bad_usage(where + ": " + key + ": " + problem);
 }
 
 Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {

@@ -115,8 +115,8 @@ struct ControllerSpec {
 
   static constexpr std::tuple keys{
       schema::Key{"law", &ControllerSpec::law, "",
-                  "Name of the control law: lower-case letters, digits, `_`; `external`: a "
-                  "program of yours computes it (`run --controller`)"},
+                  "Name of the control law: lower-case letters, digits, `_`; `external`: a program "
+                  "of yours computes it (`run --controller`)"},
       schema::Key{"measurement", &ControllerSpec::measurement, "",
                   "What an external law is fed with, and nothing else: `POSITION`, "
                   "`MOTOR_POSITION`, `LINK_STATE`, `STATE`"}
@@ -168,10 +168,9 @@ struct LoopSpec {
                   "Realtime: commands missed in a row before the protective stop"}
           .in({0, 1e6})
           .by_default(),
-      schema::Key{
-          "max_missed_share", &LoopSpec::max_missed_share, "",
-          "Realtime: share of deadlines that the plant may miss; a run that missed more ends "
-          "with exit code 1"}
+      schema::Key{"max_missed_share", &LoopSpec::max_missed_share, "",
+                  "Realtime: share of deadlines that the plant may miss; a run that missed more "
+                  "ends with exit code 1"}
           .in({0, 1})
           .by_default(),
       schema::Key{"give_up_s", &LoopSpec::give_up_s, "s", "A peer silent for this long is lost"}

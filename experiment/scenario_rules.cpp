@@ -37,14 +37,13 @@ void require_motors_only_behind_springs(const Scenario& scenario) {
   for (const char* key :
        {"plant.initial.motor_position_rad", "plant.initial.motor_velocity_rad_per_s"}) {
     if (!scenario.gives(key)) continue;
-    throw scenario.complaint(key,
-                             "the robot has rigid joints; allowed: only with robot.joints: "
-                             "{flexible: …}");
+    throw scenario.complaint(
+        key, "the robot has rigid joints; allowed: only with robot.joints: {flexible: …}");
   }
   if (scenario.plant.encoder.side == plant::EncoderSide::motor) {
-    throw scenario.complaint("plant.encoder.side",
-                             "motor: the robot has rigid joints; allowed: link, both, or "
-                             "robot.joints: {flexible: …}");
+    throw scenario.complaint(
+        "plant.encoder.side",
+        "motor: the robot has rigid joints; allowed: link, both, or robot.joints: {flexible: …}");
   }
 }
 

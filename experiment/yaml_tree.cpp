@@ -76,8 +76,7 @@ class Converter {
                                                const std::string& problem) const {
     const std::string where =
         set_by_.empty() ? source_ + ":" + std::to_string(line) : "--set " + set_by_;
-    return diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                where + ": " + (path.empty() ? problem : path + ": " + problem));
+    return diagnostics::bad_usage(where + ": " + (path.empty() ? problem : path + ": " + problem));
   }
 
  private:
@@ -168,8 +167,7 @@ YamlNode parse_yaml(std::string_view text, const std::string& source) {
 
 void apply_override(YamlNode& root, const std::string& assignment) {
   const auto refuse = [&](const std::string& problem) {
-    return diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                "--set " + assignment + ": " + problem);
+    return diagnostics::bad_usage("--set " + assignment + ": " + problem);
   };
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) throw refuse("no '='; write key.path=value");

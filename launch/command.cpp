@@ -59,10 +59,9 @@ void require_verb(const std::string& word) {
   for (const Verb* verb : verbs()) names.push_back(verb->name);
   if (std::find(names.begin(), names.end(), word) != names.end()) return;
   const auto meant = diagnostics::nearest(word, names);
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             fmt::format("there is no verb '{}'{}; there are {}", word,
-                                         meant ? fmt::format("; did you mean {}?", *meant) : "",
-                                         diagnostics::joined(names)));
+  throw diagnostics::bad_usage("there is no verb '{}'{}; there are {}", word,
+                               meant ? fmt::format("; did you mean {}?", *meant) : "",
+                               diagnostics::joined(names));
 }
 
 /// `help VERB` is `VERB --help`.
@@ -89,8 +88,7 @@ diagnostics::ExitCode run(const std::vector<const char*>& words) {
   }
   if (words.size() < 2) {
     std::cerr << cli.help();
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "name a verb, for example: tachless doctor");
+    throw diagnostics::bad_usage("name a verb, for example: tachless doctor");
   }
   if (words[1][0] != '-') require_verb(words[1]);
   try {
@@ -101,10 +99,8 @@ diagnostics::ExitCode run(const std::vector<const char*>& words) {
       return diagnostics::ExitCode::done;
     }
     const std::string_view verb = words[1][0] == '-' ? "" : words[1];
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ", error.what(),
-                    verb, verb.empty() ? "" : " "));
+    throw diagnostics::bad_usage("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ",
+                                 error.what(), verb, verb.empty() ? "" : " ");
   }
   return result;
 }

@@ -99,8 +99,8 @@ Finding check_real_time() {
   });
   if (works) return {"real-time priority", true, "SCHED_FIFO is permitted", {}};
   return {"real-time priority", false, "SCHED_FIFO is not permitted; only --mode realtime wants it",
-          "echo \"$USER - rtprio 80\" | sudo tee /etc/security/limits.d/tachless-rtprio.conf, "
-          "then log in again"};
+          "echo \"$USER - rtprio 80\" | sudo tee /etc/security/limits.d/tachless-rtprio.conf, then "
+          "log in again"};
 }
 
 Finding check_locked_memory() {

@@ -20,8 +20,7 @@ std::vector<std::string> laws_of(const experiment::Scenario& scenario,
       try {
         result.emplace_back(controller::law_facts(name).name);
       } catch (const std::invalid_argument& problem) {
-        throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                   fmt::format("--laws: {}", problem.what()));
+        throw diagnostics::bad_usage("--laws: {}", problem.what());
       }
       continue;
     }

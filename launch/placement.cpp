@@ -27,8 +27,7 @@ constexpr std::array loop_roles = {Role::plant, Role::controller, Role::referenc
 constexpr nanoseconds in_parallel = std::chrono::microseconds(10);
 
 [[noreturn]] void refuse(const std::string& wanted, const std::string& why) {
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             fmt::format("--placement {}: {}", wanted, why));
+  throw diagnostics::bad_usage("--placement {}: {}", wanted, why);
 }
 
 void put(Placement& placement, Role role, std::vector<int> cpus) {

@@ -30,8 +30,6 @@ namespace tachless::launch {
 namespace {
 
 namespace fs = std::filesystem;
-using diagnostics::ExitCode;
-using diagnostics::Failure;
 
 constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
 constexpr std::array roles = {loop::Role::logger, loop::Role::controller, loop::Role::reference,
@@ -45,28 +43,25 @@ constexpr double takeover_s = 2;
 void require_restartable(const RunOptions& options, const experiment::Scenario& scenario) {
   if (options.restart.empty()) return;
   if (scenario.loop.mode != experiment::Mode::lockstep) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("{}: --restart {}: a realtime run does not wait for another "
-                              "controller: the robot is stopped; leave --restart out, or take "
-                              "--mode lockstep",
-                              scenario.source, options.restart));
+    throw diagnostics::bad_usage(
+        "{}: --restart {}: a realtime run does not wait for another controller: the robot is "
+        "stopped; leave --restart out, or take --mode lockstep",
+        scenario.source, options.restart);
   }
   if (scenario.loop.give_up_s < takeover_s) {
-    throw Failure(
-        ExitCode::bad_usage,
-        fmt::format("{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and "
-                    "more, for so long may it take until another one has taken its place",
-                    scenario.source, options.restart, scenario.loop.give_up_s, takeover_s));
+    throw diagnostics::bad_usage(
+        "{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so long may it "
+        "take until another one has taken its place",
+        scenario.source, options.restart, scenario.loop.give_up_s, takeover_s);
   }
 }
 
 void require_no_clock(const RunOptions& options, const experiment::Scenario& scenario) {
   if (!options.in_process || scenario.loop.mode == experiment::Mode::lockstep) return;
-  throw Failure(
-      ExitCode::bad_usage,
-      fmt::format("{}: --in-process: loop.mode is realtime, and in one process there is no clock "
-                  "to keep; type --mode lockstep, or leave --in-process out",
-                  scenario.source));
+  throw diagnostics::bad_usage(
+      "{}: --in-process: loop.mode is realtime, and in one process there is no clock to keep; type "
+      "--mode lockstep, or leave --in-process out",
+      scenario.source);
 }
 
 /// A channel that robots of both prefixes would use; empty: none. Besides of equal ones, of "ARM"
@@ -133,21 +128,18 @@ void require_open_files(std::size_t runs) {
   const rlim_t needed = 64 * runs;  // pipes to the programs, sockets, log
   rlimit limit{};
   if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= needed) return;
-  throw Failure(
-      ExitCode::bad_usage,
-      fmt::format("a program may have {} files open here; a run needs {}; type: ulimit -n "
-                  "1024",
-                  limit.rlim_cur, needed));
+  throw diagnostics::bad_usage(
+      "a program may have {} files open here; a run needs {}; type: ulimit -n 1024", limit.rlim_cur,
+      needed);
 }
 
 void require_own_channels(const experiment::Scenario& one, const experiment::Scenario& other) {
   const std::string common = common_channel(one.robot.channel_prefix, other.robot.channel_prefix);
   if (common.empty()) return;
-  throw Failure(
-      ExitCode::bad_usage,
-      fmt::format("{} and {}: robot.name is {} and {}, and so both robots would use the channel "
-                  "{}; write another robot.name into one of the files (--set sets it for both)",
-                  one.source, other.source, one.robot.name, other.robot.name, common));
+  throw diagnostics::bad_usage(
+      "{} and {}: robot.name is {} and {}, and so both robots would use the channel {}; write "
+      "another robot.name into one of the files (--set sets it for both)",
+      one.source, other.source, one.robot.name, other.robot.name, common);
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {
@@ -163,14 +155,14 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   const double steps = plant::integrator_steps_per_tick(scenario, model);
   if (steps > many_integrator_steps && !options.quiet) {
     const auto joint = plant::stiff_friction(scenario, model, many_integrator_steps);
-    diagnostics::log_warning(fmt::format(
+    diagnostics::log_warning(
         "{}: the joints are stiff for this period: about {} integrator steps a tick; expect a slow "
         "run{}",
         scenario.source, std::llround(steps),
         joint ? fmt::format("; the viscous friction of {} is out of proportion to its inertia: "
                             "plant.drive.viscous_friction_Nms_per_rad gives it another",
                             robot::joint_labels(model).joint(*joint))
-              : ""));
+              : "");
   }
   return scenario;
 }
@@ -179,15 +171,14 @@ bool prepare_network(const RunOptions& options) {
   const bus::LcmUrl url = node::parse_lcm_url(options.lcm_url);
   if (url.is_tcp()) {
     if (isolation_wanted(options)) {
-      throw Failure(ExitCode::bad_usage,
-                    fmt::format("--isolate: the server of {} cannot be reached from a private "
-                                "network; leave --isolate (TACHLESS_ISOLATE) out",
-                                url.text()));
+      throw diagnostics::bad_usage(
+          "--isolate: the server of {} cannot be reached from a private network; leave --isolate "
+          "(TACHLESS_ISOLATE) out",
+          url.text());
     }
     const auto problem = bus::check_network(url);
     if (problem) {
-      throw Failure(ExitCode::bad_usage,
-                    fmt::format("{}; start it with: {}", problem->what, problem->remedy));
+      throw diagnostics::bad_usage("{}; start it with: {}", problem->what, problem->remedy);
     }
     return false;
   }
@@ -195,14 +186,14 @@ bool prepare_network(const RunOptions& options) {
     const auto problem = bus::check_network(url);
     if (!problem) return false;
     diagnostics::log_warning(
-        fmt::format("this host has no usable multicast ({}): the run is isolated in a private "
-                    "network; to mend it, type: {}",
-                    problem->what, problem->remedy));
+        "this host has no usable multicast ({}): the run is isolated in a private network; to mend "
+        "it, type: {}",
+        problem->what, problem->remedy);
   }
   try {
     process::enter_private_network();
   } catch (const std::system_error& error) {
-    throw Failure(ExitCode::bad_usage, fmt::format("cannot isolate the run: {}", error.what()));
+    throw diagnostics::bad_usage("cannot isolate the run: {}", error.what());
   }
   return true;
 }
@@ -279,8 +270,7 @@ std::vector<fs::path> RunDirectory::files() const {
 }
 
 void RunDirectory::refuse(const std::string& why) const {
-  throw Failure(ExitCode::bad_usage,
-                fmt::format("--out {}: {}; choose another directory", path_.string(), why));
+  throw diagnostics::bad_usage("--out {}: {}; choose another directory", path_.string(), why);
 }
 
 std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {

@@ -79,11 +79,10 @@ class Heartbeats {
           other.state == loop::ParticipantState::fault) {
         continue;
       }
-      throw diagnostics::Failure(
-          diagnostics::ExitCode::protocol_violated,
-          fmt::format("another run is on this bus: there is already the {} (process {} on {}, {}); "
-                      "run beside it with --isolate, or end it first",
-                      loop::name(other.role), other.pid, other.host, datagram->sender));
+      throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
+                                 "another run is on this bus: there is already the {} (process {} "
+                                 "on {}, {}); run beside it with --isolate, or end it first",
+                                 loop::name(other.role), other.pid, other.host, datagram->sender);
     }
   }
 
@@ -134,8 +133,8 @@ void tell_others(const Supervision& supervision, const RunOptions& options) {
   }
   if (exit_code(supervision) != diagnostics::ExitCode::check_said_no) return;
   for (const Finding& finding : examine_punctuality()) {
-    diagnostics::log_info(fmt::format("{}: {}; type: {}", finding.subject, finding.what,
-                                      finding.remedy.value_or("tachless doctor")));
+    diagnostics::log_info("{}: {}; type: {}", finding.subject, finding.what,
+                          finding.remedy.value_or("tachless doctor"));
   }
 }
 
@@ -322,15 +321,14 @@ diagnostics::ExitCode in_this_process(const std::vector<Planned>& runs) {
 void cross_check(const Planned& run) {
   constexpr double most = 1e-8;  // the integrators' 1e-12 a step, and what a loop makes of it
   const study::CrossCheck check = study::cross_check(run.scenario);
-  const std::string found = run.options.named(fmt::format(
-      "cross-check: Simbody and the native mechanics differ by {:.2g} rad at tick {} of "
-      "{}, and nowhere by more",
-      check.position, check.tick, check.ticks));
+  const std::string found =
+      run.options.named(fmt::format("cross-check: Simbody and the native mechanics differ by "
+                                    "{:.2g} rad at tick {} of {}, and nowhere by more",
+                                    check.position, check.tick, check.ticks));
   if (!(check.position <= most)) {
     throw diagnostics::Failure(
         diagnostics::ExitCode::check_said_no,
-        fmt::format("{}; allowed: {:g}. The loop magnifies differences, or one of them is wrong",
-                    found, most));
+        "{}; allowed: {:g}. The loop magnifies differences, or one of them is wrong", found, most);
   }
   if (!run.options.quiet) diagnostics::log_info(found);
 }

@@ -29,8 +29,7 @@ RunVerdict judge(const experiment::Scenario& scenario, const RunOptions& options
   const certificate::Verdict loop = certificate::verdict(scenario);
   const bool unstable = loop.unknown.empty() && !loop.stable;
   if (unstable && !options.force) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               certificate::refusal(loop, options.scenario.string()));
+    throw diagnostics::bad_usage(certificate::refusal(loop, options.scenario.string()));
   }
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
   RunVerdict verdict{certificate::text(loop), unstable, friction_text(scenario),

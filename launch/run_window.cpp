@@ -30,10 +30,8 @@ RunWindow::RunWindow(const RunOptions& options, bool isolated, Screen& screen)
     std::string_view why = failure.what();
     if (why.starts_with(itself)) why.remove_prefix(itself.size());
     throw diagnostics::Failure(
-        failure.code(),
-        fmt::format(
-            "--visualize: {}; or leave out --visualize{}", why,
-            isolated ? " (this run is isolated: it reaches no display over the network)" : ""));
+        failure.code(), "--visualize: {}; or leave out --visualize{}", why,
+        isolated ? " (this run is isolated: it reaches no display over the network)" : "");
   }
 }
 

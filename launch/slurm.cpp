@@ -13,8 +13,6 @@ namespace tachless::launch {
 namespace {
 
 namespace fs = std::filesystem;
-using diagnostics::ExitCode;
-using diagnostics::Failure;
 
 fs::path job_file(const study::Sweep& sweep) { return sweep.directory() / "slurm-job"; }
 
@@ -37,7 +35,7 @@ std::string submitted(std::vector<std::string> options, const std::string& scrip
   const process::Finished finished = process::run(options);
   const std::string said = diagnostics::joined(finished.lines, "; ");
   if (!finished.well() || finished.lines.empty()) {
-    throw Failure(ExitCode::bad_usage, fmt::format("sbatch refuses the sweep: {}", said));
+    throw diagnostics::bad_usage("sbatch refuses the sweep: {}", said);
   }
   return finished.lines.back().substr(0, finished.lines.back().find(';'));  // "id;cluster"
 }

@@ -75,11 +75,10 @@ void CsvFile::close() {
 }
 
 void CsvFile::fail(int error) const {
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
+  throw diagnostics::bad_usage(
       path_.string() + ": cannot write: " + std::generic_category().message(error) +
-          (error == ENOSPC ? "; free some space, or name a file on another disk"
-                           : "; name another file"));
+      (error == ENOSPC ? "; free some space, or name a file on another disk"
+                       : "; name another file"));
 }
 
 }  // namespace tachless::logger

@@ -15,9 +15,8 @@ namespace {
 void require_free(const std::filesystem::path& path) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(path, error)) return;
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
-      path.string() + ": exists already; name another file, or overwrite it with --force");
+  throw diagnostics::bad_usage(path.string() +
+                               ": exists already; name another file, or overwrite it with --force");
 }
 
 template <class File>
@@ -40,11 +39,9 @@ ExportFormat export_format_of(const std::filesystem::path& path) {
   const auto ending = path.extension();
   if (ending == ".csv" || path == "-") return ExportFormat::csv;
   if (ending == ".h5" || ending == ".hdf5") return ExportFormat::hdf5;
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
-      path.string() +
-          ": unknown kind of file; end its name in .csv, .h5 or .hdf5, or write CSV to "
-          "standard output by -");
+  throw diagnostics::bad_usage(path.string() +
+                               ": unknown kind of file; end its name in .csv, .h5 or .hdf5, or "
+                               "write CSV to standard output by -");
 }
 
 std::string ExportResult::text() const {
@@ -81,8 +78,7 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFo
       write_csv(unfinished.name());
     } else {
       if (unfinished.direct()) {
-        throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                   path.string() + ": HDF5 needs a regular file; name one");
+        throw diagnostics::bad_usage(path.string() + ": HDF5 needs a regular file; name one");
       }
       Hdf5File file(unfinished.name(), quantities, log);
       write_rows(log, quantities, file, result);

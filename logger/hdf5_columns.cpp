@@ -14,11 +14,9 @@ void write_hdf5_columns(const std::filesystem::path& path, const std::vector<Num
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
   const auto check = [&](auto result) {
     if (result >= 0) return result;
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("{}: cannot write: the file system refused; check directory, rights, limits "
-                    "and room",
-                    path.string()));
+    throw diagnostics::bad_usage(
+        "{}: cannot write: the file system refused; check directory, rights, limits and room",
+        path.string());
   };
   const hid_t file = check(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
   for (const auto& [name, text] : texts) {

@@ -91,13 +91,11 @@ class Hdf5File::Impl {
     struct statvfs disk {};
     const auto directory = path_.has_parent_path() ? path_.parent_path() : ".";
     const bool full = statvfs(directory.c_str(), &disk) == 0 && disk.f_bavail == 0;
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
+    throw diagnostics::bad_usage(
         path_.string() + ": cannot write: " +
-            (full ? "No space left on device; free some space, or name a file on "
-                    "another disk"
-                  : "the file system refused; check directory, rights and limits, "
-                    "or name another file"));
+        (full ? "No space left on device; free some space, or name a file on another disk"
+              : "the file system refused; check directory, rights and limits, or name another "
+                "file"));
   }
 
   void attribute(hid_t object, const char* name, const std::string& text) const {

@@ -111,8 +111,8 @@ std::string damage_text(const Damage& damage) {
   std::string text = "damage    none\n";
   if (damage.any()) {
     text = fmt::format(
-        "damage    {} bytes in {} places hold no message; {} message numbers missing, {} wrong; "
-        "{} messages beside damage\n",
+        "damage    {} bytes in {} places hold no message; {} message numbers missing, {} wrong; {} "
+        "messages beside damage\n",
         damage.bytes_skipped, damage.stretches, damage.missing_numbers, damage.wrong_numbers,
         damage.suspect_events);
     constexpr std::size_t shown = 10;
@@ -260,7 +260,7 @@ LogInfo read_info(const std::filesystem::path& path) {
   info.size_bytes = std::filesystem::file_size(path);
   tally.finish();
   if (info.events == 0 && info.size_bytes > 0) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, no_log_text(path));
+    throw diagnostics::bad_usage(no_log_text(path));
   }
   const bool has_run_info = std::ranges::any_of(
       info.channels, [](const ChannelInfo& each) { return each.name.ends_with(run_info_suffix); });

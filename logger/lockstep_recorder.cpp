@@ -49,12 +49,11 @@ void LockstepRecorder::write_complete_ticks() {
 /// A stranger's TRUTH contradicts the plant's own, and is noticed by that, unless that one is lost.
 void LockstepRecorder::compare_truth() {
   if (link().truth_digest() == truth_digest_.value()) return;
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::protocol_violated,
-      "what is recorded on " + messages().channel(Slot::truth) + " is not what " +
-          link().describe(loop::Role::plant) +
-          " has published: somebody else has published there too; find it with `tachless watch`, "
-          "or use a key (--key-file)");
+  throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
+                             "what is recorded on " + messages().channel(Slot::truth) +
+                                 " is not what " + link().describe(loop::Role::plant) +
+                                 " has published: somebody else has published there too; find it "
+                                 "with `tachless watch`, or use a key (--key-file)");
 }
 
 void LockstepRecorder::conclude(bool well) {

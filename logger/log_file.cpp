@@ -101,12 +101,10 @@ LogWriter::LogWriter(std::filesystem::path path, Existing existing)
   file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | policy, 0644);
   if (file_ < 0) {
     const int error = errno;
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format(
-            "{}: cannot create the log: {}; {}", path_.string(), text_of(error),
-            remedy_for_creating(
-                error, path_.has_parent_path() ? path_.parent_path().string() : std::string("."))));
+    throw diagnostics::bad_usage(
+        "{}: cannot create the log: {}; {}", path_.string(), text_of(error),
+        remedy_for_creating(
+            error, path_.has_parent_path() ? path_.parent_path().string() : std::string(".")));
   }
   buffer_.resize(buffer_bytes);  // touches every page, so that none is missing later
 }
@@ -122,7 +120,7 @@ LogWriter::~LogWriter() {
 }
 
 void LogWriter::require_usable() const {
-  if (!failure_.empty()) throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
+  if (!failure_.empty()) throw diagnostics::bad_usage(failure_);
   if (file_ < 0) throw std::logic_error("logger::LogWriter: used after close");
 }
 
@@ -192,7 +190,7 @@ void LogWriter::require_own_file() {
   ::close(std::exchange(file_, -1));
   failure_ = path_.string() + ": the log " + what +
              " while it was being written; leave it alone until the run has ended";
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
+  throw diagnostics::bad_usage(failure_);
 }
 
 void LogWriter::write_out(std::span<const std::byte> data) {
@@ -231,13 +229,12 @@ void LogWriter::fail(int error) {
   failure_ =
       fmt::format("{}: cannot write the log: {}; the first {} bytes are kept, all whole events; {}",
                   path_.string(), text_of(error), whole_, remedy);
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, failure_);
+  throw diagnostics::bad_usage(failure_);
 }
 
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
   const auto refuse = [&](const std::string& problem) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               fmt::format("{}: cannot read the log: {}", path.string(), problem));
+    throw diagnostics::bad_usage("{}: cannot read the log: {}", path.string(), problem);
   };
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) refuse(text_of(errno) + "; name an LCM log");

@@ -105,9 +105,9 @@ void RealtimeRecorder::tell_what_is_missing() {
     const auto slot = static_cast<Slot>(i);
     const auto& missing = tally_.missing(slot);
     if (missing.count == 0) continue;
-    diagnostics::log_warning(fmt::format("{} of {} ticks have no {}: {}", missing.count,
-                                         tally_.complete() + tally_.incomplete(),
-                                         messages().channel(slot), text_of(missing)));
+    diagnostics::log_warning("{} of {} ticks have no {}: {}", missing.count,
+                             tally_.complete() + tally_.incomplete(), messages().channel(slot),
+                             text_of(missing));
   }
 }
 

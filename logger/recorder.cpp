@@ -35,7 +35,7 @@ Recorder::Recorder(const experiment::Scenario& scenario, bus::Transport& transpo
     if (!messages_.channel(static_cast<Slot>(slot)).empty()) record(static_cast<Slot>(slot));
   }
   link_.statistics().logger().log.path = log_path.string();
-  diagnostics::log_detail(fmt::format("writes the log {}", log_path.string()));
+  diagnostics::log_detail("writes the log {}", log_path.string());
 }
 
 void Recorder::record(Slot slot) {

@@ -31,8 +31,7 @@ std::string contradiction(const RunDescription& found, std::string_view prefix) 
     return fmt::format("names robot {} on channel {}{}", info.robot, prefix, run_info_suffix);
   }
   if (info.num_ticks != scenario.loop.num_ticks || info.period_s != scenario.loop.period_s) {
-    return "contradicts the scenario in it on the number or the length of "
-           "ticks";
+    return "contradicts the scenario in it on the number or the length of ticks";
   }
   if (std::ranges::find(loop::measurement_suffixes, info.measurement) ==
       loop::measurement_suffixes.end()) {
@@ -104,9 +103,8 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
     if (old != old_versions.end()) {
       if (problem.empty()) {
         problem = fmt::format(
-            "was recorded by tachless {0}; this is {1}, "
-            "which reads logs of {1}; "
-            "use {0} to read it",
+            "was recorded by tachless {0}; this is {1}, which reads logs of {1}; use {0} to read "
+            "it",
             old->version, diagnostics::version);
       }
       continue;
@@ -127,13 +125,11 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
   if (alone) return std::move(*alone);
   if (problem.empty()) {
     problem = fmt::format(
-        "none of its {} messages is a RUN_INFO, which says what was run; "
-        "record from before the "
+        "none of its {} messages is a RUN_INFO, which says what was run; record from before the "
         "start on, or see what the log holds with: tachless info {}",
         events, reader.path().string());
   }
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             fmt::format("{}: {}", reader.path().string(), problem));
+  throw diagnostics::bad_usage("{}: {}", reader.path().string(), problem);
 }
 
 }  // namespace tachless::logger

@@ -185,10 +185,9 @@ std::uint64_t BusMonitor::undecodable() const {
 std::vector<std::string> BusMonitor::head_lines() const {
   std::uint64_t missing = 0;
   for (const auto& [address, sender] : senders_) missing += sender.sequence.missing();
-  std::vector<std::string> lines = {
-      fmt::format("{} messages of {} senders in {:.1f} s; by the senders' own count {} missing; "
-                  "undecodable {}",
-                  messages_, senders_.size(), seconds_, missing, undecodable())};
+  std::vector<std::string> lines = {fmt::format(
+      "{} messages of {} senders in {:.1f} s; by the senders' own count {} missing; undecodable {}",
+      messages_, senders_.size(), seconds_, missing, undecodable())};
   const auto note = [&](std::uint64_t count, std::string_view what) {
     if (count != 0) lines.push_back(fmt::format("{} {}", count, what));
   };

@@ -36,7 +36,7 @@ void KeyCheck::poll(loop::Clock::time_point now) const {
   if (accepted_ || num_foreign_ < fewest || now - since_ < shortest) return;
   throw diagnostics::Failure(
       diagnostics::ExitCode::protocol_violated,
-      fmt::format("{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)", first_));
+      "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)", first_);
 }
 
 }  // namespace tachless::node

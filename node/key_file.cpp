@@ -68,8 +68,7 @@ bus::Key decoded(const Content& content, std::size_t size) {
 
 bus::Key read_key_file(const std::filesystem::path& path) {
   const auto refuse = [&](const std::string& problem) {
-    return diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                fmt::format("--key-file: {}: {}", path.string(), problem));
+    return diagnostics::bad_usage("--key-file: {}: {}", path.string(), problem);
   };
   const std::string make =
       fmt::format("make one: (umask 077; head -c 32 /dev/urandom > {})", path.string());

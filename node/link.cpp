@@ -104,8 +104,7 @@ void Link::log_members() const {
   for (const Role role : {Role::plant, Role::reference, Role::controller, Role::logger}) {
     if (role != role_) others.push_back(describe(role));
   }
-  diagnostics::log_detail(
-      fmt::format("run {} on {}, with {}", run(), channel_, diagnostics::joined(others)));
+  diagnostics::log_detail("run {} on {}, with {}", run(), channel_, diagnostics::joined(others));
 }
 
 /// Membership fails when the predecessor is heard: it is still there.
@@ -245,7 +244,7 @@ void Link::tell_who_is_missing(Clock::time_point now) {
   std::vector<std::string_view> roles;
   for (const Role role : membership_->missing()) roles.push_back(loop::name(role));
   if (roles.empty()) return;
-  diagnostics::log_info(fmt::format("waiting for {} on {}", diagnostics::joined(roles), channel_));
+  diagnostics::log_info("waiting for {} on {}", diagnostics::joined(roles), channel_);
 }
 
 std::string Link::silent_among(std::initializer_list<Role> roles) const {

@@ -12,7 +12,7 @@ using protocol::lockstep::Verdict;
 
 void Loop::on(const std::string& channel, Handler handler) {
   transport_.subscribe(channel);
-  diagnostics::log_detail(fmt::format("receives {}", channel));
+  diagnostics::log_detail("receives {}", channel);
   handlers_.emplace_back(channel, std::move(handler));
 }
 
@@ -58,12 +58,11 @@ void Loop::count(Verdict verdict) {
 
 diagnostics::Failure Loop::two_of(loop::Role role, const bus::Datagram& second, std::int64_t tick,
                                   std::string_view first) const {
-  return {
-      diagnostics::ExitCode::protocol_violated,
-      fmt::format("two processes are the {} of run {}: {} and {} sent different {} messages for "
-                  "tick {}; the run's own is {}, end the other",
-                  loop::name(role), session_.run(), first, second.sender, second.channel, tick,
-                  session_.describe(role))};
+  return {diagnostics::ExitCode::protocol_violated,
+          fmt::format("two processes are the {} of run {}: {} and {} sent different {} messages "
+                      "for tick {}; the run's own is {}, end the other",
+                      loop::name(role), session_.run(), first, second.sender, second.channel, tick,
+                      session_.describe(role))};
 }
 
 }  // namespace tachless::node

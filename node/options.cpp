@@ -21,8 +21,7 @@ bool parse(CLI::App& program, int argc, const char* const* argv) {
       program.exit(error, std::cout, std::cerr);
       return false;
     }
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               fmt::format("{}; see {} --help", error.what(), program.get_name()));
+    throw diagnostics::bad_usage("{}; see {} --help", error.what(), program.get_name());
   }
 }
 
@@ -36,9 +35,8 @@ std::string find_scenario(const std::string& given) {
   if (!name.has_extension()) name += ".yaml";
   const fs::path installed = folder / name;  // `given` itself, if that is absolute
   if (fs::exists(installed, error)) return installed.string();
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
-      fmt::format("{}: no such file; looked for here and in {}", given, folder.string()));
+  throw diagnostics::bad_usage("{}: no such file; looked for here and in {}", given,
+                               folder.string());
 }
 
 CLI::Option* with_installed_scenarios(CLI::Option* files) {
@@ -68,8 +66,7 @@ bus::LcmUrl parse_lcm_url(const std::string& url) {
   try {
     return bus::parse_lcm_url(url);
   } catch (const std::invalid_argument& problem) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               std::string("--lcm-url: ") + problem.what());
+    throw diagnostics::bad_usage(std::string("--lcm-url: ") + problem.what());
   }
 }
 

@@ -26,7 +26,7 @@ Playback::Playback(const experiment::Scenario& scenario, const Config& config)
 void Playback::join(const loop::LawInfo& /*law*/, const Handler& /*other*/) {
   progress_at_ = next_poll_ = Clock::now();
   statistics().run_id = run_;
-  diagnostics::log_info(fmt::format("following run {} as it is played back", run_));
+  diagnostics::log_info("following run {} as it is played back", run_);
 }
 
 void Playback::started(Clock::time_point now) {
@@ -46,14 +46,14 @@ void Playback::poll(Clock::time_point now) {
   if (!limit || now - progress_at_ < *limit) return;
   if (!begun) {
     throw Failure(ExitCode::peer_lost,
-                  fmt::format("no measurement of run {} with its reference came; is that the run's "
-                              "id? `tachless info LOG` tells",
-                              run_));
+                  "no measurement of run {} with its reference came; is that the run's id? "
+                  "`tachless info LOG` tells",
+                  run_);
   }
   throw Failure(ExitCode::peer_lost,
-                fmt::format("run {} goes silent after tick {} of {}: a measurement or reference is "
-                            "missing; `tachless info LOG` names the gaps",
-                            run_, tick_, last_tick_));
+                "run {} goes silent after tick {} of {}: a measurement or reference is missing; "
+                "`tachless info LOG` names the gaps",
+                run_, tick_, last_tick_);
 }
 
 std::string Playback::describe(loop::Role role) const {

@@ -159,8 +159,8 @@ std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
   if (given.serve >= 0) options.controller.serve = given.serve;
   if (options.controller.follow && options.key_path) {
     throw bad_usage(
-        "--follow: what is played back does not verify under a key; unset --key-file "
-        "and TACHLESS_KEY_FILE");
+        "--follow: what is played back does not verify under a key; unset --key-file and "
+        "TACHLESS_KEY_FILE");
   }
   if (role == loop::Role::logger) {
     options.logger.log_path =

@@ -49,9 +49,9 @@ void request_real_time(loop::Role role) {
   }
   if (missing.empty()) return;
   diagnostics::log_info(
-      fmt::format("realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock "
-                  "unlimited` in /etc/security/limits.d/realtime.conf, then log in again",
-                  missing));
+      "realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock unlimited` in "
+      "/etc/security/limits.d/realtime.conf, then log in again",
+      missing);
 }
 
 }  // namespace tachless::node

@@ -37,13 +37,13 @@ class Bus {
       }
       udp_.emplace(where);
     } catch (const std::system_error& problem) {
-      throw Failure(ExitCode::bad_usage,
-                    where.is_tcp() ? fmt::format("{}; start it with: {}", problem.what(),
-                                                 bus::server_command(where))
-                                   : fmt::format("{}: {}", options.lcm_url, problem.what()));
+      throw diagnostics::bad_usage(
+          where.is_tcp()
+              ? fmt::format("{}; start it with: {}", problem.what(), bus::server_command(where))
+              : fmt::format("{}: {}", options.lcm_url, problem.what()));
     }
-    diagnostics::log_detail(
-        fmt::format("bus {}, receive buffer {} bytes", where.text(), udp_->receive_buffer_bytes()));
+    diagnostics::log_detail("bus {}, receive buffer {} bytes", where.text(),
+                            udp_->receive_buffer_bytes());
     if (options.spin) udp_->spin();
     if (role != loop::Role::logger) return;
     if (scenario.loop.mode == experiment::Mode::lockstep) {
@@ -63,9 +63,8 @@ class Bus {
   /// The others cannot know: they only miss this process.
   void tell_what_was_not_sent() const {
     if (!udp_ || udp_->statistics().unsent == 0) return;
-    diagnostics::log_warning(
-        fmt::format("{} messages could not be sent ({}); `tachless doctor` looks closer",
-                    udp_->statistics().unsent, std::strerror(udp_->statistics().refusal)));
+    diagnostics::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
+                             udp_->statistics().unsent, std::strerror(udp_->statistics().refusal));
   }
 
  private:
@@ -112,9 +111,9 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
         experiment::load_scenario(find_scenario(options.scenario_path), options.overrides);
     const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
     if (options.controller.resume && realtime) {
-      throw Failure(ExitCode::bad_usage,
-                    "--resume: a realtime run does not wait for another controller: the robot is "
-                    "stopped; start a new run");
+      throw diagnostics::bad_usage(
+          "--resume: a realtime run does not wait for another controller: the robot is stopped; "
+          "start a new run");
     }
     bus.open(options, role, scenario);
     if (options.controller.follow) {

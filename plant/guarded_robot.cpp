@@ -70,8 +70,8 @@ void GuardedRobot::start() {
       if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
       throw scenario_.complaint(
           "plant.initial.position_rad",
-          fmt::format("{:.6g} for {}, which is at {:.6g}; move the robot to within {:.6g} of "
-                      "where the scenario begins, or begin where it is",
+          fmt::format("{:.6g} for {}, which is at {:.6g}; move the robot to within {:.6g} of where "
+                      "the scenario begins, or begin where it is",
                       begin[i], robot::joint_labels(model_).joint(static_cast<std::size_t>(i)),
                       state_.q[i], start_tolerance));
     }
@@ -99,9 +99,8 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
   }
   if (!all_finite(state_)) {
     throw Failure(ExitCode::protective_stop,
-                  fmt::format("the robot's driver read a number that is not finite {}; see its "
-                              "encoders",
-                              when(tick)));
+                  "the robot's driver read a number that is not finite {}; see its encoders",
+                  when(tick));
   }
 }
 
@@ -159,11 +158,10 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
     throw;
   } catch (const std::runtime_error& problem) {
     if (!emulated()) throw;
-    throw Failure(
-        ExitCode::protective_stop,
-        fmt::format("the simulation failed at tick {}: {}; a loop that is unstable at this "
-                    "period ends like this: shorten loop.period_s or soften the gains",
-                    tick, problem.what()));
+    throw Failure(ExitCode::protective_stop,
+                  "the simulation failed at tick {}: {}; a loop that is unstable at this period "
+                  "ends like this: shorten loop.period_s or soften the gains",
+                  tick, problem.what());
   }
   return Clock::now() - begin;
 }

@@ -75,8 +75,8 @@ void LockstepLoop::help_successor(Time now) {
     takeovers = link_.takeovers();
     tick_master_.replaced(now);
     diagnostics::log_warning(
-        fmt::format("{} has taken the place of one that is silent, before the command for tick {}",
-                    link_.describe(Role::controller), tick_master_.next_tick()));
+        "{} has taken the place of one that is silent, before the command for tick {}",
+        link_.describe(Role::controller), tick_master_.next_tick());
   }
   if (tick_master_.catching_up()) tick_master_.successor_at(link_.tick_of(Role::controller), now);
 }
@@ -169,10 +169,9 @@ void LockstepLoop::give_up_if_lost(Time now) const {
       what = fmt::format("tick {} is not recorded", tick_master_.acknowledged() + 1);
       break;
   }
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::peer_lost,
-      fmt::format("{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
-                  scenario_.loop.give_up_s, who));
+  throw diagnostics::Failure(diagnostics::ExitCode::peer_lost,
+                             "{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
+                             scenario_.loop.give_up_s, who);
 }
 
 }  // namespace tachless::plant

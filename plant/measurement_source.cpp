@@ -45,11 +45,10 @@ std::unique_ptr<MeasurementSource> make_measurement_source(std::string_view suff
     source = std::make_unique<Source<M>>(scenario, encoder, layout);
   });
   if (!source) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::protocol_violated,
-        fmt::format("the controller asks for the measurement '{}'; the plant has POSITION, "
-                    "MOTOR_POSITION, LINK_STATE and STATE",
-                    suffix));
+    throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
+                               "the controller asks for the measurement '{}'; the plant has "
+                               "POSITION, MOTOR_POSITION, LINK_STATE and STATE",
+                               suffix);
   }
   return source;
 }

@@ -58,11 +58,10 @@ void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario&
   const experiment::ControllerSpec& spec = scenario.controller;
   const bool external = spec.law == experiment::external_law;
   if (!external && law.name != spec.law) {
-    throw scenario.complaint(
-        "controller.law",
-        fmt::format("{}, but the controller that came runs the law \"{}\"; for a law of your own, "
-                    "write law: {}",
-                    spec.law, law.name, experiment::external_law));
+    throw scenario.complaint("controller.law",
+                             fmt::format("{}, but the controller that came runs the law \"{}\"; "
+                                         "for a law of your own, write law: {}",
+                                         spec.law, law.name, experiment::external_law));
   }
   if (external && law.measurement != spec.measurement) {
     throw scenario.complaint("controller.measurement",
@@ -78,14 +77,15 @@ void PlantMessages::prepare() {
   require_the_scenarios(law, scenario_);
   const std::string& needed = law.measurement;
   if (!robot_.measures_velocity() && loop::measures_velocity(needed)) {
-    throw scenario_.complaint("controller.law",
-                              fmt::format("{} measures velocity, this robot does not; take a law "
-                                          "that is fed with positions",
-                                          scenario_.controller.law));
+    throw scenario_.complaint(
+        "controller.law",
+        fmt::format(
+            "{} measures velocity, this robot does not; take a law that is fed with positions",
+            scenario_.controller.law));
   }
   measurement_ = make_measurement_source(needed, scenario_, encoder_, layout_);
   measurement_port_ = {measurement_->channel(), measurement_->longest()};
-  diagnostics::log_detail(fmt::format("the law measures {}", needed));
+  diagnostics::log_detail("the law measures {}", needed);
 
   run_info_ = plant::run_info(scenario_, link_.run(), law);
 }
@@ -124,10 +124,9 @@ bool PlantMessages::accept_command(const bus::Datagram& datagram, loop::Stamp& s
     if (heard.run == link_.run() && link_.is_from(loop::Role::controller, datagram.sender)) {
       link_.statistics().rejected.add(rejection);
       throw Failure(ExitCode::protective_stop,
-                    fmt::format("{} commanded a torque that is not finite for tick {}: the loop is "
-                                "unstable, or the controller is broken; shorten loop.period_s or "
-                                "soften the gains",
-                                link_.describe(loop::Role::controller), heard.tick));
+                    "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
+                    "or the controller is broken; shorten loop.period_s or soften the gains",
+                    link_.describe(loop::Role::controller), heard.tick);
     }
   }
   return link_.accept(rejection, stamp);

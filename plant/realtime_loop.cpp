@@ -86,8 +86,7 @@ void RealtimeLoop::judge_deadlines() {
   link_.statistics().fault = fmt::format(
       "{} of {} deadlines were missed ({:.3g} %), more than loop.max_missed_share ({}) allows: "
       "this machine is too slow, too busy or without real-time rights for ticks of {:.6g} ms; "
-      "type: "
-      "tachless doctor; or lengthen loop.period_s",
+      "type: tachless doctor; or lengthen loop.period_s",
       missed, scenario_.loop.num_ticks, 100 * share,
       diagnostics::shortest(scenario_.loop.max_missed_share), 1e3 * scenario_.loop.period_s);
 }
@@ -96,11 +95,10 @@ void RealtimeLoop::refuse_early(const bus::Datagram& datagram) {
   if (datagram.channel != messages_.command_port().channel ||
       !messages_.is_command(datagram.payload))
     return;
-  throw Failure(
-      ExitCode::protocol_violated,
-      fmt::format("a command came on {} before the start, from {} (run {}): an old "
-                  "controller is still there; end it first",
-                  datagram.channel, datagram.sender, bus::stamp_of(datagram.payload).run));
+  throw Failure(ExitCode::protocol_violated,
+                "a command came on {} before the start, from {} (run {}): an old controller is "
+                "still there; end it first",
+                datagram.channel, datagram.sender, bus::stamp_of(datagram.payload).run);
 }
 
 void RealtimeLoop::introduce() {
@@ -113,8 +111,8 @@ void RealtimeLoop::introduce() {
     link_.poll(now);
     if (now >= give_up_at) {
       throw Failure(ExitCode::peer_lost,
-                    fmt::format("{} does not acknowledge RUN_INFO; see its output (loop.give_up_s)",
-                                link_.describe(Role::logger)));
+                    "{} does not acknowledge RUN_INFO; see its output (loop.give_up_s)",
+                    link_.describe(Role::logger));
     }
     if (now >= repeat_at) {
       transport_.publish(messages_.run_info_port().channel, messages_.run_info());

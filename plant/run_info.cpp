@@ -28,12 +28,11 @@ std::vector<std::byte> run_info(const experiment::Scenario& scenario, std::int64
     const auto bytes = codec.encode({0, run, -1}, info);
     return {bytes.begin(), bytes.end()};
   } catch (const std::length_error&) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("{}: scenario and URDF have {} characters together; allowed: about "
-                    "{}, for a log holds them in one message",
-                    scenario.source, info.scenario.size() + info.robot_description.size(),
-                    loop::max_run_info_size - 200));
+    throw diagnostics::bad_usage(
+        "{}: scenario and URDF have {} characters together; allowed: about {}, for a log holds "
+        "them in one message",
+        scenario.source, info.scenario.size() + info.robot_description.size(),
+        loop::max_run_info_size - 200);
   }
 }
 

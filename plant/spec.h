@@ -110,10 +110,9 @@ struct EncoderSpec {
   EncoderSide side = EncoderSide::both;
 
   static constexpr std::tuple keys{
-      schema::Key{
-          "resolution_bits", &EncoderSpec::resolution_bits, "bit",
-          "2^bits counts per revolution, on a prismatic joint over its range in the URDF; null = "
-          "ideal"}
+      schema::Key{"resolution_bits", &EncoderSpec::resolution_bits, "bit",
+                  "2^bits counts per revolution, on a prismatic joint over its range in the URDF; "
+                  "null = ideal"}
           .in({1, 52, false, false, true})
           .by_default("`null`")
           .or_null(),
@@ -167,10 +166,9 @@ struct DriveSpec {
           .in(schema::positive)
           .by_default("none")
           .or_null(),
-      schema::Key{
-          "coulomb_friction_Nm", &DriveSpec::coulomb_friction_Nm, "N m (N)",
-          "Against the motion of a link's joint, whatever its speed; holds a joint at rest. "
-          "Needs `plant.mechanics: native`"}
+      schema::Key{"coulomb_friction_Nm", &DriveSpec::coulomb_friction_Nm, "N m (N)",
+                  "Against the motion of a link's joint, whatever its speed; holds a joint at "
+                  "rest. Needs `plant.mechanics: native`"}
           .in(schema::not_negative)
           .by_default("`<dynamics friction>` of the URDF"),
       schema::Key{"static_friction_Nm", &DriveSpec::static_friction_Nm, "N m (N)",
@@ -251,10 +249,9 @@ struct DisturbanceSpec {
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const {
     if (joint.empty() == link.empty()) {
-      return schema::Refusal{"joint", joint.empty()
-                                          ? "neither a joint nor a link is given; allowed: "
-                                            "one of the two"
-                                          : "and a link are given; allowed: one of the two"};
+      return schema::Refusal{
+          "joint", joint.empty() ? "neither a joint nor a link is given; allowed: one of the two"
+                                 : "and a link are given; allowed: one of the two"};
     }
     if (torque_Nm.has_value() == joint.empty()) {
       return schema::Refusal{"torque_Nm", "a joint takes torque_Nm, a link force_N"};
@@ -326,10 +323,9 @@ struct Spec {
 
   static constexpr std::tuple keys{
       schema::Key{"initial", &Spec::initial},
-      schema::Key{
-          "mechanics", &Spec::mechanics, "",
-          "Whose multibody code moves the robot: Simbody's, or our own recursions, which are "
-          "some ten times as fast"}
+      schema::Key{"mechanics", &Spec::mechanics, "",
+                  "Whose multibody code moves the robot: Simbody's, or our own recursions, which "
+                  "are some ten times as fast"}
           .by_default(),
       schema::Key{"integrator", &Spec::integrator},
       schema::Key{"encoder", &Spec::encoder},
@@ -349,8 +345,8 @@ struct Spec {
     if (mechanics == Mechanics::simbody || explicit_runge_kutta) return {};
     return schema::Refusal{
         "mechanics",
-        "native; allowed with this plant.integrator.method: simbody. The native "
-        "mechanics have runge_kutta_merson, runge_kutta_3, runge_kutta_feldberg"};
+        "native; allowed with this plant.integrator.method: simbody. The native mechanics have "
+        "runge_kutta_merson, runge_kutta_3, runge_kutta_feldberg"};
   }
 };
 

@@ -98,10 +98,9 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask,
   } while (got < 0 && errno == EINTR);
   if (got == sizeof error) {
     waitpid(pid, nullptr, 0);
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               fmt::format("cannot start {}: {}; install it, or, if it is one of "
-                                           "tachless, build the whole project",
-                                           command.front(), std::strerror(error)));
+    throw diagnostics::bad_usage(
+        "cannot start {}: {}; install it, or, if it is one of tachless, build the whole project",
+        command.front(), std::strerror(error));
   }
   Child child;
   child.pid = pid;
@@ -154,9 +153,8 @@ std::optional<std::filesystem::path> find_program(const std::string& name) {
 void become(const std::vector<std::string>& command, const std::string& remedy) {
   const std::vector<char*> argv = arguments(command);
   execv(argv[0], argv.data());
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
-      fmt::format("cannot start {}: {}; {}", command.front(), std::strerror(errno), remedy));
+  throw diagnostics::bad_usage("cannot start {}: {}; {}", command.front(), std::strerror(errno),
+                               remedy);
 }
 
 bool works_in_a_copy(bool (*attempt)()) {

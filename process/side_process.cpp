@@ -47,7 +47,7 @@ SideProcess::SideProcess(std::string name, const std::vector<std::string>& comma
                                                  : last_line_;
     end_group();
     if (child_.running) waitpid(child_.pid, nullptr, 0);
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, why);
+    throw diagnostics::bad_usage(why);
   }
   on_line_ = std::move(on_line);
 }

@@ -267,8 +267,8 @@ void Membership::dissolve(Time now) {
 void Membership::yield(const Peer& plant, Time now) {
   outside_ = true;
   fail(Failure(ExitCode::protocol_violated,
-               fmt::format("{} begins run {} with another {}; end that first, or {}",
-                           describe(plant), plant.run, loop::name(self_.role), beside_it)),
+               "{} begins run {} with another {}; end that first, or {}", describe(plant),
+               plant.run, loop::name(self_.role), beside_it),
        now);
 }
 
@@ -296,22 +296,20 @@ void Membership::contest(const loop::Stamp& stamp, const Peer& rival, Time now) 
   }
   if (!yields) return;
   outside_ = true;
-  fail(Failure(ExitCode::protocol_violated,
-               fmt::format("there is already {}; end it first, or {}", describe(rival), beside_it)),
+  fail(Failure(ExitCode::protocol_violated, "there is already {}; end it first, or {}",
+               describe(rival), beside_it),
        now);
 }
 
 void Membership::refuse(const Peer& other, Time now) {
   outside_ = true;
-  fail(
-      Failure(ExitCode::bad_usage,
-              fmt::format("{} runs {} (digest {:016x}), this {} runs {} (digest {:016x}); give all "
-                          "four programs the same file and the same --set",
-                          describe(other), in_quotes(other.participant.scenario),
-                          static_cast<std::uint64_t>(other.participant.scenario_digest),
-                          loop::name(self_.role), in_quotes(self_.scenario),
-                          static_cast<std::uint64_t>(self_.digest))),
-      now);
+  fail(diagnostics::bad_usage("{} runs {} (digest {:016x}), this {} runs {} (digest {:016x}); give "
+                              "all four programs the same file and the same --set",
+                              describe(other), in_quotes(other.participant.scenario),
+                              static_cast<std::uint64_t>(other.participant.scenario_digest),
+                              loop::name(self_.role), in_quotes(self_.scenario),
+                              static_cast<std::uint64_t>(self_.digest)),
+       now);
 }
 
 void Membership::poll(Time now) {
@@ -339,9 +337,9 @@ void Membership::poll(Time now) {
     if (!silent || *silent < self_.give_up || !matters(Event::holder_silent)) continue;
     const Failure lost(
         ExitCode::peer_lost,
-        fmt::format("{} has been silent for {:.3g} s; it has died or cannot be reached: see its "
-                    "output",
-                    describe(role), diagnostics::seconds_of(self_.give_up)));
+        fmt::format(
+            "{} has been silent for {:.3g} s; it has died or cannot be reached: see its output",
+            describe(role), diagnostics::seconds_of(self_.give_up)));
     return act(Event::holder_silent, &lost, now);
   }
   if (failed_successor_ && silence(Role::controller, now) >= takeover_after) {
@@ -354,10 +352,10 @@ void Membership::poll(Time now) {
     for (const Role role : missing()) roles.push_back(loop::name(role));
     const Failure over(
         ExitCode::peer_lost,
-        fmt::format("waited {:.3g} s for {}; start all four programs with the same scenario on one "
-                    "bus",
-                    diagnostics::seconds_of(*self_.wait_limit),
-                    roles.empty() ? "all to agree" : diagnostics::joined(roles)));
+        fmt::format(
+            "waited {:.3g} s for {}; start all four programs with the same scenario on one bus",
+            diagnostics::seconds_of(*self_.wait_limit),
+            roles.empty() ? "all to agree" : diagnostics::joined(roles)));
     act(Event::wait_over, &over, now);
   }
 }

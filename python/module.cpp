@@ -23,7 +23,6 @@
 namespace tachless::python {
 namespace {
 
-using diagnostics::ExitCode;
 using diagnostics::Failure;
 using robot::Vector;
 
@@ -35,15 +34,14 @@ class Robot {
     try {
       model_ = robot::model_from_urdf(text, urdf.string(), experiment::urdf_options(overrides));
     } catch (const std::invalid_argument& problem) {
-      throw Failure(ExitCode::bad_usage, problem.what());
+      throw diagnostics::bad_usage(problem.what());
     }
   }
 
   [[nodiscard]] const robot::Model& model() const { return model_; }
   void set_gravity(double g) {
     if (!std::isfinite(g)) {
-      throw Failure(ExitCode::bad_usage,
-                    fmt::format("gravity: {}; allowed: a finite number [m/s²]", g));
+      throw diagnostics::bad_usage("gravity: {}; allowed: a finite number [m/s²]", g);
     }
     model_.gravity = model_.gravity.normalized() * g;
   }
@@ -68,13 +66,13 @@ class Robot {
       return array_of(robot::forward_dynamics<double>(model_, vector(q, "q"), vector(v, "v"),
                                                       vector(tau, "tau")));
     } catch (const std::logic_error& problem) {
-      throw Failure(ExitCode::bad_usage, problem.what());
+      throw diagnostics::bad_usage(problem.what());
     }
   }
   [[nodiscard]] Eigen::Matrix4d pose(const std::string& link, const py::handle& q) const {
     if (model_.frames.count(link) == 0) {
-      throw Failure(ExitCode::bad_usage, fmt::format("link: \"{}\"; this robot has {}", link,
-                                                     diagnostics::joined(links())));
+      throw diagnostics::bad_usage("link: \"{}\"; this robot has {}", link,
+                                   diagnostics::joined(links()));
     }
     const auto X = robot::frame_pose<double>(model_, link, vector(q, "q"));
     Eigen::Matrix4d result = Eigen::Matrix4d::Identity();

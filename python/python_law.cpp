@@ -95,7 +95,7 @@ class PythonLaw final : public controller::AnyLaw<M> {
     try {
       action();
     } catch (const Failure& failure) {
-      throw Failure(failure.code(), fmt::format("{}, at tick {}", failure.what(), tick));
+      throw Failure(failure.code(), "{}, at tick {}", failure.what(), tick);
     } catch (const py::error_already_set& raised) {
       if (interrupt_ == Interrupt::passed_on && raised.matches(PyExc_KeyboardInterrupt)) throw;
       const std::string what =
@@ -105,8 +105,8 @@ class PythonLaw final : public controller::AnyLaw<M> {
       const py::object trace = raised.trace() ? raised.trace() : py::object(py::none());
       py::module_::import("traceback")
           .attr("print_exception")(raised.type(), raised.value(), trace);
-      throw Failure(ExitCode::protective_stop,
-                    fmt::format("the law {} raised {}, at tick {}", name_, what, tick));
+      throw Failure(ExitCode::protective_stop, "the law {} raised {}, at tick {}", name_, what,
+                    tick);
     }
   }
 
@@ -131,14 +131,14 @@ robot::Vector vector_of(const py::handle& object, int size, const std::string& w
   // Integers and floating point only: the cast would take None for NaN, and 1j for 0.
   const auto given = py::array::ensure(object);
   if (!given || std::string_view("iuf").find(given.dtype().kind()) == std::string_view::npos) {
-    throw Failure(ExitCode::bad_usage, fmt::format("{} is {}; needed: {} numbers", what,
-                                                   std::string(py::str(py::repr(object))), size));
+    throw diagnostics::bad_usage("{} is {}; needed: {} numbers", what,
+                                 std::string(py::str(py::repr(object))), size);
   }
   const py::array_t<double, py::array::c_style | py::array::forcecast> values(given);
   if (values.ndim() != 1 || values.shape(0) != size) {
     std::vector<py::ssize_t> shape(values.shape(), values.shape() + values.ndim());
-    throw Failure(ExitCode::bad_usage, fmt::format("{} has the shape ({}); needed: ({},)", what,
-                                                   fmt::join(shape, ", "), size));
+    throw diagnostics::bad_usage("{} has the shape ({}); needed: ({},)", what,
+                                 fmt::join(shape, ", "), size);
   }
   robot::Vector result(size);
   std::copy_n(values.data(), size, result.data());

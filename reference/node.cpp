@@ -77,9 +77,8 @@ class Node {
     if (!bus::all_finite(reference)) {
       throw diagnostics::Failure(
           diagnostics::ExitCode::protective_stop,
-          fmt::format("the reference at t = {:.6f} s (tick {}) is not finite; see `reference` in "
-                      "the scenario",
-                      time_s, k));
+          "the reference at t = {:.6f} s (tick {}) is not finite; see `reference` in the scenario",
+          time_s, k);
     }
     const loop::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};
     const auto bytes = reference_codec_.encode(stamp, reference);

@@ -20,9 +20,8 @@ namespace {
 template <class... Args>
 [[noreturn]] void refuse(const logger::RunLog& log, fmt::format_string<Args...> problem,
                          Args&&... args) {
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                             fmt::format("{}: {}", log.path().string(),
-                                         fmt::format(problem, std::forward<Args>(args)...)));
+  throw diagnostics::bad_usage("{}: {}", log.path().string(),
+                               fmt::format(problem, std::forward<Args>(args)...));
 }
 
 /// What the law measures, from what was measured: a state holds the lesser measurements too.

@@ -28,11 +28,10 @@ void require_of_controller(const std::vector<std::string>& overrides) {
         setting.starts_with("loop.command_delay")) {
       continue;
     }
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("--set {}: has no effect on a replay, which takes measurements and references "
-                    "from the log; allowed: controller.…, robot.…, loop.command_delay",
-                    setting));
+    throw diagnostics::bad_usage(
+        "--set {}: has no effect on a replay, which takes measurements and references from the "
+        "log; allowed: controller.…, robot.…, loop.command_delay",
+        setting);
   }
 }
 

@@ -90,8 +90,9 @@ Html html_table(const std::vector<ComparedLaw>& laws) {
                  result.run.outcome(), cells);
   }
   return html(
-      "<div class=\"table\"><table><thead><tr><th>law</th><th>measures</th><th>outcome</th>{}"
-      "</tr></thead>\n<tbody>{}</tbody></table></div>\n",
+      "<div "
+      "class=\"table\"><table><thead><tr><th>law</th><th>measures</th><th>outcome</th>{}</tr></"
+      "thead>\n<tbody>{}</tbody></table></div>\n",
       head, body);
 }
 

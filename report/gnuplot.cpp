@@ -53,16 +53,15 @@ void draw(const std::string& commands, const std::filesystem::path& svg) {
     gnuplot = process::run({"gnuplot", script.string()});
   } catch (const diagnostics::Failure&) {
     std::filesystem::remove(script);
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "figures need gnuplot, which is not installed; type: "
-                               "apt-get install gnuplot-nox");
+    throw diagnostics::bad_usage(
+        "figures need gnuplot, which is not installed; type: "
+        "apt-get install gnuplot-nox");
   }
   std::error_code ignored;
   std::filesystem::remove(script, ignored);
   if (!gnuplot.well()) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("gnuplot did not draw {}: {}", svg.string(), gnuplot_complaint(gnuplot.lines)));
+    throw diagnostics::bad_usage("gnuplot did not draw {}: {}", svg.string(),
+                                 gnuplot_complaint(gnuplot.lines));
   }
 }
 

@@ -28,9 +28,8 @@ class WorkDirectory {
   explicit WorkDirectory(const fs::path& file) {
     std::string pattern = file.string() + ".XXXXXX";
     if (mkdtemp(pattern.data()) == nullptr) {
-      throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                                 fmt::format("{}: cannot be written: {}; {}", file.string(),
-                                             std::strerror(errno), remedy));
+      throw diagnostics::bad_usage("{}: cannot be written: {}; {}", file.string(),
+                                   std::strerror(errno), remedy);
     }
     path_ = pattern;
   }
@@ -69,10 +68,10 @@ void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
   if (libraries.missing.empty()) {
     scripts = page_scripts(libraries, page_data(all, report_sections(runs, Detail::screen)));
   } else {
-    diagnostics::log_warning(fmt::format(
-        "{} stands still, because {} cannot be read; to have a report that moves, type: "
-        "apt-get install libjs-dygraphs libjs-three",
-        html.string(), libraries.missing));
+    diagnostics::log_warning(
+        "{} stands still, because {} cannot be read; to have a report that moves, type: apt-get "
+        "install libjs-dygraphs libjs-three",
+        html.string(), libraries.missing);
   }
   diagnostics::UnfinishedFile(html, remedy).write(report_page(runs, sections, drawings, scripts));
 }

@@ -151,8 +151,8 @@ ReportSection torque_section(const Overlay& all) {
 /// What a law's declared signal is, by its name, which the laws' pages explain.
 std::string_view meaning(std::string_view name) {
   if (name.starts_with("nu")) {
-    return "the filter's output: the filtered derivative of the position error, which the law "
-           "uses in place of the velocity error";
+    return "the filter's output: the filtered derivative of the position error, which the law uses "
+           "in place of the velocity error";
   }
   if (name.starts_with("edot")) return "the velocity error, of measured velocities";
   return "as the law computed it";
@@ -206,25 +206,24 @@ Html certified_text(const RecordedRun& run) {
                    number(certified.weights.eps_1), number(certified.weights.eps_2));
   if (certified.rate < 0) {
     text += html(
-        " the matrix condition certifies V ≤ {} J, which does not hold this run's start "
-        "with {} J: no bound.",
+        " the matrix condition certifies V ≤ {} J, which does not hold this run's start with {} J: "
+        "no bound.",
         number(certified.level), number(certified.V0));
     return text;
   }
-  text += certified.rate == 0
-              ? html(" V does not rise (in continuous time, proved for a constant reference).")
-              : html(
-                    " the matrix condition certifies from this start V ≤ V(0) exp(−{} t) in "
-                    "continuous time ({}; dotted), and that V stays below {} J from anywhere "
-                    "below.",
-                    number(certified.rate), certified.proved ? "proved" : "sampled postures",
-                    number(certified.level));
+  text +=
+      certified.rate == 0
+          ? html(" V does not rise (in continuous time, proved for a constant reference).")
+          : html(
+                " the matrix condition certifies from this start V ≤ V(0) exp(−{} t) in continuous "
+                "time ({}; dotted), and that V stays below {} J from anywhere below.",
+                number(certified.rate), certified.proved ? "proved" : "sampled postures",
+                number(certified.level));
   for (const std::string& each : certified.provisos) text += html(" But {}.", each);
   if (run.above_bound_s) {
     text += html(
         " <b class=\"alarm\">The bound is violated from {} s on</b>: the loop is not the one that "
-        "is "
-        "certified; see its period, delay, torque limits and model.",
+        "is certified; see its period, delay, torque limits and model.",
         number(*run.above_bound_s));
   }
   return text;

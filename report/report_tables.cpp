@@ -292,8 +292,8 @@ Html results_table(const std::vector<RecordedRun>& runs) {
     }
   }
   return html(
-      "<div class=\"table\"><table>\n<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody></table>"
-      "</div>\n",
+      "<div "
+      "class=\"table\"><table>\n<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody></table></div>\n",
       head, rows);
 }
 

@@ -35,10 +35,9 @@ std::string_view type_of(const Model& model, int joint) {
 robot::Vector position_of(const Model& model, const std::vector<double>& given) {
   if (given.empty()) return robot::nearest_to_zero(model);
   if (static_cast<int>(given.size()) != model.num_joints) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::bad_usage,
-        fmt::format("--position: {} numbers; the robot has {} joints: {}", given.size(),
-                    model.num_joints, fmt::join(model.joint_names, ", ")));
+    throw diagnostics::bad_usage("--position: {} numbers; the robot has {} joints: {}",
+                                 given.size(), model.num_joints,
+                                 fmt::join(model.joint_names, ", "));
   }
   return Eigen::Map<const Eigen::VectorXd>(given.data(), model.num_joints);
 }

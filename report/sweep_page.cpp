@@ -281,12 +281,12 @@ void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
   Html axes;
   for (const Axis& axis : plan.axes) axes += html("<li><code>{}</code></li>", axis.text);
   const std::string how = plan.drawn > 0 ? fmt::format(", drawn with seed {}", plan.seed) : "";
-  write_plain_page(directory / "index.html", "Sweep of " + plan.name,
-                   html("<p class=\"lead\">{} runs{}. Every run is a row of <a "
-                        "href=\"results.csv\">results.csv</a>.</p>\n<ul>{}</ul>\n{}"
-                        "<h2>Outcomes</h2>\n{}",
-                        rows.size(), how, axes, figure, outcome_table(plan, rows)),
-                   plan.text);
+  write_plain_page(
+      directory / "index.html", "Sweep of " + plan.name,
+      html("<p class=\"lead\">{} runs{}. Every run is a row of <a "
+           "href=\"results.csv\">results.csv</a>.</p>\n<ul>{}</ul>\n{}<h2>Outcomes</h2>\n{}",
+           rows.size(), how, axes, figure, outcome_table(plan, rows)),
+      plan.text);
 }
 
 }  // namespace tachless::report

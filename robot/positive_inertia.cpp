@@ -56,16 +56,16 @@ void require_positive_inertia(const Model& model, const std::string& source) {
   const bool shapes_only = std::all_of(model.bodies.begin(), model.bodies.end(), [](const Body& b) {
     return b.mass == 0 && b.I_Bcm.isZero(0);
   });
-  refuse_urdf(source,
-              shapes_only
-                  ? fmt::format("no link that moves has an <inertial>: it describes shapes, not "
-                                "masses; give the links one, or every joint a {}",
-                                rotor)
-                  : fmt::format("joint '{}' moves no inertia of its own (the inertia matrix is not "
-                                "positive definite); give the links it moves a mass and an "
-                                "inertia, or the joint a {}, or fix the joint: robot.locked: {{{}: "
-                                "...}}",
-                                fmt::join(joints, "', '"), rotor, fmt::join(joints, ": ..., ")));
+  refuse_urdf(
+      source,
+      shapes_only
+          ? fmt::format("no link that moves has an <inertial>: it describes shapes, not masses; "
+                        "give the links one, or every joint a {}",
+                        rotor)
+          : fmt::format("joint '{}' moves no inertia of its own (the inertia matrix is not "
+                        "positive definite); give the links it moves a mass and an inertia, or the "
+                        "joint a {}, or fix the joint: robot.locked: {{{}: ...}}",
+                        fmt::join(joints, "', '"), rotor, fmt::join(joints, ": ..., ")));
 }
 
 }  // namespace tachless::robot

@@ -34,10 +34,9 @@ class TreeCheck {
       for (auto at = above_.find(start); at != above_.end() && leads_to_root.count(at->first) == 0;
            at = above_.find(at->second.parent)) {
         if (walked.insert(at->first).second) continue;
-        refuse_urdf(source_,
-                    fmt::format("joint '{}' hangs link '{}' on its own descendant; hang it "
-                                "on a link nearer the root",
-                                at->second.joint, at->first));
+        refuse_urdf(source_, fmt::format("joint '{}' hangs link '{}' on its own descendant; hang "
+                                         "it on a link nearer the root",
+                                         at->second.joint, at->first));
       }
       leads_to_root.merge(walked);
     }
@@ -79,9 +78,10 @@ TiXmlDocument parsed(const std::string& text, const std::string& source) {
 
 [[noreturn]] void refuse_xacro(const TiXmlBase& at, std::string_view what,
                                const std::string& source) {
-  refuse_urdf(source, fmt::format("line {}: \"{}\" is for xacro; run `xacro {} > robot.urdf` and "
-                                  "give robot.urdf",
-                                  at.Row(), what, source));
+  refuse_urdf(
+      source,
+      fmt::format("line {}: \"{}\" is for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
+                  at.Row(), what, source));
 }
 
 std::vector<std::string_view> read_children(std::string_view element) {
@@ -182,10 +182,9 @@ bool settle_type(TiXmlElement& joint, const std::string& source,
                                   ? fmt::format("joint '{}': has no type", name)
                                   : fmt::format("joint '{}': type {} is not supported", name, type);
   if (lock == locked.end()) {
-    refuse_urdf(source,
-                fmt::format("{}; use revolute, continuous, prismatic or fixed, or fix it in the "
-                            "scenario: robot.locked: {{{}: 0}}",
-                            problem, name));
+    refuse_urdf(source, fmt::format("{}; use revolute, continuous, prismatic or fixed, or fix it "
+                                    "in the scenario: robot.locked: {{{}: 0}}",
+                                    problem, name));
   }
   if (lock->second != 0) {
     refuse_urdf(source,

@@ -40,11 +40,10 @@ void run(const experiment::Scenario& scenario, std::unique_ptr<controller::AnyLa
     record.command = step.output.command;
     record.controller = step.output.signals;
     if (!record.command.tau.allFinite()) {
-      throw diagnostics::Failure(
-          diagnostics::ExitCode::protective_stop,
-          fmt::format("the law commands a torque that is not finite at tick {}: the loop is "
-                      "unstable; shorten loop.period_s or soften the gains",
-                      k));
+      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
+                                 "the law commands a torque that is not finite at tick {}: the "
+                                 "loop is unstable; shorten loop.period_s or soften the gains",
+                                 k);
     }
 
     robot.accept(record.command);

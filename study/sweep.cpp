@@ -45,10 +45,8 @@ class RowFile {
     file_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     if (file_ < 0) fail(errno);
     if (::flock(file_, LOCK_EX | LOCK_NB) != 0) {
-      throw Failure(ExitCode::bad_usage,
-                    fmt::format("{}: another process runs this part of the sweep; wait for it, or "
-                                "end it",
-                                path.string()));
+      throw diagnostics::bad_usage(
+          "{}: another process runs this part of the sweep; wait for it, or end it", path.string());
     }
     // What a broken off write has left of its line makes room for the next.
     const std::string before = diagnostics::file_text(path).value_or("");
@@ -70,8 +68,8 @@ class RowFile {
 
  private:
   [[noreturn]] void fail(int error) const {
-    throw Failure(ExitCode::bad_usage, fmt::format("{}: cannot be written: {}", path_.string(),
-                                                   std::generic_category().message(error)));
+    throw diagnostics::bad_usage("{}: cannot be written: {}", path_.string(),
+                                 std::generic_category().message(error));
   }
 
   fs::path path_;
@@ -112,17 +110,14 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
   std::error_code error;
   fs::create_directories(directory, error);
   if (error) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("{}: cannot be made: {}", directory.string(), error.message()));
+    throw diagnostics::bad_usage("{}: cannot be made: {}", directory.string(), error.message());
   }
   if (!fs::exists(file)) {
     diagnostics::UnfinishedFile(file, "name another directory with --out").write(json);
   } else if (diagnostics::file_text(file) != json) {
-    throw Failure(
-        ExitCode::bad_usage,
-        fmt::format("{}: another sweep is in this directory; name another one with --out, "
-                    "or remove it",
-                    directory.string()));
+    throw diagnostics::bad_usage(
+        "{}: another sweep is in this directory; name another one with --out, or remove it",
+        directory.string());
   }
   return {directory, plan};
 }
@@ -130,8 +125,7 @@ Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
 Sweep Sweep::open(const fs::path& directory) {
   const fs::path file = directory / "plan.json";
   if (!fs::is_regular_file(file)) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("{}: no sweep: there is no plan.json", directory.string()));
+    throw diagnostics::bad_usage("{}: no sweep: there is no plan.json", directory.string());
   }
   return {directory,
           SweepPlan::from_json(diagnostics::file_text(file).value_or(""), file.string())};
@@ -149,11 +143,9 @@ void Sweep::for_each_line(const F& f) const {
       if (file.eof()) break;  // broken off: no line end
       const std::int64_t index = index_of(line);
       if (index < 0 || index >= plan_.num_cases() || fields_of(line, fields).empty()) {
-        throw Failure(
-            ExitCode::bad_usage,
-            fmt::format("{}:{}: no row of this sweep; remove the line, and its run is made "
-                        "again",
-                        entry.path().string(), number));
+        throw diagnostics::bad_usage(
+            "{}:{}: no row of this sweep; remove the line, and its run is made again",
+            entry.path().string(), number);
       }
       f(index, line, name);
     }
@@ -216,8 +208,8 @@ std::vector<SweepRow> Sweep::rows() const {
   const auto missing = std::count(all.begin(), all.end(), "");
   if (missing > 0) {
     throw Failure(ExitCode::check_said_no,
-                  fmt::format("{}: {} of {} runs are not finished; go on with: tachless sweep {}",
-                              directory_.string(), missing, all.size(), directory_.string()));
+                  "{}: {} of {} runs are not finished; go on with: tachless sweep {}",
+                  directory_.string(), missing, all.size(), directory_.string());
   }
   const std::size_t columns = measure_columns().size(), axes = plan_.axes.size();
   std::vector<SweepRow> rows;

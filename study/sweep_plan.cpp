@@ -116,9 +116,10 @@ std::string changed(const YamlNode& root, const Axis& axis, double value, int nu
   const bool numbers =
       std::none_of(entries.begin(), entries.end(), [](double x) { return std::isnan(x); });
   if (entries.empty() || !numbers) {
-    throw refused(axis.text, fmt::format("the scenario gives no number for {}: write one, with "
-                                         "--set or in its file",
-                                         axis.key));
+    throw refused(
+        axis.text,
+        fmt::format("the scenario gives no number for {}: write one, with --set or in its file",
+                    axis.key));
   }
   if (axis.entry && *axis.entry >= static_cast<int>(entries.size())) {
     throw refused(axis.text, fmt::format("entry {} of {}; allowed: 0 to {}", *axis.entry, axis.key,
@@ -182,9 +183,8 @@ std::int64_t SweepPlan::cases_per_law() const {
   double cases = 1;
   for (const Axis& axis : axes) cases *= static_cast<double>(axis.values.size());
   if (cases * static_cast<double>(laws.size()) > static_cast<double>(most_cases)) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("a sweep of {:.3g} runs; allowed: at most {:.3g}", cases,
-                              static_cast<double>(most_cases)));
+    throw diagnostics::bad_usage("a sweep of {:.3g} runs; allowed: at most {:.3g}", cases,
+                                 static_cast<double>(most_cases));
   }
   return static_cast<std::int64_t>(cases);
 }
@@ -252,9 +252,8 @@ SweepPlan SweepPlan::from_json(const std::string& json, const std::string& sourc
   try {
     const auto read = nlohmann::json::parse(json);
     if (read.at("version") != plan_version) {
-      throw Failure(ExitCode::bad_usage,
-                    fmt::format("{}: a plan of version {}; this program reads version {}", source,
-                                read.at("version").dump(), plan_version));
+      throw diagnostics::bad_usage("{}: a plan of version {}; this program reads version {}",
+                                   source, read.at("version").dump(), plan_version);
     }
     plan.name = read.at("name");
     plan.source = read.at("source");
@@ -268,8 +267,7 @@ SweepPlan SweepPlan::from_json(const std::string& json, const std::string& sourc
     plan.text = read.at("scenario");
     plan.urdf = read.at("robot_description");
   } catch (const nlohmann::json::exception& problem) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("{}: not a sweep's plan: {}", source, problem.what()));
+    throw diagnostics::bad_usage("{}: not a sweep's plan: {}", source, problem.what());
   }
   return plan;
 }

@@ -85,8 +85,7 @@ TruthListener listener_on(const Options& options, const experiment::Scenario& sc
   try {
     return {node::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
   } catch (const std::system_error& error) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               fmt::format("{}: {}", options.lcm_url, error.what()));
+    throw diagnostics::bad_usage("{}: {}", options.lcm_url, error.what());
   }
 }
 
@@ -161,7 +160,7 @@ diagnostics::ExitCode show(const Options& options) {
       experiment::load_scenario(options.scenario, options.overrides);
   const robot::Model model = plant::plant_model(scenario);
   if (const auto problem = process::display_problem()) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, *problem);
+    throw diagnostics::bad_usage(*problem);
   }
   handle(SIGUSR1, note_end_of_run);
   handle(SIGPIPE, SIG_IGN);

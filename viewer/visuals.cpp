@@ -87,9 +87,9 @@ fs::path find_mesh(const std::string& name, const fs::path& urdf) {
     std::error_code none;
     if (fs::is_regular_file(candidate, none)) return candidate;
   }
-  throw std::runtime_error(in_package ? "is not found; put the folder that holds the package into "
-                                        "ROS_PACKAGE_PATH"
-                                      : "is not found");
+  throw std::runtime_error(
+      in_package ? "is not found; put the folder that holds the package into ROS_PACKAGE_PATH"
+                 : "is not found");
 }
 
 class Reader {
@@ -196,10 +196,9 @@ class Reader {
     for (Eigen::Vector3d& corner : mesh.corners) {
       corner = corner.cwiseProduct(scale);
       if (!(corner.cwiseAbs().maxCoeff() <= farthest)) {
-        throw std::runtime_error(
-            fmt::format("mesh \"{}\" has a corner farther away than {:g} m "
-                        "(is it in another unit?)",
-                        name, farthest));
+        throw std::runtime_error(fmt::format(
+            "mesh \"{}\" has a corner farther away than {:g} m (is it in another unit?)", name,
+            farthest));
       }
     }
     // A mirror turns the triangles' outside in.

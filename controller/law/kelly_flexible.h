@@ -77,8 +77,7 @@ class KellyFlexible {
   /// Kp] e + U(q) - U(q_ref) - g(q_ref)' e1 + 1/2 nu' Kd B^-1 nu, with e1 = q - q_ref and e2 the
   /// motor's error.
   static constexpr std::string_view lyapunov_formula =
-      "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + "
-      "½ ν′Kd B⁻¹ν";
+      "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + ½ ν′Kd B⁻¹ν";
   [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
     const robot::Vector g = gravity(reference);

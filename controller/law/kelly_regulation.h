@@ -28,8 +28,8 @@ class KellyRegulation : public Equation15 {
   static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
   static constexpr std::string_view source =
       "R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible joint robots "
-      "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994, for "
-      "rigid joints";
+      "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994, for rigid "
+      "joints";
   static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
   static constexpr std::string_view conditions = "a constant reference; any positive gains";
   static constexpr bool regulation_only = true;

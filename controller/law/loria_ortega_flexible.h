@@ -40,14 +40,14 @@ class LoriaOrtegaFlexible {
       loop::Signal{"error_1", "rad"}, loop::Signal{"nu_1", "rad/s"}, loop::Signal{"error_2", "rad"},
       loop::Signal{"nu_2", "rad/s"}};  ///< 1: link, 2: motor
   static constexpr std::string_view source =
-      "A. Loria and R. Ortega, On tracking control of rigid and flexible joint robots, Appl. "
-      "Math. and Comp. Sci. 5(2), 1995, eq. 9-12 and Prop. 2";
+      "A. Loria and R. Ortega, On tracking control of rigid and flexible joint robots, Appl. Math. "
+      "and Comp. Sci. 5(2), 1995, eq. 9-12 and Prop. 2";
   static constexpr std::string_view proved =
       "exponentially stable, semiglobally in error coordinates, in continuous time";
   static constexpr std::string_view conditions =
       "each b_i > L(D) / (beta_2 l(D)) with D = blockdiag(M_l, J) (12), and the conditions of "
-      "loria_ortega_rigid on eps with this D, Kp = [Kp1 + K, -K; -K, Kp2 + K] and block "
-      "diagonal Kd, A, B; a reference that is four times continuously differentiable";
+      "loria_ortega_rigid on eps with this D, Kp = [Kp1 + K, -K; -K, Kp2 + K] and block diagonal "
+      "Kd, A, B; a reference that is four times continuously differentiable";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 

@@ -31,8 +31,8 @@ class PdGravity : public FullState {
   static constexpr std::string_view name = "pd_gravity";
   static constexpr std::array signals = {loop::Signal{"error", "rad"}};
   static constexpr std::string_view source =
-      "M. Takegaki and S. Arimoto, A new feedback method for dynamic control of manipulators, "
-      "ASME J. of Dynamic Systems, Measurement, and Control 103(2), 1981";
+      "M. Takegaki and S. Arimoto, A new feedback method for dynamic control of manipulators, ASME "
+      "J. of Dynamic Systems, Measurement, and Control 103(2), 1981";
   static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
   static constexpr std::string_view conditions = "a constant reference; any positive gains";
   static constexpr bool regulation_only = true;

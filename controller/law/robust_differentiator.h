@@ -87,9 +87,8 @@ class RobustDifferentiator : public EstimatedVelocity<LevantDifferentiator> {
  public:
   static constexpr std::string_view name = "robust_differentiator";
   static constexpr std::string_view source =
-      "A. Levant, Higher-order sliding modes, differentiation and output-feedback control, Int. "
-      "J. of Control 76(9-10), 2003, as velocity source of the control law of Wen and Bayard "
-      "(1988)";
+      "A. Levant, Higher-order sliding modes, differentiation and output-feedback control, Int. J. "
+      "of Control 76(9-10), 2003, as velocity source of the control law of Wen and Bayard (1988)";
   static constexpr std::string_view proved =
       "v_hat = v after a finite time, and wen_bayard from then on, in continuous time";
   static constexpr std::string_view conditions =

@@ -37,12 +37,12 @@ class SlotineLiFlexible : public FullState {
       loop::Signal{"error_1", "rad"}, loop::Signal{"edot_1", "rad/s"},
       loop::Signal{"error_2", "rad"}, loop::Signal{"edot_2", "rad/s"}};  ///< 1: link, 2: motor
   static constexpr std::string_view source =
-      "R. Lozano and B. Brogliato, 1992-1995 (passivity-based control of flexible joints), in "
-      "the form implemented here";
+      "R. Lozano and B. Brogliato, 1992-1995 (passivity-based control of flexible joints), in the "
+      "form implemented here";
   static constexpr std::string_view proved = "globally exponentially stable, in continuous time";
   static constexpr std::string_view conditions =
-      "any positive gains, the same diagonal Lambda on links and motors; a reference that is "
-      "four times continuously differentiable";
+      "any positive gains, the same diagonal Lambda on links and motors; a reference that is four "
+      "times continuously differentiable";
   static constexpr bool regulation_only = false;
   static constexpr bool has_feedforward_lead = false;
 

@@ -34,8 +34,8 @@ class WenBayard : public FullState {
   static constexpr std::array signals = {loop::Signal{"error", "rad"},
                                          loop::Signal{"edot", "rad/s"}};
   static constexpr std::string_view source =
-      "J. T. Wen and D. S. Bayard, New class of control laws for robotic manipulators, Int. "
-      "J. of Control 47(5), 1988, eq. 4.2";
+      "J. T. Wen and D. S. Bayard, New class of control laws for robotic manipulators, Int. J. of "
+      "Control 47(5), 1988, eq. 4.2";
   static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
   static constexpr std::string_view conditions =
       "lambda_min(Kd) > k_c sup |v_ref|, with |C(q, x) y| <= k_c |x| |y|; any positive Kp";

@@ -46,7 +46,7 @@ diagnostics::ExitCode certify(const Options& options) {
   }
   const std::vector<std::string> objections = certificate::objections(result);
   for (const std::string& objection : objections) {
-    diagnostics::log_error(fmt::format("{}: {}", options.scenario.string(), objection));
+    diagnostics::log_error("{}: {}", options.scenario.string(), objection);
   }
   if (!objections.empty()) return diagnostics::ExitCode::check_said_no;
   return diagnostics::ExitCode::done;

@@ -19,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using diagnostics::ExitCode;
-using diagnostics::Failure;
 
 struct Options {
   fs::path scenario, out;
@@ -37,9 +36,8 @@ ExitCode run_compare(const Options& options) {
   std::error_code error;
   fs::create_directories(out, error);
   if (error) {
-    throw Failure(ExitCode::bad_usage, fmt::format("{}: cannot be made: {}; name another one with "
-                                                   "--out",
-                                                   out.string(), error.message()));
+    throw diagnostics::bad_usage("{}: cannot be made: {}; name another one with --out",
+                                 out.string(), error.message());
   }
   std::vector<report::ComparedLaw> laws;
   {

@@ -23,10 +23,10 @@ Verb::Action declare(CLI::App& command) {
 }  // namespace
 
 extern const Verb completion;
-const Verb completion = {"completion", "The options of all verbs, as bash or zsh completes them",
-                         "  tachless completion bash > ~/.local/share/bash-completion/completions/"
-                         "tachless\n"
-                         "  tachless completion zsh > ~/.zfunc/_tachless",
-                         declare};
+const Verb completion = {
+    "completion", "The options of all verbs, as bash or zsh completes them",
+    "  tachless completion bash > ~/.local/share/bash-completion/completions/tachless\n"
+    "  tachless completion zsh > ~/.zfunc/_tachless",
+    declare};
 
 }  // namespace tachless::launch::verb

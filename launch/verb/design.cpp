@@ -24,7 +24,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using diagnostics::ExitCode;
-using diagnostics::Failure;
 
 struct Options {
   fs::path input;
@@ -51,7 +50,7 @@ Urdf read_urdf(const Options& options) {
                                                    fs::absolute(options.input).string(),
                                                    options.period_s > 0 ? options.period_s : 1e-3);
   } catch (const std::invalid_argument& problem) {
-    throw Failure(ExitCode::bad_usage, problem.what());
+    throw diagnostics::bad_usage(problem.what());
   }
   return urdf;
 }
@@ -130,9 +129,8 @@ ExitCode run_design(const Options& options) {
     std::cout << fmt::format("  {}\n", options.write.string());
   }
   if (!design.missed) return ExitCode::done;
-  diagnostics::log_error(
-      fmt::format("{}: settling in {:g} s is not reached, but in {:.2g} s: {} binds",
-                  options.input.string(), *design.missed, design.settling_s, design.binds));
+  diagnostics::log_error("{}: settling in {:g} s is not reached, but in {:.2g} s: {} binds",
+                         options.input.string(), *design.missed, design.settling_s, design.binds);
   return ExitCode::check_said_no;
 }
 
@@ -152,9 +150,9 @@ Verb::Action declare(CLI::App& command) {
   command.add_option("--margin", options->goal.modulus, "Least modulus margin; default: 0.5")
       ->check(CLI::Range(0.05, 0.95));
   command
-      .add_option("--count-share", options->goal.count_share,
-                  "Largest torque of one encoder count, as a part of the torque limit; default: "
-                  "0.01")
+      .add_option(
+          "--count-share", options->goal.count_share,
+          "Largest torque of one encoder count, as a part of the torque limit; default: 0.01")
       ->check(CLI::PositiveNumber);
   command
       .add_option("--period", options->period_s,

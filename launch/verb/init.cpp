@@ -15,9 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void refuse(const fs::path& directory, const std::string& why) {
-  throw diagnostics::Failure(
-      diagnostics::ExitCode::bad_usage,
-      fmt::format("init {}: {}; name another directory", directory.string(), why));
+  throw diagnostics::bad_usage("init {}: {}; name another directory", directory.string(), why);
 }
 
 diagnostics::ExitCode make_project(const fs::path& directory) {

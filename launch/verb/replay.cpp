@@ -87,7 +87,7 @@ ExitCode compare(const Options& options, const std::vector<std::string>& overrid
   warn_of_damage(log);
   const std::string hindrance = replay::hindrance(result, log);
   if (!hindrance.empty()) {
-    diagnostics::log_warning(fmt::format("{}: {}", log.path().string(), hindrance));
+    diagnostics::log_warning("{}: {}", log.path().string(), hindrance);
   }
   if (options.json) {
     Json json = {{"log", log.path().string()},
@@ -129,9 +129,9 @@ Verb::Action declare(CLI::App& command) {
       .add_option("--set", options->overrides,
                   "key.path=value: what would have been commanded with it? May be repeated")
       ->allow_extra_args(false);
-  command.add_option("--out", options->out,
-                     "With --law or --set: where replay.svg and replay.csv go; default: beside "
-                     "the log");
+  command.add_option(
+      "--out", options->out,
+      "With --law or --set: where replay.svg and replay.csv go; default: beside the log");
   command.add_flag("--json", options->json, "As JSON");
   return [options] { return run_replay(*options); };
 }
@@ -143,8 +143,8 @@ const Verb replay = {
     "replay", "The controller again, on a log's own inputs: the same commands, bit for bit?",
     "  tachless replay out/paper_rigid/lcmlog\n"
     "  tachless replay out/paper_rigid/lcmlog --set 'controller.gains.kp=[400, 300]'\n"
-    "  tachless replay out/paper_rigid --law numerical_difference "
-    "--set 'controller.gains={kp: 400, kd: 40, samples: 2}' --out out/what_if",
+    "  tachless replay out/paper_rigid --law numerical_difference --set 'controller.gains={kp: "
+    "400, kd: 40, samples: 2}' --out out/what_if",
     declare};
 
 }  // namespace tachless::launch::verb

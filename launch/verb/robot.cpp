@@ -17,7 +17,6 @@ namespace tachless::launch::verb {
 namespace {
 
 using diagnostics::ExitCode;
-using diagnostics::Failure;
 
 struct Options {
   std::filesystem::path urdf;
@@ -40,7 +39,7 @@ robot::Model read(const Options& options, std::optional<std::string>& refusal) {
     lenient.check_inertia = robot::CheckInertia::warn;
     return robot::model_from_urdf(text, source, lenient);
   } catch (const std::invalid_argument& problem) {
-    throw Failure(ExitCode::bad_usage, refusal.value_or(problem.what()));
+    throw diagnostics::bad_usage(refusal.value_or(problem.what()));
   }
 }
 
@@ -75,12 +74,11 @@ Verb::Action declare(CLI::App& command) {
 }  // namespace
 
 extern const Verb robot;
-const Verb robot = {"robot",
-                    "What is read of a URDF: joints, limits, masses; torques and inertia at a "
-                    "position",
-                    "  tachless robot robot.urdf\n"
-                    "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json\n"
-                    "  tachless robot scenarios/robots/iiwa7.urdf --plot iiwa7.svg",
-                    declare};
+const Verb robot = {
+    "robot", "What is read of a URDF: joints, limits, masses; torques and inertia at a position",
+    "  tachless robot robot.urdf\n"
+    "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json\n"
+    "  tachless robot scenarios/robots/iiwa7.urdf --plot iiwa7.svg",
+    declare};
 
 }  // namespace tachless::launch::verb

@@ -19,8 +19,8 @@ Verb::Action declare(CLI::App& command) {
   node::add_overrides(command, options->overrides);
   command.add_option("--out", options->out,
                      "Where log, summary and figure go; default: out/<the scenario's name>; of "
-                     "several robots each into a folder there with its name, default: out. "
-                     "Files of an earlier run are replaced once this one has begun");
+                     "several robots each into a folder there with its name, default: out. Files "
+                     "of an earlier run are replaced once this one has begun");
   node::add_run_id(command, "--run-id", options->run_id,
                    "Positive number in every message of the run; default: the time");
   command
@@ -34,10 +34,9 @@ Verb::Action declare(CLI::App& command) {
                      "The controller is this program, as typed in a shell: 'python3 law.py'; its "
                      "law is fed with what the scenario's would be");
   command
-      .add_option(
-          "--restart", options->restart,
-          "Start this process again when a signal kills it, 5 times at most; lockstep only. "
-          "The run goes on from its log, to the same result")
+      .add_option("--restart", options->restart,
+                  "Start this process again when a signal kills it, 5 times at most; lockstep "
+                  "only. The run goes on from its log, to the same result")
       ->check(CLI::IsMember({"controller"}));
   command
       .add_option("--placement", options->placement,
@@ -45,9 +44,9 @@ Verb::Action declare(CLI::App& command) {
                   "spin (on one each, never asleep), or numbers: one for all, two (these three, "
                   "logger) or four (plant,controller,reference,logger)")
       ->capture_default_str();
-  command.add_flag("--any-verdict", options->any_verdict,
-                   "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly "
-                   "saturated");
+  command.add_flag(
+      "--any-verdict", options->any_verdict,
+      "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly saturated");
   command.add_flag("--force", options->force,
                    "Run a loop too that is unstable at its period, as its linearisation shows");
   command.add_flag("--cross-check", options->cross_check,
@@ -61,10 +60,10 @@ Verb::Action declare(CLI::App& command) {
   for (const char* bus : {"--lcm-url", "--key-file", "--restart", "--isolate", "--placement"}) {
     in_process->excludes(command.get_option(bus));
   }
-  auto* visualize = command.add_flag(
-      "--visualize", options->visualize,
-      "Show the robot in Simbody's 3D window, at the simulated pace, to the end of the "
-      "motion; closing the window does not end the run");
+  auto* visualize =
+      command.add_flag("--visualize", options->visualize,
+                       "Show the robot in Simbody's 3D window, at the simulated pace, to the end "
+                       "of the motion; closing the window does not end the run");
   in_process->excludes(visualize);
   auto* quiet = command.add_flag("-q,--quiet", options->quiet, "No progress and no table");
   command

@@ -20,9 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* chart_jar = "/usr/share/java/jchart2d.jar";
 
-[[noreturn]] void refuse(const std::string& why) {
-  throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, fmt::format("spy: {}", why));
-}
+[[noreturn]] void refuse(const std::string& why) { throw diagnostics::bad_usage("spy: {}", why); }
 
 /// The java of the search path that can open windows.
 fs::path find_java() {

@@ -61,15 +61,14 @@ study::SweepPlan plan_of(const Options& options) {
 study::Sweep sweep_of(const Options& options) {
   if (fs::is_directory(options.input)) {
     if (!options.vary.empty() || !options.overrides.empty() || !options.laws.empty()) {
-      throw Failure(ExitCode::bad_usage,
-                    fmt::format("{}: this sweep has its plan; --vary, --set and --laws go with a "
-                                "scenario",
-                                options.input.string()));
+      throw diagnostics::bad_usage(
+          "{}: this sweep has its plan; --vary, --set and --laws go with a scenario",
+          options.input.string());
     }
     return study::Sweep::open(options.input);
   }
   if (options.vary.empty()) {
-    throw Failure(ExitCode::bad_usage, "nothing to vary: name it with --vary KEY=from:to:number");
+    throw diagnostics::bad_usage("nothing to vary: name it with --vary KEY=from:to:number");
   }
   const study::SweepPlan plan = plan_of(options);
   return study::Sweep::begin(
@@ -82,8 +81,7 @@ study::Shard shard_of(const std::string& text) {
   int read = 0;
   if (std::sscanf(text.c_str(), "%d/%d%n", &shard.index, &shard.count, &read) != 2 ||
       read != static_cast<int>(text.size()) || shard.index < 1 || shard.index > shard.count) {
-    throw Failure(ExitCode::bad_usage,
-                  fmt::format("--shard {}: allowed: I/N, with I from 1 to N", text));
+    throw diagnostics::bad_usage("--shard {}: allowed: I/N, with I from 1 to N", text);
   }
   return shard;
 }
@@ -126,8 +124,8 @@ ExitCode run_sweep(const Options& options) {
     return ExitCode::done;
   }
   if (!options.merge && !carry_out(sweep, options)) {
-    throw Failure(ExitCode::interrupted, fmt::format("interrupted; go on with: tachless sweep {}",
-                                                     sweep.directory().string()));
+    throw Failure(ExitCode::interrupted, "interrupted; go on with: tachless sweep {}",
+                  sweep.directory().string());
   }
   if (options.shard.empty()) {
     const SweepResults results = write_sweep_results(sweep, options.colour);
@@ -145,8 +143,8 @@ Verb::Action declare(CLI::App& command) {
       ->required();
   command
       .add_option("--vary", options->vary,
-                  "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. "
-                  "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone")
+                  "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. KEY*= "
+                  "multiplies what the scenario has, KEY[0]= is the first joint's alone")
       ->allow_extra_args(false);
   command.add_option("--set", options->overrides, "key.path=value; may be repeated")
       ->allow_extra_args(false);
@@ -171,9 +169,9 @@ Verb::Action declare(CLI::App& command) {
   auto* shard = command.add_option(
       "--shard", options->shard,
       "Only part I of N, as I/N: for whatever starts many; --merge puts them together");
-  auto* slurm = command.add_option("--slurm", options->slurm,
-                                   "Submit it to Slurm as an array of that many tasks, with a last "
-                                   "one that merges");
+  auto* slurm = command.add_option(
+      "--slurm", options->slurm,
+      "Submit it to Slurm as an array of that many tasks, with a last one that merges");
   slurm->check(CLI::Range(1, 100000))->excludes(shard);
   auto* merge =
       command.add_flag("--merge", options->merge, "Check that all is there, and write it");

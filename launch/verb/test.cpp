@@ -20,9 +20,9 @@ struct Options {
 diagnostics::ExitCode hand_over(const Options& options) {
   const std::filesystem::path script = process::shared_directory() / "tachless";
   if (!std::filesystem::exists(script)) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage,
-                               "test: the tests need the source tree, and this is an installed "
-                               "program; in a clone, type: ./tachless test");
+    throw diagnostics::bad_usage(
+        "test: the tests need the source tree, and this is an installed program; in a clone, type: "
+        "./tachless test");
   }
   std::vector<std::string> words = {script.string(), "test"};
   if (!options.preset.empty()) words.push_back("--preset=" + options.preset);
@@ -37,8 +37,8 @@ Verb::Action declare(CLI::App& command) {
                      "Regular expressions: only tests whose name matches one of them");
   command
       .add_option("--preset", options->preset,
-                  "Only this build; default: release, and when everything is tested the "
-                  "fast tests under the sanitizers of asan-ubsan and tsan too")
+                  "Only this build; default: release, and when everything is tested the fast tests "
+                  "under the sanitizers of asan-ubsan and tsan too")
       ->check(CLI::IsMember({"release", "dev", "asan-ubsan", "tsan"}));
   command.add_option("--label", options->label,
                      "Only tests with this label: a room (bus, launch, …), style, soak, fast");

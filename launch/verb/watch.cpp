@@ -38,7 +38,7 @@ std::unique_ptr<bus::MonitoredBus> join(const bus::LcmUrl& url) {
   try {
     return bus::open_monitored_bus(url);
   } catch (const std::system_error& error) {
-    throw diagnostics::Failure(diagnostics::ExitCode::bad_usage, error.what());
+    throw diagnostics::bad_usage(error.what());
   }
 }
 

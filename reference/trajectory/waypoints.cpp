@@ -190,10 +190,10 @@ std::optional<schema::Refusal> Waypoints::refusal() const {
   }
   for (std::size_t i = 1; i < time_s.size(); ++i) {
     if (!(time_s[i - 1] < time_s[i])) {
-      return {
-          {"time_s", fmt::format("time {} ({} s) is not after time {} ({} s); allowed: strictly "
-                                 "increasing times",
-                                 i + 1, time_s[i], i, time_s[i - 1])}};
+      return {{"time_s",
+               fmt::format(
+                   "time {} ({} s) is not after time {} ({} s); allowed: strictly increasing times",
+                   i + 1, time_s[i], i, time_s[i - 1])}};
     }
   }
   if (position_rad.size() != time_s.size()) {
@@ -202,9 +202,9 @@ std::optional<schema::Refusal> Waypoints::refusal() const {
   }
   for (const robot::Vector& position : position_rad) {
     if (position.size() != position_rad.front().size()) {
-      return {{"position_rad", fmt::format("a position with {} entries, the first has {}; allowed: "
-                                           "one per joint",
-                                           position.size(), position_rad.front().size())}};
+      return {{"position_rad",
+               fmt::format("a position with {} entries, the first has {}; allowed: one per joint",
+                           position.size(), position_rad.front().size())}};
     }
   }
   return std::nullopt;
