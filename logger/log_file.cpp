@@ -1,5 +1,5 @@
-// Writer and reader in one file, though it is long: the bytes of an event's header stand here
-// alone.
+// More than 400 lines: writer and reader in one file, because the bytes of an event's header
+// stand here alone.
 #include "logger/log_file.h"
 
 #include <fcntl.h>
