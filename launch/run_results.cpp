@@ -16,7 +16,7 @@
 #include "logger/run_log.h"
 #include "report/figure.h"
 #include "report/gnuplot.h"
-#include "report/log_tracking.h"
+#include "report/recorded_run.h"
 #include "report/report.h"
 #include "robot/joint_labels.h"
 
@@ -96,9 +96,8 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
   const study::Tracking& tracking = summary.tracking;
   const report::RunFacts& facts = summary.facts;
   const std::string json = diagnostics::json_text(to_json(summary, joints), 2) + "\n";
-  const report::FigureFacts figure{
-      fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s)),
-      facts.period_s, joints};
+  const std::string title =
+      fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s));
   const std::string_view remedy = "name another directory with --out";
   auto code = diagnostics::ExitCode::done;
   try {
@@ -110,9 +109,8 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
             {report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run)},
             out / "report.html");
       });
-      diagnostics::UnfinishedFile svg(out / "tracking.svg", remedy);
-      report::draw(report::tracking_figure(tracking, figure, svg.name()), svg.name());
-      svg.finish();
+      report::draw_file(report::tracking_figure(tracking, title, facts.period_s, joints),
+                        out / "tracking.svg", remedy);
       reported.get();
     }
   } catch (const diagnostics::Failure& failure) {
@@ -122,7 +120,7 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
   if (options.json) {
     std::cout << json;
   } else if (!options.quiet && tracking.num_ticks() > 0) {
-    show(summary, options.named(figure.title), joints, out);
+    show(summary, options.named(title), joints, out);
   }
   return code;
 }

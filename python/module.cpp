@@ -4,7 +4,10 @@
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <stdexcept>
 
 #include "controller/program.h"
@@ -12,139 +15,306 @@
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
+#include "logger/table.h"
+#include "plant/truth_of.h"
 #include "python/python_law.h"
-#include "python/recorded.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/kinematics.h"
 #include "robot/mass_matrix.h"
+#include "study/in_process_loop.h"
 
-/// The compiled half of the Python package; what it says of itself is in tachless/__init__.py.
+/// The compiled half of the Python package: a robot's mechanics, runs as arrays, simulation and the
+/// controller's program; what the package says of itself is in tachless/__init__.py.
 namespace tachless::python {
 namespace {
 
 using diagnostics::Failure;
-using robot::Vector;
+using py::literals::operator""_a;
+using robot::Model;
 
-/// A robot of a URDF.
-class Robot {
- public:
-  Robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides) {
-    const std::string text = diagnostics::given_text(urdf);
-    try {
-      model_ = robot::model_from_urdf(text, urdf.string(), experiment::urdf_options(overrides));
-    } catch (const std::invalid_argument& problem) {
-      throw diagnostics::bad_usage(problem.what());
+Model read_robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides,
+                 double gravity) {
+  const std::string text = diagnostics::given_text(urdf);
+  try {
+    Model model = robot::model_from_urdf(text, urdf.string(), experiment::urdf_options(overrides));
+    if (!std::isfinite(gravity)) {
+      throw diagnostics::bad_usage("gravity: {}; allowed: a finite number [m/s²]", gravity);
     }
+    model.gravity = model.gravity.normalized() * gravity;
+    return model;
+  } catch (const std::invalid_argument& problem) {
+    throw diagnostics::bad_usage(problem.what());
   }
-
-  [[nodiscard]] const robot::Model& model() const { return model_; }
-  void set_gravity(double g) {
-    if (!std::isfinite(g)) {
-      throw diagnostics::bad_usage("gravity: {}; allowed: a finite number [m/s²]", g);
-    }
-    model_.gravity = model_.gravity.normalized() * g;
-  }
-
-  [[nodiscard]] Eigen::MatrixXd M(const py::handle& q) const {
-    return robot::mass_matrix<double>(model_, vector(q, "q"));
-  }
-  [[nodiscard]] Eigen::MatrixXd C(const py::handle& q, const py::handle& v) const {
-    return robot::coriolis_matrix<double>(model_, vector(q, "q"), vector(v, "v"));
-  }
-  [[nodiscard]] py::array_t<double> g(const py::handle& q) const {
-    return array_of(robot::gravity_torque<double>(model_, vector(q, "q")));
-  }
-  [[nodiscard]] py::array_t<double> ID(const py::handle& q, const py::handle& v,
-                                       const py::handle& a) const {
-    return array_of(
-        robot::inverse_dynamics<double>(model_, vector(q, "q"), vector(v, "v"), vector(a, "a")));
-  }
-  [[nodiscard]] py::array_t<double> FD(const py::handle& q, const py::handle& v,
-                                       const py::handle& tau) const {
-    try {
-      return array_of(robot::forward_dynamics<double>(model_, vector(q, "q"), vector(v, "v"),
-                                                      vector(tau, "tau")));
-    } catch (const std::logic_error& problem) {
-      throw diagnostics::bad_usage(problem.what());
-    }
-  }
-  [[nodiscard]] Eigen::Matrix4d pose(const std::string& link, const py::handle& q) const {
-    if (model_.frames.count(link) == 0) {
-      throw diagnostics::bad_usage("link: \"{}\"; this robot has {}", link,
-                                   diagnostics::joined(links()));
-    }
-    const auto X = robot::frame_pose<double>(model_, link, vector(q, "q"));
-    Eigen::Matrix4d result = Eigen::Matrix4d::Identity();
-    result.topLeftCorner<3, 3>() = X.R;
-    result.topRightCorner<3, 1>() = X.p;
-    return result;
-  }
-  [[nodiscard]] std::vector<std::string> links() const {
-    std::vector<std::string> all;
-    for (const auto& [name, frame] : model_.frames) all.push_back(name);
-    return all;
-  }
-
- private:
-  [[nodiscard]] Vector vector(const py::handle& object, const char* what) const {
-    return vector_of(object, model_.num_joints, what);
-  }
-
-  robot::Model model_;
-};
-
-void declare_robot(py::module_& module) {
-  const auto joints = [](const auto member) {
-    return [member](const Robot& robot) { return array_of(robot.model().*member); };
-  };
-  py::class_<Robot>(module, "Robot")
-      .def(py::init<std::filesystem::path, std::vector<std::string>>())
-      .def("set_gravity", &Robot::set_gravity)
-      .def_property_readonly("num_joints", [](const Robot& of) { return of.model().num_joints; })
-      .def_property_readonly("joints", [](const Robot& of) { return of.model().joint_names; })
-      .def_property_readonly("links", &Robot::links)
-      .def_property_readonly("warnings", [](const Robot& of) { return of.model().warnings; })
-      .def_property_readonly("lower", joints(&robot::Model::lower))
-      .def_property_readonly("upper", joints(&robot::Model::upper))
-      .def_property_readonly("effort_limit", joints(&robot::Model::effort_limit))
-      .def_property_readonly("velocity_limit", joints(&robot::Model::velocity_limit))
-      .def("M", &Robot::M)
-      .def("C", &Robot::C)
-      .def("g", &Robot::g)
-      .def("ID", &Robot::ID)
-      .def("FD", &Robot::FD)
-      .def("pose", &Robot::pose);
 }
 
-void declare_recorded(py::module_& module) {
-  py::class_<Recorded>(module, "Recorded")
-      .def_readonly("scenario", &Recorded::scenario)
-      .def_readonly("law", &Recorded::law)
-      .def_readonly("text", &Recorded::text)
-      .def_readonly("run", &Recorded::run)
-      .def_readonly("period_s", &Recorded::period_s)
-      .def_readonly("joints", &Recorded::joints)
-      .def("names", &Recorded::names)
-      .def("array", &Recorded::array)
-      .def("units", &Recorded::units)
-      .def("description", &Recorded::description)
-      .def("ticks", &Recorded::ticks)
-      .def("time", &Recorded::time);
+py::array_t<double> forward(const Model& model, const robot::Vector& q, const robot::Vector& v,
+                            const robot::Vector& tau) {
+  try {
+    return array_of(robot::forward_dynamics<double>(model, q, v, tau));
+  } catch (const std::logic_error& problem) {
+    throw diagnostics::bad_usage(problem.what());
+  }
+}
+
+std::vector<std::string> links(const Model& model) {
+  std::vector<std::string> all;
+  for (const auto& [name, frame] : model.frames) all.push_back(name);
+  return all;
+}
+
+Eigen::Matrix4d pose(const Model& model, const std::string& link, const robot::Vector& q) {
+  const auto X = robot::frame_pose<double>(model, link, q);
+  Eigen::Matrix4d result = Eigen::Matrix4d::Identity();
+  result.topLeftCorner<3, 3>() = X.R;
+  result.topRightCorner<3, 1>() = X.p;
+  return result;
+}
+
+void declare_robot(py::module_& module) {
+  const auto limits = [](const auto member) {
+    return [member](const Model& robot) { return array_of(robot.*member); };
+  };
+  const auto vector = [](const Model& robot, const py::handle& object, const char* name) {
+    return vector_of(object, robot.num_joints, name);
+  };
+  using Robot = const Model&;
+  using Given = const py::handle&;  // n numbers
+  py::class_<Model>(module, "Robot")
+      .def(py::init(&read_robot))
+      .def_readonly("num_joints", &Model::num_joints, "n.")
+      .def_readonly("joints", &Model::joint_names, "Names of the joints, in the order of q.")
+      .def_property_readonly("links", &links, "Names of the links, for pose().")
+      .def_readonly("warnings", &Model::warnings, "What was read with a doubt.")
+      .def_property_readonly("lower", limits(&Model::lower),
+                             "Lower limits of q, rad or m; -inf: none.")
+      .def_property_readonly("upper", limits(&Model::upper),
+                             "Upper limits of q, rad or m; inf: none.")
+      .def_property_readonly("effort_limit", limits(&Model::effort_limit), "N m or N; inf: none.")
+      .def_property_readonly("velocity_limit", limits(&Model::velocity_limit),
+                             "rad/s or m/s; inf: none.")
+      .def(
+          "M",
+          [=](Robot robot, Given q) -> Eigen::MatrixXd {
+            return robot::mass_matrix<double>(robot, vector(robot, q, "q"));
+          },
+          "q"_a, "Inertia matrix (n, n), kg m²; without motors' rotors.")
+      .def(
+          "C",
+          [=](Robot robot, Given q, Given v) -> Eigen::MatrixXd {
+            return robot::coriolis_matrix<double>(robot, vector(robot, q, "q"),
+                                                  vector(robot, v, "v"));
+          },
+          "q"_a, "v"_a,
+          "Coriolis matrix (n, n) of Christoffel's symbols: Mdot - 2 C is skew-symmetric.")
+      .def(
+          "g",
+          [=](Robot robot, Given q) {
+            return array_of(robot::gravity_torque<double>(robot, vector(robot, q, "q")));
+          },
+          "q"_a, "Torque (n,) that holds the robot still against gravity.")
+      .def(
+          "ID",
+          [=](Robot robot, Given q, Given v, Given a) {
+            return array_of(robot::inverse_dynamics<double>(
+                robot, vector(robot, q, "q"), vector(robot, v, "v"), vector(robot, a, "a")));
+          },
+          "q"_a, "v"_a, "a"_a, "Inverse dynamics: M(q) a + C(q, v) v + g(q), (n,).")
+      .def(
+          "FD",
+          [=](Robot robot, Given q, Given v, Given tau) {
+            return forward(robot, vector(robot, q, "q"), vector(robot, v, "v"),
+                           vector(robot, tau, "tau"));
+          },
+          "q"_a, "v"_a, "tau"_a, "Forward dynamics: the acceleration (n,) under the torque tau.")
+      .def(
+          "pose",
+          [=](Robot robot, const std::string& link, Given q) {
+            if (robot.frames.count(link) == 0) {
+              throw diagnostics::bad_usage("link: \"{}\"; this robot has {}", link,
+                                           diagnostics::joined(links(robot)));
+            }
+            return pose(robot, link, vector(robot, q, "q"));
+          },
+          "link"_a, "q"_a, "The link's frame in the root link's, as a homogeneous matrix (4, 4).");
+}
+
+/// A run as arrays, simulated or read from a log.
+struct Run {
+  struct Column {
+    logger::Quantity quantity;
+    std::vector<double> values;
+    bool any = false;
+  };
+
+  Run(const experiment::Scenario& of, const loop::LawInfo& by)
+      : scenario(of.name),
+        law(of.controller.law == experiment::external_law
+                ? fmt::format("{} ({})", by.name, experiment::external_law)
+                : of.controller.law),
+        text(of.text),
+        period_s(of.loop.period_s),
+        joints(of.model->joint_names) {
+    for (logger::Quantity& quantity : logger::quantities_of(of, by)) {
+      columns.push_back({std::move(quantity), {}, false});
+    }
+  }
+
+  /// One tick; what the record does not have is NaN.
+  void add(const loop::TickRecord& record) {
+    ticks.push_back(record.tick);
+    for (Column& column : columns) {
+      const std::size_t begin = column.values.size();
+      column.values.resize(begin + column.quantity.units.size(),
+                           std::numeric_limits<double>::quiet_NaN());
+      if (!loop::has(record, column.quantity.slot)) continue;
+      column.quantity.read(record, column.values.data() + begin);
+      column.any = true;
+    }
+  }
+  /// Without the quantities that no record had. No more may be added.
+  void finish() {
+    std::erase_if(columns, [](const Column& column) { return !column.any; });
+  }
+
+  [[nodiscard]] std::vector<std::string> names() const {
+    std::vector<std::string> all;
+    for (const Column& column : columns) all.push_back(column.quantity.name);
+    return all;
+  }
+  /// @throw py::key_error naming what there is
+  [[nodiscard]] const Column& column(const std::string& name) const {
+    for (const Column& column : columns) {
+      if (column.quantity.name == name) return column;
+    }
+    throw py::key_error(fmt::format("{}: this run has {}", name, diagnostics::joined(names())));
+  }
+
+  std::string scenario, law, text;
+  std::int64_t run = 0;
+  double period_s;
+  std::vector<std::string> joints;
+  std::vector<Column> columns;
+  std::vector<std::int64_t> ticks;
+};
+
+py::array_t<double> array(const Run& run, const std::string& name) {
+  const auto& [quantity, values, any] = run.column(name);
+  std::vector<std::size_t> shape = {run.ticks.size()};
+  if (!quantity.joints.empty()) shape.push_back(quantity.units.size());
+  return py::array_t<double>(shape, values.data());
+}
+
+py::array_t<double> times(const Run& run) {
+  py::array_t<double> t(static_cast<py::ssize_t>(run.ticks.size()));
+  std::transform(run.ticks.begin(), run.ticks.end(), t.mutable_data(),
+                 [&](std::int64_t tick) { return static_cast<double>(tick) * run.period_s; });
+  return t;
+}
+
+/// @param path a log, or a run's directory
+Run read(const std::filesystem::path& path, std::int64_t id) {
+  const py::gil_scoped_release unlocked;
+  logger::RunLog log =
+      logger::RunLog::open(std::filesystem::is_directory(path) ? path / "lcmlog" : path,
+                           id == 0 ? std::nullopt : std::optional(id));
+  Run run(log.scenario(), {log.info().law, log.info().measurement, log.info().signals});
+  run.run = log.run();
+  loop::TickRecord record;
+  while (log.next(record)) run.add(record);
+  run.finish();
+  return run;
+}
+
+/// @param f law in place of the scenario's, a Python callable; None: the scenario's
+Run simulate(const std::filesystem::path& path, const std::vector<std::string>& overrides,
+             const py::object& f, const std::string& name) {
+  const bool own = !f.is_none();
+  experiment::Scenario scenario = experiment::load_scenario(path, overrides);
+  if (own && scenario.controller.law != experiment::external_law) {
+    scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
+    scenario.controller.law = experiment::external_law;
+  }
+  controller::ScenarioLaw law = own ? python_law(scenario, f, name, Interrupt::passed_on)
+                                    : controller::scenario_law(scenario);
+  const py::gil_scoped_release unlocked;
+  Run run(scenario, controller::law_info(law));
+  study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {
+    if (tick.tick % 1000 == 0) {  // Ctrl-C; seldom, for it waits for the lock
+      const py::gil_scoped_acquire locked;
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    }
+    loop::TickRecord record;
+    record.tick = tick.tick;
+    std::visit([&](const auto& measured) { record.measurement = measured; }, tick.measurement);
+    record.reference = tick.reference;
+    record.command = tick.command;
+    record.controller_state = tick.controller;
+    record.truth = plant::truth_of(tick.truth, tick.applied);
+    run.add(record);
+    return true;
+  });
+  run.finish();
+  return run;
+}
+
+void declare_run(py::module_& module) {
+  py::class_<Run>(
+      module, "Run",
+      R"(A run, simulated or recorded: run["q"] is an array (ticks, joints), run.t its times.
+
+A quantity that a tick lacks (lost in realtime) is NaN. names tells which quantities there are:
+true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was measured, ..._measured.)")
+      .def_property_readonly("names", &Run::names, "The quantities of this run.")
+      .def_readonly("joints", &Run::joints, "Names of the joints, in the order of the columns.")
+      .def_readonly("scenario", &Run::scenario, "Name of the scenario.")
+      .def_readonly("law", &Run::law, "Name of the control law.")
+      .def_readonly("text", &Run::text, "The scenario in YAML, with what was set.")
+      .def_readonly("run_id", &Run::run, "Number of the run; 0 of a simulated one.")
+      .def_readonly("period_s", &Run::period_s, "Length of a tick, s.")
+      .def_property_readonly(
+          "ticks",
+          [](const Run& run) {
+            return py::array_t<std::int64_t>(static_cast<py::ssize_t>(run.ticks.size()),
+                                             run.ticks.data());
+          },
+          "Numbers of the ticks, (ticks,).")
+      .def_property_readonly("t", &times, "Times of the ticks, s, (ticks,).")
+      .def("__getitem__", &array)
+      .def("__contains__",
+           [](const Run& run, const py::object& name) {
+             return py::cast(run.names()).contains(name);
+           })
+      .def(
+          "units",
+          [](const Run& run, const std::string& name) { return run.column(name).quantity.units; },
+          "name"_a,
+          R"(Unit of each column of run[name], as in exports: "rad", "rad_per_s", "Nm", "1".)")
+      .def(
+          "description",
+          [](const Run& run, const std::string& name) {
+            return run.column(name).quantity.description;
+          },
+          "name"_a, "What run[name] is.")
+      .def("__repr__", [](const Run& run) {
+        return fmt::format("<tachless.Run {}, {}, {} ticks: {}>", run.scenario, run.law,
+                           run.ticks.size(), diagnostics::joined(run.names()));
+      });
   module.def("read", &read);
   module.def("simulate", &simulate);
 }
 
-int run(const std::vector<std::string>& words, const py::object& f, const std::string& name) {
+int run_controller(const std::vector<std::string>& words, const py::object& f,
+                   const std::string& name) {
   std::vector<const char*> argv;
   argv.reserve(words.size());
   for (const std::string& word : words) argv.push_back(word.c_str());
   const py::gil_scoped_release unlocked;
-  return run_controller(static_cast<int>(argv.size()), argv.data(),
-                        [&](const experiment::Scenario& scenario) {
-                          const py::gil_scoped_acquire locked;
-                          return python_law(scenario, f, name, Interrupt::a_failure);
-                        });
+  return tachless::run_controller(static_cast<int>(argv.size()), argv.data(),
+                                  [&](const experiment::Scenario& scenario) {
+                                    const py::gil_scoped_acquire locked;
+                                    return python_law(scenario, f, name, Interrupt::a_failure);
+                                  });
 }
 
 PYBIND11_MODULE(_tachless, module) {
@@ -172,8 +342,8 @@ PYBIND11_MODULE(_tachless, module) {
       .def_readonly("jerk", &Reference::jerk)
       .def_readonly("snap", &Reference::snap);
   declare_robot(module);
-  declare_recorded(module);
-  module.def("run_controller", &run);
+  declare_run(module);
+  module.def("run_controller", &run_controller);
 }
 
 }  // namespace

@@ -14,20 +14,17 @@ namespace {
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 
-py::object field_or_none(const robot::Vector* x) {
-  if (x == nullptr || x->size() == 0) return py::none();
-  return array_of(*x);
+py::object field_or_none(const robot::Vector& x) {
+  return x.size() == 0 ? py::object(py::none()) : array_of(x);
 }
 
 template <class M>
 Measurement measurement_of(const M& measured) {
   Measurement result{py::none(), py::none(), py::none(), py::none()};
-  if constexpr (requires { measured.q; }) result.q = field_or_none(&measured.q);
-  if constexpr (requires { measured.v; }) result.v = field_or_none(&measured.v);
-  if constexpr (requires { measured.theta; }) result.theta = field_or_none(&measured.theta);
-  if constexpr (requires { measured.thetadot; }) {
-    result.thetadot = field_or_none(&measured.thetadot);
-  }
+  if constexpr (requires { measured.q; }) result.q = field_or_none(measured.q);
+  if constexpr (requires { measured.v; }) result.v = field_or_none(measured.v);
+  if constexpr (requires { measured.theta; }) result.theta = field_or_none(measured.theta);
+  if constexpr (requires { measured.thetadot; }) result.thetadot = field_or_none(measured.thetadot);
   return result;
 }
 
@@ -53,28 +50,21 @@ class PythonLaw final : public controller::AnyLaw<M> {
 
   Output start(std::int64_t tick, const M& measurement,
                const loop::ReferencePoint& reference) override {
-    {
-      const py::gil_scoped_acquire locked;
-      in_python(tick, [&] {
-        if (py::hasattr(f_, "reset")) f_.attr("reset")();
-      });
-    }
+    in_python(tick, [&] {
+      if (py::hasattr(f_, "reset")) f_.attr("reset")();
+    });
     return step(tick, measurement, reference, 1);
   }
 
   Output step(std::int64_t tick, const M& measurement, const loop::ReferencePoint& reference,
               int /*ticks*/) override {
-    {
-      const py::gil_scoped_acquire locked;
-      in_python(tick, [&] {
-        const py::object tau =
-            f_(tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
-               Reference{array_of(reference.q_ref), array_of(reference.v_ref),
-                         array_of(reference.a_ref), array_of(reference.jerk_ref),
-                         array_of(reference.snap_ref)});
-        command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
-      });
-    }
+    in_python(tick, [&] {
+      const py::object tau = f_(
+          tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
+          Reference{array_of(reference.q_ref), array_of(reference.v_ref), array_of(reference.a_ref),
+                    array_of(reference.jerk_ref), array_of(reference.snap_ref)});
+      command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
+    });
     if constexpr (loop::holds_links<M>) signals_ = {1, {measurement.q - reference.q_ref}};
     return {command_, signals_};
   }
@@ -89,9 +79,10 @@ class PythonLaw final : public controller::AnyLaw<M> {
     }
   }();
 
-  /// What `action` raises becomes the run's end; its traceback goes to stderr.
+  /// Under the lock. What `action` raises becomes the run's end; its traceback goes to stderr.
   template <class Action>
   void in_python(std::int64_t tick, const Action& action) const {
+    const py::gil_scoped_acquire locked;
     try {
       action();
     } catch (const Failure& failure) {

@@ -1,11 +1,12 @@
 #include "replay/replay.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -68,75 +69,54 @@ void require_measured(const logger::RunLog& log, const loop::LawInfo& law) {
          law.name, law.measurement, log.info().measurement);
 }
 
-class Comparison {
- public:
-  Comparison(int num_joints, const OnCompared& on_compared)
-      : on_compared_(on_compared), sum_of_squares_(static_cast<std::size_t>(num_joints)) {
-    result_.joints.resize(static_cast<std::size_t>(num_joints));
+/// A replay as it goes on.
+struct Comparison {
+  const OnCompared& on_compared;
+  Replay result;
+  std::vector<double> sums_of_squares;
+  /// Since the last command: ticks without one are gaps only when a command follows.
+  std::uint64_t pending = 0, pending_passed_over = 0;
+  std::int64_t first_pending = -1;
+
+  Comparison(int num_joints, const OnCompared& told)
+      : on_compared(told), sums_of_squares(static_cast<std::size_t>(num_joints)) {
+    result.joints.resize(static_cast<std::size_t>(num_joints));
   }
 
   void add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
-    // Ticks without a command are gaps only when a command follows.
-    result_.without_command += pending_;
-    if (pending_ != 0 && result_.first_without_command < 0) {
-      result_.first_without_command = first_pending_;
+    if (pending != 0 && result.first_without_command < 0) {
+      result.first_without_command = first_pending;
     }
-    pending_ = 0;
-    result_.passed_over += std::exchange(pending_passed_over_, 0);
+    result.without_command += std::exchange(pending, 0);
+    result.passed_over += std::exchange(pending_passed_over, 0);
     bool same = true;
     for (int i = 0; i < static_cast<int>(recorded.size()); ++i) {
       const std::uint64_t ulps = ulps_between(recorded[i], replayed[i]);
-      if (ulps != 0) {
-        same = false;
-        if (!result_.first) result_.first = {tick, i, recorded[i], replayed[i], ulps};
-      }
-      auto& joint = result_.joints[static_cast<std::size_t>(i)];
+      same = same && ulps == 0;
+      if (ulps != 0 && !result.first) result.first = {tick, i, recorded[i], replayed[i], ulps};
+      auto& joint = result.joints[static_cast<std::size_t>(i)];
       const double difference = std::abs(replayed[i] - recorded[i]);
       if (difference > joint.max || joint.max_tick < 0) {
         joint.max = difference;
         joint.max_tick = tick;
       }
-      sum_of_squares_[static_cast<std::size_t>(i)] += difference * difference;
+      sums_of_squares[static_cast<std::size_t>(i)] += difference * difference;
       joint.recorded_peak = std::max(joint.recorded_peak, std::abs(recorded[i]));
       joint.replayed_peak = std::max(joint.replayed_peak, std::abs(replayed[i]));
     }
-    ++result_.compared;
-    if (!same) ++result_.different;
-    result_.last_compared = tick;
-    if (on_compared_) on_compared_(tick, recorded, replayed);
-  }
-
-  void add_without_command(std::int64_t tick) {
-    if (pending_++ == 0) first_pending_ = tick;
-  }
-
-  void pass_over() { ++pending_passed_over_; }
-
-  void stop(const std::string& why) { result_.stopped_by = why; }
-  void stop_not_finite(std::int64_t tick) {
-    result_.not_finite = true;
-    stop(fmt::format("the law's torque at tick {} is not finite", tick));
+    ++result.compared;
+    if (!same) ++result.different;
+    result.last_compared = tick;
+    if (on_compared) on_compared(tick, recorded, replayed);
   }
 
   Replay finish() {
-    for (std::size_t i = 0; i < result_.joints.size() && result_.compared > 0; ++i) {
-      result_.joints[i].rms = std::sqrt(sum_of_squares_[i] / static_cast<double>(result_.compared));
+    for (std::size_t i = 0; i < result.joints.size() && result.compared > 0; ++i) {
+      result.joints[i].rms = std::sqrt(sums_of_squares[i] / static_cast<double>(result.compared));
     }
-    return std::move(result_);
+    return std::move(result);
   }
-
- private:
-  const OnCompared& on_compared_;
-  Replay result_;
-  std::vector<double> sum_of_squares_;
-  std::uint64_t pending_ = 0;
-  std::uint64_t pending_passed_over_ = 0;
-  std::int64_t first_pending_ = -1;
 };
-
-std::string missing(const logger::RunLog& log, std::int64_t tick, loop::Slot piece) {
-  return fmt::format("tick {} has no {}", tick, log.summary().of(piece).channel);
-}
 
 /// Whether any tick from the one in `record` on has a command.
 bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
@@ -146,75 +126,57 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
   return false;
 }
 
-/// One law, tick by tick.
+/// Steps `law` through the log.
 template <class Measurement>
-class Replayer {
- public:
-  Replayer(logger::RunLog& log, const experiment::Scenario& scenario,
-           std::unique_ptr<controller::AnyLaw<Measurement>> law, Comparison& comparison)
-      : log_(log),
-        realtime_(scenario.loop.mode == experiment::Mode::realtime),
-        stepper_(std::move(law), scenario.loop),
-        comparison_(comparison) {}
-
-  void run() {
-    logger::TickRecord record;
-    std::int64_t next = 0;
-    while (log_.next(record)) {
-      if (realtime_ && !record.command && !record.controller_state) {
-        comparison_.pass_over();
-        continue;
-      }
-      const auto measurement = measured<Measurement>(record.measurement);
-      // In lockstep every tick counts; in realtime those that the controller acted on.
-      const bool jump = !realtime_ && record.tick != next;
-      if (jump || !measurement || !record.reference) {
-        const bool no_reference = !jump && measurement && !record.reference;
-        const std::string gap =
-            missing(log_, jump ? next : record.tick,
-                    no_reference ? loop::Slot::reference : loop::Slot::measurement);
-        // The end of a run that was ended between two messages is no gap.
-        if (command_follows(log_, record)) comparison_.stop(gap);
-        break;
-      }
-      next = record.tick + 1;
-      if (!step(record, *measurement)) break;
+void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
+                  std::unique_ptr<controller::AnyLaw<Measurement>> law, Comparison& comparison) {
+  const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
+  controller::LawStepper<Measurement> stepper(std::move(law), scenario.loop);
+  Replay& result = comparison.result;
+  logger::TickRecord record;
+  std::int64_t next = 0;
+  while (result.stopped_by.empty() && log.next(record)) {
+    if (realtime && !record.command && !record.controller_state) {
+      ++comparison.pending_passed_over;
+      continue;
     }
-    // What the log has lost is counted to its end.
-    while (log_.next(record)) {
+    const auto measurement = measured<Measurement>(record.measurement);
+    // In lockstep every tick counts; in realtime those that the controller acted on.
+    const bool jump = !realtime && record.tick != next;
+    if (jump || !measurement || !record.reference) {
+      const auto lacking = jump || !measurement ? loop::Slot::measurement : loop::Slot::reference;
+      const std::string gap = fmt::format("tick {} has no {}", jump ? next : record.tick,
+                                          log.summary().of(lacking).channel);
+      // The end of a run that was ended between two messages is no gap.
+      if (command_follows(log, record)) result.stopped_by = gap;
+      break;
     }
-  }
-
- private:
-  /// Whether it can go on.
-  bool step(const logger::TickRecord& record, const Measurement& measurement) {
+    next = record.tick + 1;
     robot::Vector tau;
     try {
-      tau = stepper_.step(record.tick, measurement, *record.reference).output.command.tau;
+      tau = stepper.step(record.tick, *measurement, *record.reference).output.command.tau;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
-      comparison_.stop(
-          fmt::format("the law cannot be evaluated at tick {}: {}", record.tick, error.what()));
-      return false;
+      result.stopped_by =
+          fmt::format("the law cannot be evaluated at tick {}: {}", record.tick, error.what());
+      break;
     }
     if (!tau.allFinite()) {
-      comparison_.stop_not_finite(record.tick);
-      return false;
+      result.not_finite = true;
+      result.stopped_by = fmt::format("the law's torque at tick {} is not finite", record.tick);
+      break;
     }
-    stepper_.keep(record.tick);
+    stepper.keep(record.tick);
     if (record.command) {
-      comparison_.add(record.tick, record.command->tau, tau);
-    } else {
-      comparison_.add_without_command(record.tick);
+      comparison.add(record.tick, record.command->tau, tau);
+    } else if (comparison.pending++ == 0) {
+      comparison.first_pending = record.tick;
     }
-    return true;
   }
-
-  logger::RunLog& log_;
-  bool realtime_;
-  controller::LawStepper<Measurement> stepper_;
-  Comparison& comparison_;
-};
+  // What the log has lost is counted to its end.
+  while (log.next(record)) {
+  }
+}
 
 }  // namespace
 
@@ -234,18 +196,97 @@ Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
   require_fitting(log, scenario);
   require_measured(log, controller::law_info(law));
   log.rewind();
-  return std::visit(
-      [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> own) {
-        Comparison comparison(scenario.num_joints, on_compared);
-        Replayer<Measurement>(log, scenario, std::move(own), comparison).run();
-        return comparison.finish();
-      },
-      std::move(law));
+  Comparison comparison(scenario.num_joints, on_compared);
+  std::visit([&](auto own) { step_through(log, scenario, std::move(own), comparison); },
+             std::move(law));
+  return comparison.finish();
 }
 
-Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
-              const OnCompared& on_compared) {
-  return replay(log, scenario, controller::scenario_law(scenario), on_compared);
+std::string hindrance(const Replay& replay, const logger::RunLog& log) {
+  if (!replay.stopped_by.empty()) {
+    return fmt::format(
+        "cannot verify beyond {}: {}",
+        replay.compared > 0 ? fmt::format("tick {}", replay.last_compared) : "the start",
+        replay.stopped_by);
+  }
+  if (replay.without_command != 0) {
+    return fmt::format("{} ticks cannot be verified, the first is {}: they have no {}",
+                       replay.without_command, replay.first_without_command,
+                       log.summary().of(loop::Slot::command).channel);
+  }
+  return replay.compared == 0 ? "there is no tick whose command could be verified" : "";
+}
+
+std::string problem_text(const Replay& replay, const logger::RunLog& log,
+                         const robot::JointLabels& joints) {
+  const std::string gap = hindrance(replay, log);
+  if (replay.different == 0) {
+    if (gap.empty()) return "";
+    return fmt::format("{}: {}; the {} commands verified are the same", log.path().string(), gap,
+                       replay.compared);
+  }
+  const Mismatch& first = *replay.first;
+  const std::string& unit = joints.effort[static_cast<std::size_t>(first.joint)];
+  return fmt::format(
+      "{}: {} of {} commands differ, first at tick {} ({:.9g} s), {}: recorded {:.17g} {}, "
+      "replayed {:.17g} {}, {} ulp{} or {:.3g} {} apart{}{}",
+      log.path().string(), replay.different, replay.compared, first.tick,
+      static_cast<double>(first.tick) * log.info().period_s,
+      joints.joint(static_cast<std::size_t>(first.joint)), first.recorded, unit, first.replayed,
+      unit, first.ulps, first.ulps == 1 ? "" : "s", first.replayed - first.recorded, unit,
+      gap.empty() ? "" : "; ", gap);
+}
+
+std::string verified_text(const Replay& replay, const logger::RunLog& log, double wall_s) {
+  const double recorded_s = static_cast<double>(replay.compared) * log.info().period_s;
+  std::string text =
+      fmt::format("{}: run {}, law {}\nthe same: {} commands, bit for bit", log.path().string(),
+                  log.run(), log.scenario().controller.law_text(), replay.compared);
+  if (replay.passed_over != 0) {
+    text +=
+        fmt::format("; {} ticks have none, the controller passed them over", replay.passed_over);
+  }
+  if (log.summary().last_tick + 1 != log.info().num_ticks) {
+    text += fmt::format(" (the run ended early: it was to have {} ticks)", log.info().num_ticks);
+  }
+  return text + fmt::format("\n{:.4g} s of the robot's time in {:.3g} s: {:.0f} times as fast\n",
+                            recorded_s, wall_s, recorded_s / wall_s);
+}
+
+std::string damage_text(const logger::RunLog& log) {
+  if (!log.damage().any()) return "";
+  return fmt::format("{} is damaged: {} bytes at {} places are no events; see tachless info",
+                     log.path().string(), log.damage().bytes_skipped, log.damage().stretches);
+}
+
+nlohmann::ordered_json to_json(const Replay& replay) {
+  using Json = nlohmann::ordered_json;
+  Json joints = Json::array(), first;
+  for (const TorqueDifference& joint : replay.joints) {
+    if (replay.compared == 0) break;
+    joints.push_back({{"max_Nm", joint.max},
+                      {"max_tick", joint.max_tick},
+                      {"rms_Nm", joint.rms},
+                      {"recorded_peak_Nm", joint.recorded_peak},
+                      {"replayed_peak_Nm", joint.replayed_peak}});
+  }
+  if (const auto& at = replay.first) {
+    first = {{"tick", at->tick},
+             {"joint", at->joint + 1},
+             {"recorded_Nm", at->recorded},
+             {"replayed_Nm", at->replayed},
+             {"difference_Nm", at->replayed - at->recorded},
+             {"ulps", at->ulps}};
+  }
+  return {{"compared_ticks", replay.compared},
+          {"different_ticks", replay.different},
+          {"last_compared_tick", replay.compared > 0 ? Json(replay.last_compared) : Json()},
+          {"complete", replay.complete()},
+          {"ticks_without_command", replay.without_command},
+          {"ticks_passed_over", replay.passed_over},
+          {"stopped_by", replay.stopped_by.empty() ? Json() : Json(replay.stopped_by)},
+          {"first_difference", first},
+          {"joints", joints}};
 }
 
 }  // namespace tachless::replay

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,7 +10,10 @@
 #include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "logger/run_log.h"
+#include "robot/joint_labels.h"
 
+/// The controller again, on what a log recorded, and what came of it, in words and as JSON. Prints
+/// nothing.
 namespace tachless::replay {
 
 /// Where a replayed command is not the recorded one.
@@ -65,8 +69,24 @@ using OnCompared = std::function<void(std::int64_t tick, const robot::Vector& re
 /// of joints, another period, rigid for flexible joints, a law that needs more than was measured.
 Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
               controller::ScenarioLaw law, const OnCompared& on_compared = {});
-/// With `controller::scenario_law`, and its errors.
-Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
-              const OnCompared& on_compared = {});
+
+/// What hinders a full verdict; empty when nothing does.
+std::string hindrance(const Replay& replay, const logger::RunLog& log);
+
+/// Why the recorded commands are not all verified as the same; empty when they are.
+std::string problem_text(const Replay& replay, const logger::RunLog& log,
+                         const robot::JointLabels& joints);
+
+/// What was verified, after a replay that took `wall_s` and has no problem.
+std::string verified_text(const Replay& replay, const logger::RunLog& log, double wall_s);
+
+/// Events of the log that could not be read; empty when there are none.
+std::string damage_text(const logger::RunLog& log);
+
+/// `{compared_ticks, different_ticks, last_compared_tick, complete, ticks_without_command,
+/// ticks_passed_over, stopped_by, first_difference {tick, joint, recorded_Nm, replayed_Nm,
+/// difference_Nm, ulps}, joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm, replayed_peak_Nm}]}`;
+/// null where there is none. Joints count from 1.
+nlohmann::ordered_json to_json(const Replay& replay);
 
 }  // namespace tachless::replay

@@ -4,17 +4,19 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <system_error>
 #include <utility>
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
 #include "logger/column_names.h"
 #include "report/chart.h"
-#include "report/figure.h"
 #include "report/gnuplot.h"
 #include "report/summary.h"
+#include "study/envelope.h"
 
 namespace tachless::replay {
 namespace {
@@ -35,69 +37,47 @@ void require_of_controller(const std::vector<std::string>& overrides) {
   }
 }
 
-}  // namespace
+struct Torques {
+  study::Envelope recorded, replayed, difference;
+};
 
-WhatIf::WhatIf(std::filesystem::path csv, double period_s, robot::JointLabels labels)
-    : file_(std::move(csv), remedy),
-      csv_(file_.name()),
-      period_s_(period_s),
-      labels_(std::move(labels)),
-      joints_(labels_.name.size()) {
-  csv_ << "tick,t_s";
+/// The first line of the table.
+std::string head(const robot::JointLabels& labels) {
+  std::string line = "tick,t_s";
   const std::vector<std::string> names = {"tau", "tau_replayed"};
-  const auto joints = logger::joints_in_columns(names, labels_.name);
+  const auto joints = logger::joints_in_columns(names, labels.name);
   for (const std::string& name : names) {
     for (std::size_t i = 0; i < joints.size(); ++i) {
-      csv_ << ','
-           << diagnostics::csv_field(
-                  logger::column_name(name, joints[i], labels_.effort[i] == "N" ? "N" : "Nm"));
+      line += "," + diagnostics::csv_field(
+                        logger::column_name(name, joints[i], labels.effort[i] == "N" ? "N" : "Nm"));
     }
   }
-  csv_ << '\n';
-  if (!csv_) file_.refuse(std::strerror(errno));
+  return line + "\n";
 }
 
-void WhatIf::add(std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
-  const double t_s = static_cast<double>(tick) * period_s_;
-  csv_ << fmt::format("{},{:.17g}", tick, t_s);
-  for (const auto* tau : {&recorded, &replayed}) {
-    for (const double value : *tau) csv_ << fmt::format(",{:.17g}", value);
-  }
-  csv_ << '\n';
-  for (std::size_t i = 0; i < joints_.size(); ++i) {
-    const auto joint = static_cast<Eigen::Index>(i);
-    joints_[i].recorded.add(t_s, recorded[joint]);
-    joints_[i].replayed.add(t_s, replayed[joint]);
-    joints_[i].difference.add(t_s, replayed[joint] - recorded[joint]);
-  }
-}
-
-void WhatIf::finish() {
-  csv_.close();
-  if (!csv_) file_.refuse(std::strerror(errno));
-  file_.finish();
-}
-
-std::string WhatIf::figure(const std::string& title, const std::filesystem::path& svg) const {
+/// gnuplot commands for the figure: of each joint both torques, and their difference.
+std::string figure(const std::vector<Torques>& torques, const robot::JointLabels& labels,
+                   const std::string& title) {
   std::vector<report::Chart> charts;
-  for (std::size_t i = 0; i < joints_.size(); ++i) {
+  for (std::size_t i = 0; i < torques.size(); ++i) {
     const std::string label =
-        fmt::format("{}  [{}]", report::indexed("τ", i, labels_.name[i]), labels_.effort[i]);
-    report::Chart torque;
+        fmt::format("{}  [{}]", report::indexed("τ", i, labels.name[i]), labels.effort[i]);
+    report::Chart torque, difference;
+    torque.wide = difference.wide = true;
     torque.height_px = 220;
     torque.y_label = label;
-    torque.curves = {{"recorded", joints_[i].recorded.points(), report::palette[5], 3.5, "", {}},
-                     {"replayed", joints_[i].replayed.points(), report::palette[1], 1.2, "", {}}};
-    report::Chart difference;
+    torque.curves = {{"recorded", torques[i].recorded.points(), report::palette[5], 3.5, ""},
+                     {"replayed", torques[i].replayed.points(), report::palette[1], 1.2, ""}};
     difference.height_px = 170;
     difference.y_label = "Δ" + label;
     difference.curves = {
-        {"replayed − recorded", joints_[i].difference.points(), report::palette[0], 1.2, "", {}}};
-    torque.wide = difference.wide = true;
+        {"replayed − recorded", torques[i].difference.points(), report::palette[0], 1.2, ""}};
     charts.insert(charts.end(), {std::move(torque), std::move(difference)});
   }
-  return report::stacked_chart_commands(charts, title, svg);
+  return report::stacked_chart_commands(charts, title);
 }
+
+}  // namespace
 
 Comparison compare(logger::RunLog& log, const std::vector<std::string>& overrides,
                    const controller::MakeLaw& make_law, const std::filesystem::path& out,
@@ -124,17 +104,30 @@ Comparison compare(logger::RunLog& log, const std::vector<std::string>& override
                              is == was ? "with other settings" : fmt::format("under {}", is));
 
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
-  WhatIf what_if(result.csv, log.info().period_s, labels);
-  result.replay = replay(log, result.scenario, std::move(law),
-                         [&](std::int64_t tick, const auto& recorded, const auto& replayed) {
-                           what_if.add(tick, recorded, replayed);
-                         });
-  diagnostics::UnfinishedFile svg(result.svg, remedy);
+  diagnostics::UnfinishedFile file(result.csv, remedy);
+  std::ofstream csv(file.name());
+  csv << head(labels);
+  if (!csv) file.refuse(std::strerror(errno));
+  std::vector<Torques> torques(labels.name.size());
+  result.replay =
+      replay(log, result.scenario, std::move(law),
+             [&](std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
+               const double t_s = static_cast<double>(tick) * log.info().period_s;
+               csv << fmt::format("{},{:.17g},{:.17g},{:.17g}\n", tick, t_s,
+                                  fmt::join(recorded, ","), fmt::join(replayed, ","));
+               for (std::size_t i = 0; i < torques.size(); ++i) {
+                 const auto joint = static_cast<Eigen::Index>(i);
+                 torques[i].recorded.add(t_s, recorded[joint]);
+                 torques[i].replayed.add(t_s, replayed[joint]);
+                 torques[i].difference.add(t_s, replayed[joint] - recorded[joint]);
+               }
+             });
   if (result.replay.compared > 0) {
-    report::draw(what_if.figure(result.title, svg.name()), svg.name());
-    svg.finish();
+    report::draw_file(figure(torques, labels, result.title), result.svg, remedy);
   }
-  what_if.finish();
+  csv.close();
+  if (!csv) file.refuse(std::strerror(errno));
+  file.finish();
   return result;
 }
 
@@ -156,38 +149,6 @@ std::string comparison_text(const Comparison& comparison, const robot::JointLabe
                         joint.recorded_peak, joint.replayed_peak, labels.effort[i]);
   }
   return text + fmt::format("\n  {}\n  {}\n", comparison.svg.string(), comparison.csv.string());
-}
-
-nlohmann::ordered_json to_json(const Replay& replay) {
-  nlohmann::ordered_json json;
-  json["compared_ticks"] = replay.compared;
-  json["different_ticks"] = replay.different;
-  json["last_compared_tick"] =
-      replay.compared > 0 ? nlohmann::json(replay.last_compared) : nlohmann::json();
-  json["complete"] = replay.complete();
-  json["ticks_without_command"] = replay.without_command;
-  json["ticks_passed_over"] = replay.passed_over;
-  json["stopped_by"] =
-      replay.stopped_by.empty() ? nlohmann::json() : nlohmann::json(replay.stopped_by);
-  json["first_difference"] = nullptr;
-  if (const auto& first = replay.first) {
-    json["first_difference"] = {{"tick", first->tick},
-                                {"joint", first->joint + 1},
-                                {"recorded_Nm", first->recorded},
-                                {"replayed_Nm", first->replayed},
-                                {"difference_Nm", first->replayed - first->recorded},
-                                {"ulps", first->ulps}};
-  }
-  json["joints"] = nlohmann::ordered_json::array();
-  for (const TorqueDifference& joint : replay.joints) {
-    if (replay.compared == 0) break;
-    json["joints"].push_back({{"max_Nm", joint.max},
-                              {"max_tick", joint.max_tick},
-                              {"rms_Nm", joint.rms},
-                              {"recorded_peak_Nm", joint.recorded_peak},
-                              {"replayed_peak_Nm", joint.replayed_peak}});
-  }
-  return json;
 }
 
 }  // namespace tachless::replay

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "diagnostics/unfinished_file.h"
 #include "report/gnuplot.h"
 #include "robot/joint_labels.h"
 
@@ -21,34 +20,24 @@ using certificate::StabilityCertificate;
 using Eigen::Index;
 using Eigen::VectorXd;
 
-/// One diagram: commands between the layout's, and its data.
-class Panel {
- public:
-  Panel(const std::string& title, const std::string& x, const std::string& y)
-      : commands_(fmt::format("set title {}\nset xlabel {} offset 0,0.5\nset ylabel {}\n",
-                              gnuplot_text(title), gnuplot_text(x), gnuplot_text(y))) {}
+/// One diagram.
+struct Panel {
+  std::string settings;
+  Plot plot;
 
-  void command(const std::string& text) { commands_ += text + "\n"; }
+  Panel(const std::string& title, const std::string& x, const std::string& y)
+      : settings(fmt::format("set title {}\nset xlabel {} offset 0,0.5\nset ylabel {}\n",
+                             gnuplot_text(title), gnuplot_text(x), gnuplot_text(y))) {}
+
   void curve(const std::string& name, const std::string& with, std::size_t colour,
              const std::vector<std::pair<double, double>>& points) {
-    data_ += fmt::format("$data{} << EOD\n", blocks_);
+    std::string rows;
     for (const auto& [x, y] : points) {
-      if (std::isfinite(x) && std::isfinite(y)) data_ += fmt::format("{:.9g} {:.9g}\n", x, y);
+      if (std::isfinite(x) && std::isfinite(y)) rows += fmt::format("{:.9g} {:.9g}\n", x, y);
     }
-    data_ += "EOD\n";
-    plots_.push_back(fmt::format("$data{} using 1:2 with {} lc rgb {} {}", blocks_++, with,
-                                 gnuplot_string(palette[colour % palette.size()]),
-                                 name.empty() ? "notitle" : "title " + gnuplot_text(name)));
+    plot.add(rows, fmt::format("using 1:2 with {} lc rgb '{}' {}", with,
+                               palette[colour % palette.size()], titled(name)));
   }
-  [[nodiscard]] std::string text() const {
-    return data_ + commands_ + fmt::format("plot {}\n", fmt::join(plots_, ", ")) +
-           "unset logscale\nset autoscale\nset xtics autofreq\n";
-  }
-
- private:
-  std::string commands_, data_;
-  std::vector<std::string> plots_;
-  int blocks_ = 0;
 };
 
 /// Tics on a logarithmic axis.
@@ -68,10 +57,10 @@ Panel period_panel(const SampledCertificate& s) {
   }
   Panel panel("Margin against sampling period", "period [ms]", "modulus margin, spectral radius");
   constexpr double top = 1.3;
-  panel.command(
-      fmt::format("set logscale x\nset xtics ({})\nset xrange [{:.9g}:{:.9g}]\nset yrange [0:{:g}]",
-                  one_two_five(margin.front().first, margin.back().first), margin.front().first,
-                  margin.back().first, top));
+  panel.settings += fmt::format(
+      "set logscale x\nset xtics ({})\nset xrange [{:.9g}:{:.9g}]\nset yrange [0:{:g}]\n",
+      one_two_five(margin.front().first, margin.back().first), margin.front().first,
+      margin.back().first, top);
   panel.curve("modulus margin", "linespoints pt 7 ps 0.4 lw 1.6", 0, margin);
   panel.curve("spectral radius", "lines lw 1.6", 1, radius);
   const auto vertical = [&](const std::string& name, double period_s, std::size_t colour) {
@@ -94,9 +83,9 @@ Panel along_panel(const SampledCertificate& s) {
   whole = {{s.along.front().t_s, 1 - s.radius_along}, {s.along.back().t_s, 1 - s.radius_along}};
   Panel panel("Along the reference: stable above 0", "time [s]", "1 - spectral radius");
   const double room = std::max(0.1 * (largest - smallest), 1e-3 * std::abs(largest));
-  panel.command(fmt::format("set yrange [{:.9g}:{:.9g}]",
-                            std::min({0.0, smallest - room, 1 - s.radius_along - room}),
-                            std::max(largest, 1 - s.radius_along) + 3 * room));
+  panel.settings += fmt::format("set yrange [{:.9g}:{:.9g}]\n",
+                                std::min({0.0, smallest - room, 1 - s.radius_along - room}),
+                                std::max(largest, 1 - s.radius_along) + 3 * room);
   panel.curve("map of one period, frozen", "lines lw 1.6", 0, points);
   panel.curve("product over the motion, per period", "lines lw 1.6 dashtype (5,4)", 1, whole);
   return panel;
@@ -178,19 +167,20 @@ void draw_certificate(const certificate::Certificate& certificate,
     }
   }
   if (panels.empty()) return;
-  diagnostics::UnfinishedFile unfinished(svg, "name another file with --plot");
   const std::size_t columns = panels.size() > 4 ? 3 : 2;
   const std::size_t rows = (panels.size() + columns - 1) / columns;
   std::string commands = fmt::format(
-      "set terminal svg size {},{} font 'sans,11' background '#ffffff'\nset output {}\n"
+      "set terminal svg size {},{} font 'sans,11' background '#ffffff'\n"
       "set multiplot layout {},{} title {} font ',14'\n"
       "set key below horizontal samplen 2\nset grid lc rgb '#dddddd'\nset border 3\nset tics "
       "nomirror\n",
-      420 * columns, 320 * rows + 30, gnuplot_string(unfinished.name().string()), rows, columns,
+      420 * columns, 320 * rows + 30, rows, columns,
       gnuplot_text(fmt::format("{}: {}", scenario.name, scenario.controller.law_text())));
-  for (const Panel& panel : panels) commands += panel.text();
-  draw(commands + "unset multiplot\n", unfinished.name());
-  unfinished.finish();
+  for (const Panel& panel : panels) {
+    commands +=
+        panel.plot.commands(panel.settings) + "unset logscale\nset autoscale\nset xtics autofreq\n";
+  }
+  draw_file(commands + "unset multiplot\n", svg, "name another file with --plot");
 }
 
 }  // namespace tachless::report

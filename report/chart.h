@@ -1,6 +1,6 @@
 #pragma once
 
-#include <filesystem>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <utility>
@@ -12,15 +12,12 @@
 /// of this project looks. Knows nothing of runs; runs gnuplot not itself (gnuplot.h).
 namespace tachless::report {
 
-enum class CurveStyle { line, steps, points };
-
 struct Curve {
   std::string title;  ///< in the key; empty: not there. gnuplot's enhanced text
   std::vector<study::Point> points;
-  std::string colour;  ///< "#0072B2"
-  double width = 1.4;  ///< [px]
-  std::string dash;    ///< gnuplot's dashtype, "(6,4)"; empty: solid
-  CurveStyle style = CurveStyle::line;
+  std::string colour;       ///< "#0072B2"
+  double width = 1.4;       ///< [px]
+  std::string dash;         ///< gnuplot's dashtype, "(6,4)"; empty: solid
   std::size_t run = 0;      ///< whose, where several runs are overlaid
   std::string signal = {};  ///< what it shows where no title says it: "q", "q_ref"; plain text
 };
@@ -44,8 +41,10 @@ struct Bars {
 
 /// One diagram: axes and what is drawn between them.
 struct Chart {
-  std::string name;     ///< of its file, without ending; letters, digits and -
+  std::string name;     ///< of its place in a page; letters, digits and -
   std::string caption;  ///< alternative text (screen readers); plain text
+  std::string heading;  ///< above it in a page, "Joint 1 · shoulder"; plain text
+  std::size_t run = 0;  ///< whose, where a chart is of one run
   std::string x_label = "time [s]";
   std::string y_label;  ///< gnuplot's enhanced text
   std::optional<std::pair<double, double>> x_range;
@@ -66,17 +65,20 @@ struct Chart {
 /// Whether there is anything to be seen in it.
 bool has_something(const Chart& chart);
 
-/// gnuplot commands that draw each chart into DIRECTORY/name.svg.
-std::string chart_commands(const std::vector<Chart>& charts,
-                           const std::filesystem::path& directory);
+/// Where a kick, at the start of a run say, would flatten the rest of a chart's curves (all but the
+/// highest and the lowest 5 % of each one's points), its axis is cut there, and a note tells the
+/// peak.
+void cut_kick(Chart& chart, const std::string& unit);
 
-/// gnuplot commands that draw all charts into one file, below each other: a wide one over the whole
-/// width, more than three others in two columns. They share the time axis at their feet.
-std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::string& title,
-                                   const std::filesystem::path& svg);
+/// Makes the ordinate logarithmic, from a floor: a curve that swings through zero dips without end,
+/// and the dips would squeeze everything else. No floor when no value is positive.
+void make_logarithmic(Chart& chart);
 
-/// The lower end for a logarithmic ordinate: a curve that swings through zero dips without end, and
-/// the dips would squeeze everything else. Nothing when no value is positive.
-std::optional<double> logarithmic_floor(const std::vector<Curve>& curves);
+/// gnuplot commands that draw each chart, a picture of its own.
+std::string chart_commands(const std::vector<Chart>& charts);
+
+/// gnuplot commands that draw all charts into one picture, below each other: a wide one over the
+/// whole width, more than three others in two columns. They share the time axis at their feet.
+std::string stacked_chart_commands(const std::vector<Chart>& charts, const std::string& title);
 
 }  // namespace tachless::report

@@ -10,10 +10,9 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
-#include "report/figure.h"
+#include "report/chart.h"
 #include "report/gnuplot.h"
-#include "report/overlay.h"
-#include "report/plain_page.h"
+#include "report/html.h"
 
 namespace tachless::report {
 namespace {
@@ -62,38 +61,27 @@ Chart chart_of(const std::vector<ComparedLaw>& laws, study::Envelope study::Comp
   for (const auto& [result, overrides] : laws) {
     const std::size_t i = chart.curves.size();
     chart.curves.push_back({named ? enhanced(result.law) : "", (result.*signal).points(1000),
-                            colour_of(i), 1.4, dash_of(i), CurveStyle::line});
+                            colour_of(i), 1.4, dash_of(i)});
   }
   return chart;
 }
 
-/// Errors above torques, the laws' names once.
-std::string figure_commands(const std::vector<ComparedLaw>& laws, const std::string& title,
-                            const std::filesystem::path& svg) {
-  Chart errors = chart_of(laws, &Compared::error, "|e|  [rad; m]", true);
-  make_logarithmic(errors);
-  const Chart torques = chart_of(laws, &Compared::torque, "|τ|  [N m; N]", false);
-  return stacked_chart_commands({errors, torques}, title, svg);
-}
-
 Html html_table(const std::vector<ComparedLaw>& laws) {
-  Html head, body;
-  for (const Column& column : columns()) {
-    head += html("<th class=\"number\">{}<br>{}</th>", column.heading, column.unit);
-  }
-  for (const auto& [result, overrides] : laws) {
-    Html cells;
-    for (const Column& column : columns()) {
-      cells += html("<td class=\"number\">{}</td>", shown(column, result));
-    }
-    body += html("<tr><th>{}</th><td>{}</td><td>{}</td>{}</tr>\n", result.law, result.measures,
-                 result.run.outcome(), cells);
-  }
+  const auto head = [](const Column& column) {
+    return html("<th class=\"number\">{}<br>{}</th>", column.heading, column.unit);
+  };
+  const auto row = [](const ComparedLaw& law) {
+    const Compared& result = law.result;
+    return html("<tr><th>{}</th><td>{}</td><td>{}</td>{}</tr>\n", result.law, result.measures,
+                result.run.outcome(), each(columns(), [&](const Column& column) {
+                  return html("<td class=\"number\">{}</td>", shown(column, result));
+                }));
+  };
   return html(
       "<div "
       "class=\"table\"><table><thead><tr><th>law</th><th>measures</th><th>outcome</th>{}</tr></"
       "thead>\n<tbody>{}</tbody></table></div>\n",
-      head, body);
+      each(columns(), head), each(laws, row));
 }
 
 }  // namespace
@@ -139,18 +127,20 @@ nlohmann::ordered_json to_json(const std::vector<ComparedLaw>& laws) {
 void write_comparison(const experiment::Scenario& scenario, const std::string& rule,
                       const std::vector<ComparedLaw>& laws,
                       const std::filesystem::path& directory) {
-  const Html figure = drawn_figure(
-      directory / "compare.svg",
-      [&](const auto& svg) { return figure_commands(laws, scenario.name, svg); },
-      "Errors and torques of all laws");
-  diagnostics::UnfinishedFile(directory / "compare.json", "name another directory with --out")
+  // Errors above torques, the laws' names once.
+  Chart errors = chart_of(laws, &Compared::error, "|e|  [rad; m]", true);
+  make_logarithmic(errors);
+  const Chart torques = chart_of(laws, &Compared::torque, "|τ|  [N m; N]", false);
+  const Html figure = study_figure(stacked_chart_commands({errors, torques}, scenario.name),
+                                   directory / "compare.svg", "Errors and torques of all laws");
+  diagnostics::UnfinishedFile(directory / "compare.json", study_remedy)
       .write(diagnostics::json_text(to_json(laws), 1) + "\n");
-  Html gains;
-  for (const auto& [result, overrides] : laws) {
-    gains += html("<li>{}: <code>{}</code></li>\n", result.law,
-                  overrides.empty() ? "as in the scenario" : diagnostics::joined(overrides, "; "));
-  }
-  write_plain_page(directory / "index.html", "Laws compared: " + scenario.name,
+  const Html gains = each(laws, [](const ComparedLaw& law) {
+    return html(
+        "<li>{}: <code>{}</code></li>\n", law.result.law,
+        law.overrides.empty() ? "as in the scenario" : diagnostics::joined(law.overrides, "; "));
+  });
+  write_study_page(directory / "index.html", "Laws compared: " + scenario.name,
                    html("<p class=\"lead\">{}</p>\n{}{}<h2>Gains</h2>\n<ul>{}</ul>\n", rule,
                         html_table(laws), figure, gains),
                    scenario.text);

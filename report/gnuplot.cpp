@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <fstream>
+#include <iterator>
 #include <regex>
 #include <system_error>
 
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
 #include "process/child.h"
 
 namespace tachless::report {
@@ -33,6 +35,31 @@ std::string enhanced(std::string_view text) {
 
 std::string gnuplot_text(std::string_view text) { return gnuplot_string(enhanced(text)); }
 
+std::string indexed(std::string_view symbol, std::size_t joint, std::string_view name) {
+  std::string text = fmt::format("{{/:Italic {}}}_{{{}}}", symbol, joint + 1);
+  if (name.empty()) return text;
+  constexpr std::size_t longest = 18;
+  const bool cut = name.size() > longest;  // its end is what tells joints apart
+  if (cut) name.remove_prefix(name.size() - longest + 1);
+  while (cut && diagnostics::utf8_length(name) == 0) name.remove_prefix(1);
+  return text + fmt::format(" {{/=11 {}{}}}", cut ? "…" : "", enhanced(name));
+}
+
+void Plot::add(std::string_view rows, std::string_view how) {
+  const std::size_t i = curves_.size();
+  // gnuplot refuses a block without a row.
+  fmt::format_to(std::back_inserter(blocks_), "$d{} << END\n{}nan nan\nEND\n", i, rows);
+  curves_.push_back(fmt::format("$d{} {}", i, how));
+}
+
+std::string Plot::commands(std::string_view before) const {
+  return fmt::format("{}{}plot {}\n", blocks_, before, fmt::join(curves_, ", "));
+}
+
+std::string titled(std::string_view title) {
+  return title.empty() ? "notitle" : "title " + gnuplot_text(title);
+}
+
 std::string gnuplot_complaint(const std::vector<std::string>& lines) {
   // "FILE" line 3: cannot open file
   static const std::regex located(R"(^".*" line [0-9]+: *(.*)$)");
@@ -47,7 +74,7 @@ std::string gnuplot_complaint(const std::vector<std::string>& lines) {
 
 void draw(const std::string& commands, const std::filesystem::path& svg) {
   const std::filesystem::path script = svg.string() + ".gnuplot";
-  std::ofstream(script) << commands;
+  std::ofstream(script) << "set output " << gnuplot_string(svg.string()) << "\n" << commands;
   process::Finished gnuplot;
   try {
     gnuplot = process::run({"gnuplot", script.string()});
@@ -63,6 +90,13 @@ void draw(const std::string& commands, const std::filesystem::path& svg) {
     throw diagnostics::bad_usage("gnuplot did not draw {}: {}", svg.string(),
                                  gnuplot_complaint(gnuplot.lines));
   }
+}
+
+void draw_file(const std::string& commands, const std::filesystem::path& svg,
+               std::string_view remedy) {
+  diagnostics::UnfinishedFile unfinished(svg, remedy);
+  draw(commands, unfinished.name());
+  unfinished.finish();
 }
 
 }  // namespace tachless::report

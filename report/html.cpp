@@ -1,14 +1,24 @@
 #include "report/html.h"
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <cstddef>
 #include <stdexcept>
 #include <utility>
 
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
+#include "diagnostics/version.h"
+#include "report/gnuplot.h"
+#include "report/page_files.h"
 
 namespace tachless::report {
 namespace {
+
+constexpr std::array<std::pair<char, const char*>, 5> entities = {
+    {{'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}, {'\'', "&#39;"}}};
 
 void replace_all(std::string& text, std::string_view from, const std::string& to) {
   for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size()) {
@@ -37,24 +47,11 @@ Html::Html(std::string_view text) {
       text.remove_prefix(1);
       continue;
     }
-    switch (c) {
-      case '&':
-        result += "&amp;";
-        break;
-      case '<':
-        result += "&lt;";
-        break;
-      case '>':
-        result += "&gt;";
-        break;
-      case '"':
-        result += "&quot;";
-        break;
-      case '\'':
-        result += "&#39;";
-        break;
-      default:
-        result += text.substr(0, length);
+    const auto* entity = std::ranges::find(entities, c, &std::pair<char, const char*>::first);
+    if (entity != entities.end()) {
+      result += entity->second;
+    } else {
+      result += text.substr(0, length);
     }
     text.remove_prefix(length);
   }
@@ -129,6 +126,25 @@ Html inline_svg(std::string svg, const std::string& prefix, std::string_view cap
     svg.erase(0, open);
   }
   return Html::from_markup(std::move(svg));
+}
+
+Html study_figure(const std::string& commands, const std::filesystem::path& svg,
+                  std::string_view caption) {
+  draw_file(commands, svg, study_remedy);
+  return html("<figure>{}</figure>\n",
+              inline_svg(diagnostics::file_text(svg).value_or(""), "figure-", caption));
+}
+
+void write_study_page(const std::filesystem::path& path, const std::string& title, const Html& body,
+                      const std::string& scenario) {
+  const Html page = html(
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+      "<link rel=\"icon\" href=\"data:,\">\n<title>{0}</title>\n<style>\n{1}</style>\n</head>\n"
+      "<body>\n<main>\n<h1>{0}</h1>\n{2}<details><summary>Scenario</summary><pre>{3}</pre>"
+      "</details>\n<footer>Written by tachless {4}.</footer>\n</main>\n</body>\n</html>\n",
+      title, Html::from_markup(page_css), body, scenario, diagnostics::version);
+  diagnostics::UnfinishedFile(path, study_remedy).write(page.markup());
 }
 
 }  // namespace tachless::report

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <map>
 #include <string>
 #include <string_view>
@@ -47,6 +48,14 @@ Html html(fmt::format_string<Inserted<Values>...> pattern, const Values&... valu
 
 Html joined(const std::vector<Html>& parts, const Html& separator);
 
+/// What `to_html` makes of each element, one after the other: cells of a row, rows of a table.
+template <class Range, class ToHtml>
+Html each(const Range& range, const ToHtml& to_html) {
+  Html all;
+  for (const auto& one : range) all += to_html(one);
+  return all;
+}
+
 /// `page` with each {{name}} replaced by that part.
 /// @throw std::logic_error when a name has no part or a part no name
 Html filled(std::string_view page, std::map<std::string, Html> parts);
@@ -58,5 +67,18 @@ Html number(std::string_view printed);
 /// prefixed (they are the page's, and a page has several), with `caption` as alternative text
 /// (screen readers).
 Html inline_svg(std::string svg, const std::string& prefix, std::string_view caption);
+
+/// What to do when a study's file cannot be written.
+inline constexpr std::string_view study_remedy = "name another directory with --out";
+
+/// Has gnuplot draw `svg`, and returns it as it is to stand in a study's page.
+/// @throw diagnostics::Failure(bad_usage) when it cannot be drawn or written
+Html study_figure(const std::string& commands, const std::filesystem::path& svg,
+                  std::string_view caption);
+
+/// Writes the page of a study: title, `body`, the scenario's text; one file that needs nothing
+/// else. @throw diagnostics::Failure(bad_usage) when it cannot be written
+void write_study_page(const std::filesystem::path& path, const std::string& title, const Html& body,
+                      const std::string& scenario);
 
 }  // namespace tachless::report

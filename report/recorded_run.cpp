@@ -3,14 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
-#include <functional>
 #include <set>
+#include <variant>
 
 #include "certificate/lyapunov.h"
 #include "controller/registry.h"
-#include "report/log_tracking.h"
 
 namespace tachless::report {
 namespace {
@@ -18,9 +18,26 @@ namespace {
 // V of a flexible robot takes microseconds, and is smooth.
 constexpr std::int64_t most_evaluations = 50'000;
 
-bool fits(const loop::LawSignals& signals, const experiment::Scenario& scenario) {
-  return signals.num ==
-         static_cast<int>(controller::law_facts(scenario.controller.law).signals.size());
+void add_tracking(study::Tracking& tracking, const logger::TickRecord& record, double t_s) {
+  robot::Vector q, theta;
+  if (record.truth) {
+    q = record.truth->q;
+    theta = record.truth->theta;
+  } else {
+    std::visit(
+        [&](const auto& measurement) {
+          if constexpr (requires { measurement.q; }) q = measurement.q;
+          if constexpr (requires {
+                          measurement.q;
+                          measurement.theta;
+                        })
+            theta = measurement.theta;
+        },
+        record.measurement);
+  }
+  if (q.size() == 0 || !record.reference || !(record.truth || record.command)) return;
+  tracking.add(t_s, q, record.reference->q_ref, theta,
+               record.truth ? record.truth->tau : record.command->tau);
 }
 
 nlohmann::json read_outcome(const RecordedRun& run) {
@@ -71,7 +88,20 @@ void add_drives(RecordedRun& run, const logger::TickRecord& record, double t_s) 
   }
 }
 
-void add_lyapunov(RecordedRun& run, double t_s, double V) {
+void add_lyapunov(RecordedRun& run, const certificate::LyapunovFunction& lyapunov,
+                  const logger::TickRecord& record, double t_s) {
+  const auto& truth = record.truth;
+  const auto& signals = record.controller_state;
+  const auto declared = controller::law_facts(run.scenario.controller.law).signals.size();
+  if (!truth || !record.reference || !signals || signals->num != static_cast<int>(declared)) return;
+  double V = NAN;
+  try {
+    V = lyapunov.at({truth->q, truth->v, truth->theta, truth->thetadot, *signals},
+                    *record.reference);
+  } catch (const std::logic_error&) {
+    // A damaged posture without an inertia matrix has no V; the curve lacks a point there.
+  }
+  if (!std::isfinite(V)) return;
   run.lyapunov.add(t_s, V);
   if (!run.certified || run.above_bound_s) return;
   // The bound is of continuous time: what a torque that is held over a tick or an encoder's count
@@ -93,6 +123,26 @@ void Stretches::add(std::int64_t tick) {
     cut_ = true;
   }
   last_ = tick;
+}
+
+std::vector<std::pair<double, double>> RecordedRun::seconds(
+    const std::vector<logger::TickRange>& ranges) const {
+  std::vector<std::pair<double, double>> result;
+  for (const auto& [first, last] : ranges) {
+    result.emplace_back(static_cast<double>(first) * info.period_s,
+                        static_cast<double>(last + 1) * info.period_s);
+  }
+  return result;
+}
+
+study::Tracking track(logger::RunLog& log) {
+  study::Tracking tracking(log.layout().num_joints);
+  log.rewind();
+  logger::TickRecord record;
+  while (log.next(record)) {
+    add_tracking(tracking, record, static_cast<double>(record.tick) * log.info().period_s);
+  }
+  return tracking;
 }
 
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
@@ -119,21 +169,10 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   logger::TickRecord record;
   while (log.next(record)) {
     const double t_s = static_cast<double>(record.tick) * period_s;
-    add(run.tracking, record, period_s);
+    add_tracking(run.tracking, record, t_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record, t_s);
-    if (lyapunov && record.tick % stride == 0 && record.truth && record.reference &&
-        record.controller_state && fits(*record.controller_state, run.scenario)) {
-      const auto& truth = *record.truth;
-      try {
-        const double V =
-            lyapunov->at({truth.q, truth.v, truth.theta, truth.thetadot, *record.controller_state},
-                         *record.reference);
-        if (std::isfinite(V)) add_lyapunov(run, t_s, V);
-      } catch (const std::logic_error&) {
-        // A damaged posture without an inertia matrix has no V; the curve lacks a point there.
-      }
-    }
+    if (lyapunov && record.tick % stride == 0) add_lyapunov(run, *lyapunov, record, t_s);
   }
   if (lyapunov) run.lyapunov_decay = fit_decay(run.lyapunov.points());
   for (const study::JointTracking& joint : run.tracking.joints()) {
@@ -147,28 +186,24 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
 }
 
 void label(std::vector<RecordedRun>& runs) {
-  const std::vector<std::function<std::string(const RecordedRun&)>> names = {
-      [](const RecordedRun& run) { return run.scenario.name; },
-      [](const RecordedRun& run) { return run.scenario.controller.law_text(); },
-      [](const RecordedRun& run) {
-        return fmt::format("{}, {}", run.scenario.name, run.scenario.controller.law_text());
-      },
-      [](const RecordedRun& run) {
-        const auto directory = run.log.parent_path().filename().string();
-        return directory.empty() ? run.log.filename().string() : directory;
-      },
-      [](const RecordedRun& run) { return run.log.string(); },
-      [](const RecordedRun& run) {
-        return fmt::format("{}, run {}", run.log.string(), run.run_id);
-      },
+  const auto names_of = [](const RecordedRun& run) -> std::array<std::string, 6> {
+    const std::string directory = run.log.parent_path().filename().string();
+    const std::string law = run.scenario.controller.law_text();
+    return {run.scenario.name,
+            law,
+            fmt::format("{}, {}", run.scenario.name, law),
+            directory.empty() ? run.log.filename().string() : directory,
+            run.log.string(),
+            fmt::format("{}, run {}", run.log.string(), run.run_id)};
   };
-  for (const auto& name : names) {
-    std::set<std::string> different;
-    for (RecordedRun& run : runs) {
-      run.label = name(run);
-      different.insert(run.label);
+  std::set<std::string> different;
+  for (std::size_t name = 0; name < 6 && different.size() != runs.size(); ++name) {
+    different.clear();
+    for (std::size_t i = 0; i < runs.size(); ++i) {
+      runs[i].number = i;
+      runs[i].label = names_of(runs[i])[name];
+      different.insert(runs[i].label);
     }
-    if (different.size() == runs.size()) return;
   }
 }
 

@@ -48,7 +48,8 @@ struct LoggedSignal {
 /// All that a report shows of one run, in memory that does not grow with its length.
 struct RecordedRun {
   std::filesystem::path log;
-  std::string label;  ///< in legends
+  std::size_t number = 0;  ///< among the runs of a report
+  std::string label;       ///< in legends
   std::int64_t run_id = 0;
   loop::RunInfo info;
   experiment::Scenario scenario;
@@ -74,7 +75,20 @@ struct RecordedRun {
   nlohmann::json outcome;
 
   explicit RecordedRun(int num_joints) : tracking(num_joints) {}
+
+  /// An entry of `outcome`; null where it is not there.
+  [[nodiscard]] nlohmann::json outcome_of(const char* key) const {
+    return outcome.is_object() ? outcome.value(key, nlohmann::json()) : nlohmann::json();
+  }
+  /// From when to when each range of ticks lasted.
+  [[nodiscard]] std::vector<std::pair<double, double>> seconds(
+      const std::vector<logger::TickRange>& ranges) const;
 };
+
+/// All that a log tells of tracking. Link angles are the plant's true ones where the log has them,
+/// the measured ones elsewhere; a tick that lacks angle, reference or torque is left out. Reads
+/// `log` to its end, so that its summary is final.
+study::Tracking track(logger::RunLog& log);
 
 using Certify =
     std::function<std::optional<certificate::CertifiedRun>(const experiment::Scenario&)>;
@@ -86,7 +100,8 @@ using Certify =
 RecordedRun read_recorded_run(const std::filesystem::path& log,
                               std::optional<std::int64_t> run = {}, const Certify& certify = {});
 
-/// Gives each run a label that the others do not have: scenario, else law, else log.
+/// Gives each run its number, and a label that the others do not have: scenario, else law, else
+/// log.
 void label(std::vector<RecordedRun>& runs);
 
 }  // namespace tachless::report

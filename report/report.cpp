@@ -2,78 +2,300 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <bit>
 #include <cerrno>
-#include <cstdlib>
+#include <cmath>
+#include <cstdint>
 #include <cstring>
+#include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <string_view>
 
-#include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
+#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/unfinished_file.h"
+#include "diagnostics/version.h"
 #include "report/gnuplot.h"
-#include "report/page_scripts.h"
-#include "report/report_charts.h"
-#include "report/report_page.h"
+#include "report/page_files.h"
+#include "report/report_tables.h"
+#include "report/summary.h"
+#include "robot/model.h"
 
 namespace tachless::report {
 namespace {
 
 namespace fs = std::filesystem;
+using Json = nlohmann::json;
 
 constexpr std::string_view remedy = "name another place with -o";
 
-/// A directory beside `file`, for what the file is made of: where it can be written, so can this.
-class WorkDirectory {
- public:
-  explicit WorkDirectory(const fs::path& file) {
-    std::string pattern = file.string() + ".XXXXXX";
-    if (mkdtemp(pattern.data()) == nullptr) {
-      throw diagnostics::bad_usage("{}: cannot be written: {}; {}", file.string(),
-                                   std::strerror(errno), remedy);
+std::string base64(const std::vector<float>& values) {
+  constexpr std::string_view letters =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve(values.size() * 16 / 3 + 4);
+  std::uint32_t bits = 0;
+  int count = 0;  // of bits that are not written yet
+  for (const float value : values) {
+    for (int byte = 0; byte < 4; ++byte) {
+      bits = bits << 8 | (std::bit_cast<std::uint32_t>(value) >> (8 * byte) & 0xff);
+      for (count += 8; count >= 6; count -= 6) text += letters[bits >> (count - 6) & 63];
     }
-    path_ = pattern;
   }
-  WorkDirectory(const WorkDirectory&) = delete;
-  WorkDirectory& operator=(const WorkDirectory&) = delete;
-  ~WorkDirectory() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
+  if (count > 0) text += letters[bits << (6 - count) & 63];
+  while (text.size() % 4 != 0) text += '=';
+  return text;
+}
+
+/// The little of gnuplot's enhanced text that charts use: italics, indices, sizes, escapes.
+std::string html_of(const std::string& enhanced) {
+  static const std::regex italic(R"(\{/:Italic ([^{}]*)\})"), index(R"(_\{([^{}]*)\}|_(\w))"),
+      size(R"(\{/=[0-9]+ ([^{}]*)\})"), escape(R"(\\(.))");
+  std::string text = std::regex_replace(Html(enhanced).markup(), italic, "<i>$1</i>");
+  text = std::regex_replace(std::regex_replace(text, index, "<sub>$1$2</sub>"), size, "$1");
+  return std::regex_replace(text, escape, "$1");
+}
+
+/// "(5,4)" -> [5, 4].
+Json dash_of(const std::string& dash) {
+  return dash.empty() ? Json::array() : Json::parse("[" + dash.substr(1, dash.size() - 2) + "]");
+}
+
+Json curve_of(const Curve& curve) {
+  std::vector<float> values;
+  for (const study::Point& point : curve.points) {
+    // Not a number is a gap; an infinite axis is none.
+    const bool drawn = std::abs(point.y) <= std::numeric_limits<float>::max();
+    values.insert(values.end(),
+                  {static_cast<float>(point.x), drawn ? static_cast<float>(point.y) : NAN});
   }
-  [[nodiscard]] const fs::path& path() const { return path_; }
+  return {{"name", curve.title.empty() ? Html(curve.signal).markup() : html_of(curve.title)},
+          {"signal", curve.signal},
+          {"run", curve.run},
+          {"colour", curve.colour},
+          {"width", curve.width},
+          {"dash", dash_of(curve.dash)},
+          {"points", base64(values)}};
+}
 
- private:
-  fs::path path_;
-};
+Json chart_of(const Chart& chart) {
+  Json range, curves = Json::array(), marks = Json::array();
+  if (chart.y_range) range = {chart.y_range->first, chart.y_range->second};
+  for (const Curve& curve : chart.curves) {
+    if (!curve.points.empty()) curves.push_back(curve_of(curve));
+  }
+  for (const Bars& bars : chart.bars) {  // a row of them as a curve of broad pieces
+    const double row = -static_cast<double>(curves.size());
+    Curve curve{bars.name, {}, bars.colour, 9, "", chart.run};
+    for (const auto& [from, to] : bars.stretches) {
+      curve.points.insert(curve.points.end(), {{from, row}, {to, row}, {to, NAN}});
+    }
+    curves.push_back(curve_of(curve));
+  }
+  if (!chart.bars.empty()) range = {0.5 - static_cast<double>(curves.size()), 0.5};
+  for (const Mark& mark : chart.marks) marks.push_back({mark.from, mark.to, mark.colour});
+  return {{"name", chart.name},
+          {"label", html_of(chart.y_label)},
+          {"note", Html(chart.note).markup()},
+          {"logarithmic", chart.logarithmic_y},
+          {"y_axis", chart.bars.empty()},
+          {"range", range},
+          {"levels", chart.levels},
+          {"marks", marks},
+          {"curves", curves}};
+}
 
-Drawings drawings_of(const std::vector<Chart>& charts, const fs::path& html) {
+Json numbers(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
+
+/// Points of a body (-1: the ground) to which a link is drawn from its origin: its children's
+/// joints, the ends of the tree; without either, twice as far as its centre of mass.
+Json ends_of(const robot::Model& model, int body) {
+  Json ends = Json::array();
+  for (const robot::Body& other : model.bodies) {
+    if (other.parent == body) ends.push_back(numbers(other.p_PB));
+  }
+  for (const auto& [name, frame] : model.frames) {
+    if (frame.body == body && frame.leaf) ends.push_back(numbers(frame.p_BF));
+  }
+  if (ends.empty()) ends.push_back(numbers(2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm));
+  return ends;
+}
+
+Json robot_of(const Overlay& all, const RecordedRun& run) {
+  const robot::Model& model = *run.scenario.model;
+  Json bodies = Json::array(), tools = Json::array();
+  for (int k = 0; k < static_cast<int>(model.bodies.size()); ++k) {
+    const robot::Body& body = model.bodies[static_cast<std::size_t>(k)];
+    const Eigen::Matrix3d rows = body.R_PB.transpose();  // Eigen stores columns
+    bodies.push_back({{"parent", body.parent},
+                      {"R", std::vector<double>(rows.data(), rows.data() + 9)},
+                      {"p", numbers(body.p_PB)},
+                      {"axis", numbers(body.axis_B)},
+                      {"prismatic", body.type == robot::JointType::prismatic},
+                      {"joint", body.coordinate},
+                      {"multiplier", body.multiplier},
+                      {"offset", body.offset},
+                      {"ends", ends_of(model, k)}});
+  }
+  for (const std::string& link : robot::farthest_leaves(model)) {
+    const robot::Frame& frame = model.frames.at(link);
+    tools.push_back({{"body", frame.body}, {"p", numbers(frame.p_BF)}});
+  }
+  std::vector<std::size_t> joints(run.joints.name.size());
+  for (std::size_t joint = 0; joint < all.joints.size(); ++joint) {
+    if (const auto own = all.joint_of(run, joint)) joints[*own] = joint;
+  }
+  return {{"number", run.number}, {"label", Html(run.label).markup()},
+          {"bodies", bodies},     {"colour", colour_of(run.number)},
+          {"tools", tools},       {"ends", ends_of(model, -1)},
+          {"joints", joints}};
+}
+
+Html script(const std::string& text) {
+  return Html::from_markup("<script>\n" + text + "\n</script>\n");
+}
+
+Html figure(const Chart& chart, const std::string& drawing) {
+  return html("<figure id=\"{}\"{}>{}<div class=\"still\">{}</div>{}</figure>\n", chart.name,
+              Html::from_markup(chart.wide ? " class=\"wide\"" : ""),
+              chart.heading.empty() ? Html() : html("<figcaption>{}</figcaption>", chart.heading),
+              drawing.empty() ? html("<p>{} (not drawn)</p>", chart.caption)
+                              : inline_svg(drawing, chart.name + "-", chart.caption),
+              Html::from_markup(chart.over_time() ? "<div class=\"live\"></div>" : ""));
+}
+
+Html title_of(const std::vector<RecordedRun>& runs) {
+  if (runs.size() == 1) {
+    return html("{}: {}, h = {}", runs[0].scenario.name, runs[0].scenario.controller.law_text(),
+                short_period(runs[0].info.period_s));
+  }
+  std::vector<Html> labels;
+  for (const RecordedRun& run : runs) labels.emplace_back(run.label);
+  return joined(labels, Html(" · "));
+}
+
+/// What gnuplot draws of each chart; a file beside `page` holds it meanwhile.
+std::vector<std::string> drawings_of(const std::vector<Chart>& charts,
+                                     const diagnostics::UnfinishedFile& page) {
   if (charts.empty()) return {};
-  const WorkDirectory directory(html);
-  draw(chart_commands(charts, directory.path()), directory.path() / "report");
-  Drawings drawings;
-  for (const Chart& chart : charts) {
-    drawings[chart.name] =
-        diagnostics::file_text(directory.path() / (chart.name + ".svg")).value_or("");
+  const diagnostics::UnfinishedFile svg(page.name().string() + ".svg", remedy);  // never finished
+  if (!std::ofstream(svg.name())) page.refuse(std::strerror(errno));
+  draw(chart_commands(charts), svg.name());
+  const std::string all = diagnostics::file_text(svg.name()).value_or("");
+  std::vector<std::string> drawings;
+  for (std::size_t at = 0; at < all.size(); at += drawings.back().size()) {
+    drawings.push_back(all.substr(at, all.find("<?xml", at + 1) - at));
   }
   return drawings;
 }
 
 }  // namespace
 
+std::vector<Chart> drawn_charts(const std::vector<ReportSection>& sections) {
+  std::vector<Chart> charts;
+  for (const ReportSection& section : sections) {
+    charts.insert(charts.end(), section.charts.begin(), section.charts.end());
+  }
+  return charts;
+}
+
+std::string report_page(const std::vector<RecordedRun>& runs,
+                        const std::vector<ReportSection>& sections,
+                        const std::vector<std::string>& drawings, const Html& scripts) {
+  const Html legend = each(runs, [](const RecordedRun& run) {
+    return html("<span>{}{}</span> ", swatch(run), run.label);
+  });
+  Html contents, shown;
+  std::size_t drawn = 0;
+  for (const ReportSection& section : sections) {
+    contents += html("<a href=\"#{}\">{}</a>", section.name, section.heading);
+    const Html charts = each(section.charts, [&](const Chart& chart) {
+      return figure(chart, drawn < drawings.size() ? drawings[drawn++] : "");
+    });
+    Html before;
+    if (charts.empty() && !section.without.empty()) before = html("<p>{}</p>\n", section.without);
+    if (!charts.empty() && section.name != "events" && runs.size() > 1) {
+      before = html("<p class=\"legend\">{}</p>\n", legend);
+    }
+    shown +=
+        html("<section id=\"{}\"><h2>{}</h2>\n{}\n{}<div class=\"charts\">\n{}</div>\n</section>\n",
+             section.name, section.heading, section.text, before, charts);
+  }
+  // Of one run the scenario is on the page, and on paper; of several the differences are in the
+  // table.
+  const Html scenarios = each(runs, [&](const RecordedRun& run) {
+    return html("<details{}><summary>{}</summary><pre>{}</pre></details>\n",
+                runs.size() == 1 ? " open" : "", run.label, run.info.scenario);
+  });
+  const Html title = title_of(runs);
+  return filled(page_html,
+                {{"title", title},
+                 {"style", Html::from_markup(page_css)},
+                 {"heading", title},
+                 {"runs", Html(runs.size() == 1 ? "one run" : fmt::format("{} runs", runs.size()))},
+                 {"alarms", alarms(runs)},
+                 {"contents", contents},
+                 {"points", Html(std::to_string(Overlay(runs, Detail::screen).budget))},
+                 {"scripts", scripts},
+                 {"facts", facts_table(runs) + differences(runs)},
+                 {"results", results_table(runs)},
+                 {"sections", shown},
+                 {"scenarios", scenarios},
+                 {"version", Html(diagnostics::version)},
+                 {"log", Html(runs.front().log.string())}})
+      .markup();
+}
+
+std::string page_data(const Overlay& all, const std::vector<ReportSection>& sections) {
+  Json charts = Json::array(), runs = Json::array();
+  for (const ReportSection& section : sections) {
+    for (const Chart& chart : section.charts) {
+      if (chart.over_time()) charts.push_back(chart_of(chart));
+    }
+  }
+  for (const RecordedRun& run : all.runs) runs.push_back(robot_of(all, run));
+  const std::string text =
+      diagnostics::json_text(Json{{"end_s", all.end_s}, {"runs", runs}, {"charts", charts}});
+  static const std::regex less("<");
+  return std::regex_replace(text, less, "\\u003c");
+}
+
+Libraries read_libraries(const std::filesystem::path& root) {
+  Libraries libraries;
+  for (const char* name : {"dygraphs/dygraph.min.js", "three/three.min.js",
+                           "three/examples/js/controls/OrbitControls.js"}) {
+    const auto text = diagnostics::file_text(root / name);
+    // What would end the element early is no library as Debian has it.
+    if (!text || text->find("</script") != std::string::npos) return {{}, (root / name).string()};
+    libraries.scripts += script(*text);
+  }
+  return libraries;
+}
+
 void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
                   const Libraries& libraries) {
   const std::vector<ReportSection> sections = report_sections(runs);
-  const Drawings drawings = drawings_of(drawn_charts(sections), html);
+  diagnostics::UnfinishedFile page(html, remedy);
+  const std::vector<std::string> drawings = drawings_of(drawn_charts(sections), page);
   Html scripts;
-  const Overlay all(runs, Detail::screen);
   if (libraries.missing.empty()) {
-    scripts = page_scripts(libraries, page_data(all, report_sections(runs, Detail::screen)));
+    const std::string data =
+        page_data(Overlay(runs, Detail::screen), report_sections(runs, Detail::screen));
+    scripts =
+        libraries.scripts +
+        Html::from_markup("<script type=\"application/json\" id=\"data\">" + data + "</script>\n") +
+        script(page_js) + script(robot_js);
   } else {
     diagnostics::log_warning(
         "{} stands still, because {} cannot be read; to have a report that moves, type: apt-get "
         "install libjs-dygraphs libjs-three",
         html.string(), libraries.missing);
   }
-  diagnostics::UnfinishedFile(html, remedy).write(report_page(runs, sections, drawings, scripts));
+  page.write(report_page(runs, sections, drawings, scripts));
 }
 
 }  // namespace tachless::report

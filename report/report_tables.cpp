@@ -3,14 +3,17 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <functional>
+#include <array>
 #include <initializer_list>
+#include <map>
 #include <string_view>
 #include <utility>
 #include <variant>
 
 #include "controller/registry.h"
-#include "report/overlay.h"
+#include "diagnostics/text.h"
+#include "experiment/yaml_tree.h"
+#include "report/chart.h"
 #include "report/summary.h"
 #include "schema/schema.h"
 
@@ -29,8 +32,7 @@ std::string_view name_of(const reference::Spec& reference) {
 }
 
 /// In the law's order; a law unknown to this version has none.
-Html gains_text(const RecordedRun& run) {
-  const experiment::ControllerSpec& spec = run.scenario.controller;
+Html gains_text(const experiment::ControllerSpec& spec) {
   std::vector<std::string> names;
   for (const controller::LawFacts& law : controller::laws()) {
     for (const controller::Parameter& parameter : law.parameters) {
@@ -64,19 +66,14 @@ Html encoder_text(const plant::EncoderSpec& encoder) {
   return text;
 }
 
-/// An entry of a run's summary.json; null where it is not there.
-nlohmann::json outcome(const RecordedRun& run, const char* key) {
-  return run.outcome.is_object() ? run.outcome.value(key, nlohmann::json()) : nlohmann::json();
-}
-
-/// The same for a number, as fmt's `pattern` prints it; empty where there is none.
+/// A number of a run's summary.json, as fmt's `pattern` prints it; empty where there is none.
 Html outcome_number(const RecordedRun& run, const char* key, fmt::format_string<double> pattern) {
-  const nlohmann::json value = outcome(run, key);
+  const nlohmann::json value = run.outcome_of(key);
   return value.is_number() ? number(fmt::format(pattern, value.get<double>())) : Html();
 }
 
 std::string ended_text(const RecordedRun& run) {
-  if (const nlohmann::json fault = outcome(run, "fault"); fault.is_string()) {
+  if (const nlohmann::json fault = run.outcome_of("fault"); fault.is_string()) {
     return fault.get<std::string>();
   }
   const std::int64_t ticks = run.summary.last_tick + 1;
@@ -92,7 +89,7 @@ Html wall_text(const RecordedRun& run) {
 }
 
 Html round_trip_text(const RecordedRun& run) {
-  const nlohmann::json trip = outcome(run, "round_trip_us");
+  const nlohmann::json trip = run.outcome_of("round_trip_us");
   std::vector<Html> parts;
   for (const auto& [key, name] : std::initializer_list<std::pair<const char*, const char*>>{
            {"p50", "median"}, {"p99", "99 %"}, {"p999", "99.9 %"}, {"max", "longest"}}) {
@@ -133,8 +130,7 @@ Html duration_text(const RecordedRun& run) {
   return html("{} s, {} ticks", number(fmt::format("{:.6g}", duration_s)), ticks);
 }
 
-Html payload_text(const RecordedRun& run) {
-  const plant::PayloadSpec& payload = run.scenario.plant.payload;
+Html payload_text(const plant::PayloadSpec& payload) {
   if (!(payload.mass_kg > 0)) return {};
   Html text =
       html("{} kg, unknown to the controller", number(fmt::format("{:.4g}", payload.mass_kg)));
@@ -143,73 +139,44 @@ Html payload_text(const RecordedRun& run) {
   return text;
 }
 
-Html robot_text(const RecordedRun& run) {
-  return html("{}, {} {} joints", run.scenario.robot.name, run.scenario.num_joints,
-              run.scenario.robot.flexible ? "flexible" : "rigid");
-}
-
-Html stiffness_text(const RecordedRun& run) {
-  const auto& flexible = run.scenario.robot.flexible;
-  return flexible ? html("{} N m/rad", bracketed(flexible->stiffness)) : Html();
-}
-
-Html torque_limit_text(const RecordedRun& run) {
-  const auto& limit = run.scenario.plant.drive.torque_limit_Nm;
-  return limit ? html("{} N m", bracketed(*limit)) : Html("none");
-}
-
-/// Of a law that logs a filter's output, nu.
-Html filter_fact(const RecordedRun& run) {
-  const bool has_filter =
-      std::any_of(run.signals.begin(), run.signals.end(),
-                  [](const LoggedSignal& signal) { return signal.name.starts_with("nu"); });
-  return has_filter ? Html(schema::name_of(run.scenario.controller.filter)) : Html();
-}
-
-Html lead_text(const RecordedRun& run) {
-  const bool none = run.scenario.controller.feedforward_lead == experiment::FeedforwardLead::none;
-  return Html(none ? "none" : "half a tick plus delay");
-}
-
-Html realtime_number(const RecordedRun& run, const char* key) {
-  return run.scenario.loop.mode == experiment::Mode::realtime ? outcome_number(run, key, "{:.0f}")
-                                                              : Html();
-}
-
-/// A row: its name, and its value of a run; empty where the run has none.
-using Fact = std::pair<const char*, std::function<Html(const RecordedRun&)>>;
-
-const std::vector<Fact>& facts() {
-  using Run = RecordedRun;
-  static const std::vector<Fact> all = {
-      {"Scenario", [](const Run& run) { return Html(run.scenario.name); }},
-      {"Log", [](const Run& run) { return html("<code>{}</code>", run.log.string()); }},
-      {"Run",
-       [](const Run& run) {
-         return html("{}, recorded by tachless {}", run.run_id, run.info.version);
-       }},
-      {"Robot", robot_text},
-      {"Stiffness", stiffness_text},
-      {"Payload", payload_text},
-      {"Law", [](const Run& run) { return Html(run.scenario.controller.law_text()); }},
-      {"Measured", [](const Run& run) { return html("<code>{}</code>", run.info.measurement); }},
-      {"Gains", gains_text},
-      {"Filter", filter_fact},
-      {"Feed-forward lead", lead_text},
-      {"Reference", [](const Run& run) { return Html(name_of(run.scenario.reference)); }},
-      {"Sampling", sampling_text},
-      {"Encoder", [](const Run& run) { return encoder_text(run.scenario.plant.encoder); }},
-      {"Torque limit", torque_limit_text},
-      {"Duration", duration_text},
-      {"Ended", [](const Run& run) { return Html(ended_text(run)); }},
-      {"Gaps in the log", gaps_text},
-      {"Damage to the log", [](const Run& run) { return Html(damage_text(run)); }},
-      {"Wall-clock time", wall_text},
-      {"Round trip", round_trip_text},
-      {"Missed commands", [](const Run& run) { return realtime_number(run, "missed_commands"); }},
-      {"Missed deadlines", [](const Run& run) { return realtime_number(run, "missed_deadlines"); }},
+/// Rows: their names, and their values of a run; empty where the run has none.
+std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
+  const experiment::Scenario& scenario = run.scenario;
+  const auto& flexible = scenario.robot.flexible;
+  const auto& limit = scenario.plant.drive.torque_limit_Nm;
+  const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
+  const bool has_filter = std::ranges::any_of(
+      run.signals, [](const LoggedSignal& signal) { return signal.name.starts_with("nu"); });
+  const bool leads = scenario.controller.feedforward_lead != experiment::FeedforwardLead::none;
+  const auto missed = [&](const char* key) {
+    return realtime ? outcome_number(run, key, "{:.0f}") : Html();
   };
-  return all;
+  return {
+      {"Scenario", Html(scenario.name)},
+      {"Log", html("<code>{}</code>", run.log.string())},
+      {"Run", html("{}, recorded by tachless {}", run.run_id, run.info.version)},
+      {"Robot", html("{}, {} {} joints", scenario.robot.name, scenario.num_joints,
+                     flexible ? "flexible" : "rigid")},
+      {"Stiffness", flexible ? html("{} N m/rad", bracketed(flexible->stiffness)) : Html()},
+      {"Payload", payload_text(scenario.plant.payload)},
+      {"Law", Html(scenario.controller.law_text())},
+      {"Measured", html("<code>{}</code>", run.info.measurement)},
+      {"Gains", gains_text(scenario.controller)},
+      {"Filter", has_filter ? Html(schema::name_of(scenario.controller.filter)) : Html()},
+      {"Feed-forward lead", Html(leads ? "half a tick plus delay" : "none")},
+      {"Reference", Html(name_of(scenario.reference))},
+      {"Sampling", sampling_text(run)},
+      {"Encoder", encoder_text(scenario.plant.encoder)},
+      {"Torque limit", limit ? html("{} N m", bracketed(*limit)) : Html("none")},
+      {"Duration", duration_text(run)},
+      {"Ended", Html(ended_text(run))},
+      {"Gaps in the log", gaps_text(run)},
+      {"Damage to the log", Html(damage_text(run))},
+      {"Wall-clock time", wall_text(run)},
+      {"Round trip", round_trip_text(run)},
+      {"Missed commands", missed("missed_commands")},
+      {"Missed deadlines", missed("missed_deadlines")},
+  };
 }
 
 Html results_row(const RecordedRun& run, std::size_t joint) {
@@ -234,74 +201,151 @@ Html results_row(const RecordedRun& run, std::size_t joint) {
   return row;
 }
 
+/// A row with a column for each run; – where that has nothing, marked where it is not as in the
+/// first run.
+Html run_row(const Html& name, const std::vector<Html>& values) {
+  return html("<tr><th scope=\"row\">{}</th>{}</tr>\n", name, each(values, [&](const Html& value) {
+                const bool differs = value.markup() != values.front().markup();
+                return html("<td{}>{}</td>", Html::from_markup(differs ? " class=\"differs\"" : ""),
+                            value.empty() ? Html("–") : value);
+              }));
+}
+
+/// A table of such rows.
+Html run_table(const std::vector<RecordedRun>& runs, const char* id, const Html& rows) {
+  const Html names = each(runs, [](const RecordedRun& run) {
+    return html("<th scope=\"col\">{}{}</th>", swatch(run), run.label);
+  });
+  return html(
+      "<div class=\"table\"><table class=\"facts\"{}>\n{}<tbody>\n{}</tbody></table></div>\n",
+      Html::from_markup(id),
+      runs.size() < 2 ? Html() : html("<thead><tr><td></td>{}</tr></thead>\n", names), rows);
+}
+
+using Values = std::map<std::string, std::string>;  // "loop.period_s" -> "1.0e-3"
+
+void collect(const experiment::YamlNode& node, const std::string& key, Values& values) {
+  if (node.kind != experiment::YamlNode::Kind::map) {
+    values[key] = experiment::emit_yaml(node);
+    return;
+  }
+  for (std::size_t i = 0; i < node.keys.size(); ++i) {
+    collect(node.children[i], (key.empty() ? "" : key + ".") + node.keys[i], values);
+  }
+}
+
+std::vector<std::string> without(const std::vector<std::string>& names,
+                                 const std::vector<std::string>& others) {
+  std::vector<std::string> rest;
+  for (const std::string& name : names) {
+    if (std::find(others.begin(), others.end(), name) == others.end()) rest.push_back(name);
+  }
+  return rest;
+}
+
+/// Of joints that the first run's robot has not, or has alone.
+Html robots_text(const std::vector<RecordedRun>& runs) {
+  const std::vector<std::string>& first = runs.front().joints.name;
+  Html text;
+  for (const RecordedRun& run : runs) {
+    const std::vector<std::string>& names = run.joints.name;
+    if (names == first) continue;
+    const auto listed = [](const std::vector<std::string>& joints) {
+      return joints.empty() ? "no joint" : diagnostics::joined(joints);
+    };
+    text += html(
+        "<p class=\"alarm\">The robots have other joints: {} has {}, {} has {}. Joints of one name "
+        "share a chart. Only {} has: {}; only {} has: {}.</p>\n",
+        runs.front().label, first.size(), run.label, names.size(), runs.front().label,
+        listed(without(first, names)), run.label, listed(without(names, first)));
+  }
+  return text;
+}
+
 }  // namespace
 
-Html swatch(std::size_t run) {
+Html swatch(const RecordedRun& run) {
   Html dash;
-  if (const std::string text = dash_of(run); !text.empty()) {
+  if (const std::string text = dash_of(run.number); !text.empty()) {
     dash = html(" stroke-dasharray=\"{}\"", text.substr(1, text.size() - 2));
   }
   return html(
       "<svg class=\"swatch\" viewBox=\"0 0 28 6\" aria-hidden=\"true\"><line x1=\"0\" y1=\"3\" "
       "x2=\"28\" y2=\"3\" stroke-width=\"4\" stroke=\"{}\"{}/></svg>",
-      colour_of(run), dash);
-}
-
-Html run_headings(const std::vector<RecordedRun>& runs) {
-  Html head;
-  for (std::size_t i = 0; runs.size() > 1 && i < runs.size(); ++i) {
-    head += html("<th scope=\"col\">{}{}</th>", swatch(i), runs[i].label);
-  }
-  return head.empty() ? head : html("<thead><tr><td></td>{}</tr></thead>\n", head);
+      colour_of(run.number), dash);
 }
 
 Html facts_table(const std::vector<RecordedRun>& runs) {
+  std::vector<std::vector<std::pair<const char*, Html>>> facts;
+  for (const RecordedRun& run : runs) facts.push_back(facts_of(run));
   Html rows;
-  for (const auto& [name, value] : facts()) {
-    const Html first = value(runs.front());
-    Html cells;
-    bool any = false;
-    for (const RecordedRun& run : runs) {
-      const Html cell = value(run);
-      any = any || !cell.empty();
-      const char* marked = cell.markup() == first.markup() ? "" : " class=\"differs\"";
-      cells += html("<td{}>{}</td>", Html::from_markup(marked), cell.empty() ? Html("–") : cell);
+  for (std::size_t i = 0; i < facts.front().size(); ++i) {
+    std::vector<Html> values;
+    for (const auto& of_run : facts) values.push_back(of_run[i].second);
+    if (!std::ranges::all_of(values, &Html::empty)) {
+      rows += run_row(Html(facts.front()[i].first), values);
     }
-    if (any) rows += html("<tr><th scope=\"row\">{}</th>{}</tr>\n", name, cells);
   }
-  return html("<div class=\"table\"><table class=\"facts\">\n{}<tbody>\n{}</tbody></table></div>\n",
-              run_headings(runs), rows);
+  return run_table(runs, "", rows);
+}
+
+Html differences(const std::vector<RecordedRun>& runs) {
+  if (runs.size() < 2) return {};
+  std::map<std::string, std::vector<Html>> all;  // by key, of each run
+  for (const RecordedRun& run : runs) {
+    Values values;
+    collect(experiment::parse_yaml(run.scenario.text, run.label), "", values);
+    const bool same_robot = run.scenario.robot.urdf_text == runs.front().scenario.robot.urdf_text;
+    values["the URDF's links and joints"] = same_robot ? "as in " + runs.front().label : "others";
+    for (const auto& [key, value] : values) {
+      all.try_emplace(key, runs.size()).first->second[run.number] = Html(value);
+    }
+  }
+  Html rows;
+  for (const auto& [key, values] : all) {
+    const bool same = std::ranges::all_of(values, [&values = values](const Html& value) {
+      return value.markup() == values.front().markup();
+    });
+    if (!same) rows += run_row(html("<code>{}</code>", key), values);
+  }
+  const Html text = robots_text(runs);
+  if (rows.empty()) return text + html("<p>The scenarios are the same.</p>\n");
+  return text +
+         html(
+             "<p>What differs between the scenarios (–: not given), marked where it is not as in "
+             "the first run:</p>\n") +
+         run_table(runs, " id=\"differences\"", rows);
 }
 
 Html results_table(const std::vector<RecordedRun>& runs) {
   const bool several = runs.size() > 1;
-  Html head;
-  if (several) head += html("<th scope=\"col\">Run</th>");
-  head += html("<th scope=\"col\">Joint</th>");
-  for (const char* column :
-       {"peak |e|", "rms e", "final e", "decay", "peak |τ|", "rms τ", "saturated"}) {
-    head += html("<th class=\"number\" scope=\"col\">{}</th>", column);
-  }
   Html rows;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    const RecordedRun& run = runs[i];
+  for (const RecordedRun& run : runs) {
     if (run.tracking.num_ticks() == 0) continue;
-    const Html who = several ? html("<td class=\"run\">{}{}</td>", swatch(i), run.label) : Html();
+    const Html who = several ? html("<td class=\"run\">{}{}</td>", swatch(run), run.label) : Html();
     for (std::size_t joint = 0; joint < run.tracking.joints().size(); ++joint) {
       rows += html("<tr>{}{}</tr>\n", who, results_row(run, joint));
     }
   }
+  constexpr std::array columns = {"peak |e|", "rms e", "final e",  "decay",
+                                  "peak |τ|", "rms τ", "saturated"};
   return html(
       "<div "
-      "class=\"table\"><table>\n<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody></table></div>\n",
-      head, rows);
+      "class=\"table\"><table>\n<thead><tr>{}<th scope=\"col\">Joint</th>{}</tr></thead>\n<tbody>\n"
+      "{}</tbody></table></div>\n",
+      several ? html("<th scope=\"col\">Run</th>") : Html(),
+      each(columns,
+           [](const char* column) {
+             return html("<th class=\"number\" scope=\"col\">{}</th>", column);
+           }),
+      rows);
 }
 
 Html alarms(const std::vector<RecordedRun>& runs) {
   Html text;
   for (const RecordedRun& run : runs) {
     const Html who = runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html();
-    if (outcome(run, "fault").is_string() || run.summary.last_tick + 1 != run.info.num_ticks) {
+    if (run.outcome_of("fault").is_string() || run.summary.last_tick + 1 != run.info.num_ticks) {
       text += html("<p class=\"alarm\">{}The run ended {}.</p>\n", who, ended_text(run));
     }
     if (run.damage.any()) {

@@ -4,6 +4,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -11,7 +12,6 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
-#include "diagnostics/unfinished_file.h"
 #include "report/chart.h"
 #include "report/gnuplot.h"
 #include "robot/inverse_dynamics.h"
@@ -61,56 +61,46 @@ std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
 }
 
-/// Rounding of a torque that is 0 would fill its chart.
-double without_rounding(double value) { return std::abs(value) < 1e-9 ? 0 : value; }
-
-/// A value of one joint over its range: with the others at q, and the least and the largest over
-/// other postures.
-struct Envelope {
-  std::vector<study::Point> at_q, least, largest;
-
-  void add(double part, double value) {
-    value = without_rounding(value);
-    at_q.push_back({part, value});
-    least.push_back({part, value});
-    largest.push_back({part, value});
-  }
-  void extend(double value) {
-    value = without_rounding(value);
-    least.back().y = std::min(least.back().y, value);
-    largest.back().y = std::max(largest.back().y, value);
-  }
-};
-
-struct Overview {
-  Envelope gravity, inertia;
-};
-
-Overview overview(const RobotFacts& facts, int joint, std::vector<robot::Vector> postures) {
+/// Adds a value of one joint over its range: with the others at q, and the least and the largest
+/// over the others' `postures`.
+template <class Value>
+void add_curves(Chart& chart, const RobotFacts& facts, int joint,
+                std::vector<robot::Vector> postures, bool named, const Value& exact) {
   constexpr int points = 40;
-  Overview seen;
+  const auto value = [&](const robot::Vector& q) {
+    const double x = exact(q);
+    return std::abs(x) < 1e-9 ? 0 : x;  // rounding of a torque that is 0 would fill its chart
+  };
+  std::vector<study::Point> at_q, least, largest;
   const auto [lower, upper] = robot::finite_range(facts.model, joint);
   for (int k = 0; k <= points; ++k) {
     const double part = static_cast<double>(k) / points;
     robot::Vector q = facts.q;
     q[joint] = lower + part * (upper - lower);
-    seen.gravity.add(part, robot::gravity_torque(facts.model, q)[joint]);
-    seen.inertia.add(part, robot::mass_matrix(facts.model, q)(joint, joint));
+    const double own = value(q);
+    double low = own, high = own;
     for (robot::Vector& posture : postures) {
       posture[joint] = q[joint];
-      seen.gravity.extend(robot::gravity_torque(facts.model, posture)[joint]);
-      seen.inertia.extend(robot::mass_matrix(facts.model, posture)(joint, joint));
+      low = std::min(low, value(posture));
+      high = std::max(high, value(posture));
     }
+    at_q.push_back({part, own});
+    least.push_back({part, low});
+    largest.push_back({part, high});
   }
-  return seen;
+  chart.curves = {{named ? "others at the position" : "", at_q, palette[0], 1.6, ""},
+                  {named ? "others anywhere" : "", least, palette[1], 1, "(4,3)"},
+                  {"", largest, palette[1], 1, "(4,3)"}};
 }
 
-std::vector<Curve> curves_of(const Envelope& envelope, bool named) {
-  return {
-      {named ? "others at the position" : "", envelope.at_q, palette[0], 1.6, "", CurveStyle::line},
-      {named ? "others anywhere" : "", envelope.least, palette[1], 1, "(4,3)", CurveStyle::line},
-      {"", envelope.largest, palette[1], 1, "(4,3)", CurveStyle::line}};
-}
+/// The numbers of a joint that a model has: their keys, and the headings of their columns.
+constexpr std::array<std::pair<const char*, robot::Vector Model::*>, 6> joint_numbers = {
+    {{"lower", &Model::lower},
+     {"upper", &Model::upper},
+     {"effort", &Model::effort_limit},
+     {"velocity", &Model::velocity_limit},
+     {"damping", &Model::damping},
+     {"friction", &Model::friction}}};
 
 }  // namespace
 
@@ -138,27 +128,27 @@ std::string to_text(const RobotFacts& facts) {
       "{} joints, {} bodies, {:.4g} kg that move; the root link is fixed to the ground\n"
       "  lengths in rad, or m of prismatic joints; torques in N m, or N; inertia in kg m2, or kg\n",
       model.num_joints, model.bodies.size(), facts.mass_kg);
-  std::vector<std::vector<std::string>> rows = {{"joint", "type", "lower", "upper", "effort",
-                                                 "velocity", "damping", "friction", "position",
-                                                 "gravity torque", "inertia"}};
+  std::vector<std::vector<std::string>> rows = {{"joint", "type"}};
+  for (const auto& [key, member] : joint_numbers) rows[0].emplace_back(key);
+  rows[0].insert(rows[0].end(), {"position", "gravity torque", "inertia"});
   for (int j = 0; j < model.num_joints; ++j) {
-    rows.push_back({model.joint_names[static_cast<std::size_t>(j)], std::string(type_of(model, j)),
-                    number(model.lower[j]), number(model.upper[j]), number(model.effort_limit[j]),
-                    number(model.velocity_limit[j]), number(model.damping[j]),
-                    number(model.friction[j]), number(facts.q[j]), number(facts.gravity_torque[j]),
-                    number(facts.inertia(j, j))});
+    std::vector<std::string>& row = rows.emplace_back();
+    row = {model.joint_names[static_cast<std::size_t>(j)], std::string(type_of(model, j))};
+    for (const auto& [key, member] : joint_numbers) row.push_back(number((model.*member)[j]));
+    for (const double value : {facts.q[j], facts.gravity_torque[j], facts.inertia(j, j)}) {
+      row.push_back(number(value));
+    }
   }
   text += table(rows);
   constexpr int shown = 10;
   text += fmt::format("inertia matrix{}, condition number {:.3g}\n",
                       model.num_joints > shown ? ": see --json" : "", facts.condition_number);
   if (model.num_joints <= shown) {
-    std::vector<std::vector<std::string>> entries;
-    entries.reserve(shown);
+    std::vector<std::vector<std::string>> entries(static_cast<std::size_t>(model.num_joints));
     for (int i = 0; i < model.num_joints; ++i) {
-      std::vector<std::string>& row = entries.emplace_back();
-      row.reserve(static_cast<std::size_t>(model.num_joints));
-      for (int j = 0; j < model.num_joints; ++j) row.push_back(number(facts.inertia(i, j)));
+      for (const double value : facts.inertia.row(i)) {
+        entries[static_cast<std::size_t>(i)].push_back(number(value));
+      }
     }
     text += table(entries);
   }
@@ -175,14 +165,9 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
   const auto list = [](const robot::Vector& x) { return std::vector<double>(x.begin(), x.end()); };
   ordered_json joints = ordered_json::array();
   for (int j = 0; j < model.num_joints; ++j) {
-    joints.push_back({{"name", model.joint_names[static_cast<std::size_t>(j)]},
-                      {"type", type_of(model, j)},
-                      {"lower", limit(model.lower[j])},
-                      {"upper", limit(model.upper[j])},
-                      {"effort", limit(model.effort_limit[j])},
-                      {"velocity", limit(model.velocity_limit[j])},
-                      {"damping", model.damping[j]},
-                      {"friction", model.friction[j]}});
+    ordered_json& joint = joints.emplace_back();
+    joint = {{"name", model.joint_names[static_cast<std::size_t>(j)]}, {"type", type_of(model, j)}};
+    for (const auto& [key, member] : joint_numbers) joint[key] = limit((model.*member)[j]);
   }
   ordered_json inertia = ordered_json::array();
   for (int i = 0; i < model.num_joints; ++i) inertia.push_back(list(facts.inertia.row(i)));
@@ -215,15 +200,14 @@ void draw_robot(const RobotFacts& facts, const std::string& title,
     gravity.note = fmt::format("{} [{:.3g}, {:.3g}] {}", joints.name[joint], lower, upper,
                                joints.length[joint]);
     inertia.y_range = {0, std::numeric_limits<double>::infinity()};
-    const Overview seen = overview(facts, j, postures);
-    gravity.curves = curves_of(seen.gravity, j == 0);
-    inertia.curves = curves_of(seen.inertia, false);
+    add_curves(gravity, facts, j, postures, j == 0,
+               [&](const robot::Vector& q) { return robot::gravity_torque(facts.model, q)[j]; });
+    add_curves(inertia, facts, j, postures, false,
+               [&](const robot::Vector& q) { return robot::mass_matrix(facts.model, q)(j, j); });
     charts.push_back(std::move(gravity));
     charts.push_back(std::move(inertia));
   }
-  diagnostics::UnfinishedFile unfinished(svg, "name another file with --plot");
-  draw(stacked_chart_commands(charts, title, unfinished.name()), unfinished.name());
-  unfinished.finish();
+  draw_file(stacked_chart_commands(charts, title), svg, "name another file with --plot");
 }
 
 }  // namespace tachless::report

@@ -26,10 +26,6 @@ Own own(const RunSummary& summary, loop::Role role) {
   return found != nullptr ? std::get<Own>(found->own) : Own();
 }
 
-node::PlantStatistics plant_of(const RunSummary& summary) {
-  return own<node::PlantStatistics>(summary, loop::Role::plant);
-}
-
 std::int64_t total(const RunSummary& summary, std::int64_t Statistics::*member) {
   std::int64_t result = 0;
   for (const Statistics& each : summary.statistics) result += each.*member;
@@ -63,23 +59,18 @@ std::string realtime_rows(const node::PlantStatistics& plant) {
              plant.longest_command_miss);
 }
 
-void add_signals(Json& json, const study::Tracking& tracking) {
-  Json error = {{"peak", Json::array()}, {"rms", Json::array()}, {"final", Json::array()}};
-  Json torque = {{"peak", Json::array()}, {"rms", Json::array()}};
+/// A value of each joint's errors or torques; none of a run without a tick.
+Json per_joint(const study::Tracking& tracking, study::Extent study::JointTracking::*signal,
+               double (study::Extent::*value)() const) {
+  Json values = Json::array();
   for (const study::JointTracking& joint : tracking.joints()) {
-    if (tracking.num_ticks() == 0) break;
-    error["peak"].push_back(joint.error.peak());
-    error["rms"].push_back(joint.error.rms());
-    error["final"].push_back(joint.error.final());
-    torque["peak"].push_back(joint.torque.peak());
-    torque["rms"].push_back(joint.torque.rms());
+    if (tracking.num_ticks() > 0) values.push_back((joint.*signal.*value)());
   }
-  json["position_error_rad"] = error;
-  json["torque_Nm"] = torque;
+  return values;
 }
 
 void add_statistics(Json& json, const RunSummary& summary) {
-  const node::PlantStatistics plant = plant_of(summary);
+  const node::PlantStatistics plant = summary.plant();
   json["round_trip_us"] = durations(plant.round_trip_us);
   json["resends"] = total(summary, &Statistics::resends);
   json["duplicates"] = total(summary, &Statistics::duplicates);
@@ -118,8 +109,8 @@ std::int64_t RunSummary::ticks() const {
 
 double RunSummary::duration_s() const { return static_cast<double>(ticks()) * facts.period_s; }
 
-study::Observed RunSummary::observe() const {
-  return study::observe(tracking, plant_of(*this).saturated_ticks);
+node::PlantStatistics RunSummary::plant() const {
+  return own<node::PlantStatistics>(*this, loop::Role::plant);
 }
 
 nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabels& joints) {
@@ -138,7 +129,13 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
                {"ticks_per_s", wall_s > 0 ? Json(ticks / wall_s) : Json()},
                {"real_time_factor", wall_s > 0 ? Json(summary.duration_s() / wall_s) : Json()},
                {"placement", facts.placement}};
-  add_signals(json, summary.tracking);
+  for (const auto& [key, signal] : {std::pair{"position_error_rad", &study::JointTracking::error},
+                                    std::pair{"torque_Nm", &study::JointTracking::torque}}) {
+    json[key] = {{"peak", per_joint(summary.tracking, signal, &study::Extent::peak)},
+                 {"rms", per_joint(summary.tracking, signal, &study::Extent::rms)}};
+  }
+  json["position_error_rad"]["final"] =
+      per_joint(summary.tracking, &study::JointTracking::error, &study::Extent::final);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
   json["verdict"] = text(summary.observed, joints);
@@ -163,7 +160,7 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
   const study::Tracking& tracking = summary.tracking;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
-  const node::PlantStatistics plant = plant_of(summary);
+  const node::PlantStatistics plant = summary.plant();
   const std::vector<std::string> names = joint_column(joints.name);
   const std::size_t width = names.front().size();
   std::string text = fmt::format(
@@ -189,16 +186,14 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
   text += "\n";
   text += summary.facts.mode == "realtime" ? realtime_rows(plant)
                                            : percentile_row(plant.round_trip_us, "round trip");
-  for (std::size_t i = 0; i < plant.saturated_ticks.size(); ++i) {
-    if (plant.saturated_ticks[i] == 0) continue;
-    text += fmt::format("  {} at its torque limit in {} ticks\n", joints.joint(i),
-                        plant.saturated_ticks[i]);
-  }
-  for (std::size_t i = 0; i < plant.beyond_limit_ticks.size(); ++i) {
-    if (plant.beyond_limit_ticks[i] == 0) continue;
-    text += fmt::format("  {} beyond its range or its speed in {} ticks\n", joints.joint(i),
-                        plant.beyond_limit_ticks[i]);
-  }
+  const auto row_of_ticks = [&](const std::vector<std::int64_t>& counts, const char* what) {
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+      if (counts[i] != 0)
+        text += fmt::format("  {} {} in {} ticks\n", joints.joint(i), what, counts[i]);
+    }
+  };
+  row_of_ticks(plant.saturated_ticks, "at its torque limit");
+  row_of_ticks(plant.beyond_limit_ticks, "beyond its range or its speed");
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
   text += fmt::format("  {}\n", study::text(summary.observed, joints));

@@ -42,11 +42,11 @@ struct RunSummary {
   [[nodiscard]] std::int64_t ticks() const;
   [[nodiscard]] double duration_s() const;  ///< of the motion
 
-  /// What the run did, from its signals and the plant's counters.
-  const study::Observed observed = observe();
+  /// What the plant counted; zeros when it has left nothing.
+  [[nodiscard]] node::PlantStatistics plant() const;
 
- private:
-  [[nodiscard]] study::Observed observe() const;
+  /// What the run did, from its signals and the plant's counters.
+  const study::Observed observed = study::observe(tracking, plant().saturated_ticks);
 };
 
 /// The content of summary.json.

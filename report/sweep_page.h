@@ -6,13 +6,23 @@
 
 #include "study/sweep.h"
 
+/// The results of a sweep in figures, curves or maps, and as a page. Runs nothing.
 namespace tachless::report {
 
-/// Writes map.svg and index.html into `directory`: curves (sweep_curves.h), or for each law a map
-/// over the first two axes; and how many runs ended how. `colour` is "outcome", the names of
-/// measures with commas between (a map shows one), or "certified": outcomes, and the runs whose
-/// initial state is in the certified region marked. Of a grid with more axes, a cell shows its
-/// worst outcome or its largest measure.
+/// Whether a sweep is shown by curves over its first axis, one for each law: a grid of one axis, or
+/// one whose other axes are lists ("KEY=a,b") of at most four combinations, which get a column of
+/// diagrams each. Others are shown by a map for each law, over the first two axes.
+bool shown_by_curves(const study::SweepPlan& plan);
+
+/// gnuplot's commands for a row of diagrams for each of `measures`, indices into `measure_columns`.
+/// Runs that were broken off have no value: they are marked at the upper edge.
+std::string sweep_curves(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
+                         const std::vector<std::size_t>& measures);
+
+/// Writes map.svg and index.html into `directory`: curves, or maps; and how many runs ended how.
+/// `colour` is "outcome", the names of measures with commas between (a map shows one), or
+/// "certified": outcomes, and the runs whose initial state is in the certified region marked. Of a
+/// grid with more axes, a cell of a map shows its worst outcome or its largest measure.
 /// @throw diagnostics::Failure(bad_usage) when there is no such measure, or gnuplot cannot draw
 void write_sweep_page(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
                       const std::string& colour, const std::filesystem::path& directory);

@@ -39,7 +39,7 @@ class ReplayTest : public ::testing::Test {
   }
   Replay replayed(const std::vector<Recorded>& messages) {
     logger::RunLog log = open(messages);
-    return replay(log, log.scenario());
+    return replay(log, log.scenario(), controller::scenario_law(log.scenario()));
   }
 
   TemporaryDirectory directory_;
@@ -150,9 +150,10 @@ TEST_F(ReplayTest, AnotherGainGivesTheDifferenceThatTheLawSays) {
                                  {"controller.gains.kp=[30000, 2400]"});
   std::vector<double> differences;
   const Replay result =
-      replay(log, other, [&](std::int64_t, const robot::Vector& recorded, const auto& computed) {
-        differences.push_back(computed[0] - recorded[0]);
-      });
+      replay(log, other, controller::scenario_law(other),
+             [&](std::int64_t, const robot::Vector& recorded, const auto& computed) {
+               differences.push_back(computed[0] - recorded[0]);
+             });
   EXPECT_EQ(result.compared, 50);
   EXPECT_EQ(result.joints[1].max, 0);
   log.rewind();
@@ -179,9 +180,12 @@ TEST_F(ReplayTest, ALawMayMeasureLessThanWasMeasured) {
          "controller.gains.a=[100, 100]", "controller.gains.b=[100, 100]",
          "controller.gains.lambda=[9, 9]", "controller.gains.ks=[9, 9]"});
   };
-  EXPECT_EQ(replay(log, under("loria_ortega_rigid")).compared, 20);
+  EXPECT_EQ(replay(log, under("loria_ortega_rigid"),
+                   controller::scenario_law(under("loria_ortega_rigid")))
+                .compared,
+            20);
   try {
-    replay(log, under("slotine_li"));
+    replay(log, under("slotine_li"), controller::scenario_law(under("slotine_li")));
     FAIL() << "a state law was fed from LINK_STATE";
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
@@ -195,7 +199,7 @@ TEST_F(ReplayTest, RefusesASamplePeriodThatWasNotRecorded) {
   logger::RunLog log = open(messages);
   const experiment::Scenario other = experiment::parse_scenario(
       log.info().scenario, log.info().robot_description, "log", {"loop.period_s=0.002"});
-  EXPECT_THROW(replay(log, other), diagnostics::Failure);
+  EXPECT_THROW(replay(log, other, controller::scenario_law(other)), diagnostics::Failure);
 }
 
 TEST(Ulps, CountDoublesBetweenTwo) {

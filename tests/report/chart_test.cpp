@@ -20,8 +20,8 @@ using ::testing::Not;
 
 std::string drawn(const Chart& chart) {
   const TemporaryDirectory directory;
-  draw(chart_commands({chart}, directory.path()), directory.path() / "script");
-  return logger::read_file(directory.path() / (chart.name + ".svg"));
+  draw(chart_commands({chart}), directory / "chart.svg");
+  return logger::read_file(directory / "chart.svg");
 }
 
 Chart swing() {
@@ -29,7 +29,7 @@ Chart swing() {
   chart.name = "swing";
   chart.y_label = "{/:Italic q}_{1}  [rad]";
   chart.x_range = {{0, 1}};
-  Curve curve{"link", {}, "#0072B2", 1.4, "", CurveStyle::line};
+  Curve curve{"link", {}, "#0072B2", 1.4, ""};
   for (int k = 0; k < 100; ++k) curve.points.push_back({k * 0.01, std::sin(k * 0.2)});
   chart.curves = {curve};
   return chart;
@@ -52,7 +52,7 @@ TEST(Chart, LogarithmicAxisLeavesOutWhatIsNotPositive) {
   Chart chart = swing();
   chart.curves[0].points = {{0, -0.25}, {0.25, 0}, {0.5, 0.01}, {1, 100}};
   const auto has_row = [&](const std::string& row) {
-    return chart_commands({chart}, ".").find("\n" + row + "\n") != std::string::npos;
+    return chart_commands({chart}).find("\n" + row + "\n") != std::string::npos;
   };
   EXPECT_TRUE(has_row("0 -0.25") && has_row("0.25 0") && has_row("0.5 0.01"));
   EXPECT_THAT(drawn(chart), HasSubstr("20</tspan>")) << "a tic of the linear axis";
@@ -69,23 +69,52 @@ TEST(Chart, OfAStackHasRoomForAllItsTitles) {
   chart.wide = true;
   chart.curves.assign(10, chart.curves[0]);
   for (Curve& curve : chart.curves) curve.title = "robust\\_differentiator";
-  const std::string ten = stacked_chart_commands({chart, swing()}, "laws", "laws.svg");
+  const std::string ten = stacked_chart_commands({chart, swing()}, "laws");
   // Three titles of 21 letters beside each other, and 21 px for each row but the first.
   EXPECT_THAT(ten, HasSubstr("set key maxrows 4\n"));
   EXPECT_THAT(ten, HasSubstr("svg size 900,743 "));
   chart.curves.resize(3);
-  const std::string three = stacked_chart_commands({chart, swing()}, "laws", "laws.svg");
+  const std::string three = stacked_chart_commands({chart, swing()}, "laws");
   EXPECT_THAT(three, Not(HasSubstr("set key maxrows 4\n")));
   EXPECT_THAT(three, HasSubstr("svg size 900,680 "));
 }
 
 TEST(Chart, LogarithmicFloorLeavesOutTheDips) {
-  Curve curve = swing().curves[0];
-  curve.points = {{0, 1e-12}};
-  for (int k = 1; k < 100; ++k) curve.points.push_back({k * 0.01, 3e-3});
-  EXPECT_EQ(logarithmic_floor({curve}), 1e-3);
-  curve.points = {{0, 0}, {1, -2}};
-  EXPECT_EQ(logarithmic_floor({curve}), std::nullopt);
+  Chart chart = swing();
+  chart.curves[0].points = {{0, 1e-12}};
+  for (int k = 1; k < 100; ++k) chart.curves[0].points.push_back({k * 0.01, 3e-3});
+  make_logarithmic(chart);
+  ASSERT_TRUE(chart.y_range);
+  EXPECT_EQ(chart.y_range->first, 1e-3);
+  chart = swing();
+  chart.curves[0].points = {{0, 0}, {1, -2}};
+  make_logarithmic(chart);
+  EXPECT_FALSE(chart.y_range);
+}
+
+Chart kicked(double kick) {
+  Chart chart = swing();
+  chart.curves[0].points.clear();
+  for (int k = 0; k < 1000; ++k) chart.curves[0].points.push_back({k * 1.0, std::sin(k * 0.1)});
+  chart.curves[0].points[3].y = kick;
+  cut_kick(chart, "N m");
+  return chart;
+}
+
+TEST(Chart, LeavesAnAxisWhoseCurveFillsIt) {
+  EXPECT_FALSE(kicked(2).y_range);
+  Chart empty;
+  cut_kick(empty, "N m");
+  EXPECT_FALSE(empty.y_range);
+}
+
+TEST(Chart, CutsItsAxisAtAKickAndKeepsTheRestWithAMargin) {
+  const Chart cut = kicked(-500);
+  ASSERT_TRUE(cut.y_range);
+  EXPECT_LT(cut.y_range->first, -1);
+  EXPECT_GT(cut.y_range->first, -2);
+  EXPECT_GT(cut.y_range->second, 1);
+  EXPECT_EQ(cut.note, "axis cut: peak 500 N m");
 }
 
 TEST(Chart, DrawsBarsWithTheirNames) {
@@ -111,7 +140,7 @@ TEST(Chart, SurvivesCurvesWithNothingToShow) {
 TEST(Chart, StacksChartsInOneFile) {
   const TemporaryDirectory directory;
   const auto svg = directory.path() / "stack.svg";
-  draw(stacked_chart_commands({swing(), swing()}, "two_swings & more", svg), svg);
+  draw(stacked_chart_commands({swing(), swing()}, "two_swings & more"), svg);
   const std::string text = logger::read_file(svg);
   EXPECT_THAT(text, HasSubstr("two_swings &amp; more"));
   EXPECT_THAT(text, HasSubstr("viewBox=\"0 0 900 680\""));
@@ -122,7 +151,7 @@ TEST(Chart, GivesANearlyConstantCurveAnAxisWithShortNumbers) {
     Chart chart;
     chart.curves.resize(1);
     chart.curves[0].points = {{0, least}, {1, largest}};
-    return chart_commands({chart}, "/nowhere");
+    return chart_commands({chart});
   };
   EXPECT_THAT(commands(-1.5709, -1.5707), HasSubstr("set yrange [-1.5723709:-1.5692291]"));
   EXPECT_THAT(commands(3, 3), HasSubstr("set yrange [2.997:3.003]"));
@@ -141,7 +170,7 @@ TEST(Chart, StacksMoreThanThreeInTwoColumnsAboveWideOnes) {
   Chart wide = swing();
   wide.wide = true;
   const std::string commands =
-      stacked_chart_commands({swing(), swing(), swing(), swing(), swing(), wide}, "six", "a.svg");
+      stacked_chart_commands({swing(), swing(), swing(), swing(), swing(), wide}, "six");
   // Three rows of five, one wide; below the second row a column ends, below the third they all do.
   EXPECT_THAT(commands, HasSubstr(" size 900,1328 ")) << 30 + 4 * 300 + 3 * 24 + 26;
   const auto count = [&](const std::string& what) {

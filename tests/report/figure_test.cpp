@@ -48,9 +48,8 @@ class Figure : public ::testing::Test {
     robot::JointLabels joints{
         {}, std::vector<std::string>(n, "rad"), std::vector<std::string>(n, "N m")};
     for (std::size_t i = 0; i < n; ++i) joints.name.push_back(fmt::format("wrist_{}", i));
-    const FigureFacts facts{title, period_s, joints};
     const std::filesystem::path svg = directory_ / "tracking.svg";
-    draw(tracking_figure(tracking, facts, svg), svg);
+    draw(tracking_figure(tracking, title, period_s, joints), svg);
     std::ostringstream text;
     text << std::ifstream(svg).rdbuf();
     return text.str();

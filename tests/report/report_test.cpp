@@ -10,9 +10,7 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
-#include "report/page_scripts.h"
-#include "report/report_charts.h"
-#include "report/report_page.h"
+#include "report/report_sections.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"
 #include "tests/support/temporary_directory.h"
@@ -138,13 +136,12 @@ TEST_F(Report, MatchesJointsByNameAndTellsOfOtherRobots) {
   runs.push_back(run("b", two));
   runs[1].joints.name = {"elbow", "wrist"};
   label(runs);
-  const Overlay all(runs, Detail::paper);
-  ASSERT_EQ(all.num_joints(), 3U);
-  EXPECT_EQ(all.joint_heading(1), "elbow");  // which is joint 2 of one, joint 1 of the other
   const std::vector<ReportSection> sections = report_sections(runs);
   ASSERT_EQ(sections[0].charts.size(), 3U);
+  // Which is joint 2 of one, joint 1 of the other.
+  EXPECT_EQ(sections[0].charts[1].heading, "elbow");
   std::vector<std::pair<std::size_t, double>> last;  // run, last torque, of the elbow
-  for (const Curve& curve : sections[2].charts[1].chart.curves) {
+  for (const Curve& curve : sections[2].charts[1].curves) {
     last.emplace_back(curve.run, curve.points.back().y);
   }
   const auto torque = [&](std::size_t i, std::size_t joint) {

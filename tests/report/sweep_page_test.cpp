@@ -8,7 +8,6 @@
 #include <regex>
 
 #include "diagnostics/failure.h"
-#include "report/sweep_curves.h"
 #include "study/measures.h"
 #include "tests/support/temporary_directory.h"
 
@@ -86,13 +85,13 @@ TEST(SweepCurves, AreOfOneAxisAndOfLists) {
 TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
   SweepPlan plan = plan_of({bits, "reference.sinusoid.frequency_hz=1,5"});
   plan.laws.push_back({"wen_bayard", {}});
-  const std::string commands = sweep_curves(plan, rows_of(plan), {1, 2, 4}, "map.svg");
+  const std::string commands = sweep_curves(plan, rows_of(plan), {1, 2, 4});
   EXPECT_EQ(count(commands, "\nplot "), 6U);
   EXPECT_EQ(count(commands, "with lines"), 12U);
   // The list's first value and its second, of the first law and of the second.
-  EXPECT_THAT(commands, HasSubstr("$d0_0_line << EOD\n12 1\n14 3\n16 5\n"));
-  EXPECT_THAT(commands, HasSubstr("$d1_0_line << EOD\n12 2\n14 4\n16 6\n"));
-  EXPECT_THAT(commands, HasSubstr("$d1_1_line << EOD\n12 8\n14 10\n16 12\n"));
+  EXPECT_THAT(commands, HasSubstr("$d0 << END\n12 1\n14 3\n16 5\n"));
+  EXPECT_THAT(commands, HasSubstr("$d0 << END\n12 2\n14 4\n16 6\n"));
+  EXPECT_THAT(commands, HasSubstr("$d4 << END\n12 8\n14 10\n16 12\n"));
   EXPECT_THAT(commands, Not(HasSubstr("limit cycle, saturated")));
 }
 
@@ -102,11 +101,11 @@ TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   rows[1].outcome = "limit_cycle";
   rows[2].outcome = "stopped";
   rows[2].measures.assign(rows[2].measures.size(), 1e9);  // no value to scale an axis by
-  const std::string commands = sweep_curves(plan, rows, {1}, "map.svg");
-  EXPECT_THAT(commands, HasSubstr("$d0_0_line << EOD\n12 1\n14 2\nnan"));
-  EXPECT_THAT(commands, HasSubstr("$d0_0_bad << EOD\n14 2\nnan"));
+  const std::string commands = sweep_curves(plan, rows, {1});
+  EXPECT_THAT(commands, HasSubstr("$d0 << END\n12 1\n14 2\nnan"));
+  EXPECT_THAT(commands, HasSubstr("$d2 << END\n14 2\nnan"));
   std::smatch broken, range;
-  ASSERT_TRUE(std::regex_search(commands, broken, std::regex("_broken << EOD\n16 (.*)\n")));
+  ASSERT_TRUE(std::regex_search(commands, broken, std::regex("\\$d3 << END\n16 (.*)\n")));
   ASSERT_TRUE(std::regex_search(commands, range, std::regex("set yrange \\[0:(.*)\\]")));
   EXPECT_GT(std::stod(broken[1]), 2);
   EXPECT_LT(std::stod(broken[1]), std::stod(range[1]));

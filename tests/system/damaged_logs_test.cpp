@@ -10,8 +10,7 @@
 #include "replay/replay.h"
 #include "report/recorded_run.h"
 #include "report/report.h"
-#include "report/report_charts.h"
-#include "report/report_page.h"
+#include "report/report_sections.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"
 #include "tests/support/temporary_directory.h"
@@ -71,7 +70,8 @@ TEST_P(Damage, ReplaySurvives) {
     seed % 5 == 0 ? write_with_wild_numbers(seed) : write_damaged(seed);
     try {
       auto log = logger::RunLog::open(path_);
-      const replay::Replay result = replay::replay(log, log.scenario());
+      const replay::Replay result =
+          replay::replay(log, log.scenario(), controller::scenario_law(log.scenario()));
       ++replayed;
       ASSERT_LE(result.compared, num_ticks_);
       ASSERT_EQ(result.different != 0, result.first.has_value());
@@ -100,7 +100,7 @@ TEST_P(Damage, ReportSurvives) {
       const auto charts = report::drawn_charts(sections);
       // A log of no tick has nothing to draw, and its page says so.
       if (runs.front().summary.ticks > 0) {
-        ASSERT_FALSE(report::chart_commands(charts, directory_.path()).empty());
+        ASSERT_FALSE(report::chart_commands(charts).empty());
       }
       ASSERT_THAT(report::report_page(runs, sections, {}), HasSubstr("</html>"));
       ++reported;

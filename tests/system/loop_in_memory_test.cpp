@@ -161,7 +161,8 @@ TEST(TheLoop, LogsWhatTheInProcessLoopLogsAndReplaysWhateverThePlantSuffers) {
     }
     EXPECT_FALSE(recorded.next());
 
-    const replay::Replay replayed = replay::replay(log, log.scenario());
+    const replay::Replay replayed =
+        replay::replay(log, log.scenario(), controller::scenario_law(log.scenario()));
     EXPECT_EQ(replayed.compared, scenario.loop.num_ticks);
     EXPECT_EQ(replayed.different, 0);
   }

@@ -1,0 +1,279 @@
+#include "report/report_sections.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string_view>
+
+#include "report/figure.h"
+#include "report/gnuplot.h"
+
+namespace tachless::report {
+namespace {
+
+bool same_points(const std::vector<study::Point>& a, const std::vector<study::Point>& b) {
+  return std::ranges::equal(
+      a, b, [](const study::Point& p, const study::Point& q) { return p.x == q.x && p.y == q.y; });
+}
+
+/// A joint of a report, as the runs that have it agree on it.
+struct Joint {
+  const Overlay& all;
+  std::size_t number;
+  std::string length, effort;  ///< units, of the first run that has it
+
+  Joint(const Overlay& of, std::size_t i) : all(of), number(i) {
+    for (const RecordedRun& run : all.runs) {
+      const auto own = all.joint_of(run, number);
+      if (own && length.empty()) length = run.joints.length[*own];
+    }
+    effort = length == "m" ? "N" : "N m";
+  }
+  /// As gnuplot's enhanced text; with its number where all runs number the joint alike.
+  [[nodiscard]] std::string symbol(std::string_view symbol) const {
+    return all.numbered_alike ? indexed(symbol, number) : fmt::format("{{/:Italic {}}}", symbol);
+  }
+  [[nodiscard]] std::string heading() const {
+    const std::string& name = all.joints[number];
+    return all.numbered_alike ? fmt::format("Joint {} · {}", number + 1, name) : name;
+  }
+  /// Calls `visit(run, the run's own number of the joint)` for each run that tracks it.
+  template <class Visit>
+  void for_runs(const Visit& visit) const {
+    for (const RecordedRun& run : all.runs) {
+      const auto own = all.joint_of(run, number);
+      if (own && run.tracking.num_ticks() > 0) visit(run, *own);
+    }
+  }
+};
+
+/// Adds a chart for each joint, which `fill` fills.
+/// @param caption with {} for the joint's number
+template <class Fill>
+void add_joints(ReportSection& section, const Overlay& all, fmt::format_string<std::size_t> caption,
+                const Fill& fill) {
+  for (std::size_t i = 0; i < all.joints.size(); ++i) {
+    const Joint joint(all, i);
+    Chart chart =
+        all.over_time(fmt::format("{}-{}", section.name, i + 1), fmt::format(caption, i + 1));
+    chart.heading = joint.heading();
+    fill(joint, chart);
+    section.add(std::move(chart));
+  }
+}
+
+/// Several runs' positions of a joint over their references; a reference that they share once.
+void overlay_positions(const Overlay& all, const Joint& joint, Chart& chart) {
+  std::vector<Curve> references;
+  chart.y_label = fmt::format("{}  [{}]", joint.symbol("q"), joint.length);
+  joint.for_runs([&](const RecordedRun& run, std::size_t own) {
+    const study::JointTracking& signals = run.tracking.joints()[own];
+    chart.curves.push_back(all.curve(run, signals.q.points(all.budget), "q", "", 1.6));
+    const auto points = signals.q_ref.points(all.budget);
+    const bool first = references.empty();
+    if (!first && same_points(points, references.front().points)) return;
+    references.push_back({first ? "reference" : "", points,
+                          first ? palette[6] : colour_of(run.number), 1.3, "(5,4)", run.number,
+                          "q_ref"});
+  });
+  chart.curves.insert(chart.curves.end(), references.begin(), references.end());
+}
+
+ReportSection tracking_section(const Overlay& all) {
+  ReportSection section{"tracking", "Tracking", "The log holds no positions."};
+  const study::Tracking& first = all.runs[0].tracking;
+  section.text = html(
+      "<p>True link positions{} against the reference. Curves are drawn by their extremes: every "
+      "peak of every tick is in them.</p>",
+      all.alone() && first.has_motors() ? " and motor positions" : "");
+  add_joints(section, all, "Position of joint {} and its reference over time",
+             [&](const Joint& joint, Chart& chart) {
+               if (!all.alone() || first.num_ticks() == 0) {
+                 return overlay_positions(all, joint, chart);
+               }
+               Chart alone = position_chart(first, joint.number, "", joint.length, all.budget);
+               chart.y_label = alone.y_label;
+               chart.curves = std::move(alone.curves);
+             });
+  return section;
+}
+
+ReportSection error_section(const Overlay& all) {
+  ReportSection section{"error", "Position error", "The error is zero at every tick of the log."};
+  section.text = html(
+      "<p>|<i>q</i> − <i>q</i><sub>ref</sub>| on a logarithmic axis. Where its upper envelope "
+      "falls along an exponential by at least a factor of two, that is drawn and its rate given "
+      "(slope by the median of slopes, between the peak and the instant from which on a constant "
+      "fits better).{}</p>",
+      all.alone() ? "" : " Broad dashes: these exponentials.");
+  add_joints(section, all, "Absolute position error of joint {} over time, logarithmic",
+             [&](const Joint& joint, Chart& chart) {
+               chart.y_label = fmt::format("|{}|  [{}]", joint.symbol("e"), joint.length);
+               std::vector<Curve> fits;
+               joint.for_runs([&](const RecordedRun& run, std::size_t own) {
+                 chart.curves.push_back(
+                     all.curve(run, run.tracking.joints()[own].abs_error.points(all.budget), "|e|",
+                               all.alone() ? "|{/:Italic e}|" : ""));
+                 if (const auto& decay = run.decay[own]) fits.push_back(fitted(all, *decay, run));
+               });
+               make_logarithmic(chart);
+               chart.curves.insert(chart.curves.end(), fits.begin(), fits.end());
+             });
+  return section;
+}
+
+/// @return whether the limit is drawn: one far outside would flatten the curve
+bool add_limit(const RecordedRun& run, std::size_t joint, double peak, Chart& chart) {
+  const auto& limit = run.scenario.plant.drive.torque_limit_Nm;
+  if (!limit) return false;
+  const double value = (*limit)[static_cast<Eigen::Index>(joint)];
+  if (!std::isfinite(value) || value >= 3 * peak) return false;
+  chart.levels.insert(chart.levels.end(), {value, -value});
+  return true;
+}
+
+ReportSection torque_section(const Overlay& all) {
+  ReportSection section{"torque", "Torque", "The log holds no torques."};
+  bool limited = false;
+  bool saturated = false;
+  bool disturbed = false;
+  add_joints(
+      section, all, "Torque applied to joint {} over time", [&](const Joint& joint, Chart& chart) {
+        chart.y_label = fmt::format("{}  [{}]", joint.symbol("τ"), joint.effort);
+        joint.for_runs([&](const RecordedRun& run, std::size_t own) {
+          const study::JointTracking& signals = run.tracking.joints()[own];
+          chart.curves.push_back(all.curve(run, signals.tau.points(all.budget), "τ"));
+          if (!run.disturbance.empty()) {
+            chart.curves.push_back(
+                all.curve(run, run.disturbance[own].points(all.budget), "", "disturbance", 1.0));
+            chart.curves.back().dash = "(5,4)";
+            if (all.alone()) chart.curves.back().colour = palette[1];
+            disturbed = true;
+          }
+          limited = add_limit(run, own, signals.torque.peak(), chart) || limited;
+          for (const auto& [from, to] : run.seconds(run.saturated[own].listed())) {
+            chart.marks.push_back({from, to, all.alone() ? alarm_colour : colour_of(run.number)});
+            saturated = true;
+          }
+        });
+        cut_kick(chart, joint.effort);
+      });
+  section.text = html("<p>Torque that acted over each tick, after delay and limit.{}{}{}</p>",
+                      disturbed ? " Dashed: the torque of plant.disturbances." : "",
+                      limited ? " Dotted: the drive's limit." : "",
+                      saturated ? " Bars at the top: the command exceeded the limit." : "");
+  return section;
+}
+
+/// What a law's declared signal is, by its name, which the laws' pages explain.
+std::string_view meaning(std::string_view name) {
+  if (name.starts_with("nu")) {
+    return "the filter's output: the filtered derivative of the position error, which the law uses "
+           "in place of the velocity error";
+  }
+  if (name.starts_with("edot")) return "the velocity error, of measured velocities";
+  return "as the law computed it";
+}
+
+ReportSection signals_section(const Overlay& all) {
+  ReportSection section{"controller", "Controller signals",
+                        "The log holds no signals of the law: it declares none besides the "
+                        "position error, or they were not recorded."};
+  std::map<std::string, std::string> units;
+  for (const RecordedRun& run : all.runs) {
+    for (const LoggedSignal& signal : run.signals) units.emplace(signal.name, signal.unit);
+  }
+  for (const auto& [name, unit] : units) {
+    section.text += html("<p><i>{}</i> [{}]: {}.</p>", name, unit, meaning(name));
+  }
+  add_joints(section, all, "Controller signals of joint {} over time",
+             [&](const Joint& joint, Chart& chart) {
+               std::string unit;
+               for (const RecordedRun& run : all.runs) {
+                 const auto own = all.joint_of(run, joint.number);
+                 for (std::size_t row = 0; own && row < run.signals.size(); ++row) {
+                   const LoggedSignal& signal = run.signals[row];
+                   Curve curve = all.curve(run, signal.joints[*own].points(all.budget), signal.name,
+                                           "", row == 0 ? 1.2 : 0.7);
+                   if (all.alone()) {
+                     curve.colour = colour_of(row);
+                     curve.title = signal.name;  // nu_2: the 2 becomes an index
+                   }
+                   unit = signal.unit == "rad/s" ? joint.length + "/s" : signal.unit;
+                   chart.curves.push_back(std::move(curve));
+                 }
+               }
+               chart.y_label = fmt::format("[{}]", unit);
+               cut_kick(chart, unit);
+             });
+  return section;
+}
+
+}  // namespace
+
+void ReportSection::add(Chart chart) {
+  if (has_something(chart)) charts.push_back(std::move(chart));
+}
+
+Overlay::Overlay(const std::vector<RecordedRun>& labelled, Detail detail) : runs(labelled) {
+  std::size_t curves = 0;
+  for (const RecordedRun& run : runs) {
+    const std::vector<std::string>& names = run.joints.name;
+    curves += names.size();
+    numbered_alike = numbered_alike && names == runs.front().joints.name;
+    for (const std::string& name : names) {
+      if (std::ranges::find(joints, name) == joints.end()) joints.push_back(name);
+    }
+    const auto ticks = static_cast<double>(run.summary.last_tick + 1);
+    end_s = std::max(end_s, ticks * run.info.period_s);
+  }
+  if (!(end_s > 0)) end_s = 1;
+  // 2 MB of points for five curves a joint, whatever the number of runs and joints.
+  constexpr std::size_t on_screen = 40'000;
+  budget = detail == Detail::screen
+               ? std::min(on_screen / std::max<std::size_t>(1, curves), study::Envelope::max_points)
+           : alone() ? 1600
+                     : 1000;
+}
+
+std::optional<std::size_t> Overlay::joint_of(const RecordedRun& run, std::size_t joint) const {
+  const std::vector<std::string>& names = run.joints.name;
+  const auto found = std::ranges::find(names, joints[joint]);
+  if (found == names.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - names.begin());
+}
+
+Chart Overlay::over_time(const std::string& name, const std::string& caption) const {
+  Chart chart;
+  chart.name = name;
+  chart.caption = caption;
+  chart.x_range = {{0, end_s}};
+  return chart;
+}
+
+Curve Overlay::curve(const RecordedRun& run, const std::vector<study::Point>& points,
+                     const std::string& signal, const std::string& title, double width) const {
+  return {title,      points, colour_of(run.number), width, alone() ? "" : dash_of(run.number),
+          run.number, signal};
+}
+
+Curve fitted(const Overlay& all, const Decay& decay, const RecordedRun& run) {
+  const double end = decay.amplitude * std::exp(-decay.rate_per_s * (decay.to_s - decay.from_s));
+  return {all.runs.size() <= 3 ? fmt::format("fit: {:.3g} 1/s", decay.rate_per_s) : "",
+          {{decay.from_s, decay.amplitude}, {decay.to_s, end}},
+          all.alone() ? palette[1] : colour_of(run.number),
+          2.4,
+          "(6,4)",
+          run.number,
+          "fit"};
+}
+
+std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs, Detail detail) {
+  const Overlay all(runs, detail);
+  return {tracking_section(all), error_section(all),  torque_section(all), signals_section(all),
+          lyapunov_section(all), timing_section(all), events_section(all)};
+}
+
+}  // namespace tachless::report

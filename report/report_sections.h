@@ -1,0 +1,69 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "report/chart.h"
+#include "report/html.h"
+#include "report/recorded_run.h"
+
+/// The sections of a report: texts and charts of one run, or of several on the same axes. Draws
+/// nothing and writes no page.
+namespace tachless::report {
+
+/// A heading of a report and the charts under it.
+struct ReportSection {
+  std::string name;     ///< of its anchor
+  std::string heading;  ///< plain text
+  std::string without;  ///< in place of charts when there is nothing to draw; plain text
+  Html text = {};       ///< what is to be seen: paragraphs, lists
+  std::vector<Chart> charts = {};
+
+  /// Takes `chart` unless there is nothing to be seen in it.
+  void add(Chart chart);
+};
+
+/// How many points a curve gets: what paper resolves, or what zooming in shows.
+enum class Detail { paper, screen };
+
+/// Several runs on the same axes: what their charts have in common. Joints belong together by name;
+/// they are numbered as they first appear among the runs.
+struct Overlay {
+  Overlay(const std::vector<RecordedRun>& labelled, Detail detail);
+
+  const std::vector<RecordedRun>& runs;
+  std::vector<std::string> joints;  ///< names
+  bool numbered_alike = true;       ///< all runs give the joints the same numbers
+  double end_s = 0;                 ///< when the longest run ends
+  std::size_t budget = 0;           ///< points of a curve at most
+
+  [[nodiscard]] bool alone() const { return runs.size() == 1; }
+  /// The number that `run` itself gives to the joint; nothing when it has none of that name.
+  [[nodiscard]] std::optional<std::size_t> joint_of(const RecordedRun& run,
+                                                    std::size_t joint) const;
+  [[nodiscard]] Chart over_time(const std::string& name, const std::string& caption) const;
+  /// Where runs are overlaid, a legend beside the charts names them.
+  [[nodiscard]] Curve curve(const RecordedRun& run, const std::vector<study::Point>& points,
+                            const std::string& signal, const std::string& title = "",
+                            double width = 1.2) const;
+};
+
+/// Tracking, error, torque, controller signals, Lyapunov function, timing, events. `runs` are
+/// labelled.
+std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs,
+                                           Detail detail = Detail::paper);
+
+/// The last three of them: V along the run and its certified bound; histograms of times, from the
+/// runs' summary.json; saturation, missed commands, missing records and faults, per run.
+ReportSection lyapunov_section(const Overlay& all);
+ReportSection timing_section(const Overlay& all);
+ReportSection events_section(const Overlay& all);
+
+// Orange marks nothing but what went wrong.
+inline constexpr const char* alarm_colour = "#E69F00";
+
+/// The exponential that was fitted to a curve of `run`, as broad dashes.
+Curve fitted(const Overlay& all, const Decay& decay, const RecordedRun& run);
+
+}  // namespace tachless::report
