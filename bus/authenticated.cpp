@@ -1,5 +1,6 @@
 #include "bus/authenticated.h"
 
+#include <fmt/core.h>
 #include <sodium.h>
 
 #include <algorithm>
@@ -21,98 +22,88 @@ bool is_announcement(std::string_view channel) {
          channel[channel.size() - suffix.size() - 1] == '_';
 }
 
-const unsigned char* bytes_of(std::string_view text) {
-  return reinterpret_cast<const unsigned char*>(text.data());
+std::span<const std::byte> bytes_of(std::string_view text) {
+  return std::as_bytes(std::span(text));
 }
 
 /// A key for one purpose, from which neither the bus's nor another can be found.
-Key derived(const Key& base, std::string_view purpose, std::span<const unsigned char> context) {
+Key derived(const Key& base, std::string_view purpose, std::span<const std::byte> context) {
   Key result;
-  crypto_generichash_state state;
-  crypto_generichash_init(&state, base.bytes().data(), Key::size, Key::size);
-  crypto_generichash_update(&state, bytes_of(purpose), purpose.size());
-  crypto_generichash_update(&state, context.data(), context.size());
-  crypto_generichash_final(&state, result.bytes().data(), Key::size);
-  sodium_memzero(&state, sizeof state);
+  Digest digest(Key::size, &base);
+  digest.add(bytes_of(purpose));
+  digest.add(context);
+  digest.finish(result.bytes());
+  return result;
+}
+
+std::array<unsigned char, tag_size> tag(const Key& key, std::string_view channel,
+                                        std::span<const std::byte> payload) {
+  std::array<unsigned char, tag_size> result{};
+  Digest digest(tag_size, &key);
+  digest.add(bytes_of(channel));
+  digest.add(std::array{std::byte{0}});  // where the channel ends
+  digest.add(payload);
+  digest.finish(result);
   return result;
 }
 
 }  // namespace
 
-std::optional<Foreign> foreign_participant(std::span<const std::byte> payload,
-                                           const Codec<loop::Participant>& codec,
-                                           loop::Participant& who) {
-  loop::Stamp stamp;
-  if (codec.decode(payload, stamp, who) == Rejection::none) return Foreign::untagged;
-  if (payload.size() > tag_size &&
-      codec.decode(payload.first(payload.size() - tag_size), stamp, who) == Rejection::none) {
-    return Foreign::other_key;
-  }
-  return std::nullopt;
+Authenticated::Authenticated(Transport& inner, const std::optional<Key>& key)
+    : inner_(inner), base_(key), codec_(loop::Layout{}) {
+  if (!key) return;
+  participants_ = derived(*key, for_participants, {});
+  tagged_.resize(lcm_packet::max_short_size);
 }
 
-Authenticated::Authenticated(Transport& inner, const Key& key)
-    : inner_(inner),
-      base_(key),
-      participants_(derived(key, for_participants, {})),
-      tagged_(lcm_packet::max_short_size),
-      codec_(loop::Layout{}) {}
-
 void Authenticated::enter(std::int64_t run, const loop::PerRole& roster) {
-  std::array<unsigned char, 8 * (1 + loop::num_roles)> context{};
+  entered_ = true;
+  if (!base_) return;
+  std::array<std::byte, 8 * (1 + loop::num_roles)> context{};
   auto to = context.begin();
   const auto put = [&](std::int64_t number) {
     for (int i = 0; i < 8; ++i) {
-      *to++ = static_cast<unsigned char>(static_cast<std::uint64_t>(number) >> 8 * i);
+      *to++ = static_cast<std::byte>(static_cast<std::uint64_t>(number) >> 8 * i);
     }
   };
   put(run);
   for (const std::int64_t instance : roster) put(instance);
-  session_ = derived(base_, for_session, context);
-}
-
-Authenticated::Tag Authenticated::tag(const Key& key, std::string_view channel,
-                                      std::span<const std::byte> payload) const {
-  Tag result;
-  const unsigned char nul = 0;
-  crypto_generichash_state state;
-  crypto_generichash_init(&state, key.bytes().data(), Key::size, result.size());
-  crypto_generichash_update(&state, bytes_of(channel), channel.size());
-  crypto_generichash_update(&state, &nul, 1);  // where the channel ends
-  crypto_generichash_update(&state, reinterpret_cast<const unsigned char*>(payload.data()),
-                            payload.size());
-  crypto_generichash_final(&state, result.data(), result.size());
-  return result;
+  session_ = derived(*base_, for_session, context);
 }
 
 const Key* Authenticated::key_of(std::string_view channel) const {
-  if (is_announcement(channel)) return &participants_;
-  return session_ ? &*session_ : nullptr;
+  const std::optional<Key>& key = is_announcement(channel) ? participants_ : session_;
+  return key ? &*key : nullptr;
 }
 
 void Authenticated::publish(std::string_view channel, std::span<const std::byte> payload) {
+  if (!base_) return inner_.publish(channel, payload);
   const Key* key = key_of(channel);
   if (key == nullptr) {
-    throw std::logic_error("a message for " + std::string(channel) + " before the session");
+    throw std::logic_error(fmt::format("a message for {} before the session", channel));
   }
-  if (payload.size() + tag_size > tagged_.size()) {
-    throw std::length_error("message on " + std::string(channel) + " needs " +
-                            std::to_string(payload.size() + tag_size) +
-                            " bytes, one datagram holds " + std::to_string(tagged_.size()));
+  const std::size_t size = payload.size() + tag_size;
+  if (size > tagged_.size()) {
+    throw std::length_error(fmt::format("message on {} needs {} bytes, one datagram holds {}",
+                                        channel, size, tagged_.size()));
   }
-  const Tag own = tag(*key, channel, payload);
-  std::ranges::copy(payload, tagged_.begin());
-  std::ranges::copy(std::as_bytes(std::span(own)),
-                    tagged_.begin() + static_cast<std::ptrdiff_t>(payload.size()));
-  inner_.publish(channel, std::span(tagged_).first(payload.size() + tag_size));
+  const auto own = tag(*key, channel, payload);
+  const auto end = std::ranges::copy(payload, tagged_.begin()).out;
+  std::ranges::copy(std::as_bytes(std::span(own)), end);
+  inner_.publish(channel, std::span(tagged_).first(size));
 }
 
 std::optional<Datagram> Authenticated::receive(loop::Clock::time_point deadline) {
+  if (!base_) {
+    auto datagram = inner_.receive(deadline);
+    if (datagram) note_stranger(*datagram);
+    return datagram;
+  }
   for (int dropped = 0; dropped < most_dropped; ++dropped) {
     auto datagram = inner_.receive(deadline);
     if (!datagram || verify(*datagram)) return datagram;
     ++dropped_;
-    if (is_announcement(datagram->channel)) note_stranger(*datagram);
+    note_stranger(*datagram);
   }
   // A flood must not keep the caller from looking at the clock.
   return std::nullopt;
@@ -122,7 +113,7 @@ bool Authenticated::verify(Datagram& datagram) const {
   const Key* key = key_of(datagram.channel);
   if (key == nullptr || datagram.payload.size() < tag_size) return false;
   const auto payload = datagram.payload.first(datagram.payload.size() - tag_size);
-  const Tag expected = tag(*key, datagram.channel, payload);
+  const auto expected = tag(*key, datagram.channel, payload);
   const auto given = datagram.payload.last(tag_size);
   if (sodium_memcmp(expected.data(), given.data(), tag_size) != 0) return false;
   datagram.payload = payload;
@@ -131,16 +122,25 @@ bool Authenticated::verify(Datagram& datagram) const {
 
 void Authenticated::note_stranger(const Datagram& datagram) {
   // Only while there is no session: afterwards nobody asks, and nothing may be allocated.
-  if (session_) return;
+  if (entered_ || !is_announcement(datagram.channel)) return;
+  loop::Stamp stamp;
+  const auto decodes = [&](std::span<const std::byte> payload, loop::Participant& who) {
+    return codec_.decode(payload, stamp, who) == Rejection::none;
+  };
   Stranger stranger;
-  const auto kind = foreign_participant(datagram.payload, codec_, stranger.who);
-  if (!kind) return;
-  stranger.kind = *kind;
+  stranger.tagged = !decodes(datagram.payload, stranger.who);
+  if (stranger.tagged) {
+    if (datagram.payload.size() <= tag_size) return;
+    const auto untagged = datagram.payload.first(datagram.payload.size() - tag_size);
+    if (!decodes(untagged, stranger.who)) return;
+  } else if (!base_) {
+    return;  // one of ours
+  }
   stranger.sender = datagram.sender;
   stranger_ = std::move(stranger);
 }
 
-std::optional<Authenticated::Stranger> Authenticated::take_stranger() {
+std::optional<Stranger> Authenticated::take_stranger() {
   return std::exchange(stranger_, std::nullopt);
 }
 

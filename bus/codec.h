@@ -26,6 +26,9 @@ using SignalRows = decltype(loop::LawSignals::value);
 constexpr std::size_t count_size = sizeof(std::int32_t);
 constexpr std::size_t smallest_text = count_size + 1;
 
+template <class Member>
+concept Text = std::is_same_v<Member, std::string> || std::is_same_v<Member, loop::Role>;
+
 constexpr std::uint64_t big_endian(std::uint64_t value) {
   return std::endian::native == std::endian::little ? __builtin_bswap64(value) : value;
 }
@@ -34,19 +37,12 @@ class Reader {
  public:
   explicit Reader(std::span<const std::byte> bytes) : left_(bytes) {}
 
-  /// The next `size` bytes as an unsigned number. The caller knows that they are there.
+  /// The next `size` bytes, 1 to 8, as an unsigned number. The caller knows that they are there.
   std::uint64_t take(std::size_t size) {
     std::uint64_t value = 0;
-    if (size == 8) {
-      std::memcpy(&value, left_.data(), 8);
-      value = big_endian(value);
-    } else {
-      for (std::size_t i = 0; i < size; ++i) {
-        value = value << 8 | std::to_integer<std::uint64_t>(left_[i]);
-      }
-    }
+    std::memcpy(&value, left_.data(), size);
     left_ = left_.subspan(size);
-    return value;
+    return big_endian(value) >> 8 * (8 - size);
   }
   std::int64_t int64() { return static_cast<std::int64_t>(take(8)); }
   std::int32_t int32() { return static_cast<std::int32_t>(take(4)); }
@@ -66,14 +62,8 @@ class Writer {
   explicit Writer(std::span<std::byte> bytes) : left_(bytes) {}
 
   void put(std::uint64_t value, std::size_t size) {
-    if (size == 8) {
-      value = big_endian(value);
-      std::memcpy(left_.data(), &value, 8);
-    } else {
-      for (std::size_t i = 0; i < size; ++i) {
-        left_[i] = static_cast<std::byte>(value >> 8 * (size - 1 - i));
-      }
-    }
+    value = big_endian(value << 8 * (8 - size));
+    std::memcpy(left_.data(), &value, size);
     left_ = left_.subspan(size);
   }
   void characters(std::string_view text) {
@@ -191,8 +181,10 @@ void make_room(const Field& field, const loop::Layout& layout, Member& member) {
   }
 }
 
+/// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
 template <class Field, class Member>
-Rejection read(Reader& from, const Field& field, const loop::Layout& layout, Member& to) {
+Rejection read(Reader& from, const Field& field, const loop::Layout& layout, std::size_t /*needed*/,
+               Member& to) {
   Rejection result = Rejection::none;
   make_room(field, layout, to);
   for_each_entry(field, layout, to, [&](auto& entry) {
@@ -200,10 +192,9 @@ Rejection read(Reader& from, const Field& field, const loop::Layout& layout, Mem
   });
   return result;
 }
-
-/// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
-template <class Field, class Member>
-Rejection read_text(Reader& from, const Field& field, std::size_t needed, Member& to) {
+template <class Field>
+Rejection read(Reader& from, const Field& field, const loop::Layout& /*layout*/, std::size_t needed,
+               Text auto& to) {
   const std::int32_t length = from.int32();
   if (length < 1) return Rejection::bad_text;
   const auto extent = static_cast<std::size_t>(length);  // with the NUL
@@ -213,32 +204,34 @@ Rejection read_text(Reader& from, const Field& field, std::size_t needed, Member
   return assign(text.substr(0, extent - 1), to) ? Rejection::none : Rejection::bad_value;
 }
 
-// Before writing: throws std::logic_error when the value could not be read back.
-
-inline void require_size(const robot::Vector& vector, int size, std::string_view what) {
-  if (vector.size() == size) return;
-  throw std::logic_error(
-      fmt::format("bus::Codec: {} has {} entries, the layout says {}", what, vector.size(), size));
-}
+// Before writing: throws std::logic_error when the value could not be read back. Returns the bytes
+// that it needs beyond its smallest size.
 
 template <class Field, class Member>
-void require(const Field& field, const loop::Layout& layout, const Member& member) {
+std::size_t require(const Field& field, const loop::Layout& layout, const Member& member) {
+  const auto require_size = [&](const robot::Vector& vector, int size) {
+    if (vector.size() == size) return;
+    throw std::logic_error(fmt::format("bus::Codec: {} has {} entries, the layout says {}",
+                                       field.symbol, vector.size(), size));
+  };
   if constexpr (std::is_same_v<Member, robot::Vector>) {
-    require_size(member, length_of(field.count, layout), field.symbol);
+    require_size(member, length_of(field.count, layout));
   } else if constexpr (std::is_same_v<Member, SignalRows>) {
     for (std::size_t row = 0; row < static_cast<std::size_t>(layout.num_signals); ++row) {
-      require_size(member[row], layout.num_joints, field.symbol);
+      require_size(member[row], layout.num_joints);
     }
   } else if constexpr (requires { static_cast<double>(member); }) {
     const auto number = static_cast<double>(member);
-    if (number >= field.lowest && number <= field.highest) return;
-    throw std::logic_error(fmt::format("bus::Codec: {} is {}, allowed are {} to {}", field.name,
-                                       number, field.lowest, field.highest));
+    if (number < field.lowest || number > field.highest) {
+      throw std::logic_error(fmt::format("bus::Codec: {} is {}, allowed are {} to {}", field.name,
+                                         number, field.lowest, field.highest));
+    }
   }
+  return 0;
 }
-
 template <class Field>
-void require_text(const Field& field, std::string_view text) {
+std::size_t require(const Field& field, const loop::Layout& /*layout*/, const Text auto& member) {
+  const std::string_view text = view(member);
   if (text.find('\0') != std::string_view::npos) {
     throw std::logic_error(fmt::format("bus::Codec: NUL inside the text {}", field.name));
   }
@@ -246,6 +239,7 @@ void require_text(const Field& field, std::string_view text) {
     throw std::length_error(fmt::format("bus::Codec: text {} has {} characters, allowed are {}",
                                         field.name, text.size(), field.longest));
   }
+  return text.size();
 }
 
 // Writing.
@@ -260,16 +254,13 @@ void write(Writer& to, const Field& field, const loop::Layout& layout, const Mem
     }
   });
 }
-
-inline void write_text(Writer& to, std::string_view text) {
-  to.put(text.size() + 1, count_size);
-  to.characters(text);
+template <class Field>
+void write(Writer& to, const Field& /*field*/, const loop::Layout& /*layout*/,
+           const Text auto& member) {
+  to.put(view(member).size() + 1, count_size);
+  to.characters(view(member));
   to.put(0, 1);
 }
-
-template <class Field>
-constexpr bool is_text = std::is_same_v<typename Field::Member, std::string> ||
-                         std::is_same_v<typename Field::Member, loop::Role>;
 
 constexpr bool possible(const loop::Layout& layout) {
   return layout.num_joints >= 1 && layout.num_joints <= robot::max_joints &&
@@ -319,15 +310,8 @@ std::span<const std::byte> Codec<Value>::encode(const loop::Stamp& stamp, const 
     }
   }
   std::size_t size = min_size_;
-  loop::for_each_field<Value>([&](const auto& field) {
-    const auto& member = value.*field.member;
-    if constexpr (detail::is_text<std::decay_t<decltype(field)>>) {
-      detail::require_text(field, detail::view(member));
-      size += detail::view(member).size();
-    } else {
-      detail::require(field, layout_, member);
-    }
-  });
+  loop::for_each_field<Value>(
+      [&](const auto& field) { size += detail::require(field, layout_, value.*field.member); });
   if (size > bytes_.size()) {
     throw std::length_error(
         fmt::format("bus::Codec: message for channel …_{} has {} bytes, allowed are {}", suffix,
@@ -340,14 +324,8 @@ std::span<const std::byte> Codec<Value>::encode(const loop::Stamp& stamp, const 
   }
   detail::for_each_count<Value>(
       layout_, [&](int count) { to.put(static_cast<std::uint64_t>(count), detail::count_size); });
-  loop::for_each_field<Value>([&](const auto& field) {
-    const auto& member = value.*field.member;
-    if constexpr (detail::is_text<std::decay_t<decltype(field)>>) {
-      detail::write_text(to, detail::view(member));
-    } else {
-      detail::write(to, field, layout_, member);
-    }
-  });
+  loop::for_each_field<Value>(
+      [&](const auto& field) { detail::write(to, field, layout_, value.*field.member); });
   return {bytes_.data(), size};
 }
 
@@ -366,12 +344,7 @@ Rejection Codec<Value>::decode(std::span<const std::byte> payload, loop::Stamp& 
   loop::for_each_field<Value>([&](const auto& field) {
     if (result != Rejection::none) return;
     needed -= detail::smallest_size(field, layout_);
-    auto& member = (*scratch_).*field.member;
-    if constexpr (detail::is_text<std::decay_t<decltype(field)>>) {
-      result = detail::read_text(from, field, needed, member);
-    } else {
-      result = detail::read(from, field, layout_, member);
-    }
+    result = detail::read(from, field, layout_, needed, (*scratch_).*field.member);
   });
   if (result != Rejection::none) return result;
   if (from.left() != 0) return Rejection::wrong_size;

@@ -1,34 +1,64 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
 #include <span>
 
+/// The key of a bus, how it is read, and the digests that are made with a key or without. Knows no
+/// message.
 namespace tachless::bus {
 
-/// Before anything of libsodium is used.
-/// @throw std::runtime_error if the machine's cryptographic library cannot be used
-void require_sodium();
-
-/// What all participants of a bus share and nobody else knows. Kept in memory of its own, which is
-/// locked where the system's limit (`ulimit -l`) allows it, is in no core dump, and is wiped when
-/// it goes. Not for the hot path: each key takes some pages.
+/// What all participants of a bus share and nobody else knows. Kept in memory of its own, which
+/// copies share, is locked where the system's limit (`ulimit -l`) allows it, is in no core dump,
+/// and is wiped when the last copy goes. Not for the hot path: each key takes some pages.
 class Key {
  public:
   static constexpr std::size_t size = 32;
   /// Zeros, until they are written over.
-  /// @throw std::runtime_error as `require_sodium`
+  /// @throw std::runtime_error if the machine's cryptographic library cannot be used
   Key();
-  Key(const Key& other);
-  Key& operator=(const Key& other);
-  ~Key();
 
-  std::span<unsigned char, size> bytes() { return std::span<unsigned char, size>(bytes_, size); }
+  std::span<unsigned char, size> bytes() {
+    return std::span<unsigned char, size>(bytes_.get(), size);
+  }
   [[nodiscard]] std::span<const unsigned char, size> bytes() const {
-    return std::span<const unsigned char, size>(bytes_, size);
+    return std::span<const unsigned char, size>(bytes_.get(), size);
   }
 
  private:
-  unsigned char* bytes_;
+  std::shared_ptr<unsigned char> bytes_;
+};
+
+/// The key in `path`: 32 bytes, or 64 hexadecimal digits with or without an end of line. This
+/// process's memory is private from then on (process/private_memory.h).
+/// @throw Failure(bad_usage) naming the path, never its content: not a readable regular file,
+/// another length, readable by others than its owner, nothing but zeros.
+Key read_key_file(const std::filesystem::path& path);
+
+/// Of all bytes added so far, in their order (BLAKE2b): nobody finds other bytes that have the same
+/// one. Made with a key, it proves that whoever made it has the key; else it proves no origin.
+class Digest {
+ public:
+  /// @param size of the whole digest [bytes], 16 to 64
+  /// @throw std::runtime_error if the machine's cryptographic library cannot be used
+  explicit Digest(std::size_t size = 16, const Key* key = nullptr);
+  Digest(const Digest&) = default;
+  Digest& operator=(const Digest&) = default;
+  ~Digest();  ///< wipes what it knows of the key
+
+  void add(std::span<const std::byte> bytes);
+  /// The whole, to as many bytes; nothing can be added afterwards.
+  void finish(std::span<unsigned char> digest);
+  /// The first 64 bits of it.
+  [[nodiscard]] std::int64_t value() const;
+
+ private:
+  // libsodium's state, which is nobody else's business.
+  alignas(64) std::array<unsigned char, 384> state_{};
+  std::size_t size_;
 };
 
 }  // namespace tachless::bus

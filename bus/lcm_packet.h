@@ -1,7 +1,10 @@
 #pragma once
 
+#include <arpa/inet.h>
+
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 /// LCM's datagrams, numbers in network byte order:
 ///   short message:  magic, sequence number, channel, NUL, payload
@@ -17,5 +20,12 @@ inline constexpr std::size_t fragment_number_offset = 16;
 inline constexpr std::size_t fragment_header_size = 20;
 inline constexpr std::size_t max_channel_size = 63;    // without the NUL
 inline constexpr std::size_t max_short_size = 65'499;  // channel, NUL and payload
+
+/// The 32-bit number that begins `bytes`.
+inline std::uint32_t word_at(const std::byte* bytes) {
+  std::uint32_t word = 0;
+  std::memcpy(&word, bytes, sizeof word);
+  return ntohl(word);
+}
 
 }  // namespace tachless::bus::lcm_packet

@@ -1,23 +1,31 @@
 #include "bus/lcm_url.h"
 
 #include <arpa/inet.h>
+#include <fmt/core.h>
 
 #include <charconv>
 #include <cstdlib>
-#include <optional>
 #include <stdexcept>
 #include <string_view>
 
 namespace tachless::bus {
 namespace {
 
-constexpr std::string_view provider = "udpm://", tcp_provider = "tcpq://";
+constexpr std::string_view udp_provider = "udpm://", tcp_provider = "tcpq://";
 
-std::optional<long> integer(std::string_view text) {
-  long value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
+// What is wrong with a part is thrown as std::invalid_argument; `parse_lcm_url` quotes the whole.
+
+int number(std::string_view key, std::string_view text, int lowest, int highest) {
+  int value = 0;
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  if (error == std::errc() && stop == end && value >= lowest && value <= highest) return value;
+  throw std::invalid_argument(
+      fmt::format("{} is '{}', allowed are {} to {}", key, text, lowest, highest));
+}
+
+std::uint16_t port(std::string_view text) {
+  return static_cast<std::uint16_t>(number("port", text, 1, 65'535));
 }
 
 /// Everything before the first `separator`; `rest` keeps what comes after it.
@@ -28,91 +36,69 @@ std::string_view take(std::string_view& rest, char separator) {
   return head;
 }
 
-/// Reads one URL; every refusal quotes it whole.
-class Reader {
- public:
-  explicit Reader(const std::string& url) : url_(url) {}
-
-  [[nodiscard]] LcmUrl read() const {
-    if (url_.rfind(tcp_provider, 0) == 0) return tcp();
-    if (url_.rfind(provider, 0) != 0) {
-      refuse(
-          "the bus needs LCM's provider udpm or tcpq, as in udpm://239.255.76.67:7667?ttl=0 or "
-          "tcpq://127.0.0.1:7700");
-    }
-    LcmUrl result;
-    std::string_view options = std::string_view(url_).substr(provider.size());
-    std::string_view network = take(options, '?');
-    const bool has_port = network.find(':') != std::string_view::npos;
-    const std::string group(take(network, ':'));
-    if (!group.empty()) result.group = group;
-    in_addr address{};
-    if (inet_pton(AF_INET, result.group.c_str(), &address) != 1 ||
-        !IN_MULTICAST(ntohl(address.s_addr))) {
-      refuse("'" + result.group + "' is not an IPv4 multicast address, 224.0.0.0 to " +
-             "239.255.255.255");
-    }
-    if (has_port) result.port = static_cast<std::uint16_t>(number("port", network, 1, 65'535));
-    while (!options.empty()) {
-      std::string_view value = take(options, '&');
-      const std::string key(take(value, '='));
-      if (key == "ttl") {
-        result.ttl = static_cast<int>(number("ttl", value, 0, 255));
-      } else if (key == "recv_buf_size") {
-        result.receive_buffer_bytes =
-            static_cast<int>(number("recv_buf_size", value, 1, 1'000'000'000));
-      } else {
-        refuse("unknown option '" + key + "', allowed are ttl and recv_buf_size");
-      }
-    }
-    return result;
+LcmUrl tcp(std::string_view network) {
+  if (network.find('?') != std::string_view::npos) {
+    throw std::invalid_argument("tcpq has no options");
   }
+  const bool has_port = network.find(':') != std::string_view::npos;
+  LcmUrl result;
+  result.server = take(network, ':');
+  if (result.server.empty()) result.server = "127.0.0.1";
+  result.port = has_port ? port(network) : 7700;
+  return result;
+}
 
- private:
-  [[nodiscard]] LcmUrl tcp() const {
-    std::string_view port = std::string_view(url_).substr(tcp_provider.size());
-    if (port.find('?') != std::string_view::npos) refuse("tcpq has no options");
-    const bool has_port = port.find(':') != std::string_view::npos;
-    LcmUrl result;
-    result.server = take(port, ':');
-    if (result.server.empty()) result.server = "127.0.0.1";
-    result.port = has_port ? static_cast<std::uint16_t>(number("port", port, 1, 65'535)) : 7700;
-    return result;
+LcmUrl udp(std::string_view options) {
+  LcmUrl result;
+  std::string_view network = take(options, '?');
+  const bool has_port = network.find(':') != std::string_view::npos;
+  const std::string_view group = take(network, ':');
+  if (!group.empty()) result.group = group;
+  in_addr address{};
+  if (inet_pton(AF_INET, result.group.c_str(), &address) != 1 ||
+      !IN_MULTICAST(ntohl(address.s_addr))) {
+    throw std::invalid_argument(
+        fmt::format("'{}' is not an IPv4 multicast address, 224.0.0.0 to 239.255.255.255", group));
   }
-
-  [[noreturn]] void refuse(const std::string& why) const {
-    throw std::invalid_argument("LCM URL '" + url_ + "': " + why);
-  }
-
-  [[nodiscard]] long number(const char* key, std::string_view text, long lowest,
-                            long highest) const {
-    const std::optional<long> value = integer(text);
-    if (!value || *value < lowest || *value > highest) {
-      refuse(std::string(key) + " is '" + std::string(text) + "', allowed are " +
-             std::to_string(lowest) + " to " + std::to_string(highest));
+  if (has_port) result.port = port(network);
+  while (!options.empty()) {
+    std::string_view value = take(options, '&');
+    const std::string_view key = take(value, '=');
+    if (key == "ttl") {
+      result.ttl = number(key, value, 0, 255);
+    } else if (key == "recv_buf_size") {
+      result.receive_buffer_bytes = number(key, value, 1, 1'000'000'000);
+    } else {
+      throw std::invalid_argument(
+          fmt::format("unknown option '{}', allowed are ttl and recv_buf_size", key));
     }
-    return *value;
   }
-
-  const std::string& url_;
-};
+  return result;
+}
 
 }  // namespace
 
 std::string LcmUrl::text() const {
-  if (is_tcp()) return std::string(tcp_provider) + server + ":" + std::to_string(port);
-  return std::string(provider) + group + ":" + std::to_string(port) +
-         "?ttl=" + std::to_string(ttl) +
-         (receive_buffer_bytes == 0 ? ""
-                                    : "&recv_buf_size=" + std::to_string(receive_buffer_bytes));
+  if (is_tcp()) return fmt::format("{}{}:{}", tcp_provider, server, port);
+  const std::string buffer =
+      receive_buffer_bytes == 0 ? "" : fmt::format("&recv_buf_size={}", receive_buffer_bytes);
+  return fmt::format("{}{}:{}?ttl={}{}", udp_provider, group, port, ttl, buffer);
 }
 
 LcmUrl parse_lcm_url(const std::string& text) {
-  if (!text.empty()) return Reader(text).read();
   const char* environment = std::getenv("LCM_DEFAULT_URL");
-  if (environment == nullptr || *environment == '\0') return {};
-  const std::string url = environment;
-  return Reader(url).read();
+  std::string_view url = text;
+  if (text.empty() && environment != nullptr) url = environment;
+  if (url.empty()) return {};
+  try {
+    if (url.starts_with(tcp_provider)) return tcp(url.substr(tcp_provider.size()));
+    if (url.starts_with(udp_provider)) return udp(url.substr(udp_provider.size()));
+    throw std::invalid_argument(
+        "the bus needs LCM's provider udpm or tcpq, as in udpm://239.255.76.67:7667?ttl=0 or "
+        "tcpq://127.0.0.1:7700");
+  } catch (const std::invalid_argument& why) {
+    throw std::invalid_argument(fmt::format("LCM URL '{}': {}", url, why.what()));
+  }
 }
 
 }  // namespace tachless::bus

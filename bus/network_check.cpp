@@ -1,6 +1,7 @@
 #include "bus/network_check.h"
 
 #include <arpa/inet.h>
+#include <fmt/core.h>
 #include <linux/netlink.h>
 #include <linux/rtnetlink.h>
 #include <net/if.h>
@@ -84,19 +85,20 @@ int outgoing_interface(const LcmUrl& url) {
 }
 
 std::optional<NetworkProblem> problem_of_route(const LcmUrl& url) {
-  const std::optional<MulticastRoute> route = multicast_route(url);
-  if (route) {
+  if (const std::optional<MulticastRoute> route = multicast_route(url)) {
     if (route->multicast) return std::nullopt;
-    return NetworkProblem{"the interface " + route->interface + ", to which the route to " +
-                              url.group + " leads, does not do multicast",
-                          "ip link set " + route->interface + " multicast on"};
+    return NetworkProblem{
+        fmt::format("the interface {}, to which the route to {} leads, does not do multicast",
+                    route->interface, url.group),
+        fmt::format("ip link set {} multicast on", route->interface)};
   }
   const std::optional<short> lo = interface_flags("lo");
   if (lo && (*lo & IFF_UP) == 0) {
-    return NetworkProblem{"the interface lo is down, and there is no route to " + url.group,
-                          "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo"};
+    return NetworkProblem{
+        fmt::format("the interface lo is down, and there is no route to {}", url.group),
+        "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo"};
   }
-  return NetworkProblem{"there is no route to the multicast group " + url.group,
+  return NetworkProblem{fmt::format("there is no route to the multicast group {}", url.group),
                         "ip route add 224.0.0.0/4 dev lo"};
 }
 
@@ -105,20 +107,20 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
   here.ttl = 0;
   UdpTransport sender(here);
   UdpTransport receiver(here);
-  const std::string channel = "TACHLESS_NETWORK_CHECK_" + std::to_string(::getpid());
+  const std::string channel = fmt::format("TACHLESS_NETWORK_CHECK_{}", ::getpid());
   receiver.subscribe(channel);
   const auto payload = std::as_bytes(std::span(channel));
   for (int i = 0; i < attempts; ++i) {
     sender.publish(channel, payload);
     if (receiver.receive(loop::Clock::now() + patience)) return std::nullopt;
   }
-  const std::string port = std::to_string(url.port);
   const bool refused = sender.statistics().unsent > 0;
-  return NetworkProblem{"messages to " + url.group + ":" + port +
-                            (refused ? " are not let out" : " do not arrive") +
-                            " on this host: a firewall drops them (`nft list ruleset` shows it)",
-                        std::string("iptables -I ") + (refused ? "OUTPUT" : "INPUT") + " -d " +
-                            url.group + " -p udp --dport " + port + " -j ACCEPT"};
+  return NetworkProblem{
+      fmt::format("messages to {}:{} {} on this host: a firewall drops them (`nft list ruleset` "
+                  "shows it)",
+                  url.group, url.port, refused ? "are not let out" : "do not arrive"),
+      fmt::format("iptables -I {} -d {} -p udp --dport {} -j ACCEPT", refused ? "OUTPUT" : "INPUT",
+                  url.group, url.port)};
 }
 
 }  // namespace
@@ -134,24 +136,19 @@ std::optional<MulticastRoute> multicast_route(const LcmUrl& url) {
 }
 
 std::optional<NetworkProblem> check_network(const LcmUrl& url) {
-  if (url.is_tcp()) {
-    try {
+  try {
+    if (url.is_tcp()) {
       const TcpqTransport probe(url);
       return std::nullopt;
-    } catch (const std::system_error& error) {
-      return NetworkProblem{error.what(), server_command(url)};
     }
-  }
-  if (auto problem = problem_of_route(url)) return problem;
-  try {
-    return problem_of_probe(url);
+    const auto problem = problem_of_route(url);
+    return problem ? problem : problem_of_probe(url);
   } catch (const std::system_error& error) {
-    if (error.code() == std::errc::address_in_use) {
-      const std::string port = std::to_string(url.port);
-      return NetworkProblem{"another program holds UDP port " + port + " for itself",
+    if (!url.is_tcp() && error.code() == std::errc::address_in_use) {
+      return NetworkProblem{fmt::format("another program holds UDP port {} for itself", url.port),
                             "take another port, or end the program that `ss -ulpn` shows on it"};
     }
-    return NetworkProblem{error.what(), "tachless doctor"};
+    return NetworkProblem{error.what(), url.is_tcp() ? server_command(url) : "tachless doctor"};
   }
 }
 

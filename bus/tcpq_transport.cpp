@@ -16,7 +16,9 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "bus/poll_until.h"
+#include "bus/lcm_packet.h"
+#include "bus/socket.h"
+#include "bus/udp_transport.h"
 #include "diagnostics/failure.h"
 
 namespace tachless::bus {
@@ -29,14 +31,10 @@ using diagnostics::Failure;
 constexpr std::uint32_t magic_server = 0x287617fa, magic_client = 0x287617fb, version = 0x0100;
 constexpr std::uint32_t publish_message = 1, subscribe_message = 2;
 
-std::uint32_t word_at(const std::byte* bytes) {
-  std::uint32_t word = 0;
-  std::memcpy(&word, bytes, sizeof word);
-  return ntohl(word);
-}
+using lcm_packet::word_at;
 
 template <class Value>
-void set(int socket, int level, int option, const Value& value) {
+void set_if_possible(int socket, int level, int option, const Value& value) {
   setsockopt(socket, level, option, &value, sizeof value);
 }
 
@@ -52,11 +50,12 @@ process::FileDescriptor connected(const LcmUrl& url, std::chrono::seconds patien
   for (const addrinfo* at = found; at != nullptr; at = at->ai_next) {
     process::FileDescriptor fd(socket(at->ai_family, at->ai_socktype | SOCK_CLOEXEC, 0));
     const timeval limit{patience.count(), 0};
-    set(fd.get(), SOL_SOCKET, SO_SNDTIMEO, limit);  // holds for connect, too
-    set(fd.get(), SOL_SOCKET, SO_RCVTIMEO, limit);
-    set(fd.get(), SOL_SOCKET, SO_KEEPALIVE, 1);
-    set(fd.get(), IPPROTO_TCP, TCP_NODELAY, 1);
-    set(fd.get(), IPPROTO_TCP, TCP_USER_TIMEOUT, static_cast<unsigned>(1000 * patience.count()));
+    set_if_possible(fd.get(), SOL_SOCKET, SO_SNDTIMEO, limit);  // holds for connect, too
+    set_if_possible(fd.get(), SOL_SOCKET, SO_RCVTIMEO, limit);
+    set_if_possible(fd.get(), SOL_SOCKET, SO_KEEPALIVE, 1);
+    set_if_possible(fd.get(), IPPROTO_TCP, TCP_NODELAY, 1);
+    set_if_possible(fd.get(), IPPROTO_TCP, TCP_USER_TIMEOUT,
+                    static_cast<unsigned>(1000 * patience.count()));
     if (fd.get() >= 0 && ::connect(fd.get(), at->ai_addr, at->ai_addrlen) == 0) return fd;
     error = errno == EINPROGRESS ? ETIMEDOUT : errno;
   }
@@ -65,6 +64,11 @@ process::FileDescriptor connected(const LcmUrl& url, std::chrono::seconds patien
 }
 
 }  // namespace
+
+std::unique_ptr<MonitoredBus> open_bus(const LcmUrl& url) {
+  if (url.is_tcp()) return std::make_unique<TcpqTransport>(url);
+  return std::make_unique<UdpTransport>(url);
+}
 
 std::string server_command(const LcmUrl& url) {
   return fmt::format("java -cp /usr/share/java/lcm.jar lcm.lcm.TCPService {}", url.port);
@@ -93,20 +97,16 @@ void TcpqTransport::subscribe(const std::string& channel) {
     return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
   });
   if (channel.empty() || channel.size() > longest_channel || !plain) {
-    throw std::invalid_argument("channel \"" + channel +
-                                "\": allowed over tcpq: 1 to 63 letters, digits and _");
+    throw std::invalid_argument(
+        fmt::format("channel \"{}\": allowed over tcpq: 1 to 63 letters, digits and _", channel));
   }
   channels_.push_back(channel);
-  subscribe_to(channel);
+  send(subscribe_message, channel, nullptr);
 }
 
 void TcpqTransport::subscribe_all() {
   all_ = true;
-  subscribe_to(".*");
-}
-
-void TcpqTransport::subscribe_to(std::string_view expression) {
-  send(subscribe_message, expression, nullptr);
+  send(subscribe_message, ".*", nullptr);
 }
 
 void TcpqTransport::publish(std::string_view channel, std::span<const std::byte> payload) {
@@ -115,10 +115,7 @@ void TcpqTransport::publish(std::string_view channel, std::span<const std::byte>
                                         channel, longest_message - channel.size()));
   }
   if (all_ || std::ranges::find(channels_, channel) != channels_.end()) {
-    std::vector<std::byte> copy(channel.size() + 1 + payload.size());
-    std::memcpy(copy.data(), channel.data(), channel.size());
-    std::ranges::copy(payload, copy.begin() + static_cast<std::ptrdiff_t>(channel.size() + 1));
-    sent_.push_back(std::move(copy));
+    sent_.push_back({std::string(channel), {payload.begin(), payload.end()}});
     if (sent_.size() > most_sent) {
       throw Failure(ExitCode::protocol_violated,
                     "{}: the server does not send back what it is sent: {} messages on channel {} "
@@ -163,7 +160,7 @@ bool TcpqTransport::read(loop::Clock::time_point deadline) {
   std::array<pollfd, 1> fds{pollfd{socket_.get(), POLLIN, 0}};
   if (poll_until(fds, deadline) <= 0) return false;
   // The server writes a message in pieces, each of which waits for the last one's acknowledgement.
-  set(socket_.get(), IPPROTO_TCP, TCP_QUICKACK, 1);
+  set_if_possible(socket_.get(), IPPROTO_TCP, TCP_QUICKACK, 1);
   if (begin_ > 0) {
     std::memmove(buffer_.data(), buffer_.data() + begin_, end_ - begin_);
     end_ -= begin_;
@@ -209,10 +206,8 @@ bool TcpqTransport::parse(Datagram& message) {
 bool TcpqTransport::is_own(const Datagram& message) {
   // What one program sends comes back in its order.
   if (sent_.empty()) return false;
-  const std::vector<std::byte>& first = sent_.front();
-  if (first.size() != message.channel.size() + 1 + message.payload.size() ||
-      std::memcmp(first.data(), message.channel.data(), message.channel.size()) != 0 ||
-      !std::ranges::equal(std::span(first).subspan(message.channel.size() + 1), message.payload)) {
+  if (sent_.front().channel != message.channel ||
+      !std::ranges::equal(sent_.front().payload, message.payload)) {
     return false;
   }
   sent_.pop_front();
@@ -225,19 +220,13 @@ std::optional<Datagram> TcpqTransport::receive(loop::Clock::time_point deadline)
   for (;;) {
     while (parse(message)) {
       if (is_own(message)) continue;
-      ++statistics_.received;
+      message.sequence = static_cast<std::uint32_t>(++statistics_.received);
+      message.received_ns =
+          std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count();
       return message;
     }
     if (!read(deadline)) return std::nullopt;
   }
-}
-
-std::optional<RawDatagram> TcpqTransport::receive_raw(loop::Clock::time_point deadline) {
-  const auto message = receive(deadline);
-  if (!message) return std::nullopt;
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  return RawDatagram{*message, static_cast<std::uint32_t>(statistics_.received),
-                     std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()};
 }
 
 int TcpqTransport::receive_buffer_bytes() const {

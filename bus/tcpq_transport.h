@@ -18,7 +18,7 @@ namespace tachless::bus {
 /// lasts; where it ends, `receive` and `publish` throw. The server sends a program its own messages
 /// too; these are passed over, one for each that was sent. Interoperates with liblcm's tcpq and its
 /// Java server. One transport serves one thread.
-class TcpqTransport final : public Transport, public MonitoredBus {
+class TcpqTransport final : public MonitoredBus {
  public:
   /// @throw std::system_error naming the server, within `patience`
   explicit TcpqTransport(const LcmUrl& url);
@@ -38,7 +38,6 @@ class TcpqTransport final : public Transport, public MonitoredBus {
   /// what comes is no LCM. Too long messages are passed over.
   std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
-  std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) override;
   [[nodiscard]] BusStatistics statistics() const override { return statistics_; }
   [[nodiscard]] int receive_buffer_bytes() const override;
 
@@ -51,7 +50,6 @@ class TcpqTransport final : public Transport, public MonitoredBus {
 
   void send(std::uint32_t type, std::string_view channel,
             const std::span<const std::byte>* payload);
-  void subscribe_to(std::string_view expression);
   /// The next message that is all there.
   bool parse(Datagram& message);
   /// Whether bytes came before the deadline.
@@ -63,7 +61,11 @@ class TcpqTransport final : public Transport, public MonitoredBus {
   process::FileDescriptor socket_;
   std::vector<std::string> channels_;  ///< subscribed
   bool all_ = false;
-  std::deque<std::vector<std::byte>> sent_;  ///< that will come back: channel, NUL, payload
+  struct Sent {
+    std::string channel;
+    std::vector<std::byte> payload;
+  };
+  std::deque<Sent> sent_;  ///< that will come back
   std::vector<std::byte> buffer_;
   std::size_t begin_ = 0, end_ = 0;  ///< of what was read and not handed out
   std::size_t skip_ = 0;             ///< bytes to come that are passed over

@@ -2,11 +2,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 
+#include "bus/lcm_url.h"
 #include "loop/clock.h"
 
 namespace tachless::bus {
@@ -16,6 +18,9 @@ struct Datagram {
   std::string_view channel;
   std::span<const std::byte> payload;
   std::string_view sender;  ///< where it came from, for messages to people ("10.0.0.2:41234")
+  // For who listens to a whole bus:
+  std::uint32_t sequence = 0;    ///< the sender's count of all its messages, from 0
+  std::int64_t received_ns = 0;  ///< the kernel's stamp [ns since the Unix epoch]
 };
 
 /// Sends and receives opaque messages by channel name. Knows nothing of types, ticks or runs, may
@@ -37,13 +42,6 @@ class Transport {
   virtual std::optional<Datagram> receive(loop::Clock::time_point deadline) = 0;
 };
 
-/// What a monitor of the bus wants to know of a datagram besides.
-struct RawDatagram {
-  Datagram datagram;
-  std::uint32_t sequence = 0;    ///< the sender's count of all its messages, from 0
-  std::int64_t received_ns = 0;  ///< the kernel's stamp [ns since the Unix epoch]
-};
-
 /// Counts since construction; of a bus over TCP only the first two.
 struct BusStatistics {
   std::uint64_t received = 0;    ///< handed out
@@ -56,25 +54,20 @@ struct BusStatistics {
   /// Datagrams that this transport lost because its buffer was full. Known after `subscribe_all`
   /// only: the kernel counts what a filter drops alike.
   std::optional<std::uint64_t> overflowed;
-  /// The same, of all UDP sockets of this host (network namespace) together.
-  std::uint64_t host_overflowed = 0;
 };
 
 /// A bus for who listens to all of it.
-class MonitoredBus {
+class MonitoredBus : public Transport {
  public:
-  MonitoredBus() = default;
-  MonitoredBus(const MonitoredBus&) = delete;
-  MonitoredBus& operator=(const MonitoredBus&) = delete;
-  virtual ~MonitoredBus() = default;
-
-  /// From now on `receive_raw` yields every message on the bus.
+  /// From now on `receive` yields every message on the bus, with sequence number and time.
   virtual void subscribe_all() = 0;
-  /// As `Transport::receive`, with sequence number and time.
-  virtual std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) = 0;
   [[nodiscard]] virtual BusStatistics statistics() const = 0;
   /// That the kernel granted [bytes].
   [[nodiscard]] virtual int receive_buffer_bytes() const = 0;
 };
+
+/// A transport on the bus that the URL names.
+/// @throw std::system_error if the host or the server refuses, with what was refused and what to do
+std::unique_ptr<MonitoredBus> open_bus(const LcmUrl& url);
 
 }  // namespace tachless::bus

@@ -1,6 +1,7 @@
 #include "bus/udp_transport.h"
 
 #include <arpa/inet.h>
+#include <fmt/core.h>
 #include <linux/sock_diag.h>
 #include <poll.h>
 #include <signal.h>
@@ -9,16 +10,12 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 #include <stdexcept>
 #include <system_error>
 
 #include "bus/lcm_packet.h"
-#include "bus/poll_until.h"
-#include "bus/udp_socket.h"
+#include "bus/socket.h"
 
 namespace tachless::bus {
 namespace {
@@ -29,38 +26,14 @@ constexpr std::size_t kernel_overhead_bytes = 1024;  // of a datagram in the rec
 void require_channel(std::string_view channel) {
   if (channel.empty() || channel.size() > lcm_packet::max_channel_size ||
       channel.find('\0') != std::string_view::npos) {
-    throw std::invalid_argument("channel name '" + std::string(channel) + "' has " +
-                                std::to_string(channel.size()) +
-                                " characters, allowed are 1 to 63 without NUL");
+    throw std::invalid_argument(
+        fmt::format("channel name '{}' has {} characters, allowed are 1 to 63 without NUL", channel,
+                    channel.size()));
   }
 }
 
 bool same(const sockaddr_in& a, const sockaddr_in& b) {
   return a.sin_port == b.sin_port && a.sin_addr.s_addr == b.sin_addr.s_addr;
-}
-
-std::uint32_t word_at(const std::byte* bytes) {
-  std::uint32_t value = 0;
-  std::memcpy(&value, bytes, sizeof value);
-  return ntohl(value);
-}
-
-/// UDP's RcvbufErrors in /proc/net/snmp: names in one line, numbers in the next.
-std::uint64_t host_overflows() {
-  std::ifstream file("/proc/net/snmp");
-  std::string names;
-  std::string numbers;
-  while (std::getline(file, names) && std::getline(file, numbers)) {
-    if (names.rfind("Udp:", 0) != 0) continue;
-    std::istringstream name_stream(names);
-    std::istringstream number_stream(numbers);
-    std::string name;
-    std::string number;
-    while (name_stream >> name && number_stream >> number) {
-      if (name == "RcvbufErrors") return std::stoull(number);
-    }
-  }
-  return 0;
 }
 
 const LcmUrl& require_udp(const LcmUrl& url) {
@@ -76,8 +49,7 @@ UdpTransport::UdpTransport(const LcmUrl& url)
     : url_(require_udp(url)),
       receiver_(open_receiver(url)),
       sender_(open_sender(url)),
-      buffer_(batch * max_datagram),
-      host_overflowed_before_(host_overflows()) {
+      buffer_(batch * max_datagram) {
   socklen_t size = sizeof own_address_;
   if (::getsockname(sender_.get(), reinterpret_cast<sockaddr*>(&own_address_), &size) != 0) {
     fail_with_errno(url_, "cannot read the own address");
@@ -108,9 +80,8 @@ void UdpTransport::publish(std::string_view channel, std::span<const std::byte> 
   require_channel(channel);
   const std::size_t size = channel.size() + 1 + payload.size();
   if (size > lcm_packet::max_short_size) {
-    throw std::length_error("message on " + std::string(channel) + " needs " +
-                            std::to_string(size) + " bytes, one datagram holds " +
-                            std::to_string(lcm_packet::max_short_size));
+    throw std::length_error(fmt::format("message on {} needs {} bytes, one datagram holds {}",
+                                        channel, size, lcm_packet::max_short_size));
   }
   std::array<std::uint32_t, 2> header = {htonl(lcm_packet::short_magic), htonl(sequence_++)};
   char nul = 0;
@@ -128,23 +99,11 @@ void UdpTransport::publish(std::string_view channel, std::span<const std::byte> 
   }
 }
 
-std::optional<Datagram> UdpTransport::receive(loop::Clock::time_point deadline) {
-  const std::optional<RawDatagram> raw = next(deadline);
-  if (!raw) return std::nullopt;
-  return raw->datagram;
-}
-
-std::optional<RawDatagram> UdpTransport::receive_raw(loop::Clock::time_point deadline) {
-  if (!stamped_) throw std::logic_error("bus::UdpTransport: receive_raw needs stamp_arrivals");
-  return next(deadline);
-}
-
-UdpTransport::Wake UdpTransport::wait(loop::Clock::time_point deadline, bool for_datagram) {
+int UdpTransport::wait(loop::Clock::time_point deadline, bool for_datagram) {
   pollfd descriptor{receiver_.get(), POLLIN, 0};
   const int ready = poll_until({&descriptor, for_datagram ? 1U : 0U}, deadline);
   if (ready < 0 && errno != EINTR) fail_with_errno(url_, "cannot wait");
-  if (ready < 0) return Wake::signal;
-  return ready > 0 ? Wake::datagram : Wake::deadline;
+  return ready;
 }
 
 void UdpTransport::collect(int messages, std::chrono::nanoseconds longest) {
@@ -153,7 +112,7 @@ void UdpTransport::collect(int messages, std::chrono::nanoseconds longest) {
   nap_ = Nap{messages, room, longest, longest / 16};
 }
 
-UdpTransport::Wake UdpTransport::nap(loop::Clock::time_point deadline) {
+int UdpTransport::nap(loop::Clock::time_point deadline) {
   const double fullness = std::max(static_cast<double>(nap_->come) / nap_->messages,
                                    static_cast<double>(nap_->occupied) / nap_->room);
   const auto wanted =
@@ -197,19 +156,19 @@ bool UdpTransport::fetch(loop::Clock::time_point deadline, bool passed_over) {
   const bool more_may_wait = num_held_ == batch;
   if (more_may_wait && read_batch()) return true;
   if (nap_ && deadline > loop::Clock::now()) {
-    if (nap(deadline) == Wake::signal) return false;
+    if (nap(deadline) < 0) return false;
     if (read_batch()) return true;
   }
   while (spin_ && loop::Clock::now() < deadline) {
     if (read_batch()) return true;
   }
-  while (wait(deadline, true) == Wake::datagram) {
+  while (wait(deadline, true) > 0) {
     if (read_batch()) return true;
   }
   return false;
 }
 
-std::optional<RawDatagram> UdpTransport::next(loop::Clock::time_point deadline) {
+std::optional<Datagram> UdpTransport::receive(loop::Clock::time_point deadline) {
   for (bool passed_over = false;; passed_over = true) {
     if (!holds_datagrams() && !fetch(deadline, passed_over)) return std::nullopt;
     msghdr& header = headers_[next_held_].msg_hdr;
@@ -220,60 +179,48 @@ std::optional<RawDatagram> UdpTransport::next(loop::Clock::time_point deadline) 
       nap_->occupied += size + kernel_overhead_bytes;
     }
     const std::span bytes(static_cast<const std::byte*>(held.part.iov_base), size);
-    std::optional<RawDatagram> raw = parse(bytes, held.from);
-    if (!raw) continue;
+    std::optional<Datagram> datagram = parse(bytes, held.from);
+    if (!datagram) continue;
     for (cmsghdr* c = CMSG_FIRSTHDR(&header); c != nullptr; c = CMSG_NXTHDR(&header, c)) {
       if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPNS) continue;
       timespec stamp{};
       std::memcpy(&stamp, CMSG_DATA(c), sizeof stamp);
-      raw->received_ns = std::int64_t{stamp.tv_sec} * 1'000'000'000 + stamp.tv_nsec;
+      datagram->received_ns = std::int64_t{stamp.tv_sec} * 1'000'000'000 + stamp.tv_nsec;
     }
     ++statistics_.received;
-    return raw;
+    return datagram;
   }
 }
 
-std::optional<RawDatagram> UdpTransport::parse(std::span<const std::byte> bytes,
-                                               const sockaddr_in& from) {
-  if (same(from, own_address_)) {
-    ++statistics_.own;
+std::optional<Datagram> UdpTransport::parse(std::span<const std::byte> bytes,
+                                            const sockaddr_in& from) {
+  const auto passed_over = [](std::uint64_t& count) -> std::optional<Datagram> {
+    ++count;
     return std::nullopt;
-  }
-  if (bytes.size() < lcm_packet::header_size) {
-    ++statistics_.malformed;
-    return std::nullopt;
-  }
-  const std::uint32_t magic = word_at(bytes.data());
+  };
+  if (same(from, own_address_)) return passed_over(statistics_.own);
+  if (bytes.size() < lcm_packet::header_size) return passed_over(statistics_.malformed);
+  const std::uint32_t magic = lcm_packet::word_at(bytes.data());
   if (magic == lcm_packet::fragment_magic) {
+    if (bytes.size() < lcm_packet::fragment_header_size) return passed_over(statistics_.malformed);
     // Counted once per message, by its first fragment.
-    if (bytes.size() < lcm_packet::fragment_header_size) {
-      ++statistics_.malformed;
-    } else if (bytes[lcm_packet::fragment_number_offset] == std::byte{0} &&
-               bytes[lcm_packet::fragment_number_offset + 1] == std::byte{0}) {
-      ++statistics_.fragmented;
-    }
-    return std::nullopt;
+    const auto number = bytes.subspan(lcm_packet::fragment_number_offset, 2);
+    const bool first = number[0] == std::byte{0} && number[1] == std::byte{0};
+    return first ? passed_over(statistics_.fragmented) : std::nullopt;
   }
   const auto text = bytes.subspan(lcm_packet::header_size);
   const void* nul =
       std::memchr(text.data(), 0, std::min(text.size(), lcm_packet::max_channel_size + 1));
   if (magic != lcm_packet::short_magic || nul == nullptr || nul == text.data()) {
-    ++statistics_.malformed;
-    return std::nullopt;
+    return passed_over(statistics_.malformed);
   }
   const auto length = static_cast<std::size_t>(static_cast<const std::byte*>(nul) - text.data());
-  RawDatagram raw;
-  raw.datagram.channel = {reinterpret_cast<const char*>(text.data()), length};
+  const std::string_view channel(reinterpret_cast<const char*>(text.data()), length);
   // The kernel has filtered; where it cannot (some containers accept a filter and ignore it), we
   // do.
-  if (!all_ &&
-      std::find(channels_.begin(), channels_.end(), raw.datagram.channel) == channels_.end()) {
-    return std::nullopt;
-  }
-  raw.datagram.payload = text.subspan(length + 1);
-  raw.datagram.sender = name_of(from);
-  raw.sequence = word_at(bytes.data() + 4);
-  return raw;
+  if (!all_ && std::ranges::find(channels_, channel) == channels_.end()) return std::nullopt;
+  return Datagram{channel, text.subspan(length + 1), name_of(from),
+                  lcm_packet::word_at(bytes.data() + 4)};
 }
 
 std::string_view UdpTransport::name_of(const sockaddr_in& from) {
@@ -283,43 +230,83 @@ std::string_view UdpTransport::name_of(const sockaddr_in& from) {
   Sender& sender = senders_[next_sender_];
   next_sender_ = (next_sender_ + 1) % senders_.size();
   sender.address = from;
-  if (from.sin_addr.s_addr == htonl(INADDR_ANY)) {
-    // What comes over a loopback route has no source address.
-    std::strcpy(sender.text.data(), "localhost");
-  } else {
-    inet_ntop(AF_INET, &from.sin_addr, sender.text.data(), sender.text.size());
+  std::array<char, INET_ADDRSTRLEN> host{"localhost"};
+  // What comes over a loopback route has no source address.
+  if (from.sin_addr.s_addr != htonl(INADDR_ANY)) {
+    inet_ntop(AF_INET, &from.sin_addr, host.data(), host.size());
   }
-  char* const colon = sender.text.data() + std::strlen(sender.text.data());
-  *colon = ':';
-  char* const end = sender.text.data() + sender.text.size();
-  const char* const last = std::to_chars(colon + 1, end, ntohs(from.sin_port)).ptr;
-  sender.size = static_cast<std::size_t>(last - sender.text.data());
+  sender.size = fmt::format_to_n(sender.text.data(), sender.text.size(), "{}:{}", host.data(),
+                                 ntohs(from.sin_port))
+                    .size;
   return {sender.text.data(), sender.size};
 }
 
 std::uint64_t UdpTransport::socket_drops() const {
-  std::array<std::uint32_t, SK_MEMINFO_VARS> values{};
-  socklen_t size = sizeof values;
-  if (::getsockopt(receiver_.get(), SOL_SOCKET, SO_MEMINFO, values.data(), &size) != 0) {
-    fail_with_errno(url_, "cannot read the drop counter");
-  }
-  return values[SK_MEMINFO_DROPS];
+  return get<std::array<std::uint32_t, SK_MEMINFO_VARS>>(
+      url_, receiver_.get(), SO_MEMINFO, "cannot read the drop counter")[SK_MEMINFO_DROPS];
 }
 
 BusStatistics UdpTransport::statistics() const {
   BusStatistics result = statistics_;
   if (all_) result.overflowed = socket_drops() - drops_before_;
-  result.host_overflowed = host_overflows() - host_overflowed_before_;
   return result;
 }
 
 int UdpTransport::receive_buffer_bytes() const {
-  int size = 0;
-  socklen_t length = sizeof size;
-  if (::getsockopt(receiver_.get(), SOL_SOCKET, SO_RCVBUF, &size, &length) != 0) {
-    fail_with_errno(url_, "cannot read the receive buffer");
+  // The kernel doubles what is asked for, to have room for its own records.
+  return get<int>(url_, receiver_.get(), SO_RCVBUF, "cannot read the receive buffer") / 2;
+}
+
+void ChannelwiseTransport::subscribe(const std::string& channel) {
+  if (std::ranges::find(boxes_, channel, &Box::channel) != boxes_.end()) return;
+  Box& box = boxes_.emplace_back(channel, sender_.url());
+  box.transport.regard_as_own(sender_);
+  box.transport.stamp_arrivals();
+  box.transport.subscribe(channel);
+  descriptors_.resize(boxes_.size());
+}
+
+std::optional<Datagram> ChannelwiseTransport::receive(loop::Clock::time_point deadline) {
+  if (yielded_ != nullptr) yielded_->first.reset();
+  yielded_ = nullptr;
+  for (;;) {
+    const bool none = oldest() == nullptr;
+    const bool looked = look_into_empty_boxes(none ? deadline : loop::Clock::time_point::min());
+    if (oldest() != nullptr) break;
+    if (!looked) return std::nullopt;
   }
-  return size / 2;  // the kernel doubles what is asked for, to have room for its own records
+  // While the last box was looked into, older messages may have come into the first.
+  look_into_empty_boxes(loop::Clock::time_point::min());
+  yielded_ = oldest();
+  return yielded_->first;
+}
+
+bool ChannelwiseTransport::look_into_empty_boxes(loop::Clock::time_point deadline) {
+  for (std::size_t i = 0; i < boxes_.size(); ++i) {
+    Box& box = boxes_[i];
+    if (!box.first && box.transport.holds_datagrams()) {
+      box.first = box.transport.receive(loop::Clock::time_point::min());
+      if (box.first) deadline = loop::Clock::time_point::min();  // there is something: no wait
+    }
+    descriptors_[i] = {box.first ? -1 : box.transport.descriptor(), POLLIN, 0};  // -1: passed over
+  }
+  const int ready = poll_until(descriptors_, deadline);
+  if (ready == 0 || (ready < 0 && errno == EINTR)) return false;
+  if (ready < 0) throw std::system_error(errno, std::generic_category(), "ppoll");
+  for (std::size_t i = 0; i < boxes_.size(); ++i) {
+    if (descriptors_[i].revents == 0) continue;
+    boxes_[i].first = boxes_[i].transport.receive(loop::Clock::time_point::min());
+  }
+  return true;
+}
+
+ChannelwiseTransport::Box* ChannelwiseTransport::oldest() {
+  Box* oldest = nullptr;
+  for (Box& box : boxes_) {
+    if (!box.first) continue;
+    if (oldest == nullptr || box.first->received_ns < oldest->first->received_ns) oldest = &box;
+  }
+  return oldest;
 }
 
 }  // namespace tachless::bus

@@ -1,12 +1,14 @@
 #pragma once
 
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 
 #include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <span>
 #include <string>
@@ -24,7 +26,7 @@ namespace tachless::bus {
 /// wakes the process for its own channels only. Interoperates with liblcm's udpm. Does not put
 /// fragments together: a message must fit one datagram. One transport serves one thread. A signal
 /// that is handled ends a wait.
-class UdpTransport final : public Transport, public MonitoredBus {
+class UdpTransport final : public MonitoredBus {
  public:
   /// Joins the bus. @param url see `parse_lcm_url`
   /// @throw std::invalid_argument for a URL that cannot be used
@@ -35,7 +37,6 @@ class UdpTransport final : public Transport, public MonitoredBus {
   /// @throw std::invalid_argument unless the name has 1 to 63 characters and no NUL
   void subscribe(const std::string& channel) override;
 
-  /// From now on `receive` and `receive_raw` yield every message on the bus.
   void subscribe_all() override;
 
   /// Never waits: what the kernel does not take at once is lost and counted.
@@ -45,12 +46,8 @@ class UdpTransport final : public Transport, public MonitoredBus {
 
   std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
-  /// From now on the kernel stamps what arrives.
+  /// From now on the kernel stamps what arrives, as after `subscribe_all`.
   void stamp_arrivals();
-
-  /// As `receive`, with sequence number and time. Precondition: `subscribe_all` or `stamp_arrivals`
-  /// was called.
-  std::optional<RawDatagram> receive_raw(loop::Clock::time_point deadline) override;
 
   /// What `other` sends is passed over, as if it were this one's own.
   void regard_as_own(const UdpTransport& other) { own_address_ = other.own_address_; }
@@ -82,8 +79,6 @@ class UdpTransport final : public Transport, public MonitoredBus {
     std::size_t size = 0;
   };
 
-  enum class Wake { datagram, deadline, signal };
-
   /// Room for what one call of the kernel yields.
   static constexpr int batch = 16;
   struct Held {
@@ -101,12 +96,12 @@ class UdpTransport final : public Transport, public MonitoredBus {
     std::size_t occupied = 0;  ///< by these
   };
 
-  Wake wait(loop::Clock::time_point deadline, bool for_datagram);
-  Wake nap(loop::Clock::time_point deadline);
+  /// @return as `poll_until`
+  int wait(loop::Clock::time_point deadline, bool for_datagram);
+  int nap(loop::Clock::time_point deadline);
   bool read_batch();
   bool fetch(loop::Clock::time_point deadline, bool passed_over);
-  std::optional<RawDatagram> next(loop::Clock::time_point deadline);
-  std::optional<RawDatagram> parse(std::span<const std::byte> bytes, const sockaddr_in& from);
+  std::optional<Datagram> parse(std::span<const std::byte> bytes, const sockaddr_in& from);
   std::string_view name_of(const sockaddr_in& from);
   [[nodiscard]] std::uint64_t socket_drops() const;
 
@@ -129,7 +124,40 @@ class UdpTransport final : public Transport, public MonitoredBus {
   std::size_t next_sender_ = 0;
   BusStatistics statistics_;
   std::uint64_t drops_before_ = 0;
-  std::uint64_t host_overflowed_before_ = 0;
+};
+
+/// A bus that is heard through one socket per channel, so that the receive buffer which the kernel
+/// grants is granted once for each: for who must not lose bursts where `net.core.rmem_max` is
+/// small. Yields messages in order of their arrival. Costs every sender a little more, for the
+/// kernel offers each datagram to each socket.
+class ChannelwiseTransport final : public Transport {
+ public:
+  /// @param sender publishes for it, and must outlive it. It should be subscribed to nothing.
+  explicit ChannelwiseTransport(UdpTransport& sender) : sender_(sender) {}
+
+  /// @throw as UdpTransport's constructor and `subscribe`
+  void subscribe(const std::string& channel) override;
+  void publish(std::string_view channel, std::span<const std::byte> payload) override {
+    sender_.publish(channel, payload);
+  }
+  std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
+
+ private:
+  struct Box {
+    Box(const std::string& name, const LcmUrl& url) : channel(name), transport(url) {}
+    std::string channel;
+    UdpTransport transport;
+    std::optional<Datagram> first;  ///< the oldest that has not been yielded
+  };
+
+  /// False at the deadline or a signal.
+  bool look_into_empty_boxes(loop::Clock::time_point deadline);
+  Box* oldest();
+
+  UdpTransport& sender_;
+  std::deque<Box> boxes_;            // which stay where they are
+  std::vector<pollfd> descriptors_;  // in the same order
+  Box* yielded_ = nullptr;           ///< whose message is in the caller's hands
 };
 
 }  // namespace tachless::bus

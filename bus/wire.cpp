@@ -1,6 +1,17 @@
 #include "bus/wire.h"
 
 #include <array>
+#include <tachless/controller_state_t.hpp>
+#include <tachless/link_state_measurement_t.hpp>
+#include <tachless/log_ack_t.hpp>
+#include <tachless/motor_position_measurement_t.hpp>
+#include <tachless/participant_t.hpp>
+#include <tachless/position_measurement_t.hpp>
+#include <tachless/reference_t.hpp>
+#include <tachless/run_info_t.hpp>
+#include <tachless/state_measurement_t.hpp>
+#include <tachless/tick_t.hpp>
+#include <tachless/torque_command_t.hpp>
 
 #include "bus/codec.h"
 
@@ -27,20 +38,34 @@ loop::Stamp stamp_of(std::span<const std::byte> payload) {
   return {utime, run, from.int64()};
 }
 
-#define TACHLESS_INSTANTIATE(Value)  \
-  template class Codec<loop::Value>; \
+/// The type that lcm-gen makes; looked at here alone, and for its hash alone.
+template <class Value>
+struct Generated;
+
+template <class Value>
+std::int64_t fingerprint() {
+  return Generated<Value>::Type::getHash();
+}
+
+#define TACHLESS_MESSAGE(Value, type)               \
+  template <>                                       \
+  struct Generated<loop::Value> {                   \
+    using Type = type;                              \
+  };                                                \
+  template std::int64_t fingerprint<loop::Value>(); \
+  template class Codec<loop::Value>;                \
   template std::optional<loop::Layout> announced_layout<loop::Value>(std::span<const std::byte>);
-TACHLESS_INSTANTIATE(Tick)
-TACHLESS_INSTANTIATE(PositionMeasurement)
-TACHLESS_INSTANTIATE(MotorPositionMeasurement)
-TACHLESS_INSTANTIATE(LinkStateMeasurement)
-TACHLESS_INSTANTIATE(StateMeasurement)
-TACHLESS_INSTANTIATE(ReferencePoint)
-TACHLESS_INSTANTIATE(TorqueCommand)
-TACHLESS_INSTANTIATE(LawSignals)
-TACHLESS_INSTANTIATE(Participant)
-TACHLESS_INSTANTIATE(RunInfo)
-TACHLESS_INSTANTIATE(LogAck)
-#undef TACHLESS_INSTANTIATE
+TACHLESS_MESSAGE(Tick, tick_t)
+TACHLESS_MESSAGE(PositionMeasurement, position_measurement_t)
+TACHLESS_MESSAGE(MotorPositionMeasurement, motor_position_measurement_t)
+TACHLESS_MESSAGE(LinkStateMeasurement, link_state_measurement_t)
+TACHLESS_MESSAGE(StateMeasurement, state_measurement_t)
+TACHLESS_MESSAGE(ReferencePoint, reference_t)
+TACHLESS_MESSAGE(TorqueCommand, torque_command_t)
+TACHLESS_MESSAGE(LawSignals, controller_state_t)
+TACHLESS_MESSAGE(Participant, participant_t)
+TACHLESS_MESSAGE(RunInfo, run_info_t)
+TACHLESS_MESSAGE(LogAck, log_ack_t)
+#undef TACHLESS_MESSAGE
 
 }  // namespace tachless::bus

@@ -8,8 +8,8 @@
 #include "controller/law_on_bus.h"
 #include "controller/recorded_inputs.h"
 #include "diagnostics/logging.h"
-#include "node/loop.h"
-#include "protocol/lockstep/command_responder.h"
+#include "node/session.h"
+#include "protocol/lockstep/responders.h"
 
 namespace tachless::controller {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "controller/law_socket.h"
 #include "controller/node.h"
-#include "node/process_options.h"
+#include "node/options.h"
 #include "node/run_role.h"
 
 namespace tachless {
@@ -40,13 +40,13 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
 int controller::run_program(int argc, const char* const* argv, const MakeLaw& make_law) {
   constexpr auto role = loop::Role::controller;
   return node::run_process(role, argc, argv, [&](const node::ProcessOptions& options) {
-    if (options.controller.serve) {
-      serve_law(*options.controller.serve, make_law);
+    if (options.serve) {
+      serve_law(*options.serve, make_law);
       return diagnostics::ExitCode::done;
     }
     const auto run = [&](const experiment::Scenario& scenario, bus::Transport& transport,
                          node::Session& session) {
-      run_node(scenario, make_law(scenario), transport, session, options.controller.resume);
+      run_node(scenario, make_law(scenario), transport, session, options.resume);
     };
     return node::run_role(role, options, run, run);
   });

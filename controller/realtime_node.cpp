@@ -9,9 +9,8 @@
 
 #include "controller/law_on_bus.h"
 #include "diagnostics/logging.h"
-#include "node/loop.h"
-#include "protocol/realtime/command_picker.h"
-#include "protocol/realtime/pace.h"
+#include "node/session.h"
+#include "protocol/realtime/realtime.h"
 
 namespace tachless::controller {
 namespace {

@@ -19,7 +19,7 @@
 #include "controller/law_socket.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
-#include "node/process_options.h"
+#include "node/options.h"
 #include "plant/plant_model.h"
 #include "process/installation.h"
 #include "process/isolate.h"

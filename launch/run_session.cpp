@@ -11,7 +11,8 @@
 #include <utility>
 
 #include "bus/authenticated.h"
-#include "bus/open_bus.h"
+#include "bus/key.h"
+#include "bus/transport.h"
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
 #include "launch/doctor.h"
@@ -21,7 +22,6 @@
 #include "launch/run_verdict.h"
 #include "launch/run_window.h"
 #include "launch/screen.h"
-#include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
 #include "study/cross_check.h"
@@ -255,7 +255,7 @@ diagnostics::ExitCode in_four_processes(const std::vector<Planned>& runs) {
   const RunOptions& common = runs.front().options;
   const bool isolated = prepare_network(common);
   std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
-  if (!common.key_file.empty()) key = node::read_key_file(common.key_file);
+  if (!common.key_file.empty()) key = bus::read_key_file(common.key_file);
   process::survive_broken_pipes();
   std::deque<OnTheBus> robots;
   for (const Planned& run : runs) robots.emplace_back(run, key);

@@ -48,7 +48,7 @@ void LockstepRecorder::write_complete_ticks() {
 
 /// A stranger's TRUTH contradicts the plant's own, and is noticed by that, unless that one is lost.
 void LockstepRecorder::compare_truth() {
-  if (link().truth_digest() == truth_digest_.value()) return;
+  if (link().membership().truth_digest() == truth_digest_.value()) return;
   throw diagnostics::Failure(diagnostics::ExitCode::protocol_violated,
                              "what is recorded on " + messages().channel(Slot::truth) +
                                  " is not what " + link().describe(loop::Role::plant) +

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "bus/digest.h"
+#include "bus/key.h"
 #include "logger/recorder.h"
 #include "protocol/lockstep/log_window.h"
 

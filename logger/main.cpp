@@ -1,5 +1,5 @@
 #include "logger/node.h"
-#include "node/process_options.h"
+#include "node/options.h"
 #include "node/run_role.h"
 
 using namespace tachless;
@@ -8,7 +8,7 @@ int main(int argc, char** argv) {
   constexpr auto role = loop::Role::logger;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
     return node::run_role(role, options, [&](const auto& scenario, auto& transport, auto& session) {
-      logger::run_node(scenario, transport, session, options.logger.log_path);
+      logger::run_node(scenario, transport, session, options.log_path);
     });
   });
 }

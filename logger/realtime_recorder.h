@@ -6,7 +6,7 @@
 
 #include "logger/recorder.h"
 #include "logger/tick_tally.h"
-#include "protocol/realtime/pace.h"
+#include "protocol/realtime/realtime.h"
 
 namespace tachless::logger {
 

@@ -123,7 +123,7 @@ loop::Role Recorder::role_of(Slot slot) {
 
 /// The first announcement of a fault after which this process has to end is the cause.
 void Recorder::keep_fault(const bus::Datagram& announcement) {
-  if (concluding_ || !fault_.empty() || !link_.failed()) return;
+  if (concluding_ || !fault_.empty() || !link_.membership().failure()) return;
   loop::Stamp stamp;
   loop::Participant who;
   if (participant_codec_.decode(announcement.payload, stamp, who) == bus::Rejection::none &&

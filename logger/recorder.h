@@ -14,8 +14,8 @@
 #include "logger/log_file.h"
 #include "logger/run_messages.h"
 #include "node/link.h"
-#include "node/loop.h"
-#include "protocol/lockstep/verdict.h"
+#include "node/session.h"
+#include "protocol/lockstep/message_ring.h"
 
 namespace tachless::logger {
 

@@ -99,11 +99,11 @@ std::uint64_t BusMonitor::Channel::undecodable() const {
   return count;
 }
 
-void BusMonitor::take(const bus::RawDatagram& raw) {
+void BusMonitor::take(const bus::Datagram& datagram) {
   ++messages_;
-  bytes_ += raw.datagram.payload.size();
-  note_sender(raw.datagram.sender, raw.sequence);
-  note_channel(raw);
+  bytes_ += datagram.payload.size();
+  note_sender(datagram.sender, datagram.sequence);
+  note_channel(datagram);
 }
 
 void BusMonitor::note_sender(std::string_view sender, std::uint32_t sequence) {
@@ -126,8 +126,8 @@ void BusMonitor::note_sender(std::string_view sender, std::uint32_t sequence) {
   }
 }
 
-void BusMonitor::note_channel(const bus::RawDatagram& raw) {
-  const auto& [name, payload, sender] = raw.datagram;
+void BusMonitor::note_channel(const bus::Datagram& datagram) {
+  const auto& [name, payload, sender, sequence, received_ns] = datagram;
   auto found = channels_.find(name);
   if (found == channels_.end()) {
     if (channels_.size() == max_channels) {
@@ -142,10 +142,10 @@ void BusMonitor::note_channel(const bus::RawDatagram& raw) {
   ++channel.now.messages;
   channel.now.bytes += payload.size();
   // A clock that was set back gives an interval that says nothing.
-  if (channel.last_ns && raw.received_ns >= *channel.last_ns) {
-    channel.now.add(raw.received_ns - *channel.last_ns);
+  if (channel.last_ns && received_ns >= *channel.last_ns) {
+    channel.now.add(received_ns - *channel.last_ns);
   }
-  channel.last_ns = raw.received_ns;
+  channel.last_ns = received_ns;
 
   const MessageReader::Glance glance = reader_.glance(payload);
   if (glance.type.empty()) {

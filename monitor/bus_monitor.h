@@ -23,7 +23,7 @@ class BusMonitor {
   static constexpr std::size_t max_channels = 500;
   static constexpr std::size_t max_senders = 200;
 
-  void take(const bus::RawDatagram& raw);
+  void take(const bus::Datagram& datagram);
 
   /// What the transport itself has lost or passed over, as of now.
   void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
@@ -81,7 +81,7 @@ class BusMonitor {
   };
 
   void note_sender(std::string_view sender, std::uint32_t sequence);
-  void note_channel(const bus::RawDatagram& raw);
+  void note_channel(const bus::Datagram& datagram);
   [[nodiscard]] std::vector<std::string> head_lines() const;
   [[nodiscard]] std::vector<std::string> channel_lines(std::size_t columns) const;
   [[nodiscard]] std::vector<std::string> value_lines();

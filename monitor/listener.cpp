@@ -36,9 +36,9 @@ void Listener::listen(Clock::time_point begin, Clock::time_point end) {
 std::uint64_t Listener::drain(Clock::time_point end) {
   constexpr std::uint64_t between_looks = 256;
   std::uint64_t count = 0;
-  while (const auto raw = transport_.receive_raw(Clock::time_point::min())) {
-    monitor_.take(*raw);
-    bytes_ += raw->datagram.payload.size();
+  while (const auto datagram = transport_.receive(Clock::time_point::min())) {
+    monitor_.take(*datagram);
+    bytes_ += datagram->payload.size();
     if (++count % between_looks == 0 && (interrupted_ || Clock::now() >= end)) break;
   }
   return count;
@@ -49,9 +49,9 @@ void Listener::drain_what_came_before_now() {
   const auto now_ns = std::chrono::duration_cast<std::chrono::nanoseconds>(
                           std::chrono::system_clock::now().time_since_epoch())
                           .count();
-  while (const auto raw = transport_.receive_raw(Clock::time_point::min())) {
-    monitor_.take(*raw);
-    if (raw->received_ns >= now_ns) break;
+  while (const auto datagram = transport_.receive(Clock::time_point::min())) {
+    monitor_.take(*datagram);
+    if (datagram->received_ns >= now_ns) break;
   }
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <random>
@@ -33,12 +34,7 @@ constexpr auto last_announcements_period = 5ms;
 std::int64_t random_instance() {
   std::random_device device;
   const std::uint64_t high = device();
-  const std::uint64_t low = device();
-  return static_cast<std::int64_t>((high << 32 | low) >> 1) | 1;
-}
-
-std::int64_t run_from_time() {
-  return std::chrono::system_clock::now().time_since_epoch() / std::chrono::microseconds(1);
+  return static_cast<std::int64_t>((high << 32 | device()) >> 1) | 1;
 }
 
 std::string host_name() {
@@ -48,13 +44,14 @@ std::string host_name() {
 
 Membership::Self self_of(const experiment::Scenario& scenario, const Link::Config& config) {
   Membership::Self self;
-  self.role = config.role;
-  self.instance = config.instance != 0 ? config.instance : random_instance();
-  self.digest = scenario.digest;
-  self.pid = static_cast<std::int32_t>(getpid());
-  self.host = host_name();
-  self.scenario = scenario.name.substr(0, loop::max_participant_text);
-  if (config.role == Role::plant) self.run = config.run_id.value_or(run_from_time());
+  self.who.role = config.role;
+  self.who.instance = config.instance != 0 ? config.instance : random_instance();
+  self.who.scenario_digest = scenario.digest;
+  self.who.pid = static_cast<std::int32_t>(getpid());
+  self.who.host = host_name();
+  self.who.scenario = scenario.name.substr(0, loop::max_participant_text);
+  const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
+  if (config.role == Role::plant) self.run = config.run_id.value_or(since_1970 / 1us);
   if (config.wait_s > 0) self.wait_limit = diagnostics::nanoseconds_of(config.wait_s);
   self.give_up = diagnostics::nanoseconds_of(scenario.loop.give_up_s);
   self.takeover = scenario.loop.mode == experiment::Mode::lockstep;
@@ -64,60 +61,70 @@ Membership::Self self_of(const experiment::Scenario& scenario, const Link::Confi
 
 }  // namespace
 
+void KeyCheck::foreign(const bus::Stranger& stranger, Clock::time_point now) {
+  if (num_foreign_++ > 0) return;
+  since_ = now;
+  const std::string_view own = loop::name(own_role_);
+  std::string difference = fmt::format("has no key, this {}", own);
+  if (stranger.tagged) {
+    difference = fmt::format("has {} key{} this {}", has_key_ ? "another" : "a",
+                             has_key_ ? " than" : ",", own);
+  }
+  const loop::Participant& who = stranger.who;
+  first_ = fmt::format("the {} (process {}{}{}, {}) {}{}", loop::name(who.role), who.pid,
+                       who.host.empty() ? "" : " on ", who.host, stranger.sender, difference,
+                       has_key_ ? "" : " has none");
+}
+
+void KeyCheck::poll(Clock::time_point now) const {
+  // No announcement that verifies among so many for so long: the keys differ.
+  if (accepted_ || num_foreign_ < 5 || now - since_ < 1500ms) return;
+  throw Failure(diagnostics::ExitCode::protocol_violated,
+                "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)", first_);
+}
+
 Link::Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config)
     : Session(config.role, config.interrupted),
-      raw_(transport),
-      role_(config.role),
-      resume_(config.resume),
+      transport_(transport, config.key),
       channel_(loop::channel<loop::Participant>(scenario.robot.channel_prefix)),
       self_(self_of(scenario, config)),
       codec_(loop::Layout{}),
       key_check_(config.role, config.key.has_value()) {
-  if (config.key) authenticated_.emplace(raw_, *config.key);
   membership_.emplace(self_, Clock::now());
-  this->transport().subscribe(channel_);
+  transport_.subscribe(channel_);
 }
 
 void Link::join(const loop::LawInfo& law, const Handler& other) {
   const auto begin = Clock::now();
-  self_.law = law;
+  self_.who.law = law.name;
+  self_.who.measurement = law.measurement;
+  self_.who.signals = law.signals;
   membership_.emplace(self_, begin);
   next_notice_ = begin + first_notice;
   while (!membership_->joined()) {
     poll(Clock::now());
-    const auto datagram = transport().receive(next_poll());
+    const auto datagram = transport_.receive(next_poll());
     if (datagram && !handle(*datagram) && other) other(*datagram);
     const auto now = Clock::now();
-    if (authenticated_) {
-      const auto foreign = authenticated_->take_stranger();
-      if (foreign) key_check_.foreign(foreign->kind, foreign->who, foreign->sender, now);
-    }
+    if (const auto stranger = transport_.take_stranger()) key_check_.foreign(*stranger, now);
     key_check_.poll(now);
   }
-  if (resume_) wait_for_predecessor();
+  // Membership fails when the predecessor is heard: it is still there.
+  const auto until = Clock::now() + (self_.resumes ? Membership::takeover_after : 0ms);
+  for (auto now = Clock::now(); now < until; now = Clock::now()) {
+    poll(now);
+    if (const auto datagram = transport_.receive(std::min(until, next_poll()))) handle(*datagram);
+  }
   statistics().run_id = run();
-  log_members();
-}
-
-void Link::log_members() const {
   std::vector<std::string> others;
   for (const Role role : {Role::plant, Role::reference, Role::controller, Role::logger}) {
-    if (role != role_) others.push_back(describe(role));
+    if (role != self_.who.role) others.push_back(describe(role));
   }
   diagnostics::log_detail("run {} on {}, with {}", run(), channel_, diagnostics::joined(others));
 }
 
-/// Membership fails when the predecessor is heard: it is still there.
-void Link::wait_for_predecessor() {
-  const auto until = Clock::now() + Membership::takeover_after;
-  for (auto now = Clock::now(); now < until; now = Clock::now()) {
-    poll(now);
-    if (const auto datagram = transport().receive(std::min(until, next_poll()))) handle(*datagram);
-  }
-}
-
 void Link::handle_pending() {
-  while (const auto datagram = transport().receive(Clock::time_point())) handle(*datagram);
+  while (const auto datagram = transport_.receive(Clock::time_point())) handle(*datagram);
   poll(Clock::now());
 }
 
@@ -139,22 +146,16 @@ void Link::poll(Clock::time_point now) {
 
 bool Link::handle(const bus::Datagram& datagram) {
   if (datagram.channel != channel_) return false;
-  const auto now = Clock::now();
   const bus::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
   if (rejection != bus::Rejection::none) {
-    if (entered_ == loop::PerRole{} && !authenticated_) {
-      loop::Participant who;
-      const auto kind = bus::foreign_participant(datagram.payload, codec_, who);
-      if (kind) key_check_.foreign(*kind, who, datagram.sender, now);
-    }
     statistics().rejected.add(rejection);
     return true;
   }
-  membership_->handle(stamp_, peer_, datagram.sender, now);
+  membership_->handle(stamp_, peer_, datagram.sender, Clock::now());
   key_check_.accepted();
   if (membership_->joined() && membership_->roster() != entered_) {
     entered_ = membership_->roster();
-    if (authenticated_) authenticated_->enter(run(), membership_->roster());
+    transport_.enter(run(), entered_);
   }
   return true;
 }
@@ -162,7 +163,7 @@ bool Link::handle(const bus::Datagram& datagram) {
 std::span<const std::byte> Link::announce(Clock::time_point now) {
   const auto& announcement = membership_->announce(now);
   const auto bytes = codec_.encode(announcement.stamp, announcement.participant);
-  transport().publish(channel_, bytes);
+  transport_.publish(channel_, bytes);
   return bytes;
 }
 
@@ -177,18 +178,12 @@ void Link::stopping(const Failure& failure, Clock::time_point now) {
   announce(now);
 }
 
-void Link::handle_until(Clock::time_point deadline) {
-  while (Clock::now() < deadline) {
-    if (const auto datagram = transport().receive(deadline)) handle(*datagram);
-  }
-}
-
 void Link::announce_repeatedly() {
   // Who was busy for long has answered announcements that are too old to count: first what waits.
   announce(Clock::now());
   const auto until_heard = Clock::now() + longest_leaving;
   while (Clock::now() < until_heard) {
-    const auto datagram = transport().receive(Clock::time_point());
+    const auto datagram = transport_.receive(Clock::time_point());
     if (!datagram) break;
     handle(*datagram);
   }
@@ -197,7 +192,7 @@ void Link::announce_repeatedly() {
   const auto until = Clock::now() + (membership_->joined() ? 0ms : Membership::simultaneous);
   for (int i = 0; i < last_announcements || Clock::now() < until; ++i) {
     announce(Clock::now());
-    handle_until(Clock::now() + last_announcements_period);
+    handle_until(Clock::now() + last_announcements_period, [] { return false; });
   }
 }
 
@@ -211,38 +206,34 @@ void Link::leave() {
   note_end(begin);
   membership_->finished(begin);
   // The plant ends well only when all have: it waits for who is not silent for give_up_s. The
-  // others wait until it knows of their end, which is not theirs any more.
-  if (role_ == Role::plant) {
-    announce_until([&] { return membership_->all_finished(); });
-  } else {
-    // And that of the others: the logger, which alone knows whether the log is whole, may still
-    // fail.
-    announce_until([&] {
-      return (membership_->end_is_known() && membership_->all_finished()) ||
-             Clock::now() - begin >= longest_leaving;
-    });
-  }
-  announce_repeatedly();
-  if (membership_->failure()) throw Failure(*membership_->failure());
-}
-
-void Link::announce_until(const std::function<bool()>& known) {
-  const auto over = [&] { return membership_->failure() || known(); };
+  // others wait until it knows of their end, which is not theirs any more; and for that of the
+  // others: the logger, which alone knows whether the log is whole, may still fail.
+  const auto over = [&] {
+    if (membership_->failure()) return true;
+    if (self_.who.role == Role::plant) return membership_->all_finished();
+    return (membership_->end_is_known() && membership_->all_finished()) ||
+           Clock::now() - begin >= longest_leaving;
+  };
   while (!over()) {
     throw_if_interrupted();
     const auto now = Clock::now();
     membership_->poll(now);
     announce(now);
-    while (!over() && Clock::now() < now + leaving_period) {
-      if (const auto datagram = transport().receive(now + leaving_period)) handle(*datagram);
-    }
+    handle_until(now + leaving_period, over);
+  }
+  announce_repeatedly();
+  if (membership_->failure()) throw Failure(*membership_->failure());
+}
+
+void Link::handle_until(Clock::time_point deadline, const std::function<bool()>& over) {
+  while (!over() && Clock::now() < deadline) {
+    if (const auto datagram = transport_.receive(deadline)) handle(*datagram);
   }
 }
 
 void Link::tell_who_is_missing(Clock::time_point now) {
   next_notice_ = now + notice_period;
-  std::vector<std::string_view> roles;
-  for (const Role role : membership_->missing()) roles.push_back(loop::name(role));
+  const auto roles = membership_->missing();
   if (roles.empty()) return;
   diagnostics::log_info("waiting for {} on {}", diagnostics::joined(roles), channel_);
 }

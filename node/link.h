@@ -5,15 +5,40 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "bus/authenticated.h"
 #include "bus/key.h"
 #include "experiment/scenario.h"
-#include "node/key_check.h"
+#include "loop/clock.h"
+#include "loop/messages.h"
 #include "node/session.h"
 #include "protocol/membership.h"
 
 namespace tachless::node {
+
+/// Notices, while a process waits for the others, that it is on a bus with another key than theirs
+/// (or that only one side has one): announcements come, and none of them verifies. Verifies nothing
+/// itself.
+class KeyCheck {
+ public:
+  KeyCheck(loop::Role own_role, bool has_key) : own_role_(own_role), has_key_(has_key) {}
+
+  /// An announcement that verified: the keys agree.
+  void accepted() { accepted_ = true; }
+  /// One that did not, though it is an announcement.
+  void foreign(const bus::Stranger& stranger, loop::Clock::time_point now);
+  /// @throw Failure(protocol_violated) when only foreign ones have been heard for 1.5 s.
+  void poll(loop::Clock::time_point now) const;
+
+ private:
+  loop::Role own_role_;
+  bool has_key_;
+  bool accepted_ = false;
+  int num_foreign_ = 0;
+  std::string first_;  ///< the first foreign one, in words
+  loop::Clock::time_point since_;
+};
 
 /// One process's part in a run under way: carries out over a transport what protocol::Membership
 /// decides. Sends and decodes announcements, authenticates the bus if there is a key, tells the
@@ -35,12 +60,12 @@ class Link final : public Session {
   Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config);
 
   /// What the node's own messages are to be sent and received by.
-  bus::Transport& transport() { return authenticated_ ? *authenticated_ : raw_; }
+  bus::Transport& transport() { return transport_; }
+  /// What is known of the four.
+  protocol::Membership& membership() { return *membership_; }
 
   void join(const loop::LawInfo& law, const Handler& other) override;
   [[nodiscard]] std::int64_t run() const override { return membership_->run(); }
-  /// What the controller has announced of its law.
-  [[nodiscard]] loop::LawInfo law() const { return membership_->law(); }
   void started(loop::Clock::time_point now) override;
   void poll(loop::Clock::time_point now) override;
   [[nodiscard]] loop::Clock::time_point next_poll() const override {
@@ -52,9 +77,6 @@ class Link final : public Session {
     membership_->progressed(tick, error_norm);
   }
   void complete() override { membership_->complete(); }
-  /// Lockstep: the plant tells with its end what TRUTH it has published; the others are told.
-  void published(std::int64_t truth_digest) { membership_->published(truth_digest); }
-  [[nodiscard]] std::int64_t truth_digest() const { return membership_->truth_digest(); }
   [[nodiscard]] bool finished() const override { return membership_->plant_finished(); }
   /// The plant waits until the others have finished too, or have been silent for too long; the
   /// others until all have and the plant knows of their own end, a second at most.
@@ -69,15 +91,11 @@ class Link final : public Session {
   std::span<const std::byte> ending(const diagnostics::Failure& failure);
   /// That announcements travel on.
   [[nodiscard]] const std::string& channel() const { return channel_; }
-  /// Whether another's announcement ends this process: `poll` will throw.
-  [[nodiscard]] bool failed() const { return membership_->failure().has_value(); }
   /// The announcement alone, if it is due: for a process that is ending.
   void announce_if_due(loop::Clock::time_point now) {
     if (now >= next_poll()) announce(now);
   }
 
-  /// How often another controller has taken over from one that died.
-  [[nodiscard]] int takeovers() const { return membership_->takeovers(); }
   [[nodiscard]] std::int64_t tick_of(loop::Role role) const override {
     return membership_->tick_of(role);
   }
@@ -90,30 +108,23 @@ class Link final : public Session {
   /// from wherever it comes (their announcements may have been passed on by others); without one it
   /// is when it comes from the holder's address.
   [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const {
-    return authenticated_ || membership_->is_from(role, sender);
+    return transport_.has_key() || membership_->is_from(role, sender);
   }
   [[nodiscard]] bool knows(std::string_view sender) const override {
     return membership_->knows(sender);
   }
   /// Datagrams dropped because they did not verify under the key.
-  [[nodiscard]] std::int64_t unauthenticated() const {
-    return authenticated_ ? authenticated_->dropped() : 0;
-  }
+  [[nodiscard]] std::int64_t unauthenticated() const { return transport_.dropped(); }
 
  private:
   void announce_fault(const diagnostics::Failure& failure) override;
   std::span<const std::byte> announce(loop::Clock::time_point now);
   void announce_repeatedly();
-  void handle_until(loop::Clock::time_point deadline);
-  void wait_for_predecessor();
-  void announce_until(const std::function<bool()>& known);
-  void log_members() const;
+  /// Or until it is `over`.
+  void handle_until(loop::Clock::time_point deadline, const std::function<bool()>& over);
   void tell_who_is_missing(loop::Clock::time_point now);
 
-  bus::Transport& raw_;
-  std::optional<bus::Authenticated> authenticated_;
-  loop::Role role_;
-  bool resume_;
+  bus::Authenticated transport_;
   std::string channel_;
   protocol::Membership::Self self_;
   std::optional<protocol::Membership> membership_;

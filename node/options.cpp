@@ -1,16 +1,117 @@
 #include "node/options.h"
 
-#include <fmt/core.h>
+#include <fmt/chrono.h>
 
 #include <CLI/CLI.hpp>
-#include <filesystem>
+#include <array>
+#include <cmath>
+#include <exception>
 #include <iostream>
 #include <stdexcept>
 
-#include "diagnostics/failure.h"
+#include "diagnostics/system_failure.h"
+#include "diagnostics/version.h"
 #include "process/installation.h"
 
 namespace tachless::node {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::bad_usage;
+using diagnostics::ExitCode;
+using loop::Role;
+
+struct Program {
+  const char* name;
+  const char* task;
+  const char* examples;  ///< besides those that all have; {0} is the program
+};
+
+const Program& program_of(Role role) {
+  static constexpr std::array programs = {
+      Program{"tachless-plant", "Simulates the robot of a scenario and keeps the loop's clock.",
+              "  {0} scenarios/practical_rigid.yaml --run-id 7 --wait-s 10\n"},
+      Program{"tachless-reference", "Generates the reference of a scenario, one tick ahead.", ""},
+      Program{"tachless-controller", "Runs the control law of a scenario.",
+              "  {0} scenarios/practical_rigid.yaml --follow 7\n"
+              "  {0} scenarios/paper_rigid.yaml --resume out/paper_rigid/lcmlog\n"},
+      Program{"tachless-logger", "Records the run of a scenario without a gap.",
+              "  {0} scenarios/practical_rigid.yaml --out-log out/lcmlog\n"}};
+  return programs.at(static_cast<std::size_t>(role));
+}
+
+std::string examples(const Program& program) {
+  return fmt::format(
+      "Examples:\n"
+      "  {0} scenarios/paper_rigid.yaml\n"
+      "  {0} scenarios/paper_rigid.yaml --set loop.duration_s=0.5 --lcm-url "
+      "'udpm://239.255.76.67:7700?ttl=0'\n"
+      "{1}"
+      "The four programs tachless-plant, tachless-reference, tachless-controller and\n"
+      "tachless-logger may start in any order and must be given the same scenario.\n"
+      "Exit codes: 0 done, 2 bad usage or scenario, 3 a peer is lost, 4 protocol violated,\n"
+      "5 protective stop, 130 interrupted.",
+      program.name, fmt::format(fmt::runtime(program.examples), program.name));
+}
+
+void add_role_options(CLI::App& cli, Role role, ProcessOptions& options) {
+  if (role == Role::plant) {
+    as_run_id(cli.add_option("--run-id", options.run_id,
+                             "Positive number in every message of the run; default: the time"));
+  }
+  if (role == Role::controller) {
+    CLI::Option* follow = as_run_id(
+        cli.add_option("--follow", options.follow,
+                       "Join nobody: answer the measurements and references of this run, which "
+                       "lcm-logplayer plays back; end with the run's last tick"));
+    cli.add_option("--resume", options.resume,
+                   "Take the place of the lockstep run's controller, which has died: go through "
+                   "the run's log, as far as it is, and on from there")
+        ->excludes(follow);
+    // For `tachless replay` and `tachless run --in-process`; not in --help.
+    cli.add_option("--serve", options.serve)->group("");
+  }
+  if (role == Role::logger) {
+    cli.add_option("--out-log", options.log_path,
+                   "The log; default: lcmlog-YYYY-MM-DD.NN here, with the next free NN");
+  }
+}
+
+void add_options(CLI::App& cli, Role role, ProcessOptions& options) {
+  cli.footer(examples(program_of(role)));
+  cli.set_version_flag("--version", std::string(diagnostics::version),
+                       "Print the version and exit");
+  add_scenario(cli, options.scenario_path, options.overrides);
+  add_lcm_url(cli, options.lcm_url);
+  add_key_file(cli, options.key_path);
+  cli.add_option("--wait-s", options.wait_s,
+                 "Longest wait for the other programs at the start [s]; 0 = unlimited")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  cli.add_option("--stats", options.stats_path, "Write counters to this file, as JSON, at the end");
+  cli.add_flag("--spin", options.spin,
+               "Do not sleep while waiting for messages: answers at once, and takes a CPU");
+  add_role_options(cli, role, options);
+  auto* quiet = cli.add_flag_callback(
+      "-q,--quiet", [&] { options.verbosity = diagnostics::Verbosity::quiet; },
+      "Warnings and errors only");
+  cli.add_flag_callback(
+         "-v,--verbose", [&] { options.verbosity = diagnostics::Verbosity::verbose; },
+         "More detail on stderr")
+      ->excludes(quiet);
+  // For `tachless run`, which tells the cause of an end from other lines by it; not in --help.
+  cli.add_flag_callback("--mark-levels", [&] { options.marks = diagnostics::Marks::levels; })
+      ->group("");
+}
+
+fs::path default_log_path() {
+  const std::time_t now = std::time(nullptr);
+  std::tm date{};
+  localtime_r(&now, &date);
+  return next_log_path({}, date);
+}
+
+}  // namespace
 
 bool parse(CLI::App& program, int argc, const char* const* argv) {
   try {
@@ -21,12 +122,11 @@ bool parse(CLI::App& program, int argc, const char* const* argv) {
       program.exit(error, std::cout, std::cerr);
       return false;
     }
-    throw diagnostics::bad_usage("{}; see {} --help", error.what(), program.get_name());
+    throw bad_usage("{}; see {} --help", error.what(), program.get_name());
   }
 }
 
 std::string find_scenario(const std::string& given) {
-  namespace fs = std::filesystem;
   std::error_code error;
   if (given.empty() || fs::exists(given, error)) return given;
   const fs::path folder = process::shared_directory() / "scenarios";
@@ -35,8 +135,7 @@ std::string find_scenario(const std::string& given) {
   if (!name.has_extension()) name += ".yaml";
   const fs::path installed = folder / name;  // `given` itself, if that is absolute
   if (fs::exists(installed, error)) return installed.string();
-  throw diagnostics::bad_usage("{}: no such file; looked for here and in {}", given,
-                               folder.string());
+  throw bad_usage("{}: no such file; looked for here and in {}", given, folder.string());
 }
 
 CLI::Option* with_installed_scenarios(CLI::Option* files) {
@@ -50,8 +149,7 @@ void add_overrides(CLI::App& command, std::vector<std::string>& overrides) {
       ->allow_extra_args(false);
 }
 
-CLI::Option* add_scenario(CLI::App& command, std::filesystem::path& path,
-                          std::vector<std::string>& overrides) {
+CLI::Option* add_scenario(CLI::App& command, fs::path& path, std::vector<std::string>& overrides) {
   add_overrides(command, overrides);
   return command.add_option("SCENARIO", path, "The experiment, a YAML file")->required();
 }
@@ -66,7 +164,7 @@ bus::LcmUrl parse_lcm_url(const std::string& url) {
   try {
     return bus::parse_lcm_url(url);
   } catch (const std::invalid_argument& problem) {
-    throw diagnostics::bad_usage(std::string("--lcm-url: ") + problem.what());
+    throw bad_usage("--lcm-url: {}", problem.what());
   }
 }
 
@@ -82,10 +180,52 @@ void add_key_file(CLI::App& command, std::string& path) {
       });
 }
 
-CLI::Option* add_run_id(CLI::App& command, const std::string& name, std::int64_t& run_id,
-                        const std::string& description) {
-  return command.add_option(name, run_id, description)
-      ->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+CLI::Option* as_run_id(CLI::Option* option) {
+  return option->check(CLI::Range(std::int64_t{1}, std::int64_t{9'000'000'000'000'000}));
+}
+
+std::string program_name(Role role) { return program_of(role).name; }
+
+fs::path next_log_path(const fs::path& directory, const std::tm& date) {
+  for (int number = 0;; ++number) {
+    fs::path path = directory / fmt::format("lcmlog-{:%Y-%m-%d}.{:02}", date, number);
+    if (!fs::exists(path)) return path;
+  }
+}
+
+std::optional<ProcessOptions> parse_process_options(Role role, int argc, const char* const* argv) {
+  ProcessOptions options;
+  options.lcm_url = default_lcm_url;
+  CLI::App cli(program_of(role).task, program_name(role));
+  add_options(cli, role, options);
+  if (!parse(cli, argc, argv)) return std::nullopt;
+  if (options.scenario_path.empty()) {
+    throw bad_usage("SCENARIO: empty; name a YAML file; see {} --help", program_name(role));
+  }
+  if (!std::isfinite(options.wait_s)) {  // CLI::Range lets NaN through
+    throw bad_usage("--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
+  }
+  if (options.resume && options.resume->empty()) options.resume.reset();
+  if (options.follow && !options.key_path.empty()) {
+    throw bad_usage(
+        "--follow: what is played back does not verify under a key; unset --key-file and "
+        "TACHLESS_KEY_FILE");
+  }
+  if (role == Role::logger && options.log_path.empty()) options.log_path = default_log_path();
+  return options;
+}
+
+int run_process(Role role, int argc, const char* const* argv,
+                const std::function<ExitCode(const ProcessOptions&)>& run) {
+  diagnostics::start_logging(program_name(role), diagnostics::Verbosity::normal);
+  try {
+    const std::optional<ProcessOptions> options = parse_process_options(role, argc, argv);
+    if (!options) return static_cast<int>(ExitCode::done);
+    diagnostics::start_logging(program_name(role), options->verbosity, options->marks);
+    return static_cast<int>(run(*options));
+  } catch (const std::exception&) {
+    return diagnostics::told_exception("the scenario and the options");
+  }
 }
 
 }  // namespace tachless::node

@@ -2,14 +2,20 @@
 
 #include <CLI/App.hpp>
 #include <cstdint>
+#include <ctime>
 #include <filesystem>
+#include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "bus/lcm_url.h"
+#include "diagnostics/failure.h"
+#include "diagnostics/logging.h"
+#include "loop/messages.h"
 
-/// Options that several programs and verbs have: declared once, so that they are the same
-/// everywhere.
+/// Options that several programs and verbs have, declared once, so that they are the same
+/// everywhere; and the command line of the four programs.
 namespace tachless::node {
 
 inline constexpr const char* default_lcm_url = "udpm://239.255.76.67:7667?ttl=0";
@@ -40,8 +46,44 @@ bus::LcmUrl parse_lcm_url(const std::string& url);
 /// --key-file, else TACHLESS_KEY_FILE; empty when there is none.
 void add_key_file(CLI::App& command, std::string& path);
 
-/// An option that is a run's id: a positive number.
-CLI::Option* add_run_id(CLI::App& command, const std::string& name, std::int64_t& run_id,
-                        const std::string& description);
+/// For an option that is a run's id: a positive number. @return the same option
+CLI::Option* as_run_id(CLI::Option* option);
+
+/// What the four programs are told; what only one of them has says which.
+struct ProcessOptions {
+  std::filesystem::path scenario_path;
+  std::vector<std::string> overrides;  ///< of --set, in order; for load_scenario
+  std::string lcm_url;                 ///< --lcm-url, else LCM_DEFAULT_URL, else one host only
+  std::string key_path;                ///< --key-file, else TACHLESS_KEY_FILE; empty: none
+  bool spin = false;                   ///< does not sleep while it waits for messages
+  double wait_s = 0;       ///< longest wait for the other processes at the start; 0 = unlimited
+  std::string stats_path;  ///< where counters go, as JSON, at the end; empty: nowhere
+  diagnostics::Verbosity verbosity = diagnostics::Verbosity::normal;
+  diagnostics::Marks marks = diagnostics::Marks::none;  ///< --mark-levels, for who reads the lines
+  std::optional<std::int64_t> run_id;                   ///< plant: > 0
+  std::optional<std::int64_t> follow;                   ///< controller: the run that is played back
+  std::optional<std::filesystem::path> resume;  ///< controller: log of the run to take over in
+  std::optional<int> serve;  ///< controller: descriptor of the socket to answer on, without a bus
+  std::filesystem::path log_path;  ///< logger: --out-log, else the next free default name
+};
+
+/// "tachless-plant", "tachless-reference", …
+std::string program_name(loop::Role role);
+
+/// Reads the command line of the program of `role`. Nothing when --help or --version was asked
+/// for and has been answered on stdout.
+/// @throw Failure(bad_usage), one line naming option, value and remedy.
+std::optional<ProcessOptions> parse_process_options(loop::Role role, int argc,
+                                                    const char* const* argv);
+
+/// `directory`/lcmlog-YYYY-MM-DD.NN with the lowest NN that is not taken, as lcm-logger names its
+/// logs.
+std::filesystem::path next_log_path(const std::filesystem::path& directory, const std::tm& date);
+
+/// The whole of a `main`: options, logging, then `run`. A Failure becomes its one line on stderr
+/// and its exit code, as does what the system refuses (code 2); any other exception becomes one
+/// line and exit code 4 (an internal error).
+int run_process(loop::Role role, int argc, const char* const* argv,
+                const std::function<diagnostics::ExitCode(const ProcessOptions&)>& run);
 
 }  // namespace tachless::node

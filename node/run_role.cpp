@@ -1,19 +1,21 @@
 #include "node/run_role.h"
 
 #include <fmt/core.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
 
+#include <array>
+#include <cerrno>
 #include <chrono>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <system_error>
 
-#include "bus/channelwise_transport.h"
 #include "bus/tcpq_transport.h"
 #include "bus/udp_transport.h"
 #include "diagnostics/logging.h"
-#include "node/key_file.h"
-#include "node/options.h"
-#include "node/real_time.h"
 #include "process/interruption.h"
 #include "protocol/lockstep/log_window.h"
 
@@ -30,61 +32,86 @@ class Bus {
   void open(const ProcessOptions& options, loop::Role role, const experiment::Scenario& scenario) {
     const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
     try {
-      if (where.is_tcp()) {
-        tcp_.emplace(where);
-        diagnostics::log_detail("bus " + where.text());
-        return;
-      }
-      udp_.emplace(where);
+      bus_ = bus::open_bus(where);
     } catch (const std::system_error& problem) {
-      throw diagnostics::bad_usage(
-          where.is_tcp()
-              ? fmt::format("{}; start it with: {}", problem.what(), bus::server_command(where))
-              : fmt::format("{}: {}", options.lcm_url, problem.what()));
+      if (!where.is_tcp()) throw diagnostics::bad_usage("{}: {}", options.lcm_url, problem.what());
+      throw diagnostics::bad_usage("{}; start it with: {}", problem.what(),
+                                   bus::server_command(where));
     }
+    auto* udp = dynamic_cast<bus::UdpTransport*>(bus_.get());
+    if (udp == nullptr) return diagnostics::log_detail("bus {}", where.text());
     diagnostics::log_detail("bus {}, receive buffer {} bytes", where.text(),
-                            udp_->receive_buffer_bytes());
-    if (options.spin) udp_->spin();
+                            udp->receive_buffer_bytes());
+    if (options.spin) udp->spin();
     if (role != loop::Role::logger) return;
     if (scenario.loop.mode == experiment::Mode::lockstep) {
       // The plant waits for nothing that the logger does, until the window is full.
-      udp_->collect(loop::num_slots * protocol::lockstep::LogWindow::ack_interval, 1ms);
+      udp->collect(loop::num_slots * protocol::lockstep::LogWindow::ack_interval, 1ms);
       return;
     }
     // Nothing is repeated for a realtime logger: what its buffers do not hold while it waits for a
     // processor is lost.
     constexpr int enough_bytes = 2 << 20;  // bursts of a thousand messages, and to spare
-    if (udp_->receive_buffer_bytes() < enough_bytes) channelwise_.emplace(*udp_);
+    if (udp->receive_buffer_bytes() < enough_bytes) channelwise_.emplace(*udp);
   }
   bus::Transport& transport() {
-    if (tcp_) return *tcp_;
-    return channelwise_ ? static_cast<bus::Transport&>(*channelwise_) : *udp_;
+    return channelwise_ ? static_cast<bus::Transport&>(*channelwise_) : *bus_;
   }
   /// The others cannot know: they only miss this process.
   void tell_what_was_not_sent() const {
-    if (!udp_ || udp_->statistics().unsent == 0) return;
+    if (!bus_) return;
+    const bus::BusStatistics statistics = bus_->statistics();
+    if (statistics.unsent == 0) return;
     diagnostics::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
-                             udp_->statistics().unsent, std::strerror(udp_->statistics().refusal));
+                             statistics.unsent, std::strerror(statistics.refusal));
   }
 
  private:
-  std::optional<bus::UdpTransport> udp_;
-  std::optional<bus::TcpqTransport> tcp_;
+  std::unique_ptr<bus::MonitoredBus> bus_;
   std::optional<bus::ChannelwiseTransport> channelwise_;
 };
+
+/// What a process of a realtime run requests of the kernel, for the calling thread, before the run
+/// begins: memory that is not paged out (mlockall), timers without slack, and, for all roles but
+/// the logger, the scheduling class SCHED_FIFO, which no ordinary process preempts. Without the
+/// permission the process runs all the same, and one line at level info says what is missing and
+/// how to permit it.
+void request_real_time(loop::Role role) {
+  // By role, below the kernel's own threads (99). The plant, which sets the pace, comes first, then
+  // the controller, which has to reply within the tick; the reference is a tick ahead.
+  static constexpr std::array<int, loop::num_roles> priorities = {80, 78, 79, 0};
+  std::string missing;
+  ::prctl(PR_SET_TIMERSLACK, 1UL);  // [ns]; 50 us otherwise
+  if (::mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {
+    missing += fmt::format("its memory locked ({}; `ulimit -l unlimited`)", std::strerror(errno));
+  }
+  sched_param parameters{};
+  parameters.sched_priority = priorities.at(static_cast<std::size_t>(role));
+  if (parameters.sched_priority > 0 &&
+      ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) != 0) {
+    missing +=
+        fmt::format("{}SCHED_FIFO priority {} ({}; `ulimit -r {}`)", missing.empty() ? "" : " and ",
+                    parameters.sched_priority, std::strerror(errno), parameters.sched_priority);
+  }
+  if (missing.empty()) return;
+  diagnostics::log_info(
+      "realtime without {}; for good: the lines `* - rtprio 90` and `* - memlock unlimited` in "
+      "/etc/security/limits.d/realtime.conf, then log in again",
+      missing);
+}
 
 Link::Config link_config(loop::Role role, const ProcessOptions& options,
                          const std::atomic<bool>& interrupted) {
   Link::Config config;
   config.role = role;
-  config.run_id = options.plant.run_id;
+  config.run_id = options.run_id;
   config.wait_s = options.wait_s;
   config.interrupted = &interrupted;
-  if (options.key_path) config.key = read_key_file(*options.key_path);
+  if (!options.key_path.empty()) config.key = bus::read_key_file(options.key_path);
   diagnostics::log_detail(
-      config.key ? fmt::format("messages have the tag of the key in {}", options.key_path->string())
+      config.key ? fmt::format("messages have the tag of the key in {}", options.key_path)
                  : "messages have no tag: no --key-file");
-  config.resume = options.controller.resume.has_value();
+  config.resume = options.resume.has_value();
   return config;
 }
 
@@ -104,22 +131,20 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
   const auto report = [&] {
     bus.tell_what_was_not_sent();
     if (link) statistics().rejected.add(Discard::unauthenticated, link->unauthenticated());
-    if (options.stats_path) write_statistics(statistics(), *options.stats_path);
+    if (!options.stats_path.empty()) write_statistics(statistics(), options.stats_path);
   };
   try {
     const experiment::Scenario scenario =
         experiment::load_scenario(find_scenario(options.scenario_path), options.overrides);
     const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
-    if (options.controller.resume && realtime) {
+    if (options.resume && realtime) {
       throw diagnostics::bad_usage(
           "--resume: a realtime run does not wait for another controller: the robot is stopped; "
           "start a new run");
     }
     bus.open(options, role, scenario);
-    if (options.controller.follow) {
-      played.emplace(scenario, Playback::Config{.run = *options.controller.follow,
-                                                .wait_s = options.wait_s,
-                                                .interrupted = &interrupted});
+    if (options.follow) {
+      played.emplace(scenario, *options.follow, options.wait_s, &interrupted);
     } else {
       link.emplace(scenario, bus.transport(), link_config(role, options, interrupted));
     }

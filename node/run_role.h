@@ -6,8 +6,7 @@
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
-#include "node/playback.h"
-#include "node/process_options.h"
+#include "node/options.h"
 
 namespace tachless::node {
 

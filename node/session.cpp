@@ -1,13 +1,21 @@
 #include "node/session.h"
 
-#include <chrono>
+#include <fmt/core.h>
+
+#include <algorithm>
 #include <exception>
+
+#include "diagnostics/logging.h"
+#include "diagnostics/time.h"
+#include "protocol/membership.h"
 
 namespace tachless::node {
 
 using diagnostics::ExitCode;
 using diagnostics::Failure;
+using diagnostics::seconds_of;
 using loop::Clock;
+using protocol::lockstep::Verdict;
 
 void Session::guard(const std::function<void()>& main) {
   try {
@@ -40,12 +48,112 @@ bool Session::accept(bus::Rejection rejection, const loop::Stamp& stamp) {
 }
 
 void Session::note_end(Clock::time_point now) {
-  if (started_at_ == Clock::time_point()) return;
-  statistics_.wall_s = std::chrono::duration<double>(now - started_at_).count();
+  if (started_at_ != Clock::time_point()) statistics_.wall_s = seconds_of(now - started_at_);
 }
 
 void Session::throw_if_interrupted() const {
   if (interrupted_ != nullptr && *interrupted_) throw Failure(ExitCode::interrupted, "interrupted");
+}
+
+Playback::Playback(const experiment::Scenario& scenario, std::int64_t run, double wait_s,
+                   const std::atomic<bool>* interrupted)
+    : Session(loop::Role::controller, interrupted),
+      run_(run),
+      last_tick_(scenario.loop.num_ticks - 1),
+      wait_s_(wait_s),
+      give_up_s_(scenario.loop.give_up_s) {}
+
+void Playback::join(const loop::LawInfo& /*law*/, const Handler& /*other*/) {
+  progress_at_ = next_poll_ = Clock::now();
+  statistics().run_id = run_;
+  diagnostics::log_info("following run {} as it is played back", run_);
+}
+
+void Playback::progressed(std::int64_t tick, double /*error_norm*/) {
+  tick_ = tick;
+  progress_at_ = Clock::now();
+}
+
+void Playback::poll(Clock::time_point now) {
+  throw_if_interrupted();
+  next_poll_ = now + protocol::Membership::period;
+  const bool begun = tick_ >= 0;
+  if (!begun && wait_s_ == 0) return;
+  if (now - progress_at_ < diagnostics::nanoseconds_of(begun ? give_up_s_ : wait_s_)) return;
+  if (!begun) {
+    throw Failure(ExitCode::peer_lost,
+                  "no measurement of run {} with its reference came; is that the run's id? "
+                  "`tachless info LOG` tells",
+                  run_);
+  }
+  throw Failure(ExitCode::peer_lost,
+                "run {} goes silent after tick {} of {}: a measurement or reference is missing; "
+                "`tachless info LOG` names the gaps",
+                run_, tick_, last_tick_);
+}
+
+std::string Playback::describe(loop::Role role) const {
+  return fmt::format("the {}", loop::name(role));
+}
+
+void Loop::on(const std::string& channel, Handler handler) {
+  transport_.subscribe(channel);
+  diagnostics::log_detail("receives {}", channel);
+  handlers_.emplace_back(channel, std::move(handler));
+}
+
+void Loop::run_until(const std::function<bool()>& done, const Turn& turn) {
+  while (!done()) {
+    const Time now = Clock::now();
+    session_.poll(now);
+    const Time due = turn ? turn(now) : Time::max();
+    receive(std::min(due, session_.next_poll()));
+  }
+}
+
+void Loop::run_until_finished(const std::function<bool(Time)>& complete, const Turn& turn) {
+  run_until([this] { return session_.finished(); },
+            [&](Time now) {
+              if (complete(now)) session_.complete();
+              return turn ? turn(now) : Time::max();
+            });
+}
+
+bool Loop::receive(Time deadline) {
+  const auto datagram = transport_.receive(deadline);
+  if (datagram) handle(*datagram);
+  return datagram.has_value();
+}
+
+void Loop::handle(const bus::Datagram& datagram) {
+  if (session_.handle(datagram)) {
+    if (session_handler_) session_handler_(datagram);
+    return;
+  }
+  for (const auto& [channel, handler] : handlers_) {
+    if (channel == datagram.channel) return handler(datagram);
+  }
+}
+
+void Loop::count(Verdict verdict) {
+  Statistics& statistics = session_.statistics();
+  if (verdict == Verdict::repeated) ++statistics.duplicates;
+  if (verdict == Verdict::not_asked) statistics.rejected.add(Discard::not_asked);
+  if (verdict == Verdict::too_old) statistics.rejected.add(Discard::too_old);
+}
+
+Failure Loop::two_of(loop::Role role, const bus::Datagram& second, std::int64_t tick,
+                     std::string_view first) const {
+  return {ExitCode::protocol_violated,
+          "two processes are the {} of run {}: {} and {} sent different {} messages for tick {}; "
+          "the run's own is {}, end the other",
+          loop::name(role),
+          session_.run(),
+          first,
+          second.sender,
+          second.channel,
+          tick,
+          session_.describe(role)};
 }
 
 }  // namespace tachless::node

@@ -1,22 +1,30 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
+#include <deque>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "bus/transport.h"
 #include "bus/wire.h"
 #include "diagnostics/failure.h"
+#include "experiment/scenario.h"
 #include "loop/clock.h"
 #include "node/statistics.h"
+#include "protocol/lockstep/message_ring.h"
 
+/// What the four programs' nodes are made of: a session with the run, and the loop that waits for
+/// messages. Knows no message but the participants'.
 namespace tachless::node {
 
 /// One process's part in a run, as its node uses it: `join`, then in a loop `poll`, `handle` and
 /// `accept` for every datagram, until `finished`, then `leave`. Implemented by Link (a run under
-/// way) and Playback (a recorded one). Knows no message but the participants'.
+/// way) and Playback (a recorded one).
 class Session {
  public:
   using Handler = std::function<void(const bus::Datagram&)>;
@@ -95,6 +103,96 @@ class Session {
   Statistics statistics_;
   const std::atomic<bool>* interrupted_;
   loop::Clock::time_point started_at_;
+};
+
+/// A controller's part in a recorded run that lcm-logplayer plays back: it answers the questions of
+/// that run at once. Nobody is met and nothing is announced; the run is over with its last tick.
+class Playback final : public Session {
+ public:
+  /// @param wait_s for the first message; 0 = unlimited
+  Playback(const experiment::Scenario& scenario, std::int64_t run, double wait_s,
+           const std::atomic<bool>* interrupted);
+
+  void join(const loop::LawInfo& law, const Handler& other) override;
+  [[nodiscard]] std::int64_t run() const override { return run_; }
+  void started(loop::Clock::time_point now) override {
+    if (tick_ < 0) note_start(now);
+  }
+  void poll(loop::Clock::time_point now) override;
+  [[nodiscard]] loop::Clock::time_point next_poll() const override { return next_poll_; }
+  bool handle(const bus::Datagram& /*datagram*/) override { return false; }
+  void handle_pending() override { poll(loop::Clock::now()); }
+  void progressed(std::int64_t tick, double error_norm) override;
+  void complete() override {}  // the last tick is the end
+  [[nodiscard]] bool finished() const override { return tick_ >= last_tick_; }
+  void leave() override { note_end(loop::Clock::now()); }
+  [[nodiscard]] std::int64_t tick_of(loop::Role /*role*/) const override { return -1; }
+  [[nodiscard]] std::string describe(loop::Role role) const override;
+  [[nodiscard]] bool knows(std::string_view /*sender*/) const override { return false; }
+
+ private:
+  void announce_fault(const diagnostics::Failure& /*failure*/) override {}
+
+  std::int64_t run_;
+  std::int64_t last_tick_;
+  double wait_s_;
+  double give_up_s_;
+  std::int64_t tick_ = -1;  ///< newest one answered
+  loop::Clock::time_point progress_at_;
+  loop::Clock::time_point next_poll_;
+};
+
+/// What the loops of the four programs have in common: waits for a datagram, hands it to the
+/// session first, then to whoever handles its channel; counts what became of it, and fails when two
+/// processes have one role. Knows no message type and no tick.
+class Loop {
+ public:
+  using Time = loop::Clock::time_point;
+  using Handler = Session::Handler;
+
+  Loop(bus::Transport& transport, Session& session) : transport_(transport), session_(session) {}
+
+  /// Subscribes to `channel`; its messages go to `handler` from now on.
+  void on(const std::string& channel, Handler handler);
+  /// The session's own messages go to `handler`, too, after the session has seen them.
+  void on_session(Handler handler) { session_handler_ = std::move(handler); }
+
+  /// Done once each turn; says when the next turn is due at the latest.
+  using Turn = std::function<Time(Time now)>;
+  /// Polls the session and handles what comes until `done`.
+  void run_until(const std::function<bool()>& done, const Turn& turn = {});
+  /// The same until the session's run is over.
+  /// @param complete whether all ticks of this process are there: before that nobody is believed
+  /// who says that it is over
+  void run_until_finished(const std::function<bool(Time now)>& complete, const Turn& turn = {});
+
+  /// Handles one datagram, if one comes before the deadline. @return whether one did
+  bool receive(Time deadline);
+  void handle(const bus::Datagram& datagram);
+
+  /// Counts what became of a message for `tick` that `sender` has sent.
+  /// @param first_sender () -> who sent the message that it conflicts with
+  /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
+  template <class FirstSender>
+  void count(protocol::lockstep::Verdict verdict, loop::Role from, const bus::Datagram& datagram,
+             std::int64_t tick, FirstSender first_sender) {
+    if (verdict == protocol::lockstep::Verdict::conflicting) {
+      throw two_of(from, datagram, tick, first_sender());
+    }
+    count(verdict);
+  }
+  /// The same for a message that cannot conflict.
+  void count(protocol::lockstep::Verdict verdict);
+
+ private:
+  [[nodiscard]] diagnostics::Failure two_of(loop::Role role, const bus::Datagram& second,
+                                            std::int64_t tick, std::string_view first) const;
+
+  bus::Transport& transport_;
+  Session& session_;
+  Handler session_handler_;
+  // A deque: a handler may add another one while it runs.
+  std::deque<std::pair<std::string, Handler>> handlers_;
 };
 
 }  // namespace tachless::node

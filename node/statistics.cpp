@@ -3,22 +3,18 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 #include <stdexcept>
 
 #include "diagnostics/json_text.h"
 #include "diagnostics/unfinished_file.h"
-#include "loop/messages.h"
 
 namespace tachless::node {
-namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr std::array<std::string_view, num_discards> discard_names = {
-    "other_run", "not_asked", "too_old", "other_sender", "unauthenticated"};
-
-}  // namespace
 
 // NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE, but for ordered_json, which it does not serve before 3.12.
 #define TACHLESS_JSON_FIELDS(Type, ...)                                        \
@@ -67,49 +63,77 @@ TACHLESS_JSON_FIELDS(LoggerStatistics, log)
 // The head, but for what JSON has no type for: role, exit code and fault.
 TACHLESS_JSON_FIELDS(Statistics, run_id, ticks, wall_s, work_us, resends, duplicates, rejected)
 
-void RejectionTally::add(std::string_view reason, std::int64_t count) {
-  for (int i = static_cast<int>(bus::Rejection::none) + 1; i < num_rejections; ++i) {
-    const auto index = static_cast<std::size_t>(i);
-    if (bus::name(static_cast<bus::Rejection>(i)) == reason) rejected_[index] += count;
+// Below 16 ns one bucket a nanosecond; above, the four bits after the leading one.
+std::size_t LatencyHistogram::bucket_of(std::int64_t ns) {
+  const auto value = static_cast<std::uint64_t>(std::max<std::int64_t>(ns, 0));
+  if (value < per_octave) return value;
+  const auto exponent = static_cast<std::uint64_t>(std::bit_width(value) - 5);
+  const std::uint64_t bucket = (exponent + 1) * per_octave + ((value >> exponent) & 15);
+  return std::min<std::size_t>(bucket, num_buckets - 1);
+}
+
+std::int64_t LatencyHistogram::lower_edge(int bucket) {
+  if (bucket < per_octave) return bucket;
+  const int exponent = bucket / per_octave - 1;
+  return std::int64_t{per_octave + bucket % per_octave} << exponent;
+}
+
+void LatencyHistogram::add(std::chrono::nanoseconds duration) {
+  ++counts_[bucket_of(duration.count())];
+  ++count_;
+  max_ns_ = std::max<std::int64_t>(max_ns_, duration.count());
+}
+
+void LatencyHistogram::add(const Bucket& bucket) {
+  counts_[bucket_of(std::llround(bucket.from_us * 1e3))] += bucket.count;
+  count_ += bucket.count;
+}
+
+void LatencyHistogram::raise_max(double max_us) {
+  max_ns_ = std::max<std::int64_t>(max_ns_, std::llround(max_us * 1e3));
+}
+
+double LatencyHistogram::percentile_us(double part) const {
+  if (count_ == 0) return 0;
+  const auto wanted =
+      std::max<std::int64_t>(1, std::llround(std::ceil(part * static_cast<double>(count_))));
+  std::int64_t seen = 0;
+  for (int bucket = 0; bucket < num_buckets; ++bucket) {
+    seen += counts_[static_cast<std::size_t>(bucket)];
+    if (seen < wanted) continue;
+    return static_cast<double>(std::min(lower_edge(bucket + 1) - 1, max_ns_)) * 1e-3;
   }
-  for (std::size_t i = 0; i < discard_names.size(); ++i) {
-    if (discard_names[i] == reason) discarded_[i] += count;
+  return max_us();
+}
+
+std::vector<LatencyHistogram::Bucket> LatencyHistogram::buckets() const {
+  std::vector<Bucket> result;
+  for (int bucket = 0; bucket < num_buckets; ++bucket) {
+    const std::int64_t count = counts_[static_cast<std::size_t>(bucket)];
+    if (count > 0) result.push_back({static_cast<double>(lower_edge(bucket)) * 1e-3, count});
   }
+  return result;
+}
+
+std::string_view RejectionTally::reason(std::size_t index) {
+  static constexpr std::array<std::string_view, num_discards> discards = {
+      "other_run", "not_asked", "too_old", "other_sender", "unauthenticated"};
+  return index < num_rejections ? bus::name(static_cast<bus::Rejection>(index + 1))
+                                : discards.at(index - num_rejections);
+}
+
+void RejectionTally::add(std::string_view name, std::int64_t count) {
+  for (std::size_t i = 0; i < counts_.size(); ++i) counts_[i] += reason(i) == name ? count : 0;
 }
 
 std::vector<RejectionTally::Entry> RejectionTally::entries() const {
   std::vector<Entry> result;
-  for (int i = static_cast<int>(bus::Rejection::none) + 1; i < num_rejections; ++i) {
-    result.push_back(
-        {bus::name(static_cast<bus::Rejection>(i)), rejected_[static_cast<std::size_t>(i)]});
-  }
-  for (std::size_t i = 0; i < discard_names.size(); ++i) {
-    result.push_back({discard_names[i], discarded_[i]});
-  }
+  for (std::size_t i = 0; i < counts_.size(); ++i) result.push_back({reason(i), counts_[i]});
   return result;
 }
 
 std::int64_t RejectionTally::total() const {
-  std::int64_t result = 0;
-  for (const Entry& entry : entries()) result += entry.count;
-  return result;
-}
-
-Statistics::Statistics(loop::Role of) : role(of) {
-  switch (of) {
-    case loop::Role::plant:
-      own = PlantStatistics();
-      return;
-    case loop::Role::reference:
-      own = ReferenceStatistics();
-      return;
-    case loop::Role::controller:
-      own = ControllerStatistics();
-      return;
-    case loop::Role::logger:
-      own = LoggerStatistics();
-      return;
-  }
+  return std::accumulate(counts_.begin(), counts_.end(), std::int64_t{0});
 }
 
 std::string to_json(const Statistics& statistics) {
@@ -125,12 +149,10 @@ Statistics statistics_from_json(const std::string& text) {
   try {
     const Json json = Json::parse(text);
     const auto name = json.at("role").get<std::string>();
-    constexpr std::array roles = {loop::Role::plant, loop::Role::reference, loop::Role::controller,
-                                  loop::Role::logger};
-    const auto role =
-        std::ranges::find(roles, name, [](loop::Role each) { return loop::name(each); });
-    if (role == roles.end()) throw std::invalid_argument(fmt::format("role '{}'", name));
-    Statistics statistics(*role);
+    int role = 0;
+    while (role < loop::num_roles && loop::name(static_cast<loop::Role>(role)) != name) ++role;
+    if (role == loop::num_roles) throw std::invalid_argument(fmt::format("role '{}'", name));
+    Statistics statistics(static_cast<loop::Role>(role));
     statistics.exit_code = static_cast<diagnostics::ExitCode>(json.at("exit_code").get<int>());
     if (!json.at("fault").is_null()) statistics.fault = json.at("fault").get<std::string>();
     from_json(json, statistics);

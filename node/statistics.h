@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <nlohmann/json_fwd.hpp>
@@ -12,22 +13,56 @@
 
 #include "bus/wire.h"
 #include "diagnostics/failure.h"
-#include "node/latency_histogram.h"
+#include "loop/messages.h"
 
 /// What each of the four programs counts during a run, and its file (--stats): written and read
 /// here, so that nobody else knows the keys. The counters mean nothing for the loop itself.
 namespace tachless::node {
 
+/// Durations in buckets of a fixed relative width (16 an octave, so 6 %): constant memory, `add`
+/// allocates nothing. Knows no unit of the loop and no file.
+class LatencyHistogram {
+ public:
+  struct Bucket {
+    double from_us = 0;
+    std::int64_t count = 0;
+  };
+
+  void add(std::chrono::nanoseconds duration);
+  /// Restores what `buckets` and `max_us` of another histogram have told.
+  void add(const Bucket& bucket);
+  void raise_max(double max_us);
+
+  [[nodiscard]] std::int64_t count() const { return count_; }
+  [[nodiscard]] double max_us() const { return static_cast<double>(max_ns_) * 1e-3; }
+
+  /// The duration that the given part (0 to 1) of all do not exceed, to a bucket's width [us];
+  /// 0 when there is none.
+  [[nodiscard]] double percentile_us(double part) const;
+
+  /// The buckets that hold anything, in order.
+  [[nodiscard]] std::vector<Bucket> buckets() const;
+
+ private:
+  static constexpr int per_octave = 16;
+  static constexpr int num_buckets = per_octave * 36;  // up to more than a minute in ns
+  static std::size_t bucket_of(std::int64_t ns);
+  static std::int64_t lower_edge(int bucket);
+
+  std::array<std::int64_t, num_buckets> counts_{};
+  std::int64_t count_ = 0;
+  std::int64_t max_ns_ = 0;
+};
+
 /// Why a message of a subscribed channel was not used, beyond what bus::Rejection says.
 enum class Discard { other_run, not_asked, too_old, other_sender, unauthenticated };
-inline constexpr int num_discards = 5;
 
 /// How many messages were dropped, by reason. Counting allocates nothing.
 class RejectionTally {
  public:
-  void add(bus::Rejection reason) { ++rejected_.at(static_cast<std::size_t>(reason)); }
+  void add(bus::Rejection reason) { ++counts_.at(static_cast<std::size_t>(reason) - 1); }
   void add(Discard reason, std::int64_t count = 1) {
-    discarded_.at(static_cast<std::size_t>(reason)) += count;
+    counts_.at(num_rejections + static_cast<std::size_t>(reason)) += count;
   }
   /// Nothing when there is no such reason.
   void add(std::string_view reason, std::int64_t count);
@@ -41,9 +76,11 @@ class RejectionTally {
   [[nodiscard]] std::int64_t total() const;
 
  private:
-  static constexpr int num_rejections = static_cast<int>(bus::Rejection::bad_value) + 1;
-  std::array<std::int64_t, num_rejections> rejected_{};
-  std::array<std::int64_t, num_discards> discarded_{};
+  static constexpr std::size_t num_rejections = static_cast<std::size_t>(bus::Rejection::bad_value);
+  static constexpr std::size_t num_discards = 5;
+  static std::string_view reason(std::size_t index);
+
+  std::array<std::int64_t, num_rejections + num_discards> counts_{};  ///< `none` is not counted
 };
 
 struct PlantStatistics {
@@ -82,7 +119,11 @@ struct LoggerStatistics {
 
 /// Head: what every program counts; `own`: what its role counts besides.
 struct Statistics {
-  explicit Statistics(loop::Role role = loop::Role::plant);
+  explicit Statistics(loop::Role of = loop::Role::plant) : role(of) {
+    if (of == loop::Role::reference) own.emplace<ReferenceStatistics>();
+    if (of == loop::Role::controller) own.emplace<ControllerStatistics>();
+    if (of == loop::Role::logger) own.emplace<LoggerStatistics>();
+  }
 
   loop::Role role;
   diagnostics::ExitCode exit_code = diagnostics::ExitCode::done;

@@ -55,7 +55,7 @@ void LockstepLoop::run() {
                     give_up_if_lost(now);
                     return tick_master_.deadline();
                   });
-  link_.published(truth_digest_.value());
+  link_.membership().published(truth_digest_.value());
   link_.leave();
 }
 
@@ -71,8 +71,8 @@ void LockstepLoop::introduce() {
 /// asked again what the log does not hold yet.
 void LockstepLoop::help_successor(Time now) {
   std::int64_t& takeovers = link_.statistics().plant().takeovers;
-  if (link_.takeovers() > takeovers) {
-    takeovers = link_.takeovers();
+  if (link_.membership().takeovers() > takeovers) {
+    takeovers = link_.membership().takeovers();
     tick_master_.replaced(now);
     diagnostics::log_warning(
         "{} has taken the place of one that is silent, before the command for tick {}",

@@ -2,11 +2,11 @@
 
 #include <optional>
 
-#include "bus/digest.h"
+#include "bus/key.h"
 #include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
-#include "node/loop.h"
+#include "node/session.h"
 #include "plant/guarded_robot.h"
 #include "plant/plant_messages.h"
 #include "protocol/lockstep/message_ring.h"

@@ -1,4 +1,4 @@
-#include "node/process_options.h"
+#include "node/options.h"
 #include "node/run_role.h"
 #include "plant/node.h"
 

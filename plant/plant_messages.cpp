@@ -73,7 +73,7 @@ void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario&
 }  // namespace
 
 void PlantMessages::prepare() {
-  const loop::LawInfo law = link_.law();
+  const loop::LawInfo law = link_.membership().law();
   require_the_scenarios(law, scenario_);
   const std::string& needed = law.measurement;
   if (!robot_.measures_velocity() && loop::measures_velocity(needed)) {

@@ -7,10 +7,10 @@
 #include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
-#include "node/loop.h"
+#include "node/session.h"
 #include "plant/guarded_robot.h"
 #include "plant/plant_messages.h"
-#include "protocol/realtime/missed_command_monitor.h"
+#include "protocol/realtime/realtime.h"
 
 namespace tachless::plant {
 

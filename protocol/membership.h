@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -38,6 +39,7 @@ namespace tachless::protocol {
 class Membership {
  public:
   using Time = loop::Clock::time_point;
+  using Peer = Peers::Peer;
 
   static constexpr std::chrono::milliseconds period{100};  ///< between announcements
   static constexpr std::chrono::milliseconds forgotten_after = Peers::forgotten_after;
@@ -49,13 +51,9 @@ class Membership {
   static constexpr std::chrono::milliseconds finish_stands_after{500};
 
   struct Self {
-    loop::Role role = loop::Role::plant;
-    std::int64_t instance = 0;
-    std::int64_t digest = 0;
-    std::int32_t pid = 0;
-    std::string host;
-    std::string scenario;  ///< its name
-    loop::LawInfo law;     ///< controller only
+    /// What it announces of itself: role, instance, scenario_digest, pid, host, scenario and, of a
+    /// controller, its law.
+    loop::Participant who;
     std::int64_t run = 0;  ///< plant only: the run it has chosen, > 0
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
@@ -91,7 +89,7 @@ class Membership {
 
   /// The first message of the run has been sent or accepted. No effect when running already.
   /// @throw std::logic_error before joining.
-  void started(Time now) { act(MembershipEvent::run_started, nullptr, now); }
+  void started(Time now) { act(MembershipEvent::run_started, now); }
   [[nodiscard]] bool running() const { return state_ == loop::ParticipantState::running; }
   /// Newest tick handled, and (controller) the norm of its position error, for the announcement.
   void progressed(std::int64_t tick, double error_norm) {
@@ -105,12 +103,15 @@ class Membership {
     announcement_.participant.truth_digest = truth_digest;
   }
   /// What the plant has said of that when it finished; 0 before.
-  [[nodiscard]] std::int64_t truth_digest() const;
+  [[nodiscard]] std::int64_t truth_digest() const {
+    const Peer* plant = peers_.find(loop::Role::plant);
+    return plant != nullptr ? plant->participant.truth_digest : 0;
+  }
   /// This process's part is done.
-  void finished(Time now) { act(MembershipEvent::part_finished, nullptr, now); }
+  void finished(Time now) { act(MembershipEvent::part_finished, now); }
   /// This process ends with a fault.
   void failed(const diagnostics::Failure& failure, Time now) {
-    act(MembershipEvent::failure, &failure, now);
+    act(MembershipEvent::failure, now, failure);
   }
   /// This process will end with a fault, but has to bring the robot to rest first: the fault is
   /// announced with the present state, which ends nobody else's part yet.
@@ -119,30 +120,43 @@ class Membership {
   /// How often another controller has taken over in this run.
   [[nodiscard]] int takeovers() const { return takeovers_; }
   /// Newest tick that the role's holder has announced; -1 before.
-  [[nodiscard]] std::int64_t tick_of(loop::Role role) const;
+  [[nodiscard]] std::int64_t tick_of(loop::Role role) const {
+    const Peer* peer = peers_.find(role);
+    return peer != nullptr ? peer->tick : -1;
+  }
 
   /// The run's plant has announced that it has finished.
-  [[nodiscard]] bool plant_finished() const {
-    return done_[static_cast<std::size_t>(loop::Role::plant)];
-  }
+  [[nodiscard]] bool plant_finished() const { return done_[index(loop::Role::plant)]; }
   /// The three others have.
-  [[nodiscard]] bool all_finished() const;
+  [[nodiscard]] bool all_finished() const {
+    return std::ranges::count(done_, true) == loop::num_roles - 1;
+  }
   /// The plant has named an announcement in which this process had finished: it knows.
   [[nodiscard]] bool end_is_known() const;
 
   /// Roles of which no process is known.
-  [[nodiscard]] std::vector<loop::Role> missing() const;
+  [[nodiscard]] std::vector<std::string_view> missing() const;
   /// What the controller announces; empty before it is known.
-  [[nodiscard]] loop::LawInfo law() const;
+  [[nodiscard]] loop::LawInfo law() const {
+    const Peer* peer = peers_.find(loop::Role::controller);
+    if (peer == nullptr) return {};
+    return {peer->participant.law, peer->participant.measurement, peer->participant.signals};
+  }
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.
   [[nodiscard]] std::string describe(loop::Role role) const;
   /// Whether the holder of the role sends from that address.
-  [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const;
+  [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const {
+    const Peer* peer = peers_.find(role);
+    return peer != nullptr && peer->sender == sender;
+  }
   /// Whether another process of this scenario sends from that address.
   [[nodiscard]] bool knows(std::string_view sender) const;
   /// Time since the role's holder has proven to have lived; nothing if it never has.
-  [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(loop::Role role, Time now) const;
+  [[nodiscard]] std::optional<std::chrono::nanoseconds> silence(loop::Role role, Time now) const {
+    const Peer* peer = peers_.find(role);
+    return peer != nullptr ? std::optional(now - *peer->lived) : std::nullopt;
+  }
 
   [[nodiscard]] Time next_announcement() const { return announce_at_; }
   /// What to publish now; the next one is due a period later. Valid until the next call; allocates
@@ -150,41 +164,33 @@ class Membership {
   const Announcement& announce(Time now);
 
  private:
-  using Peer = Peers::Peer;
-
   [[nodiscard]] MembershipEvent event_of(const loop::Stamp& stamp, const loop::Participant& peer,
                                          Time now) const;
   [[nodiscard]] bool in_own_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
   [[nodiscard]] MembershipEvent event_of_roster(const loop::Participant& peer) const;
   [[nodiscard]] bool may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const;
+  [[nodiscard]] loop::Role own_role() const { return self_.who.role; }
   [[nodiscard]] std::int64_t holder(loop::Role role) const { return peers_.holder(role); }
-  [[nodiscard]] static bool names_roster(const loop::Participant& who) {
-    const std::int64_t plant = who.roster[static_cast<std::size_t>(loop::Role::plant)];
-    return plant != 0 && (who.role != loop::Role::plant || plant == who.instance);
-  }
   [[nodiscard]] bool roster_known() const { return roster_ != loop::PerRole{}; }
-  [[nodiscard]] static std::string describe(const Peer& peer);
-  [[nodiscard]] static diagnostics::Failure consequence_of(const Peer& failed);
-
-  void act(MembershipEvent event, const diagnostics::Failure* failure, Time now);
+  [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
   /// The plant watches all holders, the others the plant, until they have finished.
   [[nodiscard]] bool watches(loop::Role role) const {
-    const bool own_concern = self_.role == loop::Role::plant || role == loop::Role::plant;
-    return own_concern && holder(role) != 0 && !done_[static_cast<std::size_t>(role)];
+    const bool own_concern = own_role() == loop::Role::plant || role == loop::Role::plant;
+    return own_concern && holder(role) != 0 && !done_[index(role)];
   }
-  [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
+  /// Whether it has precedence over this process.
+  [[nodiscard]] bool precedes(const loop::Stamp& stamp, const Peer& rival, Time now) const;
+
+  void act(MembershipEvent event, Time now,
+           const std::optional<diagnostics::Failure>& failure = {});
+  /// `outside`: it is announced outside any run.
+  void fail(const diagnostics::Failure& failure, Time now, bool outside = false);
   void announce_soon(Time now);
   void join(const Peer& peer, Time now);
-  void note_finished(loop::Role role) { done_[static_cast<std::size_t>(role)] = true; }
   void choose_roster(Time now);
   void take_roster(const loop::PerRole& roster, Time now);
-  void confirm(loop::Role role);
   void dissolve(Time now);
-  void yield(const Peer& plant, Time now);
-  void contest(const loop::Stamp& stamp, const Peer& rival, Time now);
-  void refuse(const Peer& other, Time now);
-  void ready(Time now);
-  void fail(const diagnostics::Failure& failure, Time now);
+  void enter(loop::ParticipantState state, Time now);
 
   Self self_;
   Time start_;

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <fmt/core.h>
+
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -7,12 +10,16 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "loop/clock.h"
 #include "loop/messages.h"
 
 namespace tachless::protocol {
+
+/// Of the role in a loop::PerRole.
+constexpr std::size_t index(loop::Role role) { return static_cast<std::size_t>(role); }
 
 /// The processes that one process has heard announce themselves, and which of them have proven that
 /// they are there now. Announcements carry a counter that rises, and name for each role a process
@@ -34,9 +41,9 @@ class Peers {
     std::int64_t tick = -1;
     std::string sender;
     std::int64_t counter = 0;  ///< newest
-    Time first_heard;
-    Time heard;
-    std::optional<Time> lived;  ///< the newest moment after which it has proven to have lived
+    Time first_heard{};
+    Time heard{};
+    std::optional<Time> lived{};  ///< the newest moment after which it has proven to have lived
   };
 
   Peers(loop::Role own_role, std::int64_t own_instance)
@@ -48,42 +55,121 @@ class Peers {
 
   /// Whether it is newer than what its sender has announced before: else it is a copy. What gives a
   /// process another role than it has proven to be there with is somebody else's.
-  [[nodiscard]] bool is_new(const loop::Participant& who) const;
+  [[nodiscard]] bool is_new(const loop::Participant& who) const {
+    const auto known = std::ranges::find(peers_, who.instance, instance_of);
+    if (known == peers_.end()) return true;
+    return who.counter > known->counter && (!known->lived || who.role == known->participant.role);
+  }
   /// When the announcement was sent that `who` answers; nothing if none of the last was.
-  [[nodiscard]] std::optional<Time> answered(const loop::Participant& who) const;
+  [[nodiscard]] std::optional<Time> answered(const loop::Participant& who) const {
+    const std::int64_t counter = who.heard_counter[index(own_role_)];
+    if (who.heard_instance[index(own_role_)] != own_instance_) return std::nullopt;
+    if (counter < 1 || counter > counter_ || counter <= counter_ - answerable) return std::nullopt;
+    return sent_[static_cast<std::size_t>(counter % answerable)];
+  }
 
-  /// @param lived as `answered`: without it nothing that it says is kept but its counter
-  /// @return the peer, and whether it was not known, or not proven, before
   struct Remembered {
     Peer& peer;
     bool first = false;
   };
+  /// @param lived as `answered`: without it nothing that it says is kept but its counter
+  /// @return the peer, and whether it was not known, or not proven, before
   Remembered remember(const loop::Stamp& stamp, const loop::Participant& who,
-                      std::string_view sender, std::optional<Time> lived, Time now);
+                      std::string_view sender, std::optional<Time> lived, Time now) {
+    const auto found = std::ranges::find(peers_, who.instance, instance_of);
+    const bool known = found != peers_.end();
+    Peer& peer = known ? *found : make_room();
+    const bool proves = lived && !peer.lived;
+    if (!known) {
+      peer.participant = who;
+      peer.first_heard = now;
+    }
+    if (!known || proves) peer.sender = sender;  // whoever repeats a recording has another address
+    peer.counter = who.counter;
+    peer.heard = now;
+    if (lived) {
+      peer.participant = who;
+      peer.run = stamp.run;
+      peer.tick = stamp.tick;
+      peer.lived = std::max(peer.lived.value_or(*lived), *lived);
+    }
+    return {peer, !known || proves};
+  }
   /// Unless it is a holder.
-  void forget(std::int64_t instance);
-  void forget_silent(Time now);
+  void forget(std::int64_t instance) {
+    std::erase_if(peers_, [&](const Peer& each) {
+      return each.participant.instance == instance && !holds(each);
+    });
+  }
+  void forget_silent(Time now) {
+    std::erase_if(peers_, [&](const Peer& each) {
+      return now - each.heard >= forgotten_after && !holds(each);
+    });
+  }
   /// This process was suspended for so long: nobody was silent meanwhile.
-  void excuse(std::chrono::nanoseconds suspended);
+  void excuse(std::chrono::nanoseconds suspended) {
+    for (Peer& each : peers_) {
+      each.heard += suspended;
+      if (each.lived) *each.lived += suspended;
+    }
+    for (Time& each : sent_) each += suspended;
+  }
 
   /// Gives `mine` the next counter and the names of who was heard. Holders, or who has proven to be
   /// there, are named every other time, each of the others in turn between.
   /// @param holders_only this process is over: it has to be believed once more, by its run's
   /// members
-  void sign(loop::Participant& mine, bool holders_only, Time now);
+  void sign(loop::Participant& mine, bool holders_only, Time now) {
+    mine.counter = ++counter_;
+    sent_[static_cast<std::size_t>(counter_ % answerable)] = now;
+    for (std::size_t role = 0; role < loop::num_roles; ++role) {
+      const Peer* named = to_name(static_cast<loop::Role>(role), holders_only);
+      mine.heard_instance[role] = named != nullptr ? named->participant.instance : 0;
+      mine.heard_counter[role] = named != nullptr ? named->counter : 0;
+    }
+  }
 
   /// Those that have proven to be there, and the holders among them only where there is one.
-  [[nodiscard]] const Peer* find(loop::Role role) const;
+  [[nodiscard]] const Peer* find(loop::Role role) const {
+    const auto found = std::ranges::find_if(peers_, [&](const Peer& each) {
+      return each.participant.role == role && each.lived && (holder(role) == 0 || holds(each));
+    });
+    return found != peers_.end() ? &*found : nullptr;
+  }
   [[nodiscard]] const std::vector<Peer>& all() const { return peers_; }
 
  private:
-  [[nodiscard]] static std::size_t index(loop::Role role) { return static_cast<std::size_t>(role); }
+  static constexpr std::size_t most = 32;  // a flood of announcements must not grow our memory
+
+  static std::int64_t instance_of(const Peer& peer) { return peer.participant.instance; }
   [[nodiscard]] bool holds(const Peer& peer) const {
     return holder(peer.participant.role) == peer.participant.instance;
   }
-  std::vector<Peer>::const_iterator of(std::int64_t instance) const;
-  [[nodiscard]] const Peer* to_name(loop::Role role, bool holders_only) const;
-  Peer& make_room();
+
+  Peer& make_room() {
+    if (peers_.size() < most) return peers_.emplace_back();
+    // Whoever has proven nothing goes first, then who was heard longest ago; no holder.
+    return *std::ranges::min_element(peers_, {}, [&](const Peer& each) {
+      return std::tuple(holds(each), each.lived.has_value(), each.heard);
+    }) = Peer();
+  }
+
+  [[nodiscard]] const Peer* to_name(loop::Role role, bool holders_only) const {
+    const bool held = holder(role) != 0;
+    const auto group_of = [&](const Peer& each) {  // 1: preferred
+      return static_cast<std::size_t>(held ? holds(each) : each.lived.has_value());
+    };
+    std::array<std::int64_t, 2> size{};
+    for (const Peer& each : peers_) {
+      if (each.participant.role == role) ++size[group_of(each)];
+    }
+    const std::size_t preferred = holders_only || counter_ % 2 == 0 ? size[1] > 0 : size[0] == 0;
+    std::int64_t turn = size[preferred] > 0 ? counter_ / 2 % size[preferred] : 0;
+    for (const Peer& each : peers_) {
+      if (each.participant.role == role && group_of(each) == preferred && turn-- == 0) return &each;
+    }
+    return nullptr;
+  }
 
   loop::Role own_role_;
   std::int64_t own_instance_;
@@ -92,5 +178,13 @@ class Peers {
   loop::PerRole holders_{};
   std::vector<Peer> peers_;
 };
+
+/// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
+inline std::string describe(const Peers::Peer& peer) {
+  const loop::Participant& who = peer.participant;
+  return fmt::format("the {} (process {}{}{}{}{})", loop::name(who.role), who.pid,
+                     who.host.empty() ? "" : " on ", who.host, peer.sender.empty() ? "" : ", ",
+                     peer.sender);
+}
 
 }  // namespace tachless::protocol

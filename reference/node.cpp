@@ -9,10 +9,9 @@
 #include <string>
 
 #include "bus/wire.h"
-#include "node/loop.h"
-#include "protocol/lockstep/reference_responder.h"
-#include "protocol/realtime/pace.h"
-#include "protocol/realtime/reference_responder.h"
+#include "node/session.h"
+#include "protocol/lockstep/responders.h"
+#include "protocol/realtime/realtime.h"
 #include "reference/make_trajectory.h"
 
 namespace tachless::reference {

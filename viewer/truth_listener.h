@@ -7,7 +7,7 @@
 #include <string>
 
 #include "bus/authenticated.h"
-#include "bus/open_bus.h"
+#include "bus/transport.h"
 #include "bus/truth/truth_wire.h"
 #include "experiment/scenario.h"
 

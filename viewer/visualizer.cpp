@@ -23,7 +23,6 @@
 #include "diagnostics/logging.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
-#include "node/key_file.h"
 #include "node/options.h"
 #include "plant/plant_model.h"
 #include "process/display.h"
@@ -73,15 +72,15 @@ std::optional<Options> parse(int argc, const char* const* argv) {
   node::with_installed_scenarios(node::add_scenario(cli, options.scenario, options.overrides));
   node::add_lcm_url(cli, options.lcm_url);
   node::add_key_file(cli, options.key_file);
-  node::add_run_id(cli, "--run-id", options.run_id,
-                   "The run to show; default: the first that is heard");
+  node::as_run_id(cli.add_option("--run-id", options.run_id,
+                                 "The run to show; default: the first that is heard"));
   if (!node::parse(cli, argc, argv)) return std::nullopt;
   return options;
 }
 
 TruthListener listener_on(const Options& options, const experiment::Scenario& scenario) {
   std::optional<bus::Key> key;
-  if (!options.key_file.empty()) key = node::read_key_file(options.key_file);
+  if (!options.key_file.empty()) key = bus::read_key_file(options.key_file);
   try {
     return {node::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
   } catch (const std::system_error& error) {

@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "node/process_options.h"
+#include "node/options.h"
 #include "node/run_role.h"
 #include "plant/node.h"
 #include "plant/plant_model.h"

@@ -21,8 +21,9 @@ Verb::Action declare(CLI::App& command) {
                      "Where log, summary and figure go; default: out/<the scenario's name>; of "
                      "several robots each into a folder there with its name, default: out. Files "
                      "of an earlier run are replaced once this one has begun");
-  node::add_run_id(command, "--run-id", options->run_id,
-                   "Positive number in every message of the run; default: the time");
+  node::as_run_id(
+      command.add_option("--run-id", options->run_id,
+                         "Positive number in every message of the run; default: the time"));
   command
       .add_option("--mode", options->mode,
                   "lockstep: simulation time, as fast as it goes; realtime: the wall clock")

@@ -9,7 +9,7 @@
 #include <optional>
 #include <system_error>
 
-#include "bus/open_bus.h"
+#include "bus/transport.h"
 #include "diagnostics/json_text.h"
 #include "launch/verb.h"
 #include "monitor/bus_monitor.h"
@@ -36,7 +36,7 @@ struct Options {
 
 std::unique_ptr<bus::MonitoredBus> join(const bus::LcmUrl& url) {
   try {
-    return bus::open_monitored_bus(url);
+    return bus::open_bus(url);
   } catch (const std::system_error& error) {
     throw diagnostics::bad_usage(error.what());
   }

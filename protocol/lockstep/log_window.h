@@ -1,15 +1,16 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string_view>
 
 #include "loop/slot.h"
 #include "protocol/lockstep/message_ring.h"
-#include "protocol/lockstep/verdict.h"
 
 namespace tachless::protocol::lockstep {
 
@@ -29,23 +30,71 @@ class LogWindow {
   static constexpr std::int64_t ack_interval = 16;
 
   /// `longest`: of each slot's message [bytes].
-  LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest);
+  LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest)
+      : num_ticks_(num_ticks), ring_(longest) {}
 
   /// RUN_INFO of this run was received; `same`: it equals the one before, if there was one.
-  Verdict on_run_info(bool same);
+  Verdict on_run_info(bool same) {
+    if (introduced_ && !same) return Verdict::conflicting;
+    const Verdict verdict = introduced_ ? Verdict::repeated : Verdict::fresh;
+    introduced_ = true;
+    asked_again_ = true;
+    return verdict;
+  }
 
   Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes,
-                     std::string_view sender);
+                     std::string_view sender) {
+    // Newer ones would push out what is not yet written; the plant's window keeps it from that.
+    if (tick < 0 || tick >= num_ticks_ || tick > written_ + MessageRing::depth) {
+      return Verdict::not_asked;
+    }
+    const bool late = tick + 1 < newest_;
+    const Verdict verdict = ring_.put(tick, static_cast<int>(slot), bytes, sender);
+    if (verdict == Verdict::fresh) {
+      if (slot != Slot::reference) newest_ = std::max(newest_, tick);
+      if (late) filled_late_ = true;
+    }
+    // TRUTH is the last of what the plant repeats: one acknowledgement per repeated tick.
+    if (slot == Slot::truth && (late || verdict != Verdict::fresh)) asked_again_ = true;
+    return verdict;
+  }
 
   /// The tick to be written next, when RUN_INFO and all its six messages are there.
-  [[nodiscard]] std::optional<std::int64_t> complete_tick() const;
-  [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, Slot slot) const;
-  [[nodiscard]] std::string_view sender(std::int64_t tick, Slot slot) const;
+  [[nodiscard]] std::optional<std::int64_t> complete_tick() const {
+    if (!introduced_ || !complete(written_ + 1)) return std::nullopt;
+    return written_ + 1;
+  }
+  [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, Slot slot) const {
+    return ring_.bytes(tick, static_cast<int>(slot));
+  }
+  [[nodiscard]] std::string_view sender(std::int64_t tick, Slot slot) const {
+    return ring_.sender(tick, static_cast<int>(slot));
+  }
   /// `complete_tick()` is in the log.
-  void written();
+  void written() {
+    if (!complete_tick()) throw std::logic_error("an incomplete tick was written");
+    ++written_;
+  }
 
   /// The acknowledgement to send now, if one is due. Call after writing the complete ticks.
-  std::optional<Ack> take_ack();
+  std::optional<Ack> take_ack() {
+    const std::int64_t gap_free = introduced_ ? written_ : -2;
+    const bool due = asked_again_ || (filled_late_ && gap_free > acked_.tick) ||
+                     newest_ - newest_acked_ >= ack_interval ||
+                     (gap_free == num_ticks_ - 1 && gap_free > acked_.tick);
+    if (!due) return std::nullopt;
+    Ack ack{gap_free, 0};
+    // What belongs to the newest two ticks is probably on its way, unless the plant asks again.
+    const std::int64_t last = asked_again_ ? newest_ : newest_ - 2;
+    for (std::int64_t tick = written_ + 1; tick <= std::min(last, gap_free + 64); ++tick) {
+      if (!complete(tick)) ack.missing |= std::uint64_t{1} << (tick - gap_free - 1);
+    }
+    acked_ = ack;
+    newest_acked_ = newest_;
+    asked_again_ = false;
+    filled_late_ = false;
+    return ack;
+  }
 
   /// Last tick in the log without a gap.
   [[nodiscard]] std::int64_t last_written() const { return written_; }
@@ -55,7 +104,11 @@ class LogWindow {
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 
  private:
-  [[nodiscard]] bool complete(std::int64_t tick) const;
+  [[nodiscard]] bool complete(std::int64_t tick) const {
+    int present = 0;
+    while (present < num_slots && ring_.has(tick, present)) ++present;
+    return present == num_slots;
+  }
 
   std::int64_t num_ticks_;
   MessageRing ring_;

@@ -1,16 +1,19 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <stdexcept>
 #include <string_view>
+#include <utility>
 
 #include "loop/clock.h"
 #include "protocol/lockstep/message_ring.h"
-#include "protocol/lockstep/verdict.h"
 
 namespace tachless::protocol::lockstep {
 
@@ -20,6 +23,8 @@ namespace tachless::protocol::lockstep {
 /// may happen, what to repeat when, and when to give up.
 class TickMaster {
  public:
+  using Time = loop::Clock::time_point;
+
   struct Config {
     std::int64_t num_ticks = 0;
     /// Most ticks that may have begun without being acknowledged by the logger.
@@ -49,65 +54,215 @@ class TickMaster {
   enum class Waiting { nobody, logger_for_run_info, command, logger_for_window, logger_for_end };
 
   /// @throw std::logic_error when the window is larger than what the other roles keep.
-  TickMaster(const Config& config, std::size_t longest_command);
+  TickMaster(const Config& config, std::size_t longest_command)
+      : config_(config),
+        commands_(std::array{longest_command}),
+        repeat_at_(Time::max()),
+        timeout_(config.first_timeout) {
+    // The reference is two ticks ahead of the oldest that may have to be repeated.
+    if (config.window < 1 || config.window > MessageRing::depth - 2) {
+      throw std::logic_error("lockstep window does not fit the messages kept");
+    }
+  }
 
   /// RUN_INFO has been published for the first time.
-  void introduced(loop::Clock::time_point now);
+  void introduced(Time now) {
+    introduced_ = true;
+    progress(now);
+  }
 
   /// Whether tick `next_tick()` may begin.
-  [[nodiscard]] bool may_begin() const;
+  [[nodiscard]] bool may_begin() const {
+    return !asking_ && acknowledged_ >= -1 && next_tick_ < config_.num_ticks &&
+           next_tick_ - acknowledged_ <= config_.window;
+  }
   [[nodiscard]] std::int64_t next_tick() const { return next_tick_; }
 
   /// The request of tick `next_tick()` has been published for the first time.
-  void asked(loop::Clock::time_point now);
+  void asked(Time now) {
+    if (!may_begin()) throw std::logic_error("a tick was begun that may not begin");
+    asking_ = true;
+    commanded_ = false;
+    progress(now);
+  }
 
   /// A command of this run was received. `fresh`: of the present tick.
   Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender,
-                     loop::Clock::time_point now);
+                     Time now) {
+    if (tick < 0 || tick > last_asked()) return Verdict::not_asked;
+    if (tick <= last_asked() - MessageRing::depth) return Verdict::too_old;
+    const Verdict verdict = commands_.put(tick, 0, bytes, sender);
+    if (verdict == Verdict::fresh) {
+      commanded_ = true;
+      successor_.reset();
+      ask_again_last_ = -1;
+      note_round_trip(now);
+    }
+    return verdict;
+  }
   [[nodiscard]] bool commanded() const { return asking_ && commanded_; }
   /// From the first request of the newest commanded tick to its command.
   [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
   /// Who sent the command that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const;
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
+    return commands_.sender(tick, 0);
+  }
 
   /// TRUTH of the present tick has been published; the tick is over.
-  void completed(loop::Clock::time_point now);
+  void completed(Time now) {
+    if (!commanded()) throw std::logic_error("a tick was completed without its command");
+    sent(next_tick_) = now;
+    asking_ = false;
+    ++next_tick_;
+    progress(now);
+  }
 
   /// The logger's acknowledgement was received. `not_asked`: of a tick that has not begun.
-  Verdict on_ack(std::int64_t tick, std::uint64_t missing, loop::Clock::time_point now);
+  Verdict on_ack(std::int64_t tick, std::uint64_t missing, Time now) {
+    if (!introduced_ || tick < -2 || tick > last_completed()) return Verdict::not_asked;
+    if (tick < acknowledged_) return Verdict::too_old;
+    const bool advanced = tick > acknowledged_;
+    acknowledged_ = tick;
+    remember_missing(missing, now);
+    if (!asking_ && advanced) progress(now);
+    if (!asking_ && !advanced) {
+      repeats_ = 0;
+      timeout_ = config_.first_timeout;
+      repeat_at_ = std::min(repeat_at_, now + timeout_);
+    }
+    logger_heard_ = true;
+    return Verdict::fresh;
+  }
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
   /// Another controller has taken over and has to catch up: the requests since the newest tick that
   /// it has computed are repeated, until it has commanded the newest.
-  void replaced(loop::Clock::time_point now);
+  void replaced(Time now) {
+    successor_ = -1;
+    progress(now);
+  }
   /// The newest tick that it has computed, as it announces. Ignored unless it is catching up; a
   /// higher one is progress.
-  void successor_at(std::int64_t tick, loop::Clock::time_point now);
+  void successor_at(std::int64_t tick, Time now) {
+    if (!successor_ || tick <= *successor_) return;
+    successor_ = tick;
+    progress(now);
+    repeat_at_ = now;
+  }
   [[nodiscard]] bool catching_up() const { return successor_.has_value(); }
 
   /// What to repeat now; call until it returns nothing, and again by `deadline` or 0.1 s later. If
   /// this process was suspended meanwhile, that time does not count as lack of progress.
-  std::optional<Repeat> next_repeat(loop::Clock::time_point now);
+  std::optional<Repeat> next_repeat(Time now) {
+    const auto unlooked = now - std::exchange(looked_, now);
+    if (unlooked > 2 * config_.longest_timeout) waited_ = std::min(now, waited_ + unlooked);
+    const Waiting waiting_for = waiting();
+    if (now >= repeat_at_ && waiting_for == Waiting::nobody) repeat_at_ = Time::max();
+    if (now >= repeat_at_) {
+      if (++repeats_ >= config_.patience) {
+        timeout_ = std::min(2 * timeout_, config_.longest_timeout);
+      }
+      repeat_at_ = now + timeout_;
+      if (waiting_for == Waiting::logger_for_run_info) return Repeat{Repeat::What::run_info, -1};
+      if (successor_) {
+        ask_successor();
+      } else if (waiting_for == Waiting::command) {
+        return Repeat{Repeat::What::question, next_tick_};
+      }
+      // The oldest tick makes the logger say what else it misses.
+      if (waiting_for != Waiting::command) pending_ |= missing_ | 1;
+    }
+    if (ask_again_ <= ask_again_last_) return Repeat{Repeat::What::question, ask_again_++};
+    if (pending_ == 0) return std::nullopt;
+    const std::int64_t tick = acknowledged_ + 1 + std::countr_zero(pending_);
+    pending_ &= pending_ - 1;
+    sent(tick) = now;
+    return Repeat{Repeat::What::all, tick};
+  }
 
   /// When to call `next_repeat` and `given_up` again if no message is received.
-  [[nodiscard]] loop::Clock::time_point deadline() const;
+  [[nodiscard]] Time deadline() const {
+    if (pending_ != 0 || ask_again_ <= ask_again_last_) return Time::min();
+    if (waiting() == Waiting::nobody) return Time::max();
+    return std::min(repeat_at_, waited_ + config_.give_up);
+  }
 
-  [[nodiscard]] Waiting waiting() const;
+  [[nodiscard]] Waiting waiting() const {
+    if (!introduced_ || finished()) return Waiting::nobody;
+    if (acknowledged_ < -1) return Waiting::logger_for_run_info;
+    if (asking_) return commanded_ ? Waiting::nobody : Waiting::command;
+    if (next_tick_ == config_.num_ticks) return Waiting::logger_for_end;
+    return may_begin() ? Waiting::nobody : Waiting::logger_for_window;
+  }
   /// Whether `Config::give_up` has passed without progress.
-  [[nodiscard]] bool given_up(loop::Clock::time_point now) const;
+  [[nodiscard]] bool given_up(Time now) const {
+    return waiting() != Waiting::nobody && now - waited_ >= config_.give_up;
+  }
   /// Whether a message of the logger was received since the last progress: then another is lost.
   [[nodiscard]] bool logger_heard() const { return logger_heard_; }
 
   /// All ticks are completed and acknowledged.
-  [[nodiscard]] bool finished() const;
+  [[nodiscard]] bool finished() const {
+    return introduced_ && !asking_ && next_tick_ == config_.num_ticks &&
+           acknowledged_ == config_.num_ticks - 1;
+  }
 
  private:
-  void progress(loop::Clock::time_point now);
-  [[nodiscard]] std::int64_t last_completed() const;
-  void note_round_trip(loop::Clock::time_point now);
+  void progress(Time now) {
+    progress_ = waited_ = now;
+    logger_heard_ = false;
+    repeats_ = 0;
+    timeout_ = config_.first_timeout;
+    if (asking_ && usual_.count() != 0) {
+      timeout_ =
+          std::clamp(usual_ + 4 * deviation_, config_.shortest_timeout, config_.first_timeout);
+    }
+    repeat_at_ = now + timeout_;
+  }
+
+  void note_round_trip(Time now) {
+    round_trip_ = now - progress_;
+    // An answer after a repetition tells more about the loss than about the way (Karn's rule); the
+    // smoothing is that of RFC 6298.
+    if (repeats_ > 0) return;
+    if (usual_.count() == 0) {
+      usual_ = round_trip_;
+      deviation_ = round_trip_ / 2;
+    } else {
+      deviation_ += (std::chrono::abs(round_trip_ - usual_) - deviation_) / 4;
+      usual_ += (round_trip_ - usual_) / 8;
+    }
+  }
+
+  void ask_successor() {
+    // While it is rebuilding its memory from the log it is further behind than we can repeat.
+    if (*successor_ + 1 < last_asked() - MessageRing::depth + 1) return;
+    // The command of the newest tick may be lost though the successor has computed it.
+    ask_again_ = std::min(*successor_ + 1, last_asked());
+    ask_again_last_ = last_asked();
+  }
+
+  void remember_missing(std::uint64_t missing, Time now) {
+    // Only completed ticks: the current one is repeated until its command is in anyway. A logger
+    // without RUN_INFO may have heard of ticks, from a stranger, but there are none.
+    const std::int64_t completed_after = acknowledged_ < -1 ? 0 : last_completed() - acknowledged_;
+    missing_ = missing;
+    if (completed_after < 64) missing_ &= (std::uint64_t{1} << completed_after) - 1;
+    pending_ = 0;
+    // What was sent a moment ago may still be on its way.
+    const auto settled = config_.first_timeout / 2;
+    for (std::uint64_t rest = missing_; rest != 0; rest &= rest - 1) {
+      const std::int64_t late = acknowledged_ + 1 + std::countr_zero(rest);
+      if (now - sent(late) >= settled) pending_ |= rest & -rest;
+    }
+  }
+
+  /// When all messages of a tick were last sent.
+  Time& sent(std::int64_t tick) {
+    return sent_[static_cast<std::size_t>(tick % MessageRing::depth)];
+  }
+  [[nodiscard]] std::int64_t last_completed() const { return next_tick_ - 1; }
   [[nodiscard]] std::int64_t last_asked() const { return asking_ ? next_tick_ : next_tick_ - 1; }
-  void ask_successor();
-  void remember_missing(std::uint64_t missing);
 
   Config config_;
   MessageRing commands_;
@@ -119,12 +274,11 @@ class TickMaster {
   std::int64_t acknowledged_ = -2;
   std::uint64_t missing_ = 0;  ///< bit i: the logger misses something of acknowledged_ + 1 + i
   std::uint64_t pending_ = 0;  ///< the same, to be repeated now
-  std::array<loop::Clock::time_point, MessageRing::depth>
-      sent_{};  ///< last time a tick's all was sent
-  loop::Clock::time_point progress_;
-  loop::Clock::time_point waited_;  ///< progress_, later by the time suspended
-  loop::Clock::time_point looked_;  ///< last call of next_repeat
-  loop::Clock::time_point repeat_at_;
+  std::array<Time, MessageRing::depth> sent_{};
+  Time progress_;
+  Time waited_;  ///< progress_, later by the time suspended
+  Time looked_;  ///< last call of next_repeat
+  Time repeat_at_;
   std::chrono::nanoseconds timeout_{};
   int repeats_ = 0;                        ///< since the last progress
   std::optional<std::int64_t> successor_;  ///< newest tick of a controller that is catching up

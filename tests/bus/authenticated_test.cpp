@@ -138,7 +138,7 @@ TEST_F(AnAuthenticatedBus, TellsAParticipantWithAnotherKeyFromOneWithoutAndFromG
   EXPECT_EQ(heard(bob), std::nullopt);
   auto stranger = bob.take_stranger();
   ASSERT_TRUE(stranger);
-  EXPECT_EQ(stranger->kind, bus::Foreign::other_key);
+  EXPECT_TRUE(stranger->tagged);
   EXPECT_EQ(stranger->who.host, "arm-1");
   EXPECT_FALSE(bob.take_stranger());
 
@@ -146,7 +146,7 @@ TEST_F(AnAuthenticatedBus, TellsAParticipantWithAnotherKeyFromOneWithoutAndFromG
   EXPECT_EQ(heard(bob), std::nullopt);
   stranger = bob.take_stranger();
   ASSERT_TRUE(stranger);
-  EXPECT_EQ(stranger->kind, bus::Foreign::untagged);
+  EXPECT_FALSE(stranger->tagged);
   EXPECT_EQ(stranger->sender, "a stranger");
 
   listener->publish("ARM_PARTICIPANT", payload);

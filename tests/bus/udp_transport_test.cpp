@@ -210,15 +210,14 @@ TEST(UdpTransport, RefusesOtherProviders) {
 TEST(UdpTransport, GivesAMonitorEveryChannelWithSequenceAndTime) {
   UdpTransport a;
   UdpTransport monitor;
-  EXPECT_THROW(monitor.receive_raw(now()), std::logic_error);
   monitor.subscribe_all();
   constexpr std::array<const char*, 3> channels = {"TICK", "POSITION", "TICK"};
   for (const char* channel : channels) a.publish(channel, bytes("x"));
   std::int64_t last_ns = 0;
   for (std::uint32_t i = 0; i < 3; ++i) {
-    const auto got = monitor.receive_raw(soon());
+    const auto got = monitor.receive(soon());
     ASSERT_TRUE(got);
-    EXPECT_EQ(got->datagram.channel, channels[i]);
+    EXPECT_EQ(got->channel, channels[i]);
     EXPECT_EQ(got->sequence, i);
     EXPECT_GE(got->received_ns, last_ns);
     last_ns = got->received_ns;
@@ -257,9 +256,8 @@ TEST(UdpTransport, CountsWhatItsBufferCouldNotHold) {
   ASSERT_TRUE(statistics.overflowed);
   EXPECT_GT(*statistics.overflowed, 0U);
   EXPECT_EQ(statistics.received + *statistics.overflowed, 200U);
-  EXPECT_EQ(statistics.host_overflowed, *statistics.overflowed);
 }
-TEST(UdpTransport, CountsTheHostsOverflowsWhereItsFilterHidesItsOwn) {
+TEST(UdpTransport, DoesNotTellWhatItsBufferCouldNotHoldWhereItsFilterHidesIt) {
   UdpTransport a;
   UdpTransport b("udpm://?recv_buf_size=20000");
   b.subscribe("C");
@@ -270,7 +268,7 @@ TEST(UdpTransport, CountsTheHostsOverflowsWhereItsFilterHidesItsOwn) {
   }
   const BusStatistics statistics = b.statistics();
   EXPECT_FALSE(statistics.overflowed);
-  EXPECT_EQ(statistics.received + statistics.host_overflowed, 200U);
+  EXPECT_LT(statistics.received, 200U);
 }
 TEST(UdpTransport, CountsWhatTheKernelDidNotTake) {
   UdpTransport a;

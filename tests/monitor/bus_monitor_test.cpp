@@ -34,7 +34,7 @@ class Bus {
   void say(const std::string& channel, const std::vector<std::byte>& payload,
            const std::string& sender = "10.0.0.1:1") {
     now_ns_ += 1'000'000;
-    monitor.take({{channel, payload, sender}, sequence_++, now_ns_});
+    monitor.take({channel, payload, sender, sequence_++, now_ns_});
   }
   void lose_one() { ++sequence_; }
   nlohmann::json channel(const std::string& name) {

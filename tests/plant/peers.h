@@ -143,10 +143,13 @@ class Peers : public bus::Transport {
     for (const loop::Role role :
          {loop::Role::reference, loop::Role::controller, loop::Role::logger}) {
       protocol::Membership::Self self;
-      self.role = role;
-      self.instance = 100 + static_cast<int>(role);
-      self.digest = digest_;
-      if (role == loop::Role::controller) self.law = {law, measurement, {}};
+      self.who.role = role;
+      self.who.instance = 100 + static_cast<int>(role);
+      self.who.scenario_digest = digest_;
+      if (role == loop::Role::controller) {
+        self.who.law = law;
+        self.who.measurement = measurement;
+      }
       members_.emplace_back(self, loop::Clock::now()).complete();
     }
   }

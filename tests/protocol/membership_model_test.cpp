@@ -29,9 +29,9 @@ constexpr int num_roles = loop::num_roles;
 
 Membership member(Role role, std::int64_t first_instance) {
   Membership::Self self;
-  self.role = role;
-  self.instance = first_instance + static_cast<std::int64_t>(role);
-  self.digest = 5;
+  self.who.role = role;
+  self.who.instance = first_instance + static_cast<std::int64_t>(role);
+  self.who.scenario_digest = 5;
   self.run = role == Role::plant ? the_run : 0;
   self.give_up = 1h;
   self.takeover = true;

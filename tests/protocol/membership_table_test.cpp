@@ -81,9 +81,9 @@ class Cell {
  public:
   Cell(Role role, ParticipantState state, Event event) : role_(role) {
     Membership::Self self;
-    self.role = role;
-    self.instance = instance_of(role);
-    self.digest = digest;
+    self.who.role = role;
+    self.who.instance = instance_of(role);
+    self.who.scenario_digest = digest;
     self.run = role == Role::plant ? run : 0;
     self.takeover = true;
     if (event == Event::wait_over) self.wait_limit = 2s;

@@ -36,13 +36,13 @@ class Network {
   Membership& start(Role role, std::int64_t instance, std::int64_t digest = 5,
                     std::optional<std::chrono::nanoseconds> wait_limit = {}) {
     Membership::Self self;
-    self.role = role;
-    self.instance = instance;
-    self.digest = digest;
-    self.pid = static_cast<std::int32_t>(instance);
-    self.host = "arm-1";
-    self.scenario = "scenario_" + std::to_string(digest);
-    self.law.measurement = role == Role::controller ? "POSITION" : "";
+    self.who.role = role;
+    self.who.instance = instance;
+    self.who.scenario_digest = digest;
+    self.who.pid = static_cast<std::int32_t>(instance);
+    self.who.host = "arm-1";
+    self.who.scenario = "scenario_" + std::to_string(digest);
+    self.who.measurement = role == Role::controller ? "POSITION" : "";
     self.run = role == Role::plant ? next_run : 0;
     self.wait_limit = wait_limit;
     self.takeover = takeover;
@@ -175,7 +175,7 @@ TEST(AMembership, TellsWhoIsMissing) {
   auto& plant = network.start(Role::plant, 1);
   network.start(Role::logger, 2);
   network.pass(1s);
-  EXPECT_THAT(plant.missing(), testing::ElementsAre(Role::reference, Role::controller));
+  EXPECT_THAT(plant.missing(), testing::ElementsAre("reference", "controller"));
   network.pass(1h);
   EXPECT_EQ(text(plant), "");
 }
@@ -725,9 +725,9 @@ TEST(AMembership, RemembersABoundedNumberOfProcesses) {
 
 TEST(AMembership, NeedsARunFromThePlantAndFromNobodyElse) {
   Membership::Self self;
-  self.role = Role::plant;
+  self.who.role = Role::plant;
   EXPECT_THROW(Membership(self, {}), std::logic_error);
-  self.role = Role::logger;
+  self.who.role = Role::logger;
   self.run = 3;
   EXPECT_THROW(Membership(self, {}), std::logic_error);
 }

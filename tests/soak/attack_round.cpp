@@ -20,7 +20,6 @@
 #include "bus/udp_transport.h"
 #include "diagnostics/logging.h"
 #include "node/options.h"
-#include "node/process_options.h"
 #include "tests/campaign/hostile_member.h"
 #include "tests/soak/impostor.h"
 #include "tests/soak/packet_loss.h"

@@ -66,10 +66,10 @@ void Impostor::look_for_member(const bus::Datagram& datagram) {
 }
 
 std::optional<bus::Datagram> Impostor::receive(loop::Clock::time_point deadline) {
-  while (const auto raw = bus_.receive_raw(deadline)) {
-    if (raw->sequence >= first_own) continue;
-    look_for_member(raw->datagram);
-    return raw->datagram;
+  while (const auto datagram = bus_.receive(deadline)) {
+    if (datagram->sequence >= first_own) continue;
+    look_for_member(*datagram);
+    return datagram;
   }
   return std::nullopt;
 }

@@ -8,7 +8,6 @@
 
 #include "bus/authenticated.h"
 #include "node/options.h"
-#include "node/process_options.h"
 #include "process/process_tree.h"
 
 namespace tachless::soak {

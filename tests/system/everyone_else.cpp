@@ -25,11 +25,11 @@ EveryoneElse::EveryoneElse(const experiment::Scenario& scenario, const std::stri
   transport_.subscribe(prefix_ + "PARTICIPANT");
   for (const loop::Role role : {loop::Role::plant, loop::Role::reference, loop::Role::controller}) {
     protocol::Membership::Self self;
-    self.role = role;
-    self.instance = 99 + static_cast<int>(role);
-    self.digest = scenario.digest;
+    self.who.role = role;
+    self.who.instance = 99 + static_cast<int>(role);
+    self.who.scenario_digest = scenario.digest;
     if (role == loop::Role::plant) self.run = run_id;
-    if (role == loop::Role::controller) self.law.measurement = "POSITION";
+    if (role == loop::Role::controller) self.who.measurement = "POSITION";
     members_.emplace_back(self, loop::Clock::now());
   }
 }

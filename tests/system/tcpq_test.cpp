@@ -119,19 +119,19 @@ TEST_F(Tcpq, PassesOverWhatIsTooLong) {
   watcher.subscribe_all();
   const std::string text = "sound";
   const auto payload = std::as_bytes(std::span(text));
-  std::optional<bus::RawDatagram> heard;
+  std::optional<bus::Datagram> heard;
   while (!heard) {
     sender.publish("A_CHANNEL", payload);
-    heard = watcher.receive_raw(loop::Clock::now() + std::chrono::milliseconds(50));
+    heard = watcher.receive(loop::Clock::now() + std::chrono::milliseconds(50));
   }
   sender.publish(std::string(64, 'C'), payload);
   sender.publish("LAST", payload);
   const auto until = loop::Clock::now() + std::chrono::seconds(5);
   do {
-    heard = watcher.receive_raw(until);
+    heard = watcher.receive(until);
     ASSERT_TRUE(heard);
-    EXPECT_LE(heard->datagram.channel.size(), 63U);
-  } while (heard->datagram.channel != "LAST");
+    EXPECT_LE(heard->channel.size(), 63U);
+  } while (heard->channel != "LAST");
   EXPECT_EQ(watcher.statistics().malformed, 1U);
 }
 

@@ -14,9 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "protocol/lockstep/command_responder.h"
 #include "protocol/lockstep/log_window.h"
-#include "protocol/lockstep/reference_responder.h"
+#include "protocol/lockstep/responders.h"
 #include "protocol/lockstep/tick_master.h"
 #include "tests/protocol/lockstep/bytes_of.h"
 

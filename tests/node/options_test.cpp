@@ -1,4 +1,4 @@
-#include "node/process_options.h"
+#include "node/options.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,7 +43,7 @@ TEST(ProcessOptions, AreReadFromTheCommandLine) {
   EXPECT_EQ(options->scenario_path, "a.yaml");
   EXPECT_THAT(options->overrides, ElementsAre("loop.period_s=1e-3", "name=x"));
   EXPECT_EQ(options->lcm_url, "udpm://239.255.76.67:7700?ttl=0");
-  EXPECT_EQ(options->plant.run_id, 42);
+  EXPECT_EQ(options->run_id, 42);
   EXPECT_EQ(options->wait_s, 2.5);
   EXPECT_EQ(options->stats_path, "s.json");
   EXPECT_EQ(options->verbosity, diagnostics::Verbosity::verbose);
@@ -75,9 +75,9 @@ TEST(ProcessOptions, DefaultToOneHostNoRunIdAndUnlimitedWait) {
   const auto options = parse(loop::Role::controller, {"a.yaml"});
   ASSERT_TRUE(options);
   EXPECT_EQ(options->lcm_url, "udpm://239.255.76.67:7667?ttl=0");
-  EXPECT_FALSE(options->plant.run_id);
+  EXPECT_FALSE(options->run_id);
   EXPECT_EQ(options->wait_s, 0);
-  EXPECT_FALSE(options->stats_path);
+  EXPECT_EQ(options->stats_path, "");
   EXPECT_EQ(options->verbosity, diagnostics::Verbosity::normal);
 }
 

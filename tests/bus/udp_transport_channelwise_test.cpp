@@ -1,4 +1,4 @@
-#include "bus/channelwise_transport.h"
+#include "bus/udp_transport.h"
 
 #include <gmock/gmock.h>
 
@@ -56,7 +56,7 @@ void wait_until_the_kernel_stamps(const std::string& url) {
     from.publish("STAMPED", {});
     std::this_thread::sleep_for(1ms);
     const auto read_at = std::chrono::system_clock::now().time_since_epoch();
-    const auto raw = to.receive_raw(soon());
+    const auto raw = to.receive(soon());
     if (raw && std::chrono::nanoseconds(raw->received_ns) < read_at) return;
   }
 }

@@ -1,4 +1,4 @@
-#include "bus/channel_filter.h"
+#include "bus/socket.h"
 
 #include <gtest/gtest.h>
 #include <sys/socket.h>

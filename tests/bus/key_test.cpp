@@ -1,4 +1,4 @@
-#include "node/key_file.h"
+#include "bus/key.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ class AKeyFile : public testing::Test {
   }
   std::string refusal() {
     try {
-      node::read_key_file(path);
+      bus::read_key_file(path);
     } catch (const diagnostics::Failure& failure) {
       EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       EXPECT_THAT(failure.what(), AllOf(HasSubstr("--key-file"), HasSubstr(path.string())));
@@ -49,7 +49,7 @@ TEST_F(AKeyFile, Holds32BytesOr64HexadecimalDigits) {
   for (int i = 0; i < 32; ++i) bytes.push_back(static_cast<char>(i));
   for (const std::string& content : {bytes, digits, digits + "\n", digits + "\r\n"}) {
     write(content);
-    const bus::Key key = node::read_key_file(path);
+    const bus::Key key = bus::read_key_file(path);
     for (std::size_t i = 0; i < 32; ++i) EXPECT_EQ(key.bytes()[i], i);
   }
 }
@@ -85,7 +85,7 @@ TEST_F(AKeyFile, IsRefusedWhenAllZeros) {
 TEST_F(AKeyFile, MakesTheMemoryOfWhoReadsItPrivate) {
   write(digits);
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);
-  (void)node::read_key_file(path);
+  (void)bus::read_key_file(path);
   EXPECT_EQ(prctl(PR_GET_DUMPABLE), 0);
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);
 }
@@ -111,7 +111,7 @@ std::string flags_of(const unsigned char* byte) {
 
 TEST_F(AKeyFile, IsKeptInMemoryThatIsLockedAndInNoDump) {
   write(digits);
-  const bus::Key key = node::read_key_file(path);
+  const bus::Key key = bus::read_key_file(path);
   const bus::Key copy = key;
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);  // or this test may not look
   for (const bus::Key* each : {&key, &copy}) {

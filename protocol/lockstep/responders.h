@@ -1,0 +1,167 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+
+#include "protocol/lockstep/message_ring.h"
+
+/// The two roles that answer in lockstep: each request is answered once, in order, and the reply is
+/// kept for a request that comes again.
+namespace tachless::protocol::lockstep {
+
+/// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
+/// that nobody waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply to a
+/// repeated TICK is the same bytes again.
+class ReferenceResponder {
+ public:
+  /// An empty range has last < first.
+  struct Range {
+    std::int64_t first = 0;
+    std::int64_t last = -1;
+  };
+  struct Answer {
+    Verdict verdict = Verdict::fresh;
+    Range compute;  ///< compute these in order, publish each and tell `computed`
+    Range repeat;   ///< publish `kept` of these again
+  };
+
+  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick,
+                     std::size_t longest_reference)
+      : num_ticks_(num_ticks), ring_(std::array{longest_tick, longest_reference}) {}
+
+  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
+    // The plant cannot have begun k without command k - 1, hence not without reference k - 1.
+    if (tick < 0 || tick >= num_ticks_ || tick > newest_ + 1) return {Verdict::not_asked, {}, {}};
+    Answer result{ring_.put(tick, tick_kind, bytes, sender), {}, {}};
+    if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;
+    const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
+    result.compute = {newest_ + 1, last};
+    if (result.verdict == Verdict::repeated || tick + 1 <= newest_) {
+      result.repeat = {tick, std::min(last, newest_)};
+    }
+    return result;
+  }
+
+  /// @throw std::logic_error unless `tick` is the one after the last.
+  void computed(std::int64_t tick, std::span<const std::byte> bytes) {
+    if (tick != newest_ + 1) throw std::logic_error("a reference was computed out of turn");
+    ring_.put(tick, reference_kind, bytes);
+    newest_ = tick;
+  }
+
+  [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const {
+    return ring_.bytes(tick, reference_kind);
+  }
+  /// Who sent the TICK that is kept.
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
+    return ring_.sender(tick, tick_kind);
+  }
+  /// Newest tick whose reference is computed; -1 before the first.
+  [[nodiscard]] std::int64_t newest() const { return newest_; }
+
+ private:
+  enum Kind : int { tick_kind, reference_kind };
+
+  std::int64_t num_ticks_;
+  std::int64_t newest_ = -1;
+  MessageRing ring_;
+};
+
+/// The controller's side: a measurement asks for the command and controller state of its tick;
+/// they are computed once, strictly in order, as soon as the tick's reference is there too. A
+/// measurement that comes again is answered with what is kept.
+class CommandResponder {
+ public:
+  enum class Input { measurement, reference };
+  enum class Action { nothing, compute, repeat };
+  struct Answer {
+    Verdict verdict = Verdict::fresh;
+    /// compute: the law's step of tick `next()`, publish both messages and tell `computed`.
+    /// repeat: publish the kept messages of the measurement's tick again.
+    Action action = Action::nothing;
+  };
+  struct Lengths {
+    std::size_t measurement = 0, reference = 0, command = 0, state = 0;  ///< longest [bytes]
+  };
+
+  CommandResponder(std::int64_t num_ticks, const Lengths& lengths)
+      : num_ticks_(num_ticks),
+        ring_(std::array{lengths.measurement, lengths.reference, lengths.command, lengths.state}) {}
+
+  /// Takes over from a controller that has commanded the ticks before `next`: the next command is
+  /// that of `next`. Called before any message is handled. Requests that the predecessor received
+  /// may be repeated in any order, so those of up to `reach` ticks from `next` on are kept.
+  void resume(std::int64_t next) {
+    next_ = next;
+    asked_before_ = next + reach;
+  }
+  static constexpr std::int64_t reach = MessageRing::depth;
+
+  Answer on_measurement(std::int64_t tick, std::span<const std::byte> bytes,
+                        std::string_view sender) {
+    const Answer answer = on_input(Input::measurement, next_, tick, bytes, sender);
+    // The predecessor's replies are not kept here: they are in the log.
+    const bool repeat = answer.verdict == Verdict::repeated && ring_.has(tick, command_kind);
+    return repeat ? Answer{answer.verdict, Action::repeat} : answer;
+  }
+  /// The plant is at tick next() at most, and the reference one ahead of it.
+  Answer on_reference(std::int64_t tick, std::span<const std::byte> bytes,
+                      std::string_view sender) {
+    return on_input(Input::reference, next_ + 1, tick, bytes, sender);
+  }
+
+  /// Tick whose command is the next to be computed.
+  [[nodiscard]] std::int64_t next() const { return next_; }
+  /// Whether the run's last tick is computed.
+  [[nodiscard]] bool all_computed() const { return next_ == num_ticks_; }
+  /// Whether both its inputs are there. While a new controller catches up, this may hold again
+  /// right after `computed`.
+  [[nodiscard]] bool ready() const {
+    return ring_.has(next_, kind(Input::measurement)) && ring_.has(next_, kind(Input::reference));
+  }
+
+  /// The replies of tick `next()`.
+  void computed(std::span<const std::byte> command, std::span<const std::byte> state) {
+    if (!ready()) throw std::logic_error("a command was computed without its inputs");
+    ring_.put(next_, command_kind, command);
+    ring_.put(next_, state_kind, state);
+    ++next_;
+  }
+
+  [[nodiscard]] std::span<const std::byte> command(std::int64_t tick) const {
+    return ring_.bytes(tick, command_kind);
+  }
+  [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const {
+    return ring_.bytes(tick, state_kind);
+  }
+  /// Who sent the input that is kept for `tick`.
+  [[nodiscard]] std::string_view sender_of(Input input, std::int64_t tick) const {
+    return ring_.sender(tick, kind(input));
+  }
+
+ private:
+  enum Kind : int { command_kind = 2, state_kind };  // after those of Input
+  static constexpr int kind(Input input) { return static_cast<int>(input); }
+
+  Answer on_input(Input input, std::int64_t newest, std::int64_t tick,
+                  std::span<const std::byte> bytes, std::string_view sender) {
+    if (tick < 0 || tick >= num_ticks_ || (tick > newest && tick >= asked_before_)) {
+      return {Verdict::not_asked, Action::nothing};
+    }
+    const Verdict verdict = ring_.put(tick, kind(input), bytes, sender);
+    const bool compute = verdict == Verdict::fresh && ready();
+    return {verdict, compute ? Action::compute : Action::nothing};
+  }
+
+  std::int64_t num_ticks_;
+  std::int64_t next_ = 0;
+  std::int64_t asked_before_ = 0;  ///< ticks before this may have been requested of a predecessor
+  MessageRing ring_;
+};
+
+}  // namespace tachless::protocol::lockstep

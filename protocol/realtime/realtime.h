@@ -1,0 +1,213 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string_view>
+
+#include "loop/clock.h"
+#include "protocol/lockstep/message_ring.h"
+
+/// The tick protocol of the realtime mode as pure state machines, beside that of lockstep: events
+/// in, verdicts out, time passed in as a value. No message is repeated or waited for.
+namespace tachless::protocol::realtime {
+
+using lockstep::MessageRing;
+using lockstep::Verdict;
+
+/// Which ticks can have begun, as a process other than the plant can tell: one begins each period,
+/// so a message of a tick far ahead is not of this run. Counts from the first tick that it is
+/// given, whose message may have been late by more than `slack`: so a refusal is certain only for
+/// senders that are not members.
+class Pace {
+ public:
+  /// By how much more than the others the first message may have been delayed.
+  static constexpr std::chrono::milliseconds slack{200};
+
+  explicit Pace(double period_s) : period_s_(period_s) {}
+
+  /// Whether `tick` can have begun by `now`.
+  bool possible(std::int64_t tick, loop::Clock::time_point now) {
+    if (tick < 0) return false;
+    if (!first_) first_ = First{tick, now};
+    return static_cast<double>(tick - first_->tick) <= periods_until(now + slack) + 2;
+  }
+
+  /// Whether no tick is to come: the last of the run is the `newest` received or, for its message
+  /// may be lost, it is time for it to have begun.
+  [[nodiscard]] bool over(std::int64_t newest, std::int64_t last,
+                          loop::Clock::time_point now) const {
+    return newest == last ||
+           (first_ && static_cast<double>(last - first_->tick) <= periods_until(now));
+  }
+
+ private:
+  /// Since the first tick shown.
+  [[nodiscard]] double periods_until(loop::Clock::time_point now) const {
+    return std::chrono::duration<double>(now - first_->at).count() / period_s_;
+  }
+
+  struct First {
+    std::int64_t tick = 0;
+    loop::Clock::time_point at;
+  };
+
+  double period_s_;
+  std::optional<First> first_;
+};
+
+/// The reference's side: TICK(k) requests the references of k and k + 1 that are not yet published.
+/// Those of ticks whose TICK was lost are not published later.
+class ReferenceResponder {
+ public:
+  struct Answer {
+    Verdict verdict = Verdict::fresh;
+    /// Publish these in order; none when last < first.
+    std::int64_t first = 0;
+    std::int64_t last = -1;
+  };
+
+  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick)
+      : num_ticks_(num_ticks), ticks_(std::array{longest_tick}) {}
+
+  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
+    if (tick < 0 || tick >= num_ticks_) return {.verdict = Verdict::not_asked};
+    const Verdict verdict = ticks_.put(tick, 0, bytes, sender);
+    if (verdict != Verdict::fresh) return {.verdict = verdict};
+    const std::int64_t first = std::max(newest_ + 1, tick);
+    const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
+    newest_ = std::max(newest_, last);
+    return {verdict, first, last};
+  }
+
+  /// Who sent the TICK that is kept.
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
+    return ticks_.sender(tick, 0);
+  }
+  /// Newest tick whose reference was requested; -1 before the first.
+  [[nodiscard]] std::int64_t newest() const { return newest_; }
+
+ private:
+  std::int64_t num_ticks_;
+  std::int64_t newest_ = -1;
+  MessageRing ticks_;
+};
+
+/// The controller's side: chooses the newest tick whose measurement and reference are both there,
+/// once. Ticks may be skipped, and a skipped one is not computed later.
+class CommandPicker {
+ public:
+  enum class Input { measurement, reference };
+
+  CommandPicker(std::int64_t num_ticks, std::size_t longest_measurement,
+                std::size_t longest_reference)
+      : num_ticks_(num_ticks), ring_(std::array{longest_measurement, longest_reference}) {}
+
+  Verdict on_measurement(std::int64_t tick, std::span<const std::byte> bytes,
+                         std::string_view sender) {
+    const Verdict verdict = put(Input::measurement, tick, bytes, sender);
+    if (verdict != Verdict::fresh) return verdict;
+    newest_ = std::max(newest_, tick);
+    return tick > last_ ? Verdict::fresh : Verdict::too_old;
+  }
+  Verdict on_reference(std::int64_t tick, std::span<const std::byte> bytes,
+                       std::string_view sender) {
+    return put(Input::reference, tick, bytes, sender);
+  }
+
+  /// The tick to compute now; nothing when there is none newer than the last one.
+  [[nodiscard]] std::optional<std::int64_t> due() const {
+    // A reference that is one tick ahead may have taken the place of a tick `depth` before it.
+    const std::int64_t oldest = std::max(last_ + 1, newest_ - MessageRing::depth + 2);
+    for (std::int64_t tick = newest_; tick >= oldest; --tick) {
+      if (ring_.has(tick, kind(Input::measurement)) && ring_.has(tick, kind(Input::reference))) {
+        return tick;
+      }
+    }
+    return std::nullopt;
+  }
+  /// The command of `tick`, which was due, is computed.
+  void acted(std::int64_t tick) {
+    if (tick <= last_) throw std::logic_error("a tick was acted on out of turn");
+    last_ = tick;
+  }
+
+  /// Who sent the input that is kept for `tick`.
+  [[nodiscard]] std::string_view sender_of(Input input, std::int64_t tick) const {
+    return ring_.sender(tick, kind(input));
+  }
+
+ private:
+  static constexpr int kind(Input input) { return static_cast<int>(input); }
+  Verdict put(Input input, std::int64_t tick, std::span<const std::byte> bytes,
+              std::string_view sender) {
+    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
+    return ring_.put(tick, kind(input), bytes, sender);
+  }
+
+  std::int64_t num_ticks_;
+  std::int64_t last_ = -1;    ///< newest tick computed
+  std::int64_t newest_ = -1;  ///< newest measurement
+  MessageRing ring_;
+};
+
+/// The plant's side: accepts a command only within its tick, counts the ticks without a command and
+/// reports when too many in a row had none. Does not hold the torque or stop the robot: the plant
+/// does.
+class MissedCommandMonitor {
+ public:
+  /// @param max_missed commands that may be missed in a row
+  MissedCommandMonitor(int max_missed, std::size_t longest_command)
+      : max_missed_(max_missed), commands_(std::array{longest_command}) {}
+
+  void begin(std::int64_t tick) {
+    tick_ = tick;
+    commanded_ = false;
+  }
+
+  /// A command of this run. `fresh`: the first of the present tick; `too_old`: of a tick that is
+  /// over; `not_asked`: of a tick that has not begun.
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
+    if (tick < 0 || tick > tick_) return Verdict::not_asked;
+    const Verdict verdict = commands_.put(tick, 0, bytes, sender);
+    if (verdict != Verdict::fresh) return verdict;
+    if (tick < tick_) return Verdict::too_old;
+    commanded_ = true;
+    return Verdict::fresh;
+  }
+  /// Whether this tick's command was received.
+  [[nodiscard]] bool commanded() const { return commanded_; }
+  /// Who sent the command that is kept for `tick`.
+  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
+    return commands_.sender(tick, 0);
+  }
+
+  /// The tick is over.
+  void end() {
+    in_a_row_ = commanded_ ? 0 : in_a_row_ + 1;
+    missed_ += commanded_ ? 0 : 1;
+    longest_ = std::max(longest_, in_a_row_);
+  }
+
+  [[nodiscard]] std::int64_t missed() const { return missed_; }  ///< ticks without a command
+  [[nodiscard]] std::int64_t missed_in_a_row() const { return in_a_row_; }  ///< at present
+  [[nodiscard]] std::int64_t longest_miss() const { return longest_; }      ///< most in a row
+  /// More than `max_missed` in a row: the protective stop is due.
+  [[nodiscard]] bool too_many() const { return in_a_row_ > max_missed_; }
+
+ private:
+  int max_missed_;
+  MessageRing commands_;
+  std::int64_t tick_ = -1;
+  bool commanded_ = false;
+  std::int64_t missed_ = 0;
+  std::int64_t in_a_row_ = 0;
+  std::int64_t longest_ = 0;
+};
+
+}  // namespace tachless::protocol::realtime
