@@ -7,7 +7,7 @@
 #include <cmath>
 #include <exception>
 
-#include "diagnostics/system_failure.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/version.h"
 #include "node/options.h"
 
