@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 namespace tachless::diagnostics {
@@ -41,5 +42,15 @@ template <class First, class... Rest>
 Failure bad_usage(fmt::format_string<First, Rest...> what, First&& first, Rest&&... rest) {
   return {ExitCode::bad_usage, what, std::forward<First>(first), std::forward<Rest>(rest)...};
 }
+
+/// The failure (exit code 2) of a program that the operating system refuses something that nothing
+/// nearer to the call knows better words for, with what to do.
+Failure system_failure(const std::system_error& error);
+
+/// For the catch clause of a `main`, of a std::exception: one line on stderr, and the exit code
+/// that it returns. What is neither a Failure nor a refusal of the system is an internal error
+/// (code 4).
+/// @param evidence what a report of that should hold: "the command line"
+int told_exception(std::string_view evidence);
 
 }  // namespace tachless::diagnostics

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <memory>
@@ -24,7 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view separators = ",; \t\r";
-constexpr std::array<std::string_view, 3> names_of_time = {"time", "time_s", "t_s"};
 
 /// The fields of a row: between commas, semicolons or white space.
 void split(std::string_view row, std::vector<std::string_view>& fields) {
@@ -43,32 +41,21 @@ std::optional<double> number(std::string_view field) {
   return value;
 }
 
-struct FileText {
-  std::string text, digest;
-};
+std::string digest_of(std::string_view text) {
+  return fmt::format("{:016x}", diagnostics::fnv(text));
+}
 
 /// @param digest that it must have; empty: any
-FileText table_of(const Scenario& scenario, const fs::path& path, std::string_view digest) {
+std::string table_text(const Scenario& scenario, const fs::path& path, std::string_view digest) {
   std::string text;
   try {
     text = diagnostics::given_text(path);
   } catch (const diagnostics::Failure& failure) {
     throw scenario.complaint("reference.file", failure.what());
   }
-  std::string found = fmt::format("{:016x}", diagnostics::fnv(text));
-  if (!digest.empty() && digest != found) {
-    throw scenario.complaint(
-        "reference.file.digest",
-        fmt::format("{}, but that of {} is {}: it is another table", digest, path.string(), found));
-  }
-  return {std::move(text), std::move(found)};
-}
-
-YamlNode* child(YamlNode& map, std::string_view key) {
-  const auto found = std::find(map.keys.begin(), map.keys.end(), key);
-  return found == map.keys.end()
-             ? nullptr
-             : &map.children[static_cast<std::size_t>(found - map.keys.begin())];
+  if (digest.empty() || digest == digest_of(text)) return text;
+  throw scenario.complaint("reference.file.digest", "{}, but that of {} is {}: it is another table",
+                           digest, path.string(), digest_of(text));
 }
 
 class Table {
@@ -104,26 +91,26 @@ class Table {
                                 fmt::format(text, std::forward<Args>(args)...));
   }
 
+  /// The only column that has one of `names`.
+  std::size_t column(const std::vector<std::string_view>& names, std::string_view what) const {
+    const auto is_wanted = [&](std::string_view field) {
+      return std::find(names.begin(), names.end(), field) != names.end();
+    };
+    const auto found = std::find_if(fields_.begin(), fields_.end(), is_wanted);
+    if (found == fields_.end()) {
+      refuse("no column {}; there are {}", what, diagnostics::joined(fields_));
+    }
+    if (std::find_if(found + 1, fields_.end(), is_wanted) != fields_.end()) {
+      refuse("two columns {}", what);
+    }
+    return static_cast<std::size_t>(found - fields_.begin());
+  }
+
   /// Which column is the time, which is each joint; others are left out.
   void read_header() {
-    const auto column = [&](const auto& is_wanted, std::string_view what) {
-      const auto found = std::find_if(fields_.begin(), fields_.end(), is_wanted);
-      if (found == fields_.end()) {
-        refuse("no column {}; there are {}", what, diagnostics::joined(fields_));
-      }
-      if (std::find_if(found + 1, fields_.end(), is_wanted) != fields_.end()) {
-        refuse("two columns {}", what);
-      }
-      return static_cast<std::size_t>(found - fields_.begin());
-    };
-    columns_ = {column(
-        [](std::string_view name) {
-          return std::find(names_of_time.begin(), names_of_time.end(), name) != names_of_time.end();
-        },
-        fmt::format("for the time ({})", fmt::join(names_of_time, ", ")))};
+    columns_ = {column({"time", "time_s", "t_s"}, "for the time (time, time_s, t_s)")};
     for (const std::string& joint : model_.joint_names) {
-      columns_.push_back(column([&](std::string_view name) { return name == joint; },
-                                fmt::format("\"{}\", which is a joint", joint)));
+      columns_.push_back(column({joint}, fmt::format("\"{}\", which is a joint", joint)));
     }
     width_ = fields_.size();
   }
@@ -182,25 +169,23 @@ class Table {
 }  // namespace
 
 std::string motion_text(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
-  YamlNode* const reference = child(root, "reference");
-  YamlNode* const file = reference == nullptr ? nullptr : child(*reference, "file");
+  YamlNode* const reference = root.find("reference");
+  YamlNode* const file = reference == nullptr ? nullptr : reference->find("file");
   if (file == nullptr) return {};
   if (file->kind == YamlNode::Kind::scalar) {
-    YamlNode path = *file;
+    const YamlNode path = std::exchange(*file, YamlNode{});
     file->kind = YamlNode::Kind::map;
-    file->keys = {"path"};
-    file->children = {std::move(path)};
+    file->add("path") = path;
   }
   const YamlNode* const path = file->find("path");
   if (path == nullptr || path->kind != YamlNode::Kind::scalar) return {};  // the reader says so
   const YamlNode* const given = file->find("digest");
-  auto [text, digest] = table_of(scenario, directory / path->scalar,
-                                 given == nullptr ? std::string_view() : given->scalar);
+  std::string text = table_text(scenario, directory / path->scalar,
+                                given == nullptr ? std::string_view() : given->scalar);
   if (given == nullptr) {
-    file->keys.emplace_back("digest");
-    YamlNode& added = file->children.emplace_back();
+    YamlNode& added = file->add("digest");
     added.kind = YamlNode::Kind::scalar;
-    added.scalar = digest;
+    added.scalar = digest_of(text);
     added.quoted = true;
   }
   return text;
@@ -220,7 +205,7 @@ void attach_motion(Scenario& scenario, const std::string& text, const fs::path& 
 void read_motion(Scenario& scenario, const fs::path& directory) {
   const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
   if (file == nullptr) return;
-  attach_motion(scenario, table_of(scenario, directory / file->path, file->digest).text, directory);
+  attach_motion(scenario, table_text(scenario, directory / file->path, file->digest), directory);
 }
 
 reference::trajectory::WaypointSpline parse_motion(std::string_view text, const std::string& source,

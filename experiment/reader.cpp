@@ -9,28 +9,34 @@
 namespace tachless::experiment {
 namespace {
 
-/// The number that all of `node` is; nothing when it is none or outside `range`.
+bool is_plain(const YamlNode& node) { return node.kind == YamlNode::Kind::scalar && !node.quoted; }
+
 template <class Number>
-std::optional<Number> number_in(const YamlNode& node, const schema::Range& range) {
-  if (node.kind != YamlNode::Kind::scalar || node.quoted) return std::nullopt;
-  Number number{};
+void read_number(const Written& written, Number& to) {
+  const YamlNode& node = written.node;
   const char* begin = node.scalar.data();
   const char* const end = begin + node.scalar.size();
   if (std::is_floating_point_v<Number> && begin != end && *begin == '+') ++begin;
-  const auto [stop, error] = std::from_chars(begin, end, number);
-  if (error != std::errc{} || stop != end || !range.contains(static_cast<double>(number))) {
-    return std::nullopt;
+  const auto [stop, error] = std::from_chars(begin, end, to);
+  if (!is_plain(node) || error != std::errc{} || stop != end ||
+      !written.range.contains(static_cast<double>(to))) {
+    throw Refused{emit_line(node)};
   }
-  return number;
 }
 
-std::string entry_text(const YamlNode& list, std::size_t i) {
-  return fmt::format("entry {} of {} is {}", i + 1, emit_line(list), emit_line(list.children[i]));
-}
-
-const YamlNode& as_list(const YamlNode& node) {
-  if (node.kind != YamlNode::Kind::list) throw Refused{emit_line(node)};
-  return node;
+template <class Entry>
+void read_list(const Written& written, std::vector<Entry>& to) {
+  const YamlNode& list = written.node;
+  if (list.kind != YamlNode::Kind::list) throw Refused{emit_line(list)};
+  for (const YamlNode& entry : list.children) {
+    try {
+      read_value({entry, written.range, written.num_joints}, to.emplace_back());
+    } catch (const Refused& refused) {
+      const std::string value = emit_line(entry);
+      throw Refused{fmt::format("entry {} of {} is {}", to.size(), emit_line(list), value) +
+                    (refused.value == value ? "" : ": " + refused.value)};
+    }
+  }
 }
 
 }  // namespace
@@ -43,70 +49,52 @@ Place Place::child(std::string_view name) const {
           path.empty() ? std::string(name) : fmt::format("{}.{}", path, name)};
 }
 
-std::string read_text(const YamlNode& node) {
-  if (node.kind != YamlNode::Kind::scalar || node.scalar.empty()) throw Refused{emit_line(node)};
-  return node.scalar;
+void read_value(const Written& written, std::string& to) {
+  to = written.node.scalar;
+  if (to.empty()) throw Refused{emit_line(written.node)};
 }
 
-double read_number(const YamlNode& node, const schema::Range& range) {
-  if (const auto number = number_in<double>(node, range)) return *number;
-  throw Refused{emit_line(node)};
-}
-
-std::int64_t read_whole(const YamlNode& node, const schema::Range& range) {
-  if (const auto number = number_in<std::int64_t>(node, range)) return *number;
-  throw Refused{emit_line(node)};
-}
-
-bool read_yes_no(const YamlNode& node) {
-  if (node.kind == YamlNode::Kind::scalar && !node.quoted) {
-    if (node.scalar == "true") return true;
-    if (node.scalar == "false") return false;
+void read_value(const Written& written, bool& to) {
+  to = written.node.scalar == "true";
+  if (!is_plain(written.node) || (!to && written.node.scalar != "false")) {
+    throw Refused{emit_line(written.node)};
   }
-  throw Refused{emit_line(node)};
 }
 
-std::vector<double> read_numbers(const YamlNode& node, const schema::Range& range) {
-  std::vector<double> numbers;
-  for (const YamlNode& entry : as_list(node).children) {
-    const auto number = number_in<double>(entry, range);
-    if (!number) throw Refused{entry_text(node, numbers.size())};
-    numbers.push_back(*number);
-  }
-  return numbers;
-}
+void read_value(const Written& written, double& to) { read_number(written, to); }
+void read_value(const Written& written, std::int64_t& to) { read_number(written, to); }
 
-robot::Vector read_joints(const YamlNode& node, const schema::Range& range, int num_joints) {
+void read_value(const Written& written, robot::Vector& to) {
+  const YamlNode& node = written.node;
   if (node.kind != YamlNode::Kind::list) {
-    return robot::Vector::Constant(num_joints, read_number(node, range));
+    double each = 0;
+    read_value(written, each);
+    to = robot::Vector::Constant(written.num_joints, each);
+    return;
   }
-  if (static_cast<int>(node.children.size()) != num_joints) {
+  if (static_cast<int>(node.children.size()) != written.num_joints) {
     throw Refused{fmt::format("{} has length {}, the robot has {} joints", emit_line(node),
-                              node.children.size(), num_joints)};
+                              node.children.size(), written.num_joints)};
   }
-  const std::vector<double> numbers = read_numbers(node, range);
-  return Eigen::Map<const Eigen::VectorXd>(numbers.data(), num_joints);
+  std::vector<double> numbers;
+  read_value(written, numbers);
+  to = Eigen::Map<const Eigen::VectorXd>(numbers.data(), written.num_joints);
 }
 
-std::vector<robot::Vector> read_joints_list(const YamlNode& node, const schema::Range& range,
-                                            int num_joints) {
-  std::vector<robot::Vector> vectors;
-  for (const YamlNode& entry : as_list(node).children) {
-    try {
-      vectors.push_back(read_joints(entry, range, num_joints));
-    } catch (const Refused& refused) {
-      const std::string value = emit_line(entry);
-      throw Refused{entry_text(node, vectors.size()) +
-                    (refused.value == value ? "" : ": " + refused.value)};
-    }
-  }
-  return vectors;
-}
+void read_value(const Written& written, std::vector<double>& to) { read_list(written, to); }
+void read_value(const Written& written, std::vector<robot::Vector>& to) { read_list(written, to); }
 
-std::string_view only_one(const Place& place, const std::vector<std::string_view>& names) {
+std::string_view read_alternative(const Place& place, const std::vector<std::string_view>& names,
+                                  bool first_by_name) {
+  const YamlNode* const node = place.node;
+  if (first_by_name && (node == nullptr ||
+                        (node->kind == YamlNode::Kind::scalar && node->scalar == names.front()))) {
+    return names.front();
+  }
+  if (node != nullptr && node->kind != YamlNode::Kind::map) throw Refused{emit_line(*node)};
   std::string_view found;
   for (const std::string_view name : names) {
-    if (place.node == nullptr || place.node->find(name) == nullptr) continue;
+    if (node == nullptr || node->find(name) == nullptr) continue;
     if (!found.empty()) {
       throw place.complaint(fmt::format("both {} and {}; allowed: one kind only", found, name));
     }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <concepts>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -36,37 +37,87 @@ struct Refused {
   std::string value;
 };
 
-/// @throw Refused.
-std::string read_text(const YamlNode& node);
-double read_number(const YamlNode& node, const schema::Range& range);
-std::int64_t read_whole(const YamlNode& node, const schema::Range& range);
-bool read_yes_no(const YamlNode& node);
-std::vector<double> read_numbers(const YamlNode& node, const schema::Range& range);
-robot::Vector read_joints(const YamlNode& node, const schema::Range& range, int num_joints);
-std::vector<robot::Vector> read_joints_list(const YamlNode& node, const schema::Range& range,
-                                            int num_joints);
+/// A value as it is written, and what it has to be.
+struct Written {
+  const YamlNode& node;
+  const schema::Range& range;  ///< of each number in it
+  int num_joints;
+};
 
-/// The only one of `names` that the map at `place` has.
-/// @throw Failure(bad_usage) when it has none of them or several.
-std::string_view only_one(const Place& place, const std::vector<std::string_view>& names);
+/// @throw Refused.
+void read_value(const Written& written, std::string& to);
+void read_value(const Written& written, bool& to);
+void read_value(const Written& written, double& to);
+void read_value(const Written& written, std::int64_t& to);
+void read_value(const Written& written, robot::Vector& to);
+void read_value(const Written& written, std::vector<double>& to);
+void read_value(const Written& written, std::vector<robot::Vector>& to);
+template <class Value>
+requires std::is_enum_v<Value> || std::integral<Value>
+void read_value(const Written& written, Value& to) {
+  std::conditional_t<std::is_enum_v<Value>, std::string, std::int64_t> value;
+  read_value(written, value);
+  if constexpr (std::is_enum_v<Value>) {
+    const std::optional<Value> chosen = schema::value_of<Value>(value);
+    if (!chosen) throw Refused{value};
+    to = *chosen;
+  } else {
+    to = static_cast<Value>(value);
+  }
+}
+
+/// The only one of `names` that the map at `place` has; or, if `first_by_name`, the first of them,
+/// which may be given by its name alone, or not at all.
+/// @throw Refused; Failure(bad_usage) when the map has none of them or several.
+std::string_view read_alternative(const Place& place, const std::vector<std::string_view>& names,
+                                  bool first_by_name);
 
 template <class Struct>
 void read(const Place& place, Struct& to);
 
-/// One of several structs: a map with the name of one, or the name alone if `first_by_name`, which
-/// is then what stands in when nothing is given.
-template <class... T>
-void read_one_of(const Place& place, bool first_by_name, std::variant<T...>& to) {
-  const std::vector<std::string_view> names = {T::name...};
-  const YamlNode* const node = place.node;
-  const bool named =
-      first_by_name &&
-      (node == nullptr || (node->kind == YamlNode::Kind::scalar && node->scalar == names.front()));
-  if (!named && node != nullptr && node->kind != YamlNode::Kind::map) {
-    throw Refused{emit_line(*node)};
+/// Reads a value into `to`, from `place`, which has one (but for alternatives).
+/// @throw Refused when it is not what `key` allows, Failure(bad_usage) for what is inside of it.
+template <class Key, class Value>
+void read_place(const Place& place, const Key& key, Value& to) {
+  read_value({*place.node, key.range, place.scenario.num_joints}, to);
+}
+
+/// A map whose keys are names of the user's choice.
+template <class Key, class Entry>
+void read_place(const Place& place, const Key& key, std::map<std::string, Entry>& to) {
+  if (place.node->kind != YamlNode::Kind::map) throw Refused{emit_line(*place.node)};
+  for (const std::string& name : place.node->keys) {
+    const Place entry = place.child(name);
+    try {
+      read_place(entry, key, to[name]);
+    } catch (const Refused& refused) {
+      throw entry.complaint(
+          refused.value + "; allowed: " +
+          schema::allowed_text(schema::Key<Key, Entry>(name, nullptr).in(key.range)));
+    }
   }
-  const std::string_view chosen = named ? names.front() : only_one(place, names);
-  const Place inside = named ? Place{place.scenario, nullptr, place.path} : place.child(chosen);
+}
+
+/// A list of maps.
+template <class Key, class Struct>
+requires schema::has_keys<Struct>
+void read_place(const Place& place, const Key& /*key*/, std::vector<Struct>& to) {
+  const YamlNode& list = *place.node;
+  if (list.kind != YamlNode::Kind::list || list.children.empty()) throw Refused{emit_line(list)};
+  for (const YamlNode& entry : list.children) {
+    const std::string index = "[" + std::to_string(to.size()) + "]";
+    read(Place{place.scenario, &entry, place.path + index}, to.emplace_back());
+  }
+}
+
+/// One of several structs: a map with the name of one, or the name of the first alone if that is
+/// the default.
+template <class Key, class... T>
+void read_place(const Place& place, const Key& key, std::variant<T...>& to) {
+  const std::string_view chosen =
+      read_alternative(place, {T::name...}, key.fallback == schema::Default::of_struct);
+  const bool map = place.node != nullptr && place.node->kind == YamlNode::Kind::map;
+  const Place inside = map ? place.child(chosen) : Place{place.scenario, nullptr, place.path};
   const auto read_if_chosen = [&]<class Alternative>(Alternative made) {
     if (Alternative::name != chosen) return;
     read(inside, made);
@@ -75,70 +126,15 @@ void read_one_of(const Place& place, bool first_by_name, std::variant<T...>& to)
   (read_if_chosen(T{}), ...);
 }
 
-/// The value of type `Value` at `place`, which has one (but for maps and alternatives).
-/// @throw Refused when it is not what `key` allows, Failure(bad_usage) for what is inside of it.
-template <class Value, class Key>
-Value read_value(const Place& place, const Key& key) {
-  constexpr schema::Shape shape = schema::shape_of<Value>;
-  Value value{};
-  if constexpr (shape == schema::Shape::text) {
-    value = read_text(*place.node);
-  } else if constexpr (shape == schema::Shape::choice) {
-    const std::string name = read_text(*place.node);
-    const std::optional<Value> chosen = schema::value_of<Value>(name);
-    if (!chosen) throw Refused{name};
-    value = *chosen;
-  } else if constexpr (shape == schema::Shape::yes_no) {
-    value = read_yes_no(*place.node);
-  } else if constexpr (shape == schema::Shape::number) {
-    value = read_number(*place.node, key.range);
-  } else if constexpr (shape == schema::Shape::whole) {
-    value = static_cast<Value>(read_whole(*place.node, key.range));
-  } else if constexpr (shape == schema::Shape::joints) {
-    value = read_joints(*place.node, key.range, place.scenario.num_joints);
-  } else if constexpr (shape == schema::Shape::numbers) {
-    value = read_numbers(*place.node, key.range);
-  } else if constexpr (shape == schema::Shape::joints_list) {
-    value = read_joints_list(*place.node, key.range, place.scenario.num_joints);
-  } else if constexpr (schema::has_names_of_choice<Value>) {
-    if (place.node->kind != YamlNode::Kind::map) throw Refused{emit_line(*place.node)};
-    for (const std::string& name : place.node->keys) {
-      const Place entry = place.child(name);
-      using Entry = typename Value::mapped_type;
-      const schema::Key<Value, Entry> each(name, nullptr);
-      try {
-        value[name] = read_value<Entry>(entry, each.in(key.range));
-      } catch (const Refused& refused) {
-        throw entry.complaint(refused.value +
-                              "; allowed: " + schema::allowed_text(each.in(key.range)));
-      }
-    }
-  } else if constexpr (shape == schema::Shape::list_of_maps) {
-    const YamlNode& list = *place.node;
-    if (list.kind != YamlNode::Kind::list || list.children.empty()) throw Refused{emit_line(list)};
-    for (const YamlNode& entry : list.children) {
-      const std::string index = "[" + std::to_string(value.size()) + "]";
-      read(Place{place.scenario, &entry, place.path + index}, value.emplace_back());
-    }
-  } else if constexpr (shape == schema::Shape::one_of) {
-    read_one_of(place, key.fallback == schema::Default::of_struct, value);
-  } else {
-    read(place, value);
-  }
-  return value;
-}
-
 /// Fills the member of `key`, from `place` or with its default.
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
 template <class Struct, class Member>
 void read_key(const Place& place, const schema::Key<Struct, Member>& key, Struct& to) {
-  using Value = typename schema::ValueOf<Member>::Type;
   constexpr schema::Shape shape = schema::shape_of<Member>;
   if constexpr (shape == schema::Shape::map) {
     read(place, to.*key.member);
-    return;
-  } else if constexpr (shape != schema::Shape::one_of) {
-    if (place.node == nullptr) {
+  } else {
+    if (shape != schema::Shape::one_of && place.node == nullptr) {
       if (key.fallback == schema::Default::required) {
         throw place.complaint("missing; allowed: " + schema::allowed_text(key));
       }
@@ -153,15 +149,17 @@ void read_key(const Place& place, const schema::Key<Struct, Member>& key, Struct
         return;
       }
     }
-  }
-  try {
-    if constexpr (std::is_function_v<Member>) {
-      (to.*key.member)(read_value<Value>(place, key));
-    } else {
-      to.*key.member = read_value<Value>(place, key);
+    typename schema::ValueOf<Member>::Type value{};
+    try {
+      read_place(place, key, value);
+    } catch (const Refused& refused) {
+      throw place.complaint(refused.value + "; allowed: " + schema::allowed_text(key));
     }
-  } catch (const Refused& refused) {
-    throw place.complaint(refused.value + "; allowed: " + schema::allowed_text(key));
+    if constexpr (std::is_function_v<Member>) {
+      (to.*key.member)(std::move(value));
+    } else {
+      to.*key.member = std::move(value);
+    }
   }
 }
 

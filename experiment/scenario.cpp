@@ -14,10 +14,8 @@
 #include "experiment/motion_file.h"
 #include "experiment/reader.h"
 #include "experiment/scenario_keys.h"
-#include "experiment/scenario_rules.h"
 #include "experiment/yaml_tree.h"
 #include "loop/measurements.h"
-#include "robot/positive_inertia.h"
 
 namespace tachless::experiment {
 namespace {
@@ -45,18 +43,13 @@ void survey(const YamlNode& root, const YamlNode& node, const std::string& path,
     const bool map = node.kind == YamlNode::Kind::map;
     const std::string child_path =
         map ? (path.empty() ? "" : path + ".") + node.keys[i] : fmt::format("{}[{}]", path, i);
-    if (child.set_by.empty()) {
-      scenario.line[child_path] = child.line;
-    } else {
-      scenario.set_by[child_path] = child.set_by;
-    }
+    scenario.where[child_path] = child.where;
     if (!is_scenario_key(child_path)) {
       const YamlNode* const controller = root.find("controller");
       const YamlNode* const gains = controller == nullptr ? nullptr : controller->find("gains");
       throw scenario.complaint(
-          child_path,
-          "unknown; " + known_keys_hint(child_path, gains == nullptr ? std::vector<std::string>{}
-                                                                     : gains->keys));
+          child_path, "unknown; {}",
+          known_keys_hint(child_path, gains == nullptr ? std::vector<std::string>{} : gains->keys));
     }
     if (has_keys_below(child_path)) survey(root, child, child_path, scenario);
   }
@@ -76,10 +69,10 @@ YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& ov
                        Scenario& scenario) {
   YamlNode root = parse_yaml(text, scenario.source);
   if (root.kind != YamlNode::Kind::map) {
-    throw diagnostics::bad_usage(root.kind == YamlNode::Kind::null
-                                     ? scenario.source + ":1: empty; allowed: a scenario"
-                                     : fmt::format("{}:{}: {}; allowed: a map of keys",
-                                                   scenario.source, root.line, emit_line(root)));
+    if (root.kind == YamlNode::Kind::null) {
+      throw diagnostics::bad_usage("{}:1: empty; allowed: a scenario", scenario.source);
+    }
+    throw diagnostics::bad_usage("{}: {}; allowed: a map of keys", root.where, emit_line(root));
   }
   for (const std::string& assignment : overrides) apply_override(root, assignment);
   survey(root, root, "", scenario);
@@ -123,9 +116,8 @@ void require_same_joints(const Scenario& scenario, const robot::Model& model,
     return;
   throw scenario.complaint(
       "controller.urdf",
-      fmt::format("its joints are {}; allowed: those of robot.urdf by name, type and order: {}",
-                  diagnostics::joined(believed.joint_names),
-                  diagnostics::joined(model.joint_names)));
+      "its joints are {}; allowed: those of robot.urdf by name, type and order: {}",
+      diagnostics::joined(believed.joint_names), diagnostics::joined(model.joint_names));
 }
 
 /// With the rotors of rigid joints, which may give a joint all the inertia it has.
@@ -147,7 +139,7 @@ void require_mechanics_for(robot::Model& model, Scenario& scenario) {
   const std::string why = possible ? "does not model plant.drive.coulomb_friction_Nm"
                                    : "refuses the inertias that robot.check_inertia lets pass";
   if (scenario.gives("plant.mechanics") && scenario.plant.mechanics == plant::Mechanics::simbody) {
-    throw scenario.complaint("plant.mechanics", "simbody: it " + why + "; allowed: native");
+    throw scenario.complaint("plant.mechanics", "simbody: it {}; allowed: native", why);
   }
   scenario.plant.mechanics = plant::Mechanics::native;
   if (const auto refused = scenario.plant.refusal()) {
@@ -171,10 +163,9 @@ Scenario read_scenario(const YamlNode& root, const Description& plant, const Des
   if (scenario.text.size() + mechanics.size() > max_message_bytes) {
     throw scenario.complaint(
         "robot.urdf",
-        fmt::format(
-            "scenario ({} bytes) and the URDF's joints and inertials ({} bytes) must fit one "
-            "message; allowed: {} bytes in all; shorten names, numbers or the reference",
-            scenario.text.size(), mechanics.size(), max_message_bytes));
+        "scenario ({} bytes) and the URDF's joints and inertials ({} bytes) must fit one message; "
+        "allowed: {} bytes in all; shorten names, numbers or the reference",
+        scenario.text.size(), mechanics.size(), max_message_bytes);
   }
   scenario.num_joints = model.num_joints;
   read(Place{scenario, &root, ""}, scenario);
@@ -294,21 +285,17 @@ std::optional<schema::Refusal> Scenario::refusal() const {
           name)};
 }
 
-diagnostics::Failure Scenario::complaint(const std::string& key, const std::string& problem) const {
-  std::string where = source;
+diagnostics::Failure Scenario::complaint(const std::string& key, std::string_view problem) const {
+  std::string_view place = source;
   for (std::string part = key; !part.empty();) {
-    if (const auto found = set_by.find(part); found != set_by.end()) {
-      where = "--set " + found->second;
-      break;
-    }
-    if (const auto found = line.find(part); found != line.end()) {
-      where = source + ":" + std::to_string(found->second);
+    if (const auto found = where.find(part); found != where.end()) {
+      place = found->second;
       break;
     }
     const std::size_t cut = part.find_last_of(".[");
-    part = cut == std::string::npos ? "" : part.substr(0, cut);
+    part.resize(cut == std::string::npos ? 0 : cut);
   }
-  return diagnostics::bad_usage(where + ": " + key + ": " + problem);
+  return diagnostics::bad_usage("{}: {}: {}", place, key, problem);
 }
 
 Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
@@ -347,8 +334,8 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
     // The text of one robot ends where the other's begins.
     constexpr std::string_view end = "</robot>";
     const std::size_t cut = urdf_text.find(end);
-    if (scenario.set_by.count("controller.urdf") != 0 || cut == std::string_view::npos ||
-        urdf_text.find("<robot", cut) == std::string_view::npos) {
+    if (scenario.where.at("controller.urdf").starts_with("--set ") ||
+        cut == std::string_view::npos || urdf_text.find("<robot", cut) == std::string_view::npos) {
       throw scenario.complaint(
           "controller.urdf", "its file is not read here; allowed: what the scenario was run with");
     }

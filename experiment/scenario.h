@@ -1,5 +1,8 @@
 #pragma once
 
+#include <fmt/format.h>
+
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -7,6 +10,8 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -195,18 +200,22 @@ struct Scenario {
   std::string text;         ///< YAML with `--set` applied: parse(text, urdf_text) gives this again
   std::int64_t digest = 0;  ///< of text and URDF
   std::string source;       ///< file name for messages
-  std::map<std::string, int> line;            ///< "controller.gains.kp" -> line in the source
-  std::map<std::string, std::string> set_by;  ///< key -> the --set that gave its value
+  /// "controller.gains.kp" -> "<file>:<line>", or the "--set <key=value>" that gave its value
+  std::map<std::string, std::string> where;
 
   /// True when the key was written, in the file or with --set.
-  [[nodiscard]] bool gives(const std::string& key) const {
-    return line.count(key) != 0 || set_by.count(key) != 0;
-  }
+  [[nodiscard]] bool gives(const std::string& key) const { return where.count(key) != 0; }
 
-  /// A Failure(bad_usage) that reads "<file>:<line>: <key>: <problem>", or, when the value came
-  /// from the command line, "--set <key=value>: <key>: <problem>".
+  /// A Failure(bad_usage) that reads "<where>: <key>: <problem>".
   [[nodiscard]] diagnostics::Failure complaint(const std::string& key,
-                                               const std::string& problem) const;
+                                               std::string_view problem) const;
+  template <class First, class... Rest>
+  [[nodiscard]] diagnostics::Failure complaint(const std::string& key,
+                                               fmt::format_string<First, Rest...> problem,
+                                               First&& first, Rest&&... rest) const {
+    return complaint(key, std::string_view(fmt::format(problem, std::forward<First>(first),
+                                                       std::forward<Rest>(rest)...)));
+  }
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;
 
@@ -231,6 +240,16 @@ Scenario load_scenario(const std::filesystem::path& path,
 /// name.
 Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides = {});
+
+/// The rules between keys of `robot` and `plant`, of a scenario that is read and has its model.
+/// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
+void require_consistent(const Scenario& scenario);
+
+/// A scenario for a bare URDF, as text, with gains that only a design makes useful: point to point,
+/// a 20-bit encoder, one tick of delay.
+/// @param urdf its path, as it is to stand in the file
+std::string urdf_scenario(const robot::Model& model, const std::string& name,
+                          const std::string& urdf, double period_s);
 
 /// `model` with the scenario's payload on it; as it is when there is none.
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.

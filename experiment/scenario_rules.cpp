@@ -1,4 +1,4 @@
-#include "experiment/scenario_rules.h"
+#include "experiment/scenario.h"
 
 #include <fmt/format.h>
 
@@ -24,10 +24,9 @@ void require_possible_initial_state(const Scenario& scenario) {
                          std::abs(position[i]) > 2 * std::numbers::pi;
     throw scenario.complaint(
         "plant.initial.position_rad",
-        fmt::format("{} of joint {} is outside its limits in the URDF; allowed: in [{}, {}]{}",
-                    shortest(position[i]), model.joint_names[joint], shortest(model.lower[i]),
-                    shortest(model.upper[i]),
-                    degrees ? "; angles are in rad, were degrees given?" : ""));
+        "{} of joint {} is outside its limits in the URDF; allowed: in [{}, {}]{}",
+        shortest(position[i]), model.joint_names[joint], shortest(model.lower[i]),
+        shortest(model.upper[i]), degrees ? "; angles are in rad, were degrees given?" : "");
   }
 }
 
@@ -52,8 +51,8 @@ void require_link(const Scenario& scenario, const std::string& key, const std::s
   if (link.empty() || model.frames.count(link) != 0) return;
   std::vector<std::string_view> links;
   for (const auto& [each, frame] : model.frames) links.push_back(each);
-  throw scenario.complaint(
-      key, fmt::format("\"{}\" is not in the URDF; allowed: {}", link, diagnostics::joined(links)));
+  throw scenario.complaint(key, "\"{}\" is not in the URDF; allowed: {}", link,
+                           diagnostics::joined(links));
 }
 
 void require_disturbed(const Scenario& scenario) {
@@ -64,9 +63,8 @@ void require_disturbed(const Scenario& scenario) {
     require_link(scenario, place + ".link", each.link);
     if (each.joint.empty() || std::find(joints.begin(), joints.end(), each.joint) != joints.end())
       continue;
-    throw scenario.complaint(place + ".joint",
-                             fmt::format("\"{}\" is no joint of the robot; allowed: {}", each.joint,
-                                         diagnostics::joined(joints)));
+    throw scenario.complaint(place + ".joint", "\"{}\" is no joint of the robot; allowed: {}",
+                             each.joint, diagnostics::joined(joints));
   }
 }
 
@@ -78,9 +76,8 @@ void require_static_above_coulomb(const Scenario& scenario) {
     if (given >= least) continue;
     throw scenario.complaint(
         "plant.drive.static_friction_Nm",
-        fmt::format("{} of joint {} is below its Coulomb friction; allowed: at least {}",
-                    shortest(given), scenario.model->joint_names[static_cast<std::size_t>(i)],
-                    shortest(least)));
+        "{} of joint {} is below its Coulomb friction; allowed: at least {}", shortest(given),
+        scenario.model->joint_names[static_cast<std::size_t>(i)], shortest(least));
   }
 }
 
@@ -101,8 +98,8 @@ robot::Model with_payload(const Scenario& scenario, robot::Model model) {
   const std::vector<double>& I = payload.inertia_kgm2;
   robot::MassProperties body;
   body.mass = payload.mass_kg;
-  body.p_cm = Eigen::Vector3d(payload.center_of_mass_m.data());
-  body.I_cm << I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5];
+  body.p_Bcm = Eigen::Vector3d(payload.center_of_mass_m.data());
+  body.I_Bcm << I[0], I[1], I[2], I[1], I[3], I[4], I[2], I[4], I[5];
   if (const std::string why = robot::why_not_physical(body); !why.empty()) {
     throw scenario.complaint("plant.payload.inertia_kgm2", why);
   }
@@ -122,11 +119,10 @@ robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model)
     const bool prismatic = model.joint_types[joint] == robot::JointType::prismatic;
     const double range = prismatic ? model.upper[i] - model.lower[i] : 2 * std::numbers::pi;
     if (!(std::isfinite(range) && range > 0)) {
-      throw scenario.complaint(
-          "plant.encoder.resolution_bits",
-          fmt::format("{} needs a range to count over, but prismatic joint \"{}\" has no lower and "
-                      "upper limit in the URDF; add them, or use null (ideal)",
-                      (*bits)[i], model.joint_names[joint]));
+      throw scenario.complaint("plant.encoder.resolution_bits",
+                               "{} needs a range to count over, but prismatic joint \"{}\" has no "
+                               "lower and upper limit in the URDF; add them, or use null (ideal)",
+                               (*bits)[i], model.joint_names[joint]);
     }
     count[i] = std::ldexp(range, -static_cast<int>((*bits)[i]));
   }

@@ -1,11 +1,11 @@
-#include "experiment/urdf_scenario.h"
-
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <vector>
+
+#include "experiment/scenario.h"
 
 namespace tachless::experiment {
 

@@ -1,8 +1,10 @@
 #include "experiment/yaml_tree.h"
 
+#include <fmt/format.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "diagnostics/failure.h"
 
@@ -15,79 +17,75 @@ constexpr int max_depth = 32;
 
 class Converter {
  public:
-  /// `set_by` is empty for a file; else it stands in for "file:line".
-  Converter(const std::string& source, const std::string& set_by)
-      : source_(source), set_by_(set_by) {}
+  /// @param source of a file its name; else the "--set key=value" that stands in for "file:line"
+  Converter(const std::string& source, bool of_file) : source_(source), of_file_(of_file) {}
 
   YamlNode convert(const YAML::Node& from, int line, const std::string& path, int depth) {
     if (++num_nodes_ > max_nodes || depth > max_depth) {
-      throw complaint(line, path,
-                      "too large or nested too deeply; allowed: " + std::to_string(max_nodes) +
-                          " values, " + std::to_string(max_depth) + " levels, aliases included");
+      throw complaint(
+          line, path,
+          "too large or nested too deeply; allowed: {} values, {} levels, aliases included",
+          max_nodes, max_depth);
     }
     YamlNode to;
-    to.line = set_by_.empty() ? line : 0;
-    to.set_by = set_by_;
+    to.where = where(line);
     const std::string& tag = from.Tag();
     if (!tag.empty() && tag != "?" && tag != "!") {
-      throw complaint(line, path, "tag '" + tag + "' is not known; write the value without a tag");
+      throw complaint(line, path, "tag '{}' is not known; write the value without a tag", tag);
     }
-    switch (from.Type()) {
-      case YAML::NodeType::Undefined:
-      case YAML::NodeType::Null:
-        break;
-      case YAML::NodeType::Scalar:
-        to.kind = YamlNode::Kind::scalar;
-        to.scalar = from.Scalar();
-        to.quoted = tag == "!";
-        break;
-      case YAML::NodeType::Sequence:
-        to.kind = YamlNode::Kind::list;
-        for (const YAML::Node& item : from) {
-          const int item_line = std::max(line, item.Mark().line + 1);
-          to.children.push_back(convert(
-              item, item_line, path + "[" + std::to_string(to.children.size()) + "]", depth + 1));
-        }
-        break;
-      case YAML::NodeType::Map:
-        to.kind = YamlNode::Kind::map;
-        for (const auto& pair : from) {
-          const YAML::Node& key = pair.first;
-          const int key_line = key.Mark().line + 1;
-          if (!key.IsScalar() || key.Scalar().empty()) {
-            throw complaint(key_line, path, "a key must be a word");
-          }
-          const std::string key_path = path.empty() ? key.Scalar() : path + "." + key.Scalar();
-          if (const YamlNode* first = to.find(key.Scalar())) {
-            throw complaint(key_line, key_path,
-                            set_by_.empty()
-                                ? "given twice; first in line " + std::to_string(first->line)
-                                : "given twice");
-          }
-          to.children.push_back(convert(pair.second, key_line, key_path, depth + 1));
-          to.keys.push_back(key.Scalar());
-        }
-        break;
+    if (from.IsScalar()) {
+      to.kind = YamlNode::Kind::scalar;
+      to.scalar = from.Scalar();
+      to.quoted = tag == "!";
+    } else if (from.IsSequence()) {
+      to.kind = YamlNode::Kind::list;
+      for (const YAML::Node& item : from) {
+        to.children.push_back(convert(item, std::max(line, item.Mark().line + 1),
+                                      fmt::format("{}[{}]", path, to.children.size()), depth + 1));
+      }
+    } else if (from.IsMap()) {
+      to.kind = YamlNode::Kind::map;
+      for (const auto& pair : from) add_pair(pair.first, pair.second, path, depth, to);
     }
     return to;
   }
 
+  template <class... Args>
   [[nodiscard]] diagnostics::Failure complaint(int line, const std::string& path,
-                                               const std::string& problem) const {
-    const std::string where =
-        set_by_.empty() ? source_ + ":" + std::to_string(line) : "--set " + set_by_;
-    return diagnostics::bad_usage(where + ": " + (path.empty() ? problem : path + ": " + problem));
+                                               fmt::format_string<Args...> problem,
+                                               Args&&... args) const {
+    return diagnostics::bad_usage("{}: {}{}{}", where(line), path, path.empty() ? "" : ": ",
+                                  fmt::format(problem, std::forward<Args>(args)...));
   }
 
  private:
+  [[nodiscard]] std::string where(int line) const {
+    return of_file_ ? fmt::format("{}:{}", source_, line) : source_;
+  }
+
+  void add_pair(const YAML::Node& key, const YAML::Node& value, const std::string& path, int depth,
+                YamlNode& to) {
+    const int line = key.Mark().line + 1;
+    if (!key.IsScalar() || key.Scalar().empty()) {
+      throw complaint(line, path, "a key must be a word");
+    }
+    const std::string key_path = path.empty() ? key.Scalar() : path + "." + key.Scalar();
+    if (const YamlNode* first = to.find(key.Scalar())) {
+      if (!of_file_) throw complaint(line, key_path, "given twice");
+      throw complaint(line, key_path, "given twice; first in line {}",
+                      first->where.substr(source_.size() + 1));
+    }
+    to.add(key.Scalar()) = convert(value, line, key_path, depth + 1);
+  }
+
   const std::string& source_;
-  const std::string& set_by_;
+  const bool of_file_;
   int num_nodes_ = 0;
 };
 
-YamlNode parse(std::string_view text, const std::string& source, const std::string& set_by,
+YamlNode parse(std::string_view text, const std::string& source, bool of_file,
                const std::string& path) {
-  Converter converter(source, set_by);
+  Converter converter(source, of_file);
   // yaml-cpp takes byte 4 for the end of the text, and a NUL would not survive a message.
   const auto control = std::find_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\r' && c != '\t') ||
@@ -95,9 +93,8 @@ YamlNode parse(std::string_view text, const std::string& source, const std::stri
   });
   if (control != text.end()) {
     throw converter.complaint(1 + static_cast<int>(std::count(text.begin(), control, '\n')), "",
-                              "control character " +
-                                  std::to_string(static_cast<unsigned char>(*control)) +
-                                  "; allowed: UTF-8 text");
+                              "control character {}; allowed: UTF-8 text",
+                              static_cast<unsigned char>(*control));
   }
   try {
     const std::vector<YAML::Node> documents = YAML::LoadAll(std::string(text));
@@ -108,7 +105,7 @@ YamlNode parse(std::string_view text, const std::string& source, const std::stri
     }
     return converter.convert(documents[0], 1, path, 0);
   } catch (const YAML::Exception& error) {
-    throw converter.complaint(error.mark.line + 1, "", "not YAML: " + error.msg);
+    throw converter.complaint(error.mark.line + 1, "", "not YAML: {}", error.msg);
   }
 }
 
@@ -161,13 +158,19 @@ const YamlNode* YamlNode::find(std::string_view key) const {
   return found == keys.end() ? nullptr : &children[static_cast<std::size_t>(found - keys.begin())];
 }
 
+YamlNode& YamlNode::add(std::string key) {
+  keys.push_back(std::move(key));
+  return children.emplace_back();
+}
+
 YamlNode parse_yaml(std::string_view text, const std::string& source) {
-  return parse(text, source, "", "");
+  return parse(text, source, true, "");
 }
 
 void apply_override(YamlNode& root, const std::string& assignment) {
-  const auto refuse = [&](const std::string& problem) {
-    return diagnostics::bad_usage("--set " + assignment + ": " + problem);
+  const std::string where = "--set " + assignment;
+  const auto refuse = [&](std::string_view problem) {
+    return diagnostics::bad_usage("{}: {}", where, problem);
   };
   const std::size_t equals = assignment.find('=');
   if (equals == std::string::npos) throw refuse("no '='; write key.path=value");
@@ -184,19 +187,14 @@ void apply_override(YamlNode& root, const std::string& assignment) {
     if (node->kind != YamlNode::Kind::map) {
       *node = YamlNode{};
       node->kind = YamlNode::Kind::map;
-      node->set_by = assignment;
+      node->where = where;
     }
-    const auto found = std::find(node->keys.begin(), node->keys.end(), key);
-    const auto index = static_cast<std::size_t>(found - node->keys.begin());
-    if (found == node->keys.end()) {
-      node->keys.push_back(key);
-      node->children.emplace_back();
-      node->children.back().set_by = assignment;
-    }
-    node = &node->children[index];
+    YamlNode* const child = node->find(key);
+    node = child != nullptr ? child : &node->add(key);
+    if (child == nullptr) node->where = where;
     begin = end + 1;
   }
-  *node = parse(value, "", assignment, path);
+  *node = parse(value, where, false, path);
 }
 
 std::string emit_yaml(const YamlNode& node) { return emitted(node, false) + "\n"; }

@@ -2,6 +2,7 @@
 
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 /// A YAML document as a plain value that remembers where each part came from. Strict where
@@ -16,11 +17,15 @@ struct YamlNode {
   bool quoted = false;             ///< "5" is text, 5 is a number
   std::vector<std::string> keys;   ///< of a map, in the order written
   std::vector<YamlNode> children;  ///< of a list or a map
-  int line = 0;                    ///< of the key, or of the entry of a list; 0 when set_by is set
-  std::string set_by;              ///< the --set that gave this; empty when it is the file's
+  std::string where;  ///< "file:line" of the key or the list's entry, or the "--set …" that gave it
 
   /// The value of `key`; nullptr when this is not a map or has no such key.
   [[nodiscard]] const YamlNode* find(std::string_view key) const;
+  [[nodiscard]] YamlNode* find(std::string_view key) {
+    return const_cast<YamlNode*>(std::as_const(*this).find(key));
+  }
+  /// Adds a key to a map. @return its value, which is null
+  YamlNode& add(std::string key);
 };
 
 /// Reads one document. `source` is the file name for messages. Aliases are expanded.

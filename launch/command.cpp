@@ -11,8 +11,8 @@
 #include <system_error>
 #include <vector>
 
+#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/system_failure.h"
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "launch/verb.h"

@@ -9,7 +9,7 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "diagnostics/system_failure.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/version.h"
 #include "process/installation.h"
 

@@ -15,10 +15,4 @@ Scalar kinetic_energy(const Model& model, const VectorOf<Scalar>& q, const Vecto
 template <class Scalar>
 Scalar potential_energy(const Model& model, const VectorOf<Scalar>& q);
 
-extern template double kinetic_energy(const Model&, const VectorOf<double>&,
-                                      const VectorOf<double>&);
-extern template Jet2 kinetic_energy(const Model&, const VectorOf<Jet2>&, const VectorOf<Jet2>&);
-extern template double potential_energy(const Model&, const VectorOf<double>&);
-extern template Jet2 potential_energy(const Model&, const VectorOf<Jet2>&);
-
 }  // namespace tachless::robot

@@ -38,9 +38,4 @@ template <class Scalar>
 VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
                                   const VectorOf<Scalar>& v, const VectorOf<Scalar>& tau);
 
-extern template VectorOf<double> forward_dynamics(const Model&, const VectorOf<double>&,
-                                                  const VectorOf<double>&, const VectorOf<double>&);
-extern template VectorOf<Jet2> forward_dynamics(const Model&, const VectorOf<Jet2>&,
-                                                const VectorOf<Jet2>&, const VectorOf<Jet2>&);
-
 }  // namespace tachless::robot

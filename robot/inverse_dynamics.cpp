@@ -16,9 +16,8 @@ struct BodyState {
 };
 
 /// Acceleration of a body's point r.
-template <bool two, class Scalar>
-TACHLESS_INLINE Triple<Scalar> acceleration_at(const BodyState<Scalar>& b,
-                                               const Triple<Scalar>& r) {
+template <bool two, class Scalar, class Point>
+TACHLESS_INLINE Triple<Scalar> acceleration_at(const BodyState<Scalar>& b, const Triple<Point>& r) {
   if constexpr (two) {
     return b.acc + cross(b.alpha, r) +
            (cross(b.w_x, cross(b.w_y, r)) + cross(b.w_y, cross(b.w_x, r))) * 0.5;
@@ -35,9 +34,7 @@ TACHLESS_INLINE void set_force(const Body& body, BodyState<Scalar>& b) {
   const Turn<double> I = turn(body.I_Bcm);
   if constexpr (two) {
     b.n = I * b.alpha + (cross(b.w_x, I * b.w_y) + cross(b.w_y, I * b.w_x)) * 0.5;
-    b.f = (b.acc + cross(b.alpha, c) +
-           (cross(b.w_x, cross(b.w_y, c)) + cross(b.w_y, cross(b.w_x, c))) * 0.5) *
-          body.mass;
+    b.f = acceleration_at<true>(b, c) * body.mass;
   } else {
     const auto turning = pair(b.alpha, b.w_x);
     const auto moment = I * turning;
@@ -55,7 +52,7 @@ TACHLESS_INLINE void set_force(const Body& body, BodyState<Scalar>& b) {
 template <class Scalar>
 TACHLESS_INLINE void joint_forces(const Model& model, const JointFrame<Scalar>* frames,
                                   BodyState<Scalar>* state, VectorOf<Scalar>& tau) {
-  for (int j = 0; j < model.num_joints; ++j) tau[j] = Scalar(0);
+  tau.setZero();
   for (int i = static_cast<int>(model.bodies.size()) - 1; i >= 0; --i) {
     const Body& body = model.bodies[i];
     const BodyState<Scalar>& b = state[i];
@@ -143,13 +140,6 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
   return newton_euler<two, true>(model, gravity, frames, x, y, a);
 }
 
-template <class Scalar>
-VectorOf<Scalar> zero(const Model& model) {
-  VectorOf<Scalar> x(model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) x[j] = Scalar(0);
-  return x;
-}
-
 }  // namespace
 
 template <class Scalar>
@@ -174,12 +164,13 @@ VectorOf<Scalar> inverse_dynamics_bilinear(const Model& model, const VectorOf<Sc
 template <class Scalar>
 VectorOf<Scalar> coriolis_product(const Model& model, const VectorOf<Scalar>& q,
                                   const VectorOf<Scalar>& x, const VectorOf<Scalar>& y) {
-  return newton_euler<true>(model, Eigen::Vector3d::Zero(), q, x, y, zero<Scalar>(model));
+  return newton_euler<true, Scalar>(model, Eigen::Vector3d::Zero(), q, x, y,
+                                    VectorOf<Scalar>::Zero(model.num_joints));
 }
 
 template <class Scalar>
 VectorOf<Scalar> gravity_torque(const Model& model, const VectorOf<Scalar>& q) {
-  const VectorOf<Scalar> rest = zero<Scalar>(model);
+  const VectorOf<Scalar> rest = VectorOf<Scalar>::Zero(model.num_joints);
   return newton_euler<false>(model, model.gravity, q, rest, rest, rest);
 }
 
@@ -187,7 +178,7 @@ template <class Scalar>
 MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
                                  const VectorOf<Scalar>& v) {
   MatrixOf<Scalar> C(model.num_joints, model.num_joints);
-  VectorOf<Scalar> e = zero<Scalar>(model);
+  VectorOf<Scalar> e = VectorOf<Scalar>::Zero(model.num_joints);
   for (int j = 0; j < model.num_joints; ++j) {
     e[j] = Scalar(1);
     C.col(j) = coriolis_product(model, q, v, e);
@@ -196,10 +187,20 @@ MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
   return C;
 }
 
-template VectorOf<double> bias_torque(const Model&, const JointFrame<double>*,
-                                      const VectorOf<double>&);
-template VectorOf<Jet2> bias_torque(const Model&, const JointFrame<Jet2>*, const VectorOf<Jet2>&);
-TACHLESS_INVERSE_DYNAMICS(, double)
-TACHLESS_INVERSE_DYNAMICS(, Jet2)
+#define TACHLESS_INVERSE_DYNAMICS(Scalar)                                                       \
+  template VectorOf<Scalar> bias_torque(const Model&, const JointFrame<Scalar>*,                \
+                                        const VectorOf<Scalar>&);                               \
+  template VectorOf<Scalar> inverse_dynamics(const Model&, const VectorOf<Scalar>&,             \
+                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
+  template VectorOf<Scalar> inverse_dynamics_bilinear(                                          \
+      const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&,  \
+      const VectorOf<Scalar>&);                                                                 \
+  template VectorOf<Scalar> coriolis_product(const Model&, const VectorOf<Scalar>&,             \
+                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
+  template VectorOf<Scalar> gravity_torque(const Model&, const VectorOf<Scalar>&);              \
+  template MatrixOf<Scalar> coriolis_matrix(const Model&, const VectorOf<Scalar>&,              \
+                                            const VectorOf<Scalar>&);
+TACHLESS_INVERSE_DYNAMICS(double)
+TACHLESS_INVERSE_DYNAMICS(Jet2)
 
 }  // namespace tachless::robot

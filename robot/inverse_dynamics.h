@@ -40,18 +40,4 @@ template <class Scalar>
 MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
                                  const VectorOf<Scalar>& v);
 
-#define TACHLESS_INVERSE_DYNAMICS(prefix, Scalar)                                               \
-  prefix template VectorOf<Scalar> inverse_dynamics(                                            \
-      const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
-  prefix template VectorOf<Scalar> inverse_dynamics_bilinear(                                   \
-      const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&,  \
-      const VectorOf<Scalar>&);                                                                 \
-  prefix template VectorOf<Scalar> coriolis_product(                                            \
-      const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
-  prefix template VectorOf<Scalar> gravity_torque(const Model&, const VectorOf<Scalar>&);       \
-  prefix template MatrixOf<Scalar> coriolis_matrix(const Model&, const VectorOf<Scalar>&,       \
-                                                   const VectorOf<Scalar>&);
-TACHLESS_INVERSE_DYNAMICS(extern, double)
-TACHLESS_INVERSE_DYNAMICS(extern, Jet2)
-
 }  // namespace tachless::robot

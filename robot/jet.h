@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
-#include <ostream>
+#include <compare>
 #include <type_traits>
 
 #include "robot/quantities.h"
@@ -14,8 +14,7 @@ namespace tachless::robot {
 /// computes from jets of its inputs is the jet of its output, exact to rounding.
 ///
 /// Ordering compares values alone, so that algorithms branch as they do in double; equality
-/// compares all three. At a point where a function is not twice differentiable (sqrt and abs
-/// at 0) the derivatives are those of IEEE arithmetic: infinite or not a number.
+/// compares all three.
 struct Jet2 {
   double value;
   double first;   ///< [1/s]
@@ -46,6 +45,9 @@ struct Jet2 {
   }
   constexpr Jet2& operator*=(double s) { return *this = {value * s, first * s, second * s}; }
   constexpr Jet2& operator/=(double s) { return *this = {value / s, first / s, second / s}; }
+
+  constexpr bool operator==(const Jet2&) const = default;
+  constexpr std::partial_ordering operator<=>(const Jet2& b) const { return value <=> b.value; }
 };
 static_assert(std::is_trivially_copyable<Jet2>::value);
 static_assert(std::is_trivially_default_constructible<Jet2>::value);
@@ -65,24 +67,11 @@ constexpr Jet2 operator*(double s, Jet2 a) { return a *= s; }
 constexpr Jet2 operator/(Jet2 a, double s) { return a /= s; }
 constexpr Jet2 operator/(double s, const Jet2& a) { return Jet2(s) / a; }
 
-constexpr bool operator==(const Jet2& a, const Jet2& b) {
-  return a.value == b.value && a.first == b.first && a.second == b.second;
-}
-constexpr bool operator!=(const Jet2& a, const Jet2& b) { return !(a == b); }
-constexpr bool operator<(const Jet2& a, const Jet2& b) { return a.value < b.value; }
-constexpr bool operator>(const Jet2& a, const Jet2& b) { return a.value > b.value; }
-constexpr bool operator<=(const Jet2& a, const Jet2& b) { return a.value <= b.value; }
-constexpr bool operator>=(const Jet2& a, const Jet2& b) { return a.value >= b.value; }
-
 /// f(x) from f, f' and f'' at the value of x (chain rule).
 constexpr Jet2 chain(const Jet2& x, double f, double df, double ddf) {
   return {f, df * x.first, df * x.second + ddf * (x.first * x.first)};
 }
 
-inline Jet2 sqrt(const Jet2& x) {
-  const double f = std::sqrt(x.value);
-  return chain(x, f, 0.5 / f, -0.25 / (f * x.value));
-}
 inline void sin_cos(const Jet2& x, Jet2& s, Jet2& c) {
   const double sv = std::sin(x.value), cv = std::cos(x.value);
   s = chain(x, sv, cv, -sv);
@@ -91,24 +80,6 @@ inline void sin_cos(const Jet2& x, Jet2& s, Jet2& c) {
 inline void sin_cos(double x, double& s, double& c) {
   s = std::sin(x);
   c = std::cos(x);
-}
-inline Jet2 sin(const Jet2& x) {
-  const double s = std::sin(x.value);
-  return chain(x, s, std::cos(x.value), -s);
-}
-inline Jet2 cos(const Jet2& x) {
-  const double c = std::cos(x.value);
-  return chain(x, c, -std::sin(x.value), -c);
-}
-inline Jet2 abs(const Jet2& x) { return std::signbit(x.value) ? -x : x; }
-constexpr const Jet2& conj(const Jet2& x) { return x; }
-constexpr const Jet2& real(const Jet2& x) { return x; }
-constexpr Jet2 imag(const Jet2&) { return Jet2(0); }
-inline bool isfinite(const Jet2& x) {
-  return std::isfinite(x.value) && std::isfinite(x.first) && std::isfinite(x.second);
-}
-inline std::ostream& operator<<(std::ostream& out, const Jet2& x) {
-  return out << '{' << x.value << ", " << x.first << ", " << x.second << '}';
 }
 
 }  // namespace tachless::robot
@@ -120,21 +91,7 @@ struct NumTraits<tachless::robot::Jet2> : GenericNumTraits<double> {
   using Real = tachless::robot::Jet2;
   using NonInteger = tachless::robot::Jet2;
   using Nested = tachless::robot::Jet2;
-  using Literal = double;
-  static Real epsilon() { return NumTraits<double>::epsilon(); }
-  static Real dummy_precision() { return NumTraits<double>::dummy_precision(); }
-  static Real highest() { return NumTraits<double>::highest(); }
-  static Real lowest() { return NumTraits<double>::lowest(); }
-  static int digits10() { return NumTraits<double>::digits10(); }
-  enum {
-    IsComplex = 0,
-    IsInteger = 0,
-    IsSigned = 1,
-    RequireInitialization = 0,
-    ReadCost = 3,
-    AddCost = 3,
-    MulCost = 9
-  };
+  enum { ReadCost = 3, AddCost = 3, MulCost = 9 };
 };
 
 template <class BinaryOp>
@@ -160,19 +117,13 @@ inline JetVector jet(const Vector& value, const Vector& first, const Vector& sec
   return x;
 }
 inline Vector value(const JetVector& x) {
-  Vector out(x.size());
-  for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = x[i].value;
-  return out;
+  return x.unaryExpr([](const Jet2& jet) { return jet.value; });
 }
 inline Vector first_derivative(const JetVector& x) {
-  Vector out(x.size());
-  for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = x[i].first;
-  return out;
+  return x.unaryExpr([](const Jet2& jet) { return jet.first; });
 }
 inline Vector second_derivative(const JetVector& x) {
-  Vector out(x.size());
-  for (Eigen::Index i = 0; i < x.size(); ++i) out[i] = x[i].second;
-  return out;
+  return x.unaryExpr([](const Jet2& jet) { return jet.second; });
 }
 
 }  // namespace tachless::robot

@@ -89,12 +89,6 @@ Pose<Scalar> frame_pose(const Model& model, const Frame& frame, const VectorOf<S
 template <class Scalar>
 Pose<Scalar> frame_pose(const Model& model, const std::string& link, const VectorOf<Scalar>& q);
 
-/// Position of a URDF link's origin in the root link's frame [m].
-/// @throw std::invalid_argument when the model has no such link.
-inline Eigen::Vector3d link_position(const Model& model, const std::string& link, const Vector& q) {
-  return frame_pose<double>(model, link, q).p;
-}
-
 /// Torques [N m; N] that a force in the world [N], at point `p_F` of the frame [m], puts on the
 /// joints: J(q)' force.
 Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3d& p_F,
@@ -102,10 +96,5 @@ Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3
 
 /// Throws std::logic_error unless `x` has one entry per coordinate: a caller's broken promise.
 void require_size(const Model& model, Eigen::Index size, const char* what);
-
-extern template Pose<double> frame_pose(const Model&, const Frame&, const VectorOf<double>&);
-extern template Pose<Jet2> frame_pose(const Model&, const Frame&, const VectorOf<Jet2>&);
-extern template Pose<double> frame_pose(const Model&, const std::string&, const VectorOf<double>&);
-extern template Pose<Jet2> frame_pose(const Model&, const std::string&, const VectorOf<Jet2>&);
 
 }  // namespace tachless::robot

@@ -57,20 +57,30 @@ struct Momenta {
 
 /// One or two (L) neighbours.
 template <class L, class S>
-TACHLESS_INLINE Triple<L> load(const S (&from)[3][max_bodies], int at) {
+TACHLESS_INLINE L at(const S* from) {
   if constexpr (std::is_same_v<S, L>) {
-    return {from[0][at], from[1][at], from[2][at]};
+    return *from;
   } else {
-    return {pair_at(from[0] + at), pair_at(from[1] + at), pair_at(from[2] + at)};
+    return pair_at(from);
   }
 }
 template <class L, class S>
-TACHLESS_INLINE void store(const Triple<L>& x, S (&to)[3][max_bodies], int at) {
-  if constexpr (std::is_same_v<S, L>) {
-    to[0][at] = x.x, to[1][at] = x.y, to[2][at] = x.z;
-  } else {
-    put_pair(x.x, to[0] + at), put_pair(x.y, to[1] + at), put_pair(x.z, to[2] + at);
+TACHLESS_INLINE Triple<L> load(const S (&from)[3][max_bodies], int place) {
+  return {at<L>(from[0] + place), at<L>(from[1] + place), at<L>(from[2] + place)};
+}
+template <class L, class S>
+TACHLESS_INLINE void store(const Triple<L>& x, S (&to)[3][max_bodies], int place) {
+  put(x.x, to[0] + place), put(x.y, to[1] + place), put(x.z, to[2] + place);
+}
+
+/// Sets `to` from `begin` to `end` to what `value` makes of one or two (L) neighbours there.
+template <class S, class Value>
+TACHLESS_INLINE void set_each(int begin, int end, S* to, const Value& value) {
+  int place = begin;
+  for (; place + 1 < end; place += 2) {
+    put(value(decltype(pair(S(), S()))(), place), to + place);
   }
+  if (place < end) put(value(S(), place), to + place);
 }
 
 /// Carries two momenta from a body's frame to its parent's, or one.
@@ -88,21 +98,14 @@ TACHLESS_INLINE void carry_one(Momenta<S>& momenta, int at, const JointFrame<S>&
   store(part<1>(both) + cross(X.p, part<0>(both)), momenta.angular, at);
 }
 
-/// What of one or two momenta acts along a joint's axis.
-template <class L, class S>
-TACHLESS_INLINE L along(const S (&momenta)[3][max_bodies], int at, const Triple<double>& axis) {
-  const Triple<L> m = load<L>(momenta, at);
-  return axis.x * m.x + axis.y * m.y + axis.z * m.z;
-}
-
-/// Those of momenta `begin` to `end`.
+/// What of momenta `begin` to `end` acts along a joint's axis.
 template <class S>
 TACHLESS_INLINE void set_along(const S (&momenta)[3][max_bodies], int begin, int end,
                                const Triple<double>& axis, S* to) {
-  using Both = decltype(pair(S(), S()));
-  int at = begin;
-  for (; at + 1 < end; at += 2) put_pair(along<Both>(momenta, at, axis), to + at);
-  if (at < end) to[at] = along<S>(momenta, at, axis);
+  set_each(begin, end, to, [&]<class L>(L /*one or two*/, int place) {
+    const Triple<L> m = load<L>(momenta, place);
+    return axis.x * m.x + axis.y * m.y + axis.z * m.z;
+  });
 }
 
 /// From this many bodies on, momenta are taken to the base at once instead of from body to body: n
@@ -119,15 +122,11 @@ struct Motion {
 template <class S>
 TACHLESS_INLINE void set_power(const Momenta<S>& momenta, int begin, int end, const Motion<S>& m,
                                S* to) {
-  using Both = decltype(pair(S(), S()));
-  const auto power = [&]<class L>(L /*one or two*/, int at) {
-    const Triple<L> n = load<L>(momenta.angular, at), p = load<L>(momenta.linear, at);
+  set_each(begin, end, to, [&]<class L>(L /*one or two*/, int place) {
+    const Triple<L> n = load<L>(momenta.angular, place), p = load<L>(momenta.linear, place);
     return (m.angular.x * n.x + m.angular.y * n.y + m.angular.z * n.z) +
            (m.linear.x * p.x + m.linear.y * p.y + m.linear.z * p.z);
-  };
-  int at = begin;
-  for (; at + 1 < end; at += 2) put_pair(power(Both(), at), to + at);
-  if (at < end) to[at] = power(S(), at);
+  });
 }
 
 /// Each body's frame in the base.

@@ -11,7 +11,4 @@ namespace tachless::robot {
 template <class Scalar>
 MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q);
 
-extern template MatrixOf<double> mass_matrix(const Model&, const VectorOf<double>&);
-extern template MatrixOf<Jet2> mass_matrix(const Model&, const VectorOf<Jet2>&);
-
 }  // namespace tachless::robot

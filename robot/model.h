@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "robot/mass_properties.h"
 #include "robot/quantities.h"
 
 namespace tachless::robot {
@@ -18,9 +17,27 @@ enum class JointType { revolute, prismatic };
 /// Most moving bodies a model may have: mimic joints move bodies without adding coordinates.
 inline constexpr int max_bodies = 2 * max_joints;
 
-/// One moving body of the tree: everything fixed to it is merged in. Bodies are ordered so that
-/// a parent comes before its children.
-struct Body {
+/// Mass, centre of mass and inertia of something rigid, in one frame, B.
+struct MassProperties {
+  double mass = 0;                                  ///< [kg]
+  Eigen::Vector3d p_Bcm = Eigen::Vector3d::Zero();  ///< centre of mass [m]
+  Eigen::Matrix3d I_Bcm = Eigen::Matrix3d::Zero();  ///< about the centre of mass [kg m2]
+};
+
+/// Two rigid things, in the same frame, as one. Inertia without mass counts too.
+MassProperties combine(const MassProperties& a, const MassProperties& b);
+
+/// R I R', symmetric, and exactly I for R = 1.
+Eigen::Matrix3d rotated(const Eigen::Matrix3d& I, const Eigen::Matrix3d& R);
+
+/// Empty when a rigid body can have these properties, else what forbids it, with the value and
+/// the remedy. Allowed for rounding in what people print: 1e-6 of the largest principal moment, and
+/// a radius of gyration of 1e-6 m.
+std::string why_not_physical(const MassProperties& body);
+
+/// One moving body of the tree, in its own frame: everything fixed to it is merged in. Bodies are
+/// ordered so that a parent comes before its children.
+struct Body : MassProperties {
   std::string link;   ///< URDF link that moves with the joint
   std::string joint;  ///< URDF joint that moves it
   int parent = -1;    ///< index into `Model::bodies`; -1 is the ground
@@ -29,10 +46,6 @@ struct Body {
       Eigen::Matrix3d::Identity();                 ///< body frame in the parent's at joint angle 0
   Eigen::Vector3d p_PB = Eigen::Vector3d::Zero();  ///< its origin, expressed in the parent's [m]
   Eigen::Vector3d axis_B = Eigen::Vector3d::UnitZ();  ///< unit, in the body frame
-  double mass = 0;                                    ///< [kg]
-  Eigen::Vector3d p_Bcm = Eigen::Vector3d::Zero();    ///< centre of mass in the body frame [m]
-  Eigen::Matrix3d I_Bcm =
-      Eigen::Matrix3d::Zero();  ///< about the centre of mass, body frame [kg m2]
   /// q_tree = multiplier q[coordinate] + offset; a `mimic` joint shares another's coordinate.
   int coordinate = 0;
   double multiplier = 1;
@@ -111,9 +124,16 @@ std::string urdf_mechanics(const std::string& text, const std::string& source);
 Model read_urdf(const std::string& text, const std::string& source,
                 const UrdfOptions& options = {});
 
-/// @throw std::invalid_argument, one line, when the inertia matrix is not positive definite at the
-/// posture nearest to 0 or at one of some others in the joints' range: links without mass leave a
-/// joint without inertia.
+/// Whether each body can have the inertia it has.
+bool is_possible(const Model& model);
+
+/// The joints at which the inertia matrix is not positive definite, each pivot above rounding of
+/// its diagonal entry, at the posture nearest to 0 or at one of some others in the joints' range:
+/// 8, or 1000 where a body has an inertia that none can have.
+std::vector<std::string> joints_without_inertia(const Model& model);
+
+/// @throw std::invalid_argument, one line, when there are `joints_without_inertia`: links without
+/// mass leave a joint without inertia.
 void require_positive_inertia(const Model& model, const std::string& source);
 
 /// `read_urdf` and `require_positive_inertia`.

@@ -142,7 +142,6 @@ TACHLESS_INLINE Two pair_at(const double* from) {
   return x;
 }
 TACHLESS_INLINE JetTwo pair_at(const Jet2* from) { return pair(from[0], from[1]); }
-TACHLESS_INLINE void put_pair(const Two& x, double* to) { std::memcpy(to, &x, sizeof x); }
 template <int i>
 TACHLESS_INLINE double part(const Two& a) {
   return a[i];
@@ -151,10 +150,13 @@ template <int i>
 TACHLESS_INLINE Jet2 part(const JetTwo& a) {
   return {a.value[i], a.first[i], a.second[i]};
 }
-TACHLESS_INLINE void put_pair(const JetTwo& x, Jet2* to) {
-  to[0] = part<0>(x);
-  to[1] = part<1>(x);
+/// One value, or two neighbours, into memory.
+template <class S>
+TACHLESS_INLINE void put(const S& x, S* to) {
+  *to = x;
 }
+TACHLESS_INLINE void put(const Two& x, double* to) { std::memcpy(to, &x, sizeof x); }
+TACHLESS_INLINE void put(const JetTwo& x, Jet2* to) { to[0] = part<0>(x), to[1] = part<1>(x); }
 template <class S>
 TACHLESS_INLINE auto pair(const Triple<S>& a, const Triple<S>& b) {
   return Triple<decltype(pair(a.x, b.x))>{pair(a.x, b.x), pair(a.y, b.y), pair(a.z, b.z)};
@@ -167,7 +169,7 @@ TACHLESS_INLINE auto part(const Triple<P>& a) {
 /// to -= u s, each of n.
 TACHLESS_INLINE void subtract_scaled(double* to, const double* u, double s, Eigen::Index n) {
   Eigen::Index i = 0;
-  for (; i + 1 < n; i += 2) put_pair(pair_at(to + i) - pair_at(u + i) * s, to + i);
+  for (; i + 1 < n; i += 2) put(pair_at(to + i) - pair_at(u + i) * s, to + i);
   if (i < n) to[i] -= u[i] * s;
 }
 TACHLESS_INLINE void subtract_scaled(Jet2* to, const Jet2* u, const Jet2& s, Eigen::Index n) {

@@ -180,58 +180,6 @@ enum class Shape {
   list_of_maps,   ///< list of them
 };
 
-/// The shape of values of type `T`; that of an optional is the shape of what it may hold.
-template <class T>
-struct ShapeOf {
-  static constexpr Shape shape = std::is_enum_v<T>                ? Shape::choice
-                                 : std::is_same_v<T, bool>        ? Shape::yes_no
-                                 : std::is_floating_point_v<T>    ? Shape::number
-                                 : std::is_integral_v<T>          ? Shape::whole
-                                 : std::is_same_v<T, std::string> ? Shape::text
-                                                                  : Shape::map;
-  static_assert(shape != Shape::map || has_keys<T>, "no value and no struct with keys");
-};
-template <>
-struct ShapeOf<robot::Vector> {
-  static constexpr Shape shape = Shape::joints;
-};
-template <>
-struct ShapeOf<std::vector<double>> {
-  static constexpr Shape shape = Shape::numbers;
-};
-template <>
-struct ShapeOf<std::vector<robot::Vector>> {
-  static constexpr Shape shape = Shape::joints_list;
-};
-template <class T>
-struct ShapeOf<std::vector<T>> {
-  static constexpr Shape shape = Shape::list_of_maps;
-};
-template <>
-struct ShapeOf<std::map<std::string, robot::Vector>> {
-  static constexpr Shape shape = Shape::named_joints;
-};
-template <>
-struct ShapeOf<std::map<std::string, double>> {
-  static constexpr Shape shape = Shape::named_numbers;
-};
-template <class... T>
-struct ShapeOf<std::variant<T...>> {
-  static constexpr Shape shape = Shape::one_of;
-};
-template <class T>
-struct ShapeOf<std::optional<T>> : ShapeOf<T> {};
-template <class T>
-struct ShapeOf<void(T)> : ShapeOf<T> {};
-
-template <class T>
-inline constexpr Shape shape_of = ShapeOf<T>::shape;
-
-/// The shape of each entry under a name of the user's choice.
-template <class T>
-inline constexpr bool has_names_of_choice =
-    shape_of<T> == Shape::named_joints || shape_of<T> == Shape::named_numbers;
-
 /// The type of the value behind a key's `Member`: without std::optional, the argument of a setter.
 template <class Member>
 struct ValueOf {
@@ -242,35 +190,62 @@ struct ValueOf<std::optional<T>> : ValueOf<T> {};
 template <class T>
 struct ValueOf<void(T)> : ValueOf<T> {};
 
+/// Whether `T` is made by `Template`: a list, an alternative.
+template <template <class...> class Template, class T>
+inline constexpr bool is_made_by = false;
+template <template <class...> class Template, class... T>
+inline constexpr bool is_made_by<Template, Template<T...>> = true;
+
+template <class Member>
+constexpr Shape shape_of_member() {
+  using T = typename ValueOf<Member>::Type;
+  if constexpr (std::is_enum_v<T>) return Shape::choice;
+  if constexpr (std::is_same_v<T, bool>) return Shape::yes_no;
+  if constexpr (std::is_floating_point_v<T>) return Shape::number;
+  if constexpr (std::is_integral_v<T>) return Shape::whole;
+  if constexpr (std::is_same_v<T, std::string>) return Shape::text;
+  if constexpr (std::is_same_v<T, robot::Vector>) return Shape::joints;
+  if constexpr (std::is_same_v<T, std::vector<double>>) return Shape::numbers;
+  if constexpr (std::is_same_v<T, std::vector<robot::Vector>>) return Shape::joints_list;
+  if constexpr (std::is_same_v<T, std::map<std::string, robot::Vector>>) return Shape::named_joints;
+  if constexpr (std::is_same_v<T, std::map<std::string, double>>) return Shape::named_numbers;
+  if constexpr (is_made_by<std::vector, T>) return Shape::list_of_maps;
+  if constexpr (is_made_by<std::variant, T>) return Shape::one_of;
+  return Shape::map;
+}
+
+/// The shape of values of type `Member`; that of an optional is the shape of what it may hold.
+template <class Member>
+inline constexpr Shape shape_of = shape_of_member<Member>();
+
+/// The shape of each entry under a name of the user's choice.
+template <class T>
+inline constexpr bool has_names_of_choice =
+    shape_of<T> == Shape::named_joints || shape_of<T> == Shape::named_numbers;
+
 /// What may be written for a value of that shape: "a finite number in (0, 1]". `choices` are the
 /// names of a choice or of the alternatives.
 std::string allowed_text(Shape shape, const Range& range,
                          const std::vector<std::string_view>& choices, bool nullable);
 
-/// The names among which a value of type `T` chooses; empty for what is no choice.
+/// The names among which a value chooses; empty for what is no choice.
 template <class T>
-struct ChoicesOf {
-  static std::vector<std::string_view> choices() {
-    std::vector<std::string_view> all;
-    if constexpr (std::is_enum_v<T>) {
-      for (const Name<T>& entry : names<T>) all.push_back(entry.name);
-    }
-    return all;
+std::vector<std::string_view> choices_of(const T* /*type*/) {
+  std::vector<std::string_view> all;
+  if constexpr (std::is_enum_v<T>) {
+    for (const Name<T>& entry : names<T>) all.push_back(entry.name);
   }
-};
+  return all;
+}
 template <class... T>
-struct ChoicesOf<std::variant<T...>> {
-  static std::vector<std::string_view> choices() { return {T::name...}; }
-};
-template <class T>
-struct ChoicesOf<std::optional<T>> : ChoicesOf<T> {};
-template <class T>
-struct ChoicesOf<void(T)> : ChoicesOf<T> {};
+std::vector<std::string_view> choices_of(const std::variant<T...>* /*type*/) {
+  return {T::name...};
+}
 
 /// What may be written for the value of `key`.
 template <class Struct, class Member>
 std::string allowed_text(const Key<Struct, Member>& key) {
-  const auto choices = ChoicesOf<Member>::choices();
+  const auto choices = choices_of(static_cast<typename ValueOf<Member>::Type*>(nullptr));
   const std::string text = allowed_text(shape_of<Member>, key.range, choices, key.nullable);
   // An alternative that needs no values of its own may be given by its name.
   const bool name_alone = shape_of<Member> == Shape::one_of && key.fallback == Default::of_struct;

@@ -14,7 +14,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/unfinished_file.h"
-#include "experiment/urdf_scenario.h"
+#include "experiment/scenario.h"
 #include "launch/progress_line.h"
 #include "launch/verb.h"
 #include "node/options.h"

@@ -10,7 +10,7 @@
 #include "certificate/stability_certificate.h"
 #include "certificate/verdict.h"
 #include "controller/registry.h"
-#include "experiment/urdf_scenario.h"
+#include "experiment/scenario.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"

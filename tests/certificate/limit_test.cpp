@@ -9,7 +9,7 @@
 
 #include "certificate/design.h"
 #include "certificate/scenario_loop.h"
-#include "experiment/urdf_scenario.h"
+#include "experiment/scenario.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"

@@ -7,7 +7,7 @@
 
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
-#include "experiment/urdf_scenario.h"
+#include "experiment/scenario.h"
 #include "reference/make_trajectory.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"

@@ -33,7 +33,9 @@ std::string two_link_urdf() {
 experiment::Scenario rigid_scenario() {
   experiment::Scenario scenario;
   scenario.source = "arm.yaml";
-  scenario.line = {{"controller.law", 20}, {"controller.gains", 21}, {"controller.gains.kp", 22}};
+  scenario.where = {{"controller.law", "arm.yaml:20"},
+                    {"controller.gains", "arm.yaml:21"},
+                    {"controller.gains.kp", "arm.yaml:22"}};
   scenario.num_joints = 2;
   scenario.robot.urdf_text = two_link_urdf();
   scenario.robot.urdf_path = "two_link.urdf";

@@ -41,11 +41,11 @@ std::string override_refusal(const std::string& assignment) {
 
 TEST(YamlTree, RemembersTheLineOfEveryKey) {
   const YamlNode root = parse_yaml("a: 1\nb:\n  c: [1,\n    2]\n  d: {e: x}\n", "f.yaml");
-  EXPECT_EQ(root.find("a")->line, 1);
-  EXPECT_EQ(root.find("b")->line, 2);
-  EXPECT_EQ(root.find("b")->find("c")->line, 3);
-  EXPECT_EQ(root.find("b")->find("c")->children[1].line, 4);
-  EXPECT_EQ(root.find("b")->find("d")->find("e")->line, 5);
+  EXPECT_EQ(root.find("a")->where, "f.yaml:1");
+  EXPECT_EQ(root.find("b")->where, "f.yaml:2");
+  EXPECT_EQ(root.find("b")->find("c")->where, "f.yaml:3");
+  EXPECT_EQ(root.find("b")->find("c")->children[1].where, "f.yaml:4");
+  EXPECT_EQ(root.find("b")->find("d")->find("e")->where, "f.yaml:5");
   EXPECT_EQ(root.find("z"), nullptr);
   EXPECT_EQ(root.find("a")->find("z"), nullptr);
 }
@@ -110,9 +110,9 @@ TEST(YamlTree, AnOverrideReplacesCreatesAndTurnsAScalarIntoAMap) {
 TEST(YamlTree, AnOverrideIsNamedAsTheSource) {
   YamlNode root = parse_yaml("a: {b: 1}\n", "f.yaml");
   apply_override(root, "a.c={d: 2}");
-  EXPECT_EQ(root.find("a")->find("b")->set_by, "");
-  EXPECT_EQ(root.find("a")->find("c")->set_by, "a.c={d: 2}");
-  EXPECT_EQ(root.find("a")->find("c")->find("d")->set_by, "a.c={d: 2}");
+  EXPECT_EQ(root.find("a")->find("b")->where, "f.yaml:1");
+  EXPECT_EQ(root.find("a")->find("c")->where, "--set a.c={d: 2}");
+  EXPECT_EQ(root.find("a")->find("c")->find("d")->where, "--set a.c={d: 2}");
 }
 
 TEST(YamlTree, RefusesAMalformedOverride) {

@@ -69,7 +69,7 @@ TEST_F(Browser, MovesTheRobotWithTheCursor) {
   const robot::Vector q =
       (robot::Vector(2) << ticks[50].y, runs[0].tracking.joints()[1].q.points()[50].y).finished();
   const Eigen::Vector3d tool =
-      robot::link_position(model, robot::farthest_leaves(model).front(), q);
+      robot::frame_pose<double>(model, robot::farthest_leaves(model).front(), q).p;
   EXPECT_GT(q.norm(), 0.01) << "no posture that says little";
   EXPECT_NEAR(number_after(browsed.dom, "x"), tool.x(), 1e-6);
   EXPECT_NEAR(number_after(browsed.dom, "y"), tool.y(), 1e-6);

@@ -82,8 +82,8 @@ TEST(MassProperties, OfTwoInertiasWithoutMassAreTheirSum) {
   const Eigen::Matrix3d other = Eigen::Vector3d(2, 2, 1).asDiagonal();
   const MassProperties both = combine({0, {1, 0, 0}, one}, {0, {2, 0, 0}, other});
   EXPECT_EQ(both.mass, 0);
-  EXPECT_EQ(both.p_cm, Eigen::Vector3d(1, 0, 0));
-  EXPECT_EQ(both.I_cm, one + other);
+  EXPECT_EQ(both.p_Bcm, Eigen::Vector3d(1, 0, 0));
+  EXPECT_EQ(both.I_Bcm, one + other);
 }
 
 TEST(MassProperties, AreNotPhysicalWhereAnyNumberIsNotFinite) {

@@ -7,7 +7,29 @@
 #include <stdexcept>
 #include <string>
 
+#include "robot/jet.h"
+#include "robot/kinematics.h"
 #include "robot/model.h"
+
+namespace tachless::robot {
+
+inline Jet2 sin(const Jet2& x) {
+  Jet2 s, c;
+  sin_cos(x, s, c);
+  return s;
+}
+inline Jet2 cos(const Jet2& x) {
+  Jet2 s, c;
+  sin_cos(x, s, c);
+  return c;
+}
+
+/// Position of a URDF link's origin in the root link's frame [m].
+inline Eigen::Vector3d link_position(const Model& model, const std::string& link, const Vector& q) {
+  return frame_pose<double>(model, link, q).p;
+}
+
+}  // namespace tachless::robot
 
 /// Robots and random states that the tests of this room share.
 namespace tachless::robot::testing {

@@ -33,11 +33,7 @@ const std::vector<Rule> rules = {
     {"schema/", {"schema/", "robot/quantities.h"}, {"fmt/"}},
 
     {"robot/", {"robot/"}, {"Eigen/"}},
-    {"robot/urdf_tree.cpp", {"robot/"}, {"tinyxml.h"}},
-    {"robot/urdf.cpp", {"robot/"}, {"Eigen/"}},
-    {"robot/urdfdom.",
-     {"robot/"},
-     {"urdf_parser/", "urdf_model/", "urdf_world/", "console_bridge/"}},
+    {"robot/urdf_xml.cpp", {"robot/"}, {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
 
@@ -300,7 +296,7 @@ TEST(IncludeRule, SimbodyUrdfdomAndLcmAreSeenByTheirFilesAlone) {
   const std::map<std::string, std::set<std::string>> expected = {
       // its mechanics, its window, its reading of meshes
       {"SimTK", {"plant/simbody_arm.cpp", "viewer/arm_window.cpp", "viewer/mesh_file.cpp"}},
-      {"urdf_", {"robot/urdfdom.cpp", "robot/urdfdom.h"}},
+      {"urdf_", {"robot/urdf_xml.cpp"}},
       {"lcm/", {"bus/udp_transport.cpp"}}};
   for (const auto& [library, files] : users) EXPECT_EQ(files, expected.at(library)) << library;
 }

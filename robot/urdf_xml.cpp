@@ -1,0 +1,332 @@
+#include "robot/urdf_xml.h"
+
+#include <fmt/format.h>
+#include <tinyxml.h>
+#include <urdf_model/pose.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <set>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+namespace tachless::robot {
+namespace {
+
+std::vector<const char*> read_children(std::string_view element) {
+  if (element == "link") return {"inertial"};
+  if (element == "inertial") return {"origin", "mass", "inertia"};
+  if (element == "joint") {
+    return {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"};
+  }
+  return {};
+}
+
+class Reader {
+ public:
+  Reader(const std::string& text, const std::string& source) : source_(source) {
+    document_.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
+    if (document_.Error()) {
+      std::string why = document_.ErrorDesc();
+      if (!why.empty() && why.back() == '.') why.pop_back();
+      refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(), why);
+    }
+    robot_ = document_.FirstChildElement("robot");
+    if (robot_ == nullptr) refuse("no <robot> element; give a URDF file");
+  }
+
+  /// Refuses what xacro has left.
+  [[nodiscard]] std::string mechanics() const {
+    TiXmlElement kept("robot");
+    const char* name = robot_->Attribute("name");
+    kept.SetAttribute("name", name == nullptr ? "robot" : name);  // used nowhere
+    for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
+      require_no_xacro(*e);
+      if (is_link(*e) || is_joint(*e)) kept.InsertEndChild(mechanics_of(*e));
+    }
+    TiXmlPrinter printer;
+    printer.SetStreamPrinting();
+    kept.Accept(&printer);
+    return printer.CStr();
+  }
+
+  UrdfTree tree(const std::map<std::string, double>& locked) {
+    for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
+      if (is_link(*e)) {
+        const std::string name = named(*e, tree_.links);
+        tree_.links.emplace(name, link(*e));
+      } else if (is_joint(*e)) {
+        const std::string name = named(*e, tree_.joints);
+        const UrdfJoint& made = tree_.joints.emplace(name, joint(*e, name, locked)).first->second;
+        const auto [above, fresh] = above_.emplace(made.child, name);
+        if (!fresh) {
+          refuse(
+              "link '{}' is the child of two joints, '{}' and '{}': closed chains are not "
+              "supported; cut one",
+              made.child, above->second, name);
+        }
+        below_[made.parent].push_back(name);
+      }
+    }
+    find_root();
+    set_order();
+    for (const auto& [what, joints] : assumed_) {
+      tree_.warnings.push_back(fmt::format("{}: {} {}: no {} is given; none is assumed", source_,
+                                           joints.size() == 1 ? "joint" : "joints",
+                                           fmt::join(joints, ", "), what));
+    }
+    return std::move(tree_);
+  }
+
+ private:
+  template <class... Args>
+  [[noreturn]] void refuse(fmt::format_string<Args...> text, Args&&... args) const {
+    refuse_urdf(source_, fmt::format(text, std::forward<Args>(args)...));
+  }
+
+  static bool is_link(const TiXmlElement& e) { return e.ValueStr() == "link"; }
+  static bool is_joint(const TiXmlElement& e) { return e.ValueStr() == "joint"; }
+
+  [[noreturn]] void refuse_xacro(const TiXmlElement& at, std::string_view what) const {
+    refuse("line {}: \"{}\" is for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
+           at.Row(), what, source_);
+  }
+  void require_no_xacro(const TiXmlElement& e) const {
+    if (e.ValueStr().starts_with("xacro:")) refuse_xacro(e, "<" + e.ValueStr() + ">");
+  }
+
+  /// The attributes of `from` and those of its elements that are read, the first of each kind.
+  [[nodiscard]] TiXmlElement mechanics_of(const TiXmlElement& from) const {
+    TiXmlElement kept(from.ValueStr());
+    for (const auto* a = from.FirstAttribute(); a != nullptr; a = a->Next()) {
+      for (const char* mark : {"${", "$("}) {
+        if (a->ValueStr().find(mark) != std::string::npos) refuse_xacro(from, a->ValueStr());
+      }
+      kept.SetAttribute(a->Name(), a->ValueStr());
+    }
+    for (const auto* e = from.FirstChildElement(); e; e = e->NextSiblingElement()) {
+      require_no_xacro(*e);
+    }
+    for (const char* name : read_children(from.ValueStr())) {
+      if (const auto* e = from.FirstChildElement(name)) kept.InsertEndChild(mechanics_of(*e));
+    }
+    return kept;
+  }
+
+  /// The name of a link or joint, under which nothing is in `known` yet; messages begin with it.
+  template <class Value>
+  std::string named(const TiXmlElement& e, const std::map<std::string, Value>& known) {
+    const char* name = e.Attribute("name");
+    if (name == nullptr || *name == '\0') {
+      refuse("line {}: a {} has no name; give it name=\"...\"", e.Row(), e.ValueStr());
+    }
+    where_ = fmt::format("{} '{}'", e.ValueStr(), name);
+    if (known.contains(name)) {
+      refuse("line {}: {} is defined twice; rename one", e.Row(), where_);
+    }
+    return name;
+  }
+
+  const TiXmlElement& child(const TiXmlElement& in, const char* name) const {
+    if (const TiXmlElement* found = in.FirstChildElement(name)) return *found;
+    refuse("line {}: {}: its <{}> has no <{}>; add one", in.Row(), where_, in.ValueStr(), name);
+  }
+  const char* attribute(const TiXmlElement& of, const char* name) const {
+    if (const char* given = of.Attribute(name)) return given;
+    refuse("line {}: {}: its <{}> has no {}; add one", of.Row(), where_, of.ValueStr(), name);
+  }
+  static bool gives(const TiXmlElement* element, const char* name) {
+    return element != nullptr && element->Attribute(name) != nullptr;
+  }
+  [[noreturn]] void refuse_value(const TiXmlElement& of, const char* name,
+                                 const char* allowed) const {
+    refuse("line {}: {}: its <{}> has {}=\"{}\"; allowed: {}", of.Row(), where_, of.ValueStr(),
+           name, of.Attribute(name), allowed);
+  }
+
+  double number(const TiXmlElement& of, const char* name) const {
+    try {
+      return urdf::strToDouble(attribute(of, name));
+    } catch (const std::runtime_error&) {
+      refuse_value(of, name, "a finite number");
+    }
+  }
+  double number(const TiXmlElement* of, const char* name, double otherwise) const {
+    return gives(of, name) ? number(*of, name) : otherwise;
+  }
+  Eigen::Vector3d vector(const TiXmlElement* of, const char* name,
+                         const Eigen::Vector3d& otherwise = Eigen::Vector3d::Zero()) const {
+    if (!gives(of, name)) return otherwise;
+    try {
+      urdf::Vector3 v;
+      v.init(of->Attribute(name));
+      return {v.x, v.y, v.z};
+    } catch (const urdf::ParseError&) {
+      refuse_value(*of, name, "three finite numbers");
+    }
+  }
+
+  UrdfLink link(const TiXmlElement& e) const {
+    UrdfLink made;
+    const TiXmlElement* inertial = e.FirstChildElement("inertial");
+    if (inertial == nullptr) return made;
+    const TiXmlElement* origin = inertial->FirstChildElement("origin");
+    made.R = rotation_of(vector(origin, "rpy"));
+    made.mass.p_Bcm = vector(origin, "xyz");
+    made.mass.mass = number(child(*inertial, "mass"), "value");
+    const TiXmlElement& I = child(*inertial, "inertia");
+    const double xy = number(I, "ixy"), xz = number(I, "ixz"), yz = number(I, "iyz");
+    made.mass.I_Bcm << number(I, "ixx"), xy, xz, xy, number(I, "iyy"), yz, xz, yz, number(I, "izz");
+    return made;
+  }
+
+  UrdfJoint joint(const TiXmlElement& e, const std::string& name,
+                  const std::map<std::string, double>& locked) {
+    UrdfJoint made;
+    made.name = name;
+    made.parent = attribute(child(e, "parent"), "link");
+    made.child = attribute(child(e, "child"), "link");
+    const TiXmlElement* origin = e.FirstChildElement("origin");
+    made.R = rotation_of(vector(origin, "rpy"));
+    made.p = vector(origin, "xyz");
+    set_type(e, locked, made);
+    if (!made.fixed) made.axis = vector(e.FirstChildElement("axis"), "xyz", made.axis);
+    if (const TiXmlElement* mimic = e.FirstChildElement("mimic")) {
+      made.mimic = Drive{attribute(*mimic, "joint"), number(mimic, "multiplier", 1),
+                         number(mimic, "offset", 0)};
+    }
+    if (const TiXmlElement* dynamics = e.FirstChildElement("dynamics")) {
+      if (!gives(dynamics, "friction")) (void)attribute(*dynamics, "damping");
+      made.damping = number(dynamics, "damping", 0);
+      made.friction = number(dynamics, "friction", 0);
+    }
+    const bool told = !made.fixed && !made.mimic && locked.count(name) == 0;
+    set_limits(e.FirstChildElement("limit"), told, made);
+    return made;
+  }
+
+  void set_type(const TiXmlElement& e, const std::map<std::string, double>& locked,
+                UrdfJoint& made) const {
+    const char* given = e.Attribute("type");
+    const std::string type = given == nullptr ? "" : given;
+    if (type == "prismatic") made.type = JointType::prismatic;
+    made.has_range = type == "prismatic" || type == "revolute";
+    made.fixed = !made.has_range && type != "continuous";
+    if (!made.fixed || type == "fixed") return;
+    const std::string problem = type.empty()
+                                    ? where_ + ": has no type"
+                                    : fmt::format("{}: type {} is not supported", where_, type);
+    const auto lock = locked.find(made.name);
+    if (lock == locked.end()) {
+      refuse(
+          "{}; use revolute, continuous, prismatic or fixed, or fix it in the scenario: "
+          "robot.locked: {{{}: 0}}",
+          problem, made.name);
+    }
+    if (lock->second != 0)
+      refuse("{}; it can be locked at 0 only, not at {}", problem, lock->second);
+  }
+
+  /// @param told whether something is said of a limit that is not given
+  void set_limits(const TiXmlElement* limit, bool told, UrdfJoint& made) {
+    for (const auto& [name, value] : {std::pair{"lower", &made.lower},
+                                      {"upper", &made.upper},
+                                      {"effort", &made.effort},
+                                      {"velocity", &made.velocity}}) {
+      *value = number(limit, name, 0);
+    }
+    if (limit == nullptr && !made.has_range) return;
+    for (const char* what : {"effort", "velocity"}) {
+      if (told && !gives(limit, what)) assumed_[fmt::format("{} limit", what)].push_back(made.name);
+    }
+    if (!made.has_range) return;
+    // Exporters who know no limits write four zeros.
+    const bool lower = gives(limit, "lower"), upper = gives(limit, "upper");
+    const bool zeros = made.lower == 0 && made.upper == 0 && made.effort == 0 && made.velocity == 0;
+    made.has_range = lower && upper ? !zeros : lower || upper;
+    if (told && !made.has_range) assumed_["range (lower, upper)"].push_back(made.name);
+  }
+
+  void find_root() {
+    for (const auto& [name, joint] : tree_.joints) {
+      for (const auto& [end, link] :
+           {std::pair{"parent", &joint.parent}, {"child", &joint.child}}) {
+        if (tree_.links.contains(*link)) continue;
+        refuse("joint '{}': its {} link '{}' is not in the file; correct the name, or add the link",
+               name, end, *link);
+      }
+    }
+    for (const auto& [name, unused] : tree_.links) {
+      if (above_.contains(name)) continue;
+      if (!tree_.root.empty()) {
+        refuse("links '{}' and '{}' hang on no joint: two root links; join them by a fixed joint",
+               tree_.root, name);
+      }
+      tree_.root = name;
+    }
+    if (tree_.links.empty()) refuse("it has no link; give a URDF file");
+  }
+
+  /// Refuses joints that close a chain.
+  void set_order() {
+    // A stack of its own, since nothing bounds a chain of fixed links.
+    std::vector<std::string> open;
+    const auto open_below = [&](const std::string& link) {
+      const auto joints = below_.extract(link);
+      if (joints) open.insert(open.end(), joints.mapped().rbegin(), joints.mapped().rend());
+    };
+    open_below(tree_.root);
+    while (!open.empty()) {
+      tree_.order.push_back(std::move(open.back()));
+      open.pop_back();
+      open_below(tree_.joints.at(tree_.order.back()).child);
+    }
+    if (below_.empty()) return;
+    std::string at = below_.begin()->first;
+    for (std::set<std::string> walked; walked.insert(at).second;) {
+      at = tree_.joints.at(above_.at(at)).parent;
+    }
+    refuse("joint '{}' hangs link '{}' on its own descendant; hang it on a link nearer the root",
+           above_.at(at), at);
+  }
+
+  const std::string& source_;
+  TiXmlDocument document_;
+  const TiXmlElement* robot_ = nullptr;
+  std::string where_;  ///< the link or joint that is being read
+  UrdfTree tree_;
+  std::map<std::string, std::string> above_;  ///< joint by child link
+  std::map<std::string, std::vector<std::string>>
+      below_;  ///< joints by parent link, as in the file
+  /// Joints by what is not given, and then assumed: a file repeats itself from joint to joint.
+  std::map<std::string, std::vector<std::string>> assumed_;
+};
+
+}  // namespace
+
+void refuse_urdf(const std::string& source, const std::string& problem) {
+  std::string line = source + ": " + problem;
+  std::replace_if(
+      line.begin(), line.end(), [](char c) { return c == '\n' || c == '\r' || c == '\t'; }, ' ');
+  throw std::invalid_argument(line);
+}
+
+Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy) {
+  urdf::Rotation r;
+  r.setFromRPY(rpy[0], rpy[1], rpy[2]);
+  return Eigen::Quaterniond(r.w, r.x, r.y, r.z).toRotationMatrix();
+}
+
+std::string urdf_mechanics(const std::string& text, const std::string& source) {
+  return Reader(text, source).mechanics();
+}
+
+UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
+                       const std::map<std::string, double>& locked) {
+  Reader reader(text, source);
+  (void)reader.mechanics();
+  return reader.tree(locked);
+}
+
+}  // namespace tachless::robot

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "robot/model.h"
+
+/// A URDF's XML as plain values: syntax, names, tree, types and numbers are checked. Knows nothing
+/// of coordinates, of merged links and of what an inertia can be (urdf.cpp).
+namespace tachless::robot {
+
+/// Throws std::invalid_argument "<source>: <problem>", on one line.
+[[noreturn]] void refuse_urdf(const std::string& source, const std::string& problem);
+
+/// Of roll, pitch and yaw; exactly 1 for zeros.
+Eigen::Matrix3d rotation_of(const Eigen::Vector3d& rpy);
+
+/// The <inertial> of a link; zero where it has none.
+struct UrdfLink {
+  MassProperties mass;                              ///< I_Bcm in axes that R turns
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();  ///< of the inertial's axes in the link's
+};
+
+/// The position of a joint as an affine map of another's: multiplier q + offset.
+struct Drive {
+  std::string joint;
+  double multiplier = 1, offset = 0;
+};
+
+struct UrdfJoint {
+  std::string name, parent, child;
+  bool fixed = false;  ///< also a locked one of a type that is not supported
+  JointType type = JointType::revolute;
+  Eigen::Matrix3d R;  ///< of the child's frame in the parent's
+  Eigen::Vector3d p;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
+  bool has_range = false;
+  double lower = 0, upper = 0, effort = 0, velocity = 0;  ///< 0: not given
+  double damping = 0, friction = 0;
+  std::optional<Drive> mimic;
+};
+
+struct UrdfTree {
+  std::map<std::string, UrdfLink> links;
+  std::map<std::string, UrdfJoint> joints;
+  std::string root;                ///< the link that hangs on no joint
+  std::vector<std::string> order;  ///< of the joints, depth-first, siblings as in the file
+  std::vector<std::string> warnings;
+};
+
+/// @param locked joints that are to be fixed; their type may be any, at position 0
+/// @throw std::invalid_argument on malformed XML, what xacro has left, duplicated, missing or
+/// unknown names, unsupported types, what is not a finite number, and what is not one tree
+UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
+                       const std::map<std::string, double>& locked);
+
+}  // namespace tachless::robot
