@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "diagnostics/text.h"
-#include "plant/truth_of.h"
+#include "plant/run_messages.h"
 #include "python/python_law.h"
 #include "study/in_process_loop.h"
 

@@ -72,10 +72,6 @@ const std::vector<Rule> rules = {
      {"Eigen/"}},
     {"plant/spec.h", {"schema/", "robot/quantities.h"}, {}},
     {"plant/simbody_arm.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h", "SimTKcommon/"}},
-    {"plant/realtime_loop.cpp",
-     {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
-     {},
-     true},
 
     {"reference/",
      {"reference/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
@@ -120,8 +116,8 @@ const std::vector<Rule> rules = {
     {"study/sweep.cpp", {"study/", "certificate/parallel.h", "diagnostics/"}, {}, true},
     {"study/sweep_plan.cpp", {"study/", "experiment/", "diagnostics/"}, {"nlohmann/"}},
     {"study/in_process_log.cpp",
-     {"study/", "controller/registry.h", "plant/run_info.h", "plant/truth_of.h", "bus/wire.h",
-      "bus/truth/", "loop/"},
+     {"study/", "controller/registry.h", "plant/run_messages.h", "bus/wire.h", "bus/truth/",
+      "loop/"},
      {}},
 
     {"report/",
@@ -160,8 +156,8 @@ const std::vector<Rule> rules = {
      true},
 
     {"python/",
-     {"python/", "controller/", "experiment/", "logger/", "plant/truth_of.h", "study/", "robot/",
-      "loop/", "diagnostics/"},
+     {"python/", "controller/", "experiment/", "logger/", "plant/run_messages.h", "study/",
+      "robot/", "loop/", "diagnostics/"},
      {"pybind11/", "Eigen/"}},
 
     {"tests/", anything, anything, true},
