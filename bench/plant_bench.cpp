@@ -47,8 +47,8 @@ BENCHMARK(Acceleration)->Arg(2)->Arg(7);
 void Tick(benchmark::State& bench) {
   const int joints = static_cast<int>(bench.range(1));
   plant::ArmOptions options;
-  options.integrator = static_cast<plant::Integrator>(bench.range(0));
-  options.accuracy = std::pow(10.0, -static_cast<double>(bench.range(2)));
+  options.integrator.method = static_cast<plant::Integrator>(bench.range(0));
+  options.integrator.accuracy = std::pow(10.0, -static_cast<double>(bench.range(2)));
   const double h = static_cast<double>(bench.range(3)) * 1e-6;
   const robot::Model robot = model(joints);
   plant::Arm arm(robot, options, start(joints));
@@ -94,7 +94,7 @@ void Peer(benchmark::State& bench) {
   plant::ArmOptions options;
   if (bench.range(0) == 2) options.mechanics = plant::Mechanics::native;
   plant::Arm arm(robot, options, start(robot.num_joints));
-  BareSimbody bare(robot, 0.3, 0.5, options.accuracy);
+  BareSimbody bare(robot, 0.3, 0.5, options.integrator.accuracy);
   // They compute the same: two integrators of accuracy 1e-9, ten ticks.
   std::int64_t k = 0;
   const auto advance = [&](bool mine, bool other) {

@@ -28,7 +28,6 @@ namespace verb {
 std::span<const Verb* const> verbs() {
   static constexpr std::array list = {
 #define TACHLESS_VERB(name) &verb::name,
-#include "launch/verbs.inc"
 #undef TACHLESS_VERB
   };
   return list;

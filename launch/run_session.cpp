@@ -22,7 +22,7 @@
 #include "launch/run_verdict.h"
 #include "launch/run_window.h"
 #include "launch/screen.h"
-#include "plant/realtime_loop.h"
+#include "plant/node.h"
 #include "process/interruption.h"
 #include "study/cross_check.h"
 
@@ -105,8 +105,8 @@ SuperviseOptions supervise_options(const Planned& run, Screen& screen) {
     // The plant first brings the robot to rest, once it misses what was lost.
     const double noticed_s =
         std::min(scenario.loop.give_up_s, scenario.loop.period_s * (scenario.loop.max_missed + 1));
-    options.grace += plant::RealtimeLoop::longest_stop +
-                     std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
+    options.grace +=
+        plant::longest_stop + std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
   }
   options.on_line = [&](std::string_view name, std::string_view line) {
     screen.pass_on(run.options.named(""), name, line);

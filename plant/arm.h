@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "plant/spec.h"
 #include "robot/model.h"
@@ -25,36 +26,48 @@ struct ArmAcceleration {
   robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
 };
 
-/// Torque on the links that no drive gives: a function of time and position, with jumps.
-class OutsideTorque {
+/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints that no
+/// drive gives. A function of the specs, the time and the links' position alone, with jumps: noise
+/// is drawn by seed, tick and the number of the disturbance.
+class Disturbances {
  public:
-  OutsideTorque() = default;
-  OutsideTorque(const OutsideTorque&) = delete;
-  OutsideTorque& operator=(const OutsideTorque&) = delete;
-  virtual ~OutsideTorque() = default;
+  /// @param specs, model of which the joints and links are: both outlive this.
+  Disturbances(const std::vector<DisturbanceSpec>& specs, double period_s,
+               const robot::Model& model);
 
   /// The first jump after `from_s`, at `until_s` at the latest.
-  [[nodiscard]] virtual double next_jump(double from_s, double until_s) const = 0;
+  [[nodiscard]] double next_jump(double from_s, double until_s) const;
   /// What is added from now on is of the time from `from_s` to `until_s`, inside which is no jump.
-  virtual void choose(double from_s, double until_s) = 0;
+  void choose(double from_s, double until_s);
   /// Adds the torque at `time_s` and link position `q` to `tau` [N m].
-  virtual void add(double time_s, const double* q, robot::Vector& tau) const = 0;
+  void add(double time_s, const double* q, robot::Vector& tau) const;
+
+  /// The torque at `time_s`, the beginning of a tick [N m; N].
+  [[nodiscard]] robot::Vector at(double time_s, const robot::Vector& q);
+
+ private:
+  struct Source {
+    const DisturbanceSpec* spec;
+    int joint;  ///< -1: a force on a link
+    bool active = false;
+    double noise = 0;
+  };
+
+  const robot::Model& model_;
+  double period_s_;
+  std::vector<Source> sources_;
 };
 
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
+  IntegratorSpec integrator;
+  DriveSpec drive;                          ///< of which the friction; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
-  robot::Vector viscous_friction;           ///< on the links' joints [N m s/rad]
-  /// Coulomb's, static (at least Coulomb's) [N m] and the speed of the fall from one to the other
-  /// [rad/s]; empty: none. Native mechanics only.
-  robot::Vector coulomb_friction, static_friction, stribeck_velocity;
-  OutsideTorque* outside = nullptr;  ///< outlives the arm; none when null
-  double start_s = 0;                ///< time of the initial state
-  Integrator integrator = Integrator::runge_kutta_merson;
-  double accuracy = 1e-9;
+  Disturbances* disturbances = nullptr;     ///< outlive the arm; none when null
+  double start_s = 0;                       ///< time of the initial state
 };
 
-class ArmEngine;
+class ArmMechanics;
 
 /// A multibody arm whose motor torque is held over each call of `advance`.
 class Arm {
@@ -67,7 +80,7 @@ class Arm {
   Arm(Arm&&) noexcept;
   Arm& operator=(Arm&&) noexcept;
 
-  [[nodiscard]] const ArmState& state() const;
+  [[nodiscard]] const ArmState& state() const { return state_; }
 
   /// What the arm would do now under motor torque `tau` [N m]: the right-hand side that `advance`
   /// integrates.
@@ -86,10 +99,9 @@ class Arm {
   void brake(const robot::Vector& damping);
 
  private:
-  int num_joints_ = 0;
-  double now_s_ = 0;
-  OutsideTorque* outside_ = nullptr;
-  std::unique_ptr<ArmEngine> engine_;
+  ArmState state_;
+  Disturbances* disturbances_;
+  std::unique_ptr<ArmMechanics> mechanics_;
 };
 
 }  // namespace tachless::plant

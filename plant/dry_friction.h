@@ -1,7 +1,11 @@
 #pragma once
 
-#include <array>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
 
+#include "robot/cholesky.h"
 #include "robot/quantities.h"
 
 namespace tachless::plant {
@@ -18,41 +22,151 @@ namespace tachless::plant {
 /// M a = r - F, |F| <= Fs, a F >= 0 and (|F| < Fs only where a = 0) (Gauss's principle of least
 /// constraint), found by projected Gauss-Seidel iteration. Does not integrate.
 class DryFriction {
+  using Index = Eigen::Index;
+  using Matrix = robot::Matrix;
+  using Vector = robot::Vector;
+
  public:
   DryFriction() = default;  ///< none
   /// @param coulomb, held Fc and Fs >= Fc [N m; N] @param stribeck vs > 0 [rad/s; m/s]
   /// @throw std::logic_error for other sizes or values.
-  DryFriction(const robot::Vector& coulomb, const robot::Vector& held,
-              const robot::Vector& stribeck);
+  DryFriction(const Vector& coulomb, const Vector& held, const Vector& stribeck)
+      : coulomb_(coulomb),
+        held_(held),
+        stribeck_(stribeck),
+        direction_(robot::VectorOf<int>::Zero(coulomb.size())) {
+    if (held.size() == coulomb.size() && stribeck.size() == coulomb.size() &&
+        (coulomb.array() >= 0 && held.array() >= coulomb.array() && stribeck.array() > 0).all()) {
+      return;
+    }
+    throw std::logic_error("plant::DryFriction: 0 <= Coulomb's <= static, and a speed > 0, needed");
+  }
 
   [[nodiscard]] bool present() const { return coulomb_.size() > 0; }
 
   /// rhs, all other torques at link velocity v, becomes the accelerations. M, symmetric, is
   /// overwritten. @throw std::runtime_error if it is not positive definite.
-  void solve(robot::Matrix& M, const robot::Vector& v, robot::Vector& rhs);
+  void solve(Matrix& M, const double* v, Vector& rhs) {
+    const Index n = rhs.size();
+    for (Index i = 0; i < coulomb_.size(); ++i) {
+      const double x = v[i] / stribeck_[i];
+      rhs[i] -= direction_[i] * (coulomb_[i] + (held_[i] - coulomb_[i]) * std::exp(-x * x));
+    }
+    const bool some = sticks();
+    if (some) {
+      M_ = M;
+      load_ = rhs;
+      for (Index i = 0; i < n; ++i) {
+        if (!stuck(i)) continue;
+        M.row(i).setZero();
+        M.col(i).setZero();
+        M(i, i) = 1;
+        rhs[i] = 0;
+      }
+    }
+    factorise(M);
+    robot::solve_in_place(M, rhs);
+    if (some) torque_.noalias() = load_ - M_.lazyProduct(rhs);
+  }
 
   /// Joints that move slide, those at rest stick until `release`. Call `solve` in between.
-  void stick(const double* v);
+  void stick(const double* v) {
+    for (Index i = 0; i < held_.size(); ++i) direction_[i] = (v[i] > 0) - (v[i] < 0);
+  }
+
   /// Lets those slide that cannot be held, as of the last `solve`.
-  void release();
-  [[nodiscard]] bool sticks() const;
+  void release() {
+    const Index n = held_.size();
+    Index worst = 0;
+    double largest = 0;
+    for (Index i = 0; i < n; ++i) {
+      if (!stuck(i) || std::abs(torque_[i]) <= largest * held_[i]) continue;
+      largest = std::abs(torque_[i]) / held_[i];
+      worst = i;
+    }
+    if (largest <= 1 + beyond) return;
+    // a = M^-1 (load - F), F of the joints at rest within +-Fs, each in turn as nearly a_i = 0 as
+    // it can be: minimises a' M a.
+    Matrix LD = M_, inverse = Matrix::Identity(n, n);
+    factorise(LD);
+    for (Index j = 0; j < n; ++j) {
+      Vector column = inverse.col(j);
+      robot::solve_in_place(LD, column);
+      inverse.col(j) = column;
+    }
+    Vector a = inverse.lazyProduct(load_), F = Vector::Zero(n);
+    constexpr int most = 100000;
+    double change = std::numeric_limits<double>::infinity();
+    for (int k = 0; k < most && change > converged; ++k) {
+      change = 0;
+      for (Index i = 0; i < n; ++i) {
+        if (!stuck(i)) continue;
+        const double next = std::clamp(F[i] + a[i] / inverse(i, i), -held_[i], held_[i]);
+        change = std::max(change, std::abs(next - F[i]) / held_[i]);
+        a -= (next - F[i]) * inverse.col(i);
+        F[i] = next;
+      }
+    }
+    if (change > converged) {
+      throw std::runtime_error("which joints stick by friction cannot be decided");
+    }
+    bool none = true;
+    for (Index i = 0; i < n; ++i) {
+      const bool full = stuck(i) && std::abs(F[i]) == held_[i];
+      if (!full || a[i] / inverse(i, i) / F[i] <= 10 * converged) continue;
+      direction_[i] = F[i] > 0 ? 1 : -1;
+      none = false;
+    }
+    // Beyond by so little that the iteration does not see it.
+    if (none) direction_[worst] = torque_[worst] > 0 ? 1 : -1;
+  }
+
+  [[nodiscard]] bool sticks() const {
+    for (Index i = 0; i < held_.size(); ++i) {
+      if (stuck(i)) return true;
+    }
+    return false;
+  }
 
   /// Above 0 when a joint that slides has turned round at `v`, or one that sticks cannot be held,
   /// as of the last `solve`.
-  [[nodiscard]] double violation(const double* v) const;
-  /// Makes the joints stand still that have turned round.
-  void stop(double* v) const;
-
- private:
-  [[nodiscard]] bool stuck(Eigen::Index i) const {
-    return held_[i] > 0 && direction_[static_cast<std::size_t>(i)] == 0;
+  [[nodiscard]] double violation(const double* v) const {
+    double largest = -std::numeric_limits<double>::infinity();
+    for (Index i = 0; i < held_.size(); ++i) {
+      if (held_[i] == 0) continue;
+      largest = std::max(largest, stuck(i) ? std::abs(torque_[i]) / held_[i] - (1 + beyond)
+                                           : -direction_[i] * v[i]);
+    }
+    return largest;
   }
 
-  robot::Vector coulomb_, held_, stribeck_;
-  std::array<int, robot::max_joints> direction_{};  ///< 0: sticks
-  robot::Matrix M_;                                 ///< of the last `solve`, if a joint sticks
-  robot::Vector torque_;  ///< all but what holds the joints that stick, then that alone
-  robot::Vector load_;
+  /// Makes the joints stand still that have turned round.
+  void stop(double* v) const {
+    for (Index i = 0; i < held_.size(); ++i) {
+      if (held_[i] > 0 && direction_[i] * v[i] <= 0) v[i] = 0;
+    }
+  }
+
+ private:
+  /// Of the static friction: a joint that sticks slides from this far beyond it on. Above rounding,
+  /// so that a joint that is let go does move.
+  static constexpr double beyond = 1e-9;
+  /// Of the static friction: where the iteration ends.
+  static constexpr double converged = 1e-13;
+
+  static void factorise(Matrix& M) {
+    if (robot::factorise(M) >= 0) {
+      throw std::runtime_error("the inertia matrix is not positive definite");
+    }
+  }
+
+  [[nodiscard]] bool stuck(Index i) const { return held_[i] > 0 && direction_[i] == 0; }
+
+  Vector coulomb_, held_, stribeck_;
+  robot::VectorOf<int> direction_;  ///< 0: sticks
+  Matrix M_;                        ///< of the last `solve`, if a joint sticks
+  Vector torque_;                   ///< all but what holds the joints that stick, then that alone
+  Vector load_;
 };
 
 }  // namespace tachless::plant

@@ -1,9 +1,10 @@
 #include "plant/encoder.h"
 
+#include <fmt/core.h>
+
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <string>
 
 namespace tachless::plant {
 namespace {
@@ -32,25 +33,6 @@ double uniform(std::uint32_t high, std::uint32_t low) {
   return (static_cast<double>(bits) + 0.5) * 0x1p-53;
 }
 
-void require_link_side(const experiment::Scenario& scenario) {
-  // A rigid joint has one position, whichever side its encoder sits on.
-  if (!scenario.robot.flexible || scenario.plant.encoder.side != EncoderSide::motor) return;
-  throw scenario.complaint("plant.encoder.side",
-                           "motor, but law " + scenario.controller.law +
-                               " measures link positions; allowed: link, both");
-}
-
-void require_motor_side(const experiment::Scenario& scenario) {
-  if (!scenario.robot.flexible) {
-    throw scenario.complaint("robot.joints", "rigid, but law " + scenario.controller.law +
-                                                 " measures motor positions; allowed: flexible");
-  }
-  if (scenario.plant.encoder.side != EncoderSide::link) return;
-  throw scenario.complaint("plant.encoder.side",
-                           "link, but law " + scenario.controller.law +
-                               " measures motor positions; allowed: motor, both");
-}
-
 }  // namespace
 
 double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t channel,
@@ -68,78 +50,36 @@ Encoder::Encoder(const experiment::Scenario& scenario, const robot::Model& model
       velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
       seed_(scenario.plant.encoder.seed) {}
 
-robot::Vector Encoder::position(const robot::Vector& exact, Channel channel,
-                                std::int64_t tick) const {
+robot::Vector Encoder::read(const robot::Vector& exact, Channel channel, std::int64_t tick) const {
+  const bool position = channel == Channel::link_position || channel == Channel::motor_position;
+  const double noise = position ? position_noise_ : velocity_noise_;
   robot::Vector measured = exact;
   for (Eigen::Index i = 0; i < exact.size(); ++i) {
-    if (position_noise_ > 0) {
-      measured[i] +=
-          position_noise_ * standard_normal(seed_, tick, static_cast<std::uint32_t>(channel),
-                                            static_cast<std::uint32_t>(i));
+    if (noise > 0) {
+      measured[i] += noise * standard_normal(seed_, tick, static_cast<std::uint32_t>(channel),
+                                             static_cast<std::uint32_t>(i));
     }
-    if (count_[i] > 0) measured[i] = std::round(measured[i] / count_[i]) * count_[i];
+    if (position && count_[i] > 0) measured[i] = std::round(measured[i] / count_[i]) * count_[i];
   }
   return measured;
 }
 
-robot::Vector Encoder::velocity(const robot::Vector& exact, Channel channel,
-                                std::int64_t tick) const {
-  robot::Vector measured = exact;
-  if (velocity_noise_ > 0) {
-    for (Eigen::Index i = 0; i < exact.size(); ++i) {
-      measured[i] +=
-          velocity_noise_ * standard_normal(seed_, tick, static_cast<std::uint32_t>(channel),
-                                            static_cast<std::uint32_t>(i));
-    }
+void require_encoders(const experiment::Scenario& scenario, bool on_links, bool on_motors) {
+  const bool flexible = scenario.robot.flexible.has_value();
+  const auto missing = [&](const char* key, const char* given, const char* measured,
+                           const char* allowed) {
+    return scenario.complaint(key, fmt::format("{}, but law {} measures {} positions; allowed: {}",
+                                               given, scenario.controller.law, measured, allowed));
+  };
+  const EncoderSide side = scenario.plant.encoder.side;
+  // A rigid joint has one position, whichever side its encoder sits on.
+  if (on_links && flexible && side == EncoderSide::motor) {
+    throw missing("plant.encoder.side", "motor", "link", "link, both");
   }
-  return measured;
-}
-
-template <>
-loop::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
-  return {position(state.q, Channel::link_position, tick)};
-}
-
-template <>
-loop::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
-  return {position(state.theta, Channel::motor_position, tick)};
-}
-
-template <>
-loop::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
-  return {position(state.q, Channel::link_position, tick),
-          velocity(state.v, Channel::link_velocity, tick),
-          position(state.theta, Channel::motor_position, tick)};
-}
-
-template <>
-loop::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const {
-  return {position(state.q, Channel::link_position, tick),
-          velocity(state.v, Channel::link_velocity, tick),
-          position(state.theta, Channel::motor_position, tick),
-          velocity(state.thetadot, Channel::motor_velocity, tick)};
-}
-
-template <>
-void require_encoders<loop::PositionMeasurement>(const experiment::Scenario& scenario) {
-  require_link_side(scenario);
-}
-
-template <>
-void require_encoders<loop::MotorPositionMeasurement>(const experiment::Scenario& scenario) {
-  require_motor_side(scenario);
-}
-
-template <>
-void require_encoders<loop::LinkStateMeasurement>(const experiment::Scenario& scenario) {
-  require_link_side(scenario);
-  require_motor_side(scenario);
-}
-
-template <>
-void require_encoders<loop::StateMeasurement>(const experiment::Scenario& scenario) {
-  require_link_side(scenario);
-  if (scenario.robot.flexible) require_motor_side(scenario);
+  if (on_motors && !flexible) throw missing("robot.joints", "rigid", "motor", "flexible");
+  if (on_motors && side == EncoderSide::link) {
+    throw missing("plant.encoder.side", "link", "motor", "motor, both");
+  }
 }
 
 }  // namespace tachless::plant

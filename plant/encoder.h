@@ -1,9 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 
 #include "experiment/scenario.h"
-#include "loop/signals.h"
+#include "loop/measurements.h"
 #include "plant/arm.h"
 #include "robot/model.h"
 
@@ -23,12 +24,17 @@ class Encoder {
   Encoder(const experiment::Scenario& scenario, const robot::Model& model);
 
   /// The measurement of tick `tick`. Precondition: `require_encoders<Measurement>` passes.
-  /// `Measurement` is one of the four of robot/signals.h.
   template <class Measurement>
-  [[nodiscard]] Measurement measure(const ArmState& state, std::int64_t tick) const;
-
-  /// Width of one count [rad; m if prismatic]; 0 for an ideal encoder.
-  [[nodiscard]] const robot::Vector& count() const { return count_; }
+  [[nodiscard]] Measurement measure(const ArmState& state, std::int64_t tick) const {
+    Measurement m;
+    if constexpr (requires { m.q; }) m.q = read(state.q, Channel::link_position, tick);
+    if constexpr (requires { m.v; }) m.v = read(state.v, Channel::link_velocity, tick);
+    if constexpr (requires { m.theta; }) m.theta = read(state.theta, Channel::motor_position, tick);
+    if constexpr (requires { m.thetadot; }) {
+      m.thetadot = read(state.thetadot, Channel::motor_velocity, tick);
+    }
+    return m;
+  }
 
  private:
   enum class Channel : std::uint32_t {
@@ -38,39 +44,26 @@ class Encoder {
     motor_velocity
   };
 
-  [[nodiscard]] robot::Vector position(const robot::Vector& exact, Channel channel,
-                                       std::int64_t tick) const;
-  [[nodiscard]] robot::Vector velocity(const robot::Vector& exact, Channel channel,
-                                       std::int64_t tick) const;
+  [[nodiscard]] robot::Vector read(const robot::Vector& exact, Channel channel,
+                                   std::int64_t tick) const;
 
-  robot::Vector count_;
+  robot::Vector count_;  ///< width of one [rad; m if prismatic]; 0 for an ideal encoder
   double position_noise_;
   double velocity_noise_;
   std::uint64_t seed_;
 };
 
-template <>
-loop::PositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
-template <>
-loop::MotorPositionMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
-template <>
-loop::LinkStateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
-template <>
-loop::StateMeasurement Encoder::measure(const ArmState& state, std::int64_t tick) const;
-
-/// Checks that the scenario's robot has what `Measurement` (one of the four of robot/signals.h)
-/// needs.
+/// Checks that the scenario's robot has the encoders that its law needs.
 /// @throw diagnostics::Failure(bad_usage) naming the key and the missing encoder.
+void require_encoders(const experiment::Scenario& scenario, bool on_links, bool on_motors);
 template <class Measurement>
-void require_encoders(const experiment::Scenario& scenario);
-template <>
-void require_encoders<loop::PositionMeasurement>(const experiment::Scenario& scenario);
-template <>
-void require_encoders<loop::MotorPositionMeasurement>(const experiment::Scenario& scenario);
-template <>
-void require_encoders<loop::LinkStateMeasurement>(const experiment::Scenario& scenario);
-template <>
-void require_encoders<loop::StateMeasurement>(const experiment::Scenario& scenario);
+void require_encoders(const experiment::Scenario& scenario) {
+  // The full state of a rigid robot holds no motors.
+  require_encoders(
+      scenario, loop::holds_links<Measurement>,
+      loop::holds_motors<Measurement> &&
+          (scenario.robot.flexible || !std::is_same_v<Measurement, loop::StateMeasurement>));
+}
 
 /// Standard normal number belonging to (seed, tick, channel, joint): Philox4x32-10 (Salmon et al.,
 /// "Parallel random numbers: as easy as 1, 2, 3", 2011) and the Box-Muller transform, spelled out

@@ -11,7 +11,6 @@
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "loop/clock.h"
-#include "plant/emulated_robot.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 #include "robot/joint_labels.h"

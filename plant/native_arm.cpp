@@ -1,59 +1,23 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <utility>
 
-#include "plant/arm_dynamics.h"
-#include "plant/arm_engine.h"
+#include "plant/arm_mechanics.h"
 #include "plant/dry_friction.h"
-#include "robot/cholesky.h"
 #include "robot/forward_dynamics.h"
 
 namespace tachless::plant {
 namespace {
 
-/// Inertia matrix and bias by the recursions of robot/, which control laws use too.
-class Recursions {
- public:
-  explicit Recursions(robot::Model model) : equations_(without_rotors(std::move(model))) {}
-
-  void evaluate(const double* q, const double* v) {
-    const Eigen::Index n = position_.size();
-    position_ = Eigen::Map<const robot::Vector>(q, n);
-    velocity_ = Eigen::Map<const robot::Vector>(v, n);
-    equations_.evaluate(position_, velocity_);
-  }
-  robot::Matrix& M() { return equations_.M; }
-  [[nodiscard]] const robot::Vector& bias() const { return equations_.bias; }
-
-  void solve(robot::Vector& rhs) {
-    if (friction.present()) return friction.solve(M(), velocity_, rhs);
-    if (robot::factorise(M()) >= 0) {
-      throw std::runtime_error("the inertia matrix is not positive definite");
-    }
-    robot::solve_in_place(M(), rhs);
-  }
-
-  DryFriction friction;
-
- private:
-  robot::Model without_rotors(robot::Model model) {
-    position_.resize(model.num_joints);
-    model.rotor_inertia.resize(0);  // `ArmDynamics` adds it
-    return model;
-  }
-
-  robot::Vector position_, velocity_;
-  robot::EquationsOfMotion equations_;
-};
-
-constexpr int max_stages = 6;
+constexpr std::size_t max_stages = 6;
 
 /// An explicit Runge-Kutta method with an error estimate (Hairer, Norsett, Wanner, Solving ODEs I,
 /// II.4): k_i = f(y + h sum_j a_ij k_j), y+ = y + h sum_i b_i k_i, error = h sum_i e_i k_i.
 struct Tableau {
-  int stages;
+  std::size_t stages;
   int error_order;  ///< error = O(h^error_order)
   std::array<std::array<double, max_stages>, max_stages> a;
   std::array<double, max_stages> b;
@@ -102,67 +66,75 @@ const Tableau& tableau(Integrator method) {
   }
 }
 
-/// Coordinates of links and motors: one vector of up to twice the joints, in place.
-using Coordinates =
-    Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * robot::max_joints, 1>;
+robot::Model without_rotors(robot::Model model) {
+  model.rotor_inertia.resize(0);  // `ArmMechanics` adds it
+  return model;
+}
 
-class NativeArm final : public ArmEngine {
+DryFriction friction_of(const DriveSpec& drive) {
+  if (!drive.dry_friction()) return {};
+  return {drive.coulomb_friction_Nm, drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm),
+          drive.stribeck_velocity_rad_per_s};
+}
+
+/// The recursions of robot/, which control laws use too, dry friction, and the methods above.
+class NativeArm final : public ArmMechanics {
  public:
   NativeArm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
-      : dynamics_(model, options),
-        method_(tableau(options.integrator)),
-        accuracy_(options.accuracy),
-        state_(initial),
-        x_(dynamics_.num_coordinates()),
-        xdot_(dynamics_.num_coordinates()),
-        xddot_(dynamics_.num_coordinates()),
-        now_s_(options.start_s) {
-    friction_ =
-        DryFriction(options.coulomb_friction, options.static_friction, options.stribeck_velocity);
-    x_ << initial.q, initial.theta;
-    xdot_ << initial.v, initial.thetadot;
-    for (int i = 0; i < method_.stages; ++i) {
-      rate_[static_cast<std::size_t>(i)].resize(x_.size());
-      acceleration_[static_cast<std::size_t>(i)].resize(x_.size());
-    }
+      : ArmMechanics(model, options, initial),
+        equations_(without_rotors(model)),
+        friction_(friction_of(options.drive)),
+        method_(tableau(options.integrator.method)),
+        accuracy_(options.integrator.accuracy),
+        xddot_(x.size()) {
+    rate_.fill(xddot_);
+    acceleration_.fill(xddot_);
   }
 
-  [[nodiscard]] const ArmState& state() const override { return state_; }
-  [[nodiscard]] std::int64_t integrator_steps() const override { return steps_; }
-  void brake(const robot::Vector& damping) override { dynamics_.brake(damping); }
+  [[nodiscard]] std::int64_t steps() const override { return steps_; }
 
-  ArmAcceleration acceleration(const robot::Vector& tau) override {
-    const robot::Vector held = std::exchange(dynamics_.tau, tau);
+  Coordinates acceleration() override {
     const DryFriction friction = friction_;
     choose_sticking();
-    dynamics_.accelerate(now_s_, x_.data(), xdot_.data(), xddot_.data());
-    dynamics_.tau = held;
+    const Coordinates xddot = ArmMechanics::acceleration();
     friction_ = friction;
-    return {xddot_.head(dynamics_.num_joints()), xddot_.tail(dynamics_.num_motors())};
+    return xddot;
   }
 
-  void advance(const robot::Vector& tau, double time_s) override {
-    dynamics_.tau = tau;
-    if (step_s_ == 0) step_s_ = time_s - now_s_;
+  void advance(double time_s) override {
+    if (step_s_ == 0) step_s_ = time_s - now_s;
     choose_sticking();
-    for (int taken = 0; now_s_ < time_s; ++taken) {
+    for (int taken = 0; now_s < time_s; ++taken) {
       if (taken >= max_steps_per_advance) throw too_many_steps();
       take_step(time_s);
     }
-    const int n = dynamics_.num_joints();
-    state_.q = x_.head(n);
-    state_.v = xdot_.head(n);
-    state_.theta = x_.tail(dynamics_.num_motors());
-    state_.thetadot = xdot_.tail(dynamics_.num_motors());
   }
 
  private:
+  Links evaluate(const double* q, const double* v) override {
+    position_ = Eigen::Map<const robot::Vector>(q, tau.size());
+    velocity_ = Eigen::Map<const robot::Vector>(v, tau.size());
+    equations_.evaluate(position_, velocity_);
+    return {equations_.M, equations_.bias};
+  }
+  void solve(const double* v, robot::Vector& rhs) override {
+    friction_.solve(equations_.M, v, rhs);
+  }
+
+  /// Which joints stick from now on.
+  void choose_sticking() {
+    if (!friction_.present()) return;
+    friction_.stick(xdot.data());
+    accelerate(now_s, x.data(), xdot.data(), xddot_.data());
+    friction_.release();
+  }
+
   /// One accepted or refused step, to `end_s` at most.
   void take_step(double end_s) {
     // The end of the interval cuts a step short; what was found about its length stays.
-    const bool last = now_s_ + step_s_ * (1 + 1e-12) >= end_s;
-    const double h = last ? end_s - now_s_ : step_s_;
-    if (!(now_s_ + h > now_s_)) {
+    const bool last = now_s + step_s_ * (1 + 1e-12) >= end_s;
+    const double h = last ? end_s - now_s : step_s_;
+    if (!(now_s + h > now_s)) {
       throw std::runtime_error("the accuracy cannot be reached with any step");
     }
     const double error = evaluate(h);
@@ -178,21 +150,13 @@ class NativeArm final : public ArmEngine {
     }
     if (!last || wanted > step_s_ || wanted < h) step_s_ = wanted;
     const double taken = until_change(h);
-    x_ = next_x_;
-    xdot_ = next_xdot_;
-    now_s_ = last && taken == h ? end_s : now_s_ + taken;
+    x = next_x_;
+    xdot = next_xdot_;
+    now_s = last && taken == h ? end_s : now_s + taken;
     ++steps_;
     if (taken == h) return;
-    friction_.stop(xdot_.data());
+    friction_.stop(xdot.data());
     choose_sticking();
-  }
-
-  /// Which joints stick from now on.
-  void choose_sticking() {
-    if (!friction_.present()) return;
-    friction_.stick(xdot_.data());
-    dynamics_.accelerate(now_s_, x_.data(), xdot_.data(), xddot_.data());
-    friction_.release();
   }
 
   /// Of the step of length h, which is in next_x_ and next_xdot_: how far it goes before a joint
@@ -201,7 +165,7 @@ class NativeArm final : public ArmEngine {
     if (!friction_.present()) return h;
     const auto violation = [this](double step_s) {
       if (friction_.sticks()) {
-        dynamics_.accelerate(now_s_ + step_s, next_x_.data(), next_xdot_.data(), xddot_.data());
+        accelerate(now_s + step_s, next_x_.data(), next_xdot_.data(), xddot_.data());
       }
       return friction_.violation(next_xdot_.data());
     };
@@ -229,37 +193,35 @@ class NativeArm final : public ArmEngine {
   /// The step of length h, into next_x_ and next_xdot_.
   /// @return the largest estimated error, of each value relative to the larger of it and 1.
   double evaluate(double h) {
-    for (int i = 0; i < method_.stages; ++i) {
-      const auto& a = method_.a[static_cast<std::size_t>(i)];
-      next_x_ = x_;
-      next_xdot_ = xdot_;
-      for (int j = 0; j < i; ++j) {
-        const double weight = h * a[static_cast<std::size_t>(j)];
+    for (std::size_t i = 0; i < method_.stages; ++i) {
+      const auto& a = method_.a[i];
+      double time_s = now_s;
+      next_x_ = x;
+      next_xdot_ = xdot;
+      for (std::size_t j = 0; j < i; ++j) {
+        const double weight = h * a[j];
+        time_s += weight;
         if (weight == 0) continue;
-        next_x_ += weight * rate_[static_cast<std::size_t>(j)];
-        next_xdot_ += weight * acceleration_[static_cast<std::size_t>(j)];
+        next_x_ += weight * rate_[j];
+        next_xdot_ += weight * acceleration_[j];
       }
-      rate_[static_cast<std::size_t>(i)] = next_xdot_;
-      double time_s = now_s_;
-      for (int j = 0; j < i; ++j) time_s += h * a[static_cast<std::size_t>(j)];
-      dynamics_.accelerate(time_s, next_x_.data(), next_xdot_.data(),
-                           acceleration_[static_cast<std::size_t>(i)].data());
+      rate_[i] = next_xdot_;
+      accelerate(time_s, next_x_.data(), next_xdot_.data(), acceleration_[i].data());
     }
-    next_x_ = x_;
-    next_xdot_ = xdot_;
-    error_x_.setZero(x_.size());
-    error_xdot_.setZero(x_.size());
-    for (int i = 0; i < method_.stages; ++i) {
-      const auto stage = static_cast<std::size_t>(i);
-      next_x_ += (h * method_.b[stage]) * rate_[stage];
-      next_xdot_ += (h * method_.b[stage]) * acceleration_[stage];
-      error_x_ += (h * method_.e[stage]) * rate_[stage];
-      error_xdot_ += (h * method_.e[stage]) * acceleration_[stage];
+    next_x_ = x;
+    next_xdot_ = xdot;
+    error_x_.setZero(x.size());
+    error_xdot_.setZero(x.size());
+    for (std::size_t i = 0; i < method_.stages; ++i) {
+      next_x_ += (h * method_.b[i]) * rate_[i];
+      next_xdot_ += (h * method_.b[i]) * acceleration_[i];
+      error_x_ += (h * method_.e[i]) * rate_[i];
+      error_xdot_ += (h * method_.e[i]) * acceleration_[i];
     }
     double largest = 0;
-    for (Eigen::Index i = 0; i < x_.size(); ++i) {
-      const double of_x = std::abs(error_x_[i]) / std::max(1.0, std::abs(x_[i]));
-      const double of_xdot = std::abs(error_xdot_[i]) / std::max(1.0, std::abs(xdot_[i]));
+    for (Eigen::Index i = 0; i < x.size(); ++i) {
+      const double of_x = std::abs(error_x_[i]) / std::max(1.0, std::abs(x[i]));
+      const double of_xdot = std::abs(error_xdot_[i]) / std::max(1.0, std::abs(xdot[i]));
       if (!(of_x <= largest)) largest = of_x;
       if (!(of_xdot <= largest)) largest = of_xdot;
     }
@@ -268,23 +230,22 @@ class NativeArm final : public ArmEngine {
 
   static constexpr double max_growth = 5;
 
-  ArmDynamics<Recursions> dynamics_;
-  DryFriction& friction_ = dynamics_.links().friction;
+  robot::EquationsOfMotion equations_;
+  robot::Vector position_, velocity_;
+  DryFriction friction_;
   const Tableau& method_;
   double accuracy_;
-  ArmState state_;
-  Coordinates x_, xdot_, xddot_;
+  Coordinates xddot_;
   std::array<Coordinates, max_stages> rate_, acceleration_;
   Coordinates next_x_, next_xdot_, error_x_, error_xdot_;
-  double now_s_;
   double step_s_ = 0;  ///< the length that the next step is tried with
   std::int64_t steps_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<ArmEngine> native_arm(const robot::Model& model, const ArmOptions& options,
-                                      const ArmState& initial) {
+std::unique_ptr<ArmMechanics> native_arm(const robot::Model& model, const ArmOptions& options,
+                                         const ArmState& initial) {
   return std::make_unique<NativeArm>(model, options, initial);
 }
 

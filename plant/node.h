@@ -1,11 +1,16 @@
 #pragma once
 
+#include <chrono>
+
 #include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
 #include "plant/robot_driver.h"
 
 namespace tachless::plant {
+
+/// In realtime a run that ends early is a protective stop first, recorded for so long at most.
+inline constexpr std::chrono::milliseconds longest_stop{500};
 
 /// The plant process: the emulated robot and the loop's clock. Publishes what the controller
 /// measures, the TRUTH for the logger and RUN_INFO; advances with the commands that come back.

@@ -1,9 +1,13 @@
 #include "plant/plant_model.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
-#include "plant/stiffness.h"
+#include "robot/cholesky.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
 
@@ -22,6 +26,21 @@ robot::Model without_payload(const experiment::Scenario& scenario) {
   return model;
 }
 
+/// Null for rigid joints.
+const FlexibleDrive* flexible_drive(const experiment::Scenario& scenario) {
+  return scenario.robot.flexible ? &*scenario.robot.flexible : nullptr;
+}
+
+/// Velocity after a body at rest has become part of the robot: the joints' momentum stays.
+robot::Vector after_impact(const robot::Model& before, const robot::Model& after,
+                           const ArmState& state) {
+  robot::Vector v = robot::mass_matrix(before, state.q) * state.v;
+  robot::Matrix LD = robot::mass_matrix(after, state.q);
+  robot::factorise(LD);
+  robot::solve_in_place(LD, v);
+  return v;
+}
+
 }  // namespace
 
 robot::Model plant_model(const experiment::Scenario& scenario) {
@@ -30,54 +49,27 @@ robot::Model plant_model(const experiment::Scenario& scenario) {
   return experiment::with_payload(scenario, std::move(model));
 }
 
-std::vector<ModelChange> model_changes(const experiment::Scenario& scenario) {
-  std::vector<ModelChange> changes;
-  const PayloadSpec& payload = scenario.plant.payload;
-  if (payload.mass_kg == 0) return changes;
-  const robot::Model alone = without_payload(scenario);
-  if (payload.attach_s > 0) {
-    changes.push_back({payload.attach_s, experiment::with_payload(scenario, alone), true});
-  }
-  if (payload.release_s) changes.push_back({*payload.release_s, alone, false});
-  return changes;
-}
-
 ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model) {
   const InitialState& initial = scenario.plant.initial;
   ArmState state;
   state.q = or_zero(initial.position_rad, model.num_joints);
   state.v = or_zero(initial.velocity_rad_per_s, model.num_joints);
-  if (const std::optional<FlexibleDrive>& drive = scenario.robot.flexible; drive) {
-    state.theta =
-        initial.motor_position_rad
-            ? *initial.motor_position_rad
-            : robot::Vector(state.q +
-                            robot::gravity_torque(model, state.q).cwiseQuotient(drive->stiffness));
-    state.thetadot = initial.motor_velocity_rad_per_s
-                         ? *initial.motor_velocity_rad_per_s
-                         : robot::Vector(robot::Vector::Zero(model.num_joints));
+  if (const FlexibleDrive* drive = flexible_drive(scenario)) {
+    state.theta = initial.motor_position_rad.value_or(
+        state.q + robot::gravity_torque(model, state.q).cwiseQuotient(drive->stiffness));
+    state.thetadot =
+        initial.motor_velocity_rad_per_s.value_or(robot::Vector::Zero(model.num_joints));
   }
   return state;
 }
 
 Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
-             double start_s, OutsideTorque* outside) {
-  const std::optional<FlexibleDrive>& drive = scenario.robot.flexible;
-  const DriveSpec& joints = scenario.plant.drive;
-  ArmOptions options;
-  options.outside = outside;
-  options.start_s = start_s;
-  if (joints.dry_friction()) {
-    options.coulomb_friction = joints.coulomb_friction_Nm;
-    options.static_friction = joints.static_friction_Nm.value_or(joints.coulomb_friction_Nm);
-    options.stribeck_velocity = joints.stribeck_velocity_rad_per_s;
-  }
-  options.flexible = drive ? &*drive : nullptr;
-  options.viscous_friction = joints.viscous_friction_Nms_per_rad;
-  options.mechanics = scenario.plant.mechanics;
-  options.integrator = scenario.plant.integrator.method;
-  options.accuracy = scenario.plant.integrator.accuracy;
-  return Arm(model, options, start);
+             double start_s, Disturbances* disturbances) {
+  const Spec& spec = scenario.plant;
+  return Arm(model,
+             {spec.mechanics, spec.integrator, spec.drive, flexible_drive(scenario), disturbances,
+              start_s},
+             start);
 }
 
 Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model) {
@@ -99,11 +91,101 @@ robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
   return inertia / time_constant_s;
 }
 
+EmulatedRobot::EmulatedRobot(const experiment::Scenario& scenario, const robot::Model& model)
+    : scenario_(scenario),
+      model_(&model),
+      disturbances_(scenario.plant.disturbances, scenario.loop.period_s, model),
+      arm_(make_arm(scenario, model, initial_state(scenario, model), 0, &disturbances_)) {
+  const PayloadSpec& payload = scenario.plant.payload;
+  if (payload.mass_kg == 0) return;
+  const robot::Model alone = without_payload(scenario);
+  if (payload.attach_s > 0) {
+    changes_.push_back({payload.attach_s, experiment::with_payload(scenario, alone), true});
+  }
+  if (payload.release_s) changes_.push_back({*payload.release_s, alone, false});
+}
+
+ArmState EmulatedRobot::read() {
+  ArmState state = arm_.state();
+  state.disturbance = disturbances_.at(now_s_, state.q);
+  return state;
+}
+
+void EmulatedRobot::hold(const robot::Vector& tau, double until_s) {
+  // A change at the end of a tick, but for rounding, is one at the beginning of the next.
+  const double same_s = 1e-9 * scenario_.loop.period_s;
+  while (num_changed_ < changes_.size() && changes_[num_changed_].at_s < until_s - same_s) {
+    const ModelChange& change = changes_[num_changed_++];
+    if (change.at_s > now_s_ + same_s) advance(tau, change.at_s);
+    ArmState state = arm_.state();
+    if (change.impact) state.v = after_impact(*model_, change.model, state);
+    model_ = &change.model;
+    arm_ = make_arm(scenario_, *model_, state, now_s_, &disturbances_);
+  }
+  advance(tau, until_s);
+}
+
+void EmulatedRobot::advance(const robot::Vector& tau, double until_s) {
+  arm_.advance(tau, until_s);
+  now_s_ = until_s;
+}
+
+void EmulatedRobot::stop() {
+  arm_.brake(protective_stop_damping(scenario_, *model_, arm_.state().q));
+}
+
+void EmulatedRobot::rest(double until_s) {
+  advance(robot::Vector::Zero(model_->num_joints), until_s);
+}
+
+double fastest_rate(const robot::Matrix& M, const FlexibleDrive* flexible,
+                    const robot::Vector& viscous_friction) {
+  const Eigen::Index n = M.rows();
+  const Eigen::Index coordinates = flexible != nullptr ? 2 * n : n;
+  Eigen::MatrixXd inertia = Eigen::MatrixXd::Zero(coordinates, coordinates);
+  Eigen::MatrixXd stiffness = inertia;
+  Eigen::MatrixXd damping = inertia;
+  inertia.topLeftCorner(n, n) = M;
+  if (viscous_friction.size() > 0) damping.diagonal().head(n) = viscous_friction;
+  if (flexible != nullptr) {
+    inertia.diagonal().tail(n) = flexible->rotor_inertia;
+    if (flexible->motor_damping.size() > 0) damping.diagonal().tail(n) = flexible->motor_damping;
+    const Eigen::MatrixXd K = Eigen::VectorXd(flexible->stiffness).asDiagonal();
+    stiffness << K, -K, -K, K;
+  }
+  const Eigen::LLT<Eigen::MatrixXd> llt(inertia);
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(2 * coordinates, 2 * coordinates);
+  A.topRightCorner(coordinates, coordinates).setIdentity();
+  A.bottomLeftCorner(coordinates, coordinates) = -llt.solve(stiffness);
+  A.bottomRightCorner(coordinates, coordinates) = -llt.solve(damping);
+  return Eigen::EigenSolver<Eigen::MatrixXd>(A, false).eigenvalues().cwiseAbs().maxCoeff();
+}
+
+double integrator_steps(Integrator method, double rate, double interval_s) {
+  const auto steps = [&](double stable) {
+    return std::max(1.0, std::ceil(rate * interval_s / stable));
+  };
+  // Largest y for which the method is stable on i y.
+  switch (method) {
+    case Integrator::runge_kutta_merson:
+      return steps(3.4);
+    case Integrator::runge_kutta_3:
+      return steps(1.7);
+    case Integrator::runge_kutta_feldberg:
+      return steps(1.0);  // slightly unstable all along the axis: error control holds it here
+    case Integrator::semi_explicit_euler_2:
+    case Integrator::verlet:
+      return steps(2.0);
+    case Integrator::cpodes:
+      return 1;
+  }
+  throw std::logic_error("plant: unknown integrator");
+}
+
 double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model) {
-  const std::optional<FlexibleDrive>& drive = scenario.robot.flexible;
   const double rate =
       fastest_rate(robot::mass_matrix(model, initial_state(scenario, model).q),
-                   drive ? &*drive : nullptr, scenario.plant.drive.viscous_friction_Nms_per_rad);
+                   flexible_drive(scenario), scenario.plant.drive.viscous_friction_Nms_per_rad);
   return integrator_steps(scenario.plant.integrator.method, rate, scenario.loop.period_s);
 }
 

@@ -7,9 +7,10 @@
 #include "experiment/scenario.h"
 #include "plant/arm.h"
 #include "plant/drive.h"
+#include "plant/robot_driver.h"
 #include "robot/model.h"
 
-/// What a scenario means for the plant.
+/// What a scenario means for the plant: the true robot, and how it is emulated.
 namespace tachless::plant {
 
 /// The true robot at the start of the run: URDF, gravity, rotor inertia of rigid joints, and the
@@ -17,23 +18,14 @@ namespace tachless::plant {
 /// @throw diagnostics::Failure(bad_usage) naming the key.
 robot::Model plant_model(const experiment::Scenario& scenario);
 
-/// The robot from an instant of the run on.
-struct ModelChange {
-  double at_s;
-  robot::Model model;
-  bool impact;  ///< what comes was at rest: M v stays, v jumps; else v stays
-};
-/// The payload's coming and going during the run, in order.
-std::vector<ModelChange> model_changes(const experiment::Scenario& scenario);
-
 /// Where the run starts. Motors start, unless given, at rest in static balance:
 /// theta = q + K^-1 g(q).
 ArmState initial_state(const experiment::Scenario& scenario, const robot::Model& model);
 
-/// The arm of the scenario at `start` and its time. `model` is its model from then on; `outside`,
-/// if not null, outlives the arm.
+/// The arm of the scenario at `start` and its time. `model` is its model from then on;
+/// `disturbances`, if not null, outlive the arm.
 Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, const ArmState& start,
-             double start_s = 0, OutsideTorque* outside = nullptr);
+             double start_s = 0, Disturbances* disturbances = nullptr);
 /// The same from the initial state on.
 inline Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model) {
   return make_arm(scenario, model, initial_state(scenario, model));
@@ -47,9 +39,54 @@ Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model
 robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
                                       const robot::Model& model, const robot::Vector& q);
 
+/// An arm in a robot's place, with disturbances and a payload that comes and goes. It stops by
+/// viscous braking (`protective_stop_damping`); the payload then stays where it is.
+class EmulatedRobot final : public RobotDriver {
+ public:
+  /// @param model `plant_model(scenario)`. Both outlive this.
+  EmulatedRobot(const experiment::Scenario& scenario, const robot::Model& model);
+
+  [[nodiscard]] bool measures_velocity() const override { return true; }
+  void start() override {}
+  ArmState read() override;
+  /// @throw std::runtime_error when the integrator gives up.
+  void hold(const robot::Vector& tau, double until_s) override;
+  void stop() override;
+  void rest(double until_s) override;
+
+ private:
+  /// The robot from an instant of the run on.
+  struct ModelChange {
+    double at_s;
+    robot::Model model;
+    bool impact;  ///< what comes was at rest: M v stays, v jumps; else v stays
+  };
+
+  void advance(const robot::Vector& tau, double until_s);
+
+  const experiment::Scenario& scenario_;
+  const robot::Model* model_;
+  Disturbances disturbances_;
+  std::vector<ModelChange> changes_;  ///< the payload's coming and going, in order
+  std::size_t num_changed_ = 0;
+  double now_s_ = 0;
+  Arm arm_;
+};
+
+/// Magnitude of the fastest eigenvalue [rad/s] of the arm linearised about rest, gravity left out:
+/// springs, rotors and viscous friction. `M` is the links' inertia matrix (rotors of rigid joints
+/// included); `flexible` is null for rigid joints.
+double fastest_rate(const robot::Matrix& M, const FlexibleDrive* flexible,
+                    const robot::Vector& viscous_friction);
+
+/// Fewest steps in which `method` can cross `interval_s` without being unstable on that eigenvalue:
+/// interval times rate over the extent of the method's stability region along the imaginary axis.
+/// Accuracy may ask for more. 1 for cpodes, whose implicit formulas have no such bound.
+double integrator_steps(Integrator method, double rate, double interval_s);
+
 /// Integrator steps that one tick of this scenario takes for stability alone, from its fastest
-/// mode at the initial state; see plant/stiffness.h. Worth a warning from about 100 on:
-/// "stiffness … at period … needs about N integrator steps a tick".
+/// mode at the initial state. Worth a warning from about 100 on: "stiffness … at period … needs
+/// about N integrator steps a tick".
 double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model);
 
 /// The joint whose viscous friction decays fastest against its inertia at the initial state, if the

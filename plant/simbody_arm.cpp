@@ -1,5 +1,3 @@
-#include "plant/arm_engine.h"
-
 #include <SimTKsimbody.h>
 
 #include <SimTKcommon/internal/SystemGuts.h>
@@ -9,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "plant/arm_dynamics.h"
+#include "plant/arm_mechanics.h"
 
 namespace tachless::plant {
 namespace {
@@ -76,11 +74,11 @@ class Tree {
     column_.resize(state_.getNU());
     no_forces_.resize(state_.getNU());
     no_forces_.setToZero();
-    M_.resize(num_joints_, num_joints_);
-    bias_.resize(num_joints_);
+    M.resize(num_joints_, num_joints_);
+    bias.resize(num_joints_);
   }
 
-  /// Inertia matrix and bias C(q,v) v + g(q) at link position q and velocity v.
+  /// Sets M and bias.
   void evaluate(const double* q, const double* v) {
     SimTK::Vector& q_tree = state_.updQ();
     SimTK::Vector& v_tree = state_.updU();
@@ -96,12 +94,12 @@ class Tree {
     }
     matter_.calcResidualForceIgnoringConstraints(state_, no_forces_, weights_, no_accelerations_,
                                                  residual_);
-    bias_.setZero();
+    bias.setZero();
     for (const Joint& joint : joints_) {
-      bias_[joint.coordinate] += joint.multiplier * residual_[joint.u];
+      bias[joint.coordinate] += joint.multiplier * residual_[joint.u];
     }
 
-    M_.setZero();
+    M.setZero();
     for (int j = 0; j < num_joints_; ++j) {
       column_.setToZero();
       for (const Joint& joint : joints_) {
@@ -110,24 +108,14 @@ class Tree {
       matter_.multiplyByM(state_, column_, M_column_);
       for (const Joint& joint : joints_) {
         if (joint.coordinate >= j) {
-          M_(joint.coordinate, j) += joint.multiplier * M_column_[joint.u];
+          M(joint.coordinate, j) += joint.multiplier * M_column_[joint.u];
         }
       }
     }
   }
 
-  /// Lower triangle of M.
-  robot::Matrix& M() { return M_; }
-  [[nodiscard]] const robot::Vector& bias() const { return bias_; }
-
-  /// rhs := M^-1 rhs.
-  void solve(robot::Vector& rhs) {
-    llt_.compute(M_);
-    if (llt_.info() != Eigen::Success) {
-      throw std::runtime_error("the inertia matrix is not positive definite");
-    }
-    llt_.solveInPlace(rhs);
-  }
+  robot::Matrix M;  ///< its lower triangle
+  robot::Vector bias;
 
  private:
   struct Joint {
@@ -149,24 +137,19 @@ class Tree {
   std::vector<Mass> masses_;
   SimTK::Vector_<SimTK::SpatialVec> weights_;
   SimTK::Vector column_, M_column_, no_forces_, no_accelerations_, residual_;
-  robot::Matrix M_;
-  robot::Vector bias_;
-  Eigen::LLT<robot::Matrix> llt_;
 };
 
-using Dynamics = ArmDynamics<Tree>;
-
-/// The dynamics as Simbody's integrators want them: an unconstrained system of q's and u's.
+/// The arm's equations as Simbody's integrators want it: an unconstrained system of q's and u's.
 class ArmGuts : public SimTK::System::Guts {
  public:
-  explicit ArmGuts(Dynamics& dynamics) : dynamics_(&dynamics) {}
+  explicit ArmGuts(ArmMechanics& mechanics) : mechanics_(&mechanics) {}
   SimTK::SubsystemIndex subsystem;
 
  protected:
   ArmGuts* cloneImpl() const override { return new ArmGuts(*this); }
 
   int realizeTopologyImpl(SimTK::State& s) const override {
-    const SimTK::Vector zero(dynamics_->num_coordinates(), SimTK::Real(0));
+    const SimTK::Vector zero(static_cast<int>(mechanics_->x.size()), SimTK::Real(0));
     s.allocateQ(subsystem, zero);
     s.allocateU(subsystem, zero);
     return SimTK::System::Guts::realizeTopologyImpl(s);
@@ -177,7 +160,7 @@ class ArmGuts : public SimTK::System::Guts {
   }
   int realizeAccelerationImpl(const SimTK::State& s) const override {
     SimTK::Vector& udot = s.updUDot(subsystem);
-    dynamics_->accelerate(s.getTime(), &s.getQ(subsystem)[0], &s.getU(subsystem)[0], &udot[0]);
+    mechanics_->accelerate(s.getTime(), &s.getQ(subsystem)[0], &s.getU(subsystem)[0], &udot[0]);
     s.updQDotDot(subsystem) = udot;
     return SimTK::System::Guts::realizeAccelerationImpl(s);
   }
@@ -192,18 +175,18 @@ class ArmGuts : public SimTK::System::Guts {
   }
 
  private:
-  Dynamics* dynamics_;
+  ArmMechanics* mechanics_;
 };
 
 class ArmSystem : public SimTK::System {
  public:
-  explicit ArmSystem(Dynamics& dynamics) {
-    auto owned = std::make_unique<ArmGuts>(dynamics);
+  explicit ArmSystem(ArmMechanics& mechanics) {
+    auto owned = std::make_unique<ArmGuts>(mechanics);
     ArmGuts& mine = *owned;
     adoptSystemGuts(owned.release());
-    const SimTK::DefaultSystemSubsystem default_subsystem(*this);
-    mine.subsystem = default_subsystem.getMySubsystemIndex();
+    mine.subsystem = SimTK::DefaultSystemSubsystem(*this).getMySubsystemIndex();
     setHasTimeAdvancedEvents(false);
+    realizeTopology();
   }
 };
 
@@ -225,67 +208,35 @@ std::unique_ptr<SimTK::Integrator> make_integrator(Integrator method, const SimT
   throw std::logic_error("plant::Arm: unknown integrator");
 }
 
-class SimbodyArm final : public ArmEngine {
+class SimbodyArm final : public ArmMechanics {
  public:
   SimbodyArm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
-      : dynamics_(model, options), system_(dynamics_), state_(initial), start_s_(options.start_s) {
-    if (options.coulomb_friction.size() > 0) {
+      : ArmMechanics(model, options, initial),
+        tree_(model),
+        system_(*this),
+        integrator_(make_integrator(options.integrator.method, system_)) {
+    if (options.drive.dry_friction()) {
       throw std::invalid_argument("Coulomb's friction needs the native mechanics");
     }
-    const int n = dynamics_.num_joints();
-    const int motors = dynamics_.num_motors();
-    SimTK::State start = system_.realizeTopology();
-    for (int i = 0; i < n; ++i) {
-      start.updQ()[i] = initial.q[i];
-      start.updU()[i] = initial.v[i];
-    }
-    for (int i = 0; i < motors; ++i) {
-      start.updQ()[n + i] = initial.theta[i];
-      start.updU()[n + i] = initial.thetadot[i];
-    }
-    start.updTime() = start_s_;
-    integrator_ = make_integrator(options.integrator, system_);
-    integrator_->setAccuracy(options.accuracy);
+    integrator_->setAccuracy(options.integrator.accuracy);
     integrator_->setUseInfinityNorm(true);
     integrator_->setAllowInterpolation(false);
     integrator_->setInternalStepLimit(max_steps_per_advance);
-    start_ = start;
   }
 
-  [[nodiscard]] const ArmState& state() const override { return state_; }
-  [[nodiscard]] std::int64_t integrator_steps() const override {
-    return integrator_->getNumStepsTaken();
-  }
+  [[nodiscard]] std::int64_t steps() const override { return integrator_->getNumStepsTaken(); }
 
-  void brake(const robot::Vector& damping) override { dynamics_.brake(damping); }
-
-  ArmAcceleration acceleration(const robot::Vector& tau) override {
-    const int n = dynamics_.num_joints();
-    const int motors = dynamics_.num_motors();
-    SimTK::Vector x(n + motors), xdot(n + motors), xddot(n + motors);
-    for (int i = 0; i < n; ++i) {
-      x[i] = state_.q[i];
-      xdot[i] = state_.v[i];
-    }
-    for (int i = 0; i < motors; ++i) {
-      x[n + i] = state_.theta[i];
-      xdot[n + i] = state_.thetadot[i];
-    }
-    const robot::Vector held = std::exchange(dynamics_.tau, tau);
-    dynamics_.accelerate(initialized_ ? integrator_->getTime() : start_s_, &x[0], &xdot[0],
-                         &xddot[0]);
-    dynamics_.tau = held;
-    ArmAcceleration result{robot::Vector(n), robot::Vector(motors)};
-    for (int i = 0; i < n; ++i) result.vdot[i] = xddot[i];
-    for (int i = 0; i < motors; ++i) result.thetaddot[i] = xddot[n + i];
-    return result;
-  }
-
-  void advance(const robot::Vector& tau, double time_s) override {
-    dynamics_.tau = tau;
+  void advance(double time_s) override {
+    const auto n = static_cast<int>(x.size());
     if (!initialized_) {
-      integrator_->setInitialStepSize(time_s - start_s_);
-      integrator_->initialize(start_);
+      SimTK::State start = system_.getDefaultState();
+      for (int i = 0; i < n; ++i) {
+        start.updQ()[i] = x[i];
+        start.updU()[i] = xdot[i];
+      }
+      start.updTime() = now_s;
+      integrator_->setInitialStepSize(time_s - now_s);
+      integrator_->initialize(start);
       initialized_ = true;
     } else {
       // The torque jumps: derivatives of the old one must not enter the new tick. The step size
@@ -298,38 +249,38 @@ class SimbodyArm final : public ArmEngine {
         throw too_many_steps();
       }
     }
-    read_state();
+    const SimTK::State& reached = integrator_->getState();
+    for (int i = 0; i < n; ++i) {
+      x[i] = reached.getQ()[i];
+      xdot[i] = reached.getU()[i];
+    }
+    now_s = reached.getTime();
   }
 
  private:
-  void read_state() {
-    const SimTK::State& s = integrator_->getState();
-    const SimTK::Vector& x = s.getQ();
-    const SimTK::Vector& xdot = s.getU();
-    const int n = dynamics_.num_joints();
-    for (int i = 0; i < n; ++i) {
-      state_.q[i] = x[i];
-      state_.v[i] = xdot[i];
+  Links evaluate(const double* q, const double* v) override {
+    tree_.evaluate(q, v);
+    return {tree_.M, tree_.bias};
+  }
+  void solve(const double* /*v*/, robot::Vector& rhs) override {
+    llt_.compute(tree_.M);
+    if (llt_.info() != Eigen::Success) {
+      throw std::runtime_error("the inertia matrix is not positive definite");
     }
-    for (int i = 0; i < state_.theta.size(); ++i) {
-      state_.theta[i] = x[n + i];
-      state_.thetadot[i] = xdot[n + i];
-    }
+    llt_.solveInPlace(rhs);
   }
 
-  Dynamics dynamics_;
+  Tree tree_;
+  Eigen::LLT<robot::Matrix> llt_;
   ArmSystem system_;
   std::unique_ptr<SimTK::Integrator> integrator_;
-  SimTK::State start_;
-  ArmState state_;
-  double start_s_;
   bool initialized_ = false;
 };
 
 }  // namespace
 
-std::unique_ptr<ArmEngine> simbody_arm(const robot::Model& model, const ArmOptions& options,
-                                       const ArmState& initial) {
+std::unique_ptr<ArmMechanics> simbody_arm(const robot::Model& model, const ArmOptions& options,
+                                          const ArmState& initial) {
   return std::make_unique<SimbodyArm>(model, options, initial);
 }
 

@@ -16,7 +16,7 @@
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
 #include "logger/table.h"
-#include "plant/truth_of.h"
+#include "plant/run_messages.h"
 #include "python/python_law.h"
 #include "robot/forward_dynamics.h"
 #include "robot/inverse_dynamics.h"

@@ -8,8 +8,7 @@
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 #include "loop/measurements.h"
-#include "plant/run_info.h"
-#include "plant/truth_of.h"
+#include "plant/run_messages.h"
 
 namespace tachless::study {
 namespace {

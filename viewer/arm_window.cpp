@@ -6,31 +6,42 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <set>
-#include <stdexcept>
 #include <string_view>
+#include <utility>
 #include <variant>
 #include <vector>
 
-#include "diagnostics/text.h"
+#include "diagnostics/failure.h"
+#include "robot/kinematics.h"
 
 namespace tachless::viewer {
 namespace {
 
-SimTK::Vec3 vec3(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z()}; }
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
 
-SimTK::Rotation rotation(const Eigen::Matrix3d& R) {
-  return SimTK::Rotation(
-      SimTK::Mat33(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2), R(2, 0), R(2, 1), R(2, 2)),
-      true);
+SimTK::Vec3 vec3(const Vector3d& x) { return {x.x(), x.y(), x.z()}; }
+
+SimTK::Transform transform(const Matrix3d& R, const Vector3d& p) {
+  return {SimTK::Rotation(SimTK::Mat33(R(0, 0), R(0, 1), R(0, 2), R(1, 0), R(1, 1), R(1, 2),
+                                       R(2, 0), R(2, 1), R(2, 2)),
+                          true),
+          vec3(p)};
 }
 
-/// Turns the axis `from` into `to`.
-SimTK::Rotation turning(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
-  return rotation(Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix());
+robot::Frame at(int body, const Vector3d& p, const Matrix3d& R = Matrix3d::Identity()) {
+  return {body, R, p};
+}
+constexpr int ground = -1;
+
+/// Turns y, which Simbody's cylinders are along, into `axis`.
+Matrix3d along(const Vector3d& axis) {
+  return Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitY(), axis).toRotationMatrix();
 }
 
-bool nowhere(const Eigen::Vector3d& p) { return p.norm() < 1e-9; }
+bool nowhere(const Vector3d& p) { return p.norm() < 1e-9; }
 
 /// Whether another body has the same coordinate already: a rotor, a belt, the other finger.
 bool follows_another(const robot::Model& model, int body) {
@@ -41,8 +52,8 @@ bool follows_another(const robot::Model& model, int body) {
 
 /// Points of a body to which a link is drawn from its origin: its children's joints, the ends of
 /// the tree; without either, twice as far as its centre of mass.
-std::vector<Eigen::Vector3d> ends_of(const robot::Model& model, int body) {
-  std::vector<Eigen::Vector3d> ends;
+std::vector<Vector3d> ends_of(const robot::Model& model, int body) {
+  std::vector<Vector3d> ends;
   for (const robot::Body& other : model.bodies) {
     if (other.parent == body) ends.push_back(other.p_PB);
   }
@@ -51,7 +62,7 @@ std::vector<Eigen::Vector3d> ends_of(const robot::Model& model, int body) {
   }
   ends.erase(std::remove_if(ends.begin(), ends.end(), nowhere), ends.end());
   if (ends.empty() && body >= 0 && !follows_another(model, body)) {
-    const Eigen::Vector3d opposite = 2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm;
+    const Vector3d opposite = 2 * model.bodies[static_cast<std::size_t>(body)].p_Bcm;
     if (!nowhere(opposite)) ends.push_back(opposite);
   }
   return ends;
@@ -72,7 +83,7 @@ double reach_of(const robot::Model& model) {
     const double before = body.parent < 0 ? 0 : to_origin[static_cast<std::size_t>(body.parent)];
     to_origin.push_back(before + body.p_PB.norm());
     reach = std::max(reach, to_origin.back());
-    for (const Eigen::Vector3d& end : ends_of(model, static_cast<int>(i))) {
+    for (const Vector3d& end : ends_of(model, static_cast<int>(i))) {
       reach = std::max(reach, to_origin.back() + end.norm());
     }
   }
@@ -95,9 +106,8 @@ struct Drawn {
     return {SimTK::DecorativeBrick(vec3(box.size / 2))};
   }
   std::vector<SimTK::DecorativeGeometry> operator()(const Cylinder& cylinder) const {
-    // Simbody's are along y.
     return {SimTK::DecorativeCylinder(cylinder.radius, cylinder.length / 2)
-                .setTransform(turning(Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitZ()))};
+                .setTransform(transform(along(Vector3d::UnitZ()), Vector3d::Zero()))};
   }
   std::vector<SimTK::DecorativeGeometry> operator()(const Sphere& sphere) const {
     return {SimTK::DecorativeSphere(sphere.radius)};
@@ -127,93 +137,66 @@ const SimTK::Vec3 stand_color(0.88, 0.90, 0.93);
 const SimTK::Vec3 floor_color(0.78, 0.81, 0.85);
 const SimTK::Vec3 background_color(0.95, 0.96, 0.98);
 
-}  // namespace
-
-class ArmWindow::Scene {
+/// The robot and what stands around it, as Simbody's window asks for it before each picture.
+class Scene : public SimTK::DecorationGenerator {
  public:
   Scene(const robot::Model& model, const Visuals& visuals, const std::vector<std::string>& tools,
-        const robot::Vector& initial, const std::string& title,
-        const std::filesystem::path& viewers)
-      : matter_(system_), reach_(reach_of(model)), radius_(0.04 * reach_) {
-    matter_.setShowDefaultGeometry(false);
+        const robot::Vector& initial)
+      : q(initial), model_(model), reach_(reach_of(model)), radius_(0.04 * reach_) {
     const std::set<int> shown = bodies_shown_by(visuals);
-    if (shown.count(-1) == 0) draw_links(matter_.updGround(), model, -1, stand_color);
+    const bool stands = shown.count(ground) == 0;
+    if (stands) draw_links(ground, stand_color);
     for (int i = 0; i < static_cast<int>(model.bodies.size()); ++i) {
-      SimTK::MobilizedBody mobilized = add(model.bodies[static_cast<std::size_t>(i)]);
       if (shown.count(i) != 0 || hidden(model, i)) continue;
-      draw_joint(mobilized, model.bodies[static_cast<std::size_t>(i)]);
-      draw_links(mobilized, model, i, link_color);
+      draw_joint(i);
+      draw_links(i, link_color);
     }
-    for (const Visual& visual : visuals.drawn) draw(visual);
+    for (const Visual& visual : visuals.drawn) draw_visual(visual);
     for (const std::string& tool : tools) draw_axes(model.frames.at(tool));
-    state_ = system_.realizeTopology();
-    system_.realizeModel(state_);
-    for (std::size_t i = 0; i < model.bodies.size(); ++i) {
-      const robot::Body& body = model.bodies[i];
-      const SimTK::MobilizedBodyIndex index(static_cast<int>(i) + 1);
-      const SimTK::MobilizedBody& mobilized = matter_.getMobilizedBody(index);
-      joints_.push_back(
-          {mobilized.getFirstQIndex(state_), body.coordinate, body.multiplier, body.offset});
-    }
-    pose(0, initial);
-    measure(model);
-    const SimTK::Array_<SimTK::String> folders(1, viewers.string() + "/");
-    visualizer_ = std::make_unique<SimTK::Visualizer>(system_, folders);
-    visualizer_->setShutdownWhenDestructed(true);
-    visualizer_->setMode(SimTK::Visualizer::PassThrough);
-    visualizer_->setWindowTitle(title);
-    visualizer_->setShowSimTime(true);
+    measure();
     draw_floor();
-    if (shown.count(-1) == 0) draw_stand(model);
-    set_view();
+    if (stands) draw_stand();
   }
 
-  void show(double t_s, const robot::Vector& q) {
-    pose(t_s, q);
-    visualizer_->drawFrameNow(state_);
+  void generateDecorations(const SimTK::State& /*state*/,
+                           SimTK::Array_<SimTK::DecorativeGeometry>& drawn) override {
+    for (const Part& part : parts_) {
+      const robot::Pose<double> X = robot::frame_pose<double>(model_, part.frame, q);
+      drawn.push_back(part.geometry);
+      drawn.back().setTransform(transform(X.R, X.p) * part.geometry.getTransform());
+    }
   }
+
+  /// Everything in view, from the side and a little above.
+  [[nodiscard]] SimTK::Transform camera() const {
+    const SimTK::UnitVec3 towards_viewer(0.45, -1, 0.3);
+    const SimTK::Rotation R_GC(towards_viewer, SimTK::ZAxis, SimTK::Vec3(0, 0, 1), SimTK::YAxis);
+    const double distance = 0.9 * reach_ + 1.1 * box_.diagonal().norm();
+    return {R_GC, vec3(box_.center()) + distance * towards_viewer};
+  }
+
+  robot::Vector q;  ///< that is drawn
 
  private:
-  struct Joint {
-    int q;  ///< Simbody's index
-    int coordinate;
-    double multiplier, offset;
+  struct Part {
+    robot::Frame frame;
+    SimTK::DecorativeGeometry geometry;
   };
 
-  void pose(double t_s, const robot::Vector& q) {
-    state_.setTime(t_s);
-    for (const Joint& joint : joints_) {
-      state_.updQ()[joint.q] = joint.multiplier * q[joint.coordinate] + joint.offset;
-    }
-    system_.realize(state_, SimTK::Stage::Position);
+  void draw(const robot::Frame& frame, SimTK::DecorativeGeometry geometry,
+            const SimTK::Vec3& color) {
+    geometry.setColor(color);
+    parts_.push_back({frame, std::move(geometry)});
   }
 
-  SimTK::MobilizedBody add(const robot::Body& body) {
-    // Simbody pins turn about z and sliders move along x of the mobilizer's frames.
-    const bool revolute = body.type == robot::JointType::revolute;
-    const SimTK::Rotation R_BM =
-        turning(revolute ? Eigen::Vector3d::UnitZ() : Eigen::Vector3d::UnitX(), body.axis_B);
-    const SimTK::Transform X_PF(rotation(body.R_PB) * R_BM, vec3(body.p_PB));
-    const SimTK::Transform X_BM(R_BM, SimTK::Vec3(0));
-    SimTK::MobilizedBody& parent =
-        matter_.updMobilizedBody(SimTK::MobilizedBodyIndex(body.parent + 1));
-    const SimTK::Body::Rigid rigid(SimTK::MassProperties(1, SimTK::Vec3(0), SimTK::Inertia(1)));
-    if (revolute) return SimTK::MobilizedBody::Pin(parent, X_PF, rigid, X_BM);
-    return SimTK::MobilizedBody::Slider(parent, X_PF, rigid, X_BM);
-  }
-
-  void decorate(int body, const SimTK::Transform& X_BD, const SimTK::DecorativeGeometry& geometry) {
-    matter_.updMobilizedBody(SimTK::MobilizedBodyIndex(body + 1)).addBodyDecoration(X_BD, geometry);
-  }
-
-  void draw(const Visual& visual) {
-    const SimTK::Transform X_BV(rotation(visual.place.R_BF), vec3(visual.place.p_BF));
+  void draw_visual(const Visual& visual) {
     for (SimTK::DecorativeGeometry& geometry : std::visit(Drawn{}, visual.geometry)) {
-      geometry.setResolution(smoothness).setColor(link_color);
+      SimTK::Vec3 color = link_color;
       if (const auto& rgba = visual.rgba) {
-        geometry.setColor({(*rgba)[0], (*rgba)[1], (*rgba)[2]}).setOpacity((*rgba)[3]);
+        color = {(*rgba)[0], (*rgba)[1], (*rgba)[2]};
+        geometry.setOpacity((*rgba)[3]);
       }
-      decorate(visual.place.body, X_BV, geometry);
+      draw(visual.place, geometry.setResolution(smoothness), color);
     }
   }
 
@@ -221,129 +204,127 @@ class ArmWindow::Scene {
   void draw_axes(const robot::Frame& frame) {
     const double half_length = 1.5 * radius_;
     for (int i = 0; i < 3; ++i) {
-      const Eigen::Vector3d axis_B = frame.R_BF.col(i);
+      const Vector3d axis_B = frame.R_BF.col(i);
       SimTK::Vec3 color(0.15);
       color[i] = 1;
-      decorate(frame.body,
-               SimTK::Transform(turning(Eigen::Vector3d::UnitY(), axis_B),
-                                vec3(frame.p_BF + half_length * axis_B)),
-               SimTK::DecorativeCylinder(0.15 * radius_, half_length).setColor(color));
+      draw(at(frame.body, frame.p_BF + half_length * axis_B, along(axis_B)),
+           SimTK::DecorativeCylinder(0.15 * radius_, half_length), color);
     }
   }
 
-  void draw_joint(SimTK::MobilizedBody& mobilized, const robot::Body& body) const {
-    const SimTK::Rotation along_axis = turning(Eigen::Vector3d::UnitY(), body.axis_B);
+  void draw_joint(int number) {
+    const robot::Body& body = model_.bodies[static_cast<std::size_t>(number)];
+    const robot::Frame axle = at(number, Vector3d::Zero(), along(body.axis_B));
     if (body.type == robot::JointType::revolute) {
-      mobilized.addBodyDecoration(SimTK::Transform(along_axis),
-                                  SimTK::DecorativeCylinder(1.35 * radius_, 1.5 * radius_)
-                                      .setColor(joint_color)
-                                      .setResolution(smoothness));
+      draw(axle, SimTK::DecorativeCylinder(1.35 * radius_, 1.5 * radius_).setResolution(smoothness),
+           joint_color);
     } else {
-      mobilized.addBodyDecoration(
-          SimTK::Transform(along_axis),
-          SimTK::DecorativeBrick(SimTK::Vec3(1.3 * radius_, 2 * radius_, 1.3 * radius_))
-              .setColor(joint_color));
+      draw(axle, SimTK::DecorativeBrick(SimTK::Vec3(1.3, 2, 1.3) * radius_), joint_color);
     }
   }
 
-  void draw_links(SimTK::MobilizedBody& mobilized, const robot::Model& model, int number,
-                  const SimTK::Vec3& color) const {
-    for (const Eigen::Vector3d& end : ends_of(model, number)) {
-      const SimTK::Transform middle(turning(Eigen::Vector3d::UnitY(), end), vec3(end / 2));
-      mobilized.addBodyDecoration(middle, SimTK::DecorativeCylinder(radius_, end.norm() / 2)
-                                              .setColor(color)
-                                              .setResolution(smoothness));
-      mobilized.addBodyDecoration(
-          SimTK::Transform(vec3(end)),
-          SimTK::DecorativeSphere(radius_).setColor(color).setResolution(smoothness));
+  void draw_links(int number, const SimTK::Vec3& color) {
+    for (const Vector3d& end : ends_of(model_, number)) {
+      draw(at(number, end / 2, along(end)),
+           SimTK::DecorativeCylinder(radius_, end.norm() / 2).setResolution(smoothness), color);
+      draw(at(number, end), SimTK::DecorativeSphere(radius_).setResolution(smoothness), color);
     }
   }
 
   /// The box that holds the robot as it is, and the height of the floor below it.
-  void measure(const robot::Model& model) {
-    const auto include = [&](const SimTK::Vec3& p) {
-      for (int i = 0; i < 3; ++i) {
-        lowest_[i] = std::min(lowest_[i], p[i]);
-        highest_[i] = std::max(highest_[i], p[i]);
-      }
+  void measure() {
+    const auto include = [&](int body, const Vector3d& p_B) {
+      box_.extend(robot::frame_pose<double>(model_, at(body, p_B), q).p);
     };
-    for (int i = -1; i < static_cast<int>(model.bodies.size()); ++i) {
-      const SimTK::MobilizedBody& body = matter_.getMobilizedBody(SimTK::MobilizedBodyIndex(i + 1));
-      include(body.getBodyOriginLocation(state_));
-      for (const Eigen::Vector3d& end : ends_of(model, i)) {
-        include(body.findStationLocationInGround(state_, vec3(end)));
-      }
+    for (int i = ground; i < static_cast<int>(model_.bodies.size()); ++i) {
+      include(i, Vector3d::Zero());
+      for (const Vector3d& end : ends_of(model_, i)) include(i, end);
     }
-    floor_ = lowest_[2] > -0.01 * reach_ ? 0 : lowest_[2] - 0.15 * reach_;
+    const double lowest = box_.min().z();
+    floor_ = lowest > -0.01 * reach_ ? 0 : lowest - 0.15 * reach_;
   }
 
   void draw_floor() {
-    const auto tiles = [&](double from, double to, double at, bool along_x) {
-      const SimTK::Vec3 a = along_x ? SimTK::Vec3(from, at, floor_) : SimTK::Vec3(at, from, floor_);
-      const SimTK::Vec3 b = along_x ? SimTK::Vec3(to, at, floor_) : SimTK::Vec3(at, to, floor_);
-      visualizer_->addDecoration(SimTK::MobilizedBodyIndex(0), SimTK::Transform(),
-                                 SimTK::DecorativeLine(a, b).setColor(floor_color));
-    };
     constexpr int half = 8;  // tiles on either side
     const double tile = 0.25 * reach_;
+    const double edge = half * tile;
+    const auto line = [&](const Vector3d& from, const Vector3d& to) {
+      draw(at(ground, Vector3d::Zero()), SimTK::DecorativeLine(vec3(from), vec3(to)), floor_color);
+    };
     for (int i = -half; i <= half; ++i) {
-      tiles(-half * tile, half * tile, i * tile, true);
-      tiles(-half * tile, half * tile, i * tile, false);
+      line({-edge, i * tile, floor_}, {edge, i * tile, floor_});
+      line({i * tile, -edge, floor_}, {i * tile, edge, floor_});
     }
   }
 
   /// From the floor to the root, or what hangs from above.
-  void draw_stand(const robot::Model& model) {
-    const robot::Body& first = model.bodies.front();
-    const Eigen::Vector3d axis = first.R_PB * first.axis_B;
+  void draw_stand() {
+    const robot::Body& first = model_.bodies.front();
+    const Vector3d axis = first.R_PB * first.axis_B;
     if (floor_ == 0) {
-      stand(SimTK::Vec3(0, 0, 0.01 * reach_), SimTK::Vec3(0.12, 0.12, 0.01) * reach_);
+      stand({0, 0, 0.01 * reach_}, Vector3d(0.12, 0.12, 0.01) * reach_);
     } else if (std::abs(axis.z()) < 0.5) {  // beside the arm's plane, away from the viewer
-      const Eigen::Vector3d away = axis.y() < 0 ? Eigen::Vector3d(-axis) : axis;
-      const SimTK::Vec3 root = vec3(first.p_PB + 5 * radius_ * away);
-      const double top = root[2] + 2 * radius_;
-      stand(SimTK::Vec3(root[0], root[1], (top + floor_) / 2),
-            SimTK::Vec3(radius_, radius_, (top - floor_) / 2));
-      stand(SimTK::Vec3(root[0], root[1], floor_ + 0.01 * reach_),
-            SimTK::Vec3(0.15, 0.15, 0.01) * reach_);
-      visualizer_->addDecoration(
-          SimTK::MobilizedBodyIndex(0),
-          SimTK::Transform(turning(Eigen::Vector3d::UnitY(), away),
-                           vec3(first.p_PB + 3 * radius_ * away)),
-          SimTK::DecorativeCylinder(0.7 * radius_, 2 * radius_).setColor(stand_color));
+      const Vector3d away = axis.y() < 0 ? Vector3d(-axis) : axis;
+      const Vector3d root = first.p_PB + 5 * radius_ * away;
+      const double top = root.z() + 2 * radius_;
+      stand({root.x(), root.y(), (top + floor_) / 2}, {radius_, radius_, (top - floor_) / 2});
+      stand({root.x(), root.y(), floor_ + 0.01 * reach_}, Vector3d(0.15, 0.15, 0.01) * reach_);
+      draw(at(ground, first.p_PB + 3 * radius_ * away, along(away)),
+           SimTK::DecorativeCylinder(0.7 * radius_, 2 * radius_), stand_color);
     } else {  // from above
-      stand(vec3(first.p_PB) + SimTK::Vec3(0, 0, 2 * radius_),
-            SimTK::Vec3(0.15 * reach_, 0.15 * reach_, 0.5 * radius_));
+      stand(first.p_PB + Vector3d(0, 0, 2 * radius_),
+            {0.15 * reach_, 0.15 * reach_, 0.5 * radius_});
     }
   }
 
-  void stand(const SimTK::Vec3& middle, const SimTK::Vec3& half_lengths) {
-    visualizer_->addDecoration(SimTK::MobilizedBodyIndex(0), SimTK::Transform(middle),
-                               SimTK::DecorativeBrick(half_lengths).setColor(stand_color));
+  void stand(const Vector3d& middle, const Vector3d& half_lengths) {
+    draw(at(ground, middle), SimTK::DecorativeBrick(vec3(half_lengths)), stand_color);
   }
 
-  /// Everything in view, from the side and a little above.
-  void set_view() {
-    visualizer_->setBackgroundType(SimTK::Visualizer::SolidColor);
-    visualizer_->setBackgroundColor(background_color);
-    visualizer_->setSystemUpDirection(SimTK::ZAxis);
-    visualizer_->setShowShadows(false);
-    const SimTK::Vec3 centre = (lowest_ + highest_) / 2;
-    const SimTK::UnitVec3 towards_viewer(0.45, -1, 0.3);
-    const SimTK::Rotation R_GC(towards_viewer, SimTK::ZAxis, SimTK::Vec3(0, 0, 1), SimTK::YAxis);
-    const double distance = 0.9 * reach_ + 1.1 * (highest_ - lowest_).norm();
-    visualizer_->setCameraTransform(SimTK::Transform(R_GC, centre + distance * towards_viewer));
-  }
-
-  SimTK::MultibodySystem system_;
-  SimTK::SimbodyMatterSubsystem matter_;
+  const robot::Model& model_;
   double reach_;   ///< of the robot [m]
   double radius_;  ///< of the links [m]
-  SimTK::State state_;
-  std::vector<Joint> joints_;
-  SimTK::Vec3 lowest_{0}, highest_{0};  ///< corners of the box around the robot [m]
-  double floor_ = 0;                    ///< height [m]
-  std::unique_ptr<SimTK::Visualizer> visualizer_;
+  std::vector<Part> parts_;
+  Eigen::AlignedBox3d box_{Vector3d(0, 0, 0)};  ///< around the robot [m]
+  double floor_ = 0;                            ///< height [m]
+};
+
+}  // namespace
+
+/// Simbody knows no joint of the robot: all it has is pictures.
+struct ArmWindow::Window {
+  Window(std::unique_ptr<Scene> drawn, const std::string& title,
+         const std::filesystem::path& viewers)
+      : state([this] {
+          matter.setShowDefaultGeometry(false);
+          return system.realizeTopology();
+        }()),
+        visualizer(system, SimTK::Array_<SimTK::String>(1, viewers.string() + "/")),
+        scene(*drawn) {
+    system.realizeModel(state);
+    visualizer.addDecorationGenerator(drawn.release());
+    visualizer.setShutdownWhenDestructed(true);
+    visualizer.setMode(SimTK::Visualizer::PassThrough);
+    visualizer.setWindowTitle(title);
+    visualizer.setShowSimTime(true);
+    visualizer.setBackgroundType(SimTK::Visualizer::SolidColor);
+    visualizer.setBackgroundColor(background_color);
+    visualizer.setSystemUpDirection(SimTK::ZAxis);
+    visualizer.setShowShadows(false);
+    visualizer.setCameraTransform(scene.camera());
+  }
+
+  void show(double t_s) {
+    state.setTime(t_s);
+    system.realize(state, SimTK::Stage::Position);
+    visualizer.drawFrameNow(state);
+  }
+
+  SimTK::MultibodySystem system;
+  SimTK::SimbodyMatterSubsystem matter{system};
+  SimTK::State state;
+  SimTK::Visualizer visualizer;
+  Scene& scene;  ///< the visualizer's
 };
 
 ArmWindow::ArmWindow(const robot::Model& model, const Visuals& visuals,
@@ -351,18 +332,19 @@ ArmWindow::ArmWindow(const robot::Model& model, const Visuals& visuals,
                      const std::string& title, const std::filesystem::path& viewers) {
   // Where Simbody finds none, it goes on in two processes.
   if (access(SIMBODY_VIEWER, X_OK) != 0) {
-    throw std::runtime_error("there is no " SIMBODY_VIEWER
-                             "; as root, type: apt-get install --reinstall libsimbody3.7");
+    throw diagnostics::bad_usage("there is no " SIMBODY_VIEWER
+                                 "; as root, type: apt-get install --reinstall libsimbody3.7");
   }
   try {
-    scene_ = std::make_unique<Scene>(model, visuals, tools, initial, title, viewers);
-    scene_->show(0, initial);
+    window_ = std::make_unique<Window>(std::make_unique<Scene>(model, visuals, tools, initial),
+                                       title, viewers);
+    window_->show(0);
   } catch (const std::exception& error) {
-    // Simbody's own words, in several lines, or none at all.
+    // Simbody's own words, or none at all.
     const std::string_view why = error.what();
-    throw std::runtime_error(why == "std::exception" ? viewer_ended
-                                                     : "Simbody's window cannot be opened: " +
-                                                           diagnostics::one_line(why));
+    throw why == "std::exception"
+        ? diagnostics::bad_usage(viewer_ended)
+        : diagnostics::bad_usage("Simbody's window cannot be opened: {}", why);
   }
 }
 
@@ -370,10 +352,10 @@ ArmWindow::~ArmWindow() = default;
 
 void ArmWindow::show(double t_s, const robot::Vector& q) {
   try {
-    scene_->show(t_s, q);
+    window_->scene.q = q;
+    window_->show(t_s);
   } catch (const std::exception& error) {
-    throw std::runtime_error("Simbody's window does not draw: " +
-                             diagnostics::one_line(error.what()));
+    throw diagnostics::bad_usage("Simbody's window does not draw: {}", error.what());
   }
 }
 

@@ -26,9 +26,10 @@ class ArmWindow {
       "OpenGL? As root, type: apt-get install libgl1-mesa-dri";
 
   /// Opens the window. Needs a display with OpenGL. The view fits the robot as it is at `initial`.
+  /// @param model outlives this
   /// @param tools links whose frames are drawn: x red, y green, z blue
   /// @param viewers folder with simbody-visualizer, and the same as simbody-visualizer_d
-  /// @throw std::runtime_error saying what is missing
+  /// @throw diagnostics::Failure(bad_usage) saying what is missing
   ArmWindow(const robot::Model& model, const Visuals& visuals,
             const std::vector<std::string>& tools, const robot::Vector& initial,
             const std::string& title, const std::filesystem::path& viewers);
@@ -38,12 +39,12 @@ class ArmWindow {
   ~ArmWindow();
 
   /// Draws the robot with its links at `q` [rad; m], and the simulated time [s].
-  /// @throw std::runtime_error when it cannot be drawn
+  /// @throw diagnostics::Failure(bad_usage) when it cannot be drawn
   void show(double t_s, const robot::Vector& q);
 
  private:
-  class Scene;
-  std::unique_ptr<Scene> scene_;
+  struct Window;
+  std::unique_ptr<Window> window_;
 };
 
 }  // namespace tachless::viewer

@@ -11,8 +11,10 @@
 #include <chrono>
 #include <csignal>
 #include <cstdint>
+#include <exception>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -20,7 +22,13 @@
 #include <utility>
 #include <vector>
 
+#include "bus/authenticated.h"
+#include "bus/key.h"
+#include "bus/transport.h"
+#include "bus/truth/truth_wire.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/system_failure.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
 #include "node/options.h"
@@ -32,7 +40,6 @@
 #include "process/step_aside.h"
 #include "viewer/arm_window.h"
 #include "viewer/pose_player.h"
-#include "viewer/truth_listener.h"
 #include "viewer/visuals.h"
 
 namespace tachless::viewer {
@@ -78,15 +85,71 @@ std::optional<Options> parse(int argc, const char* const* argv) {
   return options;
 }
 
-TruthListener listener_on(const Options& options, const experiment::Scenario& scenario) {
-  std::optional<bus::Key> key;
-  if (!options.key_file.empty()) key = bus::read_key_file(options.key_file);
-  try {
-    return {node::parse_lcm_url(options.lcm_url), key, scenario, options.run_id};
-  } catch (const std::system_error& error) {
-    throw diagnostics::bad_usage("{}: {}", options.lcm_url, error.what());
+/// Hears where a run's robot truly is. Only listens, and never waits on the socket: whoever sends
+/// to a socket that a process waits on pays for waking it.
+class TruthListener {
+ public:
+  /// @throw diagnostics::Failure(bad_usage)
+  TruthListener(const Options& options, const experiment::Scenario& scenario)
+      : truth_channel_(loop::channel<loop::truth::PlantTruth>(scenario.robot.channel_prefix)),
+        truth_codec_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
+        participant_codec_(loop::Layout{}),
+        period_s_(scenario.loop.period_s),
+        run_(options.run_id) {
+    std::optional<bus::Key> key;
+    if (!options.key_file.empty()) key = bus::read_key_file(options.key_file);
+    try {
+      transport_ = bus::open_bus(node::parse_lcm_url(options.lcm_url));
+      transport_->subscribe(truth_channel_);
+      if (!key) return;
+      authenticated_.emplace(*transport_, *key);
+      transport_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+    } catch (const std::system_error& error) {
+      throw diagnostics::bad_usage("{}: {}", options.lcm_url, error.what());
+    }
   }
-}
+
+  /// Hands over every pose that has arrived: simulated time [s] and link positions [rad; m]. The
+  /// plant repeats itself: poses come twice and out of order.
+  template <class OnPose>
+  void drain(const OnPose& on_pose) {
+    bus::Transport& heard =
+        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
+    while (const auto datagram = heard.receive(Clock::time_point{})) {
+      if (datagram->channel != truth_channel_) {
+        note_plant(*datagram);
+      } else if (truth_codec_.decode(datagram->payload, stamp_, truth_) == bus::Rejection::none) {
+        if (run_ == 0) run_ = stamp_.run;
+        if (stamp_.run == run_) on_pose(static_cast<double>(stamp_.tick) * period_s_, truth_.q);
+      }
+    }
+  }
+
+ private:
+  // On a bus with a key, truth verifies under one that is derived for the session besides.
+  void note_plant(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    loop::Participant participant;
+    if (participant_codec_.decode(datagram.payload, stamp, participant) != bus::Rejection::none ||
+        participant.role != loop::Role::plant || participant.roster == roster_ ||
+        participant.roster == loop::PerRole{} || (run_ != 0 && stamp.run != run_)) {
+      return;
+    }
+    roster_ = participant.roster;
+    authenticated_->enter(stamp.run, roster_);
+  }
+
+  std::unique_ptr<bus::Transport> transport_;
+  std::optional<bus::Authenticated> authenticated_;
+  std::string truth_channel_;
+  bus::Codec<loop::truth::PlantTruth> truth_codec_;
+  bus::Codec<loop::Participant> participant_codec_;
+  double period_s_;
+  std::int64_t run_;        ///< 0: the first that is heard
+  loop::PerRole roster_{};  ///< of the session whose key is known
+  loop::Stamp stamp_;
+  loop::truth::PlantTruth truth_;
+};
 
 std::atomic<bool> run_is_over{false};
 void note_end_of_run(int /*signal*/) { run_is_over = true; }
@@ -163,7 +226,7 @@ diagnostics::ExitCode show(const Options& options) {
   }
   handle(SIGUSR1, note_end_of_run);
   handle(SIGPIPE, SIG_IGN);
-  TruthListener listener = listener_on(options, scenario);
+  TruthListener listener(options, scenario);
   std::optional<viewer::ArmWindow> window;
   const Visuals visuals =
       read_visuals(options.scenario.parent_path() / scenario.robot.urdf_path, model);
@@ -209,19 +272,18 @@ diagnostics::ExitCode show(const Options& options) {
 }
 
 }  // namespace
+}  // namespace tachless::viewer
 
-int visualizer(int argc, const char* const* argv) {
+/// The program tachless-visualizer: the robot of a run, moving, in Simbody's window. Listens to the
+/// bus and says nothing there. Ends with 0 when it has shown the whole run or the window was
+/// closed. SIGUSR1 tells it that the run is over, wherever it stopped.
+int main(int argc, char** argv) {
+  using namespace tachless;
   diagnostics::start_logging("tachless-visualizer", diagnostics::Verbosity::normal);
   try {
-    const std::optional<Options> options = parse(argc, argv);
-    return static_cast<int>(options ? show(*options) : diagnostics::ExitCode::done);
-  } catch (const diagnostics::Failure& failure) {
-    diagnostics::log_error(failure.what());
-    return static_cast<int>(failure.code());
-  } catch (const std::runtime_error& error) {
-    diagnostics::log_error(error.what());
-    return static_cast<int>(diagnostics::ExitCode::bad_usage);
+    const std::optional<viewer::Options> options = viewer::parse(argc, argv);
+    return static_cast<int>(options ? viewer::show(*options) : diagnostics::ExitCode::done);
+  } catch (const std::exception&) {
+    return diagnostics::told_exception("the command line");
   }
 }
-
-}  // namespace tachless::viewer

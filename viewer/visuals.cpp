@@ -1,20 +1,21 @@
 #include "viewer/visuals.h"
 
+#include <SimTKsimbody.h>
 #include <fmt/format.h>
 #include <tinyxml.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstdlib>
 #include <exception>
 #include <locale>
 #include <map>
 #include <sstream>
 #include <stdexcept>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
-#include "viewer/mesh_file.h"
+#include "diagnostics/text.h"
 
 namespace tachless::viewer {
 namespace {
@@ -23,10 +24,24 @@ namespace fs = std::filesystem;
 
 constexpr double farthest = 1e4;  // of any number; a float's bounding box stays a number
 
+std::vector<const TiXmlElement*> children(const TiXmlElement& element, const char* name) {
+  std::vector<const TiXmlElement*> found;
+  for (auto* child = element.FirstChildElement(name); child != nullptr;
+       child = child->NextSiblingElement(name)) {
+    found.push_back(child);
+  }
+  return found;
+}
+
+/// Empty when there is none.
+std::string text_of(const TiXmlElement& element, const char* attribute) {
+  const char* given = element.Attribute(attribute);
+  return given == nullptr ? "" : given;
+}
+
 /// @throw std::runtime_error unless the attribute is `count` numbers
 Eigen::VectorXd numbers(const TiXmlElement& element, const char* attribute, Eigen::Index count) {
-  const char* given = element.Attribute(attribute);
-  const std::string text = given == nullptr ? "" : given;
+  const std::string text = text_of(element, attribute);
   std::istringstream in(text);
   in.imbue(std::locale::classic());
   Eigen::VectorXd x(count);
@@ -44,13 +59,13 @@ Eigen::VectorXd lengths(const TiXmlElement& element, const char* attribute, Eige
   Eigen::VectorXd x = numbers(element, attribute, count);
   if (x.minCoeff() > 0) return x;
   throw std::runtime_error(fmt::format("<{} {}=\"{}\">: not above 0", element.ValueStr(), attribute,
-                                       element.Attribute(attribute)));
+                                       text_of(element, attribute)));
 }
 
-Eigen::VectorXd numbers_or(const TiXmlElement* element, const char* attribute,
-                           const Eigen::VectorXd& otherwise) {
+Eigen::Vector3d numbers_or(const TiXmlElement* element, const char* attribute,
+                           const Eigen::Vector3d& otherwise) {
   if (element == nullptr || element->Attribute(attribute) == nullptr) return otherwise;
-  return numbers(*element, attribute, otherwise.size());
+  return numbers(*element, attribute, 3);
 }
 
 std::vector<fs::path> listed_in(const char* variable) {
@@ -65,10 +80,10 @@ std::vector<fs::path> listed_in(const char* variable) {
 
 /// Where the mesh called `name` is. @throw std::runtime_error when it is nowhere
 fs::path find_mesh(const std::string& name, const fs::path& urdf) {
-  constexpr std::string_view package = "package://", file = "file://";
+  const std::string package = "package://", file = "file://";
   const fs::path beside = fs::absolute(urdf).parent_path();
   std::vector<fs::path> candidates;
-  const bool in_package = name.starts_with(package);
+  const bool in_package = name.rfind(package, 0) == 0;
   if (in_package) {
     const fs::path path = name.substr(package.size());
     for (const fs::path& folder : listed_in("ROS_PACKAGE_PATH"))
@@ -81,7 +96,7 @@ fs::path find_mesh(const std::string& name, const fs::path& urdf) {
       if (folder == folder.parent_path()) break;
     }
   } else {
-    candidates.push_back(beside / (name.starts_with(file) ? name.substr(file.size()) : name));
+    candidates.push_back(beside / (name.rfind(file, 0) == 0 ? name.substr(file.size()) : name));
   }
   for (const fs::path& candidate : candidates) {
     std::error_code none;
@@ -106,17 +121,11 @@ class Reader {
       note(-1, "the file has changed and is no robot any more");
       return std::move(read_);
     }
-    for (const auto* material = robot->FirstChildElement("material"); material != nullptr;
-         material = material->NextSiblingElement("material")) {
-      note_color(*material);
-    }
-    for (const auto* link = robot->FirstChildElement("link"); link != nullptr;
-         link = link->NextSiblingElement("link")) {
-      const char* name = link->Attribute("name");
-      const auto frame = model_.frames.find(name == nullptr ? "" : name);
+    for (const auto* material : children(*robot, "material")) note_color(*material);
+    for (const auto* link : children(*robot, "link")) {
+      const auto frame = model_.frames.find(text_of(*link, "name"));
       if (frame == model_.frames.end()) continue;
-      for (const auto* visual = link->FirstChildElement("visual"); visual != nullptr;
-           visual = visual->NextSiblingElement("visual")) {
+      for (const auto* visual : children(*link, "visual")) {
         try {
           read_.drawn.push_back(visual_of(*visual, frame->second));
         } catch (const std::exception& error) {
@@ -128,19 +137,19 @@ class Reader {
   }
 
  private:
-  void note(int body, std::string problem) {
-    read_.problems.push_back(urdf_.string() + ": " + std::move(problem));
+  void note(int body, const std::string& problem) {
+    read_.problems.push_back(urdf_.string() + ": " + problem);
     read_.bodies_with_problems.push_back(body);
   }
 
   /// The colour of a material, of which others need but the name.
   const TiXmlElement* note_color(const TiXmlElement& material) {
-    const char* name = material.Attribute("name");
     const TiXmlElement* color = material.FirstChildElement("color");
+    const char* name = material.Attribute("name");
     if (name == nullptr) return color;
-    if (color != nullptr) return colors_[name] = color;
-    const auto known = colors_.find(name);
-    return known == colors_.end() ? nullptr : known->second;
+    const TiXmlElement*& known = colors_[name];
+    if (color != nullptr) known = color;
+    return known;
   }
 
   /// @throw std::runtime_error saying what is wrong with it
@@ -159,7 +168,7 @@ class Reader {
         const Eigen::VectorXd rgba = numbers(*color, "rgba", 4);
         if (rgba.minCoeff() < 0 || rgba.maxCoeff() > 1) {
           throw std::runtime_error(
-              fmt::format("<color rgba=\"{}\">: not from 0 to 1", color->Attribute("rgba")));
+              fmt::format("<color rgba=\"{}\">: not from 0 to 1", text_of(*color, "rgba")));
         }
         read.rgba = {rgba[0], rgba[1], rgba[2], rgba[3]};
       }
@@ -183,8 +192,7 @@ class Reader {
   }
 
   Mesh mesh_of(const TiXmlElement& element) {
-    const char* given = element.Attribute("filename");
-    const std::string name = given == nullptr ? "" : given;
+    const std::string name = text_of(element, "filename");
     const Eigen::Vector3d scale = numbers_or(&element, "scale", Eigen::Vector3d::Ones());
     if (scale.prod() == 0) throw std::runtime_error("<mesh scale>: 0 leaves nothing to see");
     Mesh mesh;
@@ -218,7 +226,42 @@ class Reader {
 
 }  // namespace
 
-Visuals read_visuals(const std::filesystem::path& urdf, const robot::Model& model) {
+std::vector<Eigen::Vector3d> read_mesh(const fs::path& file, std::size_t most) {
+  const std::string ending = SimTK::String::toLower(file.extension().string());
+  if (ending != ".stl" && ending != ".obj") {
+    throw std::runtime_error("is neither STL nor OBJ; convert it");
+  }
+  if (fs::file_size(file) > max_mesh_file) {
+    throw std::runtime_error("is larger than 32 MiB; give a coarser one");
+  }
+  SimTK::PolygonalMesh mesh;
+  try {
+    mesh.loadFile(file.string());
+  } catch (const std::exception& error) {  // in several lines
+    throw std::runtime_error("cannot be read: " + diagnostics::one_line(error.what()));
+  }
+  std::vector<Eigen::Vector3d> corners;
+  for (int face = 0; face < mesh.getNumFaces(); ++face) {
+    for (int third = 2; third < mesh.getNumVerticesForFace(face); ++third) {
+      if (corners.size() == 3 * most) {
+        throw std::runtime_error("has too many triangles; give a coarser one");
+      }
+      for (const int corner : {0, third - 1, third}) {
+        const int vertex = mesh.getFaceVertex(face, corner);
+        // Simbody does not look at an OBJ file's indices.
+        if (vertex < 0 || vertex >= mesh.getNumVertices()) {
+          throw std::runtime_error("has a face with a vertex that does not exist");
+        }
+        const SimTK::Vec3& p = mesh.getVertexPosition(vertex);
+        corners.emplace_back(p[0], p[1], p[2]);
+      }
+    }
+  }
+  if (corners.empty()) throw std::runtime_error("has no triangle");
+  return corners;
+}
+
+Visuals read_visuals(const fs::path& urdf, const robot::Model& model) {
   return Reader(urdf, model).read();
 }
 

@@ -122,8 +122,8 @@ std::pair<double, double> distance_after_jumps(Integrator method, double accurac
   Random random(6);
   const Vector q = random.vector(n, 1), v = random.vector(n, 1);
   ArmOptions options;
-  options.integrator = method;
-  options.accuracy = accuracy;
+  options.integrator.method = method;
+  options.integrator.accuracy = accuracy;
   Arm arm(model, options, rigid_state(q, v));
   Eigen::VectorXd y(2 * n);
   y << q, v;
@@ -164,8 +164,8 @@ TEST(Arm, FollowsTheFlexibleEquationsOfThePaper) {
   const FlexibleDrive drive = two_link_drive();
   ArmOptions options;
   options.flexible = &drive;
-  options.viscous_friction = Eigen::Vector2d(0.7, 0.4);
-  options.accuracy = 1e-12;
+  options.drive.viscous_friction_Nms_per_rad = Eigen::Vector2d(0.7, 0.4);
+  options.integrator.accuracy = 1e-12;
   ArmState initial;
   initial.q = Eigen::Vector2d(0.3, -0.2);
   initial.v = Eigen::Vector2d(1, -1);
@@ -186,7 +186,7 @@ TEST(Arm, FollowsTheFlexibleEquationsOfThePaper) {
           const Vector spring = drive.stiffness.cwiseProduct(theta - q);
           const Vector vdot = closed.M<double>(q).inverse() *
                               (spring - closed.C<double>(q, v) * v - closed.g<double>(q) -
-                               options.viscous_friction.cwiseProduct(v));
+                               options.drive.viscous_friction_Nms_per_rad.cwiseProduct(v));
           const Vector thetaddot = (tau - spring - drive.motor_damping.cwiseProduct(thetadot))
                                        .cwiseQuotient(drive.rotor_inertia);
           Eigen::VectorXd rate(8);
@@ -210,7 +210,7 @@ TEST(Arm, ConservesEnergy) {
            robot::potential_energy<double>(model, state.q);
   };
   ArmOptions options;
-  options.accuracy = 1e-11;
+  options.integrator.accuracy = 1e-11;
   Arm arm(model, options, rigid_state(random.vector(5, 1), random.vector(5, 2)));
   const double before = energy(arm.state());
   const Vector q = arm.state().q;
@@ -227,8 +227,8 @@ TEST_P(EveryIntegrator, ConvergesWithAccuracy) {
   const ArmState initial = rigid_state(Eigen::Vector2d(1, -0.5), Eigen::Vector2d(2, 1));
   const auto end = [&](Integrator method, double accuracy) {
     ArmOptions options;
-    options.integrator = method;
-    options.accuracy = accuracy;
+    options.integrator.method = method;
+    options.integrator.accuracy = accuracy;
     Arm arm(model, options, initial);
     arm.advance(Eigen::Vector2d(3, 1), 0.25);
     arm.advance(Eigen::Vector2d(-3, 1), 0.5);
@@ -256,8 +256,8 @@ TEST_P(EveryIntegrator, GivesTheSameBitsForTheSameCalls) {
   const FlexibleDrive drive = two_link_drive();
   ArmOptions options;
   options.flexible = &drive;
-  options.integrator = GetParam();
-  options.accuracy = 1e-5;
+  options.integrator.method = GetParam();
+  options.integrator.accuracy = 1e-5;
   ArmState initial;
   initial.q = initial.theta = Eigen::Vector2d(0.3, -0.2);
   initial.v = initial.thetadot = Eigen::Vector2d(1, -1);

@@ -25,11 +25,11 @@ struct Friction {
 ArmOptions options(const Friction& friction, int num_joints = 1) {
   ArmOptions result;
   result.mechanics = Mechanics::native;
-  result.accuracy = 1e-10;
-  result.coulomb_friction = Vector::Constant(num_joints, friction.coulomb);
-  result.static_friction = Vector::Constant(num_joints, friction.held);
-  result.stribeck_velocity = Vector::Constant(num_joints, friction.stribeck);
-  result.viscous_friction = Vector::Constant(num_joints, friction.viscous);
+  result.integrator.accuracy = 1e-10;
+  result.drive.coulomb_friction_Nm = Vector::Constant(num_joints, friction.coulomb);
+  result.drive.static_friction_Nm = Vector::Constant(num_joints, friction.held);
+  result.drive.stribeck_velocity_rad_per_s = Vector::Constant(num_joints, friction.stribeck);
+  result.drive.viscous_friction_Nms_per_rad = Vector::Constant(num_joints, friction.viscous);
   return result;
 }
 
@@ -43,7 +43,7 @@ class EveryMethod : public ::testing::TestWithParam<Integrator> {};
 TEST_P(EveryMethod, StopsAJointWhereCoulombAndViscousFrictionDoAndItStaysThere) {
   constexpr double I = 0.5, Fc = 1.5, b = 0.2, v0 = -2;
   ArmOptions with = options({Fc, Fc, 0.01, b});
-  with.integrator = GetParam();
+  with.integrator.method = GetParam();
   Arm arm(turntable(I), with, at(0.3, v0));
   // I vdot = -b v + Fc: at rest after stop_s, having gone (I v0 + Fc stop_s)/b.
   const double stop_s = I / b * std::log(1 - b * v0 / Fc);

@@ -29,7 +29,7 @@ robot::Model chain(unsigned seed) {
 ArmOptions options(Mechanics mechanics, double accuracy, const FlexibleDrive* flexible = nullptr) {
   ArmOptions result;
   result.mechanics = mechanics;
-  result.accuracy = accuracy;
+  result.integrator.accuracy = accuracy;
   result.flexible = flexible;
   return result;
 }
@@ -61,7 +61,8 @@ double largest_distance(const robot::Model& model, const FlexibleDrive* flexible
   }
   ArmOptions simbody = options(Mechanics::simbody, accuracy, flexible);
   ArmOptions native = options(Mechanics::native, accuracy, flexible);
-  simbody.viscous_friction = native.viscous_friction = Vector::Constant(model.num_joints, 0.3);
+  simbody.drive.viscous_friction_Nms_per_rad = native.drive.viscous_friction_Nms_per_rad =
+      Vector::Constant(model.num_joints, 0.3);
   Arm reference(model, simbody, start);
   Arm arm(model, native, start);
   double largest = 0;
@@ -120,7 +121,7 @@ double error_of(Integrator method, double accuracy) {
   const robot::Model model = robot::testing::two_link();
   const ArmState start = rigid_state(Eigen::Vector2d(1, -1), Vector::Zero(2));
   ArmOptions chosen = options(Mechanics::native, accuracy);
-  chosen.integrator = method;
+  chosen.integrator.method = method;
   Arm arm(model, chosen, start);
   Arm exact(model, options(Mechanics::native, 1e-14), start);
   arm.advance(Vector::Zero(2), 1);
@@ -145,7 +146,7 @@ TEST(NativeArm, RefusesTheIntegratorsThatOnlySimbodyHas) {
   for (const Integrator method :
        {Integrator::verlet, Integrator::cpodes, Integrator::semi_explicit_euler_2}) {
     ArmOptions chosen = options(Mechanics::native, 1e-9);
-    chosen.integrator = method;
+    chosen.integrator.method = method;
     EXPECT_THROW(Arm(model, chosen, rigid_state(Vector::Zero(2), Vector::Zero(2))),
                  std::invalid_argument);
   }

@@ -19,7 +19,6 @@
 #include "robot/kinematics.h"
 #include "robot/model.h"
 #include "tests/support/temporary_directory.h"
-#include "viewer/mesh_file.h"
 
 namespace tachless::viewer {
 namespace {

@@ -1,4 +1,4 @@
-#include "plant/run_info.h"
+#include "plant/run_messages.h"
 
 #include <fmt/core.h>
 

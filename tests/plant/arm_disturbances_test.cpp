@@ -1,4 +1,4 @@
-#include "plant/disturbances.h"
+#include "plant/arm.h"
 
 #include <gtest/gtest.h>
 
@@ -30,19 +30,17 @@ DisturbanceSpec on_the_axle(DisturbanceShape shape, double start_s, std::optiona
 class Disturbed : public ::testing::TestWithParam<Mechanics> {
  protected:
   ArmState after(const DisturbanceSpec& spec, double end_s) {
-    scenario_.loop.period_s = h;
-    scenario_.plant.disturbances = {spec};
-    Disturbances disturbances(scenario_, model_);
+    const std::vector<DisturbanceSpec> specs = {spec};
+    Disturbances disturbances(specs, h, model_);
     ArmOptions options;
     options.mechanics = GetParam();
-    options.accuracy = 1e-10;
-    options.outside = &disturbances;
+    options.integrator.accuracy = 1e-10;
+    options.disturbances = &disturbances;
     Arm arm(model_, options, testing::rigid_state(Vector::Zero(1), Vector::Zero(1)));
     for (int k = 1; k * h < end_s + h / 2; ++k) arm.advance(Vector::Zero(1), k * h);
     return arm.state();
   }
 
-  experiment::Scenario scenario_;
   robot::Model model_ = testing::turntable(I);
 };
 
@@ -88,15 +86,14 @@ TEST_P(Disturbed, ByNoiseIsPushedAnewEachTick) {
 INSTANTIATE_TEST_SUITE_P(, Disturbed, ::testing::Values(Mechanics::simbody, Mechanics::native));
 
 TEST(Disturbances, TellTheSumOfThoseThatActAtTheBeginningOfATick) {
-  experiment::Scenario scenario;
-  scenario.loop.period_s = h;
   const robot::Model model = testing::turntable(I);
   DisturbanceSpec force;
   force.link = "disc";
   force.force_N = {0, 2, 0};
   force.point_m = {0.5, 0, 0};
-  scenario.plant.disturbances = {on_the_axle(DisturbanceShape::constant, 0.01, 0.02), force};
-  Disturbances disturbances(scenario, model);
+  const std::vector<DisturbanceSpec> specs = {on_the_axle(DisturbanceShape::constant, 0.01, 0.02),
+                                              force};
+  Disturbances disturbances(specs, h, model);
   const auto torque = [&](double t_s, double q) {
     return disturbances.at(t_s, Vector::Constant(1, q))[0];
   };

@@ -1,0 +1,175 @@
+#include "plant/plant_loop.h"
+
+#include <fmt/core.h>
+
+#include <cmath>
+#include <memory>
+#include <type_traits>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/logging.h"
+#include "loop/measurements.h"
+#include "plant/node.h"
+#include "plant/run_messages.h"
+
+namespace tachless::plant {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+
+/// What the emulator adds to its readings, a real robot's have already.
+experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
+  const EncoderSide side = scenario.plant.encoder.side;
+  scenario.plant.encoder = {};
+  scenario.plant.encoder.side = side;
+  return scenario;
+}
+
+/// Whether the controller that came is the one that the scenario speaks of.
+void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario& scenario) {
+  const experiment::ControllerSpec& spec = scenario.controller;
+  const bool external = spec.law == experiment::external_law;
+  if (!external && law.name != spec.law) {
+    throw scenario.complaint("controller.law",
+                             fmt::format("{}, but the controller that came runs the law \"{}\"; "
+                                         "for a law of your own, write law: {}",
+                                         spec.law, law.name, experiment::external_law));
+  }
+  if (external && law.measurement != spec.measurement) {
+    throw scenario.complaint("controller.measurement",
+                             fmt::format("{}, but the controller that came needs \"{}\"",
+                                         spec.measurement, law.measurement));
+  }
+}
+
+}  // namespace
+
+PlantLoop::PlantLoop(const experiment::Scenario& scenario, bus::Transport& transport,
+                     node::Link& link, RobotDriver* driver)
+    : scenario_(scenario),
+      transport_(transport),
+      link_(link),
+      loop_(transport, link),
+      robot_(scenario, driver),
+      tick_port_(scenario),
+      command_port_(scenario),
+      truth_port_(scenario),
+      ack_port_(scenario),
+      encoder_(robot_.emulated() ? scenario : with_ideal_encoders(scenario), robot_.model()),
+      run_info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)) {
+  const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
+  link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
+  link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
+}
+
+void PlantLoop::prepare() {
+  const loop::LawInfo law = link_.membership().law();
+  require_the_scenarios(law, scenario_);
+  const std::string& needed = law.measurement;
+  if (!robot_.measures_velocity() && loop::measures_velocity(needed)) {
+    throw scenario_.complaint(
+        "controller.law",
+        fmt::format(
+            "{} measures velocity, this robot does not; take a law that is fed with positions",
+            scenario_.controller.law));
+  }
+  loop::with_measurement(needed, [&]<class M>(std::type_identity<M>) {
+    require_encoders<M>(scenario_);
+    const auto port = std::make_shared<Port<M>>(scenario_);
+    measurement_channel_ = port->channel;
+    longest_measurement_ = port->codec.longest();
+    measure_ = [this, port](const loop::Stamp& stamp) {
+      const M measurement = encoder_.measure<M>(robot_.sensed(), stamp.tick);
+      if (!bus::all_finite(measurement)) throw not_finite(stamp.tick);
+      return port->codec.encode(stamp, measurement);
+    };
+  });
+  if (!measure_) {
+    throw Failure(ExitCode::protocol_violated,
+                  "the controller asks for the measurement '{}'; the plant has POSITION, "
+                  "MOTOR_POSITION, LINK_STATE and STATE",
+                  needed);
+  }
+  diagnostics::log_detail("the law measures {}", needed);
+  run_info_ = plant::run_info(scenario_, link_.run(), law);
+}
+
+loop::Stamp PlantLoop::stamp(std::int64_t tick) const {
+  const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
+  return {std::llround(time_s * 1e6), link_.run(), tick};
+}
+
+PlantLoop::Question PlantLoop::publish_question(const loop::Stamp& tick_stamp) {
+  const std::int64_t k = tick_stamp.tick;
+  robot_.read(k);
+  Question question;
+  question.measurement = measure_(stamp(k));
+  question.asked = loop::Clock::now();
+  // First: the command waits for it.
+  transport_.publish(measurement_channel_, question.measurement);
+  question.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
+  transport_.publish(tick_port_.channel, question.tick);
+  return question;
+}
+
+PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, loop::truth::DriveFault fault) {
+  const AppliedTorque& applied = robot_.applied();
+  loop::truth::PlantTruth truth = truth_of(robot_.state(), applied);
+  truth.fault = fault;
+  node::PlantStatistics& statistics = link_.statistics().plant();
+  for (std::size_t joint = 0; joint < statistics.saturated_ticks.size(); ++joint) {
+    statistics.saturated_ticks[joint] += applied.saturated[joint] ? 1 : 0;
+    statistics.beyond_limit_ticks[joint] += robot_.beyond_limit()[joint] ? 1 : 0;
+  }
+  if (!bus::all_finite(truth)) throw not_finite(tick);
+  const Bytes bytes = truth_port_.codec.encode(stamp(tick), truth);
+  transport_.publish(truth_port_.channel, bytes);
+  return bytes;
+}
+
+void PlantLoop::completed(std::int64_t tick) {
+  link_.progressed(tick);
+  link_.statistics().ticks = tick + 1;
+}
+
+bool PlantLoop::accept_command(const bus::Datagram& datagram, loop::Stamp& stamp) {
+  const bus::Rejection rejection = command_port_.codec.decode(datagram.payload, stamp, command_);
+  if (rejection == bus::Rejection::non_finite) {
+    const loop::Stamp heard = bus::stamp_of(datagram.payload);
+    if (heard.run == link_.run() && link_.is_from(loop::Role::controller, datagram.sender)) {
+      link_.statistics().rejected.add(rejection);
+      throw Failure(ExitCode::protective_stop,
+                    "{} commanded a torque that is not finite for tick {}: the loop is unstable, "
+                    "or the controller is broken; shorten loop.period_s or soften the gains",
+                    link_.describe(loop::Role::controller), heard.tick);
+    }
+  }
+  return link_.accept(rejection, stamp);
+}
+
+bool PlantLoop::accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack) {
+  if (!link_.accept(ack_port_.codec, datagram, stamp, ack)) return false;
+  if (link_.is_from(loop::Role::logger, datagram.sender)) return true;
+  link_.statistics().rejected.add(node::Discard::other_sender);
+  return false;
+}
+
+void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link) {
+  if (scenario.loop.mode == experiment::Mode::realtime) {
+    run_realtime(scenario, transport, link, nullptr);
+  } else {
+    run_lockstep(scenario, transport, link);
+  }
+}
+
+void run_driver(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+                RobotDriver& driver) {
+  if (scenario.loop.mode != experiment::Mode::realtime) {
+    throw scenario.complaint("loop.mode",
+                             "lockstep; a real robot does not wait, so only realtime is allowed");
+  }
+  run_realtime(scenario, transport, link, &driver);
+}
+
+}  // namespace tachless::plant

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "bus/transport.h"
+#include "bus/truth/truth_wire.h"
+#include "bus/wire.h"
+#include "experiment/scenario.h"
+#include "loop/clock.h"
+#include "loop/messages.h"
+#include "node/link.h"
+#include "node/session.h"
+#include "plant/encoder.h"
+#include "plant/guarded_robot.h"
+#include "plant/robot_driver.h"
+
+namespace tachless::plant {
+
+/// What the plant's two loops have in common: the robot, and the messages that are published and
+/// taken of it. Does not know when a tick is.
+class PlantLoop {
+ protected:
+  using Time = loop::Clock::time_point;
+  using Bytes = std::span<const std::byte>;
+
+  /// A message that is published or taken.
+  template <class Value>
+  struct Port {
+    explicit Port(const experiment::Scenario& scenario)
+        : channel(loop::channel<Value>(scenario.robot.channel_prefix)),
+          codec(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())) {}
+
+    std::string channel;
+    bus::Codec<Value> codec;
+  };
+
+  /// @param driver a real robot's, which outlives this; the scenario is emulated when null
+  PlantLoop(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+            RobotDriver* driver = nullptr);
+
+  /// Once the others have joined: chooses the measurement, writes RUN_INFO.
+  /// @throw diagnostics::Failure(bad_usage) when the robot does not measure what the law needs or
+  /// RUN_INFO is too long, (protocol_violated) when there is no such measurement.
+  void prepare();
+
+  /// The moment t_k = k h of this run, not accumulated.
+  [[nodiscard]] loop::Stamp stamp(std::int64_t tick) const;
+
+  void publish_run_info() { transport_.publish(run_info_channel_, run_info_); }
+  /// Reads the robot, and publishes what its encoders tell and TICK, with that stamp. The bytes
+  /// are valid until the next call.
+  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
+  struct Question {
+    Time asked;
+    Bytes measurement, tick;
+  };
+  Question publish_question(const loop::Stamp& tick_stamp);
+  /// Publishes the robot's state at the beginning of the tick and the torque over it. Counts
+  /// saturation, so once a tick. @return the bytes, valid until the next call
+  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
+  Bytes publish_truth(std::int64_t tick, loop::truth::DriveFault fault);
+  /// Tells that the tick is over.
+  void completed(std::int64_t tick);
+
+  /// Whether the message is a command of this run; counts it if not. It is `command_` then.
+  /// @throw diagnostics::Failure(protective_stop) when this run's controller commands a torque that
+  /// is not finite. (Anybody else's is dropped.)
+  bool accept_command(const bus::Datagram& datagram, loop::Stamp& stamp);
+  /// Whether it is an acknowledgement of this run, from the address of the logger that has joined;
+  /// counts it if not.
+  bool accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack);
+
+  const experiment::Scenario& scenario_;
+  bus::Transport& transport_;
+  node::Link& link_;
+  node::Loop loop_;
+  GuardedRobot robot_;
+  Port<loop::Tick> tick_port_;
+  Port<loop::TorqueCommand> command_port_;
+  Port<loop::truth::PlantTruth> truth_port_;
+  Port<loop::LogAck> ack_port_;
+  std::string measurement_channel_;  ///< prepared
+  std::size_t longest_measurement_ = 0;
+  loop::TorqueCommand command_;
+
+ private:
+  Encoder encoder_;
+  std::function<Bytes(const loop::Stamp& stamp)> measure_;  ///< as the law needs it
+  std::string run_info_channel_;
+  std::vector<std::byte> run_info_;
+};
+
+/// In simulation time: the plant advances only with the command for this tick. Joins, runs all
+/// ticks, leaves.
+void run_lockstep(const experiment::Scenario& scenario, bus::Transport& transport,
+                  node::Link& link);
+
+/// On the wall clock: tick k begins at the absolute deadline start + k h, whether its command has
+/// come or not. No tick is left out: late ones follow as fast as they can, each with half a period
+/// for its command. A missed command holds the last torque. Too many in a row, or whatever else
+/// ends the run early, is a protective stop first: drives without torque, braking, recorded, for
+/// `longest_stop` at most. Notes in the statistics, as a fault with exit code 1, when more
+/// deadlines were missed than the scenario allows.
+void run_realtime(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+                  RobotDriver* driver);
+
+}  // namespace tachless::plant
