@@ -11,7 +11,6 @@
 #include <utility>
 #include <variant>
 
-#include "controller/law_stepper.h"
 #include "diagnostics/failure.h"
 
 namespace tachless::replay {
@@ -154,7 +153,7 @@ class Replayer {
            std::unique_ptr<controller::AnyLaw<Measurement>> law, Comparison& comparison)
       : log_(log),
         realtime_(scenario.loop.mode == experiment::Mode::realtime),
-        stepper_(std::move(law), scenario.loop),
+        law_(std::move(law)),
         comparison_(comparison) {}
 
   void run() {
@@ -190,7 +189,7 @@ class Replayer {
   bool step(const logger::TickRecord& record, const Measurement& measurement) {
     robot::Vector tau;
     try {
-      tau = stepper_.step(record.tick, measurement, *record.reference).output.command.tau;
+      tau = law_->step(record.tick, measurement, *record.reference).command.tau;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
       comparison_.stop(
@@ -201,7 +200,7 @@ class Replayer {
       comparison_.stop_not_finite(record.tick);
       return false;
     }
-    stepper_.keep(record.tick);
+    law_->keep(record.tick);
     if (record.command) {
       comparison_.add(record.tick, record.command->tau, tau);
     } else {
@@ -212,7 +211,7 @@ class Replayer {
 
   logger::RunLog& log_;
   bool realtime_;
-  controller::LawStepper<Measurement> stepper_;
+  std::unique_ptr<controller::AnyLaw<Measurement>> law_;
   Comparison& comparison_;
 };
 
