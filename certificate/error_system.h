@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 
 #include "certificate/postures.h"
-#include "controller/law/lyapunov.h"
+#include "controller/law/law.h"
 
 /// The closed loop in the paper's error coordinates (eq. 14, 29), rigid and flexible in one form,
 ///

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "certificate/error_system.h"
-#include "controller/law/lyapunov.h"
+#include "controller/law/law.h"
 #include "experiment/scenario.h"
 
 /// The Lyapunov functions that laws declare, with a scenario's robot and gains. Certifies nothing.

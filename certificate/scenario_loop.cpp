@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "controller/law/feedforward.h"
+#include "controller/law/parts.h"
 #include "controller/laws.h"
 #include "controller/registry.h"
 

@@ -83,7 +83,7 @@ struct Start {
     const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
     const auto motor = law.motor_reference(measured, reference, signals.value[1]);
     return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
-                   v - reference.v_ref, thetadot - motor.thetadot_ref});
+                   v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)});
   }
 };
 

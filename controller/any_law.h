@@ -1,46 +1,104 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
+#include <stdexcept>
 #include <string_view>
 #include <utility>
 
 #include "controller/law/law.h"
+#include "diagnostics/failure.h"
+#include "experiment/scenario.h"
+#include "loop/messages.h"
 
-/// A law together with its memory behind one interface per measurement type, so that whatever
-/// steps laws is compiled once per measurement type and not once per law. Which tick is due it is
-/// told (`LawStepper` knows); knows no bus.
 namespace tachless::controller {
 
+/// Why a step is not kept: the torque, or what is logged, is not finite.
+diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick);
+
+/// What one step of a law gave; valid until its next one.
+struct Outcome {
+  const loop::TorqueCommand& command;
+  const loop::LawSignals& signals;
+  std::int64_t skipped = 0;  ///< ticks passed over since the last step, or since tick 0
+  bool restarted = false;    ///< too many: the memory began anew
+};
+
+/// A law with its memory over the ticks of one run, behind one interface per measurement type, so
+/// that whatever steps laws is compiled once per measurement type and not once per law: what the
+/// node does, and what a replay of its log has to do. Knows no bus.
+///
+/// In realtime ticks may be passed over, and a filter that took two periods for one would see twice
+/// the velocity: the step after a gap of m ticks is told m (exact for the first-order hold, which
+/// takes the error for a ramp between samples). After more than `longest_gap` ticks the memory is
+/// of no use any more and starts anew.
 template <class Measurement>
 class AnyLaw {
  public:
-  /// Of the last step; valid until the next one.
-  struct Output {
-    const loop::TorqueCommand& command;
-    const loop::LawSignals& signals;
-  };
+  /// Bound of `longest_gap`, however many missed commands the plant tolerates.
+  static constexpr int most_ticks = 64;
 
-  AnyLaw() = default;
+  explicit AnyLaw(const experiment::LoopSpec& loop)
+      : longest_gap_(loop.mode == experiment::Mode::realtime
+                         ? std::min(loop.max_missed + 1, most_ticks)
+                         : 1) {}
   AnyLaw(const AnyLaw&) = delete;
   AnyLaw& operator=(const AnyLaw&) = delete;
   virtual ~AnyLaw() = default;
 
   [[nodiscard]] virtual std::string_view name() const = 0;
-  /// What it logs, in the rows of `Output::signals`.
+  /// What it logs, in the rows of `Outcome::signals`.
   [[nodiscard]] virtual std::span<const loop::Signal> signals() const = 0;
 
-  /// The first step, from the memory that the law starts with; at `tick`, as every later one.
-  virtual Output start(std::int64_t tick, const Measurement& measurement,
-                       const loop::ReferencePoint& reference) = 0;
+  /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.
+  [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
-  /// The step `ticks` periods after the one that was kept last; its memory is not changed before
-  /// `keep`, so a step may be discarded. Precondition: one has been kept.
-  virtual Output step(std::int64_t tick, const Measurement& measurement,
-                      const loop::ReferencePoint& reference, int ticks) = 0;
+  /// The step of `tick`. Nothing is remembered before `keep`, so a step may be discarded.
+  /// @throw std::logic_error unless `tick` is later than the one kept last.
+  Outcome step(std::int64_t tick, const Measurement& measurement,
+               const loop::ReferencePoint& reference) {
+    const std::int64_t gap = tick - tick_;
+    if (gap < 1) throw std::logic_error("controller::AnyLaw: ticks go forward");
+    const bool anew = !started_ || gap > longest_gap_;
+    compute(tick, measurement, reference, anew ? 0 : static_cast<int>(gap));
+    return {command_, signals_of_step_, gap - 1, anew && started_};
+  }
 
-  /// The memory becomes that after the last `start` or `step`.
-  virtual void keep() = 0;
+  /// `tick` was the last step's, and counts.
+  void keep(std::int64_t tick) {
+    keep_memory();
+    tick_ = tick;
+    started_ = true;
+  }
+
+  /// Both. @throw diagnostics::Failure(protective_stop) when the torque, or what is logged, is not
+  /// finite; the step is not kept then.
+  Outcome advance(std::int64_t tick, const Measurement& measurement,
+                  const loop::ReferencePoint& reference) {
+    const Outcome outcome = step(tick, measurement, reference);
+    if (!loop::all_finite(outcome.command) || !loop::all_finite(outcome.signals)) {
+      throw not_finite(name(), outcome.command.tau, tick);
+    }
+    keep(tick);
+    return outcome;
+  }
+
+ protected:
+  loop::TorqueCommand command_;  ///< of the last step
+  loop::LawSignals signals_of_step_;
+
+ private:
+  /// Sets both: the step `ticks` periods after the one that was kept last, whose memory is not
+  /// changed; with 0 the first one, from the memory that the law starts with.
+  virtual void compute(std::int64_t tick, const Measurement& measurement,
+                       const loop::ReferencePoint& reference, int ticks) = 0;
+  /// The memory becomes that after the last step.
+  virtual void keep_memory() {}
+
+  int longest_gap_;
+  std::int64_t tick_ = -1;
+  bool started_ = false;
 };
 
 /// A law of C++ as an AnyLaw.
@@ -48,31 +106,26 @@ template <law::Law L>
 class LawWithMemory final : public AnyLaw<typename L::Measurement> {
  public:
   using Measurement = typename L::Measurement;
-  using Output = typename AnyLaw<Measurement>::Output;
 
-  explicit LawWithMemory(L law) : law_(std::move(law)) {}
+  LawWithMemory(L law, const experiment::LoopSpec& loop)
+      : AnyLaw<Measurement>(loop), law_(std::move(law)) {}
 
   [[nodiscard]] std::string_view name() const override { return L::name; }
   [[nodiscard]] std::span<const loop::Signal> signals() const override { return L::signals; }
 
-  Output start(std::int64_t /*tick*/, const Measurement& measurement,
-               const loop::ReferencePoint& reference) override {
-    last_ = law_.step(law_.start(measurement, reference), measurement, reference);
-    return {last_.command, last_.signals};
-  }
-
-  Output step(std::int64_t /*tick*/, const Measurement& measurement,
-              const loop::ReferencePoint& reference, int ticks) override {
-    last_ = law_.step(memory_, measurement, reference, ticks);
-    return {last_.command, last_.signals};
-  }
-
-  void keep() override { memory_ = last_.memory; }
-
  private:
+  void compute(std::int64_t /*tick*/, const Measurement& measurement,
+               const loop::ReferencePoint& reference, int ticks) override {
+    auto step = ticks == 0 ? law_.step(law_.start(measurement, reference), measurement, reference)
+                           : law_.step(memory_, measurement, reference, ticks);
+    next_ = step.memory;
+    this->command_ = step.command;
+    this->signals_of_step_ = step.signals;
+  }
+  void keep_memory() override { memory_ = next_; }
+
   L law_;
-  law::Step<typename L::Memory> last_;
-  typename L::Memory memory_;
+  typename L::Memory memory_, next_;
 };
 
 }  // namespace tachless::controller

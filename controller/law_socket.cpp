@@ -1,52 +1,236 @@
 #include "controller/law_socket.h"
 
 #include <fmt/core.h>
+#include <poll.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <iostream>
 #include <memory>
+#include <system_error>
 #include <utility>
 #include <variant>
 
-#include "controller/law_stepper.h"
+#include "diagnostics/version.h"
+#include "process/child.h"
 
 namespace tachless::controller {
 namespace {
 
-diagnostics::Failure no_message(std::string_view expected) {
-  return {diagnostics::ExitCode::protocol_violated,
-          fmt::format("--serve: what came is no {} message of this version", expected)};
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using Clock = std::chrono::steady_clock;
+
+constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages, on a busy machine
+constexpr std::chrono::seconds end_limit{2};
+constexpr std::int64_t no_tick = -1;
+
+/// Of the four messages of a tick.
+template <class Measurement>
+struct Codecs {
+  bus::Codec<Measurement> measurement;
+  bus::Codec<loop::ReferencePoint> reference;
+  bus::Codec<loop::TorqueCommand> command;
+  bus::Codec<loop::LawSignals> state;
+
+  explicit Codecs(const loop::Layout& layout)
+      : measurement(layout), reference(layout), command(layout), state(layout) {}
+};
+
+// ---- the process that computes the law --------------------------------------------------------
+
+Failure no_message(std::string_view expected) {
+  return {ExitCode::protocol_violated, "--serve: what came is no {} message of this version",
+          expected};
 }
 
 template <class Measurement>
-void answer(LawSocket& socket, const experiment::Scenario& scenario, const loop::Layout& layout,
-            std::unique_ptr<AnyLaw<Measurement>> law) {
-  const bus::Codec<Measurement> measurement_codec(layout);
-  const bus::Codec<loop::ReferencePoint> reference_codec(layout);
-  bus::Codec<loop::TorqueCommand> command_codec(layout);
-  bus::Codec<loop::LawSignals> state_codec(layout);
-  LawStepper<Measurement> stepper(std::move(law), scenario.loop);
+void answer(LawSocket& socket, const loop::Layout& layout, AnyLaw<Measurement>& law) {
+  Codecs<Measurement> codecs(layout);
+  loop::Stamp stamp;
   Measurement measurement;
   loop::ReferencePoint reference;
   for (;;) {
     const auto message = socket.receive();
     if (message.empty()) return;
-    loop::Stamp stamp;
-    if (measurement_codec.decode(message, stamp, measurement) != bus::Rejection::none) {
+    if (codecs.measurement.decode(message, stamp, measurement) != bus::Rejection::none) {
       throw no_message(loop::MessageOf<Measurement>::suffix);
     }
-    if (!socket.receive(reference_codec, stamp, reference)) throw no_message("REFERENCE");
-    const auto output = stepper.step(stamp.tick, measurement, reference).output;
-    if (!bus::all_finite(output.command) || !bus::all_finite(output.signals)) {
-      throw not_finite(stepper.law().name(), output.command.tau, stamp.tick);
-    }
-    stepper.keep(stamp.tick);
-    if (!socket.send(command_codec.encode(stamp, output.command)) ||
-        !socket.send(state_codec.encode(stamp, output.signals))) {
+    if (!socket.receive(codecs.reference, stamp, reference)) throw no_message("REFERENCE");
+    const Outcome outcome = law.advance(stamp.tick, measurement, reference);
+    if (!socket.send(codecs.command.encode(stamp, outcome.command)) ||
+        !socket.send(codecs.state.encode(stamp, outcome.signals))) {
       return;
     }
   }
+}
+
+// ---- the process that asks it -----------------------------------------------------------------
+
+std::pair<process::FileDescriptor, process::FileDescriptor> socket_pair() {
+  std::array<int, 2> ends{};
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
+    throw std::system_error(errno, std::generic_category(), "socketpair");
+  }
+  return {process::FileDescriptor(ends[0]), process::FileDescriptor(ends[1])};
+}
+
+/// The program that computes the law.
+class Program {
+ public:
+  Program(const experiment::Scenario& scenario, std::string command)
+      : command_(std::move(command)), socket_(process::FileDescriptor()) {
+    auto [own, other] = socket_pair();
+    // The shell moves its stdin, the socket, out of the reach of what reads there.
+    child_ = process::start({"/bin/sh", "-c", "exec 3<&0 </dev/null; exec " + command_ + " \"$@\"",
+                             "sh", scenario.source, "--serve", "3"},
+                            process::blocked_signals(), {}, other.get());
+    socket_ = LawSocket(std::move(own));
+  }
+  Program(const Program&) = delete;
+  Program& operator=(const Program&) = delete;
+  ~Program() { end(); }
+
+  void send(std::span<const std::byte> message) { socket_.send(message); }
+
+  /// @param when "at tick 3", for messages
+  template <class Value>
+  void receive(const bus::Codec<Value>& codec, std::int64_t tick, Value& value,
+               Clock::duration limit, const std::string& when) {
+    wait(limit, when);
+    const auto message = socket_.receive();
+    if (message.empty()) throw ended(when);
+    loop::Stamp stamp;
+    if (const auto why = codec.decode(message, stamp, value); why != bus::Rejection::none) {
+      throw Failure(ExitCode::protocol_violated,
+                    "--controller '{}': answered {} with a message that is {}", command_, when,
+                    bus::name(why));
+    }
+    if (stamp.tick != tick) {
+      throw Failure(ExitCode::protocol_violated,
+                    "--controller '{}': answered {} with a message of tick {}", command_, when,
+                    stamp.tick);
+    }
+  }
+
+ private:
+  /// Waits for one of the descriptors. @return whether there was time left
+  static bool poll_until(Clock::time_point until, std::span<pollfd> fds) {
+    const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now());
+    if (left.count() < 0) return false;
+    poll(fds.data(), fds.size(), static_cast<int>(left.count()));
+    return true;
+  }
+
+  /// Until there is something to be received; what the program writes meanwhile goes to stderr.
+  void wait(Clock::duration limit, const std::string& when) {
+    const auto until = Clock::now() + limit;
+    for (;;) {
+      std::array<pollfd, 2> fds{pollfd{socket_.descriptor(), POLLIN, 0},
+                                pollfd{child_.output.get(), POLLIN, 0}};
+      if (!poll_until(until, fds)) break;
+      if (fds[1].revents != 0) pass_on();
+      if (fds[0].revents != 0) return;
+    }
+    throw Failure(ExitCode::peer_lost, "--controller '{}': no answer {} within {:g} s", command_,
+                  when, std::chrono::duration<double>(limit).count());
+  }
+
+  void pass_on() {
+    process::read_lines(child_, [](const std::string& line) { std::cerr << line << "\n"; });
+  }
+
+  /// Closes the socket, which ends the program, and waits for that. @return its exit code
+  int end() {
+    if (!child_.running) return 0;
+    socket_.close();
+    const auto until = Clock::now() + end_limit;
+    while (child_.output.get() >= 0) {
+      pollfd fd{child_.output.get(), POLLIN, 0};
+      if (!poll_until(until, std::span(&fd, 1))) break;
+      pass_on();
+    }
+    if (child_.output.get() >= 0) kill(-child_.pid, SIGKILL);
+    int status = 0;
+    while (waitpid(child_.pid, &status, 0) < 0 && errno == EINTR) {
+    }
+    child_.running = false;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+
+  Failure ended(const std::string& when) {
+    const int code = end();
+    const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
+                      code <= static_cast<int>(ExitCode::protective_stop);
+    return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
+            "--controller '{}': ended {} with exit code {}{}",
+            command_,
+            when,
+            code,
+            code == 0 ? "; has it a main that calls tachless::run_controller (Python: "
+                        "tachless.run_controller)?"
+                      : ", and has said above why"};
+  }
+
+  std::string command_;
+  LawSocket socket_;
+  process::Child child_;
+};
+
+template <class Measurement>
+class ExternalLaw final : public AnyLaw<Measurement> {
+ public:
+  ExternalLaw(std::unique_ptr<Program> program, loop::LawInfo info,
+              const experiment::Scenario& scenario)
+      : AnyLaw<Measurement>(scenario.loop),
+        program_(std::move(program)),
+        info_(std::move(info)),
+        signals_(loop::parse_signals(info_.signals).value()),
+        period_s_(scenario.loop.period_s),
+        limit_(std::chrono::duration_cast<Clock::duration>(
+            std::chrono::duration<double>(scenario.loop.give_up_s))),
+        codecs_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                             static_cast<int>(signals_.size()))) {}
+
+  [[nodiscard]] std::string_view name() const override { return info_.name; }
+  [[nodiscard]] std::span<const loop::Signal> signals() const override { return signals_; }
+
+ private:
+  /// The program counts the ticks between two measurements itself.
+  void compute(std::int64_t tick, const Measurement& measurement,
+               const loop::ReferencePoint& reference, int /*ticks*/) override {
+    const double time_s = static_cast<double>(tick) * period_s_;
+    const loop::Stamp asked{std::llround(time_s * 1e6), 1, tick};
+    program_->send(codecs_.measurement.encode(asked, measurement));
+    program_->send(codecs_.reference.encode(asked, reference));
+    const std::string when = fmt::format("at tick {}", tick);
+    program_->receive(codecs_.command, tick, this->command_, limit_, when);
+    program_->receive(codecs_.state, tick, this->signals_of_step_, limit_, when);
+  }
+
+  std::unique_ptr<Program> program_;
+  loop::LawInfo info_;
+  std::vector<loop::Signal> signals_;  ///< views into `info_`
+  double period_s_;
+  Clock::duration limit_;
+  Codecs<Measurement> codecs_;
+};
+
+loop::RunInfo run_info(const experiment::Scenario& scenario) {
+  loop::RunInfo info;
+  info.num_ticks = scenario.loop.num_ticks;
+  info.period_s = scenario.loop.period_s;
+  info.version = diagnostics::version;
+  info.robot = scenario.robot.channel_prefix;
+  info.scenario = scenario.text;
+  info.robot_description = scenario.robot.urdf_text;
+  return info;
 }
 
 }  // namespace
@@ -85,7 +269,38 @@ void serve_law(int socket, const MakeLaw& make_law) {
   self.signals = info.signals;
   if (!caller.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self))) return;
   const loop::Layout layout = law_layout(scenario, law);
-  std::visit([&](auto own) { answer(caller, scenario, layout, std::move(own)); }, std::move(law));
+  std::visit([&](const auto& own) { answer(caller, layout, *own); }, law);
+}
+
+ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
+  auto program = std::make_unique<Program>(scenario, command);
+  program->send(
+      bus::Codec<loop::RunInfo>(loop::Layout{}).encode({0, 1, no_tick}, run_info(scenario)));
+  loop::Participant self;
+  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit,
+                   "at the start");
+  ScenarioLaw law;
+  const bool known =
+      loop::parse_signals(self.signals) &&
+      loop::with_measurement(self.measurement, [&]<class Measurement>(
+                                                   std::type_identity<Measurement> /*type*/) {
+        law = std::make_unique<ExternalLaw<Measurement>>(
+            std::move(program), loop::LawInfo{self.law, self.measurement, self.signals}, scenario);
+      });
+  if (!known) {
+    throw Failure(ExitCode::protocol_violated,
+                  "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
+                  "which this version does not know",
+                  command, self.measurement, self.signals);
+  }
+  return law;
+}
+
+std::vector<std::string> shell_command(const std::string& command,
+                                       const std::vector<std::string>& arguments) {
+  std::vector<std::string> words = {"/bin/sh", "-c", "exec " + command + " \"$@\"", "sh"};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  return words;
 }
 
 }  // namespace tachless::controller

@@ -1,18 +1,334 @@
 #include "controller/node.h"
 
-#include <utility>
+#include <fmt/format.h>
 
-#include "controller/lockstep_node.h"
-#include "controller/realtime_node.h"
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "bus/wire.h"
+#include "controller/recorded_inputs.h"
+#include "diagnostics/logging.h"
+#include "node/session.h"
+#include "protocol/lockstep/responders.h"
+#include "protocol/realtime/realtime.h"
 
 namespace tachless::controller {
+namespace {
+
+using loop::Clock;
+using loop::Role;
+using protocol::lockstep::CommandResponder;
+using protocol::lockstep::Verdict;
+using protocol::realtime::CommandPicker;
+
+/// The channel of one type of message, and its codec.
+template <class Value>
+struct Port {
+  std::string channel;
+  bus::Codec<Value> codec;
+
+  Port(const experiment::Scenario& scenario, const loop::Layout& layout)
+      : channel(loop::channel<Value>(scenario.robot.channel_prefix)), codec(layout) {}
+};
+
+/// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
+/// tick, in step with the bytes that protocol/ keeps. Preallocated.
+template <class Value>
+struct Input : Port<Value> {
+  struct Message {
+    loop::Stamp stamp;
+    Value value;
+  };
+  Message newest;  ///< decoded last
+  std::vector<Message> kept = std::vector<Message>(protocol::lockstep::MessageRing::depth);
+
+  using Port<Value>::Port;
+
+  Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
+  bool decode(std::span<const std::byte> bytes) {
+    return this->codec.decode(bytes, newest.stamp, newest.value) == bus::Rejection::none;
+  }
+};
+
+/// A law and what it measures: the channel is what its type says.
+template <class Measurement>
+struct Measured {
+  std::unique_ptr<AnyLaw<Measurement>> law;
+  Input<Measurement> input;
+};
+
+/// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
+/// and state. Knows not which tick is due.
+class Node {
+ public:
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+  virtual ~Node() = default;
+
+ protected:
+  Node(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
+       node::Session& session)
+      : transport_(transport),
+        session_(session),
+        loop_(transport, session),
+        info_(law_info(law)),
+        layout_(law_layout(scenario, law)),
+        measured_(std::visit(
+            [&]<class M>(std::unique_ptr<AnyLaw<M>> own) -> loop::EachMeasurement<Measured> {
+              return Measured<M>{std::move(own), {scenario, layout_}};
+            },
+            std::move(law))),
+        reference_(scenario, layout_),
+        command_(scenario, layout_),
+        state_(scenario, layout_) {
+    std::visit([&](auto& measured) { receive(measured.input, Role::plant); }, measured_);
+    receive(reference_, Role::reference);
+  }
+
+  /// What becomes of a sound message of this run, before it is counted and kept.
+  virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
+  /// Who sent the input that is kept for `tick`.
+  [[nodiscard]] virtual std::string_view sender_of(Role from, std::int64_t tick) const = 0;
+  /// Does what follows from it.
+  virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
+
+  void join() {
+    diagnostics::log_detail("law {}, measures {}, publishes its signals {}", info_.name,
+                            info_.measurement, info_.signals);
+    session_.join(info_, {});
+  }
+
+  /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
+  /// @throw diagnostics::Failure(protective_stop) when the result is not finite.
+  Outcome compute(std::int64_t tick) {
+    const auto begin = Clock::now();
+    loop::Stamp stamp{0, session_.run(), tick};
+    const Outcome outcome = std::visit(
+        [&](auto& measured) {
+          const auto& [asked, measurement] = measured.input.at(tick);
+          stamp.utime = asked.utime;
+          return measured.law->advance(tick, measurement, reference_.at(tick).value);
+        },
+        measured_);
+    command_bytes_ = command_.codec.encode(stamp, outcome.command);
+    transport_.publish(command_.channel, command_bytes_);
+    state_bytes_ = state_.codec.encode(stamp, outcome.signals);
+    transport_.publish(state_.channel, state_bytes_);
+
+    // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
+    const auto& signals = outcome.signals;
+    const double error_norm = signals.num > 0 ? signals.value[0].stableNorm() : 0;
+    session_.progressed(tick, std::min(error_norm, std::numeric_limits<double>::max()));
+    session_.statistics().ticks = tick + 1;
+    session_.statistics().work_us.add(Clock::now() - begin);
+    return outcome;
+  }
+
+  /// Of a measurement [bytes].
+  [[nodiscard]] std::size_t longest_measurement() const {
+    return std::visit([](auto& measured) { return measured.input.codec.longest(); }, measured_);
+  }
+
+  bus::Transport& transport_;
+  node::Session& session_;
+  node::Loop loop_;
+  loop::LawInfo info_;
+  loop::Layout layout_;
+  loop::EachMeasurement<Measured> measured_;
+  Input<loop::ReferencePoint> reference_;
+  Port<loop::TorqueCommand> command_;
+  Port<loop::LawSignals> state_;
+  std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
+
+ private:
+  template <class Value>
+  void receive(Input<Value>& input, Role from) {
+    loop_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
+      auto& newest = input.newest;
+      if (!session_.accept(input.codec, datagram, newest.stamp, newest.value)) return;
+      const std::int64_t tick = newest.stamp.tick;
+      const Verdict verdict = judge(from, tick, datagram);
+      loop_.count(verdict, from, datagram, tick, [&] { return sender_of(from, tick); });
+      if (verdict == Verdict::fresh) input.at(tick) = newest;
+      act(from, tick, verdict);
+    });
+  }
+};
+
+/// Lockstep: every tick once, in order.
+class LockstepNode final : public Node {
+ public:
+  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
+               node::Session& session)
+      : Node(scenario, std::move(law), transport, session),
+        responder_(scenario.loop.num_ticks, {longest_measurement(), reference_.codec.longest(),
+                                             command_.codec.longest(), state_.codec.longest()}) {}
+
+  /// `log`: of a run under way, to be resumed.
+  void run(const std::optional<std::filesystem::path>& log) {
+    join();
+    if (log) std::visit([&](auto& measured) { resume(*log, measured); }, measured_);
+    loop_.run_until_finished([this](auto) { return responder_.all_computed(); });
+    session_.leave();
+  }
+
+ private:
+  using Action = CommandResponder::Action;
+
+  /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
+  /// asks again.
+  template <class Measurement>
+  void resume(const std::filesystem::path& log, Measured<Measurement>& measured) {
+    constexpr std::int64_t ticks_alone = 256;  // between two looks at the bus
+    auto& [law, measurement] = measured;
+    RecordedInputs inputs(log, measurement.channel, reference_.channel, session_.run());
+    while (const auto tick = inputs.next()) {
+      if (!measurement.decode(tick->measurement) || !reference_.decode(tick->reference)) {
+        throw inputs.unusable(fmt::format("tick {} is damaged", tick->tick));
+      }
+      law->advance(tick->tick, measurement.newest.value, reference_.newest.value);
+      session_.progressed(tick->tick);
+      session_.statistics().ticks = tick->tick + 1;
+      if (tick->tick % ticks_alone == 0) session_.handle_pending();
+    }
+    session_.handle_pending();
+    const std::int64_t begun = session_.tick_of(Role::plant) + 1;
+    if (begun >= inputs.next_tick() + CommandResponder::reach) {
+      throw inputs.unusable(
+          fmt::format("it ends before tick {}, the run is at tick {}, and no more than {} ticks "
+                      "can be asked again",
+                      inputs.next_tick(), begun, CommandResponder::reach));
+    }
+    responder_.resume(inputs.next_tick());
+    diagnostics::log_info("resumed run {} at tick {}", session_.run(), inputs.next_tick());
+  }
+
+  Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
+    const auto answer = from == Role::plant
+                            ? responder_.on_measurement(tick, datagram.payload, datagram.sender)
+                            : responder_.on_reference(tick, datagram.payload, datagram.sender);
+    action_ = answer.action;
+    return answer.verdict;
+  }
+
+  [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
+    using Kind = CommandResponder::Input;
+    return responder_.sender_of(from == Role::plant ? Kind::measurement : Kind::reference, tick);
+  }
+
+  void act(Role from, std::int64_t tick, Verdict verdict) override {
+    const bool asked = verdict == Verdict::fresh || verdict == Verdict::repeated;
+    if (from == Role::plant && asked) session_.started(Clock::now());
+    if (action_ == Action::compute) {
+      do {
+        compute(responder_.next());
+        responder_.computed(command_bytes_, state_bytes_);
+      } while (responder_.ready());
+    } else if (action_ == Action::repeat) {
+      transport_.publish(command_.channel, responder_.command(tick));
+      transport_.publish(state_.channel, responder_.state(tick));
+      session_.statistics().resends += 2;
+    }
+  }
+
+  CommandResponder responder_;
+  Action action_ = Action::nothing;  ///< that the message judged last asks for
+};
+
+/// Realtime: acts on the newest measurement whose reference is there. What was lost is passed over,
+/// and the law told so (`AnyLaw`); never silently: gaps are counted, and reported at the end.
+class RealtimeNode final : public Node {
+ public:
+  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
+               node::Session& session)
+      : Node(scenario, std::move(law), transport, session),
+        picker_(scenario.loop.num_ticks, longest_measurement(), reference_.codec.longest()),
+        pace_(scenario.loop.period_s),
+        last_tick_(scenario.loop.num_ticks - 1) {}
+
+  void run() {
+    join();
+    try {
+      loop_.run_until_finished(
+          [this](Clock::time_point now) { return pace_.over(acted_, last_tick_, now); });
+    } catch (const diagnostics::Failure&) {
+      tell_gaps();
+      throw;
+    }
+    session_.leave();
+    count_gap(last_tick_ - acted_);  // the ticks that it never got to, since the run is over
+    tell_gaps();
+  }
+
+ private:
+  Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
+    // A reference is a tick ahead.
+    const std::int64_t begun = from == Role::plant ? tick : std::max<std::int64_t>(tick - 1, 0);
+    if (!pace_.possible(begun, Clock::now()) && !session_.knows(datagram.sender)) {
+      return Verdict::not_asked;
+    }
+    return from == Role::plant ? picker_.on_measurement(tick, datagram.payload, datagram.sender)
+                               : picker_.on_reference(tick, datagram.payload, datagram.sender);
+  }
+
+  [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
+    using Kind = CommandPicker::Input;
+    return picker_.sender_of(from == Role::plant ? Kind::measurement : Kind::reference, tick);
+  }
+
+  void act(Role from, std::int64_t /*tick*/, Verdict verdict) override {
+    if (verdict != Verdict::fresh) return;
+    if (from == Role::plant) session_.started(Clock::now());
+    const auto due = picker_.due();
+    if (!due) return;
+    const auto outcome = compute(*due);
+    picker_.acted(*due);
+    acted_ = *due;
+    count_gap(outcome.skipped);
+    statistics().restarts += outcome.restarted ? 1 : 0;
+  }
+
+  node::ControllerStatistics& statistics() { return session_.statistics().controller(); }
+
+  void count_gap(std::int64_t ticks) {
+    statistics().gaps += ticks > 0 ? 1 : 0;
+    statistics().skipped_ticks += ticks;
+  }
+
+  void tell_gaps() {
+    const node::ControllerStatistics& counted = statistics();
+    if (counted.gaps == 0) return;
+    const std::string restarts =
+        counted.restarts == 0 ? ""
+                              : fmt::format(", {} of them so long that the law's memory began anew",
+                                            counted.restarts);
+    diagnostics::log_warning(
+        "{} ticks in {} gaps were passed over, for their measurement or reference came late or not "
+        "at all{}",
+        counted.skipped_ticks, counted.gaps, restarts);
+  }
+
+  CommandPicker picker_;
+  protocol::realtime::Pace pace_;
+  std::int64_t last_tick_;
+  std::int64_t acted_ = -1;  ///< newest tick commanded
+};
+
+}  // namespace
 
 void run_node(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
               node::Session& session, const std::optional<std::filesystem::path>& resume) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    run_realtime(scenario, std::move(law), transport, session);
+    RealtimeNode(scenario, std::move(law), transport, session).run();
   } else {
-    run_lockstep(scenario, std::move(law), transport, session, resume);
+    LockstepNode(scenario, std::move(law), transport, session).run(resume);
   }
 }
 

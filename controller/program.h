@@ -1,8 +1,6 @@
 #pragma once
 
-#include <memory>
-
-#include "controller/facts_of.h"
+#include "controller/registry.h"
 
 /// A whole controller program with a law of one's own: it takes the options of tachless-controller,
 /// joins the run on the bus, logs, counts, takes over and is replayed as that one does.
@@ -16,12 +14,10 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
 /// scenario's controller.gains.
 template <controller::law::Law L>
 int run_controller(int argc, const char* const* argv) {
-  return run_controller(argc, argv,
-                        [](const experiment::Scenario& scenario) -> controller::ScenarioLaw {
-                          static const controller::LawFacts facts = controller::facts_of<L>();
-                          return std::make_unique<controller::LawWithMemory<L>>(
-                              controller::make_law<L>(scenario, facts));
-                        });
+  static const controller::LawFacts facts = controller::facts_of<L>();
+  return run_controller(argc, argv, [](const experiment::Scenario& scenario) {
+    return controller::law_over_run<L>(scenario, facts);
+  });
 }
 
 namespace controller {

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "controller/facts_of.h"
 #include "controller/laws.h"
 #include "diagnostics/text.h"
 #include "loop/measurements.h"
@@ -19,13 +18,16 @@ std::vector<LawFacts> facts_of_all(LawList<L...> /*laws*/) {
   return {facts_of<L>()...};
 }
 
-LawFacts facts_of_another_program() {
-  LawFacts facts;
-  facts.name = experiment::external_law;
-  facts.source = "the program that --controller names";
-  facts.no_linearisation = "it is computed by another program";
-  facts.has_feedforward_lead = true;  // the program's own business
-  return facts;
+/// The names of laws or parameters, of those that are wanted.
+template <class Named>
+std::vector<std::string_view> names_of(
+    const std::vector<Named>& all,
+    bool (*wanted)(const Named&) = [](const Named& /*each*/) { return true; }) {
+  std::vector<std::string_view> names;
+  for (const Named& each : all) {
+    if (wanted(each)) names.push_back(each.name);
+  }
+  return names;
 }
 
 /// "; did you mean loria_ortega_rigid?", or nothing when no name is similar.
@@ -79,14 +81,6 @@ void require_encoders(const experiment::Scenario& scenario, const LawFacts& law)
   }
 }
 
-std::vector<std::string_view> laws_for_rigid_joints() {
-  std::vector<std::string_view> names;
-  for (const LawFacts& law : laws()) {
-    if (!law.needs_flexible_joints) names.push_back(law.name);
-  }
-  return names;
-}
-
 /// The robot that the law takes the plant for; in the plant's gravity.
 robot::Model known_model(const experiment::Scenario& scenario) {
   robot::Model model = scenario.believed_model ? *scenario.believed_model : *scenario.model;
@@ -101,14 +95,13 @@ const std::vector<LawFacts>& laws() {
   return all;
 }
 
-std::vector<std::string_view> law_names() {
-  std::vector<std::string_view> names;
-  for (const LawFacts& law : laws()) names.push_back(law.name);
-  return names;
-}
+std::vector<std::string_view> law_names() { return names_of(laws()); }
 
 const LawFacts& law_facts(std::string_view name) {
-  static const LawFacts external = facts_of_another_program();
+  static const LawFacts external{.name = experiment::external_law,
+                                 .source = "the program that --controller names",
+                                 .no_linearisation = "it is computed by another program",
+                                 .has_feedforward_lead = true};  // the program's own business
   if (name == external.name) return external;
   for (const LawFacts& law : laws()) {
     if (law.name == name) return law;
@@ -117,9 +110,7 @@ const LawFacts& law_facts(std::string_view name) {
 }
 
 std::vector<std::string_view> parameter_names(const LawFacts& law) {
-  std::vector<std::string_view> names;
-  for (const Parameter& parameter : law.parameters) names.push_back(parameter.name);
-  return names;
+  return names_of(law.parameters);
 }
 
 robot::Model rigid_model(const experiment::Scenario& scenario) {
@@ -154,10 +145,12 @@ law::Settings law_settings(const experiment::Scenario& scenario) {
 
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law) {
   if (law.needs_flexible_joints && !scenario.robot.flexible) {
+    const auto rigid =
+        names_of<LawFacts>(laws(), [](const LawFacts& of) { return !of.needs_flexible_joints; });
     throw scenario.complaint("controller.law",
                              fmt::format("{} needs robot.joints: {{flexible: …}}, and the joints "
                                          "are rigid; allowed on rigid joints: {}",
-                                         law.name, diagnostics::joined(laws_for_rigid_joints())));
+                                         law.name, diagnostics::joined(rigid)));
   }
   if (law.regulation_only &&
       !std::holds_alternative<reference::trajectory::Hold>(scenario.reference)) {
@@ -205,17 +198,13 @@ std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenari
 }
 
 diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick) {
-  std::string where = "the state";
-  for (Eigen::Index i = 0; i < tau.size(); ++i) {
-    if (!std::isfinite(tau[i])) {
-      where = fmt::format("the torque of joint {}", i + 1);
-      break;
-    }
-  }
+  const auto finite = [](double each) { return std::isfinite(each); };
+  const auto joint = std::ranges::find_if_not(tau, finite) - tau.begin() + 1;
   return {diagnostics::ExitCode::protective_stop,
-          fmt::format("{} of law {} at tick {} is not finite: the loop is unstable; shorten "
-                      "loop.period_s or soften the gains",
-                      where, law, tick)};
+          "{} of law {} at tick {} is not finite: the loop is unstable; shorten loop.period_s or "
+          "soften the gains",
+          joint > tau.size() ? "the state" : fmt::format("the torque of joint {}", joint), law,
+          tick};
 }
 
 loop::LawInfo law_info(const ScenarioLaw& law) {
@@ -243,9 +232,7 @@ ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
   const auto of_list = [&]<class... L>(LawList<L...> /*laws*/) {
     ScenarioLaw chosen;
     const bool found = ((scenario.controller.law == L::name &&
-                         (chosen = std::unique_ptr<AnyLaw<typename L::Measurement>>(
-                              std::make_unique<LawWithMemory<L>>(make_law<L>(scenario))),
-                          true)) ||
+                         (chosen = law_over_run<L>(scenario, law_facts(L::name)), true)) ||
                         ...);
     if (!found) throw scenario.complaint("controller.law", no_such_law(scenario.controller.law));
     return chosen;

@@ -13,9 +13,7 @@
 #include <vector>
 
 #include "controller/any_law.h"
-#include "controller/law/flexible_robot.h"
-#include "controller/law/settings.h"
-#include "controller/law/tuning.h"
+#include "controller/law/parts.h"
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
 #include "robot/model.h"
@@ -38,20 +36,64 @@ struct Parameter {
 /// What is known of a law by its name alone; all of it follows from what the law declares.
 struct LawFacts {
   std::string_view name;
-  std::string_view measurement;           ///< suffix of the channel that it is fed from
-  std::span<const loop::Signal> signals;  ///< rows of its `loop::LawSignals`
-  std::vector<Parameter> parameters;
-  std::string_view source, proved, conditions;
-  std::string_view lyapunov_formula;  ///< empty when it declares no Lyapunov function
-  std::string_view no_linearisation;  ///< why the law cannot be linearised; empty when it can
+  std::string_view measurement{};           ///< suffix of the channel that it is fed from
+  std::span<const loop::Signal> signals{};  ///< rows of its `loop::LawSignals`
+  std::vector<Parameter> parameters{};
+  std::string_view source{}, proved{}, conditions{};
+  std::string_view lyapunov_formula{};  ///< empty when it declares no Lyapunov function
+  std::string_view no_linearisation{};  ///< why the law cannot be linearised; empty when it can
   bool needs_flexible_joints = false;
   bool regulation_only = false;  ///< its reference must be constant
   bool has_feedforward_lead = false;
   bool reads_links = false;   ///< needs encoders on the links' side of a flexible robot
   bool reads_motors = false;  ///< needs encoders on the motors' side of a flexible robot
   /// Its rule of thumb: parameters by name, as a scenario has them. Empty when it declares none.
-  std::function<std::map<std::string, robot::Vector>(const law::Tuning&)> tuned;
+  std::function<std::map<std::string, robot::Vector>(const law::Tuning&)> tuned{};
 };
+
+template <class L>
+std::map<std::string, robot::Vector> tuned_by_name(const law::Tuning& tuning) {
+  using Gains = typename L::Gains;
+  const Gains gains = L::tuned(tuning);
+  std::map<std::string, robot::Vector> all;
+  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
+    if constexpr (std::is_same_v<Member, robot::Vector>) {
+      all[std::string(key.name)] = gains.*key.member;
+    } else {
+      all[std::string(key.name)] = tuning.each(static_cast<double>(gains.*key.member));
+    }
+  });
+  return all;
+}
+
+/// What follows from a law's declarations, of laws that are not in the registry too.
+template <class L>
+LawFacts facts_of() {
+  using Gains = typename L::Gains;
+  using Measurement = typename L::Measurement;
+  LawFacts facts{.name = L::name,
+                 .measurement = loop::MessageOf<Measurement>::suffix,
+                 .signals = L::signals,
+                 .source = L::source,
+                 .proved = L::proved,
+                 .conditions = L::conditions,
+                 .needs_flexible_joints = std::is_same_v<typename L::Robot, law::FlexibleRobot>,
+                 .regulation_only = L::regulation_only,
+                 .has_feedforward_lead = L::has_feedforward_lead,
+                 .reads_links = loop::holds_links<Measurement>,
+                 .reads_motors = loop::holds_motors<Measurement>};
+  schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
+    facts.parameters.push_back({key.name, key.unit, key.meaning, schema::shape_of<Member>,
+                                key.range, schema::allowed_text(key),
+                                key.fallback == schema::Default::required, key.described_default});
+  });
+  if constexpr (law::HasLyapunovFunction<L>) facts.lyapunov_formula = L::lyapunov_formula;
+  if constexpr (!law::MadeOfVectors<typename L::Memory>) {
+    facts.no_linearisation = L::Memory::no_linearisation;
+  }
+  if constexpr (law::Tuned<L>) facts.tuned = tuned_by_name<L>;
+  return facts;
+}
 
 /// In the order of `Laws`; without the one of another program (`experiment::external_law`).
 const std::vector<LawFacts>& laws();
@@ -136,8 +178,11 @@ template <class Measurement>
 using AnyLawOf = std::unique_ptr<AnyLaw<Measurement>>;
 using ScenarioLaw = loop::EachMeasurement<AnyLawOf>;
 
-/// Why a step is not kept: the torque, or what is logged, is not finite.
-diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick);
+/// The law L over the scenario's run. @throw diagnostics::Failure(bad_usage) as `make_law`.
+template <class L>
+ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& law) {
+  return std::make_unique<LawWithMemory<L>>(make_law<L>(scenario, law), scenario.loop);
+}
 
 /// What the law's controller announces of it.
 loop::LawInfo law_info(const ScenarioLaw& law);

@@ -31,11 +31,10 @@ Measurement measurement_of(const M& measured) {
 template <class M>
 class PythonLaw final : public controller::AnyLaw<M> {
  public:
-  using Output = typename controller::AnyLaw<M>::Output;
-
   PythonLaw(const experiment::Scenario& scenario, py::object f, std::string name,
             Interrupt interrupt)
-      : f_(std::move(f)),
+      : controller::AnyLaw<M>(scenario.loop),
+        f_(std::move(f)),
         name_(std::move(name)),
         interrupt_(interrupt),
         num_joints_(scenario.num_joints),
@@ -48,29 +47,22 @@ class PythonLaw final : public controller::AnyLaw<M> {
   [[nodiscard]] std::string_view name() const override { return name_; }
   [[nodiscard]] std::span<const loop::Signal> signals() const override { return logged; }
 
-  Output start(std::int64_t tick, const M& measurement,
-               const loop::ReferencePoint& reference) override {
+ private:
+  void compute(std::int64_t tick, const M& measurement, const loop::ReferencePoint& reference,
+               int ticks) override {
     in_python(tick, [&] {
-      if (py::hasattr(f_, "reset")) f_.attr("reset")();
-    });
-    return step(tick, measurement, reference, 1);
-  }
-
-  Output step(std::int64_t tick, const M& measurement, const loop::ReferencePoint& reference,
-              int /*ticks*/) override {
-    in_python(tick, [&] {
+      if (ticks == 0 && py::hasattr(f_, "reset")) f_.attr("reset")();
       const py::object tau = f_(
           tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
           Reference{array_of(reference.q_ref), array_of(reference.v_ref), array_of(reference.a_ref),
                     array_of(reference.jerk_ref), array_of(reference.snap_ref)});
-      command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
+      this->command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
     });
-    if constexpr (loop::holds_links<M>) signals_ = {1, {measurement.q - reference.q_ref}};
-    return {command_, signals_};
+    if constexpr (loop::holds_links<M>) {
+      this->signals_of_step_ = {1, {measurement.q - reference.q_ref}};
+    }
   }
-  void keep() override {}
 
- private:
   static constexpr auto logged = [] {
     if constexpr (loop::holds_links<M>) {
       return std::array{loop::Signal{"error", "rad"}};
@@ -106,8 +98,6 @@ class PythonLaw final : public controller::AnyLaw<M> {
   Interrupt interrupt_;
   int num_joints_;
   double period_s_;
-  loop::TorqueCommand command_;
-  loop::LawSignals signals_;
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <variant>
 
 #include "experiment/scenario.h"
@@ -9,40 +10,27 @@
 /// From what a scenario asks for to the reference at a time. Does not read the scenario's file.
 namespace tachless::reference {
 
-/// The type with `at(t)` that is made of a trajectory's spec: `Spec::Shape`, or the spec itself.
-template <class T>
-struct ShapeOf {
-  using Type = T;
-};
-template <class T>
-requires requires { typename T::Shape; }
-struct ShapeOf<T> {
-  using Type = typename T::Shape;
-};
-
-template <class Variant>
-struct ShapesOf;
-template <class... T>
-struct ShapesOf<std::variant<T...>> {
-  using Type = std::variant<typename ShapeOf<T>::Type...>;
-};
-
 /// What a robot is to follow: pure, t -> reference, C4 for t >= 0.
 class Trajectory {
  public:
   /// @throw std::invalid_argument, one line, when the spec makes no sense.
   explicit Trajectory(const Spec& spec)
-      : shape_(std::visit(
-            []<class T>(const T& made) { return Shape(typename ShapeOf<T>::Type(made)); }, spec)) {}
+      : at_(std::visit(
+            []<class T>(const T& made) -> At {
+              if constexpr (requires { typename T::Shape; }) {
+                return [shape = typename T::Shape(made)](double t_s) { return shape.at(t_s); };
+              } else {
+                return [made](double t_s) { return made.at(t_s); };
+              }
+            },
+            spec)) {}
 
   /// Position to snap at t [s] since the start of the run, one entry per joint. Allocates nothing.
-  [[nodiscard]] loop::ReferencePoint at(double t_s) const {
-    return std::visit([t_s](const auto& shape) { return shape.at(t_s); }, shape_);
-  }
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const { return at_(t_s); }
 
  private:
-  using Shape = ShapesOf<Spec>::Type;
-  Shape shape_;
+  using At = std::function<loop::ReferencePoint(double t_s)>;
+  At at_;
 };
 
 /// The trajectory a scenario asks for.

@@ -35,15 +35,15 @@ class Node {
 
  protected:
   Node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
-      : transport_(transport),
-        link_(link),
+      : link_(link),
         loop_(transport, link),
-        period_s_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1),
+        transport_(transport),
+        period_s_(scenario.loop.period_s),
         trajectory_(make_trajectory(scenario)),
-        reference_channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
-        tick_codec_(layout(scenario)),
-        reference_codec_(layout(scenario)) {
+        channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
+        tick_codec_(loop::layout(scenario.num_joints, false)),
+        reference_codec_(loop::layout(scenario.num_joints, false)) {
     loop_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
              [this](const bus::Datagram& datagram) {
                loop::Stamp stamp;
@@ -57,15 +57,21 @@ class Node {
   /// Whether all references have been asked for.
   [[nodiscard]] virtual bool complete(Clock::time_point now) const = 0;
 
+  /// Counts what became of a TICK. @return whether it is to be answered
+  template <class Responder>
+  bool count(Verdict verdict, const Responder& responder, std::int64_t tick,
+             const bus::Datagram& datagram) {
+    loop_.count(verdict, loop::Role::plant, datagram, tick,
+                [&] { return responder.sender_of(tick); });
+    if (verdict != Verdict::fresh && verdict != Verdict::repeated) return false;
+    link_.started(Clock::now());
+    return true;
+  }
+
   [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
   [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
-  [[nodiscard]] std::int64_t last_tick() const { return last_tick_; }
-  node::Link& link() { return link_; }
-  node::Loop& loop() { return loop_; }
 
-  void publish(std::span<const std::byte> reference) {
-    transport_.publish(reference_channel_, reference);
-  }
+  void publish(std::span<const std::byte> reference) { transport_.publish(channel_, reference); }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when it is not finite.
@@ -91,18 +97,15 @@ class Node {
     link_.statistics().ticks = newest + 1;
   }
 
- private:
-  static loop::Layout layout(const experiment::Scenario& scenario) {
-    return loop::layout(scenario.num_joints, false);
-  }
-
-  bus::Transport& transport_;
   node::Link& link_;
   node::Loop loop_;
-  double period_s_;
   std::int64_t last_tick_;
+
+ private:
+  bus::Transport& transport_;
+  double period_s_;
   Trajectory trajectory_;
-  std::string reference_channel_;
+  std::string channel_;
   bus::Codec<loop::Tick> tick_codec_;
   bus::Codec<loop::ReferencePoint> reference_codec_;
 };
@@ -116,13 +119,10 @@ class LockstepNode final : public Node {
  private:
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
     const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
-    loop().count(answer.verdict, loop::Role::plant, datagram, tick,
-                 [&] { return responder_.sender_of(tick); });
-    if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
-    link().started(Clock::now());
+    if (!count(answer.verdict, responder_, tick, datagram)) return;
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
       publish(responder_.kept(k));
-      ++link().statistics().resends;
+      ++link_.statistics().resends;
     }
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
       responder_.computed(k, compute(k));
@@ -131,7 +131,7 @@ class LockstepNode final : public Node {
   }
 
   [[nodiscard]] bool complete(Clock::time_point /*now*/) const override {
-    return responder_.newest() == last_tick();
+    return responder_.newest() == last_tick_;
   }
 
   protocol::lockstep::ReferenceResponder responder_;
@@ -146,21 +146,17 @@ class RealtimeNode final : public Node {
 
  private:
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
-    const auto now = Clock::now();
-    if (!pace_.possible(tick, now) && !link().knows(datagram.sender)) {
-      return loop().count(Verdict::not_asked);
+    if (!pace_.possible(tick, Clock::now()) && !link_.knows(datagram.sender)) {
+      return loop_.count(Verdict::not_asked);
     }
     const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
-    loop().count(answer.verdict, loop::Role::plant, datagram, tick,
-                 [&] { return responder_.sender_of(tick); });
-    if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
-    link().started(now);
+    if (!count(answer.verdict, responder_, tick, datagram)) return;
     for (std::int64_t k = answer.first; k <= answer.last; ++k) compute(k);
     answered(tick, responder_.newest());
   }
 
   [[nodiscard]] bool complete(Clock::time_point now) const override {
-    return pace_.over(responder_.newest(), last_tick(), now);
+    return pace_.over(responder_.newest(), last_tick_, now);
   }
 
   protocol::realtime::ReferenceResponder responder_;

@@ -3,10 +3,8 @@
 #include <variant>
 
 #include "reference/trajectory/hold.h"
-#include "reference/trajectory/motion_file.h"
-#include "reference/trajectory/multi_sine.h"
 #include "reference/trajectory/point_to_point.h"
-#include "reference/trajectory/sinusoid.h"
+#include "reference/trajectory/sinusoids.h"
 #include "reference/trajectory/waypoints.h"
 
 /// The list of all trajectories. To add one: a header in trajectory/ with a struct that has a

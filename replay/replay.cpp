@@ -12,7 +12,6 @@
 #include <utility>
 #include <variant>
 
-#include "controller/law_stepper.h"
 #include "diagnostics/failure.h"
 
 namespace tachless::replay {
@@ -131,7 +130,6 @@ template <class Measurement>
 void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
                   std::unique_ptr<controller::AnyLaw<Measurement>> law, Comparison& comparison) {
   const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
-  controller::LawStepper<Measurement> stepper(std::move(law), scenario.loop);
   Replay& result = comparison.result;
   logger::TickRecord record;
   std::int64_t next = 0;
@@ -154,7 +152,7 @@ void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
     next = record.tick + 1;
     robot::Vector tau;
     try {
-      tau = stepper.step(record.tick, *measurement, *record.reference).output.command.tau;
+      tau = law->step(record.tick, *measurement, *record.reference).command.tau;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
       result.stopped_by =
@@ -166,7 +164,7 @@ void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
       result.stopped_by = fmt::format("the law's torque at tick {} is not finite", record.tick);
       break;
     }
-    stepper.keep(record.tick);
+    law->keep(record.tick);
     if (record.command) {
       comparison.add(record.tick, record.command->tau, tau);
     } else if (comparison.pending++ == 0) {

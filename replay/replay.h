@@ -64,7 +64,7 @@ using OnCompared = std::function<void(std::int64_t tick, const robot::Vector& re
 /// A law's memory holds all ticks before: a tick without measurement or reference ends what can
 /// be computed. A tick without a command is stepped through. Ticks after the last command are
 /// where the run was ended, no gap. In realtime the controller may have passed ticks over: those
-/// with neither its command nor its state are passed over likewise (controller::LawStepper).
+/// with neither its command nor its state are passed over likewise (controller::AnyLaw).
 /// @throw diagnostics::Failure(bad_usage) when the scenario is not one for this log: another number
 /// of joints, another period, rigid for flexible joints, a law that needs more than was measured.
 Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,

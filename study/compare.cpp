@@ -7,7 +7,6 @@
 #include <variant>
 
 #include "certificate/scenario_loop.h"
-#include "controller/law_stepper.h"
 #include "controller/registry.h"
 
 namespace tachless::study {
@@ -69,13 +68,12 @@ double step_time_us(const experiment::Scenario& scenario, const Recorded& record
   for (int pass = 0; pass < 5 && !recorded.measurements.empty(); ++pass) {
     std::visit(
         [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> law) {
-          controller::LawStepper<Measurement> stepper(std::move(law), scenario.loop);
           const Clock::time_point begun = Clock::now();
           for (std::size_t k = 0; k < recorded.measurements.size(); ++k) {
             const auto tick = static_cast<std::int64_t>(k);
-            stepper.step(tick, std::get<Measurement>(recorded.measurements[k]),
+            law->step(tick, std::get<Measurement>(recorded.measurements[k]),
                          recorded.references[k]);
-            stepper.keep(tick);
+            law->keep(tick);
           }
           const std::chrono::duration<double, std::micro> passed = Clock::now() - begun;
           passes.push_back(passed.count() / static_cast<double>(recorded.measurements.size()));

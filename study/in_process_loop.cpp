@@ -6,7 +6,6 @@
 #include <utility>
 #include <variant>
 
-#include "controller/law_stepper.h"
 #include "diagnostics/failure.h"
 #include "plant/encoder.h"
 #include "plant/guarded_robot.h"
@@ -22,7 +21,6 @@ void run(const experiment::Scenario& scenario, std::unique_ptr<controller::AnyLa
   plant::GuardedRobot robot(scenario);
   const plant::Encoder encoder(scenario, robot.model());
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  controller::LawStepper<Measurement> stepper(std::move(law), scenario.loop);
   robot.start();
   TickRecord record;
   for (std::int64_t k = 0; k < scenario.loop.num_ticks; ++k) {
@@ -35,10 +33,10 @@ void run(const experiment::Scenario& scenario, std::unique_ptr<controller::AnyLa
     record.reference = trajectory.at(record.time_s);
 
     const Measurement& measurement = std::get<Measurement>(record.measurement);
-    const auto step = stepper.step(k, measurement, record.reference);
-    stepper.keep(k);
-    record.command = step.output.command;
-    record.controller = step.output.signals;
+    const controller::Outcome step = law->step(k, measurement, record.reference);
+    law->keep(k);
+    record.command = step.command;
+    record.controller = step.signals;
     if (!record.command.tau.allFinite()) {
       throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
                                  "the law commands a torque that is not finite at tick {}: the "

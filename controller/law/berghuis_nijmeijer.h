@@ -4,35 +4,38 @@
 #include <cmath>
 #include <string_view>
 #include <tuple>
-#include <utility>
 
-#include "controller/law/feedforward.h"
-#include "controller/law/law.h"
-#include "controller/law/settings.h"
-#include "controller/law/tuning.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/model.h"
-#include "schema/schema.h"
+#include "controller/law/parts.h"
 
 namespace tachless::controller::law {
 
+struct BerghuisNijmeijerGains {
+  Vector lambda, kd;
+  double observer_ld = 0;
+
+  static constexpr std::tuple keys{
+      gain("lambda", &BerghuisNijmeijerGains::lambda, "1/s",
+           "Weight of the estimated position error, and of the observer's"),
+      gain("kd", &BerghuisNijmeijerGains::kd, "N m s/rad",
+           "Weight of the estimated velocity error"),
+      gain("observer_ld", &BerghuisNijmeijerGains::observer_ld, "1/s", "Gain of the observer")};
+};
+
 /// Tracking of a rigid robot from link positions alone, by passivity of controller and observer
-/// together: H. Berghuis and H. Nijmeijer, "A passivity approach to controller-observer design for
-/// robots", IEEE Trans. Robotics and Automation 9(6), 1993, in the form implemented here,
+/// together, `source`,
 ///
 ///   v_r = v_ref - Lambda (q_hat - q_ref),   v_0 = q_hatdot - Lambda (q - q_hat),
 ///   q_hatdot = z + (l_d + Lambda)(q - q_hat),   zdot = v_rdot + l_d Lambda (q - q_hat),
 ///   tau = M(q) v_rdot + C(q, v_0) v_r + g(q) - Kd (v_0 - v_r).
 ///
-/// Measures: link position. Memory: the observer, in deviations from the reference (see Memory):
-/// linear, so that it is exact for errors that are straight lines between samples. The observer
-/// knows no model. With `feedforward_lead_s`, v_ref and vdot_ref in the first two terms are taken
-/// that much ahead; what is measured or estimated is not.
-class BerghuisNijmeijer {
+/// The observer is in deviations from the reference (see Memory): linear, so that it is exact for
+/// errors that are straight lines between samples. It knows no model. With `feedforward_lead_s`,
+/// v_ref and vdot_ref in the first two terms are taken that much ahead; what is measured or
+/// estimated is not.
+class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
  public:
   static constexpr std::string_view name = "berghuis_nijmeijer";
-  static constexpr std::array signals = {loop::Signal{"error", "rad"},
-                                         loop::Signal{"v_hat", "rad/s"}};
+  static constexpr std::array signals{Signal{"error", "rad"}, Signal{"v_hat", "rad/s"}};
   static constexpr std::string_view source =
       "H. Berghuis and H. Nijmeijer, A passivity approach to controller-observer design for "
       "robots, IEEE Trans. Robotics and Automation 9(6), 1993, in the form implemented here";
@@ -41,77 +44,50 @@ class BerghuisNijmeijer {
   static constexpr std::string_view conditions =
       "observer_ld lambda_min(M) > lambda_max(Kd) and what the Coriolis terms of the initial "
       "errors and of sup |v_ref| add, which kd has to exceed as well";
-  static constexpr bool regulation_only = false;
-  static constexpr bool has_feedforward_lead = true;
 
-  using Robot = robot::Model;  ///< rotor inertia included: M = M_l + J
   using Measurement = loop::PositionMeasurement;
 
   /// With e = q - q_ref and delta = q - q_hat, rho = z - v_ref - Lambda delta. Both are zero, and
   /// stay so, while the error is constant: q_hat = q and z = v_ref.
   struct Memory {
-    robot::Vector delta;       ///< [rad]
-    robot::Vector rho;         ///< [rad/s]
-    robot::Vector e_previous;  ///< [rad]
+    Vector delta;       ///< [rad]
+    Vector rho;         ///< [rad/s]
+    Vector e_previous;  ///< [rad]
 
     static constexpr std::tuple members{&Memory::delta, &Memory::rho, &Memory::e_previous};
   };
 
-  struct Gains {
-    robot::Vector lambda, kd;
-    double observer_ld = 0;
-
-    static constexpr std::tuple keys{
-        schema::Key{"lambda", &Gains::lambda, "1/s",
-                    "Weight of the estimated position error, and of the observer's"}
-            .in(schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of the estimated velocity error"}.in(
-            schema::positive),
-        schema::Key{"observer_ld", &Gains::observer_ld, "1/s", "Gain of the observer"}.in(
-            schema::positive)};
-  };
+  using LawOf::LawOf;
 
   static Gains tuned(const Tuning& t) {
     return {t.each(t.w / t.damping), t.damping * t.w * t.inertia, t.filter};
   }
 
-  BerghuisNijmeijer(Robot model, Gains gains, const Settings& settings)
-      : model_(std::move(model)),
-        gains_(std::move(gains)),
-        lead_s_(settings.feedforward_lead_s),
-        period_s_(settings.period_s),
-        every_period_(gains_, period_s_) {}
-
-  [[nodiscard]] Memory start(const Measurement& measurement,
-                             const loop::ReferencePoint& reference) const {
-    const robot::Vector zero = robot::Vector::Zero(measurement.q.size());
-    return {zero, zero, measurement.q - reference.q_ref};
+  [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
+    const Vector zero = Vector::Zero(measured.q.size());
+    return {zero, zero, measured.q - reference.q_ref};
   }
 
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference, int ticks = 1) const {
-    const robot::Vector& lambda = gains_.lambda;
-    const robot::Vector e = measurement.q - reference.q_ref;
-    Step<Memory> result{ticks == 1 ? every_period_.step(memory, e)
-                                   : Observer(gains_, ticks * period_s_).step(memory, e),
-                        {},
-                        {}};
-    const robot::Vector& delta = result.memory.delta;
-    const robot::Vector& rho = result.memory.rho;
-    const robot::Vector v_hat_error =
-        rho + gains_.observer_ld * delta + 2 * lambda.cwiseProduct(delta);  // q_hatdot - v_ref
-    const robot::Vector v_hat = reference.v_ref + v_hat_error;
-    const robot::Vector v_0 = v_hat - lambda.cwiseProduct(delta);
-    const robot::Vector e_hat = e - delta;  // q_hat - q_ref
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
+                                  const ReferencePoint& reference, int ticks = 1) const {
+    const Vector& lambda = gains_.lambda;
+    const Vector e = measured.q - reference.q_ref;
+    const Memory next = ticks == 1 ? every_period_.step(memory, e)
+                                   : Observer(gains_, ticks * settings_.period_s).step(memory, e);
+    const Vector& delta = next.delta;
+    const Vector v_hat_error =
+        next.rho + gains_.observer_ld * delta + 2 * lambda.cwiseProduct(delta);  // q_hatdot - v_ref
+    const Vector v_hat = reference.v_ref + v_hat_error;
+    const Vector v_0 = v_hat - lambda.cwiseProduct(delta);
+    const Vector e_hat = e - delta;  // q_hat - q_ref
 
-    const Feedforward ahead = feedforward_ahead(reference, lead_s_);
-    const robot::Vector v_r = ahead.v_ref - lambda.cwiseProduct(e_hat);
-    const robot::Vector a_r = ahead.a_ref - lambda.cwiseProduct(v_hat_error);
-    const robot::Vector s = v_0 - reference.v_ref + lambda.cwiseProduct(e_hat);  // v_0 - v_r
-    result.command.tau = robot::inverse_dynamics_bilinear(model_, measurement.q, v_0, v_r, a_r) -
-                         gains_.kd.cwiseProduct(s);
-    result.signals = {signals.size(), {e, v_hat}};
-    return result;
+    const auto [v_ref, a_ref] = ahead(reference);
+    const Vector v_r = v_ref - lambda.cwiseProduct(e_hat);
+    const Vector a_r = a_ref - lambda.cwiseProduct(v_hat_error);
+    const Vector s = v_0 - reference.v_ref + lambda.cwiseProduct(e_hat);  // v_0 - v_r
+    const Vector tau = robot::inverse_dynamics_bilinear(robot_, measured.q, v_0, v_r, a_r) -
+                       gains_.kd.cwiseProduct(s);
+    return {next, {tau}, {signals.size(), {e, v_hat}}};
   }
 
  private:
@@ -147,8 +123,8 @@ class BerghuisNijmeijer {
       }
     }
 
-    [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
-      const robot::Vector rise = e - memory.e_previous;
+    [[nodiscard]] Memory step(const Memory& memory, const Vector& e) const {
+      const Vector rise = e - memory.e_previous;
       return {phi_dd_.cwiseProduct(memory.delta) + phi_dr_.cwiseProduct(memory.rho) +
                   gamma_d_.cwiseProduct(rise),
               phi_rd_.cwiseProduct(memory.delta) + phi_rr_.cwiseProduct(memory.rho) +
@@ -157,14 +133,11 @@ class BerghuisNijmeijer {
     }
 
    private:
-    robot::Vector phi_dd_, phi_dr_, phi_rd_, phi_rr_, gamma_d_, gamma_r_;
+    Vector phi_dd_, phi_dr_, phi_rd_, phi_rr_, gamma_d_, gamma_r_;
   };
 
-  robot::Model model_;
-  Gains gains_;
-  double lead_s_;
-  double period_s_;
-  Observer every_period_;  ///< of the usual step, one period after the last
+  /// Of the usual step, one period after the last.
+  Observer every_period_{gains_, settings_.period_s};
 };
 
 static_assert(OutputFeedbackLaw<BerghuisNijmeijer>);

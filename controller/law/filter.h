@@ -68,13 +68,11 @@ class Filter {
   /// @throw std::invalid_argument when one of them is not positive or the lengths differ.
   Filter(const robot::Vector& a, const robot::Vector& b, Discretisation kind, FilterStart start,
          double period_s)
-      : a_(a), b_(b), kind_(kind), start_(start), period_s_(period_s), every_period_(a.size()) {
+      : a_(a), b_(b), kind_(kind), start_(start), period_s_(period_s) {
     if (a.size() != b.size()) {
       throw std::invalid_argument("filter: a and b must have one entry per joint");
     }
-    for (Eigen::Index i = 0; i < a.size(); ++i) {
-      every_period_.set(i, filter_coefficients(kind, a[i], b[i], period_s));
-    }
+    every_period_ = coefficients(1);
   }
 
   /// Memory before the first sample e(0) [rad] is given to `step`, which then returns the nu(0)
@@ -92,12 +90,7 @@ class Filter {
   /// the output that belongs to that sample. Over a gap it is the filter sampled every `ticks`
   /// periods.
   [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e, int ticks = 1) const {
-    if (ticks == 1) return every_period_.step(memory, e);
-    Coefficients over_gap(a_.size());
-    for (Eigen::Index i = 0; i < a_.size(); ++i) {
-      over_gap.set(i, filter_coefficients(kind_, a_[i], b_[i], ticks * period_s_));
-    }
-    return over_gap.step(memory, e);
+    return ticks == 1 ? every_period_.step(memory, e) : coefficients(ticks).step(memory, e);
   }
 
   /// nudot = -A nu + B edot, the continuous filter's own equation [rad/s^2].
@@ -110,15 +103,20 @@ class Filter {
   struct Coefficients {
     robot::Vector phi, beta;
 
-    explicit Coefficients(Eigen::Index num_joints) : phi(num_joints), beta(num_joints) {}
-    void set(Eigen::Index i, const FilterCoefficients& joint) {
-      phi[i] = joint.phi;
-      beta[i] = joint.beta;
-    }
     [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
       return {phi.cwiseProduct(memory.nu) + beta.cwiseProduct(e - memory.e_previous), e};
     }
   };
+
+  [[nodiscard]] Coefficients coefficients(int ticks) const {
+    Coefficients all{a_, b_};
+    for (Eigen::Index i = 0; i < a_.size(); ++i) {
+      const auto joint = filter_coefficients(kind_, a_[i], b_[i], ticks * period_s_);
+      all.phi[i] = joint.phi;
+      all.beta[i] = joint.beta;
+    }
+    return all;
+  }
 
   robot::Vector a_, b_;
   Discretisation kind_;

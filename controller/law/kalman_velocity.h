@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/LU>
+#include <cmath>
 #include <cstddef>
 #include <stdexcept>
 #include <string_view>
@@ -8,8 +9,6 @@
 #include <vector>
 
 #include "controller/law/estimated_velocity.h"
-#include "controller/law/tuning.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -23,27 +22,24 @@ namespace tachless::controller::law {
 class KalmanChain {
  public:
   struct Memory {
-    robot::Vector q, v, a;  ///< of the last sample [rad], [rad/s], [rad/s^2]; order 2: a empty
+    Vector q, v, a;  ///< of the last sample [rad], [rad/s], [rad/s^2]; order 2: a empty
 
     static constexpr std::tuple members{&Memory::q, &Memory::v, &Memory::a};
   };
 
   struct Gains {
-    robot::Vector kp, kd, process_noise;
+    Vector kp, kd, process_noise;
     int order = 2;
-    robot::Vector measurement_noise;
+    Vector measurement_noise;
 
     static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"}.in(schema::positive),
-        schema::Key{"process_noise", &Gains::process_noise, "rad^2/s^3; with order 3 rad^2/s^5",
-                    "Q: spectral density of the acceleration; with order 3 of the jerk"}
-            .in(schema::positive),
+        gain("kp", &Gains::kp, "N m/rad", "Weight of the position error"),
+        gain("kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"),
+        gain("process_noise", &Gains::process_noise, "rad^2/s^3; with order 3 rad^2/s^5",
+             "Q: spectral density of the acceleration; with order 3 of the jerk"),
         schema::Key{"order", &Gains::order, "integrators", "Length of the chain"}.in({2, 3}),
-        schema::Key{"measurement_noise", &Gains::measurement_noise, "rad",
-                    "Standard deviation of a measured position"}
-            .in(schema::positive)
+        gain("measurement_noise", &Gains::measurement_noise, "rad",
+             "Standard deviation of a measured position")
             .by_default("that of the scenario's encoder: one count / sqrt(12), and its noise")};
   };
 
@@ -56,7 +52,7 @@ class KalmanChain {
   /// @throw std::invalid_argument when measurement_noise is not given and the encoder is ideal.
   KalmanChain(const Gains& gains, const Settings& settings)
       : order_(gains.order), period_s_(settings.period_s) {
-    const robot::Vector& noise =
+    const Vector& noise =
         gains.measurement_noise.size() > 0 ? gains.measurement_noise : settings.position_std;
     if (noise.size() == 0 || !(noise.array() > 0).all()) {
       throw std::invalid_argument(
@@ -74,12 +70,12 @@ class KalmanChain {
     }
   }
 
-  [[nodiscard]] Memory start(const robot::Vector& q, const loop::ReferencePoint& reference) const {
-    const robot::Vector a = order_ == 3 ? reference.a_ref : robot::Vector();
+  [[nodiscard]] Memory start(const Vector& q, const ReferencePoint& reference) const {
+    const Vector a = order_ == 3 ? reference.a_ref : Vector();
     return predicted({q, reference.v_ref, a}, -period_s_);
   }
 
-  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& q, int ticks) const {
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& q, int ticks) const {
     Memory next = predicted(memory, ticks * period_s_);
     for (Eigen::Index i = 0; i < q.size(); ++i) {
       const Joint& joint = joints_[static_cast<std::size_t>(i)];
@@ -92,7 +88,7 @@ class KalmanChain {
     return next;
   }
 
-  [[nodiscard]] robot::Vector velocity(const Memory& memory) const { return memory.v; }
+  [[nodiscard]] Vector velocity(const Memory& memory) const { return memory.v; }
 
  private:
   using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 3, 3>;
@@ -165,10 +161,9 @@ class KalmanChain {
   std::vector<Joint> joints_;
 };
 
-/// `EstimatedVelocity` by a Kalman filter: P. R. Belanger, "Estimation of angular velocity and
-/// acceleration from shaft encoder measurements", IEEE Int. Conf. Robotics and Automation, 1992,
-/// in the form implemented here. Counts of width Delta are taken for white noise of variance
-/// Delta^2 / 12, which they are not where the robot moves less than some counts per period.
+/// `EstimatedVelocity` by a Kalman filter, `source`, in the form implemented here. Counts of width
+/// Delta are taken for white noise of variance Delta^2 / 12, which they are not where the robot
+/// moves less than some counts per period.
 class KalmanVelocity : public EstimatedVelocity<KalmanChain> {
  public:
   static constexpr std::string_view name = "kalman_velocity";

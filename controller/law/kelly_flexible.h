@@ -2,34 +2,24 @@
 
 #include <array>
 #include <string_view>
-#include <utility>
 
-#include "controller/law/filter.h"
-#include "controller/law/filter_gains.h"
-#include "controller/law/flexible_robot.h"
-#include "controller/law/law.h"
-#include "controller/law/lyapunov.h"
-#include "controller/law/settings.h"
-#include "controller/law/tuning.h"
+#include "controller/law/parts.h"
 #include "robot/energy.h"
-#include "robot/inverse_dynamics.h"
 
 namespace tachless::controller::law {
 
-/// Regulation of a robot with flexible joints from motor positions alone: R. Kelly, R. Ortega,
-/// A. Ailon and A. Loria, "Global regulation of flexible joint robots using approximate
-/// differentiation", IEEE Trans. Automatic Control 39(6), 1994:
+/// Regulation of a robot with flexible joints from motor positions alone, `source`:
 ///
 ///   tau = g(q_ref) - Kp (theta - theta_ref) - Kd nu,   theta_ref = q_ref + K^-1 g(q_ref),
 ///   nudot = -A nu + B thetadot,   q_ref constant.
 ///
-/// Measures: motor position; the links are not measured at all. Memory: the filter. The
-/// reference is constant by assumption, so a feed-forward lead changes nothing.
-class KellyFlexible {
+/// The links are not measured at all. The reference is constant by assumption, so a feed-forward
+/// lead changes nothing.
+class KellyFlexible : public FlexibleLaw<FilterGains> {
  public:
   static constexpr std::string_view name = "kelly_flexible";
-  static constexpr std::array signals = {loop::Signal{"error", "rad"},
-                                         loop::Signal{"nu", "rad/s"}};  ///< of the motor
+  static constexpr std::array signals{Signal{"error", "rad"},
+                                      Signal{"nu", "rad/s"}};  ///< of the motor
   static constexpr std::string_view source =
       "R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible joint robots "
       "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994";
@@ -40,37 +30,28 @@ class KellyFlexible {
   static constexpr bool regulation_only = true;
   static constexpr bool has_feedforward_lead = true;
 
-  using Robot = FlexibleRobot;
   using Measurement = loop::MotorPositionMeasurement;
-  using Gains = FilterGains;
   using Memory = Filter::Memory;
+  using LawOf::LawOf;
 
   /// The filter passes the springs' resonance.
   static Gains tuned(const Tuning& t) {
     const auto [kp, kd] = t.through_spring();
-    const robot::Vector filter = t.each(t.filter).cwiseMax(0.6 * t.resonance());
+    const Vector filter = t.each(t.filter).cwiseMax(0.6 * t.resonance());
     return {kp, kd, filter, filter};
   }
 
-  KellyFlexible(Robot robot, Gains gains, const Settings& settings)
-      : robot_(std::move(robot)),
-        gains_(std::move(gains)),
-        filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s) {}
-
-  [[nodiscard]] Memory start(const Measurement& measurement,
-                             const loop::ReferencePoint& reference) const {
-    return filter_.start(measurement.theta - theta_ref(reference, gravity(reference)));
+  [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
+    return filter_.start(error(measured.theta, reference, gravity(reference)));
   }
 
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference, int ticks = 1) const {
-    const robot::Vector g = gravity(reference);
-    const robot::Vector e = measurement.theta - theta_ref(reference, g);
-    Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
-    const robot::Vector& nu = result.memory.nu;
-    result.command.tau = g - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
-    result.signals = {signals.size(), {e, nu}};
-    return result;
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
+                                  const ReferencePoint& reference, int ticks = 1) const {
+    const Vector g = gravity(reference);
+    const Vector e = error(measured.theta, reference, g);
+    const Memory next = filter_.step(memory, e, ticks);
+    const Vector tau = g - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(next.nu);
+    return {next, {tau}, {signals.size(), {e, next.nu}}};
   }
 
   /// With U the potential energy: 1/2 v' M_l v + 1/2 thetadot' J thetadot + 1/2 e' [K, -K; -K, K +
@@ -78,11 +59,11 @@ class KellyFlexible {
   /// motor's error.
   static constexpr std::string_view lyapunov_formula =
       "½ v′M v + ½ θ̇′Jθ̇ + ½ e′[K, −K; −K, K + Kp] e + U(q) − U(q_ref) − g(q_ref)′e₁ + ½ ν′Kd B⁻¹ν";
-  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+  [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
-    const robot::Vector g = gravity(reference);
-    const robot::Vector e1 = state.q - reference.q_ref;
-    const robot::Vector e2 = state.theta - theta_ref(reference, g);
+    const Vector g = gravity(reference);
+    const Vector e1 = state.q - reference.q_ref;
+    const Vector e2 = error(state.theta, reference, g);
     return robot::kinetic_energy(robot_.links, state.q, state.v) +
            0.5 * weighted(robot_.rotor_inertia, state.thetadot) +
            0.5 * (weighted(gains_.kp, e2) + weighted(robot_.stiffness, e1 - e2)) +
@@ -92,18 +73,17 @@ class KellyFlexible {
   }
 
  private:
-  [[nodiscard]] robot::Vector gravity(const loop::ReferencePoint& reference) const {
+  [[nodiscard]] Vector gravity(const ReferencePoint& reference) const {
     return robot::gravity_torque(robot_.links, reference.q_ref);
   }
 
-  [[nodiscard]] robot::Vector theta_ref(const loop::ReferencePoint& reference,
-                                        const robot::Vector& g) const {
-    return reference.q_ref + g.cwiseQuotient(robot_.stiffness);
+  /// theta - theta_ref
+  [[nodiscard]] Vector error(const Vector& theta, const ReferencePoint& reference,
+                             const Vector& g) const {
+    return theta - (reference.q_ref + g.cwiseQuotient(robot_.stiffness));
   }
 
-  Robot robot_;
-  Gains gains_;
-  Filter filter_;
+  Filter filter_ = filter(gains_.a, gains_.b);
 };
 
 static_assert(OutputFeedbackLaw<KellyFlexible>);

@@ -1,31 +1,20 @@
 #pragma once
 
-#include <array>
 #include <string_view>
-#include <utility>
 
-#include "controller/law/equation_15.h"
-#include "controller/law/filter.h"
-#include "controller/law/law.h"
-#include "controller/law/settings.h"
-#include "robot/inverse_dynamics.h"
+#include "controller/law/filtered_error.h"
 
 namespace tachless::controller::law {
 
-/// Regulation of a rigid robot from link positions alone: R. Kelly, R. Ortega, A. Ailon and
-/// A. Loria, "Global regulation of flexible joint robots using approximate differentiation", IEEE
-/// Trans. Automatic Control 39(6), 1994, in its rigid form:
+/// Regulation of a rigid robot from link positions alone, `source`:
 ///
 ///   tau = g(q) - Kp e - Kd nu,   nudot = -A nu + B edot,   q_ref constant.
 ///
-/// `LoriaOrtegaRigid` at a constant reference is this law.
-///
-/// Measures: link position. Memory: the filter. The reference is constant by assumption, so a
-/// feed-forward lead changes nothing.
-class KellyRegulation : public Equation15 {
+/// `LoriaOrtegaRigid` at a constant reference is this law. The reference is constant by assumption,
+/// so a feed-forward lead changes nothing.
+class KellyRegulation : public FilteredError {
  public:
   static constexpr std::string_view name = "kelly_regulation";
-  static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
   static constexpr std::string_view source =
       "R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible joint robots "
       "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994, for rigid "
@@ -33,33 +22,14 @@ class KellyRegulation : public Equation15 {
   static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
   static constexpr std::string_view conditions = "a constant reference; any positive gains";
   static constexpr bool regulation_only = true;
-  static constexpr bool has_feedforward_lead = true;
 
-  using Measurement = loop::PositionMeasurement;
-  using Memory = Filter::Memory;
+  using FilteredError::FilteredError;
 
-  KellyRegulation(Robot model, Gains gains, const Settings& settings)
-      : Equation15(std::move(model), std::move(gains)),
-        filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s) {}
-
-  [[nodiscard]] Memory start(const Measurement& measurement,
-                             const loop::ReferencePoint& reference) const {
-    return filter_.start(measurement.q - reference.q_ref);
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
+                                  const ReferencePoint& reference, int ticks = 1) const {
+    return step_from(memory, measured.q - reference.q_ref, ticks,
+                     robot::gravity_torque(robot_, measured.q));
   }
-
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference, int ticks = 1) const {
-    const robot::Vector e = measurement.q - reference.q_ref;
-    Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
-    const robot::Vector& nu = result.memory.nu;
-    result.command.tau = robot::gravity_torque(model_, measurement.q) - gains_.kp.cwiseProduct(e) -
-                         gains_.kd.cwiseProduct(nu);
-    result.signals = {signals.size(), {e, nu}};
-    return result;
-  }
-
- private:
-  Filter filter_;
 };
 
 static_assert(OutputFeedbackLaw<KellyRegulation>);

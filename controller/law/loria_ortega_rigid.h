@@ -1,31 +1,21 @@
 #pragma once
 
-#include <array>
 #include <string_view>
-#include <utility>
 
-#include "controller/law/equation_15.h"
-#include "controller/law/feedforward.h"
-#include "controller/law/filter.h"
-#include "controller/law/law.h"
-#include "controller/law/settings.h"
-#include "robot/inverse_dynamics.h"
+#include "controller/law/filtered_error.h"
 
 namespace tachless::controller::law {
 
-/// Tracking of a rigid robot from link positions alone: A. Loria and R. Ortega, "On tracking
-/// control of rigid and flexible joint robots", Appl. Math. and Comp. Sci. 5(2), 1995, eq. 4-5,
+/// Tracking of a rigid robot from link positions alone, `source`,
 ///
 ///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd nu,   nudot = -A nu + B edot,
 ///
-/// with e = q - q_ref. The first three terms are one inverse dynamics ID(q, v_ref, vdot_ref).
-///
-/// Measures: link position. Memory: the filter. With `feedforward_lead_s`, v_ref and vdot_ref of
-/// the first two terms are taken that much ahead; q stays the measured one.
-class LoriaOrtegaRigid : public Equation15 {
+/// with e = q - q_ref. The first three terms are one inverse dynamics ID(q, v_ref, vdot_ref). With
+/// `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead; q
+/// stays the measured one.
+class LoriaOrtegaRigid : public FilteredError {
  public:
   static constexpr std::string_view name = "loria_ortega_rigid";
-  static constexpr std::array signals = {loop::Signal{"error", "rad"}, loop::Signal{"nu", "rad/s"}};
   static constexpr std::string_view source =
       "A. Loria and R. Ortega, On tracking control of rigid and flexible joint robots, Appl. Math. "
       "and Comp. Sci. 5(2), 1995, eq. 4-5 and Prop. 1";
@@ -40,37 +30,15 @@ class LoriaOrtegaRigid : public Equation15 {
       "sqrt(alpha_1 / alpha_2) (8). l, L: smallest, largest eigenvalue over all q; D: inertia "
       "matrix; B_d >= sup |v_ref|; beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, free "
       "and > 0";
-  static constexpr bool regulation_only = false;
-  static constexpr bool has_feedforward_lead = true;
 
-  using Measurement = loop::PositionMeasurement;
-  using Memory = Filter::Memory;
+  using FilteredError::FilteredError;
 
-  LoriaOrtegaRigid(Robot model, Gains gains, const Settings& settings)
-      : Equation15(std::move(model), std::move(gains)),
-        filter_(gains_.a, gains_.b, settings.filter, settings.filter_start, settings.period_s),
-        lead_s_(settings.feedforward_lead_s) {}
-
-  [[nodiscard]] Memory start(const Measurement& measurement,
-                             const loop::ReferencePoint& reference) const {
-    return filter_.start(measurement.q - reference.q_ref);
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
+                                  const ReferencePoint& reference, int ticks = 1) const {
+    const auto [v_ref, a_ref] = ahead(reference);
+    return step_from(memory, measured.q - reference.q_ref, ticks,
+                     robot::inverse_dynamics(robot_, measured.q, v_ref, a_ref));
   }
-
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference, int ticks = 1) const {
-    const robot::Vector e = measurement.q - reference.q_ref;
-    Step<Memory> result{filter_.step(memory, e, ticks), {}, {}};
-    const robot::Vector& nu = result.memory.nu;
-    const Feedforward ahead = feedforward_ahead(reference, lead_s_);
-    result.command.tau = robot::inverse_dynamics(model_, measurement.q, ahead.v_ref, ahead.a_ref) -
-                         gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(nu);
-    result.signals = {signals.size(), {e, nu}};
-    return result;
-  }
-
- private:
-  Filter filter_;
-  double lead_s_;
 };
 
 static_assert(OutputFeedbackLaw<LoriaOrtegaRigid>);

@@ -8,8 +8,6 @@
 #include <tuple>
 
 #include "controller/law/estimated_velocity.h"
-#include "controller/law/tuning.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -20,19 +18,18 @@ class PositionDifference {
   static constexpr int most_samples = 64;
 
   struct Memory {
-    std::array<robot::Vector, most_samples + 1> q;  ///< newest first; beyond m empty [rad]
+    std::array<Vector, most_samples + 1> q;  ///< newest first; beyond m empty [rad]
 
     static constexpr std::tuple members{&Memory::q};
   };
 
   struct Gains {
-    robot::Vector kp, kd;
+    Vector kp, kd;
     int samples = 1;
 
     static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"}.in(schema::positive),
+        gain("kp", &Gains::kp, "N m/rad", "Weight of the position error"),
+        gain("kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"),
         schema::Key{"samples", &Gains::samples, "ticks",
                     "m: over how many periods the difference is"}
             .in({1, most_samples})};
@@ -47,7 +44,7 @@ class PositionDifference {
   PositionDifference(const Gains& gains, const Settings& settings)
       : m_(static_cast<std::size_t>(gains.samples)), period_s_(settings.period_s) {}
 
-  [[nodiscard]] Memory start(const robot::Vector& q, const loop::ReferencePoint& reference) const {
+  [[nodiscard]] Memory start(const Vector& q, const ReferencePoint& reference) const {
     Memory memory;
     for (std::size_t j = 0; j <= m_; ++j) {
       memory.q[j] = q - static_cast<double>(j + 1) * period_s_ * reference.v_ref;
@@ -55,17 +52,17 @@ class PositionDifference {
     return memory;
   }
 
-  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& q, int ticks) const {
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& q, int ticks) const {
     Memory next;
     const auto gap = static_cast<std::size_t>(ticks);
     for (std::size_t j = 0; j <= m_; ++j) {
-      next.q[j] = j < gap ? robot::Vector(q + (memory.q[0] - q) * (static_cast<double>(j) / ticks))
+      next.q[j] = j < gap ? Vector(q + (memory.q[0] - q) * (static_cast<double>(j) / ticks))
                           : memory.q[j - gap];
     }
     return next;
   }
 
-  [[nodiscard]] robot::Vector velocity(const Memory& memory) const {
+  [[nodiscard]] Vector velocity(const Memory& memory) const {
     return (memory.q[0] - memory.q[m_]) / (static_cast<double>(m_) * period_s_);
   }
 

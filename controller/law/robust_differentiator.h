@@ -5,8 +5,6 @@
 #include <tuple>
 
 #include "controller/law/estimated_velocity.h"
-#include "controller/law/tuning.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
 
@@ -23,22 +21,20 @@ namespace tachless::controller::law {
 class LevantDifferentiator {
  public:
   struct Memory {
-    robot::Vector z0, z1, z2;  ///< [rad], [rad/s], [rad/s^2]
+    Vector z0, z1, z2;  ///< [rad], [rad/s], [rad/s^2]
 
     static constexpr std::string_view no_linearisation =
         "the differentiator corrects by the cube root of its error, which has no derivative at 0";
   };
 
   struct Gains {
-    robot::Vector kp, kd, lipschitz;
+    Vector kp, kd, lipschitz;
 
     static constexpr std::tuple keys{
-        schema::Key{"kp", &Gains::kp, "N m/rad", "Weight of the position error"}.in(
-            schema::positive),
-        schema::Key{"kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"}.in(schema::positive),
-        schema::Key{"lipschitz", &Gains::lipschitz, "rad/s^3",
-                    "L: bound on the third derivative of the position"}
-            .in(schema::positive)};
+        gain("kp", &Gains::kp, "N m/rad", "Weight of the position error"),
+        gain("kd", &Gains::kd, "N m s/rad", "Weight of v_hat - v_ref"),
+        gain("lipschitz", &Gains::lipschitz, "rad/s^3",
+             "L: bound on the third derivative of the position")};
   };
 
   /// L: the third derivative of an oscillation by 1 rad at the bandwidth.
@@ -47,11 +43,11 @@ class LevantDifferentiator {
   LevantDifferentiator(const Gains& gains, const Settings& settings)
       : lipschitz_(gains.lipschitz), period_s_(settings.period_s) {}
 
-  [[nodiscard]] Memory start(const robot::Vector& q, const loop::ReferencePoint& reference) const {
+  [[nodiscard]] Memory start(const Vector& q, const ReferencePoint& reference) const {
     return moved({q, reference.v_ref, reference.a_ref}, -period_s_);
   }
 
-  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& q, int ticks) const {
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& q, int ticks) const {
     const double time_s = ticks * period_s_;
     Memory next = moved(memory, time_s);
     for (Eigen::Index i = 0; i < q.size(); ++i) {
@@ -67,7 +63,7 @@ class LevantDifferentiator {
     return next;
   }
 
-  [[nodiscard]] robot::Vector velocity(const Memory& memory) const { return memory.z1; }
+  [[nodiscard]] Vector velocity(const Memory& memory) const { return memory.z1; }
 
  private:
   /// Without corrections.
@@ -76,13 +72,12 @@ class LevantDifferentiator {
             from.z2};
   }
 
-  robot::Vector lipschitz_;
+  Vector lipschitz_;
   double period_s_;
 };
 
-/// `EstimatedVelocity` by an exact differentiator: A. Levant, "Higher-order sliding modes,
-/// differentiation and output-feedback control", Int. J. of Control 76(9-10), 2003, with the
-/// coefficients (l2, l1, l0) = (2, 1.5, 1.1).
+/// `EstimatedVelocity` by an exact differentiator, `source`, with the coefficients (l2, l1, l0) =
+/// (2, 1.5, 1.1).
 class RobustDifferentiator : public EstimatedVelocity<LevantDifferentiator> {
  public:
   static constexpr std::string_view name = "robust_differentiator";

@@ -3,21 +3,22 @@
 #include <array>
 #include <string_view>
 #include <tuple>
-#include <utility>
 
-#include "controller/law/flexible_robot.h"
-#include "controller/law/full_state.h"
-#include "controller/law/law.h"
-#include "controller/law/lyapunov.h"
-#include "controller/law/settings.h"
-#include "controller/law/tuning.h"
+#include "controller/law/parts.h"
 #include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/jet.h"
 #include "robot/mass_matrix.h"
-#include "schema/schema.h"
 
 namespace tachless::controller::law {
+
+struct SlotineLiFlexibleGains {
+  Vector lambda, ks1, ks2;
+
+  static constexpr std::tuple keys{
+      gain("lambda", &SlotineLiFlexibleGains::lambda, "1/s",
+           "Weight of a position error in s = edot + lambda e; the same on link and motor"),
+      gain("ks1", &SlotineLiFlexibleGains::ks1, "N m s/rad", "Weight of the link's s"),
+      gain("ks2", &SlotineLiFlexibleGains::ks2, "N m s/rad", "Weight of the motor's s")};
+};
 
 /// Tracking of a robot with flexible joints with the full state and link jerk: the passivity-based
 /// law of Lozano and Brogliato (1992-1995), in the form implemented here,
@@ -28,14 +29,12 @@ namespace tachless::controller::law {
 ///
 /// The contrast to `LoriaOrtegaFlexible`: theta_ref holds link velocity, so its second derivative
 /// holds link jerk, which is computed from the model and from motor velocity.
-///
-/// Measures: the full state. Memory: none.
-class SlotineLiFlexible : public FullState {
+class SlotineLiFlexible : public FlexibleLaw<SlotineLiFlexibleGains>, public FullState {
  public:
   static constexpr std::string_view name = "slotine_li_flexible";
-  static constexpr std::array signals = {
-      loop::Signal{"error_1", "rad"}, loop::Signal{"edot_1", "rad/s"},
-      loop::Signal{"error_2", "rad"}, loop::Signal{"edot_2", "rad/s"}};  ///< 1: link, 2: motor
+  static constexpr std::array signals{Signal{"error_1", "rad"}, Signal{"edot_1", "rad/s"},
+                                      Signal{"error_2", "rad"},
+                                      Signal{"edot_2", "rad/s"}};  ///< 1: link, 2: motor
   static constexpr std::string_view source =
       "R. Lozano and B. Brogliato, 1992-1995 (passivity-based control of flexible joints), in the "
       "form implemented here";
@@ -43,115 +42,75 @@ class SlotineLiFlexible : public FullState {
   static constexpr std::string_view conditions =
       "any positive gains, the same diagonal Lambda on links and motors; a reference that is four "
       "times continuously differentiable";
-  static constexpr bool regulation_only = false;
-  static constexpr bool has_feedforward_lead = false;
 
-  using Robot = FlexibleRobot;
-
-  struct Gains {
-    robot::Vector lambda, ks1, ks2;
-
-    static constexpr std::tuple keys{
-        schema::Key{"lambda", &Gains::lambda, "1/s",
-                    "Weight of a position error in s = edot + lambda e; the same on link and motor"}
-            .in(schema::positive),
-        schema::Key{"ks1", &Gains::ks1, "N m s/rad", "Weight of the link's s"}.in(schema::positive),
-        schema::Key{"ks2", &Gains::ks2, "N m s/rad", "Weight of the motor's s"}.in(
-            schema::positive)};
-  };
+  using LawOf::LawOf;
 
   static Gains tuned(const Tuning& t) {
     return {t.each(t.w / t.damping), t.damping * t.w * t.inertia, t.motor_kd()};
   }
 
-  SlotineLiFlexible(Robot robot, Gains gains, const Settings& /*settings*/)
-      : robot_(std::move(robot)), gains_(std::move(gains)) {}
-
-  [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measurement,
-                                  const loop::ReferencePoint& reference, int /*ticks*/ = 1) const {
-    const robot::Vector& v = measurement.v;
-    const robot::JetVector theta_ref = motor_reference(measurement, reference);
-    const robot::Vector e2 = measurement.theta - robot::value(theta_ref);
-    const robot::Vector e2dot = measurement.thetadot - robot::first_derivative(theta_ref);
-    const robot::Vector s2 = e2dot + gains_.lambda.cwiseProduct(e2);
-    const robot::Vector thetaddot_r =
+  [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
+                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+    const robot::JetVector theta_ref = motor_reference(measured, reference);
+    const Vector e2 = measured.theta - robot::value(theta_ref);
+    const Vector e2dot = measured.thetadot - robot::first_derivative(theta_ref);
+    const Vector s2 = e2dot + gains_.lambda.cwiseProduct(e2);
+    const Vector thetaddot_r =
         robot::second_derivative(theta_ref) - gains_.lambda.cwiseProduct(e2dot);
-
-    Step<Memory> result;
-    result.command.tau = robot_.rotor_inertia.cwiseProduct(thetaddot_r) +
-                         robot_.spring_torque(reference.q_ref, robot::value(theta_ref)) -
-                         gains_.ks2.cwiseProduct(s2);
-    result.signals = {signals.size(),
-                      {measurement.q - reference.q_ref, v - reference.v_ref, e2, e2dot}};
-    return result;
+    const Vector tau = robot_.rotor_inertia.cwiseProduct(thetaddot_r) +
+                       robot_.spring_torque(reference.q_ref, robot::value(theta_ref)) -
+                       gains_.ks2.cwiseProduct(s2);
+    return {
+        {},
+        {tau},
+        {signals.size(), {measured.q - reference.q_ref, measured.v - reference.v_ref, e2, e2dot}}};
   }
 
   /// Link jerk by the model [rad/s^3]: the first line of eq. 1, differentiated once.
-  [[nodiscard]] robot::Vector link_jerk(const Measurement& measurement,
-                                        const robot::Vector& vdot) const {
-    const robot::Vector& q = measurement.q;
-    const robot::Vector& v = measurement.v;
-    const robot::Vector zero = robot::Vector::Zero(q.size());
+  [[nodiscard]] Vector link_jerk(const Measurement& measured, const Vector& vdot) const {
+    const Vector& q = measured.q;
+    const Vector& v = measured.v;
+    const Vector zero = Vector::Zero(q.size());
     // d/dt ID(q, v, vdot) = M jerk + what is left when jerk is taken for zero.
-    const robot::Vector rest = robot::first_derivative(
+    const Vector rest = robot::first_derivative(
         robot::inverse_dynamics(robot_.links, robot::jet(q, v, vdot), robot::jet(v, vdot, zero),
                                 robot::jet(vdot, zero, zero)));
-    const robot::Vector spring_rate = robot_.spring_torque(v, measurement.thetadot);
+    const Vector spring_rate = robot_.spring_torque(v, measured.thetadot);
     // M^-1 x = forward dynamics at rest under x + g.
     return robot::forward_dynamics(
-        robot_.links, q, zero,
-        robot::Vector(spring_rate - rest + robot::gravity_torque(robot_.links, q)));
+        robot_.links, q, zero, Vector(spring_rate - rest + robot::gravity_torque(robot_.links, q)));
   }
 
   /// theta_ref [rad] with its first and second time derivative.
-  [[nodiscard]] robot::JetVector motor_reference(const Measurement& measurement,
-                                                 const loop::ReferencePoint& reference) const {
-    const robot::Vector& q = measurement.q;
-    const robot::Vector& v = measurement.v;
-    const robot::Vector vdot =
-        robot::forward_dynamics(robot_.links, q, v, robot_.spring_torque(q, measurement.theta));
-    const robot::Vector jerk = link_jerk(measurement, vdot);
-
-    const robot::JetVector q_jet = robot::jet(q, v, vdot);
-    const robot::JetVector v_jet = robot::jet(v, vdot, jerk);
-    const robot::JetVector q_ref = robot::jet(reference.q_ref, reference.v_ref, reference.a_ref);
-    const robot::JetVector v_ref = robot::jet(reference.v_ref, reference.a_ref, reference.jerk_ref);
-    const robot::JetVector a_ref =
-        robot::jet(reference.a_ref, reference.jerk_ref, reference.snap_ref);
-    robot::JetVector v_r(q.size()), a_r(q.size());
-    for (Eigen::Index i = 0; i < q.size(); ++i) {
-      v_r[i] = v_ref[i] - gains_.lambda[i] * (q_jet[i] - q_ref[i]);
-      a_r[i] = a_ref[i] - gains_.lambda[i] * (v_jet[i] - v_ref[i]);
-    }
-    robot::JetVector torque =
-        robot::inverse_dynamics_bilinear(robot_.links, q_jet, v_jet, v_r, a_r);
-    robot::JetVector theta_ref(q.size());
-    for (Eigen::Index i = 0; i < q.size(); ++i) {
-      torque[i] -= gains_.ks1[i] * (v_jet[i] - v_r[i]);
-      theta_ref[i] = q_ref[i] + torque[i] / robot_.stiffness[i];
-    }
-    return theta_ref;
+  [[nodiscard]] robot::JetVector motor_reference(const Measurement& measured,
+                                                 const ReferencePoint& reference) const {
+    const Vector vdot = robot::forward_dynamics(robot_.links, measured.q, measured.v,
+                                                robot_.spring_torque(measured.q, measured.theta));
+    const robot::JetVector q = robot::jet(measured.q, measured.v, vdot);
+    const robot::JetVector v = robot::jet(measured.v, vdot, link_jerk(measured, vdot));
+    const ReferenceJets r(reference);
+    const robot::JetVector v_r = r.v - (q - r.q).cwiseProduct(gains_.lambda);
+    const robot::JetVector a_r = r.a - (v - r.v).cwiseProduct(gains_.lambda);
+    const robot::JetVector torque = robot::inverse_dynamics_bilinear(robot_.links, q, v, v_r, a_r) -
+                                    (v - v_r).cwiseProduct(gains_.ks1);
+    return r.q + torque.cwiseQuotient(robot_.stiffness);
   }
 
   /// Vdot = -s1' Ks1 s1 - s2' Ks2 s2 - (e1 - e2)' Lambda K (e1 - e2).
   static constexpr std::string_view lyapunov_formula =
       "½ s₁′M s₁ + ½ s₂′J s₂ + ½ (e₁ − e₂)′K (e₁ − e₂),  s = ė + Λ e";
-  [[nodiscard]] double lyapunov(const LoopState& state, const loop::ReferencePoint& reference,
+  [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
                                 const LyapunovWeights& /*weights*/) const {
     const robot::JetVector theta_ref =
         motor_reference({state.q, state.v, state.theta, state.thetadot}, reference);
-    const robot::Vector e1 = state.q - reference.q_ref;
-    const robot::Vector e2 = state.theta - robot::value(theta_ref);
-    const robot::Vector s1 = state.v - reference.v_ref + gains_.lambda.cwiseProduct(e1);
-    const robot::Vector s2 =
+    const Vector e1 = state.q - reference.q_ref;
+    const Vector e2 = state.theta - robot::value(theta_ref);
+    const Vector s1 = state.v - reference.v_ref + gains_.lambda.cwiseProduct(e1);
+    const Vector s2 =
         state.thetadot - robot::first_derivative(theta_ref) + gains_.lambda.cwiseProduct(e2);
     return 0.5 * s1.dot(robot::mass_matrix(robot_.links, state.q) * s1) +
            0.5 * weighted(robot_.rotor_inertia, s2) + 0.5 * weighted(robot_.stiffness, e1 - e2);
   }
-
- private:
-  Robot robot_;
-  Gains gains_;
 };
 
 static_assert(Law<SlotineLiFlexible>);

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "controller/law/law.h"
-#include "controller/law/settings.h"
 #include "controller/program.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/model.h"

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -32,10 +35,10 @@ class WaypointSpline {
  private:
   std::vector<double> time_s_;
   Eigen::MatrixXd position_;
+  double scale_ = 0;  ///< of time in `inner_` [s]
   /// Rows 2 k and 2 k + 1: velocity and acceleration at point k + 1, scaled; a column for each
   /// joint.
   Eigen::MatrixXd inner_;
-  double scale_ = 0;  ///< of time in `inner_` [s]
 };
 
 /// Positions and when to be there.
@@ -54,6 +57,37 @@ struct Waypoints {
 
   /// Too few times, times out of order, or positions that are not one per time and of one length.
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;
+};
+
+/// Waypoints from a table, which stays a file: a scenario, its messages and its logs name it with a
+/// digest of its bytes. Whoever reads the scenario's file reads the table too
+/// (experiment/motion_file.h); who has the scenario from a log or a message has no motion.
+struct MotionFile {
+  std::string path;
+  std::string digest;
+  std::shared_ptr<const WaypointSpline> motion;  ///< null where the file was not read
+
+  static constexpr std::string_view name = "file";
+  static constexpr std::tuple keys{
+      schema::Key{"path", &MotionFile::path, "",
+                  "Table of times and positions, relative to the scenario (docs/trajectories.md); "
+                  "`file: motion.csv` is short for `file: {path: motion.csv}`"},
+      schema::Key{"digest", &MotionFile::digest, "",
+                  "Of the table's bytes: another table is refused"}
+          .by_default("that of the table found")};
+
+  struct Shape {
+    std::shared_ptr<const WaypointSpline> motion;
+
+    /// @throw std::invalid_argument where the file was not read
+    explicit Shape(const MotionFile& file) : motion(file.motion) {
+      if (motion == nullptr) {
+        throw std::invalid_argument("the table " + file.path +
+                                    " is not in the log or message that names it");
+      }
+    }
+    [[nodiscard]] loop::ReferencePoint at(double t_s) const { return motion->at(t_s); }
+  };
 };
 
 }  // namespace tachless::reference::trajectory

@@ -79,18 +79,21 @@ struct TypesOf<LawList<L...>> {
 TYPED_TEST_SUITE(Allocation, TypesOf<Laws>::type);
 
 TYPED_TEST(Allocation, NoneInStartAndSteps) {
-  LawWithMemory<TypeParam> law(example<TypeParam>());
+  experiment::LoopSpec loop;
+  loop.mode = experiment::Mode::realtime;
+  LawWithMemory<TypeParam> law(example<TypeParam>(), loop);
   const robot::Vector r = vector(0.3, 0.4);
   const loop::ReferencePoint ref{r, r, r, r, r};
   typename TypeParam::Measurement measured;
   measure(measured);
 
   const std::size_t before = num_allocations;
-  double sum = law.start(0, measured, ref).command.tau[0];
-  law.keep();
-  for (int k = 0; k < 100; ++k) {
-    sum += law.step(k, measured, ref, k % 3 + 1).command.tau[0];
-    law.keep();
+  double sum = 0;
+  std::int64_t tick = 0;
+  for (int k = 0; k < 101; ++k) {
+    sum += law.step(tick, measured, ref).command.tau[0];
+    law.keep(tick);
+    tick += k % 3 + 1;
   }
   const std::size_t after = num_allocations;
   EXPECT_EQ(after - before, 0U);

@@ -132,7 +132,7 @@ TEST(Registry, GivesTheLawItsGainsAndSampling) {
       rigid_model(scenario), {pair(5, 6), pair(7, 8), pair(9, 10), pair(11, 12)}, settings);
   const ScenarioLaw law = scenario_law(scenario);
   const robot::Vector tau = std::get<std::unique_ptr<AnyLaw<loop::PositionMeasurement>>>(law)
-                                ->start(0, measured, ref)
+                                ->step(0, measured, ref)
                                 .command.tau;
   EXPECT_EQ(tau, expected.step(expected.start(measured, ref), measured, ref).command.tau);
 }

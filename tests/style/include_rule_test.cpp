@@ -80,8 +80,7 @@ const std::vector<Rule> rules = {
      {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "schema/",
       "diagnostics/"},
      {"Eigen/"}},
-    {"controller/law_socket.", {"controller/", "process/file_descriptor.h", "bus/"}, {}, true},
-    {"controller/external_law.", {"controller/", "process/", "bus/", "diagnostics/"}, {}, true},
+    {"controller/law_socket.", {"controller/", "process/", "bus/", "diagnostics/"}, {}, true},
     {"controller/recorded_inputs.",
      {"controller/", "bus/", "diagnostics/", "logger/log_file.h"},
      {}},
@@ -104,7 +103,7 @@ const std::vector<Rule> rules = {
     {"certificate/optimise.cpp", {"certificate/"}, {"Eigen/", "nlopt.h"}},
 
     {"study/",
-     {"study/", "robot/", "controller/law_stepper.h", "controller/registry.h",
+     {"study/", "robot/", "controller/registry.h",
       "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/",
       "certificate/scenario_loop.h", "schema/schema.h", "diagnostics/failure.h"},
      {"Eigen/"}},

@@ -1,11 +1,9 @@
-#include "controller/law/memory.h"
+#include "controller/law/law.h"
 
 #include <gtest/gtest.h>
 
 #include <utility>
 #include <vector>
-
-#include "controller/law/filter.h"
 
 namespace tachless::controller::law {
 namespace {

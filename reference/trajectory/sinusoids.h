@@ -28,7 +28,7 @@ inline void add_sine(loop::ReferencePoint& point, const robot::Vector& amplitude
   }
 }
 
-/// One sinusoid per joint; all vectors have one entry per joint.
+/// One sinusoid per joint, a term of `MultiSine`; all vectors have one entry per joint.
 struct Sine {
   robot::Vector amplitude_rad;  ///< [rad; m if prismatic]
   robot::Vector frequency_hz;   ///< [Hz]
@@ -58,6 +58,30 @@ struct MultiSine {
     for (const Sine& term : terms) {
       add_sine(point, term.amplitude_rad, term.frequency_hz, term.phase_rad, t_s);
     }
+    return point;
+  }
+};
+
+/// q_ref_i(t) = offset_i + amplitude_i sin(2 pi frequency_i t + phase_i), for all t.
+struct Sinusoid {
+  robot::Vector amplitude_rad;  ///< [rad; m if prismatic]
+  robot::Vector frequency_hz;   ///< [Hz]
+  robot::Vector phase_rad;      ///< [rad]
+  robot::Vector offset_rad;     ///< [rad; m if prismatic]
+
+  static constexpr std::string_view name = "sinusoid";
+  static constexpr std::tuple keys{
+      schema::Key{"amplitude_rad", &Sinusoid::amplitude_rad, "rad (m)",
+                  "offset + amplitude sin(2π frequency t + phase)"},
+      schema::Key{"frequency_hz", &Sinusoid::frequency_hz, "Hz", "Frequency"}.in(
+          schema::not_negative),
+      schema::Key{"phase_rad", &Sinusoid::phase_rad, "rad", "Phase at t = 0"}.by_default(0),
+      schema::Key{"offset_rad", &Sinusoid::offset_rad, "rad (m)", "Middle"}.by_default(0)};
+
+  /// Position to snap at t [s], each differentiated in closed form.
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const {
+    loop::ReferencePoint point = Hold{offset_rad}.at(t_s);
+    add_sine(point, amplitude_rad, frequency_hz, phase_rad, t_s);
     return point;
   }
 };

@@ -1,4 +1,4 @@
-#include "controller/law_stepper.h"
+#include "controller/any_law.h"
 
 #include <gtest/gtest.h>
 
@@ -31,11 +31,10 @@ loop::PositionMeasurement ramp(std::int64_t tick) {
   return measurement;
 }
 
-using Stepper = LawStepper<loop::PositionMeasurement>;
+using Stepper = LawWithMemory<LoriaOrtegaRigid>;
 
 Stepper stepper_of(const experiment::Scenario& scenario) {
-  return {std::make_unique<LawWithMemory<LoriaOrtegaRigid>>(make_law<LoriaOrtegaRigid>(scenario)),
-          scenario.loop};
+  return {make_law<LoriaOrtegaRigid>(scenario), scenario.loop};
 }
 
 /// An outcome that outlives the next step.
@@ -47,7 +46,7 @@ struct Taken {
 
 Taken look(Stepper& stepper, std::int64_t tick) {
   const auto outcome = stepper.step(tick, ramp(tick), at_zero());
-  return {outcome.output.command.tau, outcome.output.signals.value[1], outcome.skipped,
+  return {outcome.command.tau, outcome.signals.value[1], outcome.skipped,
           outcome.restarted};
 }
 
@@ -57,7 +56,7 @@ Taken take(Stepper& stepper, std::int64_t tick) {
   return taken;
 }
 
-TEST(LawStepper, AGapDoesNotCheatTheFilter) {
+TEST(AnyLaw, AGapDoesNotCheatTheFilter) {
   // Exact for the first-order hold, so to rounding: nu is of order 1, and takes at most 20 steps.
   const experiment::Scenario s = scenario({"controller.filter=first_order_hold"});
   for (const std::int64_t gap : {2, 3, 7, 21}) {
@@ -78,7 +77,7 @@ TEST(LawStepper, AGapDoesNotCheatTheFilter) {
   }
 }
 
-TEST(LawStepper, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
+TEST(AnyLaw, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
   const experiment::Scenario s = scenario({"controller.filter=first_order_hold"});
   const auto usual = make_law<LoriaOrtegaRigid>(s);
   Stepper stepper = stepper_of(s);
@@ -94,7 +93,7 @@ TEST(LawStepper, ALawThatDidNotKnowOfTheGapWouldSeeTwiceTheVelocity) {
   EXPECT_GT(cheated.memory.nu[0], 1.5);
 }
 
-TEST(LawStepper, BeginsAnewAfterTooLongAGapAndSaysSo) {
+TEST(AnyLaw, BeginsAnewAfterTooLongAGapAndSaysSo) {
   const experiment::Scenario s = scenario({"loop.max_missed=4"});
   Stepper stepper = stepper_of(s);
   EXPECT_EQ(stepper.longest_gap(), 5);
@@ -106,7 +105,7 @@ TEST(LawStepper, BeginsAnewAfterTooLongAGapAndSaysSo) {
   EXPECT_EQ(anew.nu, robot::Vector::Zero(2));
 }
 
-TEST(LawStepper, WithoutGapsIsTheLawItselfBitForBit) {
+TEST(AnyLaw, WithoutGapsIsTheLawItselfBitForBit) {
   for (const auto* mode : {"loop.mode=realtime", "loop.mode=lockstep"}) {
     const experiment::Scenario s = scenario({mode});
     const auto law = make_law<LoriaOrtegaRigid>(s);
@@ -122,12 +121,12 @@ TEST(LawStepper, WithoutGapsIsTheLawItselfBitForBit) {
   }
 }
 
-TEST(LawStepper, BridgesNoGapInLockstepAndBoundedOnesInRealtime) {
+TEST(AnyLaw, BridgesNoGapInLockstepAndBoundedOnesInRealtime) {
   EXPECT_EQ(stepper_of(scenario({"loop.mode=lockstep"})).longest_gap(), 1);
   EXPECT_EQ(stepper_of(scenario({"loop.max_missed=1000000"})).longest_gap(), 64);
 }
 
-TEST(LawStepper, ForgetsAStepThatIsNotKept) {
+TEST(AnyLaw, ForgetsAStepThatIsNotKept) {
   const experiment::Scenario s = scenario({});
   Stepper plain = stepper_of(s), hesitant = stepper_of(s);
   for (std::int64_t k = 0; k < 10; ++k) {
@@ -137,7 +136,7 @@ TEST(LawStepper, ForgetsAStepThatIsNotKept) {
   }
 }
 
-TEST(LawStepper, RefusesToGoBack) {
+TEST(AnyLaw, RefusesToGoBack) {
   Stepper stepper = stepper_of(scenario({}));
   take(stepper, 5);
   EXPECT_THROW(stepper.step(5, ramp(5), at_zero()), std::logic_error);

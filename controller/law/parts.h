@@ -1,0 +1,142 @@
+#pragma once
+
+#include <string_view>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+
+#include "controller/law/law.h"
+#include "robot/inverse_dynamics.h"
+#include "robot/jet.h"
+#include "robot/model.h"
+
+/// What laws are made of: their robot, gains and feed-forward. No law by itself.
+namespace tachless::controller::law {
+
+/// A parameter that has to be greater than 0.
+template <class Gains, class Member>
+constexpr schema::Key<Gains, Member> gain(std::string_view name, Member Gains::*member,
+                                          std::string_view unit, std::string_view meaning) {
+  return schema::Key{name, member, unit, meaning}.in(schema::positive);
+}
+
+/// Gains of the laws that command -Kp e - Kd nu, where nudot = -A nu + B edot stands in for the
+/// velocity; one of each per joint.
+struct FilterGains {
+  Vector kp, kd, a, b;
+
+  static constexpr std::tuple keys{
+      gain("kp", &FilterGains::kp, "N m/rad", "Weight of the position error"),
+      gain("kd", &FilterGains::kd, "N m s/rad", "Weight of the filter output"),
+      gain("a", &FilterGains::a, "1/s", "Filter pole"),
+      gain("b", &FilterGains::b, "1/s", "Filter gain")};
+};
+
+/// What a law knows of a robot with motors behind springs (paper, eq. 1; Spong's simplified
+/// model): M_l(q) vdot + C(q,v) v + g(q) = K (theta - q), J thetaddot + K (theta - q) = tau.
+/// Motor damping is not in eq. 1, hence not here.
+struct FlexibleRobot {
+  robot::Model links;    ///< link side: M_l, without rotor inertia
+  Vector stiffness;      ///< K [N m/rad], > 0
+  Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear, > 0
+
+  /// K (theta - q), the torque of the springs on the links [N m].
+  [[nodiscard]] Vector spring_torque(const Vector& q, const Vector& theta) const {
+    return stiffness.cwiseProduct(theta - q);
+  }
+};
+
+/// v_ref and vdot_ref of a feed-forward.
+struct Feedforward {
+  Vector v_ref;  ///< [rad/s]
+  Vector a_ref;  ///< [rad/s^2]
+};
+
+/// The reference's velocity and acceleration `lead_s` ahead, by Taylor expansion through snap. A
+/// torque held over a tick acts, on average, half a tick (and the command's delay) late; a
+/// feed-forward that much ahead makes up for it. Position, error and filter stay where they are:
+/// they answer to what was measured.
+inline Feedforward feedforward_ahead(const ReferencePoint& reference, double lead_s) {
+  const double h = lead_s;
+  return {reference.v_ref +
+              h * (reference.a_ref + h / 2 * (reference.jerk_ref + h / 3 * reference.snap_ref)),
+          reference.a_ref + h * (reference.jerk_ref + h / 2 * reference.snap_ref)};
+}
+
+/// Position, velocity and acceleration of the reference, each with its first two time derivatives.
+struct ReferenceJets {
+  robot::JetVector q, v, a;
+
+  explicit ReferenceJets(const ReferencePoint& r)
+      : q(robot::jet(r.q_ref, r.v_ref, r.a_ref)),
+        v(robot::jet(r.v_ref, r.a_ref, r.jerk_ref)),
+        a(robot::jet(r.a_ref, r.jerk_ref, r.snap_ref)) {}
+};
+
+/// ID(q, v_ref, vdot_ref) of the links on the reference itself, q = q_ref, with its first two time
+/// derivatives: exact, since the reference is given up to snap [N m].
+inline robot::JetVector feedforward_torque(const robot::Model& links,
+                                           const ReferencePoint& reference) {
+  const ReferenceJets r(reference);
+  return robot::inverse_dynamics(links, r.q, r.v, r.a);
+}
+
+/// Base of the laws: what each is given once, a robot for rigid or for flexible joints, its gains
+/// and its settings; and what most of them declare.
+template <class R, class G>
+class LawOf {
+ public:
+  using Robot = R;  ///< of rigid joints with rotor inertia: M = M_l + J
+  using Gains = G;
+
+  static constexpr bool regulation_only = false;
+  /// Laws for flexible joints differentiate their feed-forward twice, and have no more of the
+  /// reference to look ahead by.
+  static constexpr bool has_feedforward_lead = std::is_same_v<Robot, robot::Model>;
+
+  LawOf(Robot robot, Gains gains, const Settings& settings)
+      : robot_(std::move(robot)), gains_(std::move(gains)), settings_(settings) {}
+
+ protected:
+  [[nodiscard]] Filter filter(const Vector& a, const Vector& b) const {
+    return {a, b, settings_.filter, settings_.filter_start, settings_.period_s};
+  }
+  /// v_ref and vdot_ref, by the scenario's `feedforward_lead_s` ahead.
+  [[nodiscard]] Feedforward ahead(const ReferencePoint& reference) const {
+    return feedforward_ahead(reference, settings_.feedforward_lead_s);
+  }
+
+  Robot robot_;
+  Gains gains_;
+  Settings settings_;
+};
+
+template <class Gains>
+using RigidLaw = LawOf<robot::Model, Gains>;
+template <class Gains>
+using FlexibleLaw = LawOf<FlexibleRobot, Gains>;
+
+/// Base of the laws that are fed the full state and keep nothing from one tick to the next.
+struct FullState {
+  using Measurement = loop::StateMeasurement;
+  struct Memory {};
+
+  [[nodiscard]] static Memory start(const Measurement& /*measurement*/,
+                                    const ReferencePoint& /*reference*/) {
+    return {};
+  }
+};
+
+/// x' diag(d) x.
+inline double weighted(const Vector& d, const Vector& x) { return x.dot(d.cwiseProduct(x)); }
+
+/// Eq. 15 of Loria and Ortega (1995) for a rigid robot, with two weights [J]: 1/2 edot' M edot +
+/// 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot, with `momentum` = M edot.
+inline double equation_15(const Vector& e, const Vector& edot, const Vector& nu,
+                          const Vector& momentum, const Vector& kp, const Vector& kd_by_b,
+                          const LyapunovWeights& weights) {
+  return 0.5 * edot.dot(momentum) + 0.5 * weighted(kp, e) + 0.5 * weighted(kd_by_b, nu) +
+         (weights.eps_1 * e - weights.eps_2 * nu).dot(momentum);
+}
+
+}  // namespace tachless::controller::law
