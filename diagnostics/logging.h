@@ -28,6 +28,10 @@ void log_error(std::string_view line);
 
 /// The same with arguments, as fmt::format writes them.
 template <class First, class... Rest>
+void log_detail(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
+  log_detail(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
+}
+template <class First, class... Rest>
 void log_info(fmt::format_string<First, Rest...> line, First&& first, Rest&&... rest) {
   log_info(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
 }

@@ -10,7 +10,7 @@
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
-#include "logger/column_names.h"
+#include "logger/table.h"
 #include "report/chart.h"
 #include "report/figure.h"
 #include "report/gnuplot.h"
