@@ -8,7 +8,7 @@
 
 #include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
-#include "logger/hdf5_columns.h"
+#include "logger/export.h"
 #include "report/sweep_page.h"
 #include "study/measures.h"
 

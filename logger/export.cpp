@@ -1,36 +1,287 @@
 #include "logger/export.h"
 
+#include <fcntl.h>
+#include <fmt/core.h>
+#include <hdf5.h>
+#include <hdf5_hl.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <string_view>
 #include <system_error>
+#include <utility>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
-#include "logger/csv_file.h"
-#include "logger/hdf5_file.h"
+#include "logger/number_text.h"
 #include "logger/table.h"
 
 namespace tachless::logger {
 namespace {
 
-/// @throw Failure(bad_usage) when there is a file already that is not to be replaced
-void require_free(const std::filesystem::path& path) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(path, error)) return;
-  throw diagnostics::bad_usage(path.string() +
-                               ": exists already; name another file, or overwrite it with --force");
-}
+/// A file with a row of the quantities for each tick.
+class TableFile {
+ public:
+  TableFile() = default;
+  TableFile(const TableFile&) = delete;
+  TableFile& operator=(const TableFile&) = delete;
+  virtual ~TableFile() = default;
 
-template <class File>
-void write_rows(RunLog& log, const std::vector<Quantity>& quantities, File& file,
-                ExportResult& result) {
-  TickRecord record;
-  while (log.next(record)) {
-    file.append(record);
-    ++result.rows;
-    for (const auto& quantity : quantities) {
-      if (!has(record, quantity.slot)) result.missing_values += quantity.units.size();
+  virtual void append(const TickRecord& record) = 0;
+  virtual void close() = 0;
+};
+
+constexpr std::size_t block_bytes = 1 << 18;
+
+/// Comma-separated values; to `-`, standard output, is added, anything else overwritten.
+class CsvTable final : public TableFile {
+ public:
+  CsvTable(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
+           double period_s)
+      : path_(path), quantities_(quantities), period_s_(period_s) {
+    file_ = path == "-" ? ::fdopen(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0), "w")
+                        : std::fopen(path.c_str(), "we");
+    if (file_ == nullptr) fail(errno);
+    std::string head = "tick,t_s";
+    std::size_t columns = 2;
+    for (const auto& quantity : quantities_) {
+      for (std::size_t i = 0; i < quantity.units.size(); ++i) {
+        head.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
+      }
+      columns += quantity.units.size();
+    }
+    head += '\n';
+    longest_row_ = columns * (longest_number + 1);
+    block_.resize(std::max(block_bytes, head.size() + longest_row_));
+    filled_ = head.copy(block_.data(), head.size());
+  }
+  ~CsvTable() override {
+    if (file_ != nullptr) std::fclose(file_);
+  }
+
+  void append(const TickRecord& record) override {
+    if (block_.size() - filled_ < longest_row_) write();
+    char* at = &block_[filled_];
+    at = std::to_chars(at, at + longest_number, record.tick).ptr;
+    *at++ = ',';
+    at = write_number(at, static_cast<double>(record.tick) * period_s_);
+    std::array<double, robot::max_joints> values;
+    for (const auto& quantity : quantities_) {
+      const bool present = has(record, quantity.slot);
+      if (present) quantity.read(record, values.data());
+      for (std::size_t i = 0; i < quantity.units.size(); ++i) {
+        *at++ = ',';
+        if (present) at = write_number(at, values[i]);
+      }
+    }
+    *at++ = '\n';
+    filled_ = static_cast<std::size_t>(at - block_.data());
+  }
+
+  void close() override {
+    write();
+    if (std::fclose(std::exchange(file_, nullptr)) != 0) fail(errno);
+  }
+
+ private:
+  void write() {
+    if (std::fwrite(block_.data(), 1, filled_, file_) != filled_) fail(errno);
+    filled_ = 0;
+  }
+
+  [[noreturn]] void fail(int error) const {
+    throw diagnostics::bad_usage(
+        "{}: cannot write: {}; {}", path_.string(), std::generic_category().message(error),
+        error == ENOSPC ? "free some space, or name a file on another disk" : "name another file");
+  }
+
+  std::filesystem::path path_;
+  const std::vector<Quantity>& quantities_;
+  double period_s_;
+  std::FILE* file_ = nullptr;
+  std::vector<char> block_;  ///< written at once when no further row is sure to fit
+  std::size_t filled_ = 0;
+  std::size_t longest_row_ = 0;
+};
+
+constexpr hsize_t chunk_rows = 4096;
+
+std::string mask_name(Slot slot) { return fmt::format("present/{}", name(slot)); }
+
+/// One dataset per quantity, ticks x joints, with attributes `unit`, `description` and
+/// `present`: the path of the mask (ticks, 0 or 1) that tells in which rows it has values. Rows
+/// without are zero. The file's attributes are the run's id and what else RUN_INFO says.
+class Hdf5Table final : public TableFile {
+ public:
+  Hdf5Table(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
+            const RunLog& log)
+      : path_(path) {
+    // After a failed write the library's own clean-up at exit would try, and complain, for ever.
+    H5dont_atexit();
+    H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+    file_ = check(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
+    attribute(file_, "run_id", log.run());
+    loop::for_each_field<loop::RunInfo>(
+        [&](const auto& field) { attribute(file_, field.name, log.info().*field.member); });
+    add("tick", H5T_STD_I64LE, 0, "1", "number of the tick, counted from 0",
+        [](const TickRecord& record, double* to) { *to = static_cast<double>(record.tick); });
+    add("t_s", H5T_IEEE_F64LE, 0, "s", "time of the tick, tick times period",
+        [period_s = log.info().period_s](const TickRecord& record, double* to) {
+          *to = static_cast<double>(record.tick) * period_s;
+        });
+    H5Gclose(check(H5Gcreate2(file_, "present", H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT)));
+    for (const Slot slot : loop::all_slots) {
+      add(mask_name(slot), H5T_STD_U8LE, 0, "1",
+          "1 where the log has the message " + log.summary().of(slot).channel,
+          [slot](const TickRecord& record, double* to) { *to = has(record, slot) ? 1 : 0; });
+    }
+    for (const Quantity& quantity : quantities) {
+      const auto& units = quantity.units;
+      const bool one = std::ranges::count(units, units.front()) == std::ssize(units);
+      const hid_t id =
+          add(quantity.name, quantity.whole ? H5T_STD_I8LE : H5T_IEEE_F64LE, quantity.joints.size(),
+              one ? units.front() : diagnostics::joined(units, ","), quantity.description,
+              [&quantity](const TickRecord& record, double* to) {
+                if (has(record, quantity.slot)) quantity.read(record, to);
+              });
+      attribute(id, "present", "/" + mask_name(quantity.slot));
+      if (!quantity.joints.empty()) {
+        attribute(id, "joints", diagnostics::joined(quantity.joints, ","));
+      }
     }
   }
-  file.close();
+
+  void append(const TickRecord& record) override {
+    for (Dataset& each : datasets_) {
+      const std::size_t width = std::max<hsize_t>(each.columns, 1);
+      each.values.resize(each.values.size() + width, 0.0);
+      each.read(record, &each.values[each.values.size() - width]);
+    }
+    if (++buffered_ == chunk_rows) flush();
+  }
+
+  void close() override {
+    flush();
+    for (const Dataset& each : datasets_) check(H5Dclose(each.id));
+    check(H5Fflush(file_, H5F_SCOPE_GLOBAL));
+    check(H5Fclose(std::exchange(file_, H5I_INVALID_HID)));
+  }
+
+ private:
+  /// The values of a record, zeros before.
+  using Read = std::function<void(const TickRecord&, double* to)>;
+  struct Dataset {
+    hid_t id = H5I_INVALID_HID;
+    hsize_t columns = 0;  ///< 0: one-dimensional
+    Read read;
+    std::vector<double> values;  ///< of the rows not yet written
+  };
+
+  /// HDF5's identifiers and results are negative when a call has failed.
+  template <class Result>
+  Result check(Result result) const {
+    if (result >= 0) return result;
+    struct statvfs disk {};
+    const auto directory = path_.has_parent_path() ? path_.parent_path() : ".";
+    const bool full = statvfs(directory.c_str(), &disk) == 0 && disk.f_bavail == 0;
+    throw diagnostics::bad_usage(
+        path_.string() + ": cannot write: " +
+        (full ? "No space left on device; free some space, or name a file on another disk"
+              : "the file system refused; check directory, rights and limits, or name another "
+                "file"));
+  }
+
+  void attribute(hid_t object, std::string_view name, const std::string& text) const {
+    const hid_t type = check(H5Tcopy(H5T_C_S1));
+    check(H5Tset_size(type, text.size() + 1));
+    check(H5Tset_cset(type, H5T_CSET_UTF8));
+    attribute(object, name, type, text.c_str());
+    check(H5Tclose(type));
+  }
+  void attribute(hid_t object, std::string_view name, std::int64_t number) const {
+    attribute(object, name, H5T_NATIVE_INT64, &number);
+  }
+  void attribute(hid_t object, std::string_view name, double number) const {
+    attribute(object, name, H5T_NATIVE_DOUBLE, &number);
+  }
+  void attribute(hid_t object, std::string_view name, hid_t type, const void* value) const {
+    const hid_t space = check(H5Screate(H5S_SCALAR));
+    const hid_t id =
+        check(H5Acreate2(object, std::string(name).c_str(), type, space, H5P_DEFAULT, H5P_DEFAULT));
+    check(H5Awrite(id, type, value));
+    check(H5Aclose(id));
+    check(H5Sclose(space));
+  }
+
+  hid_t add(const std::string& name, hid_t type, hsize_t columns, const std::string& unit,
+            const std::string& description, Read read) {
+    const int rank = columns == 0 ? 1 : 2;
+    const std::array<hsize_t, 2> size = {0, columns};
+    const std::array<hsize_t, 2> most = {H5S_UNLIMITED, columns};
+    const std::array<hsize_t, 2> chunk = {chunk_rows, columns};
+    const hid_t space = check(H5Screate_simple(rank, size.data(), most.data()));
+    const hid_t properties = check(H5Pcreate(H5P_DATASET_CREATE));
+    check(H5Pset_chunk(properties, rank, chunk.data()));
+    Dataset& dataset = datasets_.emplace_back();
+    dataset.columns = columns;
+    dataset.read = std::move(read);
+    dataset.values.reserve(chunk_rows * std::max<hsize_t>(columns, 1));
+    dataset.id =
+        check(H5Dcreate2(file_, name.c_str(), type, space, H5P_DEFAULT, properties, H5P_DEFAULT));
+    check(H5Pclose(properties));
+    check(H5Sclose(space));
+    attribute(dataset.id, "unit", unit);
+    attribute(dataset.id, "description", description);
+    return dataset.id;
+  }
+
+  void write(Dataset& dataset) const {
+    const int rank = dataset.columns == 0 ? 1 : 2;
+    const std::array<hsize_t, 2> size = {written_ + buffered_, dataset.columns};
+    const std::array<hsize_t, 2> start = {written_, 0};
+    const std::array<hsize_t, 2> count = {buffered_, dataset.columns};
+    check(H5Dset_extent(dataset.id, size.data()));
+    const hid_t space = check(H5Dget_space(dataset.id));
+    check(H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr));
+    // Of the same shape: H5DOappend takes several times as long.
+    const hid_t memory = check(H5Screate_simple(rank, count.data(), nullptr));
+    check(
+        H5Dwrite(dataset.id, H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT, dataset.values.data()));
+    check(H5Sclose(memory));
+    check(H5Sclose(space));
+    dataset.values.clear();
+  }
+
+  void flush() {
+    if (buffered_ == 0) return;
+    for (Dataset& each : datasets_) write(each);
+    written_ += std::exchange(buffered_, 0);
+  }
+
+  std::filesystem::path path_;
+  hid_t file_ = H5I_INVALID_HID;
+  std::vector<Dataset> datasets_;
+  hsize_t written_ = 0, buffered_ = 0;  ///< rows
+};
+
+void write_table(RunLog& log, const std::vector<Quantity>& quantities, ExportFormat format,
+                 const std::filesystem::path& to) {
+  std::unique_ptr<TableFile> file;
+  if (format == ExportFormat::csv) {
+    file = std::make_unique<CsvTable>(to, quantities, log.info().period_s);
+  } else {
+    file = std::make_unique<Hdf5Table>(to, quantities, log);
+  }
+  for (TickRecord record; log.next(record);) file->append(record);
+  file->close();
 }
 
 }  // namespace
@@ -39,23 +290,24 @@ ExportFormat export_format_of(const std::filesystem::path& path) {
   const auto ending = path.extension();
   if (ending == ".csv" || path == "-") return ExportFormat::csv;
   if (ending == ".h5" || ending == ".hdf5") return ExportFormat::hdf5;
-  throw diagnostics::bad_usage(path.string() +
-                               ": unknown kind of file; end its name in .csv, .h5 or .hdf5, or "
-                               "write CSV to standard output by -");
+  throw diagnostics::bad_usage(
+      "{}: unknown kind of file; end its name in .csv, .h5 or .hdf5, or write CSV to standard "
+      "output by -",
+      path.string());
 }
 
 std::string ExportResult::text() const {
-  std::string text = std::to_string(rows) + " ticks";
-  if (missing_values != 0) text += ", " + std::to_string(missing_values) + " values missing";
+  std::string text = fmt::format("{} ticks", summary.ticks);
+  if (missing_values != 0) text += fmt::format(", {} values missing", missing_values);
   for (const auto& piece : summary.pieces) {
     if (piece.absent()) {
-      if (rows != 0) text += "; no " + piece.channel;
+      if (summary.ticks != 0) text += "; no " + piece.channel;
     } else if (piece.missing != 0) {
-      text += "; " + piece.channel + " missing in " + std::to_string(piece.missing) + " ticks";
+      text += fmt::format("; {} missing in {} ticks", piece.channel, piece.missing);
     }
   }
   if (damage.any()) {
-    text += "; the log is damaged (" + std::to_string(damage.bytes_skipped) + " bytes lost)";
+    text += fmt::format("; the log is damaged ({} bytes lost)", damage.bytes_skipped);
   }
   return text;
 }
@@ -63,31 +315,53 @@ std::string ExportResult::text() const {
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFormat format,
                         bool force) {
   const auto quantities = quantities_of(log);
-  ExportResult result;
-  const auto write_csv = [&](const std::filesystem::path& to) {
-    CsvFile file(to, quantities, log.info().period_s);
-    write_rows(log, quantities, file, result);
-  };
   log.rewind();
   if (path == "-") {
-    write_csv(path);
+    write_table(log, quantities, format, path);
   } else {
-    if (!force) require_free(path);
-    diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
-    if (format == ExportFormat::csv) {
-      write_csv(unfinished.name());
-    } else {
-      if (unfinished.direct()) {
-        throw diagnostics::bad_usage(path.string() + ": HDF5 needs a regular file; name one");
-      }
-      Hdf5File file(unfinished.name(), quantities, log);
-      write_rows(log, quantities, file, result);
+    std::error_code error;
+    if (!force && std::filesystem::is_regular_file(path, error)) {
+      throw diagnostics::bad_usage(
+          "{}: exists already; name another file, or overwrite it with --force", path.string());
     }
+    diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
+    if (format == ExportFormat::hdf5 && unfinished.direct()) {
+      throw diagnostics::bad_usage("{}: HDF5 needs a regular file; name one", path.string());
+    }
+    write_table(log, quantities, format, unfinished.name());
     unfinished.finish();
   }
-  result.summary = log.summary();
-  result.damage = log.damage();
+  ExportResult result{log.summary(), log.damage()};
+  for (const Quantity& quantity : quantities) {
+    const std::uint64_t missing = result.summary.ticks - result.summary.of(quantity.slot).count;
+    result.missing_values += missing * quantity.units.size();
+  }
   return result;
+}
+
+void write_hdf5_columns(const std::filesystem::path& path, const std::vector<NumberColumn>& columns,
+                        const std::map<std::string, std::string>& texts) {
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  const auto check = [&](auto result) {
+    if (result >= 0) return result;
+    throw diagnostics::bad_usage(
+        "{}: cannot write: the file system refused; check directory, rights, limits and room",
+        path.string());
+  };
+  const hid_t file = check(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT));
+  for (const auto& [name, text] : texts) {
+    check(H5LTmake_dataset_string(file, name.c_str(), text.c_str()));
+  }
+  for (const NumberColumn& column : columns) {
+    const hsize_t size = column.values.size();
+    const char* name = column.name.c_str();
+    check(H5LTmake_dataset_double(file, name, 1, &size, column.values.data()));
+    check(H5LTset_attribute_string(file, name, "unit", column.unit.c_str()));
+    if (column.choices.empty()) continue;
+    check(H5LTset_attribute_string(file, name, "choices",
+                                   diagnostics::joined(column.choices, ",").c_str()));
+  }
+  check(H5Fclose(file));
 }
 
 }  // namespace tachless::logger

@@ -1,7 +1,6 @@
-// More than 400 lines: writer and reader in one file, because the bytes of an event's header
-// stand here alone.
 #include "logger/log_file.h"
 
+#include <endian.h>
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/mman.h>
@@ -9,8 +8,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <bit>
 #include <cerrno>
 #include <cstring>
 #include <limits>
@@ -19,13 +16,12 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "process/file_descriptor.h"
 
 namespace tachless::logger {
 namespace {
 
 constexpr std::uint32_t sync_word = 0xEDA1DA01;
-constexpr std::array<std::byte, 4> sync_bytes = {std::byte{0xED}, std::byte{0xA1}, std::byte{0xDA},
-                                                 std::byte{0x01}};
 constexpr std::size_t buffer_bytes = 1 << 20;
 // liblcm's reader refuses longer names, though the network protocol ends at 63.
 constexpr std::size_t max_readable_channel_bytes = 999;
@@ -34,14 +30,8 @@ constexpr std::uint64_t release_bytes = 4 << 20;
 
 template <class Integer>
 Integer big_endian(Integer value) {
-  if constexpr (std::endian::native == std::endian::little) {
-    if constexpr (sizeof(Integer) == 4) {
-      return __builtin_bswap32(value);
-    } else {
-      return __builtin_bswap64(value);
-    }
-  }
-  return value;
+  return static_cast<Integer>(sizeof value == 4 ? htobe32(static_cast<std::uint32_t>(value))
+                                                : htobe64(value));
 }
 
 template <class Integer>
@@ -55,15 +45,6 @@ Integer get(const std::byte* from) {
   Integer value;
   std::memcpy(&value, from, sizeof value);
   return big_endian(value);
-}
-
-void put_header(std::byte* to, std::int64_t number, std::int64_t utime, std::size_t channel_bytes,
-                std::size_t data_bytes) {
-  put(to, sync_word);
-  put(to + 4, static_cast<std::uint64_t>(number));
-  put(to + 12, static_cast<std::uint64_t>(utime));
-  put(to + 20, static_cast<std::uint32_t>(channel_bytes));
-  put(to + 24, static_cast<std::uint32_t>(data_bytes));
 }
 
 std::string text_of(int error) { return std::generic_category().message(error); }
@@ -85,12 +66,11 @@ std::string remedy_for_creating(int error, const std::string& directory) {
   }
 }
 
-/// Whether an event `number` at `offset` can come after event `earlier` at `earlier_offset` with
-/// nothing but events between them: each takes room.
-bool could_follow(std::int64_t number, std::uint64_t offset, std::int64_t earlier,
-                  std::uint64_t earlier_offset) {
-  return number > earlier && static_cast<std::uint64_t>(number - earlier) <=
-                                 1 + (offset - earlier_offset) / smallest_event_bytes;
+/// Whether `event` can come after `earlier` with nothing but events between them: each takes room.
+bool could_follow(const LogEvent& event, const LogEvent& earlier) {
+  return event.number > earlier.number &&
+         static_cast<std::uint64_t>(event.number - earlier.number) <=
+             1 + (event.offset - earlier.offset) / smallest_event_bytes;
 }
 
 }  // namespace
@@ -133,10 +113,15 @@ void LogWriter::append(std::int64_t utime, std::string_view channel,
   }
   const std::size_t head = event_header_bytes + channel.size();
   if (filled_ + head + data.size() > buffer_.size()) flush();
-  put_header(&buffer_[filled_], num_events_, utime, channel.size(), data.size());
-  std::memcpy(&buffer_[filled_ + event_header_bytes], channel.data(), channel.size());
+  std::byte* const to = &buffer_[filled_];
+  put(to, sync_word);
+  put(to + 4, static_cast<std::uint64_t>(num_events_));
+  put(to + 12, static_cast<std::uint64_t>(utime));
+  put(to + 20, static_cast<std::uint32_t>(channel.size()));
+  put(to + 24, static_cast<std::uint32_t>(data.size()));
+  std::memcpy(to + event_header_bytes, channel.data(), channel.size());
   if (filled_ + head + data.size() <= buffer_.size()) {
-    if (!data.empty()) std::memcpy(&buffer_[filled_ + head], data.data(), data.size());
+    if (!data.empty()) std::memcpy(to + head, data.data(), data.size());
     filled_ += head + data.size();
   } else {  // larger than the whole buffer, which is empty now
     write_out({buffer_.data(), head});
@@ -232,43 +217,28 @@ void LogWriter::fail(int error) {
   throw diagnostics::bad_usage(failure_);
 }
 
+void LogReader::Unmap::operator()(const std::byte* bytes) const {
+  munmap(const_cast<std::byte*>(bytes), size);
+}
+
 LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
   const auto refuse = [&](const std::string& problem) {
     throw diagnostics::bad_usage("{}: cannot read the log: {}", path.string(), problem);
   };
-  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (file < 0) refuse(text_of(errno) + "; name an LCM log");
+  const process::FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (file.get() < 0) refuse(text_of(errno) + "; name an LCM log");
   struct stat status {};
-  const bool regular = fstat(file, &status) == 0 && S_ISREG(status.st_mode);
-  void* mapped = nullptr;
-  int error = 0;
-  if (regular && status.st_size > 0) {
-    size_ = static_cast<std::uint64_t>(status.st_size);
-    mapped = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file, 0);
-    if (mapped == MAP_FAILED) error = errno;
+  if (fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) {
+    refuse("it is not a regular file; name an LCM log");
   }
-  ::close(file);
-  if (!regular) refuse("it is not a regular file; name an LCM log");
-  if (error != 0) refuse(text_of(error));
-  bytes_ = static_cast<const std::byte*>(mapped);
-  if (size_ != 0) madvise(mapped, size_, MADV_SEQUENTIAL);
+  if (status.st_size > 0) {
+    size_ = static_cast<std::uint64_t>(status.st_size);
+    void* const mapped = mmap(nullptr, size_, PROT_READ, MAP_PRIVATE, file.get(), 0);
+    if (mapped == MAP_FAILED) refuse(text_of(errno));
+    bytes_ = {static_cast<const std::byte*>(mapped), Unmap{size_}};
+    madvise(mapped, size_, MADV_SEQUENTIAL);
+  }
   rewind();
-}
-
-LogReader::LogReader(LogReader&& other) noexcept
-    : path_(std::move(other.path_)),
-      bytes_(std::exchange(other.bytes_, nullptr)),
-      size_(std::exchange(other.size_, 0)),
-      position_(std::exchange(other.position_, 0)),
-      released_(other.released_),
-      look_ahead_left_(other.look_ahead_left_),
-      skipping_(other.skipping_),
-      last_number_(other.last_number_),
-      last_offset_(other.last_offset_),
-      damage_(std::move(other.damage_)) {}
-
-LogReader::~LogReader() {
-  if (bytes_ != nullptr) munmap(const_cast<std::byte*>(bytes_), size_);
 }
 
 void LogReader::rewind() {
@@ -278,40 +248,32 @@ void LogReader::rewind() {
   // this, so that reading stays linear in the file's length.
   look_ahead_left_ = 8 * size_ + (1 << 20);
   skipping_ = false;
-  last_number_ = -1;
-  last_offset_ = 0;
+  last_ = {};
+  last_.number = -1;
   damage_ = {};
 }
 
 std::optional<LogEvent> LogReader::next() {
   while (position_ < size_) {
-    const auto header = header_at(position_);
-    bool is_event = header.has_value();
-    bool suspect = false;
-    if (is_event && (skipping_ || !number_follows(header->end, header->number + 1))) {
+    auto event = event_at(position_);
+    if (event && (skipping_ || !number_follows(event->end(), event->number + 1))) {
       // Damage comes before or after, or the numbers jump, or the file ends: does this length
       // span more than its own event?
-      is_event = !swallows_others(*header);
-      suspect = is_event && header->end != size_ && !header_at(header->end);
+      if (swallows_others(*event)) {
+        event.reset();
+      } else {
+        event->suspect = event->end() != size_ && !event_at(event->end());
+      }
     }
-    if (!is_event) {
-      const auto next_header = find_header(position_ + 1, size_);
-      skip(next_header ? next_header->offset : size_);
+    if (!event) {
+      const auto next_event = find_event(position_ + 1, size_);
+      skip(next_event ? next_event->offset : size_);
       continue;
     }
     skipping_ = false;
-    note_number(*header);
-    if (suspect) ++damage_.suspect_events;
-    const std::byte* at = bytes_ + position_;
-    const std::size_t head = event_header_bytes + header->channel_bytes;
-    LogEvent event;
-    event.number = header->number;
-    event.utime = static_cast<std::int64_t>(get<std::uint64_t>(at + 12));
-    event.channel = {reinterpret_cast<const char*>(at) + event_header_bytes, header->channel_bytes};
-    event.data = {at + head, static_cast<std::size_t>(header->end - position_ - head)};
-    event.offset = position_;
-    event.suspect = suspect;
-    position_ = header->end;
+    note_number(*event);
+    if (event->suspect) ++damage_.suspect_messages;
+    position_ = event->end();
     release_behind();
     return event;
   }
@@ -319,35 +281,39 @@ std::optional<LogEvent> LogReader::next() {
 }
 
 /// A plausible event that lies wholly in the file.
-std::optional<LogReader::Header> LogReader::header_at(std::uint64_t offset) const {
+std::optional<LogEvent> LogReader::event_at(std::uint64_t offset) const {
   if (offset > size_ || size_ - offset < smallest_event_bytes) return std::nullopt;
-  const std::byte* at = bytes_ + offset;
+  const std::byte* at = &bytes_[offset];
   if (get<std::uint32_t>(at) != sync_word) return std::nullopt;
   const auto number = static_cast<std::int64_t>(get<std::uint64_t>(at + 4));
   const auto channel_bytes = get<std::uint32_t>(at + 20);
   const auto data_bytes = get<std::uint32_t>(at + 24);
   if (number < 0 || channel_bytes == 0 || channel_bytes > max_readable_channel_bytes ||
-      data_bytes > static_cast<std::uint32_t>(std::numeric_limits<std::int32_t>::max())) {
+      data_bytes > static_cast<std::uint32_t>(std::numeric_limits<std::int32_t>::max()) ||
+      offset + event_header_bytes + channel_bytes + data_bytes > size_) {
     return std::nullopt;
   }
-  const std::uint64_t end = offset + event_header_bytes + channel_bytes + data_bytes;
-  if (end > size_) return std::nullopt;
-  const auto* channel = reinterpret_cast<const unsigned char*>(at) + event_header_bytes;
-  const bool printable = std::all_of(channel, channel + channel_bytes,
-                                     [](unsigned char c) { return c >= 0x20 && c < 0x7f; });
-  if (!printable) return std::nullopt;
-  return Header{number, offset, end, channel_bytes};
+  LogEvent event;
+  event.number = number;
+  event.utime = static_cast<std::int64_t>(get<std::uint64_t>(at + 12));
+  event.channel = {reinterpret_cast<const char*>(at) + event_header_bytes, channel_bytes};
+  event.data = {at + event_header_bytes + channel_bytes, data_bytes};
+  event.offset = offset;
+  const bool printable =
+      std::ranges::all_of(event.channel, [](char c) { return c >= 0x20 && c < 0x7f; });
+  return printable ? std::optional(event) : std::nullopt;
 }
 
 /// The first plausible event that begins in [from, before).
-std::optional<LogReader::Header> LogReader::find_header(std::uint64_t from,
-                                                        std::uint64_t before) const {
+std::optional<LogEvent> LogReader::find_event(std::uint64_t from, std::uint64_t before) const {
+  const std::uint32_t sync = big_endian(sync_word);
   while (from < before) {
-    const void* found = memmem(bytes_ + from, std::min(before + 3, size_) - from, sync_bytes.data(),
-                               sync_bytes.size());
+    const void* found =
+        memmem(&bytes_[from], std::min(before + 3, size_) - from, &sync, sizeof sync);
     if (found == nullptr) return std::nullopt;
-    const auto offset = static_cast<std::uint64_t>(static_cast<const std::byte*>(found) - bytes_);
-    if (const auto header = header_at(offset)) return header;
+    const auto offset =
+        static_cast<std::uint64_t>(static_cast<const std::byte*>(found) - &bytes_[0]);
+    if (const auto event = event_at(offset)) return event;
     from = offset + 1;
   }
   return std::nullopt;
@@ -355,36 +321,34 @@ std::optional<LogReader::Header> LogReader::find_header(std::uint64_t from,
 
 /// Whether an event `number` begins at `offset`, be it whole or not.
 bool LogReader::number_follows(std::uint64_t offset, std::int64_t number) const {
-  return size_ - offset >= 12 && get<std::uint32_t>(bytes_ + offset) == sync_word &&
-         get<std::uint64_t>(bytes_ + offset + 4) == static_cast<std::uint64_t>(number);
+  return size_ - offset >= 12 && get<std::uint32_t>(&bytes_[offset]) == sync_word &&
+         get<std::uint64_t>(&bytes_[offset + 4]) == static_cast<std::uint64_t>(number);
 }
 
-/// Whether `header`, which has damage beside it, spans events of its own log: then its lengths are
+/// Whether `event`, which has damage beside it, spans events of its own log: then its lengths are
 /// damaged. A log within a message is not taken for that as long as its numbers do not fit and it
 /// ends with the message.
-bool LogReader::swallows_others(const Header& header) {
-  const bool aligned = header.end == size_ || header_at(header.end);
-  const bool fits = could_follow(header.number, header.offset, last_number_, last_offset_);
-  std::uint64_t from = header.offset + 1;
-  while (from < header.end && look_ahead_left_ != 0) {
-    const auto inner = find_header(from, header.end);
-    const std::uint64_t looked = (inner ? inner->offset + 1 : header.end) - from;
+bool LogReader::swallows_others(const LogEvent& event) {
+  const std::uint64_t end = event.end();
+  const bool aligned = end == size_ || event_at(end);
+  const bool fits = could_follow(event, last_);
+  std::uint64_t from = event.offset + 1;
+  while (from < end && look_ahead_left_ != 0) {
+    const auto inner = find_event(from, end);
+    const std::uint64_t looked = (inner ? inner->offset + 1 : end) - from;
     look_ahead_left_ -= std::min(look_ahead_left_, looked);
     if (!inner) return false;
-    if (could_follow(inner->number, inner->offset, header.number, header.offset)) return true;
-    if (!fits && could_follow(inner->number, inner->offset, last_number_, last_offset_)) {
-      return true;
-    }
-    Header link = *inner;
+    if (could_follow(*inner, event) || (!fits && could_follow(*inner, last_))) return true;
+    LogEvent link = *inner;
     bool is_chain = false;
-    while (link.end < header.end && number_follows(link.end, link.number + 1)) {
-      const auto successor = header_at(link.end);
+    while (link.end() < end && number_follows(link.end(), link.number + 1)) {
+      const auto successor = event_at(link.end());
       if (!successor) break;
       link = *successor;
       is_chain = true;
     }
-    if (link.end == header.end && number_follows(link.end, link.number + 1)) return true;
-    if (link.end != header.end && (!aligned || (is_chain && link.end > header.end))) return true;
+    if (link.end() == end && number_follows(end, link.number + 1)) return true;
+    if (link.end() != end && (!aligned || (is_chain && link.end() > end))) return true;
     from = link.offset + 1;
   }
   return false;
@@ -403,14 +367,13 @@ void LogReader::skip(std::uint64_t to) {
   release_behind();
 }
 
-void LogReader::note_number(const Header& header) {
-  const std::int64_t expected = last_number_ + 1;
-  std::int64_t number = header.number;
+void LogReader::note_number(const LogEvent& event) {
+  const std::int64_t expected = last_.number + 1;
+  std::int64_t number = event.number;
   if (number != expected) {
-    const bool chained = number_follows(header.end, number + 1);
-    if (number_follows(header.end, expected + 1) ||
-        (!chained && !could_follow(number, header.offset, last_number_, last_offset_) &&
-         number != 0)) {
+    const bool chained = number_follows(event.end(), number + 1);
+    if (number_follows(event.end(), expected + 1) ||
+        (!chained && !could_follow(event, last_) && number != 0)) {
       ++damage_.wrong_numbers;
       number = expected;
     } else if (number > expected) {
@@ -419,14 +382,14 @@ void LogReader::note_number(const Header& header) {
       ++damage_.numbers_restarted;
     }
   }
-  last_number_ = number;
-  last_offset_ = header.offset;
+  last_.number = number;
+  last_.offset = event.offset;
 }
 
 void LogReader::release_behind() {
   // Pages already read may go; they come back from the file should somebody look again.
   while (position_ - released_ >= 2 * release_bytes) {
-    madvise(const_cast<std::byte*>(bytes_) + released_, release_bytes, MADV_DONTNEED);
+    madvise(const_cast<std::byte*>(&bytes_[released_]), release_bytes, MADV_DONTNEED);
     released_ += release_bytes;
   }
 }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -87,6 +88,11 @@ struct LogEvent {
   std::uint64_t offset = 0;  ///< of its first byte in the file
   /// Damage follows: should the damage be in this event's own lengths, its data is not whole.
   bool suspect = false;
+
+  /// The offset of the byte after it.
+  [[nodiscard]] std::uint64_t end() const {
+    return offset + event_header_bytes + channel.size() + data.size();
+  }
 };
 
 /// A stretch of a log that holds no event.
@@ -105,10 +111,10 @@ struct Damage {
   std::uint64_t missing_numbers = 0;    ///< event numbers passed over
   std::uint64_t numbers_restarted = 0;  ///< event number went back (lcm-logger appending does that)
   std::uint64_t wrong_numbers = 0;      ///< events whose number fits neither neighbour
-  std::uint64_t suspect_events = 0;     ///< delivered although damage follows them
+  std::uint64_t suspect_messages = 0;   ///< delivered although damage follows them
 
   [[nodiscard]] bool any() const {
-    return stretches != 0 || missing_numbers != 0 || wrong_numbers != 0 || suspect_events != 0;
+    return stretches != 0 || missing_numbers != 0 || wrong_numbers != 0 || suspect_messages != 0;
   }
 };
 
@@ -123,12 +129,6 @@ class LogReader {
  public:
   /// @throw diagnostics::Failure(bad_usage) when `path` is not a readable regular file.
   explicit LogReader(const std::filesystem::path& path);
-  LogReader(const LogReader&) = delete;
-  LogReader& operator=(const LogReader&) = delete;
-  LogReader(LogReader&& other) noexcept;
-  LogReader& operator=(LogReader&&) = delete;
-  ~LogReader();
-
   /// The next event, or nothing at the end of the file.
   std::optional<LogEvent> next();
 
@@ -140,29 +140,26 @@ class LogReader {
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:
-  struct Header {
-    std::int64_t number;
-    std::uint64_t offset;
-    std::uint64_t end;  // offset of the byte after the event
-    std::size_t channel_bytes;
+  struct Unmap {
+    std::size_t size;
+    void operator()(const std::byte* bytes) const;
   };
-  [[nodiscard]] std::optional<Header> header_at(std::uint64_t offset) const;
-  [[nodiscard]] std::optional<Header> find_header(std::uint64_t from, std::uint64_t before) const;
+  [[nodiscard]] std::optional<LogEvent> event_at(std::uint64_t offset) const;
+  [[nodiscard]] std::optional<LogEvent> find_event(std::uint64_t from, std::uint64_t before) const;
   [[nodiscard]] bool number_follows(std::uint64_t offset, std::int64_t number) const;
-  [[nodiscard]] bool swallows_others(const Header& header);
+  [[nodiscard]] bool swallows_others(const LogEvent& event);
   void skip(std::uint64_t to);
-  void note_number(const Header& header);
+  void note_number(const LogEvent& event);
   void release_behind();
 
   std::filesystem::path path_;
-  const std::byte* bytes_ = nullptr;
+  std::unique_ptr<const std::byte[], Unmap> bytes_;
   std::uint64_t size_ = 0;
   std::uint64_t position_ = 0;
   std::uint64_t released_ = 0;
   std::uint64_t look_ahead_left_ = 0;  // [bytes]
   bool skipping_ = false;              // the last stretch is still growing
-  std::int64_t last_number_ = -1;
-  std::uint64_t last_offset_ = 0;
+  LogEvent last_;                      // number and offset alone
   Damage damage_;
 };
 

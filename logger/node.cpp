@@ -1,9 +1,389 @@
 #include "logger/node.h"
 
-#include "logger/lockstep_recorder.h"
-#include "logger/realtime_recorder.h"
+#include <algorithm>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "bus/key.h"
+#include "bus/wire.h"
+#include "diagnostics/logging.h"
+#include "logger/log_file.h"
+#include "logger/run_messages.h"
+#include "logger/tick_tally.h"
+#include "node/session.h"
+#include "protocol/lockstep/log_window.h"
+#include "protocol/realtime/realtime.h"
 
 namespace tachless::logger {
+namespace {
+
+using namespace std::chrono_literals;
+using loop::Clock;
+using loop::Slot;
+using protocol::lockstep::Verdict;
+
+// What has to pass in realtime without a message before the log is closed, in waits of their own: a
+// machine that stands still makes one of them longer, and is no silence. After the plant's last
+// message others may still be on their way.
+constexpr auto silent_wait = 10ms;
+constexpr int silence = 5;
+// A plant that fails brings the robot to rest first, which is recorded too.
+constexpr int silence_of_a_failing_plant = 15;
+constexpr auto longest_conclusion = 1500ms;
+
+/// Who publishes the messages of a slot.
+loop::Role role_of(Slot slot) {
+  switch (slot) {
+    case Slot::reference:
+      return loop::Role::reference;
+    case Slot::command:
+    case Slot::controller_state:
+      return loop::Role::controller;
+    default:
+      return loop::Role::plant;
+  }
+}
+
+/// What recording has in common in both modes: joins, checks every message of the run before it
+/// goes on, takes RUN_INFO, closes the log in every case. The log of a run that has failed ends
+/// with the announcement of the fault that ended it: a member's, or this process's own. Does not
+/// know which message is due.
+class Recorder {
+ public:
+  Recorder(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+           const std::filesystem::path& log_path)
+      : link_(link),
+        loop_(transport, link),
+        messages_(scenario),
+        file_(log_path),
+        transport_(transport),
+        ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)) {
+    loop_.on_session([this](const bus::Datagram& datagram) {
+      keep_fault(datagram);
+      on_participant(datagram);
+    });
+    loop_.on(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix),
+             [this](const bus::Datagram& datagram) {
+               on_run_info(datagram);
+               after_message();
+             });
+    for (const Slot slot : loop::all_slots) {
+      if (!messages_.channel(slot).empty()) record(slot);
+    }
+    link_.statistics().logger().log.path = log_path.string();
+    diagnostics::log_detail("writes the log {}", log_path.string());
+  }
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+  virtual ~Recorder() = default;
+
+  void run() {
+    try {
+      link_.join({}, {});
+      loop_.run_until_finished([this](Clock::time_point now) { return complete(now); },
+                               [this](Clock::time_point now) {
+                                 file_.flush_if_due(now);
+                                 // A flush is due soon after what is in the buffer now.
+                                 return now + LogWriter::flush_interval / 2;
+                               });
+      conclude(true);
+      file_.sync();
+      whole_ = true;
+      link_.leave();
+    } catch (const diagnostics::Failure& failure) {
+      save_the_rest(failure);
+      throw;
+    }
+    file_.close();
+  }
+
+ protected:
+  /// Another copy of RUN_INFO, or the first.
+  virtual Verdict take_run_info(bool same) = 0;
+  virtual void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
+  /// A participant's announcement.
+  virtual void on_participant(const bus::Datagram& /*datagram*/) {}
+  /// A message has been handled: writes and acknowledges what is due.
+  virtual void after_message() = 0;
+  /// Whether every tick has come, or is never to come.
+  [[nodiscard]] virtual bool complete(Clock::time_point now) const = 0;
+  /// The plant has finished, or (not `well`) the run has failed: records what still comes.
+  virtual void conclude(bool well) = 0;
+  /// The time of an event that belongs to no tick.
+  [[nodiscard]] virtual std::int64_t utime() const = 0;
+
+  /// As Loop::count; but once the run has failed a conflict is no news: what comes is recorded.
+  template <class FirstSender>
+  void count(Verdict verdict, loop::Role from, const bus::Datagram& datagram, std::int64_t tick,
+             FirstSender first_sender) {
+    if (concluding_) return loop_.count(verdict);
+    loop_.count(verdict, from, datagram, tick, first_sender);
+  }
+  void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data) {
+    file_.append(utime, channel, data);
+    ++link_.statistics().logger().log.events;
+  }
+  void acknowledge(std::int64_t tick, std::uint64_t missing) {
+    transport_.publish(ack_channel_,
+                       ack_codec_.encode({0, link_.run(), tick}, loop::LogAck{missing}));
+  }
+
+  node::Link& link_;
+  node::Loop loop_;
+  RunMessages messages_;
+  LogWriter file_;
+  bool concluding_ = false;  ///< the run has failed
+
+ private:
+  void record(Slot slot) {
+    loop_.on(messages_.channel(slot), [this, slot](const bus::Datagram& datagram) {
+      loop::Stamp stamp;
+      const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
+      if (link_.accept(rejection, stamp)) on_message(slot, stamp, datagram);
+      after_message();
+    });
+  }
+
+  void on_run_info(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    loop::RunInfo info;
+    node::Statistics& statistics = link_.statistics();
+    if (!link_.accept(run_info_codec_, datagram, stamp, info)) return;
+    if (stamp.tick != -1) return statistics.rejected.add(node::Discard::not_asked);
+    const bool first = run_info_.empty();
+    if (first && !messages_.select_measurement(info.measurement)) {
+      return statistics.rejected.add(bus::Rejection::bad_value);
+    }
+    const bool same = std::ranges::equal(run_info_, datagram.payload);
+    const Verdict verdict = take_run_info(first || same);
+    if (verdict == Verdict::conflicting) {
+      count(verdict, loop::Role::plant, datagram, stamp.tick, [this] { return run_info_sender_; });
+    }
+    if (!first) {
+      ++statistics.duplicates;
+      return;
+    }
+    run_info_.assign(datagram.payload.begin(), datagram.payload.end());
+    run_info_sender_ = datagram.sender;
+    // Before the acknowledgement, and so before the first measurement.
+    record(Slot::measurement);
+    link_.started(Clock::now());
+    append(stamp.utime, datagram.channel, run_info_);
+  }
+
+  /// The first announcement of a fault after which this process has to end is the cause.
+  void keep_fault(const bus::Datagram& announcement) {
+    if (concluding_ || !fault_.empty() || !link_.membership().failure()) return;
+    loop::Stamp stamp;
+    loop::Participant who;
+    if (participant_codec_.decode(announcement.payload, stamp, who) == bus::Rejection::none &&
+        who.state == loop::ParticipantState::fault) {
+      fault_.assign(announcement.payload.begin(), announcement.payload.end());
+    }
+  }
+
+  /// What has arrived already still belongs into the log, and in realtime how the robot is brought
+  /// to rest, for which the plant has to know.
+  void save_the_rest(const diagnostics::Failure& cause) {
+    try {
+      const auto own = link_.ending(cause);
+      if (fault_.empty()) fault_.assign(own.begin(), own.end());
+      if (!whole_) {
+        concluding_ = true;
+        conclude(false);
+      }
+      if (!run_info_.empty()) append(utime(), link_.channel(), fault_);
+    } catch (const diagnostics::Failure&) {
+      // The first failure is the one to tell.
+    }
+    try {
+      file_.close();
+    } catch (const diagnostics::Failure& failure) {
+      if (std::string_view(failure.what()) != cause.what()) {
+        diagnostics::log_warning(failure.what());
+      }
+    }
+  }
+
+  bus::Transport& transport_;
+  std::string ack_channel_;
+  bus::Codec<loop::RunInfo> run_info_codec_{loop::Layout{}};
+  bus::Codec<loop::LogAck> ack_codec_{loop::Layout{}};
+  bus::Codec<loop::Participant> participant_codec_{loop::Layout{}};
+  std::vector<std::byte> run_info_;
+  std::string run_info_sender_;
+  bool whole_ = false;            ///< every tick is on the disk
+  std::vector<std::byte> fault_;  ///< announcement of the member's fault that has ended it, if any
+};
+
+/// Records tick by tick, each complete and once, stamped with simulation time; acknowledges, and
+/// has what it misses repeated. Announcements are not recorded, but for the fault that ends the log
+/// of a run that has failed.
+class LockstepRecorder final : public Recorder {
+ public:
+  LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                   node::Link& link, const std::filesystem::path& log_path)
+      : Recorder(scenario, transport, link, log_path),
+        window_(scenario.loop.num_ticks, messages_.longest()) {}
+
+ private:
+  Verdict take_run_info(bool same) override { return window_.on_run_info(same); }
+  void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
+    const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
+    count(verdict, role_of(slot), datagram, stamp.tick,
+          [&] { return window_.sender(stamp.tick, slot); });
+  }
+  void after_message() override {
+    write_complete_ticks();
+    if (const auto ack = window_.take_ack()) acknowledge(ack->tick, ack->missing);
+  }
+  [[nodiscard]] bool complete(Clock::time_point /*now*/) const override {
+    return window_.all_written();
+  }
+  void conclude(bool well) override {
+    if (well) return compare_truth();  // every tick is written
+    constexpr int most = 10'000;  // a flood of datagrams must not keep this process from its end
+    for (int i = 0; i < most && loop_.receive(Clock::time_point()); ++i) {
+    }
+  }
+  [[nodiscard]] std::int64_t utime() const override { return utime_; }
+
+  void write_complete_ticks() {
+    while (const auto tick = window_.complete_tick()) {
+      const auto begin = Clock::now();
+      loop::Stamp stamp;
+      if (messages_.check(Slot::tick, window_.bytes(*tick, Slot::tick), stamp) !=
+          bus::Rejection::none) {
+        throw std::logic_error("a kept message has changed");
+      }
+      for (const Slot slot : loop::all_slots) {
+        append(stamp.utime, messages_.channel(slot), window_.bytes(*tick, slot));
+      }
+      truth_digest_.add(window_.bytes(*tick, Slot::truth));
+      utime_ = stamp.utime;
+      window_.written();
+      link_.progressed(*tick);
+      link_.statistics().ticks = *tick + 1;
+      link_.statistics().logger().log.ticks = *tick + 1;
+      link_.statistics().work_us.add(Clock::now() - begin);
+    }
+  }
+
+  /// A stranger's TRUTH contradicts the plant's own, and is noticed by that, unless that one is
+  /// lost.
+  void compare_truth() {
+    if (link_.membership().truth_digest() == truth_digest_.value()) return;
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::protocol_violated,
+        "what is recorded on {} is not what {} has published: somebody else has published there "
+        "too; find it with `tachless watch`, or use a key (--key-file)",
+        messages_.channel(Slot::truth), link_.describe(loop::Role::plant));
+  }
+
+  protocol::lockstep::LogWindow window_;
+  bus::Digest truth_digest_;  ///< of what is written
+  std::int64_t utime_ = 0;    ///< of the last tick written
+};
+
+/// Records in order of arrival, each message once, PARTICIPANT included, stamped with the time of
+/// arrival since the first tick. Nothing is repeated for it; what never came is counted at the end,
+/// by channel and tick.
+class RealtimeRecorder final : public Recorder {
+ public:
+  RealtimeRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
+                   node::Link& link, const std::filesystem::path& log_path)
+      : Recorder(scenario, transport, link, log_path),
+        num_ticks_(scenario.loop.num_ticks),
+        pace_(scenario.loop.period_s),
+        tally_(scenario.loop.num_ticks) {}
+
+ private:
+  Verdict take_run_info(bool same) override {
+    if (!same) return Verdict::conflicting;
+    introduced_ = true;
+    acknowledgement_due_ = true;
+    return Verdict::fresh;
+  }
+  void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
+    const auto begin = Clock::now();
+    const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
+    if (!introduced_ ||
+        (!pace_.possible(stamp.tick - ahead, begin) && !link_.knows(datagram.sender))) {
+      return loop_.count(Verdict::not_asked);
+    }
+    const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
+    silent_waits_ = 0;
+    if (verdict == Verdict::conflicting && !concluding_) {
+      append(since_start(begin), datagram.channel, datagram.payload);
+    }
+    if (verdict != Verdict::fresh) {
+      return count(verdict, role_of(slot), datagram, stamp.tick,
+                   [] { return "an earlier sender"; });
+    }
+    if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
+    append(since_start(begin), datagram.channel, datagram.payload);
+    node::Statistics& statistics = link_.statistics();
+    link_.progressed(tally_.newest());
+    statistics.ticks = tally_.newest() + 1;
+    statistics.work_us.add(Clock::now() - begin);
+  }
+  void on_participant(const bus::Datagram& datagram) override {
+    // RUN_INFO comes first, so that a log begins with what explains it.
+    if (introduced_) append(utime(), datagram.channel, datagram.payload);
+  }
+  void after_message() override {
+    // Not before the measurement is subscribed to: the plant starts at once.
+    if (std::exchange(acknowledgement_due_, false)) acknowledge(-1, 0);
+  }
+  [[nodiscard]] bool complete(Clock::time_point now) const override {
+    return pace_.over(tally_.newest(), num_ticks_ - 1, now);
+  }
+  void conclude(bool well) override {
+    if (start_) {
+      const auto until = Clock::now() + longest_conclusion;
+      const int patience = well ? silence : silence_of_a_failing_plant;
+      silent_waits_ = 0;
+      while (silent_waits_ < patience && Clock::now() < until) {
+        if (!well) link_.announce_if_due(Clock::now());
+        if (!loop_.receive(std::min(until, Clock::now() + silent_wait))) ++silent_waits_;
+        file_.flush_if_due(Clock::now());
+      }
+    }
+    tally_.finish(well ? num_ticks_ - 1 : tally_.newest());
+    link_.statistics().logger().log.ticks = tally_.complete();
+    link_.statistics().logger().log.gaps = tally_.incomplete();
+    for (const Slot slot : loop::all_slots) {
+      const auto& missing = tally_.missing(slot);
+      if (missing.count == 0) continue;
+      diagnostics::log_warning("{} of {} ticks have no {}: {}", missing.count,
+                               tally_.complete() + tally_.incomplete(), messages_.channel(slot),
+                               missing.text());
+    }
+  }
+  [[nodiscard]] std::int64_t utime() const override { return since_start(Clock::now()); }
+
+  [[nodiscard]] std::int64_t since_start(Clock::time_point now) const {
+    return start_ && now > *start_ ? (now - *start_) / 1us : 0;
+  }
+
+  std::int64_t num_ticks_;
+  bool introduced_ = false;
+  bool acknowledgement_due_ = false;
+  protocol::realtime::Pace pace_;
+  TickTally tally_;
+  std::optional<Clock::time_point> start_;  ///< of tick 0, as seen from here
+  int silent_waits_ = 0;                    ///< of the conclusion, since the last message of a tick
+};
+
+}  // namespace
 
 void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
               const std::filesystem::path& log_path) {

@@ -75,7 +75,7 @@ Decimal decimal_of(double value) {
 }
 
 /// Eight digits of `value` < 1e8.
-void write_eight(char* to, std::uint32_t value) {
+void write_eight(char* to, std::uint64_t value) {
   static const std::array<char, 200> pairs = [] {
     std::array<char, 200> text{};
     for (std::size_t i = 0; i < 100; ++i) {
@@ -84,7 +84,8 @@ void write_eight(char* to, std::uint32_t value) {
     }
     return text;
   }();
-  for (int i = 3; i >= 0; --i, value /= 100) std::memcpy(to + 2 * i, &pairs[2 * (value % 100)], 2);
+  auto left = static_cast<std::uint32_t>(value);
+  for (int i = 3; i >= 0; --i, left /= 100) std::memcpy(to + 2 * i, &pairs[2 * (left % 100)], 2);
 }
 
 }  // namespace
@@ -102,24 +103,19 @@ char* write_number(char* to, double value) {
     return std::to_chars(to, end, value, std::chars_format::general, num_digits).ptr;
   }
   if (value < 0) *to++ = '-';
-  std::array<char, num_digits> digits;
-  const std::uint64_t high = decimal.digits / 100'000'000;
-  digits[0] = static_cast<char>('0' + high / 100'000'000);
-  write_eight(&digits[1], static_cast<std::uint32_t>(high % 100'000'000));
-  write_eight(&digits[9], static_cast<std::uint32_t>(decimal.digits % 100'000'000));
-  int used = num_digits;
-  while (digits[static_cast<std::size_t>(used - 1)] == '0') --used;
+  // The digits where they end up if they are all behind the point.
   const int before_point = decimal.exponent + 1;
-  if (before_point <= 0) {
-    *to++ = '0';
-    *to++ = '.';
-    to = std::fill_n(to, -before_point, '0');
-    return std::copy_n(digits.data(), used, to);
-  }
-  to = std::copy_n(digits.data(), before_point, to);
-  if (used <= before_point) return to;
-  *to++ = '.';
-  return std::copy_n(digits.data() + before_point, used - before_point, to);
+  char* const first = before_point > 0 ? to + 1 : std::fill_n(to, 2 - before_point, '0');
+  constexpr std::uint64_t ten_to_8 = 100'000'000;
+  *first = static_cast<char>('0' + decimal.digits / ten_to_16);
+  write_eight(first + 1, decimal.digits / ten_to_8 % ten_to_8);
+  write_eight(first + 9, decimal.digits % ten_to_8);
+  char* last = first + num_digits;
+  while (last[-1] == '0') --last;
+  char* const point = before_point > 0 ? std::copy_n(first, before_point, to) : to + 1;
+  if (last <= point + 1) return point;
+  *point = '.';
+  return last;
 }
 
 }  // namespace tachless::logger

@@ -1,14 +1,20 @@
 #include "logger/run_log.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <deque>
+#include <span>
 #include <tuple>
 #include <type_traits>
 #include <utility>
 
 #include "bus/truth/truth_wire.h"
-#include "logger/run_info.h"
+#include "diagnostics/failure.h"
+#include "diagnostics/text.h"
+#include "diagnostics/version.h"
+#include "loop/measurements.h"
 
 namespace tachless::logger {
 namespace {
@@ -19,20 +25,107 @@ constexpr std::int64_t num_held = 2 * RunLog::window;
 // must not make the window run away from the ticks that follow.
 constexpr std::size_t max_ahead = 64;
 
-constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
+std::int64_t tick_of(const LogEvent& event) { return bus::stamp_of(event.data).tick; }
 
-template <class Value>
-constexpr bool in_tick =
-    !std::is_same_v<Value, loop::Participant> && !std::is_same_v<Value, loop::RunInfo>;
+/// The fingerprint of RUN_INFO in version 0.1.0, whose messages were others.
+constexpr std::int64_t run_info_of_0_1_0 = 0x2243251c415912ef;
 
-void clear(TickRecord& record) {
-  record.clock.reset();
-  record.measurement.emplace<std::monostate>();
-  record.reference.reset();
-  record.command.reset();
-  record.controller_state.reset();
-  record.truth.reset();
+/// Reads one RUN_INFO. Returns what is wrong with it, or nothing and `found`.
+std::string read(const LogEvent& event, const std::filesystem::path& path,
+                 std::optional<std::int64_t> wanted, RunDescription& found) {
+  const bus::Codec<loop::RunInfo> codec(loop::Layout{});
+  loop::Stamp stamp;
+  const auto rejection = codec.decode(event.data, stamp, found.info);
+  if (rejection != bus::Rejection::none) {
+    return fmt::format("is damaged ({})", bus::name(rejection));
+  }
+  if (wanted && stamp.run != *wanted) {
+    return fmt::format("is of run {}, not of run {}", stamp.run, *wanted);
+  }
+  found.run = stamp.run;
+  try {
+    found.scenario = experiment::parse_scenario(found.info.scenario, found.info.robot_description,
+                                                path.string() + " (RUN_INFO)");
+  } catch (const diagnostics::Failure& failure) {
+    return fmt::format("cannot be used: {}", failure.what());
+  }
+  if (found.scenario.controller.law == experiment::external_law) {
+    found.scenario.controller.announced = diagnostics::printable(found.info.law);
+  }
+  const loop::RunInfo& info = found.info;
+  const experiment::Scenario& scenario = found.scenario;
+  const auto prefix = event.channel.substr(0, event.channel.size() - run_info_suffix.size());
+  if (info.robot != prefix || scenario.robot.channel_prefix != prefix) {
+    return fmt::format("names robot {} on channel {}{}", info.robot, prefix, run_info_suffix);
+  }
+  if (info.num_ticks != scenario.loop.num_ticks || info.period_s != scenario.loop.period_s) {
+    return "contradicts the scenario in it on the number or the length of ticks";
+  }
+  if (!loop::with_measurement(info.measurement, [](auto) {})) {
+    return "names an unknown measurement, " + info.measurement;
+  }
+  const auto signals = loop::parse_signals(info.signals);
+  if (!signals) {
+    return fmt::format("declares the law's signals as \"{}\", which is not name:unit,...",
+                       info.signals);
+  }
+  found.layout = loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                              static_cast<int>(signals->size()));
+  return {};
 }
+
+/// Whether the log holds any message of this robot and run but RUN_INFO.
+bool has_messages(const std::filesystem::path& path, const RunDescription& run) {
+  LogReader reader(path);
+  while (const auto event = reader.next()) {
+    if (event->channel.starts_with(run.info.robot + "_") && event->data.size() >= bus::stamp_end &&
+        !event->channel.ends_with(run_info_suffix) && bus::stamp_of(event->data).run == run.run) {
+      return true;
+    }
+  }
+  return false;
+}
+
+/// Reads `reader` from where it stands up to a usable RUN_INFO, of the run `wanted`.
+RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
+  std::string problem;
+  std::uint64_t events = 0;
+  std::optional<RunDescription> alone;
+  while (const auto event = reader.next()) {
+    ++events;
+    if (!event->channel.ends_with(run_info_suffix)) continue;
+    RunDescription found;
+    std::string wrong;
+    if (bus::fingerprint_of(event->data) == run_info_of_0_1_0) {
+      wrong = fmt::format(
+          "was recorded by tachless 0.1.0; this is {0}, which reads logs of {0}; use 0.1.0 to read "
+          "it",
+          diagnostics::version);
+    } else if (wrong = read(*event, reader.path(), wanted, found); !wrong.empty()) {
+      wrong = fmt::format("its RUN_INFO at byte {} {}", event->offset, wrong);
+    }
+    if (problem.empty()) problem = wrong;
+    if (!wrong.empty()) continue;
+    if (has_messages(reader.path(), found)) return found;
+    // A run nobody else took part in; its id may be damaged. Is there a better one?
+    if (!alone) alone = std::move(found);
+  }
+  if (alone) return std::move(*alone);
+  if (problem.empty()) {
+    problem = fmt::format(
+        "none of its {} messages is a RUN_INFO, which says what was run; record from before the "
+        "start on, or see what the log holds with: tachless info {}",
+        events, reader.path().string());
+  }
+  throw diagnostics::bad_usage("{}: {}", reader.path().string(), problem);
+}
+
+/// One tick's messages, also as they are in the log.
+struct HeldTick {
+  TickRecord record;
+  std::array<std::span<const std::byte>, loop::num_slots> bytes;
+  int num_messages = 0;
+};
 
 }  // namespace
 
@@ -44,13 +137,17 @@ std::uint64_t RunSummary::gaps() const {
   return sum;
 }
 
-class RunLog::Impl {
+/// Puts the messages of a log into their ticks.
+class RunLog::Window {
  public:
-  Impl(const std::filesystem::path& path, std::optional<std::int64_t> run) : reader_(path) {
-    described_ = find_run(reader_, run);
+  explicit Window(RunLog& log)
+      : reader_(log.reader_),
+        described_(log.described_),
+        on_event_(log.on_event_),
+        summary_(log.summary_),
+        held_(num_held) {
     std::apply([&](auto&... channel) { (make(channel), ...); }, channels_);
-    slots_.resize(static_cast<std::size_t>(num_held));
-    rewind();
+    last_seen_.fill(-1);
   }
 
   bool next(TickRecord& record) {
@@ -60,18 +157,16 @@ class RunLog::Impl {
           base_ = release_below_;
           continue;
         }
-        TickRecord& slot = slot_of(base_++);
-        if (!any_piece(slot)) continue;
-        if (has_not_begun(slot)) {
-          clear(slot);
-          continue;
+        HeldTick& held = held_at(base_++);
+        if (held.num_messages == 0) continue;
+        const bool begun = has_begun(held);
+        if (begun) {
+          count(held.record);
+          record = held.record;
         }
-        count(slot);
-        record = slot;
-        clear(slot);
-        return true;
-      }
-      if (!ready_.empty()) {
+        held = none_;
+        if (begun) return true;
+      } else if (!ready_.empty()) {
         const LogEvent event = ready_.front();
         ready_.pop_front();
         take(event);
@@ -82,173 +177,140 @@ class RunLog::Impl {
         release_below_ = newest_ + 1;
       } else if (!ahead_.empty()) {
         // Nothing comes before what is ahead any more.
-        release_below_ =
-            std::min_element(ahead_.begin(), ahead_.end(), [](const Ahead& a, const Ahead& b) {
-              return a.tick < b.tick;
-            })->tick;
+        release_below_ = tick_of(std::ranges::min(ahead_, {}, tick_of));
         admit_ahead();
       } else {
-        finish();
+        if (!std::exchange(finished_, true)) {
+          for (const Slot slot : loop::all_slots) count_missing(slot, summary_.last_tick + 1);
+        }
         return false;
       }
     }
   }
 
-  void rewind() {
-    reader_.rewind();
-    base_ = 0;
-    release_below_ = 0;
-    newest_ = -1;
-    at_end_ = false;
-    finished_ = false;
-    ahead_.clear();
-    ready_.clear();
-    for (TickRecord& slot : slots_) clear(slot);
-    summary_ = {};
-    last_seen_.fill(-1);
-    for (const Slot slot : loop::all_slots)
-      piece_summary(slot).channel = piece_channels_[index(slot)];
-  }
-
-  void watch(std::function<void(const LogEvent&)> on_event) { on_event_ = std::move(on_event); }
-
-  [[nodiscard]] const LogReader& reader() const { return reader_; }
-  [[nodiscard]] std::int64_t run() const { return described_.run; }
-  [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }
-  [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
-  [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }
-  [[nodiscard]] const RunSummary& summary() const { return summary_; }
-
  private:
   template <class Value>
   struct Channel {
-    std::string name;  ///< empty: a measurement that this run has not
-    std::optional<bus::Codec<Value>> codec;
+    std::string name;
+    std::optional<bus::Codec<Value>> codec;  ///< nothing when its messages are not read
     Value scratch;
   };
   template <class... Value>
   static std::tuple<Channel<Value>...> channels_of(loop::TypeList<Value...>);
-  using Channels =
-      decltype(std::tuple_cat(channels_of(loop::Measurements()), channels_of(loop::TickMessages()),
-                              channels_of(loop::TypeList<loop::Participant, loop::RunInfo>())));
-
   template <class Value>
   void make(Channel<Value>& channel) {
-    if (loop::is_measurement<Value> && info().measurement != loop::MessageOf<Value>::suffix) return;
-    channel.name = loop::channel<Value>(info().robot);
-    channel.codec.emplace(layout());
-    if constexpr (in_tick<Value>) piece_channels_[index(loop::slot_of<Value>())] = channel.name;
+    if (loop::is_measurement<Value> && described_.info.measurement != Value::suffix) return;
+    if (std::is_same_v<Value, loop::LogAck>) return;  // says nothing of a run
+    channel.name = loop::channel<Value>(described_.info.robot);
+    channel.codec.emplace(described_.layout);
+    if constexpr (loop::once_per_tick<Value>) {
+      piece(loop::slot_of<Value>()).channel = channel.name;
+    }
   }
 
-  PieceSummary& piece_summary(Slot piece) { return summary_.pieces[index(piece)]; }
+  PieceSummary& piece(Slot slot) { return summary_.pieces[index(slot)]; }
 
-  TickRecord& slot_of(std::int64_t tick) {
-    return slots_[static_cast<std::size_t>(tick % num_held)];
-  }
-
-  static bool any_piece(const TickRecord& record) {
-    return std::any_of(loop::all_slots.begin(), loop::all_slots.end(),
-                       [&](Slot piece) { return has(record, piece); });
-  }
+  HeldTick& held_at(std::int64_t tick) { return held_[static_cast<std::size_t>(tick % num_held)]; }
 
   /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
-  [[nodiscard]] bool has_not_begun(const TickRecord& record) const {
-    return at_end_ && ready_.empty() && ahead_.empty() && record.tick == newest_ &&
-           summary_.last_tick >= 0 && summary_.last_tick == record.tick - 1 &&
-           std::all_of(loop::all_slots.begin(), loop::all_slots.end(), [&](Slot piece) {
-             return has(record, piece) == (piece == Slot::reference);
-           });
+  [[nodiscard]] bool has_begun(const HeldTick& held) const {
+    const std::int64_t tick = held.record.tick;
+    return !at_end_ || !ready_.empty() || !ahead_.empty() || tick != newest_ ||
+           summary_.last_tick < 0 || summary_.last_tick != tick - 1 || held.num_messages != 1 ||
+           !held.record.reference;
   }
 
   void take(const LogEvent& event) {
-    const bool ours = std::apply(
-        [&](auto&... channel) {
-          return (
-              (channel.codec && channel.name == event.channel && (take(event, channel), true)) ||
-              ...);
-        },
-        channels_);
+    const auto take_from = [&](auto& channel) {
+      if (!channel.codec || channel.name != event.channel) return false;
+      take(event, channel);
+      return true;
+    };
+    const bool ours =
+        std::apply([&](auto&... channel) { return (take_from(channel) || ...); }, channels_);
     if (!ours) ++summary_.other_messages;
-  }
-
-  template <class Value>
-  bool decoded(const LogEvent& event, Channel<Value>& channel, loop::Stamp& stamp) {
-    const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
-    // Another run may have another number of joints: look at the run even where the size is wrong.
-    const bool stamped = event.data.size() >= bus::stamp_end;
-    const std::int64_t run = stamped ? bus::stamp_of(event.data).run : this->run();
-    const bool participant = std::is_same_v<Value, loop::Participant> && run == 0;
-    if (run != this->run() && !participant) {
-      ++summary_.foreign_messages;
-      if (summary_.foreign_runs.size() < RunSummary::max_listed ||
-          summary_.foreign_runs.contains(run)) {
-        ++summary_.foreign_runs[run];
-      }
-      return false;
-    }
-    if (rejection != bus::Rejection::none) {
-      ++summary_.undecodable[rejection];
-      return false;
-    }
-    return true;
   }
 
   template <class Value>
   void take(const LogEvent& event, Channel<Value>& channel) {
     loop::Stamp stamp;
-    if (!decoded(event, channel, stamp)) return;
-    if constexpr (in_tick<Value>) {
-      take(event, stamp, channel.scratch);
+    const auto rejection = channel.codec->decode(event.data, stamp, channel.scratch);
+    // Another run may have another number of joints: look at the run even where the size is wrong.
+    if (is_foreign(event, std::is_same_v<Value, loop::Participant>)) return;
+    if (rejection != bus::Rejection::none) {
+      ++summary_.undecodable[rejection];
+      return;
+    }
+    if constexpr (loop::once_per_tick<Value>) {
+      if (TickRecord* record = place(event, stamp, loop::slot_of<Value>())) {
+        loop::put(*record, channel.scratch);
+      }
     } else if constexpr (std::is_same_v<Value, loop::Participant>) {
       note_fault(stamp, channel.scratch);
     }
   }
 
-  template <class Value>
-  void take(const LogEvent& event, const loop::Stamp& stamp, const Value& value) {
+  /// Whether the message is of another run; who has not joined one yet announces itself in run 0.
+  bool is_foreign(const LogEvent& event, bool announcement) {
+    if (event.data.size() < bus::stamp_end) return false;
+    const std::int64_t run = bus::stamp_of(event.data).run;
+    if (run == described_.run || (announcement && run == 0)) return false;
+    ++summary_.foreign_messages;
+    auto& runs = summary_.foreign_runs;
+    if (runs.size() < RunSummary::max_listed || runs.contains(run)) ++runs[run];
+    return true;
+  }
+
+  /// Where a message of a tick belongs; null when it is not to be used, or not yet.
+  TickRecord* place(const LogEvent& event, const loop::Stamp& stamp, Slot slot) {
+    const std::int64_t num_ticks = described_.info.num_ticks;
     // The reference answers one tick ahead, so that one may lie just past the end of the run.
-    const bool past_end =
-        std::is_same_v<Value, loop::ReferencePoint> && stamp.tick == info().num_ticks;
-    if (stamp.tick < 0 || stamp.tick > info().num_ticks ||
-        (stamp.tick == info().num_ticks && !past_end) || !time_agrees(stamp)) {
+    const bool past_end = slot == Slot::reference && stamp.tick == num_ticks;
+    if (stamp.tick < 0 || (stamp.tick >= num_ticks && !past_end) || !time_agrees(stamp)) {
       ++summary_.wrong_tick;
-      return;
+      return nullptr;
     }
-    if (past_end) return;
+    if (past_end) return nullptr;
     if (stamp.tick < base_) {
       ++summary_.too_late;
-      return;
+      return nullptr;
     }
     if (stamp.tick >= base_ + num_held) {
-      keep_ahead(event, stamp.tick);
-      return;
+      keep_ahead(event);
+      return nullptr;
     }
     newest_ = std::max(newest_, stamp.tick);
     release_below_ = std::max(release_below_, newest_ - window);
-    TickRecord& record = slot_of(stamp.tick);
-    if (const Value* old = loop::find<Value>(record)) {
-      auto& summary = piece_summary(loop::slot_of<Value>());
-      ++(loop::same(*old, value) ? summary.duplicates : summary.conflicts);
-      return;
+    HeldTick& held = held_at(stamp.tick);
+    const auto fields = event.data.subspan(bus::stamp_end);
+    auto& bytes = held.bytes[index(slot)];
+    if (has(held.record, slot)) {
+      const bool same = std::ranges::equal(bytes, fields);
+      ++(same ? piece(slot).duplicates : piece(slot).conflicts);
+      return nullptr;
     }
-    record.tick = stamp.tick;
-    loop::entry_of<Value>(record) = value;
+    bytes = fields;
+    ++held.num_messages;
+    held.record.tick = stamp.tick;
+    return &held.record;
   }
 
   /// In lockstep, time is the tick's: a number that was damaged gives itself away.
   [[nodiscard]] bool time_agrees(const loop::Stamp& stamp) const {
-    if (scenario().loop.mode != experiment::Mode::lockstep) return true;
-    const double t_us = static_cast<double>(stamp.tick) * info().period_s * 1e6;
+    if (described_.scenario.loop.mode != experiment::Mode::lockstep) return true;
+    const double t_us = static_cast<double>(stamp.tick) * described_.info.period_s * 1e6;
     return std::abs(static_cast<double>(stamp.utime) - t_us) <= 1;
   }
 
-  void keep_ahead(const LogEvent& event, std::int64_t tick) {
-    for (const Ahead& other : ahead_) {
-      if (std::abs(other.tick - tick) < window &&
-          (other.tick != tick || other.event.channel != event.channel)) {
+  void keep_ahead(const LogEvent& event) {
+    const std::int64_t tick = tick_of(event);
+    for (const LogEvent& other : ahead_) {
+      const std::int64_t other_tick = tick_of(other);
+      if (std::abs(other_tick - tick) < window &&
+          (other_tick != tick || other.channel != event.channel)) {
         // Two agree: the log does go on there.
-        release_below_ = std::max(release_below_, std::max(other.tick, tick) - window);
-        ahead_.push_back({event, tick});
+        release_below_ = std::max(release_below_, std::max(other_tick, tick) - window);
+        ahead_.push_back(event);
         admit_ahead();
         return;
       }
@@ -257,97 +319,77 @@ class RunLog::Impl {
       ahead_.pop_front();
       ++summary_.wrong_tick;
     }
-    ahead_.push_back({event, tick});
+    ahead_.push_back(event);
   }
 
   /// Looks at the messages ahead again, once what is below `release_below_` is handed out.
   void admit_ahead() {
     std::stable_sort(ahead_.begin(), ahead_.end(),
-                     [](const Ahead& a, const Ahead& b) { return a.tick < b.tick; });
-    for (const Ahead& ahead : ahead_) ready_.push_back(ahead.event);
+                     [](const LogEvent& a, const LogEvent& b) { return tick_of(a) < tick_of(b); });
+    ready_.insert(ready_.end(), ahead_.begin(), ahead_.end());
     ahead_.clear();
   }
 
   void note_fault(const loop::Stamp& stamp, const loop::Participant& who) {
-    if (who.state != loop::ParticipantState::fault ||
-        summary_.faults.size() >= RunSummary::max_listed) {
+    auto& faults = summary_.faults;
+    if (who.state != loop::ParticipantState::fault || faults.size() >= RunSummary::max_listed) {
       return;
     }
-    const bool known = std::any_of(
-        summary_.faults.begin(), summary_.faults.end(),
-        [&](const auto& fault) { return fault.role == who.role && fault.text == who.fault; });
-    if (!known) summary_.faults.push_back({who.role, stamp.tick, who.fault});
+    const bool known = std::ranges::any_of(faults, [&](const ParticipantFault& fault) {
+      return fault.role == who.role && fault.text == who.fault;
+    });
+    if (!known) faults.push_back({who.role, stamp.tick, who.fault});
   }
 
   void count(const TickRecord& record) {
     if (summary_.first_tick < 0) summary_.first_tick = record.tick;
     summary_.last_tick = record.tick;
     ++summary_.ticks;
-    for (const Slot piece : loop::all_slots) {
-      if (!has(record, piece)) continue;
-      ++piece_summary(piece).count;
-      count_missing(piece, record.tick);
-      last_seen_[index(piece)] = record.tick;
+    for (const Slot slot : loop::all_slots) {
+      if (!has(record, slot)) continue;
+      ++piece(slot).count;
+      count_missing(slot, record.tick);
+      last_seen_[index(slot)] = record.tick;
     }
   }
 
-  /// Ticks from the one after the last that had `piece` to the one before `tick`.
-  void count_missing(Slot piece, std::int64_t tick) {
-    const TickRange range{last_seen_[index(piece)] + 1, tick - 1};
+  /// Ticks from the one after the last that had the piece to the one before `tick`.
+  void count_missing(Slot slot, std::int64_t tick) {
+    const TickRange range{last_seen_[index(slot)] + 1, tick - 1};
     if (range.first > range.last) return;
-    auto& summary = piece_summary(piece);
-    summary.missing += static_cast<std::uint64_t>(range.last - range.first + 1);
-    if (summary.missing_list.size() < RunSummary::max_listed) summary.missing_list.push_back(range);
+    PieceSummary& counts = piece(slot);
+    counts.missing += static_cast<std::uint64_t>(range.last - range.first + 1);
+    if (counts.missing_list.size() < RunSummary::max_listed) counts.missing_list.push_back(range);
   }
 
-  void finish() {
-    if (std::exchange(finished_, true)) return;
-    for (const Slot piece : loop::all_slots) count_missing(piece, summary_.last_tick + 1);
-  }
-
-  struct Ahead {
-    LogEvent event;
-    std::int64_t tick;
-  };
-
-  LogReader reader_;
-  std::function<void(const LogEvent&)> on_event_;
-  RunDescription described_;
-  RunSummary summary_;
-
-  Channels channels_;
-  std::array<std::string, loop::num_slots> piece_channels_;
-
-  std::vector<TickRecord> slots_;
+  LogReader& reader_;
+  const RunDescription& described_;
+  const std::function<void(const LogEvent&)>& on_event_;
+  RunSummary& summary_;
+  decltype(channels_of(loop::AllMessages())) channels_;
+  const HeldTick none_{};  ///< assigned in place of {}, which would be cleared byte by byte first
+  std::vector<HeldTick> held_;
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
-  std::int64_t newest_ = -1;        // highest tick in a slot
-  std::deque<Ahead> ahead_;
-  std::deque<LogEvent> ready_;
+  std::int64_t newest_ = -1;        // highest tick that is held
+  std::deque<LogEvent> ahead_, ready_;
   bool at_end_ = false;  // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, loop::num_slots> last_seen_{};
 };
 
-RunLog::RunLog(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-RunLog::RunLog(RunLog&&) noexcept = default;
+RunLog::RunLog(const std::filesystem::path& path, std::optional<std::int64_t> run)
+    : reader_(path), described_(find_run(reader_, run)) {
+  rewind();
+}
 RunLog::~RunLog() = default;
 
-RunLog RunLog::open(const std::filesystem::path& path, std::optional<std::int64_t> run) {
-  return RunLog(std::make_unique<Impl>(path, run));
-}
+bool RunLog::next(TickRecord& record) { return window_->next(record); }
 
-const std::filesystem::path& RunLog::path() const { return impl_->reader().path(); }
-std::int64_t RunLog::run() const { return impl_->run(); }
-const loop::RunInfo& RunLog::info() const { return impl_->info(); }
-const experiment::Scenario& RunLog::scenario() const { return impl_->scenario(); }
-const loop::Layout& RunLog::layout() const { return impl_->layout(); }
-bool RunLog::next(TickRecord& record) { return impl_->next(record); }
-void RunLog::watch(std::function<void(const LogEvent&)> on_event) {
-  impl_->watch(std::move(on_event));
+void RunLog::rewind() {
+  reader_.rewind();
+  summary_ = {};
+  window_ = std::make_unique<Window>(*this);
 }
-void RunLog::rewind() { impl_->rewind(); }
-const RunSummary& RunLog::summary() const { return impl_->summary(); }
-const Damage& RunLog::damage() const { return impl_->reader().damage(); }
 
 }  // namespace tachless::logger

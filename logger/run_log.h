@@ -8,6 +8,8 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "bus/wire.h"
@@ -20,6 +22,16 @@ namespace tachless::logger {
 
 using loop::Slot;
 using loop::TickRecord;
+
+inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
+
+/// A run that a log holds, and what its RUN_INFO says.
+struct RunDescription {
+  std::int64_t run = 0;
+  loop::RunInfo info;
+  experiment::Scenario scenario;
+  loop::Layout layout;  ///< `num_signals` is how many signals RUN_INFO declares
+};
 
 /// Ticks in a row that lack a piece: first to last, both included.
 struct TickRange {
@@ -62,9 +74,7 @@ struct RunSummary {
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
 
-  [[nodiscard]] const PieceSummary& of(Slot piece) const {
-    return pieces[static_cast<std::size_t>(piece)];
-  }
+  [[nodiscard]] const PieceSummary& of(Slot piece) const { return pieces[index(piece)]; }
   /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
   [[nodiscard]] std::uint64_t gaps() const;
 };
@@ -77,37 +87,46 @@ class RunLog {
   /// Messages may be this many ticks out of order.
   static constexpr std::int64_t window = 128;
 
-  /// Finds RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the first
-  /// otherwise.
-  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read, holds no readable
-  /// RUN_INFO (of that run), or the scenario in it is not valid.
-  static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {});
-  RunLog(RunLog&&) noexcept;
+  /// Finds the run's RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the
+  /// first otherwise. One that no message of the robot and run goes with counts only when there is
+  /// no other.
+  /// @throw diagnostics::Failure(bad_usage) when the file cannot be read or holds no usable
+  /// RUN_INFO (of that run): damaged, recorded by a version whose messages were others, or with a
+  /// scenario that is not valid.
+  static RunLog open(const std::filesystem::path& path, std::optional<std::int64_t> run = {}) {
+    return RunLog(path, run);
+  }
+  RunLog(const RunLog&) = delete;
+  RunLog& operator=(const RunLog&) = delete;
   ~RunLog();
 
-  [[nodiscard]] const std::filesystem::path& path() const;
-  [[nodiscard]] std::int64_t run() const;
-  [[nodiscard]] const loop::RunInfo& info() const;
-  [[nodiscard]] const experiment::Scenario& scenario() const;
-  /// `num_signals` is how many signals RUN_INFO declares.
-  [[nodiscard]] const loop::Layout& layout() const;
+  [[nodiscard]] const std::filesystem::path& path() const { return reader_.path(); }
+  [[nodiscard]] std::int64_t run() const { return described_.run; }
+  [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }
+  [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
+  [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);
 
   /// Calls `on_event` with every event of the log, of whatever channel, when `next` reads it.
-  void watch(std::function<void(const LogEvent&)> on_event);
+  void watch(std::function<void(const LogEvent&)> on_event) { on_event_ = std::move(on_event); }
 
   /// Starts over.
   void rewind();
 
-  [[nodiscard]] const RunSummary& summary() const;
-  [[nodiscard]] const Damage& damage() const;
+  [[nodiscard]] const RunSummary& summary() const { return summary_; }
+  [[nodiscard]] const Damage& damage() const { return reader_.damage(); }
 
  private:
-  class Impl;
-  explicit RunLog(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  class Window;
+  RunLog(const std::filesystem::path& path, std::optional<std::int64_t> run);
+
+  LogReader reader_;
+  RunDescription described_;
+  RunSummary summary_;
+  std::function<void(const LogEvent&)> on_event_;
+  std::unique_ptr<Window> window_;
 };
 
 }  // namespace tachless::logger

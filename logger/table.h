@@ -2,12 +2,21 @@
 
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "logger/run_log.h"
 
 /// The columns of an export: which quantities a run has, by name, unit and place in a TickRecord.
 namespace tachless::logger {
+
+/// "tau_elbow_Nm"; no `unit` where that is "1".
+std::string column_name(std::string_view quantity, std::string_view joint, std::string_view unit);
+
+/// What stands for the joints in the columns' names: their names, or their numbers from 1 where two
+/// columns would be called the same ("q_ref" of joint "a", and "q" of one called "ref_a").
+std::vector<std::string> joints_in_columns(const std::vector<std::string>& quantities,
+                                           const std::vector<std::string>& joint_names);
 
 /// One vector or number per tick.
 struct Quantity {

@@ -1,13 +1,19 @@
 #pragma once
 
+#include <fmt/core.h>
+
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "protocol/lockstep/log_window.h"
+#include "diagnostics/fnv.h"
+#include "loop/slot.h"
+#include "protocol/lockstep/message_ring.h"
 
 namespace tachless::logger {
 
@@ -16,40 +22,71 @@ namespace tachless::logger {
 class TickTally {
  public:
   using Slot = loop::Slot;
+  using Verdict = protocol::lockstep::Verdict;
 
   /// A message may be this many ticks late; a later one is too old.
   static constexpr std::int64_t window = 1024;
   static constexpr std::size_t max_listed = 5;
 
-  explicit TickTally(std::int64_t num_ticks);
+  explicit TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), entries_(window) {
+    for (Missing& each : missing_) each.listed.reserve(max_listed);
+  }
 
   /// Whether the message is to be recorded (`fresh`), or what else it is.
-  protocol::lockstep::Verdict on_message(Slot slot, std::int64_t tick,
-                                         std::span<const std::byte> bytes);
+  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes) {
+    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
+    if (tick < settled_) return Verdict::too_old;
+    settle_before(tick - window + 1);
+    if (slot != Slot::reference) newest_ = std::max(newest_, tick);
+    Entry& entry = entries_[static_cast<std::size_t>(tick % window)];
+    if (entry.tick != tick) {
+      entry = Entry();
+      entry.tick = tick;
+    }
+    const std::uint64_t digest =
+        diagnostics::fnv({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    if (entry.has[index(slot)]) {
+      return entry.digest[index(slot)] == digest ? Verdict::repeated : Verdict::conflicting;
+    }
+    entry.has[index(slot)] = true;
+    entry.digest[index(slot)] = digest;
+    return Verdict::fresh;
+  }
 
   /// The run is over; `last` is its last tick.
-  void finish(std::int64_t last);
+  void finish(std::int64_t last) { settle_before(std::min(last + 1, num_ticks_)); }
 
   /// Newest tick of which a message other than the reference (it is a tick ahead) was received; -1
   /// before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
   /// Ticks with all their messages, and ticks that lack some; of those that are over.
   [[nodiscard]] std::int64_t complete() const { return complete_; }
-  [[nodiscard]] std::int64_t incomplete() const { return incomplete_; }
+  [[nodiscard]] std::int64_t incomplete() const { return settled_ - complete_; }
 
-  /// Consecutive ticks that lack a message.
-  struct Range {
-    std::int64_t first = 0;
-    std::int64_t last = 0;
-  };
+  /// Ticks that lack a message.
   struct Missing {
+    /// Consecutive ones.
+    struct Range {
+      std::int64_t first = 0;
+      std::int64_t last = 0;
+    };
     std::int64_t count = 0;
     std::vector<Range> listed;  ///< the first `max_listed` ranges
     std::int64_t ranges = 0;
+
+    /// "12, 40-55 and 3 more".
+    [[nodiscard]] std::string text() const {
+      std::string text;
+      for (const auto& [first, last] : listed) {
+        text += fmt::format("{}{}", text.empty() ? "" : ", ", first);
+        if (last > first) text += fmt::format("-{}", last);
+      }
+      const auto more = ranges - static_cast<std::int64_t>(listed.size());
+      if (more > 0) text += fmt::format(" and {} more", more);
+      return text;
+    }
   };
-  [[nodiscard]] const Missing& missing(Slot slot) const {
-    return missing_[static_cast<std::size_t>(slot)];
-  }
+  [[nodiscard]] const Missing& missing(Slot slot) const { return missing_[index(slot)]; }
 
  private:
   struct Entry {
@@ -58,19 +95,35 @@ class TickTally {
     std::array<std::uint64_t, loop::num_slots> digest{};
   };
 
-  void settle_before(std::int64_t tick);
-  void settle(std::int64_t tick);
+  void settle_before(std::int64_t end) {
+    for (; settled_ < end; ++settled_) {
+      const Entry& entry = entries_[static_cast<std::size_t>(settled_ % window)];
+      bool complete = true;
+      for (const Slot slot : loop::all_slots) {
+        if (entry.tick == settled_ && entry.has[index(slot)]) continue;
+        complete = false;
+        add(missing_[index(slot)], settled_);
+      }
+      if (complete) ++complete_;
+    }
+  }
+
+  static void add(Missing& missing, std::int64_t tick) {
+    ++missing.count;
+    if (!missing.listed.empty() && missing.listed.back().last == tick - 1) {
+      missing.listed.back().last = tick;
+      return;
+    }
+    ++missing.ranges;
+    if (missing.listed.size() < max_listed) missing.listed.push_back({tick, tick});
+  }
 
   std::int64_t num_ticks_;
   std::vector<Entry> entries_;
   std::int64_t newest_ = -1;
   std::int64_t settled_ = 0;  ///< ticks before this are over
   std::int64_t complete_ = 0;
-  std::int64_t incomplete_ = 0;
   std::array<Missing, loop::num_slots> missing_;
 };
-
-/// "12, 40-55 and 3 more": ticks that lack a message.
-std::string text_of(const TickTally::Missing& missing);
 
 }  // namespace tachless::logger

@@ -1,21 +1,22 @@
 #pragma once
 
-#include <array>
-#include <bit>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <string_view>
 #include <tuple>
 
-#include "loop/signals.h"
+#include "robot/quantities.h"
 
-/// How a message is described: one table of fields for each message type, from which its bytes,
-/// checks, columns and descriptions follow. Knows no byte order and no message in particular; the
-/// tables are in loop/messages.h and loop/truth/plant_truth.h.
+/// How a message is described: its type holds one table of fields, from which its bytes, checks,
+/// columns and descriptions follow. Knows no byte order and no message in particular; the types are
+/// in loop/signals.h, loop/messages.h and loop/truth/plant_truth.h. Each has
+///   static constexpr std::string_view type;    // LCM's name, "tachless.tick_t"
+///   static constexpr std::string_view suffix;  // of its channel, "TICK"
+///   static constexpr auto fields;              // std::tuple of Field, in the order of the .lcm
+///                                              // file, without utime, run, tick and the counts
+///   static constexpr std::size_t max_size;     // optional: most bytes of a message
 namespace tachless::loop {
 
 /// How one value of a field is sent.
@@ -57,20 +58,14 @@ struct Field {
   std::size_t longest = 0;    ///< most characters, of texts
 };
 
-/// The table of a message type; specialised beside the types:
-///   static constexpr std::string_view type;    // LCM's name, "tachless.tick_t"
-///   static constexpr std::string_view suffix;  // of its channel, "TICK"
-///   static constexpr bool once_per_tick;       // sent for every tick of a run
-///   static constexpr auto fields;              // std::tuple of Field, in the order of the .lcm
-///                                              // file, without utime, run, tick and the counts
-///   static constexpr std::size_t max_size;     // optional: most bytes of a message
+/// Where the table of a message type is: in the type.
 template <class Value>
-struct MessageOf;
+using MessageOf = Value;
 
 /// Calls `f(field)` for each field of the message, in order.
 template <class Value, class F>
 constexpr void for_each_field(F&& f) {
-  std::apply([&](const auto&... field) { (f(field), ...); }, MessageOf<Value>::fields);
+  std::apply([&](const auto&... field) { (f(field), ...); }, Value::fields);
 }
 
 /// Whether any field is counted so.
@@ -95,46 +90,9 @@ constexpr bool has_joint_count() {
   return has_count<Value>(Count::joints) || has_count<Value>(Count::signals);
 }
 
-namespace detail {
-
-inline bool finite(const robot::Vector& vector) { return vector.allFinite(); }
-inline bool finite(double number) { return std::isfinite(number); }
-template <std::size_t size>
-bool finite(const std::array<robot::Vector, size>& rows) {
-  for (const robot::Vector& row : rows) {
-    if (!row.allFinite()) return false;
-  }
-  return true;
-}
-template <class Other>
-bool finite(const Other&) {
-  return true;
-}
-
-inline bool same(const robot::Vector& a, const robot::Vector& b) {
-  return a.size() == b.size() &&
-         std::memcmp(a.data(), b.data(), sizeof(double) * static_cast<std::size_t>(a.size())) == 0;
-}
-inline bool same(double a, double b) {
-  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b);
-}
-template <std::size_t size>
-bool same(const std::array<robot::Vector, size>& a, const std::array<robot::Vector, size>& b) {
-  for (std::size_t i = 0; i < size; ++i) {
-    if (!same(a[i], b[i])) return false;
-  }
-  return true;
-}
-template <class Other>
-bool same(const Other& a, const Other& b) {
-  return a == b;
-}
-
-}  // namespace detail
-
 template <class Value>
 concept Described = requires {
-  MessageOf<Value>::fields;
+  Value::fields;
 };
 
 /// True when no number in the value is NaN or infinite. A node asks before it encodes what it
@@ -142,17 +100,15 @@ concept Described = requires {
 template <Described Value>
 bool all_finite(const Value& value) {
   bool result = true;
-  for_each_field<Value>(
-      [&](const auto& field) { result = result && detail::finite(value.*field.member); });
-  return result;
-}
-
-/// Whether all fields agree, numbers bit for bit (so that a NaN equals itself).
-template <Described Value>
-bool same(const Value& a, const Value& b) {
-  bool result = true;
   for_each_field<Value>([&](const auto& field) {
-    result = result && detail::same(a.*field.member, b.*field.member);
+    const auto& member = value.*field.member;
+    if constexpr (requires { std::isfinite(member); }) {
+      result = result && std::isfinite(member);
+    } else if constexpr (requires { member.allFinite(); }) {
+      result = result && member.allFinite();
+    } else if constexpr (requires { member[0].allFinite(); }) {
+      for (const auto& row : member) result = result && row.allFinite();
+    }
   });
   return result;
 }
@@ -161,7 +117,7 @@ bool same(const Value& a, const Value& b) {
 /// upper case.
 template <class Value>
 std::string channel(std::string_view robot) {
-  return std::string(robot) + "_" + std::string(MessageOf<Value>::suffix);
+  return std::string(robot) + "_" + std::string(Value::suffix);
 }
 
 /// Makers of fields, for the tables.

@@ -24,7 +24,7 @@ struct Of<TypeList<M...>> {
   using Optional = std::variant<std::monostate, M...>;
   template <template <class> class Wrap>
   using Each = std::variant<Wrap<M>...>;
-  static constexpr std::array suffixes = {MessageOf<M>::suffix...};
+  static constexpr std::array suffixes = {M::suffix...};
 };
 
 }  // namespace detail
@@ -47,8 +47,6 @@ template <class M>
 constexpr bool holds_links = has_field<M>("position");
 template <class M>
 constexpr bool holds_motors = has_field<M>("motor_position");
-template <class M>
-constexpr bool holds_velocity = has_field<M>("velocity") || has_field<M>("motor_velocity");
 
 /// Calls `f(std::type_identity<M>())` with the measurement of that channel suffix; false when there
 /// is none.
@@ -56,7 +54,7 @@ template <class F>
 constexpr bool with_measurement(std::string_view suffix, F&& f) {
   bool found = false;
   for_each_type(Measurements(), [&]<class M>(std::type_identity<M> type) {
-    if (MessageOf<M>::suffix != suffix) return;
+    if (M::suffix != suffix) return;
     found = true;
     f(type);
   });
@@ -66,7 +64,9 @@ constexpr bool with_measurement(std::string_view suffix, F&& f) {
 /// Whether the measurement of that channel suffix holds a velocity.
 constexpr bool measures_velocity(std::string_view suffix) {
   bool result = false;
-  with_measurement(suffix, [&]<class M>(std::type_identity<M>) { result = holds_velocity<M>; });
+  with_measurement(suffix, [&]<class M>(std::type_identity<M>) {
+    result = has_field<M>("velocity") || has_field<M>("motor_velocity");
+  });
   return result;
 }
 

@@ -11,8 +11,8 @@
 #include "loop/field.h"
 #include "loop/signals.h"
 
-/// What travels between the four processes: values, and the table of fields of each message. Knows
-/// no bytes and no transport (bus/), and no ground truth (loop/truth).
+/// What travels between the four processes beside the values of loop/signals.h, and the list of
+/// all. Knows no bytes and no transport (bus/), and no ground truth (loop/truth).
 namespace tachless::loop {
 
 /// What every message starts with.
@@ -36,17 +36,20 @@ constexpr Layout layout(int num_joints, bool flexible, int num_signals = 0) {
   return {num_joints, flexible ? num_joints : 0, num_signals};
 }
 
-/// plant -> reference
-struct Tick {
-  bool last = false;
-};
-
 enum class Role : std::uint8_t { plant, reference, controller, logger };
 inline constexpr int num_roles = 4;
-std::string_view name(Role role);
+constexpr std::string_view name(Role role) {
+  constexpr std::array<std::string_view, num_roles> names = {"plant", "reference", "controller",
+                                                             "logger"};
+  return names.at(static_cast<std::size_t>(role));
+}
 
 enum class ParticipantState : std::int8_t { waiting, ready, running, finished, fault };
-std::string_view name(ParticipantState state);
+constexpr std::string_view name(ParticipantState state) {
+  constexpr std::array<std::string_view, 5> names = {"waiting", "ready", "running", "finished",
+                                                     "fault"};
+  return names.at(static_cast<std::size_t>(state));
+}
 
 /// A number for each role, in the order of Role; 0: none.
 using PerRole = std::array<std::int64_t, num_roles>;
@@ -56,6 +59,19 @@ struct LawInfo {
   std::string name;         ///< what it calls itself
   std::string measurement;  ///< channel suffix of what it needs
   std::string signals;      ///< rows of LawSignals, as `text_of` gives them
+};
+
+/// Most characters in each text of a participant_t.
+inline constexpr int max_participant_text = 1024;
+/// Most bytes of a run_info_t, so that it fits one datagram.
+inline constexpr int max_run_info_size = 65'000;
+
+/// plant -> reference
+struct Tick {
+  bool last = false;
+
+  static constexpr std::string_view type = "tachless.tick_t", suffix = "TICK";
+  static constexpr auto fields = std::tuple{number("last", "", Kind::flag, &Tick::last)};
 };
 
 struct Participant {
@@ -79,6 +95,30 @@ struct Participant {
   /// The instances that take part in the run: chosen by the plant, confirmed by the others.
   PerRole roster{};
   std::int64_t truth_digest = 0;  ///< lockstep plant that has finished: of all TRUTH, in order
+
+  using Value = Participant;
+  static constexpr std::size_t longest = max_participant_text;
+  static constexpr std::string_view type = "tachless.participant_t", suffix = "PARTICIPANT";
+  static constexpr auto fields =
+      std::tuple{text("role", longest, &Value::role),
+                 number("state", "", Kind::int8, &Value::state, 0,
+                        static_cast<double>(ParticipantState::fault)),
+                 number("error_norm", "rad", Kind::real, &Value::error_norm, 0),
+                 text("scenario", longest, &Value::scenario),
+                 text("host", longest, &Value::host),
+                 number("pid", "", Kind::int32, &Value::pid),
+                 text("law", longest, &Value::law),
+                 text("measurement", longest, &Value::measurement),
+                 text("signals", longest, &Value::signals),
+                 number("fault_code", "", Kind::uint8, &Value::fault_code, 0, 255),
+                 text("fault", longest, &Value::fault),
+                 number("instance", "", Kind::int64, &Value::instance),
+                 number("scenario_digest", "", Kind::int64, &Value::scenario_digest),
+                 number("counter", "", Kind::int64, &Value::counter),
+                 per_role("heard_instance", &Value::heard_instance),
+                 per_role("heard_counter", &Value::heard_counter),
+                 per_role("roster", &Value::roster),
+                 number("truth_digest", "", Kind::int64, &Value::truth_digest)};
 };
 
 struct RunInfo {
@@ -91,141 +131,10 @@ struct RunInfo {
   std::string signals;  ///< rows of LawSignals, as `text_of` gives them
   std::string scenario;
   std::string robot_description;
-};
 
-/// logger -> plant; `Stamp::tick` is the last tick recorded without a gap.
-struct LogAck {
-  std::uint64_t missing = 0;  ///< bit i: tick + 1 + i was seen to begin but is incomplete
-};
-
-/// Most characters in each text of a participant_t.
-inline constexpr int max_participant_text = 1024;
-/// Most bytes of a run_info_t, so that it fits one datagram.
-inline constexpr int max_run_info_size = 65'000;
-
-template <>
-struct MessageOf<Tick> {
-  static constexpr std::string_view type = "tachless.tick_t";
-  static constexpr std::string_view suffix = "TICK";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields = std::tuple{number("last", "", Kind::flag, &Tick::last)};
-};
-
-template <>
-struct MessageOf<PositionMeasurement> {
-  using Value = PositionMeasurement;
-  static constexpr std::string_view type = "tachless.position_measurement_t";
-  static constexpr std::string_view suffix = "POSITION";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields =
-      std::tuple{per_joint("position", "q", "rad", &Value::q, "link position")};
-};
-
-template <>
-struct MessageOf<MotorPositionMeasurement> {
-  using Value = MotorPositionMeasurement;
-  static constexpr std::string_view type = "tachless.motor_position_measurement_t";
-  static constexpr std::string_view suffix = "MOTOR_POSITION";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields =
-      std::tuple{per_joint("motor_position", "theta", "rad", &Value::theta, "motor position")};
-};
-
-template <>
-struct MessageOf<LinkStateMeasurement> {
-  using Value = LinkStateMeasurement;
-  static constexpr std::string_view type = "tachless.link_state_measurement_t";
-  static constexpr std::string_view suffix = "LINK_STATE";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields =
-      std::tuple{per_joint("position", "q", "rad", &Value::q, "link position"),
-                 per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),
-                 per_joint("motor_position", "theta", "rad", &Value::theta, "motor position")};
-};
-
-template <>
-struct MessageOf<StateMeasurement> {
-  using Value = StateMeasurement;
-  static constexpr std::string_view type = "tachless.state_measurement_t";
-  static constexpr std::string_view suffix = "STATE";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields = std::tuple{
-      per_joint("position", "q", "rad", &Value::q, "link position"),
-      per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),
-      per_motor("motor_position", "theta", "rad", &Value::theta, "motor position"),
-      per_motor("motor_velocity", "thetadot", "rad/s", &Value::thetadot, "motor velocity")};
-};
-
-template <>
-struct MessageOf<ReferencePoint> {
-  using Value = ReferencePoint;
-  static constexpr std::string_view type = "tachless.reference_t";
-  static constexpr std::string_view suffix = "REFERENCE";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields = std::tuple{
-      per_joint("position", "q_ref", "rad", &Value::q_ref, "reference position"),
-      per_joint("velocity", "v_ref", "rad/s", &Value::v_ref, "reference velocity"),
-      per_joint("acceleration", "a_ref", "rad/s^2", &Value::a_ref, "reference acceleration"),
-      per_joint("jerk", "jerk_ref", "rad/s^3", &Value::jerk_ref, "reference jerk"),
-      per_joint("snap", "snap_ref", "rad/s^4", &Value::snap_ref, "reference snap")};
-};
-
-template <>
-struct MessageOf<TorqueCommand> {
-  static constexpr std::string_view type = "tachless.torque_command_t";
-  static constexpr std::string_view suffix = "COMMAND";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields =
-      std::tuple{per_joint("torque", "tau", "N m", &TorqueCommand::tau,
-                           "motor torque commanded from this tick's measurement")};
-};
-
-/// Names and units of the rows are the law's: `Participant::signals`, `RunInfo::signals`.
-template <>
-struct MessageOf<LawSignals> {
-  static constexpr std::string_view type = "tachless.controller_state_t";
-  static constexpr std::string_view suffix = "CONTROLLER_STATE";
-  static constexpr bool once_per_tick = true;
-  static constexpr auto fields =
-      std::tuple{Field<LawSignals, std::array<robot::Vector, max_signals>>{
-          "value", "value", "", Kind::real, Count::signals, &LawSignals::value}};
-};
-
-template <>
-struct MessageOf<Participant> {
-  using Value = Participant;
-  static constexpr std::string_view type = "tachless.participant_t";
-  static constexpr std::string_view suffix = "PARTICIPANT";
-  static constexpr bool once_per_tick = false;
-  static constexpr auto fields =
-      std::tuple{text("role", max_participant_text, &Value::role),
-                 number("state", "", Kind::int8, &Value::state, 0,
-                        static_cast<double>(ParticipantState::fault)),
-                 number("error_norm", "rad", Kind::real, &Value::error_norm, 0),
-                 text("scenario", max_participant_text, &Value::scenario),
-                 text("host", max_participant_text, &Value::host),
-                 number("pid", "", Kind::int32, &Value::pid),
-                 text("law", max_participant_text, &Value::law),
-                 text("measurement", max_participant_text, &Value::measurement),
-                 text("signals", max_participant_text, &Value::signals),
-                 number("fault_code", "", Kind::uint8, &Value::fault_code, 0, 255),
-                 text("fault", max_participant_text, &Value::fault),
-                 number("instance", "", Kind::int64, &Value::instance),
-                 number("scenario_digest", "", Kind::int64, &Value::scenario_digest),
-                 number("counter", "", Kind::int64, &Value::counter),
-                 per_role("heard_instance", &Value::heard_instance),
-                 per_role("heard_counter", &Value::heard_counter),
-                 per_role("roster", &Value::roster),
-                 number("truth_digest", "", Kind::int64, &Value::truth_digest)};
-};
-
-template <>
-struct MessageOf<RunInfo> {
   using Value = RunInfo;
-  static constexpr std::string_view type = "tachless.run_info_t";
-  static constexpr std::string_view suffix = "RUN_INFO";
-  static constexpr bool once_per_tick = false;
   static constexpr std::size_t max_size = max_run_info_size;
+  static constexpr std::string_view type = "tachless.run_info_t", suffix = "RUN_INFO";
   static constexpr auto fields =
       std::tuple{number("num_ticks", "", Kind::int64, &Value::num_ticks, 1),
                  number("period_s", "s", Kind::real, &Value::period_s,
@@ -239,11 +148,11 @@ struct MessageOf<RunInfo> {
                  text("robot_description", max_size, &Value::robot_description)};
 };
 
-template <>
-struct MessageOf<LogAck> {
-  static constexpr std::string_view type = "tachless.log_ack_t";
-  static constexpr std::string_view suffix = "LOG_ACK";
-  static constexpr bool once_per_tick = false;
+/// logger -> plant; `Stamp::tick` is the last tick recorded without a gap.
+struct LogAck {
+  std::uint64_t missing = 0;  ///< bit i: tick + 1 + i was seen to begin but is incomplete
+
+  static constexpr std::string_view type = "tachless.log_ack_t", suffix = "LOG_ACK";
   static constexpr auto fields = std::tuple{number("missing", "", Kind::int64, &LogAck::missing)};
 };
 

@@ -5,8 +5,10 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
+#include "loop/field.h"
 #include "robot/quantities.h"
 
 /// The values that travel round the loop, without ticks or times: those belong to the nodes.
@@ -16,40 +18,71 @@ namespace tachless::loop {
 
 /// What an output-feedback law of a rigid robot sees.
 struct PositionMeasurement {
-  robot::Vector q;  ///< link position [rad; m if prismatic]
+  robot::Vector q;
+
+  static constexpr std::string_view type = "tachless.position_measurement_t", suffix = "POSITION";
+  static constexpr auto fields =
+      std::tuple{per_joint("position", "q", "rad", &PositionMeasurement::q, "link position")};
 };
 
 /// What an output-feedback law of a flexible-joint robot with motor encoders sees.
 struct MotorPositionMeasurement {
-  robot::Vector theta;  ///< motor position, on the link side of the gear [rad]
+  robot::Vector theta;  ///< on the link side of the gear
+
+  static constexpr std::string_view type = "tachless.motor_position_measurement_t",
+                                    suffix = "MOTOR_POSITION";
+  static constexpr auto fields = std::tuple{per_joint(
+      "motor_position", "theta", "rad", &MotorPositionMeasurement::theta, "motor position")};
 };
 
 /// What the flexible-joint law of Loria and Ortega (eq. 9-12) sees: no motor velocity.
 struct LinkStateMeasurement {
-  robot::Vector q;      ///< link position [rad; m if prismatic]
-  robot::Vector v;      ///< link velocity [rad/s]
-  robot::Vector theta;  ///< motor position [rad]
+  robot::Vector q, v, theta;
+
+  using Value = LinkStateMeasurement;
+  static constexpr std::string_view type = "tachless.link_state_measurement_t",
+                                    suffix = "LINK_STATE";
+  static constexpr auto fields =
+      std::tuple{per_joint("position", "q", "rad", &Value::q, "link position"),
+                 per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),
+                 per_joint("motor_position", "theta", "rad", &Value::theta, "motor position")};
 };
 
 /// Full state. On a rigid robot `theta` and `thetadot` are empty.
 struct StateMeasurement {
-  robot::Vector q;         ///< link position [rad; m if prismatic]
-  robot::Vector v;         ///< link velocity [rad/s]
-  robot::Vector theta;     ///< motor position [rad]
-  robot::Vector thetadot;  ///< motor velocity [rad/s]
+  robot::Vector q, v, theta, thetadot;
+
+  using Value = StateMeasurement;
+  static constexpr std::string_view type = "tachless.state_measurement_t", suffix = "STATE";
+  static constexpr auto fields = std::tuple{
+      per_joint("position", "q", "rad", &Value::q, "link position"),
+      per_joint("velocity", "v", "rad/s", &Value::v, "link velocity"),
+      per_motor("motor_position", "theta", "rad", &Value::theta, "motor position"),
+      per_motor("motor_velocity", "thetadot", "rad/s", &Value::thetadot, "motor velocity")};
 };
 
 /// A C4 reference at one instant.
 struct ReferencePoint {
-  robot::Vector q_ref;     ///< [rad; m if prismatic]
-  robot::Vector v_ref;     ///< [rad/s]
-  robot::Vector a_ref;     ///< [rad/s^2]
-  robot::Vector jerk_ref;  ///< [rad/s^3]
-  robot::Vector snap_ref;  ///< [rad/s^4]
+  robot::Vector q_ref, v_ref, a_ref, jerk_ref, snap_ref;
+
+  using Value = ReferencePoint;
+  static constexpr std::string_view type = "tachless.reference_t", suffix = "REFERENCE";
+  static constexpr auto fields = std::tuple{
+      per_joint("position", "q_ref", "rad", &Value::q_ref, "reference position"),
+      per_joint("velocity", "v_ref", "rad/s", &Value::v_ref, "reference velocity"),
+      per_joint("acceleration", "a_ref", "rad/s^2", &Value::a_ref, "reference acceleration"),
+      per_joint("jerk", "jerk_ref", "rad/s^3", &Value::jerk_ref, "reference jerk"),
+      per_joint("snap", "snap_ref", "rad/s^4", &Value::snap_ref, "reference snap")};
 };
 
+/// Positive torque accelerates the joint.
 struct TorqueCommand {
-  robot::Vector tau;  ///< motor torque [N m; N if prismatic], positive accelerates the joint
+  robot::Vector tau;
+
+  static constexpr std::string_view type = "tachless.torque_command_t", suffix = "COMMAND";
+  static constexpr auto fields =
+      std::tuple{per_joint("torque", "tau", "N m", &TorqueCommand::tau,
+                           "motor torque commanded from this tick's measurement")};
 };
 
 /// Name and unit of one signal that a law declares, for the log. The unit is that of a revolute
@@ -64,10 +97,17 @@ inline constexpr int max_signals = 8;
 
 /// What a law computed on the way to its command, for the log: entry i belongs to the i-th signal
 /// that the law declares and has one value per joint; entries from `num` on are empty. The first
-/// signal of every law is the position error whose norm the controller announces.
+/// signal of every law is the position error whose norm the controller announces. Names and units
+/// of the rows are the law's: `Participant::signals`, `RunInfo::signals`.
 struct LawSignals {
   int num = 0;
   std::array<robot::Vector, max_signals> value;
+
+  static constexpr std::string_view type = "tachless.controller_state_t",
+                                    suffix = "CONTROLLER_STATE";
+  static constexpr auto fields =
+      std::tuple{Field<LawSignals, std::array<robot::Vector, max_signals>>{
+          "value", "value", "", Kind::real, Count::signals, &LawSignals::value}};
 };
 
 /// "error:rad,nu:rad/s": how declared signals travel in participant_t and run_info_t.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <string_view>
 
 /// The six kinds of message that make up one tick. Names only; loop/truth/tick_record.h holds what
@@ -14,10 +15,12 @@ inline constexpr std::array<Slot, num_slots> all_slots = {
     Slot::tick,    Slot::measurement,      Slot::reference,
     Slot::command, Slot::controller_state, Slot::truth};
 
+constexpr std::size_t index(Slot slot) { return static_cast<std::size_t>(slot); }
+
 constexpr std::string_view name(Slot slot) {
   constexpr std::array<std::string_view, num_slots> names = {
       "tick", "measurement", "reference", "command", "controller_state", "truth"};
-  return names.at(static_cast<std::size_t>(slot));
+  return names.at(index(slot));
 }
 
 }  // namespace tachless::loop

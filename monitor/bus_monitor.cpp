@@ -3,9 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
+#include <iterator>
+#include <type_traits>
+#include <utility>
 
+#include "bus/authenticated.h"
 #include "diagnostics/text.h"
 
 namespace tachless::monitor {
@@ -14,51 +18,57 @@ namespace {
 using diagnostics::printable;
 using Json = nlohmann::ordered_json;
 
-std::string_view short_type(std::string_view type) {
-  return type.empty() ? "not ours" : type.substr(type.find('.') + 1);
+Json list(const robot::Vector& x) { return std::vector(x.begin(), x.end()); }
+
+/// Appends what a reader of the bus wants to see of one field.
+template <class Value, class Member>
+void describe(const loop::Field<Value, Member>& field, const Value& value,
+              std::vector<MessageField>& fields) {
+  const Member& member = value.*field.member;
+  const auto add = [&](Json shown, std::string_view index = {}) {
+    fields.push_back({fmt::format("{}{}", field.name, index), field.unit, std::move(shown)});
+  };
+  if constexpr (std::is_same_v<Member, robot::Vector>) {
+    add(list(member));
+  } else if constexpr (std::is_same_v<Member, std::array<bool, robot::max_joints>>) {
+    add(std::vector<double>(member.begin(), member.begin() + value.tau.size()));
+  } else if constexpr (std::is_same_v<Member, loop::PerRole>) {
+    for (std::size_t i = 0; i < member.size(); ++i) {
+      add(member[i], fmt::format("[{}]", name(static_cast<loop::Role>(i))));
+    }
+  } else if constexpr (std::is_same_v<Value, loop::LawSignals>) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(value.num); ++i) {
+      add(list(member[i]), fmt::format("[{}]", i));
+    }
+  } else if constexpr (requires { name(member); }) {
+    add(name(member));
+  } else if constexpr (std::is_enum_v<Member> || std::is_same_v<Member, std::uint64_t>) {
+    add(static_cast<std::int64_t>(member));
+  } else {
+    add(member);
+  }
 }
 
-std::string per_s(const std::optional<double>& rate_hz) {
-  return rate_hz ? fmt::format("{:.1f}", *rate_hz) : "-";
-}
-
-std::string microseconds(const std::optional<double>& s) {
-  return s ? fmt::format("{:.1f}", 1e6 * *s) : "-";
+/// "1.5", or "-" for null.
+std::string shown(const Json& number) {
+  return number.is_null() ? "-" : fmt::format("{:.1f}", number.get<double>());
 }
 
 std::string text_of(const MessageField& field) {
-  struct Writer {
-    std::string operator()(const std::vector<double>& values) const {
-      return fmt::format("[{:.6g}]", fmt::join(values, " "));
-    }
-    std::string operator()(double value) const { return fmt::format("{:.6g}", value); }
-    std::string operator()(std::int64_t value) const { return std::to_string(value); }
-    std::string operator()(bool value) const { return value ? "true" : "false"; }
-    std::string operator()(const std::string& value) const {
-      constexpr std::size_t longest = 40;
-      const std::string text = printable(value.substr(0, longest));
-      return fmt::format("\"{}{}\"", text, value.size() > longest ? "…" : "");
-    }
-  };
-  return fmt::format("{} {}{}{}", field.name, std::visit(Writer{}, field.value),
-                     field.unit.empty() ? "" : " ", field.unit);
-}
-
-Json json_of(const MessageField& field) {
-  return std::visit(
-      [](const auto& value) -> Json {
-        if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string>) {
-          return printable(value);
-        } else {
-          return value;
-        }
-      },
-      field.value);
-}
-
-template <class Value>
-Json or_null(const std::optional<Value>& value) {
-  return value ? Json(*value) : Json(nullptr);
+  std::string text;
+  if (field.value.is_array()) {
+    text = fmt::format("[{:.6g}]", fmt::join(field.value.get<std::vector<double>>(), " "));
+  } else if (field.value.is_number_float()) {
+    text = fmt::format("{:.6g}", field.value.get<double>());
+  } else if (field.value.is_string()) {
+    constexpr std::size_t longest = 40;
+    const auto& value = field.value.get_ref<const std::string&>();
+    text = fmt::format("\"{}{}\"", printable(value.substr(0, longest)),
+                       value.size() > longest ? "…" : "");
+  } else {
+    text = field.value.dump();
+  }
+  return fmt::format("{} {}{}{}", field.name, text, field.unit.empty() ? "" : " ", field.unit);
 }
 
 /// At most `columns` characters of UTF-8 text.
@@ -74,6 +84,44 @@ std::string clipped(const std::string& text, std::size_t columns) {
 
 }  // namespace
 
+template <class Value>
+bus::Rejection MessageReader::Reader<Value>::decode(std::span<const std::byte> message,
+                                                    loop::Stamp& stamp) {
+  const auto announced = bus::announced_layout<Value>(message);
+  if (!announced) return bus::Rejection::wrong_count;
+  if (!codec || *announced != layout) {
+    codec.emplace(*announced);
+    layout = *announced;
+  }
+  return codec->decode(message, stamp, value);
+}
+
+template <class Value>
+void MessageReader::Reader<Value>::read(std::span<const std::byte> message, Glance& glance,
+                                        std::vector<MessageField>* fields) {
+  glance.type = Value::type;
+  glance.once_per_tick = loop::once_per_tick<Value>;
+  glance.rejection = decode(message, glance.stamp);
+  if (glance.rejection == bus::Rejection::wrong_size && message.size() > bus::tag_size) {
+    const auto untagged = message.first(message.size() - bus::tag_size);
+    glance.tagged = decode(untagged, glance.stamp) == bus::Rejection::none;
+    if (glance.tagged) glance.rejection = bus::Rejection::none;
+  }
+  if (fields == nullptr || glance.rejection != bus::Rejection::none) return;
+  loop::for_each_field<Value>([&](const auto& field) { describe(field, value, *fields); });
+}
+
+MessageReader::Glance MessageReader::glance(std::span<const std::byte> message,
+                                            std::vector<MessageField>* fields) {
+  Glance glance;
+  const auto fingerprint = bus::fingerprint_of(message);
+  const auto read_if = [&]<class Value>(Reader<Value>& reader) {
+    if (fingerprint == bus::fingerprint<Value>()) reader.read(message, glance, fields);
+  };
+  std::apply([&](auto&... reader) { (read_if(reader), ...); }, readers_);
+  return glance;
+}
+
 void BusMonitor::Arrivals::add(std::int64_t interval_ns) {
   ++intervals;
   const auto interval = static_cast<double>(interval_ns);
@@ -81,22 +129,6 @@ void BusMonitor::Arrivals::add(std::int64_t interval_ns) {
   mean_ns += before / static_cast<double>(intervals);
   deviations_ns2 += before * (interval - mean_ns);
   longest_ns = std::max(longest_ns, interval_ns);
-}
-
-std::optional<double> BusMonitor::Arrivals::rate_hz() const {
-  if (intervals == 0 || mean_ns <= 0) return std::nullopt;
-  return 1e9 / mean_ns;
-}
-
-std::optional<double> BusMonitor::Arrivals::jitter_s() const {
-  if (intervals < 2) return std::nullopt;
-  return 1e-9 * std::sqrt(deviations_ns2 / static_cast<double>(intervals - 1));
-}
-
-std::uint64_t BusMonitor::Channel::undecodable() const {
-  std::uint64_t count = type.empty() ? 0 : not_ours;
-  for (const auto& [reason, times] : rejected) count += times;
-  return count;
 }
 
 void BusMonitor::take(const bus::Datagram& datagram) {
@@ -139,7 +171,6 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
   Channel& channel = found->second;
   ++channel.messages;
   channel.bytes += payload.size();
-  ++channel.now.messages;
   channel.now.bytes += payload.size();
   // A clock that was set back gives an interval that says nothing.
   if (channel.last_ns && received_ns >= *channel.last_ns) {
@@ -176,18 +207,32 @@ void BusMonitor::end_stretch(double seconds) {
   }
 }
 
-std::uint64_t BusMonitor::undecodable() const {
-  std::uint64_t count = 0;
-  for (const auto& [name, channel] : channels_) count += channel.undecodable();
-  return count;
+std::vector<std::string> BusMonitor::value_lines(std::size_t width) {
+  std::vector<std::string> lines;
+  for (const auto& [name, channel] : channels_) {
+    if (channel.newest.empty()) continue;
+    std::string line =
+        fmt::format("{:<{}}  tick {}", printable(name), width, channel.newest_stamp.tick);
+    std::vector<MessageField> fields;
+    reader_.glance(channel.newest, &fields);
+    for (const MessageField& field : fields) line += "  " + text_of(field);
+    lines.push_back(std::move(line));
+  }
+  return lines;
 }
 
-std::vector<std::string> BusMonitor::head_lines() const {
-  std::uint64_t missing = 0;
-  for (const auto& [address, sender] : senders_) missing += sender.sequence.missing();
+std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows) {
+  const Json all = to_json();
+  std::uint64_t missing = 0, tagged = 0;
+  for (const Json& sender : all["senders"]) missing += sender["missing"].get<std::uint64_t>();
+  std::size_t longest_name = 0;
+  for (const Json& channel : all["channels"]) {
+    tagged += channel["tagged"].get<std::uint64_t>();
+    longest_name = std::max(longest_name, channel["channel"].get_ref<const std::string&>().size());
+  }
   std::vector<std::string> lines = {fmt::format(
       "{} messages of {} senders in {:.1f} s; by the senders' own count {} missing; undecodable {}",
-      messages_, senders_.size(), seconds_, missing, undecodable())};
+      messages_, senders_.size(), seconds_, missing, all["undecodable"].dump())};
   const auto note = [&](std::uint64_t count, std::string_view what) {
     if (count != 0) lines.push_back(fmt::format("{} {}", count, what));
   };
@@ -195,60 +240,31 @@ std::vector<std::string> BusMonitor::head_lines() const {
        "lost here: this program was too slow for the bus, and rates are higher than shown");
   note(transport_.malformed, "datagrams that are not LCM messages");
   note(transport_.fragmented, "messages in fragments, which are not put together here");
-  std::uint64_t tagged = 0;
-  for (const auto& [name, channel] : channels_) tagged += channel.tagged;
   note(tagged, "messages carry the tag of a key, which is not verified here");
   note(elsewhere_, "messages on further channels");
   note(other_senders_, "messages of further senders");
-  return lines;
-}
 
-std::vector<std::string> BusMonitor::channel_lines(std::size_t columns) const {
-  std::size_t width = 7;
-  for (const auto& [name, channel] : channels_) width = std::max(width, printable(name).size());
   // The numbers come first; the types where there is room for them.
-  constexpr const char* row = "{:<{}} {:>9} {:>9} {:>10} {:>8} {:>6} {:>11}  {:.{}}";
+  const std::size_t width = std::max<std::size_t>(7, longest_name);
   constexpr std::size_t width_of_numbers = 61, longest_type = 28;
   const bool has_room = columns == 0 || width + width_of_numbers + longest_type <= columns;
-  const std::size_t type_width = has_room ? longest_type : 0;
-  std::vector<std::string> lines = {fmt::format(row, "channel", width, "messages", "per s",
-                                                "jitter us", "kB/s", "gaps", "undecodable", "type",
-                                                type_width)};
-  for (const auto& [name, channel] : channels_) {
-    const double bytes = static_cast<double>(channel.shown.bytes);
-    const double kb_per_s = channel.shown_seconds > 0 ? 1e-3 * bytes / channel.shown_seconds : 0.0;
-    lines.push_back(
-        fmt::format(row, printable(name), width, channel.messages, per_s(channel.shown.rate_hz()),
-                    microseconds(channel.shown.jitter_s()), fmt::format("{:.1f}", kb_per_s),
-                    channel.once_per_tick ? std::to_string(channel.ticks.missing()) : "-",
-                    channel.undecodable(), short_type(channel.type), type_width));
-  }
-  return lines;
-}
-
-std::vector<std::string> BusMonitor::value_lines() {
-  std::size_t width = 0;
-  for (const auto& [name, channel] : channels_) width = std::max(width, printable(name).size());
-  std::vector<std::string> lines;
-  for (const auto& [name, channel] : channels_) {
-    if (channel.newest.empty()) continue;
-    std::vector<std::string> parts = {
-        fmt::format("{:<{}}  tick {}", printable(name), width, channel.newest_stamp.tick)};
-    for (const MessageField& field : reader_.fields(channel.newest))
-      parts.push_back(text_of(field));
-    lines.push_back(diagnostics::joined(parts, "  "));
-  }
-  return lines;
-}
-
-std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows) {
-  std::vector<std::string> lines = head_lines();
-  const auto append = [&](std::vector<std::string> more) {
-    lines.emplace_back();
-    std::move(more.begin(), more.end(), std::back_inserter(lines));
+  const auto add_row = [&](std::string_view channel, const auto&... cells) {
+    lines.push_back(fmt::format("{:<{}} {:>9} {:>9} {:>10} {:>8} {:>6} {:>11}  {:.{}}", channel,
+                                width, cells..., has_room ? longest_type : 0));
   };
-  append(channel_lines(columns));
-  append(value_lines());
+  lines.emplace_back();
+  add_row("channel", "messages", "per s", "jitter us", "kB/s", "gaps", "undecodable", "type");
+  for (const Json& channel : all["channels"]) {
+    const Json& bandwidth = channel["bandwidth_bytes_per_s"];
+    const std::string type = channel["type"].is_null() ? "not ours" : channel["type"];
+    add_row(channel["channel"].get_ref<const std::string&>(), channel["messages"].dump(),
+            shown(channel["rate_hz"]), shown(channel["jitter_us"]),
+            fmt::format("{:.1f}", bandwidth.is_null() ? 0.0 : 1e-3 * bandwidth.get<double>()),
+            channel["tick_gaps"].is_null() ? "-" : channel["tick_gaps"].dump(),
+            channel["undecodable"].dump(), std::string_view(type).substr(type.find('.') + 1));
+  }
+  lines.emplace_back();
+  std::ranges::move(value_lines(longest_name), std::back_inserter(lines));
   if (rows != 0 && lines.size() > rows) {
     const std::size_t left_out = lines.size() - (rows - 1);
     lines.resize(rows - 1);
@@ -258,62 +274,74 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
   return lines;
 }
 
-nlohmann::ordered_json BusMonitor::to_json() {
-  Json result;
-  result["seconds"] = seconds_;
-  result["messages"] = messages_;
-  result["bytes"] = bytes_;
-  result["undecodable"] = undecodable();
-  result["malformed"] = transport_.malformed;
-  result["fragmented"] = transport_.fragmented;
-  result["lost_here"] = transport_.overflowed.value_or(0);
-  result["messages_on_further_channels"] = elsewhere_;
-  result["messages_of_further_senders"] = other_senders_;
-  result["senders"] = Json::array();
-  for (const auto& [address, sender] : senders_) {
-    result["senders"].push_back({{"address", address},
-                                 {"messages", sender.messages},
-                                 {"missing", sender.sequence.missing()},
-                                 {"repeated", sender.sequence.repeated()},
-                                 {"restarts", sender.sequence.restarts()}});
-  }
-  result["channels"] = Json::array();
+Json BusMonitor::to_json() {
+  Json channels = Json::array();
+  std::uint64_t undecodable = 0;
   for (const auto& [name, channel] : channels_) {
-    Json entry;
-    entry["channel"] = printable(name);
-    entry["type"] = channel.type.empty() ? Json(nullptr) : Json(channel.type);
-    entry["messages"] = channel.messages;
-    entry["bytes"] = channel.bytes;
-    entry["rate_hz"] = or_null(channel.shown.rate_hz());
-    const auto jitter_s = channel.shown.jitter_s();
-    entry["jitter_us"] = jitter_s ? Json(1e6 * *jitter_s) : Json(nullptr);
-    entry["longest_silence_us"] = 1e-3 * static_cast<double>(channel.shown.longest_ns);
-    entry["bandwidth_bytes_per_s"] =
-        channel.shown_seconds > 0
-            ? Json(static_cast<double>(channel.shown.bytes) / channel.shown_seconds)
-            : Json(nullptr);
-    entry["tick_gaps"] = channel.once_per_tick ? Json(channel.ticks.missing()) : Json(nullptr);
-    entry["tick_repeats"] = channel.once_per_tick ? Json(channel.ticks.repeated()) : Json(nullptr);
-    entry["undecodable"] = channel.undecodable();
-    entry["undecodable_because"] = Json::object();
-    for (const auto& [reason, count] : channel.rejected) {
-      entry["undecodable_because"][std::string(bus::name(reason))] = count;
-    }
-    entry["tagged"] = channel.tagged;
-    entry["not_ours"] = channel.not_ours;
-    entry["newest"] = nullptr;
-    if (!channel.newest.empty()) {
-      Json newest = {{"utime", channel.newest_stamp.utime},
-                     {"run", channel.newest_stamp.run},
-                     {"tick", channel.newest_stamp.tick}};
-      for (const MessageField& field : reader_.fields(channel.newest)) {
-        newest[std::string(field.name)] = json_of(field);
-      }
-      entry["newest"] = std::move(newest);
-    }
-    result["channels"].push_back(std::move(entry));
+    channels.push_back(json_of(name, channel));
+    undecodable += channels.back()["undecodable"].get<std::uint64_t>();
   }
-  return result;
+  Json senders = Json::array();
+  for (const auto& [address, sender] : senders_) {
+    senders.push_back({{"address", address},
+                       {"messages", sender.messages},
+                       {"missing", sender.sequence.missing()},
+                       {"repeated", sender.sequence.repeated()},
+                       {"restarts", sender.sequence.restarts()}});
+  }
+  return {{"seconds", seconds_},
+          {"messages", messages_},
+          {"bytes", bytes_},
+          {"undecodable", undecodable},
+          {"malformed", transport_.malformed},
+          {"fragmented", transport_.fragmented},
+          {"lost_here", transport_.overflowed.value_or(0)},
+          {"messages_on_further_channels", elsewhere_},
+          {"messages_of_further_senders", other_senders_},
+          {"senders", std::move(senders)},
+          {"channels", std::move(channels)}};
+}
+
+Json BusMonitor::json_of(const std::string& name, const Channel& channel) {
+  const Arrivals& shown = channel.shown;
+  const auto or_null = [](bool known, auto value) { return known ? Json(value) : Json(nullptr); };
+  const double deviation_ns =
+      std::sqrt(shown.deviations_ns2 / (static_cast<double>(shown.intervals) - 1));
+  std::uint64_t undecodable = channel.type.empty() ? 0 : channel.not_ours;
+  Json because = Json::object();
+  for (const auto& [reason, count] : channel.rejected) {
+    because[std::string(bus::name(reason))] = count;
+    undecodable += count;
+  }
+  Json newest;
+  if (!channel.newest.empty()) {
+    newest = {{"utime", channel.newest_stamp.utime},
+              {"run", channel.newest_stamp.run},
+              {"tick", channel.newest_stamp.tick}};
+    std::vector<MessageField> fields;
+    reader_.glance(channel.newest, &fields);
+    for (const MessageField& field : fields) {
+      const bool is_text = field.value.is_string();
+      newest[field.name] = is_text ? Json(printable(field.value.get<std::string>())) : field.value;
+    }
+  }
+  return {
+      {"channel", printable(name)},
+      {"type", or_null(!channel.type.empty(), channel.type)},
+      {"messages", channel.messages},
+      {"bytes", channel.bytes},
+      {"rate_hz", or_null(shown.intervals > 0 && shown.mean_ns > 0, 1e9 / shown.mean_ns)},
+      {"jitter_us", or_null(shown.intervals > 1, 1e6 * (1e-9 * deviation_ns))},
+      {"longest_silence_us", 1e-3 * static_cast<double>(shown.longest_ns)},
+      {"bandwidth_bytes_per_s", or_null(channel.shown_seconds > 0,
+                                        static_cast<double>(shown.bytes) / channel.shown_seconds)},
+      {"tick_gaps", or_null(channel.once_per_tick, channel.ticks.missing())},
+      {"tick_repeats", or_null(channel.once_per_tick, channel.ticks.repeated())},
+      {"undecodable", undecodable},
+      {"undecodable_because", std::move(because)},
+      {"tagged", channel.tagged},
+      {"not_ours", channel.not_ours},
+      {"newest", std::move(newest)}};
 }
 
 }  // namespace tachless::monitor

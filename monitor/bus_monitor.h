@@ -3,17 +3,63 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <nlohmann/json_fwd.hpp>
+#include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
-#include "bus/udp_transport.h"
-#include "monitor/message_reader.h"
+#include "bus/transport.h"
+#include "bus/truth/truth_wire.h"
+#include "loop/truth/tick_record.h"
 #include "monitor/sequence_gaps.h"
 
 namespace tachless::monitor {
+
+/// One field of a message, named as in its .lcm file.
+struct MessageField {
+  std::string name;       ///< with the row, "value[0]", of a law's signals
+  std::string_view unit;  ///< of revolute joints; empty when there is none
+  nlohmann::ordered_json value;
+};
+
+/// Reads every type of ours without knowing the run: joints, motors and signals are counted as the
+/// message itself announces, which is believed only when its size is exactly that of such a
+/// message and every further check of the wire agrees. A tag at the end (bus/authenticated.h) is
+/// noticed and not verified: that needs the key.
+class MessageReader {
+ public:
+  /// What a message is, at a glance.
+  struct Glance {
+    std::string_view type;  ///< "tachless.tick_t"; empty when not ours, and then no more is known
+    bus::Rejection rejection = bus::Rejection::none;
+    loop::Stamp stamp;           ///< when not rejected
+    bool tagged = false;         ///< by the holder of a key, or so it seems
+    bool once_per_tick = false;  ///< the type is sent for every tick of a run
+  };
+
+  /// @param fields if not null, appended to it are all fields after utime, run and tick, when not
+  /// rejected
+  Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
+
+ private:
+  template <class Value>
+  struct Reader {
+    loop::Layout layout = {};
+    std::optional<bus::Codec<Value>> codec = {};  ///< of that layout
+    Value value = {};
+
+    bus::Rejection decode(std::span<const std::byte> message, loop::Stamp& stamp);
+    void read(std::span<const std::byte> message, Glance& glance,
+              std::vector<MessageField>* fields);
+  };
+  template <class... Value>
+  static std::tuple<Reader<Value>...> readers_of(loop::TypeList<Value...>);
+
+  decltype(readers_of(loop::AllMessages())) readers_;
+};
 
 /// What `tachless watch` knows of a bus: counts of everything heard, per channel and per sender.
 /// Datagrams go in, a table or JSON comes out; neither receives nor prints. Memory is bounded,
@@ -37,26 +83,19 @@ class BusMonitor {
   /// `columns` characters; 0: no limit. What does not fit is said to be left out.
   [[nodiscard]] std::vector<std::string> table(std::size_t columns = 0, std::size_t rows = 0);
 
-  /// For programs.
+  /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
+  /// another type on a channel that carries one of ours.
   [[nodiscard]] nlohmann::ordered_json to_json();
-
-  [[nodiscard]] std::uint64_t messages() const { return messages_; }
-  /// Messages of our types that could not be decoded, and messages of another type on a channel
-  /// that carries one of ours.
-  [[nodiscard]] std::uint64_t undecodable() const;
 
  private:
   /// Arrivals within one stretch of time.
   struct Arrivals {
-    std::uint64_t messages = 0;
     std::uint64_t bytes = 0;
     std::uint64_t intervals = 0;
     double mean_ns = 0, deviations_ns2 = 0;  ///< of the intervals, after Welford
     std::int64_t longest_ns = 0;
 
     void add(std::int64_t interval_ns);
-    [[nodiscard]] std::optional<double> rate_hz() const;
-    [[nodiscard]] std::optional<double> jitter_s() const;
   };
   struct Channel {
     std::string_view type;  ///< newest of ours; empty: none yet
@@ -72,8 +111,6 @@ class BusMonitor {
     double shown_seconds = 0;
     loop::Stamp newest_stamp;
     std::vector<std::byte> newest;  ///< that could be decoded
-
-    [[nodiscard]] std::uint64_t undecodable() const;
   };
   struct Sender {
     std::uint64_t messages = 0;
@@ -82,9 +119,8 @@ class BusMonitor {
 
   void note_sender(std::string_view sender, std::uint32_t sequence);
   void note_channel(const bus::Datagram& datagram);
-  [[nodiscard]] std::vector<std::string> head_lines() const;
-  [[nodiscard]] std::vector<std::string> channel_lines(std::size_t columns) const;
-  [[nodiscard]] std::vector<std::string> value_lines();
+  [[nodiscard]] nlohmann::ordered_json json_of(const std::string& name, const Channel& channel);
+  [[nodiscard]] std::vector<std::string> value_lines(std::size_t width);
 
   MessageReader reader_;
   std::map<std::string, Channel, std::less<>> channels_;

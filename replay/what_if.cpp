@@ -12,7 +12,7 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
-#include "logger/column_names.h"
+#include "logger/table.h"
 #include "report/chart.h"
 #include "report/gnuplot.h"
 #include "report/summary.h"

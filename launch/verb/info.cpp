@@ -21,9 +21,8 @@ Verb::Action declare(CLI::App& command) {
       ->required();
   command.add_flag("--json", options->json, "As JSON");
   return [options] {
-    const logger::LogInfo info = logger::read_info(options->log);
-    std::cout << (options->json ? diagnostics::json_text(logger::to_json(info), 2) + "\n"
-                                : logger::to_text(info));
+    const nlohmann::json info = logger::read_info(options->log);
+    std::cout << (options->json ? diagnostics::json_text(info, 2) + "\n" : logger::to_text(info));
     return diagnostics::ExitCode::done;
   };
 }

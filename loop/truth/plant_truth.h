@@ -15,29 +15,17 @@ enum class DriveFault : std::int8_t {
 };
 
 /// The plant's exact state at the start of a tick and what its drives did over that tick. Goes to
-/// the logger and nowhere else: no target of controller/ links to this one.
+/// the logger and nowhere else: no target of controller/ links to this one. On a rigid robot
+/// `theta` and `thetadot` are empty.
 struct PlantTruth {
-  robot::Vector q;         ///< link position [rad; m if prismatic]
-  robot::Vector v;         ///< link velocity [rad/s]
-  robot::Vector theta;     ///< motor position [rad]; empty on a rigid robot
-  robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
-  robot::Vector tau;       ///< torque applied over the tick, after the limit [N m]
-  /// Torque of disturbances at the start of the tick, forces on links by their lever arms [N m].
-  robot::Vector disturbance;
-  std::array<bool, robot::max_joints> saturated{};  ///< the commanded torque exceeded a limit
+  robot::Vector q, v, theta, thetadot;
+  robot::Vector tau;
+  robot::Vector disturbance;  ///< forces on links by their lever arms
+  std::array<bool, robot::max_joints> saturated{};
   DriveFault fault = DriveFault::none;
-};
 
-}  // namespace tachless::loop::truth
-
-namespace tachless::loop {
-
-template <>
-struct MessageOf<truth::PlantTruth> {
-  using Value = truth::PlantTruth;
-  static constexpr std::string_view type = "tachless_truth.plant_truth_t";
-  static constexpr std::string_view suffix = "TRUTH";
-  static constexpr bool once_per_tick = true;
+  using Value = PlantTruth;
+  static constexpr std::string_view type = "tachless_truth.plant_truth_t", suffix = "TRUTH";
   static constexpr std::size_t num_states = 4;  ///< the first fields; the others are the drives'
   static constexpr auto fields = std::tuple{
       per_joint("position", "q", "rad", &Value::q, "link position"),
@@ -52,11 +40,9 @@ struct MessageOf<truth::PlantTruth> {
       Field<Value, std::array<bool, robot::max_joints>>{
           "saturated", "saturated", "", Kind::flag, Count::joints, &Value::saturated,
           "1 when the commanded torque exceeded a limit of the drive"},
-      Field<Value, truth::DriveFault>{
-          "fault", "drive_fault", "",
-          Kind::int8, Count::one, &Value::fault,
-          "0 none, 1 command missed (last torque held), 2 protective stop", 0,
-          static_cast<double>(truth::DriveFault::protective_stop)}};
+      Field<Value, DriveFault>{"fault", "drive_fault", "", Kind::int8, Count::one, &Value::fault,
+                               "0 none, 1 command missed (last torque held), 2 protective stop", 0,
+                               static_cast<double>(DriveFault::protective_stop)}};
 };
 
-}  // namespace tachless::loop
+}  // namespace tachless::loop::truth

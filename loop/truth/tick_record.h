@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <tuple>
@@ -27,6 +28,16 @@ struct TickRecord {
 /// Types of the messages in a TickRecord besides the measurement.
 using TickMessages = TypeList<Tick, ReferencePoint, TorqueCommand, LawSignals, truth::PlantTruth>;
 
+template <class... Value>
+TypeList<Value..., truth::PlantTruth> with_truth(TypeList<Value...>);
+/// Every type of message.
+using AllMessages = decltype(with_truth(Messages()));
+
+/// Whether messages of the type are sent for every tick of a run, and have a slot.
+template <class Value>
+constexpr bool once_per_tick = !std::is_same_v<Value, Participant> &&
+                               !std::is_same_v<Value, RunInfo> && !std::is_same_v<Value, LogAck>;
+
 /// The slot of a message type.
 template <class Value>
 constexpr Slot slot_of() {
@@ -38,39 +49,38 @@ constexpr Slot slot_of() {
   if constexpr (std::is_same_v<Value, truth::PlantTruth>) return Slot::truth;
 }
 
-/// The record's member for messages of the type; `Record` is TickRecord, const or not.
-template <class Value, class Record>
-auto& entry_of(Record& record) {
+/// The record's messages besides the measurement; `Record` is TickRecord, const or not.
+template <class Record>
+auto others(Record& record) {
+  return std::tie(record.clock, record.reference, record.command, record.controller_state,
+                  record.truth);
+}
+
+template <class Value>
+void put(TickRecord& record, const Value& value) {
   if constexpr (is_measurement<Value>) {
-    return record.measurement;
+    record.measurement = value;
   } else {
-    auto others = std::tie(record.clock, record.reference, record.command, record.controller_state,
-                           record.truth);
-    using Entry = std::conditional_t<std::is_const_v<Record>, const std::optional<Value>,
-                                     std::optional<Value>>;
-    return std::get<Entry&>(others);
+    std::get<std::optional<Value>&>(others(record)) = value;
   }
 }
 
-/// The record's message of that type, or null.
+/// The record's message of that type, which it has.
 template <class Value>
-const Value* find(const TickRecord& record) {
-  const auto& entry = entry_of<Value>(record);
+const Value& get(const TickRecord& record) {
   if constexpr (is_measurement<Value>) {
-    return std::get_if<Value>(&entry);
+    return std::get<Value>(record.measurement);
   } else {
-    return entry ? &*entry : nullptr;
+    return *std::get<const std::optional<Value>&>(others(record));
   }
 }
 
 /// Whether the record has a message in that slot.
 inline bool has(const TickRecord& record, Slot slot) {
-  if (slot == Slot::measurement) return record.measurement.index() != 0;
-  bool found = false;
-  for_each_type(TickMessages(), [&]<class Value>(std::type_identity<Value>) {
-    if (slot_of<Value>() == slot) found = find<Value>(record) != nullptr;
-  });
-  return found;
+  const std::array<bool, num_slots> present = {
+      record.clock.has_value(),   record.measurement.index() != 0,     record.reference.has_value(),
+      record.command.has_value(), record.controller_state.has_value(), record.truth.has_value()};
+  return present[index(slot)];
 }
 
 }  // namespace tachless::loop

@@ -40,9 +40,9 @@ TEST_F(Damage, NothingCrashesAndIntactCommandsAreRead) {
 
     const auto info = read_info(path_);
     ASSERT_FALSE(to_text(info).empty());
-    ASSERT_NO_THROW(to_json(info).dump());
+    ASSERT_NO_THROW(info.dump());
     // Every intact tick's every message is an event of one channel or the other.
-    ASSERT_GE(info.events, damaged.intact.size());
+    ASSERT_GE(info["messages"], damaged.intact.size());
 
     try {
       auto run_log = RunLog::open(path_);

@@ -12,7 +12,7 @@
 #include <sstream>
 
 #include "diagnostics/failure.h"
-#include "logger/column_names.h"
+#include "logger/table.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/temporary_directory.h"
@@ -162,7 +162,7 @@ TEST_F(Export, QuotesANameWithAComma) {
 TEST_F(Export, CsvHoldsEveryNumberInFull) {
   const auto recorded = short_flexible_run();
   const auto result = run(recorded.bytes(), csv_);
-  EXPECT_EQ(result.rows, 40u);
+  EXPECT_EQ(result.summary.ticks, 40u);
   EXPECT_EQ(result.missing_values, 0u);
   EXPECT_EQ(result.text(), "40 ticks");
   const auto csv = table(csv_);
@@ -268,7 +268,7 @@ TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
 TEST_F(Export, Hdf5OfManyTicksIsWhole) {
   // More than one chunk of 4096, and not a multiple.
   const auto recorded = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION");
-  EXPECT_EQ(run(recorded.bytes(), h5_).rows, 5000u);
+  EXPECT_EQ(run(recorded.bytes(), h5_).summary.ticks, 5000u);
   const auto values = dataset(h5_, "tau");
   ASSERT_EQ(values.size(), 10'000u);
   for (std::size_t i = 0; i < 5000; ++i) {

@@ -9,7 +9,7 @@
 namespace tachless::logger {
 namespace {
 
-using protocol::lockstep::num_slots;
+using loop::num_slots;
 using protocol::lockstep::Verdict;
 using Slot = TickTally::Slot;
 
@@ -39,8 +39,8 @@ TEST(TickTally, NamesWhatIsMissing) {
   }
   tally.finish(2999);
   EXPECT_EQ(tally.missing(Slot::command).count, 17);
-  EXPECT_EQ(text_of(tally.missing(Slot::command)), "12, 40-55");
-  EXPECT_EQ(text_of(tally.missing(Slot::truth)), "2999");
+  EXPECT_EQ(tally.missing(Slot::command).text(), "12, 40-55");
+  EXPECT_EQ(tally.missing(Slot::truth).text(), "2999");
   EXPECT_EQ(tally.missing(Slot::tick).count, 0);
   EXPECT_EQ(tally.incomplete(), 18);
   EXPECT_EQ(tally.complete(), 3000 - 18);
@@ -53,14 +53,14 @@ TEST(TickTally, CountsTicksOfWhichThereIsNothingAtAll) {
   tally.finish(9999);
   EXPECT_EQ(tally.complete(), 2);
   EXPECT_EQ(tally.incomplete(), 9998);
-  EXPECT_EQ(text_of(tally.missing(Slot::tick)), "1-4999, 5001-9999");
+  EXPECT_EQ(tally.missing(Slot::tick).text(), "1-4999, 5001-9999");
 }
 
 TEST(TickTally, ListsTheFirstRangesAndCountsTheRest) {
   TickTally tally(100);
   for (std::int64_t k = 0; k < 100; k += 2) record_all(tally, k);
   tally.finish(99);
-  EXPECT_EQ(text_of(tally.missing(Slot::tick)), "1, 3, 5, 7, 9 and 45 more");
+  EXPECT_EQ(tally.missing(Slot::tick).text(), "1, 3, 5, 7, 9 and 45 more");
 }
 
 TEST(TickTally, TakesMessagesOutOfOrderWithinItsWindow) {

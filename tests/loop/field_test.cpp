@@ -103,34 +103,6 @@ TEST(AllFinite, LooksAtNumbersAndNotAtTexts) {
   EXPECT_FALSE(all_finite(who));
 }
 
-TEST(Same, ComparesNumbersBitForBit) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  LinkStateMeasurement a{robot::Vector::Constant(2, nan), robot::Vector::Zero(2),
-                         robot::Vector::Zero(2)};
-  LinkStateMeasurement b = a;
-  EXPECT_TRUE(same(a, b));
-  b.theta[1] = -0.0;
-  EXPECT_FALSE(same(a, b));
-  b = a;
-  b.q.resize(1);
-  EXPECT_FALSE(same(a, b));
-  Participant who;
-  Participant other = who;
-  EXPECT_TRUE(same(who, other));
-  other.fault = "hot";
-  EXPECT_FALSE(same(who, other));
-}
-
-TEST(Same, LooksAtEachOfALawsSignals) {
-  LawSignals a;
-  a.num = 2;
-  a.value[0] = a.value[1] = robot::Vector::Ones(2);
-  LawSignals b = a;
-  EXPECT_TRUE(same(a, b));
-  b.value[1][0] = 2;
-  EXPECT_FALSE(same(a, b));
-}
-
 TEST(Channels, AreUpperSnakeWithTheRobotsName) {
   EXPECT_EQ(channel<PositionMeasurement>("ARM"), "ARM_POSITION");
   EXPECT_EQ(channel<truth::PlantTruth>("ARM"), "ARM_TRUTH");

@@ -10,7 +10,7 @@ TEST(Measurements, HoldWhatTheirFieldsSay) {
               testing::ElementsAre("POSITION", "MOTOR_POSITION", "LINK_STATE", "STATE"));
   EXPECT_TRUE(holds_links<PositionMeasurement>);
   EXPECT_FALSE(holds_motors<PositionMeasurement>);
-  EXPECT_FALSE(holds_velocity<PositionMeasurement>);
+  EXPECT_FALSE(measures_velocity("POSITION"));
   EXPECT_FALSE(holds_links<MotorPositionMeasurement>);
   EXPECT_TRUE(holds_motors<MotorPositionMeasurement>);
   EXPECT_FALSE(measures_velocity("MOTOR_POSITION"));

@@ -92,8 +92,7 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/", "fmt/"},
      true},
-    {"logger/hdf5_columns.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "hdf5_hl.h"}},
-    {"logger/hdf5_file.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "H5", "fmt/"}, true},
+    {"logger/export.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "hdf5_hl.h", "fmt/"}, true},
 
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
@@ -124,7 +123,7 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/"}},
     {"monitor/",
-     {"monitor/", "logger/", "bus/", "loop/", "diagnostics/"},
+     {"monitor/", "bus/", "loop/", "diagnostics/"},
      {"nlohmann/", "fmt/"},
      true},
     {"viewer/",

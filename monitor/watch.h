@@ -1,12 +1,17 @@
 #pragma once
 
+#include <termios.h>
+
 #include <atomic>
-#include <cstdint>
+#include <chrono>
+#include <cstddef>
+#include <optional>
 
 #include "bus/transport.h"
 #include "loop/clock.h"
 #include "monitor/bus_monitor.h"
 
+/// Between a bus, its monitor and a terminal.
 namespace tachless::monitor {
 
 /// Reads everything that is on the bus. It does not wait on the socket: whoever sends to a socket
@@ -22,9 +27,8 @@ class Listener {
   void listen(loop::Clock::time_point begin, loop::Clock::time_point end);
 
  private:
-  std::uint64_t drain(loop::Clock::time_point end);
+  double drain(loop::Clock::time_point end);
   void drain_what_came_before_now();
-  void adapt(std::uint64_t count, loop::Clock::time_point begin);
 
   static constexpr std::chrono::milliseconds shortest_nap{1}, longest_nap{50};
 
@@ -33,7 +37,26 @@ class Listener {
   const std::atomic<bool>& interrupted_;
   loop::Clock::duration nap_ = shortest_nap;
   loop::Clock::time_point last_drain_ = loop::Clock::now();
-  std::uint64_t bytes_ = 0;
+};
+
+/// Shows a monitor's table on stdout again and again: on a terminal in place and cut to its size,
+/// elsewhere one after the other. Keys are read on a terminal.
+class TableScreen {
+ public:
+  TableScreen();  ///< hides the cursor until destruction
+  TableScreen(const TableScreen&) = delete;
+  TableScreen& operator=(const TableScreen&) = delete;
+  ~TableScreen();
+
+  void show(BusMonitor& monitor);
+
+  /// Whether the user has typed q since the last call.
+  [[nodiscard]] bool quit_wanted();
+
+ private:
+  bool terminal_;
+  std::size_t height_ = 0;
+  std::optional<termios> keyboard_;  ///< its settings before: keys come one by one, unseen
 };
 
 }  // namespace tachless::monitor
