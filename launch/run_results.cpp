@@ -14,10 +14,10 @@
 #include "diagnostics/text.h"
 #include "diagnostics/unfinished_file.h"
 #include "logger/run_log.h"
-#include "report/figure.h"
 #include "report/gnuplot.h"
 #include "report/recorded_run.h"
 #include "report/report.h"
+#include "report/report_sections.h"
 #include "robot/joint_labels.h"
 
 namespace tachless::launch {

@@ -69,7 +69,7 @@ void require_measured(const logger::RunLog& log, const loop::LawInfo& law) {
 }
 
 /// A replay as it goes on.
-struct Comparison {
+struct Progress {
   const OnCompared& on_compared;
   Replay result;
   std::vector<double> sums_of_squares;
@@ -77,7 +77,7 @@ struct Comparison {
   std::uint64_t pending = 0, pending_passed_over = 0;
   std::int64_t first_pending = -1;
 
-  Comparison(int num_joints, const OnCompared& told)
+  Progress(int num_joints, const OnCompared& told)
       : on_compared(told), sums_of_squares(static_cast<std::size_t>(num_joints)) {
     result.joints.resize(static_cast<std::size_t>(num_joints));
   }
@@ -128,7 +128,7 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
 /// Steps `law` through the log.
 template <class Measurement>
 void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
-                  std::unique_ptr<controller::AnyLaw<Measurement>> law, Comparison& comparison) {
+                  std::unique_ptr<controller::AnyLaw<Measurement>> law, Progress& comparison) {
   const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
   Replay& result = comparison.result;
   logger::TickRecord record;
@@ -194,7 +194,7 @@ Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
   require_fitting(log, scenario);
   require_measured(log, controller::law_info(law));
   log.rewind();
-  Comparison comparison(scenario.num_joints, on_compared);
+  Progress comparison(scenario.num_joints, on_compared);
   std::visit([&](auto own) { step_through(log, scenario, std::move(own), comparison); },
              std::move(law));
   return comparison.finish();

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
@@ -12,8 +13,9 @@
 #include "logger/run_log.h"
 #include "robot/joint_labels.h"
 
-/// The controller again, on what a log recorded, and what came of it, in words and as JSON. Prints
-/// nothing.
+/// The controller again, on what a log recorded: whether its commands are the same, and what
+/// another law, or other gains, would have commanded, in words and as JSON, and that side by side
+/// as a CSV table and a figure. Prints nothing.
 namespace tachless::replay {
 
 /// Where a replayed command is not the recorded one.
@@ -88,5 +90,26 @@ std::string damage_text(const logger::RunLog& log);
 /// difference_Nm, ulps}, joints [{max_Nm, max_tick, rms_Nm, recorded_peak_Nm, replayed_peak_Nm}]}`;
 /// null where there is none. Joints count from 1.
 nlohmann::ordered_json to_json(const Replay& replay);
+
+/// A log replayed with another law or other settings, and the files made of it.
+struct Comparison {
+  Replay replay;
+  experiment::Scenario scenario;  ///< the log's, changed
+  std::string title;
+  std::filesystem::path csv, svg;  ///< there is no figure when no tick was compared
+};
+
+/// Replays `log` with the settings `overrides`, under the law that `make_law` makes, and writes
+/// into `out` (empty: beside the log) replay.svg and replay.csv: tick, t_s, then tau_elbow_Nm
+/// (recorded) and tau_replayed_elbow_Nm, … .
+/// @throw diagnostics::Failure(bad_usage) for a setting that no command depends on, a scenario that
+/// is not valid, or a file that cannot be written
+Comparison compare(logger::RunLog& log, const std::vector<std::string>& overrides,
+                   const controller::MakeLaw& make_law, const std::filesystem::path& out,
+                   const robot::JointLabels& labels);
+
+/// Largest and rms difference per joint, and the files.
+std::string comparison_text(const Comparison& comparison, const robot::JointLabels& labels,
+                            double period_s);
 
 }  // namespace tachless::replay

@@ -1,4 +1,4 @@
-#include "replay/what_if.h"
+#include "replay/replay.h"
 
 #include <fmt/format.h>
 

@@ -7,10 +7,18 @@
 #include "report/chart.h"
 #include "report/html.h"
 #include "report/recorded_run.h"
+#include "robot/joint_labels.h"
+#include "study/tracking.h"
 
-/// The sections of a report: texts and charts of one run, or of several on the same axes. Draws
-/// nothing and writes no page.
+/// The charts of runs' signals: those of tracking.svg, and the sections of a report, with texts and
+/// charts of one run, or of several on the same axes. Draws nothing and writes no page.
 namespace tachless::report {
+
+/// gnuplot commands and data for the figure of a run: link angle against reference for each joint
+/// (the motor angle too where there is one), position error on a logarithmic axis, torque.
+/// @param title scenario, law and period
+std::string tracking_figure(const study::Tracking& tracking, const std::string& title,
+                            double period_s, const robot::JointLabels& joints);
 
 /// A heading of a report and the charts under it.
 struct ReportSection {

@@ -11,7 +11,6 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "launch/verb.h"
-#include "replay/what_if.h"
 #include "robot/joint_labels.h"
 
 namespace tachless::launch::verb {
