@@ -8,7 +8,7 @@
 #include <functional>
 #include <set>
 
-#include "certificate/lyapunov.h"
+#include "certificate/scenario_loop.h"
 #include "controller/registry.h"
 #include "report/log_tracking.h"
 
@@ -113,7 +113,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   if (certify) run.certified = certify(run.scenario);
   const auto lyapunov = certificate::lyapunov_function(
       run.scenario, run.certified ? run.certified->weights : certificate::Weights());
-  if (lyapunov) run.lyapunov_formula = lyapunov->formula;
+  if (lyapunov) {
+    run.lyapunov_formula = controller::law_facts(run.scenario.controller.law).lyapunov_formula;
+  }
   const std::int64_t stride = std::max<std::int64_t>(1, run.info.num_ticks / most_evaluations);
   const double period_s = run.info.period_s;
   logger::TickRecord record;
@@ -127,8 +129,8 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
       const auto& truth = *record.truth;
       try {
         const double V =
-            lyapunov->at({truth.q, truth.v, truth.theta, truth.thetadot, *record.controller_state},
-                         *record.reference);
+            lyapunov({truth.q, truth.v, truth.theta, truth.thetadot, *record.controller_state},
+                     *record.reference);
         if (std::isfinite(V)) add_lyapunov(run, t_s, V);
       } catch (const std::logic_error&) {
         // A damaged posture without an inertia matrix has no V; the curve lacks a point there.
