@@ -6,7 +6,7 @@
 
 #include "certificate/certify.h"
 #include "certificate/feasibility.h"
-#include "certificate/verdict.h"
+#include "certificate/sampled_certificate.h"
 
 using namespace tachless;
 

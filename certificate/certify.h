@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "certificate/feasibility.h"
 #include "certificate/sampled_certificate.h"
@@ -21,7 +22,7 @@ struct Certificate {
 };
 
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
-Certificate certify(const experiment::Scenario& scenario, const OnProgress& on_progress = {});
+Certificate certify(const experiment::Scenario& scenario, const OnProgress& tell = in_silence);
 
 /// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
 /// Empty when nothing stands against it.
@@ -31,8 +32,5 @@ std::vector<std::string> objections(const Certificate& certificate);
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario);
 
 nlohmann::ordered_json to_json(const Certificate& certificate);
-
-/// "9.71e-05 s", "3.6 ms": a period for people.
-std::string period_text(double seconds);
 
 }  // namespace tachless::certificate

@@ -12,8 +12,7 @@
 #include <numbers>
 #include <utility>
 
-#include "certificate/certify.h"
-#include "certificate/optimise.h"
+#include "certificate/feasibility.h"
 #include "certificate/parallel.h"
 #include "certificate/postures.h"
 #include "certificate/stability_certificate.h"
@@ -43,10 +42,9 @@ constexpr double as_fast = 1.1;  // of the shortest settling time: rules within 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
 
-/// One of the rules that are tried, but for w.
+/// One of the rules that are tried: all but w and what follows from it.
 struct Rule {
-  const Tuning* robot = nullptr;
-  double damping = 1;
+  Tuning tuning;
   double filter_ratio = 0;  ///< filter / (damping w)
 };
 
@@ -89,6 +87,9 @@ Vector posture_in_range(const robot::Model& model, int k) {
   return q;
 }
 
+/// How far the error at rest may reach: the geometric mean over the joints.
+double size_of(const Region& region) { return std::exp(region.e_at_rest.array().log().mean()); }
+
 class Search {
  public:
   Search(const experiment::Scenario& scenario, const DesignGoal& goal)
@@ -99,33 +100,25 @@ class Search {
     }
     const robot::Model model = plant_of(scenario);
     const robot::Model& links = scenario.robot.flexible ? *scenario.model : model;
-    Tuning unit;
-    unit.inertia = Vector::Ones(model.num_joints);
+    mean_.inertia = Vector::Ones(model.num_joints);
     if (const auto& drive = scenario.robot.flexible) {
-      unit.stiffness = drive->stiffness;
-      unit.rotor = drive->rotor_inertia;
+      mean_.stiffness = drive->stiffness;
+      mean_.rotor = drive->rotor_inertia;
     }
-    experiment::Scenario start = scenario;
-    start.controller.gains = gains(1, {&unit, 1, 10});
-    rests_ = ScenarioLoop(start).rests(reference_postures);
+    rests_ = loop_of(1, plain_rule()).rests(reference_postures);
     num_reference_ = rests_.size();
     for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(posture_in_range(model, k)));
-    inverse_M_.resize(rests_.size());
-    parallel_for(rests_.size(), [&](std::size_t i) {
-      inverse_M_[i] = robot::mass_matrix(links, rests_[i].q_ref).inverse();
+    inverse_M_ = parallel_map(rests_.size(), [&](std::size_t i) -> Eigen::MatrixXd {
+      return robot::mass_matrix(links, rests_[i].q_ref).inverse();
     });
-    unit.inertia = mean_inertia(inverse_M_);
-    unit.period_s = scenario.loop.period_s;
-    mean_ = balanced_ = unit;
+    mean_.inertia = mean_inertia(inverse_M_);
+    mean_.period_s = scenario.loop.period_s;
   }
-  Search(const Search&) = delete;  // rules point into it
-  Search& operator=(const Search&) = delete;
 
   /// With the mean inertias, critically damped, filters ten times as fast.
-  [[nodiscard]] Rule plain_rule() const { return {&mean_, 1, 10}; }
+  [[nodiscard]] Rule plain_rule() const { return {mean_, 10}; }
 
-  [[nodiscard]] std::vector<Rule> rules() {
-    balanced_.inertia = balanced_inertia(inverse_M_, mean_.inertia);
+  [[nodiscard]] std::vector<Rule> rules() const {
     const auto with_filter = [&](double pole) {
       Tuning tuning = mean_;
       tuning.filter = pole;
@@ -134,10 +127,13 @@ class Search {
     const double rate = 1 / scenario_.loop.period_s;
     const bool has_filter = with_filter(0.1 * rate) != with_filter(0.2 * rate);
     std::vector<Rule> all;
-    for (const Tuning* const robot : {&mean_, &balanced_}) {
+    for (const Vector& inertia : {mean_.inertia, balanced_inertia(inverse_M_, mean_.inertia)}) {
       for (const double damping : dampings) {
         for (const double ratio : filter_ratios) {
-          if (has_filter || ratio == filter_ratios[0]) all.push_back({robot, damping, ratio});
+          if (!has_filter && ratio != filter_ratios[0]) continue;
+          all.push_back({mean_, ratio});
+          all.back().tuning.inertia = inertia;
+          all.back().tuning.damping = damping;
         }
       }
     }
@@ -145,23 +141,53 @@ class Search {
   }
 
   [[nodiscard]] std::map<std::string, Vector> gains(double w, const Rule& rule) const {
-    Tuning tuning = *rule.robot;
+    Tuning tuning = rule.tuning;
     tuning.w = w;
-    tuning.damping = rule.damping;
-    tuning.filter = std::min(rule.filter_ratio * (rule.damping * w), 1 / scenario_.loop.period_s);
+    tuning.filter = std::min(rule.filter_ratio * (tuning.damping * w), 1 / scenario_.loop.period_s);
     return law_.tuned(tuning);
   }
 
-  [[nodiscard]] std::optional<Region> region(double w, const Rule& rule) const {
-    return region_to_compare(scenario_with(w, rule));
+  /// The design with w up to `highest` of the largest certified region among those that settle
+  /// first, and the rule that made it. Where nothing is certified, the first of them.
+  std::pair<Design, Rule> best_up_to(double highest, const std::vector<Rule>& rules,
+                                     const OnProgress& tell) {
+    const std::vector<Candidate> candidates = candidates_up_to(highest, rules, tell);
+    const Candidate* best = &candidates.front();
+    std::optional<Region> largest;
+    for (const Candidate& each : candidates) {
+      tell("design: certified regions");
+      const auto region = region_to_compare(scenario_with(each.w, each.rule));
+      if (!region || (largest && size_of(*region) <= size_of(*largest))) continue;
+      best = &each;
+      largest = region;
+    }
+    Design design = result(*best);
+    if (largest) design.certified_error = largest->e_at_rest;
+    return {design, best->rule};
+  }
+
+ private:
+  /// What a rule comes to.
+  struct Candidate {
+    Rule rule;
+    double w = 0, settling_s = 0;
+    std::string binds;
+  };
+
+  [[nodiscard]] experiment::Scenario scenario_with(double w, const Rule& rule) const {
+    experiment::Scenario scenario = scenario_;
+    scenario.controller.gains = gains(w, rule);
+    return scenario;
+  }
+  [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
+    return ScenarioLoop(scenario_with(w, rule));
   }
 
   /// The settling time at the reference's slowest posture; infinite for an unstable loop.
   [[nodiscard]] double settling_s(double w, const Rule& rule) const {
     const ScenarioLoop loop = loop_of(w, rule);
-    std::vector<double> each(num_reference_);
-    parallel_for(num_reference_, [&](std::size_t i) {
-      each[i] = modes(loop.at(rests_[i]), loop.settings().period_s).settling_s;
+    const std::vector<double> each = parallel_map(num_reference_, [&](std::size_t i) {
+      return modes(loop.at(rests_[i]), loop.settings().period_s).settling_s;
     });
     return *std::max_element(each.begin(), each.end());
   }
@@ -170,53 +196,41 @@ class Search {
   [[nodiscard]] std::string objection(double w, const Rule& rule) {
     const ScenarioLoop loop = loop_of(w, rule);
     const double h = loop.settings().period_s;
-    std::vector<std::string> found(rests_.size());
     std::atomic<bool> any = false;
-    parallel_for(rests_.size(), [&](std::size_t i) {
-      if (any) return;
+    const auto found = parallel_map(rests_.size(), [&](std::size_t i) {
+      if (any) return "";
       const CutLoop here = cut(loop.at(rests_[i]), h);
       const auto stable = [&](double gain) { return spectral_radius(here.closed(gain)) < 1; };
+      const char* why = "";
       if (!stable(1)) {
-        found[i] = "stability";
+        why = "stability";
       } else if (!stable(least_gain_margin)) {
-        found[i] = "the gain margin";
+        why = "the gain margin";
       } else if (!has_modulus(here, h, between_frequencies * goal_.modulus)) {
-        found[i] = "the modulus margin";
+        why = "the modulus margin";
       }
-      if (!found[i].empty()) any = true;
+      if (*why != 0) any = true;
+      return why;
     });
     for (std::size_t i = 0; i < found.size(); ++i) {
-      if (found[i].empty()) continue;
+      if (*found[i] == 0) continue;
       std::string why =
           fmt::format("{} at q = [{:.2f}]", found[i], fmt::join(rests_[i].q_ref, ", "));
       std::swap(rests_[i], rests_[i < num_reference_ ? 0 : num_reference_]);  // first, next time
       return why;
     }
-    return count_objection(loop);
-  }
-
-  /// The whole truth about gains, but for the settling time and what binds.
-  [[nodiscard]] Design result(double w, const Rule& rule) const {
-    const ScenarioLoop loop = loop_of(w, rule);
-    std::vector<Margins> margin(rests_.size());
-    parallel_for(rests_.size(), [&](std::size_t i) {
-      margin[i] = margins(loop.at(rests_[i]), loop.settings().period_s);
-    });
-    Design design;
-    design.gains = gains(w, rule);
-    design.w = w;
-    design.damping = rule.damping;
-    for (const auto& [name, value] : design.gains) {
-      if (name == "a" || name == "a1") design.filter_ratio = value[0] / w;
+    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+    if (!limit) return {};
+    const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
+    const auto gain = own_gain(loop.at(rests_.front()).law(h));
+    for (Eigen::Index i = 0; i < gain.size(); ++i) {
+      if (gain[i] * count[i] > goal_.count_share * (*limit)[i]) {
+        return fmt::format(
+            "the torque of one encoder count on {}",
+            robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(i)));
+      }
     }
-    design.postures = static_cast<int>(rests_.size());
-    design.modulus = design.gain_margin = design.phase_margin_deg = infinity;
-    for (const Margins& each : margin) {
-      design.modulus = std::min(design.modulus, each.modulus);
-      design.gain_margin = std::min(design.gain_margin, each.gain);
-      design.phase_margin_deg = std::min(design.phase_margin_deg, each.phase_deg);
-    }
-    return design;
+    return {};
   }
 
   /// The largest w up to `highest` without objection, to 5 %; 0 when there is none that settles
@@ -237,101 +251,71 @@ class Search {
     return good;
   }
 
- private:
-  [[nodiscard]] experiment::Scenario scenario_with(double w, const Rule& rule) const {
-    experiment::Scenario scenario = scenario_;
-    scenario.controller.gains = gains(w, rule);
-    return scenario;
-  }
-  [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
-    return ScenarioLoop(scenario_with(w, rule));
+  /// Of each rule with w up to `highest`; those as fast as the fastest.
+  std::vector<Candidate> candidates_up_to(double highest, const std::vector<Rule>& rules,
+                                          const OnProgress& tell) {
+    double fastest = infinity;
+    std::string last_reason;
+    std::vector<Candidate> all;
+    for (std::size_t k = 0; k < rules.size(); ++k) {
+      tell(fmt::format("design: rule {} of {}", k + 1, rules.size()));
+      std::string why;
+      const double w = largest_w(highest, rules[k], as_fast * fastest, why);
+      if (!why.empty()) last_reason = why;
+      if (w == 0) continue;
+      const double settling = settling_s(w, rules[k]);
+      fastest = std::min(fastest, settling);
+      all.push_back({rules[k], w, settling, why.empty() ? bandwidth_asked_for : why});
+    }
+    if (all.empty()) {
+      throw Failure(
+          ExitCode::check_said_no,
+          "no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a shorter "
+          "period, less delay, a finer encoder or a smaller --margin",
+          highest / (2 * pi), last_reason);
+    }
+    std::erase_if(all, [&](const Candidate& c) { return c.settling_s > as_fast * fastest; });
+    return all;
   }
 
-  [[nodiscard]] std::string count_objection(const ScenarioLoop& loop) const {
-    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
-    if (!limit) return {};
-    const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
-    const auto gain = own_gain(loop.at(rests_.front()).law(loop.settings().period_s));
-    for (Eigen::Index i = 0; i < gain.size(); ++i) {
-      if (gain[i] * count[i] > goal_.count_share * (*limit)[i]) {
-        return fmt::format(
-            "the torque of one encoder count on {}",
-            robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(i)));
-      }
+  /// All of it, but for what is certified.
+  [[nodiscard]] Design result(const Candidate& candidate) const {
+    const ScenarioLoop loop = loop_of(candidate.w, candidate.rule);
+    const std::vector<Margins> each_margin = parallel_map(rests_.size(), [&](std::size_t i) {
+      return margins(loop.at(rests_[i]), loop.settings().period_s);
+    });
+    Design design;
+    design.gains = gains(candidate.w, candidate.rule);
+    design.w = candidate.w;
+    design.damping = candidate.rule.tuning.damping;
+    for (const auto& [name, value] : design.gains) {
+      if (name == "a" || name == "a1") design.filter_ratio = value[0] / candidate.w;
     }
-    return {};
+    design.postures = static_cast<int>(rests_.size());
+    design.modulus = design.gain_margin = design.phase_margin_deg = infinity;
+    for (const Margins& each : each_margin) {
+      design.modulus = std::min(design.modulus, each.modulus);
+      design.gain_margin = std::min(design.gain_margin, each.gain);
+      design.phase_margin_deg = std::min(design.phase_margin_deg, each.phase_deg);
+    }
+    design.settling_s = candidate.settling_s;
+    design.binds = candidate.binds;
+    return design;
   }
 
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
   const controller::LawFacts& law_;
-  std::vector<Eigen::MatrixXd> inverse_M_;  ///< at each of `rests_`, of the links
-  Tuning mean_, balanced_;                  ///< with the mean inertias and the balanced ones
+  std::vector<Eigen::MatrixXd> inverse_M_;  ///< at each of `rests_` to begin with, of the links
+  Tuning mean_;                             ///< with the mean inertias
   std::vector<ReferencePoint> rests_;
   std::size_t num_reference_ = 0;
 };
 
-/// What a rule comes to.
-struct Candidate {
-  Rule rule;
-  double w = 0, settling_s = 0;
-  std::string binds;
-};
-
-/// Of each rule with w up to `highest`; those as fast as the fastest.
-std::vector<Candidate> candidates_up_to(Search& search, const std::vector<Rule>& rules,
-                                        double highest, const OnProgress& on_progress) {
-  double fastest = infinity;
-  std::string last_reason;
-  std::vector<Candidate> all;
-  for (std::size_t k = 0; k < rules.size(); ++k) {
-    if (on_progress) on_progress(fmt::format("design: rule {} of {}", k + 1, rules.size()));
-    std::string why;
-    const double w = search.largest_w(highest, rules[k], as_fast * fastest, why);
-    if (!why.empty()) last_reason = why;
-    if (w == 0) continue;
-    const double settling = search.settling_s(w, rules[k]);
-    fastest = std::min(fastest, settling);
-    all.push_back({rules[k], w, settling, why.empty() ? bandwidth_asked_for : why});
-  }
-  if (all.empty()) {
-    throw Failure(ExitCode::check_said_no,
-                  "no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a shorter "
-                  "period, less delay, a finer encoder or a smaller --margin",
-                  highest / (2 * pi), last_reason);
-  }
-  std::erase_if(all, [&](const Candidate& c) { return c.settling_s > as_fast * fastest; });
-  return all;
-}
-
-/// How far the error at rest may reach: the geometric mean over the joints.
-double size_of(const Region& region) { return std::exp(region.e_at_rest.array().log().mean()); }
-
-/// The design with w up to `highest` of the largest certified region among those that settle first,
-/// and the rule that made it. Where nothing is certified, the first of them.
-std::pair<Design, Rule> best_up_to(Search& search, const std::vector<Rule>& rules, double highest,
-                                   const OnProgress& on_progress) {
-  const std::vector<Candidate> candidates = candidates_up_to(search, rules, highest, on_progress);
-  const Candidate* best = &candidates.front();
-  std::optional<Region> largest;
-  for (const Candidate& each : candidates) {
-    if (on_progress) on_progress("design: certified regions");
-    const std::optional<Region> region = search.region(each.w, each.rule);
-    if (!region || (largest && size_of(*region) <= size_of(*largest))) continue;
-    best = &each;
-    largest = region;
-  }
-  Design design = search.result(best->w, best->rule);
-  design.settling_s = best->settling_s;
-  design.binds = best->binds;
-  if (largest) design.certified_error = largest->e_at_rest;
-  return {design, best->rule};
-}
-
 }  // namespace
 
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
-              const OnProgress& on_progress) {
+              const OnProgress& tell) {
   const Feasibility feasible = feasibility(scenario);
   if (!feasible.impossible.empty()) {
     throw Failure(ExitCode::check_said_no, feasible.impossible.front());
@@ -347,16 +331,16 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
   const double rate = 1 / scenario.loop.period_s;
   if (!goal.settling_s) {
     const double hz = goal.bandwidth_hz.value_or(default_bandwidth_by_rate * rate);
-    return best_up_to(search, search.rules(), 2 * pi * hz, on_progress).first;
+    return search.best_up_to(2 * pi * hz, search.rules(), tell).first;
   }
   // Settling scales with 1 / w: from the estimate of two real poles, corrected until it is met.
   const double wanted = *goal.settling_s;
   double highest = 7 / wanted;
-  auto [best, rule] = best_up_to(search, search.rules(), highest, on_progress);
+  auto [best, rule] = search.best_up_to(highest, search.rules(), tell);
   for (int i = 0; i < 4 && best.binds == bandwidth_asked_for; ++i) {
     if (std::abs(best.settling_s - wanted) < 0.03 * wanted) break;
     highest *= best.settling_s / wanted;
-    best = best_up_to(search, {rule}, highest, on_progress).first;
+    best = search.best_up_to(highest, {rule}, tell).first;
   }
   if (best.settling_s > 1.05 * wanted) best.missed = wanted;
   return best;
@@ -376,7 +360,6 @@ std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, con
 
 std::vector<std::string> overrides_of(const Design& design) {
   std::vector<std::string> all;
-  all.reserve(design.gains.size());
   for (const auto& [name, value] : design.gains) {
     all.push_back(fmt::format("controller.gains.{}=[{:.4g}]", name,
                               fmt::join(value.begin(), value.end(), ", ")));

@@ -49,7 +49,7 @@ struct Design {
 /// @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque limit below
 /// gravity, a motion that is too fast, margins that no bandwidth has.
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
-              const OnProgress& on_progress = {});
+              const OnProgress& tell = in_silence);
 
 /// The gains as overrides of a scenario: "controller.gains.kp=[…]".
 std::vector<std::string> overrides_of(const Design& design);

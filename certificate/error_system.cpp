@@ -7,15 +7,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 MatrixXd ErrorSystem::inertia(const MatrixXd& link_M) const {
-  MatrixXd M = coriolis(link_M);
+  MatrixXd M = MatrixXd::Zero(num_errors(), num_errors());
+  M.topLeftCorner(num_links(), num_links()) = link_M;
   M.diagonal().tail(rotor_inertia.size()) = rotor_inertia;
   return M;
-}
-
-MatrixXd ErrorSystem::coriolis(const MatrixXd& link_C) const {
-  MatrixXd C = MatrixXd::Zero(num_errors(), num_errors());
-  C.topLeftCorner(num_links(), num_links()) = link_C;
-  return C;
 }
 
 ErrorSystem rigid_error_system(const FilterGains& gains) {
@@ -96,17 +91,6 @@ MatrixXd decrease_of_coriolis(const ErrorSystem& system, const Weights& weights,
   Mm.block(N, 2 * N, n, n) = 0.5 * weights.eps_2 * W;
   Mm.block(2 * N, N, n, n) = 0.5 * weights.eps_2 * W.transpose();
   Mm.block(2 * N, 2 * N, n, n) = 0.5 * (Cd + Cd.transpose());
-  return Mm;
-}
-
-MatrixXd decrease_matrix(const ErrorSystem& system, const Weights& weights, const Inertia& inertia,
-                         const VectorXd& v_ref, const VectorXd& delta) {
-  const Index N = system.num_errors(), n = system.num_links();
-  MatrixXd Mm = decrease_constant(system, weights) +
-                decrease_of_inertia(system, weights, inertia.M) +
-                decrease_of_coriolis(system, weights, inertia.coriolis(v_ref));
-  const MatrixXd C = inertia.coriolis(delta);
-  Mm.block(2 * N, 2 * N, n, n) -= 0.5 * (C + C.transpose());
   return Mm;
 }
 

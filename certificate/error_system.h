@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 
-#include "certificate/postures.h"
 #include "controller/law/law.h"
 
 /// The closed loop in the paper's error coordinates (eq. 14, 29), rigid and flexible in one form,
@@ -26,9 +25,8 @@ struct ErrorSystem {
   [[nodiscard]] Eigen::Index num_errors() const { return kd.size(); }
   [[nodiscard]] Eigen::Index num_links() const { return kd.size() - rotor_inertia.size(); }
 
-  /// blockdiag(M, J) and blockdiag(C, 0) from the links' own.
+  /// blockdiag(M, J) from the links' own.
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::MatrixXd& link_M) const;
-  [[nodiscard]] Eigen::MatrixXd coriolis(const Eigen::MatrixXd& link_C) const;
 };
 
 /// Gains of one filtered spring and damper; one entry per joint, each > 0.
@@ -63,10 +61,5 @@ Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& we
                                     const Eigen::MatrixXd& link_M);
 Eigen::MatrixXd decrease_of_coriolis(const ErrorSystem& system, const Weights& weights,
                                      const Eigen::MatrixXd& link_Cd);
-
-/// The whole of it, for checks and for a run's own states.
-Eigen::MatrixXd decrease_matrix(const ErrorSystem& system, const Weights& weights,
-                                const Inertia& inertia, const Eigen::VectorXd& v_ref,
-                                const Eigen::VectorXd& delta);
 
 }  // namespace tachless::certificate

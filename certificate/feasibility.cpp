@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "certificate/scenario_loop.h"
+#include "controller/law/parts.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/joint_labels.h"
 
@@ -60,7 +61,7 @@ Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& mo
                     const ReferencePoint& r) {
   const Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
   const auto& drive = scenario.robot.flexible;
-  const robot::JetVector links = torque_on(model, r);
+  const robot::JetVector links = controller::law::feedforward_torque(model, r);
   Vector torque = robot::value(links);
   if (friction.size() > 0) torque += friction.cwiseProduct(r.v_ref);
   if (!drive) return torque;
@@ -71,8 +72,6 @@ Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& mo
   if (drive->motor_damping.size() > 0) torque += drive->motor_damping.cwiseProduct(thetadot);
   return torque;
 }
-
-void take_largest(double& largest, double value) { largest = std::max(largest, std::abs(value)); }
 
 void judge(Feasibility& result, const experiment::Scenario& scenario, const robot::Model& model,
            const Pace& pace) {
@@ -122,38 +121,31 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
 Feasibility feasibility(const experiment::Scenario& scenario) {
   const robot::Model model = plant_of(scenario);
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  const auto n = static_cast<std::size_t>(model.num_joints);
-  Feasibility result;
-  result.joints.resize(n);
-  const Pace pace = pace_of(scenario);
-  std::vector<double> acceleration(n);
+  Vector at_rest = Vector::Zero(model.num_joints), moving = at_rest, speed = at_rest,
+         acceleration = at_rest;
   constexpr int instants = 2000;
   for (int k = 0; k <= instants; ++k) {
     const ReferencePoint r = trajectory.at(scenario.loop.duration_s * k / instants);
-    const Vector torque = drive_torque(scenario, model, r);
-    const Vector gravity = robot::gravity_torque(model, r.q_ref);
-    for (std::size_t i = 0; i < n; ++i) {
-      const auto joint = static_cast<Eigen::Index>(i);
-      take_largest(result.joints[i].at_rest, gravity[joint]);
-      take_largest(result.joints[i].moving, torque[joint]);
-      take_largest(result.joints[i].speed, r.v_ref[joint]);
-      take_largest(acceleration[i], r.a_ref[joint]);
-    }
+    at_rest = at_rest.cwiseMax(robot::gravity_torque(model, r.q_ref).cwiseAbs());
+    moving = moving.cwiseMax(drive_torque(scenario, model, r).cwiseAbs());
+    speed = speed.cwiseMax(r.v_ref.cwiseAbs());
+    acceleration = acceleration.cwiseMax(r.a_ref.cwiseAbs());
   }
+  const Pace pace = pace_of(scenario);
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto joint = static_cast<Eigen::Index>(i);
-    JointDemand& demand = result.joints[i];
-    demand.name = model.joint_names[i];
-    if (limit && std::isfinite((*limit)[joint])) demand.torque_limit = (*limit)[joint];
-    const double speed_limit = model.velocity_limit[joint];
-    if (std::isfinite(speed_limit)) demand.speed_limit = speed_limit;
+  Feasibility result;
+  for (Eigen::Index i = 0; i < model.num_joints; ++i) {
+    JointDemand demand{model.joint_names[static_cast<std::size_t>(i)], at_rest[i], moving[i],
+                       speed[i]};
+    if (limit && std::isfinite((*limit)[i])) demand.torque_limit = (*limit)[i];
+    if (std::isfinite(model.velocity_limit[i])) demand.speed_limit = model.velocity_limit[i];
     if (pace.frequency_hz) {
-      demand.cycles_per_tick = (*pace.frequency_hz)[joint] * scenario.loop.period_s;
-    } else if (demand.speed > 0) {
+      demand.cycles_per_tick = (*pace.frequency_hz)[i] * scenario.loop.period_s;
+    } else if (speed[i] > 0) {
       demand.cycles_per_tick =
-          acceleration[i] / demand.speed / (2 * std::numbers::pi) * scenario.loop.period_s;
+          acceleration[i] / speed[i] / (2 * std::numbers::pi) * scenario.loop.period_s;
     }
+    result.joints.push_back(demand);
   }
   judge(result, scenario, model, pace);
   return result;

@@ -18,7 +18,7 @@ struct JointDemand {
   /// Frequency of the reference over the sampling rate: f h of its fastest sinusoid; without one
   /// sup|a_ref| / sup|v_ref| over 2 pi, times h.
   double cycles_per_tick = 0;
-  std::optional<double> torque_limit, speed_limit;  ///< nothing: none is given
+  std::optional<double> torque_limit{}, speed_limit{};  ///< nothing: none is given
 };
 
 struct Feasibility {

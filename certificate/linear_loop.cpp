@@ -30,40 +30,43 @@ MatrixXd selection(const LinearPlant& plant, const LinearLaw& law) {
 
 }  // namespace
 
-MotionPoint rest_at(const Vector& q) { return {q, Vector::Zero(q.size()), Vector::Zero(q.size())}; }
+loop::ReferencePoint held_at(const Vector& q) {
+  const Vector zero = Vector::Zero(q.size());
+  return {q, zero, zero, zero, zero};
+}
 
-DynamicsGradient dynamics_gradient(const robot::Model& model, const MotionPoint& point) {
+MatrixXd gradient_by_q(const robot::Model& model, const loop::ReferencePoint& r) {
   const int n = model.num_joints;
   const Vector zero = Vector::Zero(n);
-  DynamicsGradient gradient{robot::mass_matrix(model, point.q),
-                            2 * robot::coriolis_matrix(model, point.q, point.v), MatrixXd(n, n)};
-  const robot::JetVector v = robot::jet(point.v, zero, zero), a = robot::jet(point.a, zero, zero);
+  const robot::JetVector v = robot::jet(r.v_ref, zero, zero), a = robot::jet(r.a_ref, zero, zero);
+  MatrixXd gradient(n, n);
   for (int j = 0; j < n; ++j) {
-    gradient.of_q.col(j) = robot::first_derivative(
-        robot::inverse_dynamics(model, robot::jet(point.q, Vector::Unit(n, j), zero), v, a));
+    gradient.col(j) = robot::first_derivative(
+        robot::inverse_dynamics(model, robot::jet(r.q_ref, Vector::Unit(n, j), zero), v, a));
   }
   return gradient;
 }
 
-LinearPlant rigid_plant(const robot::Model& model, const MotionPoint& point,
+LinearPlant rigid_plant(const robot::Model& model, const loop::ReferencePoint& r,
                         const VectorXd& friction) {
-  DynamicsGradient gradient = dynamics_gradient(model, point);
+  MatrixXd damping = 2 * robot::coriolis_matrix(model, r.q_ref, r.v_ref);
   const Index n = model.num_joints;
-  if (friction.size() > 0) gradient.of_v.diagonal() += friction;
-  const Eigen::LDLT<MatrixXd> M(gradient.M);
+  if (friction.size() > 0) damping.diagonal() += friction;
+  const MatrixXd inertia = robot::mass_matrix(model, r.q_ref);
+  const Eigen::LDLT<MatrixXd> M(inertia);
   LinearPlant plant{MatrixXd::Zero(2 * n, 2 * n), MatrixXd::Zero(2 * n, n), n};
   plant.A.topRightCorner(n, n).setIdentity();
-  plant.A.bottomLeftCorner(n, n) = -M.solve(gradient.of_q);
-  plant.A.bottomRightCorner(n, n) = -M.solve(gradient.of_v);
+  plant.A.bottomLeftCorner(n, n) = -M.solve(gradient_by_q(model, r));
+  plant.A.bottomRightCorner(n, n) = -M.solve(damping);
   plant.B.bottomRows(n) = M.solve(MatrixXd::Identity(n, n));
   return plant;
 }
 
-LinearPlant flexible_plant(const robot::Model& links, const MotionPoint& point,
+LinearPlant flexible_plant(const robot::Model& links, const loop::ReferencePoint& r,
                            const VectorXd& stiffness, const VectorXd& rotor_inertia,
                            const VectorXd& friction) {
   const Index n = links.num_joints;
-  const LinearPlant rigid = rigid_plant(links, point);
+  const LinearPlant rigid = rigid_plant(links, r);
   const MatrixXd& inverse_M = rigid.B.bottomRows(n);
   const MatrixXd K = stiffness.asDiagonal();
   LinearPlant plant{MatrixXd::Zero(4 * n, 4 * n), MatrixXd::Zero(4 * n, n), n};
@@ -103,27 +106,27 @@ LinearLaw linearised(const LawStep& law, const VectorXd& memory, const VectorXd&
           std::move(measured)};
 }
 
-HeldPlant held(const LinearPlant& plant, double period_s) {
+LinearPlant held(const LinearPlant& plant, double period_s) {
   const Index m = plant.A.rows(), n = plant.B.cols();
   MatrixXd joined = MatrixXd::Zero(m + n, m + n);
   joined.topLeftCorner(m, m) = plant.A * period_s;
   joined.topRightCorner(m, n) = plant.B * period_s;
   const MatrixXd exponential = joined.exp();
-  return {exponential.topLeftCorner(m, m), exponential.topRightCorner(m, n)};
+  return {exponential.topLeftCorner(m, m), exponential.topRightCorner(m, n), plant.num_joints};
 }
 
 CutLoop cut(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay) {
-  const HeldPlant step = held(plant, period_s);
+  const LinearPlant step = held(plant, period_s);
   const MatrixXd measured = selection(plant, law);
   const Index x = plant.A.rows(), s = law.A.rows(), n = plant.B.cols(), all = x + s + delay * n;
   CutLoop loop{MatrixXd::Zero(all, all), MatrixXd::Zero(all, n), MatrixXd::Zero(n, all)};
-  loop.A.block(0, 0, x, x) = step.Phi;
+  loop.A.block(0, 0, x, x) = step.A;
   loop.A.block(x, 0, s, x) = law.B * measured;
   loop.A.block(x, x, s, s) = law.A;
   if (delay == 0) {
-    loop.B.topRows(x) = step.Gam;
+    loop.B.topRows(x) = step.B;
   } else {
-    loop.A.block(0, x + s + (delay - 1) * n, x, n) = step.Gam;
+    loop.A.block(0, x + s + (delay - 1) * n, x, n) = step.B;
     loop.B.middleRows(x + s, n).setIdentity();
   }
   for (int i = 1; i < delay; ++i) {

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "certificate/error_system.h"
+#include "loop/signals.h"
 #include "robot/model.h"
 
 /// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
@@ -22,27 +22,19 @@ struct LinearPlant {
   Eigen::Index num_joints = 0;
 };
 
-/// A point of a motion.
-struct MotionPoint {
-  robot::Vector q, v, a;  ///< [rad; m] and its derivatives
-};
 /// At rest in `q`.
-MotionPoint rest_at(const robot::Vector& q);
+loop::ReferencePoint held_at(const robot::Vector& q);
 
-/// The gradients of inverse dynamics M(q) a + C(q, v) v + g(q) at a point of a motion.
-struct DynamicsGradient {
-  Eigen::MatrixXd M;     ///< with respect to acceleration
-  Eigen::MatrixXd of_v;  ///< 2 C(q, v)
-  Eigen::MatrixXd of_q;  ///< [N m/rad]
-};
-DynamicsGradient dynamics_gradient(const robot::Model& model, const MotionPoint& point);
+/// The gradient of inverse dynamics M(q) a + C(q, v) v + g(q) by q, at a point of a motion
+/// [N m/rad].
+Eigen::MatrixXd gradient_by_q(const robot::Model& model, const loop::ReferencePoint& point);
 
-/// M eddot + of_v edot + of_q e = tau. `friction` [N m s/rad] is viscous, at the joints, in
-/// addition; empty: none.
-LinearPlant rigid_plant(const robot::Model& model, const MotionPoint& point,
+/// M eddot + 2 C(q, v) edot + gradient_by_q e = tau. `friction` [N m s/rad] is viscous, at the
+/// joints, in addition; empty: none.
+LinearPlant rigid_plant(const robot::Model& model, const loop::ReferencePoint& point,
                         const Eigen::VectorXd& friction = {});
 /// The links' motion is `point`; springs and rotors are linear anyway. `friction` is the motors'.
-LinearPlant flexible_plant(const robot::Model& links, const MotionPoint& point,
+LinearPlant flexible_plant(const robot::Model& links, const loop::ReferencePoint& point,
                            const Eigen::VectorXd& stiffness, const Eigen::VectorXd& rotor_inertia,
                            const Eigen::VectorXd& friction = {});
 
@@ -63,11 +55,8 @@ LinearLaw linearised(const LawStep& law, const Eigen::VectorXd& memory,
                      const Eigen::VectorXd& measurement, std::vector<Part> measured,
                      double step = 1e-6);
 
-/// The plant over one period with its torque held: x' = Phi x + Gamma tau, exactly.
-struct HeldPlant {
-  Eigen::MatrixXd Phi, Gam;
-};
-HeldPlant held(const LinearPlant& plant, double period_s);
+/// The plant over one period with its torque held, exactly: x' = A x + B tau.
+LinearPlant held(const LinearPlant& plant, double period_s);
 
 /// One period of (x, memory, torques under way) with the law's feedback terms cut: the torque
 /// computed at tick k acts from tick k + delay on, the compensation of gravity stays closed, and

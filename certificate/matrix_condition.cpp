@@ -4,11 +4,9 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
-#include <numbers>
 #include <utility>
-
-#include "certificate/constants.h"
 
 namespace tachless::certificate {
 namespace {
@@ -46,216 +44,148 @@ MatrixXd whitened(const Eigen::LLT<MatrixXd>& llt, const MatrixXd& A) {
   return symmetric_part(llt.matrixL().solve(left.transpose()));
 }
 
-}  // namespace
+/// What may be missing between two postures.
+struct Slack {
+  MatrixXd M;         ///< of the links' M
+  MatrixXd decrease;  ///< of Mm without delta
+  MatrixXd delta;     ///< of sym C(q, delta), |delta| = 1
+
+  /// Of V's matrix.
+  [[nodiscard]] double of_V(const Weights& weights) const {
+    return spectral_norm(M) * (1 + std::hypot(weights.eps_1, weights.eps_2));
+  }
+};
+
+/// Mm with neither v_ref nor delta.
+MatrixXd decrease_at_rest(const ErrorSystem& system, const Weights& weights, const MatrixXd& M) {
+  return decrease_constant(system, weights) + decrease_of_inertia(system, weights, M);
+}
+
+Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
+  const ErrorSystem& system = condition.system;
+  const Postures& postures = *condition.postures;
+  const Index N = system.num_errors(), n = system.num_links();
+  Slack result{MatrixXd::Zero(n, n), MatrixXd::Zero(3 * N, 3 * N), MatrixXd::Zero(n, n)};
+  if (postures.harmonics().empty()) return result;
+  // Sizes of Mm's and M's rows, so that a bound on one does not spoil another.
+  const MatrixXd& M = postures.inertia()[0].M;
+  const VectorXd scale_M = M.diagonal().cwiseSqrt();
+  const VectorXd scale =
+      decrease_at_rest(system, weights, M).diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
+  for (const Postures::Harmonic& h : postures.harmonics()) {
+    const double curvature = postures.chord_factor() * h.order * h.order;
+    std::vector<MatrixXd> of_C, of_decrease;
+    for (const Inertia* part : {&h.cosine, &h.sine}) {
+      for (const MatrixXd& C : part->C) {
+        of_C.push_back(symmetric_part(C));
+        of_decrease.push_back(decrease_of_coriolis(system, weights, C));
+      }
+    }
+    result.M += curvature * root_of_squares_scaled({h.cosine.M, h.sine.M}, scale_M);
+    result.decrease +=
+        curvature * root_of_squares_scaled({decrease_of_inertia(system, weights, h.cosine.M),
+                                            decrease_of_inertia(system, weights, h.sine.M)},
+                                           scale);
+    result.decrease += curvature * condition.B_d * root_of_squares_scaled(of_decrease, scale);
+    result.delta += curvature * root_of_squares_scaled(of_C, scale_M);
+  }
+  return result;
+}
+
+/// A matrix that is positive definite only when Mm is at delta = 0 for every |v_ref| <= B_d;
+/// nothing when the congruence fails, and then it is not.
+std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const Weights& weights,
+                                    const Inertia& inertia, const Slack& slack) {
+  const MatrixXd at_rest = decrease_at_rest(condition.system, weights, inertia.M) - slack.decrease;
+  if (condition.B_d == 0) return at_rest;
+  const Eigen::LLT<MatrixXd> llt(at_rest);
+  if (llt.info() != Eigen::Success) return {};
+  std::vector<MatrixXd> scaled;
+  for (const MatrixXd& C : inertia.C) {
+    scaled.push_back(whitened(llt, decrease_of_coriolis(condition.system, weights, C)));
+  }
+  const MatrixXd L = llt.matrixL();
+  return at_rest - condition.B_d * (L * root_of_squares(scaled) * L.transpose());
+}
+
+double rho_at(const MatrixCondition& condition, const Weights& weights, const Inertia& inertia,
+              const Slack& slack) {
+  const Index N = condition.system.num_errors(), n = condition.system.num_links();
+  const auto F = decrease_at(condition, weights, inertia, slack);
+  if (!F) return 0;
+  const Eigen::LLT<MatrixXd> llt(*F);
+  if (llt.info() != Eigen::Success) return 0;
+  // F - rho E D E' > 0 exactly when rho lambda_max(H' D H) < 1, H H' = E' F^-1 E.
+  const MatrixXd E = MatrixXd::Identity(3 * N, 3 * N).middleCols(2 * N, n);
+  const Eigen::LLT<MatrixXd> root(llt.solve(E).middleRows(2 * N, n));
+  const MatrixXd H = root.matrixL();
+  MatrixXd sum = MatrixXd::Zero(n, n);
+  for (const MatrixXd& C : inertia.C) {
+    const MatrixXd scaled = H.transpose() * symmetric_part(C) * H;
+    sum.noalias() += scaled * scaled;
+  }
+  const double largest = std::sqrt(std::max(0.0, largest_eigenvalue(sum))) +
+                         largest_eigenvalue(H.transpose() * slack.delta * H);
+  return strictly_below / std::max(largest, 1e-300);
+}
+
+double rate_at(const MatrixCondition& condition, const Weights& weights, double rho,
+               const Inertia& inertia, const Slack& slack) {
+  const Index N = condition.system.num_errors(), n = condition.system.num_links();
+  // P of the posture, enlarged by what it may be in between.
+  MatrixXd P = lyapunov_matrix(condition.system, weights, inertia.M);
+  const Eigen::LLT<MatrixXd> positive(P);
+  if (positive.info() != Eigen::Success) return -infinity;
+  P.diagonal().array() += slack.of_V(weights);
+  const Eigen::LLT<MatrixXd> half_P(P / 2);
+  auto F = decrease_at(condition, weights, inertia, slack);
+  if (!F) {
+    // Not certified; how far from it, to guide a search.
+    const MatrixXd at_rest =
+        decrease_at_rest(condition.system, weights, inertia.M) - slack.decrease;
+    return std::min(0.0, smallest_eigenvalue(whitened(half_P, at_rest)));
+  }
+  if (rho != 0) {
+    std::vector<MatrixXd> symmetric;
+    for (const MatrixXd& C : inertia.C) symmetric.push_back(symmetric_part(C));
+    const MatrixXd D =
+        root_of_squares_scaled(symmetric, inertia.M.diagonal().cwiseSqrt()) + slack.delta;
+    F->block(2 * N, 2 * N, n, n) -= rho * D;
+  }
+  return smallest_eigenvalue(whitened(half_P, *F));
+}
 
 /// Extremes of V over the postures.
-struct MatrixCondition::Shape {
+struct Shape {
   double w = 0;
   double alpha_2 = 0;
   VectorXd inertia;    ///< largest M_ii
   VectorXd inverse_S;  ///< largest (S^-1)_ii of the position errors
 };
 
-VelocitySet VelocitySet::polygon(double radius, int sides) {
-  VelocitySet set;
-  set.radius = radius / std::cos(std::numbers::pi / sides);
-  for (int k = 0; k < sides; ++k) {
-    const double angle = 2 * std::numbers::pi * k / sides;
-    set.vertices.push_back(set.radius * Eigen::Vector2d(std::cos(angle), std::sin(angle)));
-  }
-  return set;
-}
-
-VelocitySet VelocitySet::box(const VectorXd& bound) {
-  VelocitySet set;
-  set.radius = bound.norm();
-  for (std::size_t corner = 0; corner < std::size_t{1} << bound.size(); ++corner) {
-    VectorXd v = bound;
-    for (Index i = 0; i < v.size(); ++i) {
-      if ((corner >> i & 1U) != 0) v[i] = -v[i];
-    }
-    set.vertices.push_back(v);
-  }
-  return set;
-}
-
-MatrixCondition::MatrixCondition(ErrorSystem system, const Postures& postures, VelocitySet v_ref,
-                                 const MatrixOptions& options)
-    : system_(std::move(system)),
-      postures_(&postures),
-      v_ref_(std::move(v_ref)),
-      largest_v_ref_(v_ref_.vertices.empty() ? v_ref_.radius : 0),
-      options_(options) {
-  for (const VectorXd& v : v_ref_.vertices) largest_v_ref_ = std::max(largest_v_ref_, v.norm());
-}
-
-MatrixCondition::Slack MatrixCondition::slack(const Weights& weights) const {
-  const Index N = system_.num_errors(), n = system_.num_links();
-  Slack result{MatrixXd::Zero(n, n), MatrixXd::Zero(3 * N, 3 * N), MatrixXd::Zero(n, n)};
-  if (postures_->harmonics().empty()) return result;
-  // Sizes of Mm's and M's rows, so that a bound on one does not spoil another.
-  const Inertia& first = postures_->at(0);
-  const VectorXd scale_M = first.M.diagonal().cwiseSqrt();
-  const VectorXd scale =
-      (decrease_constant(system_, weights) + decrease_of_inertia(system_, weights, first.M))
-          .diagonal()
-          .cwiseAbs()
-          .cwiseMax(1e-300)
-          .cwiseSqrt();
-  const double f = postures_->chord_factor();
-  for (const Postures::Harmonic& h : postures_->harmonics()) {
-    const double curvature = f * h.order * h.order;
-    const std::vector<MatrixXd> of_C = [&] {
-      std::vector<MatrixXd> all;
-      for (const Inertia* part : {&h.cosine, &h.sine}) {
-        for (const MatrixXd& C : part->C) all.push_back(symmetric_part(C));
-      }
-      return all;
-    }();
-    std::vector<MatrixXd> of_decrease;
-    for (const Inertia* part : {&h.cosine, &h.sine}) {
-      for (const MatrixXd& C : part->C) {
-        of_decrease.push_back(decrease_of_coriolis(system_, weights, C));
-      }
-    }
-    result.M += curvature * root_of_squares_scaled({h.cosine.M, h.sine.M}, scale_M);
-    result.decrease +=
-        curvature * root_of_squares_scaled({decrease_of_inertia(system_, weights, h.cosine.M),
-                                            decrease_of_inertia(system_, weights, h.sine.M)},
-                                           scale);
-    result.decrease += curvature * largest_v_ref_ * root_of_squares_scaled(of_decrease, scale);
-    result.delta += curvature * root_of_squares_scaled(of_C, scale_M);
-  }
-  return result;
-}
-
-/// Matrices all of which are positive definite only when Mm is at delta = 0 for every v_ref of the
-/// set; empty when a congruence fails, and then it is not.
-std::vector<MatrixXd> MatrixCondition::decrease_at(const Weights& weights, const Inertia& inertia,
-                                                   const Slack& slack) const {
-  const MatrixXd at_rest = decrease_constant(system_, weights) +
-                           decrease_of_inertia(system_, weights, inertia.M) - slack.decrease;
-  if (!v_ref_.vertices.empty()) {
-    std::vector<MatrixXd> result;
-    for (const VectorXd& v : v_ref_.vertices) {
-      result.push_back(at_rest + decrease_of_coriolis(system_, weights, inertia.coriolis(v)));
-    }
-    return result;
-  }
-  if (v_ref_.radius == 0) return {at_rest};
-  const Eigen::LLT<MatrixXd> llt(at_rest);
-  if (llt.info() != Eigen::Success) return {};
-  std::vector<MatrixXd> scaled;
-  for (const MatrixXd& C : inertia.C) {
-    scaled.push_back(whitened(llt, decrease_of_coriolis(system_, weights, C)));
-  }
-  const MatrixXd L = llt.matrixL();
-  return {at_rest - v_ref_.radius * (L * root_of_squares(scaled) * L.transpose())};
-}
-
-double MatrixCondition::rho_at(const Weights& weights, const Inertia& inertia,
-                               const Slack& slack) const {
-  const Index N = system_.num_errors(), n = system_.num_links();
-  const std::vector<MatrixXd> all = decrease_at(weights, inertia, slack);
-  if (all.empty()) return 0;
-  double rho = infinity;
-  for (const MatrixXd& F : all) {
-    const Eigen::LLT<MatrixXd> llt(F);
-    if (llt.info() != Eigen::Success) return 0;
-    // F - rho E D E' > 0 exactly when rho lambda_max(H' D H) < 1, H H' = E' F^-1 E.
-    const MatrixXd E = MatrixXd::Identity(3 * N, 3 * N).middleCols(2 * N, n);
-    const Eigen::LLT<MatrixXd> root(llt.solve(E).middleRows(2 * N, n));
-    const MatrixXd H = root.matrixL();
-    std::vector<MatrixXd> scaled;
-    for (const MatrixXd& C : inertia.C) {
-      scaled.push_back(H.transpose() * symmetric_part(C) * H);
-    }
-    double largest = 0;
-    if (options_.delta_sides > 0 && n == 2) {
-      const int sides = options_.delta_sides;
-      for (int k = 0; k < sides; ++k) {
-        const double angle = 2 * std::numbers::pi * k / sides;
-        largest = std::max(
-            largest, largest_eigenvalue(std::cos(angle) * scaled[0] + std::sin(angle) * scaled[1]));
-      }
-      largest /= std::cos(std::numbers::pi / sides);
-    } else {
-      MatrixXd sum = MatrixXd::Zero(n, n);
-      for (const MatrixXd& s : scaled) sum.noalias() += s * s;
-      largest = std::sqrt(std::max(0.0, largest_eigenvalue(sum)));
-    }
-    largest += largest_eigenvalue(H.transpose() * slack.delta * H);
-    rho = std::min(rho, strictly_below / std::max(largest, 1e-300));
-  }
-  return rho;
-}
-
-double MatrixCondition::rate_at(const Weights& weights, double rho, const Inertia& inertia,
-                                const Slack& slack) const {
-  const Index N = system_.num_errors(), n = system_.num_links();
-  // P of the posture, enlarged by what it may be in between.
-  MatrixXd P = lyapunov_matrix(system_, weights, inertia.M);
-  const Eigen::LLT<MatrixXd> positive(P);
-  if (positive.info() != Eigen::Success) return -infinity;
-  const double gap = spectral_norm(slack.M) * (1 + std::hypot(weights.eps_1, weights.eps_2));
-  P.diagonal().array() += gap;
-  const Eigen::LLT<MatrixXd> half_P(P / 2);
-  const std::vector<MatrixXd> all = decrease_at(weights, inertia, slack);
-  if (all.empty()) {
-    // Not certified; how far from it, to guide a search.
-    const MatrixXd F = decrease_constant(system_, weights) +
-                       decrease_of_inertia(system_, weights, inertia.M) - slack.decrease;
-    return std::min(0.0, smallest_eigenvalue(whitened(half_P, F)));
-  }
-  double rate = infinity;
-  const auto corner = [&](MatrixXd F, const MatrixXd& D) {
-    F.block(2 * N, 2 * N, n, n) -= rho * D;
-    rate = std::min(rate, smallest_eigenvalue(whitened(half_P, F)));
-  };
-  for (const MatrixXd& F : all) {
-    if (rho == 0) {
-      rate = std::min(rate, smallest_eigenvalue(whitened(half_P, F)));
-    } else if (options_.delta_sides > 0 && n == 2) {
-      const int sides = options_.delta_sides;
-      for (int k = 0; k < sides; ++k) {
-        const double angle = 2 * std::numbers::pi * k / sides;
-        corner(F,
-               symmetric_part(inertia.coriolis(Eigen::Vector2d(std::cos(angle), std::sin(angle)))) /
-                       std::cos(std::numbers::pi / sides) +
-                   slack.delta);
-      }
-    } else {
-      std::vector<MatrixXd> symmetric;
-      for (const MatrixXd& C : inertia.C) symmetric.push_back(symmetric_part(C));
-      corner(F, root_of_squares_scaled(symmetric, inertia.M.diagonal().cwiseSqrt()) + slack.delta);
-    }
-  }
-  return rate;
-}
-
 /// S is antitone and its inverse convex in M, so that the extremes over a chord, enlarged by the
 /// slack, are at its ends.
-std::optional<MatrixCondition::Shape> MatrixCondition::shape(const Weights& weights,
-                                                             const Slack& slack) const {
-  const Index N = system_.num_errors(), n = system_.num_links();
+std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& weights,
+                              const Slack& slack) {
+  const ErrorSystem& system = condition.system;
+  const Index N = system.num_errors(), n = system.num_links();
   MatrixXd G(2 * N, N), links = MatrixXd::Zero(n, 2 * N);
   G << weights.eps_1 * MatrixXd::Identity(N, N), -weights.eps_2 * MatrixXd::Identity(N, N);
   links.leftCols(n) = weights.eps_1 * MatrixXd::Identity(n, n);
   links.middleCols(N, n) = -weights.eps_2 * MatrixXd::Identity(n, n);
   MatrixXd K = MatrixXd::Zero(2 * N, 2 * N);
-  K.topLeftCorner(N, N) = system_.kp;
-  K.bottomRightCorner(N, N) = system_.kd.cwiseQuotient(system_.b).asDiagonal();
+  K.topLeftCorner(N, N) = system.kp;
+  K.bottomRightCorner(N, N) = system.kd.cwiseQuotient(system.b).asDiagonal();
 
   const auto inverse_S = [&](const Inertia& inertia) -> std::optional<MatrixXd> {
-    const MatrixXd M = system_.inertia(inertia.M + slack.M);
+    const MatrixXd M = system.inertia(inertia.M + slack.M);
     const Eigen::LLT<MatrixXd> llt(K - G * M * G.transpose());
     if (llt.info() != Eigen::Success) return {};
     return llt.solve(MatrixXd::Identity(2 * N, 2 * N));
   };
   const auto largest_over_postures = [&](const auto& f) {
-    return -postures_
-                ->smallest([&](const Inertia& inertia) { return -f(inertia); }, options_.refine)
-                .value;
+    const auto negative = [&](const Inertia& inertia) { return -f(inertia); };
+    return -condition.postures->smallest(negative, condition.refine).value;
   };
   Shape result;
   result.w = largest_over_postures([&](const Inertia& inertia) {
@@ -264,27 +194,64 @@ std::optional<MatrixCondition::Shape> MatrixCondition::shape(const Weights& weig
   });
   if (std::isinf(result.w)) return {};
   result.alpha_2 = largest_over_postures([&](const Inertia& inertia) {
-                     return largest_eigenvalue(lyapunov_matrix(system_, weights, inertia.M)) / 2;
+                     return largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2;
                    }) +
-                   spectral_norm(slack.M) * (1 + std::hypot(weights.eps_1, weights.eps_2)) / 2;
+                   slack.of_V(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
-  for (std::size_t i = 0; i < postures_->size(); ++i) {
-    const Inertia& inertia = postures_->at(i);
+  for (const Inertia& inertia : condition.postures->inertia()) {
     const auto S = inverse_S(inertia);
     if (!S) return {};
-    result.inertia = result.inertia.cwiseMax(system_.inertia(inertia.M + slack.M).diagonal());
+    result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
     result.inverse_S = result.inverse_S.cwiseMax(S->diagonal().head(N));
   }
   return result;
 }
 
+/// x = (log eps_2, log(eps_1 / eps_2)).
+Weights weights_of(const VectorXd& x) {
+  const double eps_2 = std::exp(x[0]);
+  return {x.size() > 1 ? eps_2 * std::exp(x[1]) : eps_2, eps_2};
+}
+
+VectorXd point(double log_eps_2, double log_ratio) {
+  VectorXd x(2);
+  x << log_eps_2, log_ratio;
+  return x;
+}
+
+/// From the best two points of a coarse grid; infinite where nothing is found. Mm's second block is
+/// positive only for eps_2 below a_i / b_i, and its third only for eps_1 / eps_2 below b_i.
+Minimum search(const ErrorSystem& system, const std::function<double(const VectorXd&)>& f,
+               bool two) {
+  const double top = std::log(system.a.cwiseQuotient(system.b).minCoeff());
+  const double ratio_top = std::log(system.b.minCoeff());
+  std::vector<Minimum> starts;
+  for (double below = 0.7; below < 14; below += two ? 1.1 : 0.5) {
+    for (double ratio_below = 0.7; ratio_below < (two ? 12.0 : 1.0); ratio_below += 1.1) {
+      const VectorXd x = two ? point(top - below, ratio_top - ratio_below)
+                             : VectorXd(VectorXd::Constant(1, top - below));
+      starts.push_back({x, f(x)});
+    }
+  }
+  std::sort(starts.begin(), starts.end(),
+            [](const Minimum& a, const Minimum& b) { return a.value < b.value; });
+  Minimum best = starts[0];
+  for (std::size_t i = 0; i < 2 && !std::isinf(starts[i].value); ++i) {
+    const Minimum refined = minimise(f, starts[i].x, 0.3, 150);
+    if (refined.value < best.value) best = refined;
+  }
+  return best;
+}
+
+}  // namespace
+
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
-  const Slack between = slack(weights);
-  const Postures::Least least = postures_->smallest(
-      [&](const Inertia& inertia) { return rho_at(weights, inertia, between); }, options_.refine);
+  const Slack slack = slack_of(*this, weights);
+  const Extreme least = postures->smallest(
+      [&](const Inertia& inertia) { return rho_at(*this, weights, inertia, slack); }, refine);
   if (!(least.value > 0)) return {};
-  const auto V = shape(weights, between);
+  const auto V = shape_of(*this, weights, slack);
   if (!V) return {};
   Region region;
   region.rho = least.value;
@@ -294,28 +261,81 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   region.level = V->w > 0 ? region.rho * region.rho / (2 * V->w) : infinity;
   region.ball = std::sqrt(region.level / V->alpha_2);
   const double diameter = std::sqrt(2 * region.level);
-  region.e_at_rest = diameter * system_.kp.diagonal().cwiseInverse().cwiseSqrt();
+  region.e_at_rest = diameter * system.kp.diagonal().cwiseInverse().cwiseSqrt();
   region.edot = diameter * V->inertia.cwiseInverse().cwiseSqrt();
   region.e_reached = diameter * V->inverse_S.cwiseSqrt();
   return region;
 }
 
-Postures::Least MatrixCondition::slowest(const Weights& weights, double rho) const {
-  const Slack between = slack(weights);
-  return postures_->smallest(
-      [&](const Inertia& inertia) { return rate_at(weights, rho, inertia, between); },
-      options_.refine);
+Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
+  const Slack slack = slack_of(*this, weights);
+  return postures->smallest(
+      [&](const Inertia& inertia) { return rate_at(*this, weights, rho, inertia, slack); }, refine);
 }
 
-MatrixCondition MatrixCondition::over(const Postures& postures) const {
-  MatrixCondition other = *this;
-  other.postures_ = &postures;
-  return other;
+double MatrixCondition::rate_in_ball(const Weights& weights, double ball) const {
+  const auto V = shape_of(*this, weights, slack_of(*this, weights));
+  return V ? rate(weights, ball * std::sqrt(2 * V->w * V->alpha_2)) : -infinity;
 }
 
-double MatrixCondition::rho_of_ball(const Weights& weights, double ball) const {
-  const auto V = shape(weights, slack(weights));
-  return V ? ball * std::sqrt(2 * V->w * V->alpha_2) : infinity;
+/// Searches on the coarse postures; where the fine ones certify much less at the weights found,
+/// the postures that bind there join the coarse ones, and the search goes on from those weights.
+std::optional<Certified> best_weights(const MatrixCondition& coarse, const MatrixCondition& fine,
+                                      Goal goal) {
+  constexpr int rounds = 6;
+  Postures postures = *coarse.postures;
+  MatrixCondition condition = coarse;
+  condition.postures = &postures;
+  const auto f = [&](const VectorXd& x) {  // to be minimised
+    if (goal == Goal::rate) return -condition.rate(weights_of(x), 0);
+    const auto region = condition.region(weights_of(x));
+    return region ? -std::log(region->ball) : infinity;
+  };
+  const auto merit = [&](const Certified& c) {
+    return goal == Goal::rate ? c.rate : std::log(c.region.ball);
+  };
+  Minimum best = search(condition.system, f, goal != Goal::ball_by_one_weight);
+  std::optional<Certified> result;
+  for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
+    const Weights weights = weights_of(best.x);
+    const Extreme slowest = fine.slowest(weights, 0);
+    const auto region = fine.region(weights);
+    if (region) {
+      Certified found{weights, *region, slowest.value};
+      if (!result || merit(found) > merit(*result)) result = std::move(found);
+    }
+    if (postures.kind() != Postures::Kind::sampled) break;
+    postures.add(slowest.q);
+    if (region) postures.add(region->q);
+    if (f(best.x) - best.value <= 1e-2 * std::abs(best.value)) break;
+    // The old optimum may have no value any more: nearby, with a smaller eps_2, there is one.
+    VectorXd start = best.x;
+    for (int i = 0; i < 12 && std::isinf(f(start)); ++i) start[0] -= 0.2;
+    best = minimise(f, start, 0.3, 80);
+  }
+  return result;
+}
+
+std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondition& fine,
+                                const Certified& fastest, const Certified& largest,
+                                const std::vector<double>& parts) {
+  std::vector<TradeOff> result;
+  const auto x_of = [](const Weights& w) {
+    return point(std::log(w.eps_2), std::log(w.eps_1 / w.eps_2));
+  };
+  for (const double part : parts) {
+    const double ball = part * largest.region.ball;
+    const auto f = [&](const VectorXd& x) { return -coarse.rate_in_ball(weights_of(x), ball); };
+    // Both ends and the result before: the best of them is certified at least.
+    std::vector<VectorXd> starts = {x_of(fastest.weights), x_of(largest.weights)};
+    if (!result.empty()) starts.push_back(x_of(result.back().weights));
+    const VectorXd start =
+        *std::min_element(starts.begin(), starts.end(),
+                          [&](const VectorXd& a, const VectorXd& b) { return f(a) < f(b); });
+    const Weights weights = weights_of(minimise(f, start, 0.3, 50).x);
+    result.push_back({ball, weights, fine.rate_in_ball(weights, ball)});
+  }
+  return result;
 }
 
 }  // namespace tachless::certificate

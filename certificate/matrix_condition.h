@@ -9,21 +9,8 @@
 
 /// The full matrix condition: where the matrix Mm of error_system.h is positive definite, V
 /// decreases. No norm is bounded on the way, but for the balls of v_ref and delta. Like the error
-/// system it is about continuous time.
+/// system it is about continuous time. Besides, the choice of the weights of V.
 namespace tachless::certificate {
-
-/// What the reference's velocity may be: the convex hull of `vertices`, or, when there are none,
-/// the ball |v_ref| <= radius.
-struct VelocitySet {
-  std::vector<Eigen::VectorXd> vertices;  ///< [rad/s; m/s]
-  double radius = 0;
-
-  static VelocitySet ball(double radius) { return {{}, radius}; }
-  /// A regular polygon around the disc, for two joints.
-  static VelocitySet polygon(double radius, int sides);
-  /// |v_ref_i| <= bound_i.
-  static VelocitySet box(const Eigen::VectorXd& bound);
-};
 
 /// A region of attraction, certified.
 struct Region {
@@ -40,23 +27,16 @@ struct Region {
   robot::Vector q;  ///< the posture that binds rho
 };
 
-struct MatrixOptions {
-  /// Of the polygon around |delta| <= rho, two joints only; 0: bounded by a sum of squares, as for
-  /// every other number of joints.
-  int delta_sides = 0;
+/// The condition for one loop over one set of postures, which has to outlive it. Everything in Mm
+/// is affine in v_ref and delta; over a ball it is bounded by (sum x_j A_j)^2 <= |x|^2 sum A_j^2,
+/// after a congruence: never worse than the polytope of 2 n vertices around the ball, and one
+/// matrix in its place. Between the postures of a circle, the matrix is within a bound of the chord
+/// (see Postures), which is subtracted everywhere.
+struct MatrixCondition {
+  ErrorSystem system;
+  const Postures* postures = nullptr;
+  double B_d = 0;      ///< largest |v_ref| [rad/s; m/s]
   bool refine = true;  ///< local refinement of the worst sampled postures
-};
-
-/// The condition for one loop over one set of postures. Everything in Mm is affine in v_ref and
-/// delta, hence positive over a polytope when it is at the vertices. Over a ball it is bounded by
-/// (sum x_j A_j)^2 <= |x|^2 sum A_j^2, after a congruence; that is never worse than the polytope of
-/// 2 n vertices and asks for one matrix in its place. Between the postures of a circle, the matrix
-/// is within a bound of the chord (see Postures), which is subtracted everywhere.
-class MatrixCondition {
- public:
-  /// `postures` must outlive this.
-  MatrixCondition(ErrorSystem system, const Postures& postures, VelocitySet v_ref,
-                  const MatrixOptions& options = {});
 
   /// The largest rho and what follows; nothing when Mm or V is not positive definite at delta = 0.
   [[nodiscard]] std::optional<Region> region(const Weights& weights) const;
@@ -64,43 +44,44 @@ class MatrixCondition {
   /// The largest mu with Vdot <= -mu V where |delta| <= rho [1/s], and the posture that binds it;
   /// V, hence the square of the error, decays at that rate and the error at mu/2. Not positive when
   /// nothing is certified; minus infinity when V is not positive definite.
-  [[nodiscard]] Postures::Least slowest(const Weights& weights, double rho) const;
+  [[nodiscard]] Extreme slowest(const Weights& weights, double rho) const;
   [[nodiscard]] double rate(const Weights& weights, double rho) const {
     return slowest(weights, rho).value;
   }
 
-  /// The rho that the certified ball of this radius needs; infinite when V is not positive.
-  [[nodiscard]] double rho_of_ball(const Weights& weights, double ball) const;
-
-  /// The same condition over other postures, which must outlive the result.
-  [[nodiscard]] MatrixCondition over(const Postures& postures) const;
-
-  [[nodiscard]] const ErrorSystem& system() const { return system_; }
-  [[nodiscard]] const Postures& postures() const { return *postures_; }
-
- private:
-  struct Slack {
-    Eigen::MatrixXd M;         ///< of the links' M
-    Eigen::MatrixXd decrease;  ///< of Mm without delta
-    Eigen::MatrixXd delta;     ///< of sym C(q, delta), |delta| = 1
-  };
-  struct Shape;  // of V over the postures
-
-  [[nodiscard]] Slack slack(const Weights& weights) const;
-  [[nodiscard]] std::vector<Eigen::MatrixXd> decrease_at(const Weights& weights,
-                                                         const Inertia& inertia,
-                                                         const Slack& slack) const;
-  [[nodiscard]] double rho_at(const Weights& weights, const Inertia& inertia,
-                              const Slack& slack) const;
-  [[nodiscard]] double rate_at(const Weights& weights, double rho, const Inertia& inertia,
-                               const Slack& slack) const;
-  [[nodiscard]] std::optional<Shape> shape(const Weights& weights, const Slack& slack) const;
-
-  ErrorSystem system_;
-  const Postures* postures_;
-  VelocitySet v_ref_;
-  double largest_v_ref_ = 0;
-  MatrixOptions options_;
+  /// The rate where the ball of this radius is certified [1/s], as above.
+  [[nodiscard]] double rate_in_ball(const Weights& weights, double ball) const;
 };
+
+/// Weights and what they certify.
+struct Certified {
+  Weights weights;
+  Region region;
+  double rate = 0;  ///< of V in the limit of small errors, mu [1/s]; the error decays at mu/2
+  double V0 = 0;    ///< of the initial state, where one was asked about [J]
+
+  [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level; }
+};
+
+/// What weights are chosen for: with one, eps_1 = eps_2, or two the largest ball; or, with two, the
+/// fastest rate in the limit of small errors, whose region is where V decreases at all.
+enum class Goal { ball_by_one_weight, ball, rate };
+
+/// The search is on `coarse`, which may have few postures and no refinement; the answer is what
+/// `fine` certifies at the weights found. Nothing when none are certified.
+std::optional<Certified> best_weights(const MatrixCondition& coarse, const MatrixCondition& fine,
+                                      Goal goal);
+
+/// The fastest rate that is certified in the whole of a ball.
+struct TradeOff {
+  double ball = 0;
+  Weights weights;
+  double rate = 0;  ///< [1/s], within the ball
+};
+
+/// Trade-off at these parts of the largest ball, from fastest weights to the largest ball's.
+std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondition& fine,
+                                const Certified& fastest, const Certified& largest,
+                                const std::vector<double>& parts);
 
 }  // namespace tachless::certificate

@@ -1,17 +1,124 @@
 #include "certificate/norm_conditions.h"
 
 #include <Eigen/LU>
-
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numbers>
+
+#include "certificate/linear_loop.h"
+#include "robot/inverse_dynamics.h"
 
 namespace tachless::certificate {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using robot::Vector;
+
+/// sup over |x| = 1 of the norm of sum_j x_j C_j, the largest value of the trilinear form u'C(x)w
+/// on unit vectors: by alternating power iteration from several directions, hence from below.
+double largest_over_directions(const std::vector<MatrixXd>& C) {
+  const auto n = static_cast<Eigen::Index>(C.size());
+  double best = 0;
+  for (Eigen::Index start = 0; start < n; ++start) {
+    VectorXd x = VectorXd::Unit(n, start) + VectorXd::Constant(n, 0.1);
+    VectorXd w = VectorXd::LinSpaced(n, 1, 0.3);  // along no eigenvector in particular
+    double value = 0;
+    for (int iteration = 0; iteration < 300; ++iteration) {
+      MatrixXd sum = MatrixXd::Zero(n, n);
+      for (Eigen::Index j = 0; j < n; ++j) sum += x[j] * C[static_cast<std::size_t>(j)];
+      w.noalias() = (sum.transpose() * (sum * w)).eval();
+      if (!(w.norm() > 0)) break;
+      w.normalize();
+      const VectorXd u = (sum * w).normalized();
+      for (Eigen::Index j = 0; j < n; ++j) x[j] = u.dot(C[static_cast<std::size_t>(j)] * w);
+      const double norm = x.norm();  // u'C(x)w at the best x
+      if (!(norm > 0)) break;
+      x /= norm;
+      if (norm <= value * (1 + 1e-13)) break;
+      value = norm;
+    }
+    best = std::max(best, value);
+  }
+  return best;
+}
+
+/// What a constant takes of C(q, x), from each C(q, e_j).
+using PartOfC = MatrixXd (*)(const MatrixXd&);
+std::vector<MatrixXd> parts(const Inertia& inertia, PartOfC part) {
+  std::vector<MatrixXd> result;
+  for (const MatrixXd& C : inertia.C) result.push_back(part(C));
+  return result;
+}
+
+double joint_norm(const std::vector<MatrixXd>& C) {
+  double sum = 0;
+  for (const MatrixXd& c : C) sum += std::pow(spectral_norm(c), 2);
+  return std::sqrt(sum);
+}
+
+/// Over the unit circle of directions x by a polygon around it, for two joints.
+double polygon_bound(const std::vector<MatrixXd>& C) {
+  constexpr int half_sides = 180;
+  double largest = 0;
+  for (int k = 0; k < half_sides; ++k) {
+    const double angle = std::numbers::pi * k / half_sides;
+    largest = std::max(largest, spectral_norm(std::cos(angle) * C[0] + std::sin(angle) * C[1]));
+  }
+  return largest / std::cos(std::numbers::pi / (2 * half_sides));
+}
+
+using OfInertia = std::function<double(const Inertia&)>;
+
+/// The largest value over the postures, by so many samples where nothing is known of M and C.
+/// @param between of its harmonics, which bound how far it may leave the chord between grid points
+/// @param at_posture its bound there; empty: there is none but the value
+Constant constant(const robot::Model& model, const Postures& postures, int samples,
+                  const OfInertia& value, const OfInertia& at_posture, const OfInertia& between) {
+  const bool sampled = postures.kind() == Postures::Kind::sampled;
+  const Extreme found = largest(
+      model, [&](const Vector& q) { return value(inertia_at(model, q)); }, sampled ? samples : 64);
+  Constant result{found, found.value, postures.proved()};
+  if (!postures.proved() || !at_posture) return result;
+  result.bound = -std::numeric_limits<double>::infinity();
+  for (const Inertia& at : postures.inertia()) {
+    result.bound = std::max(result.bound, at_posture(at));
+  }
+  double sum = 0;
+  for (const auto& h : postures.harmonics()) {
+    sum += h.order * h.order * std::hypot(between(h.cosine), between(h.sine));
+  }
+  result.bound += postures.chord_factor() * sum;
+  return result;
+}
+
+Constant coriolis_constant(const robot::Model& model, const Postures& postures, PartOfC part) {
+  OfInertia by_polygon;
+  if (postures.kind() == Postures::Kind::circle) {
+    by_polygon = [&](const Inertia& at) { return polygon_bound(parts(at, part)); };
+  }
+  return constant(
+      model, postures, 256,
+      [&](const Inertia& at) { return largest_over_directions(parts(at, part)); }, by_polygon,
+      [&](const Inertia& h) { return joint_norm(parts(h, part)); });
+}
+
+Constant inertia_constant(const robot::Model& model, const Postures& postures, double sign) {
+  const auto value = [&](const Inertia& at) { return largest_eigenvalue(sign * at.M); };
+  Constant result = constant(model, postures, 2048, value, value,
+                             [](const Inertia& h) { return spectral_norm(h.M); });
+  result.value *= sign;
+  result.bound *= sign;
+  return result;
+}
+
+Constant gravity_constant(const robot::Model& model,
+                          const std::function<double(const Vector&)>& value) {
+  const Extreme found = largest(model, value, 1024);
+  return {found, found.value, false};
+}
 
 /// Smallest and largest eigenvalue, the paper's lambda and Lambda.
 struct Spread {
@@ -79,8 +186,24 @@ Positive positive_range(const std::function<double(double)>& f, double low, doub
 
 }  // namespace
 
+RobotConstants robot_constants(const robot::Model& model, const Postures& postures) {
+  RobotConstants c;
+  c.lambda_min_M = inertia_constant(model, postures, -1);
+  c.lambda_max_M = inertia_constant(model, postures, +1);
+  c.k_c = coriolis_constant(model, postures, [](const MatrixXd& C) { return C; });
+  c.k_s = coriolis_constant(model, postures,
+                            [](const MatrixXd& C) -> MatrixXd { return C.transpose() - C; });
+  c.k_y = coriolis_constant(model, postures,
+                            [](const MatrixXd& C) -> MatrixXd { return (C + C.transpose()) / 2; });
+  c.sup_g = gravity_constant(
+      model, [&](const Vector& q) { return robot::gravity_torque(model, q).norm(); });
+  c.k_g = gravity_constant(
+      model, [&](const Vector& q) { return spectral_norm(gradient_by_q(model, held_at(q))); });
+  return c;
+}
+
 PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
-                                     double B_d, const Reading& reading) {
+                                     double B_d, bool gamma_2_free) {
   const Spreads s(system, constants);
   const double k_c = constants.k_c.value;
   const double kd_a_b = system.kd.cwiseProduct(system.a).cwiseProduct(system.b).minCoeff();
@@ -91,17 +214,16 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
   c.eq19 = 0.5 * std::sqrt(s.kp.min / (2 * s.M.max));
   c.eq20 = 0.5 * std::sqrt(s.kd_by_b.min / (2 * s.M.max));
   c.eq23 = 2 * s.kp.min * s.kd_by_b_a.min / std::pow(s.kp.max + s.kd.max, 2);
-  c.eq24 = 2 * (reading.corrected ? s.kd_by_b_a.min * s.b.min : kd_a_b / s.b.max) * s.M.min /
-           std::pow(s.a.max * s.M.max, 2);
+  c.eq24 = 2 * (kd_a_b / s.b.max) * s.M.min / std::pow(s.a.max * s.M.max, 2);
   c.eq25 = k_c * B_d / (s.b.min * s.M.min);
-  c.eq27 = 0.5 * (reading.corrected ? s.kd_by_b_a.min / s.kd.max : kd_a / kd_b);
+  c.eq27 = 0.5 * (kd_a / kd_b);
 
   // With eps given, the smallest beta_3 and beta_1 leave the most for beta_2; gamma_1 as large as
   // gamma_2 lets it.
   const auto beta_2 = [&](double eps) {
-    const double gamma_1 = reading.gamma_2_free ? 1 - eps / (2 * c.eq27) : 0.5;
-    if (gamma_1 <= 0 || eps >= std::min({c.eq19, c.eq20, c.eq27 * (reading.gamma_2_free ? 2 : 1),
-                                         c.eq23 * gamma_1})) {
+    const double gamma_1 = gamma_2_free ? 1 - eps / (2 * c.eq27) : 0.5;
+    if (gamma_1 <= 0 ||
+        eps >= std::min({c.eq19, c.eq20, c.eq27 * (gamma_2_free ? 2 : 1), c.eq23 * gamma_1})) {
       return -1.0;
     }
     return 1 - eps / (c.eq24 * gamma_1) - c.eq25 / eps;
@@ -122,21 +244,8 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
   if (!c.feasible) return c;
   c.epsilon = best.interval;
   c.c1 = best.value;
-  c.best_epsilon = best.best;
   c.eq26 = R(best.best);
   return c;
-}
-
-double printed_decrease_bound(const ErrorSystem& system, const RobotConstants& constants,
-                              double B_d, double epsilon, const StateNorms& x, bool completed) {
-  const Spreads s(system, constants);
-  const double k_c = constants.k_c.value;
-  const double cross = s.kp.min * x.e * x.e - (s.kp.max + s.kd.max) * x.e * x.nu -
-                       s.kd.max * x.nu * x.nu - s.a.max * s.M.max * x.nu * x.edot +
-                       (s.b.min * s.M.min - s.M.max - k_c * x.e_minus_nu) * x.edot * x.edot;
-  double bound = -s.kd_by_b_a.min * x.nu * x.nu + k_c * B_d * x.edot * x.edot - epsilon * cross;
-  if (completed) bound += 2 * k_c * B_d * epsilon * x.e_minus_nu * x.edot;
-  return bound;
 }
 
 ScalarCondition::ScalarCondition(const ErrorSystem& system, const RobotConstants& constants,

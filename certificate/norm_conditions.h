@@ -1,25 +1,38 @@
 #pragma once
 
-#include "certificate/constants.h"
-#include "certificate/error_system.h"
+#include <Eigen/Core>
 
-/// The conditions that are made of norms: those of Loria and Ortega (1995) as printed, and the
-/// completed one. One weight eps = eps_1 = eps_2; continuous time. They are sufficient and very
-/// conservative: lead with matrix_condition.h.
+#include "certificate/error_system.h"
+#include "certificate/postures.h"
+
+/// The constants of a robot, and the conditions of stability that are made of such norms: those of
+/// Loria and Ortega (1995) as printed, and the completed one. One weight eps = eps_1 = eps_2;
+/// continuous time. They are sufficient and very conservative: lead with matrix_condition.h.
 namespace tachless::certificate {
+
+/// Its value is refined locally.
+struct Constant : Extreme {
+  /// For a two-joint arm's M and C: what no posture exceeds (or, of a minimum, falls below).
+  /// Otherwise `value`.
+  double bound = 0;
+  bool proved = false;  ///< whether `bound` is one
+};
+
+/// Norms are Euclidean, of matrices the spectral one; sup and inf are over the postures and, where
+/// there is an x, over |x| = 1. They know no gains.
+struct RobotConstants {
+  Constant lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
+  Constant k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
+  Constant k_s;                         ///< sup |C(q,x)' - C(q,x)| [kg m2]
+  Constant k_y;                         ///< sup |sym C(q,x)| [kg m2]
+  Constant sup_g;                       ///< sup |g(q)| [N m]
+  Constant k_g;                         ///< sup |dg/dq| [N m/rad]
+};
+
+RobotConstants robot_constants(const robot::Model& model, const Postures& postures);
 
 struct Interval {
   double low = 0, high = 0;
-};
-
-/// How to read what is printed.
-struct Reading {
-  /// (24) with lambda(Kd B^-1 A) lambda(B) for lambda(Kd A B) / Lambda(B), and (27) with
-  /// lambda(Kd B^-1 A) / Lambda(Kd): as printed, neither implies what the proof takes from it when
-  /// gains are unequal.
-  bool corrected = false;
-  /// (27) with gamma_2 free in place of the printed 1/2.
-  bool gamma_2_free = false;
 };
 
 /// The paper's conditions: some eps with (25) < eps < (19), (20), (23), (24), (27), and (7), for
@@ -37,23 +50,11 @@ struct PrintedConditions {
   // The best certified ball over eps, beta and gamma.
   double c1 = 0;    ///< eq. 8
   double eq26 = 0;  ///< R = (beta_2 lambda(B) lambda(M) - Lambda(M)) / (2 k_c) [rad; rad/s]
-  double best_epsilon = 0;
 };
 
+/// @param gamma_2_free (27) with gamma_2 free in place of the printed 1/2
 PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
-                                     double B_d, const Reading& reading = {});
-
-/// Norms of a state.
-struct StateNorms {
-  double e = 0, nu = 0, edot = 0;
-  double e_minus_nu = 0;  ///< of the links
-};
-
-/// What (22) prints as an upper bound of Vdot, which it is not: the term
-/// eps (e - nu)' (Cd' - Cd) edot is missing. With `completed`, its bound
-/// 2 k_c B_d eps |e - nu| |edot| is added.
-double printed_decrease_bound(const ErrorSystem& system, const RobotConstants& constants,
-                              double B_d, double epsilon, const StateNorms& norms, bool completed);
+                                     double B_d, bool gamma_2_free = false);
 
 /// The completed scalar condition: Vdot <= -z' Q z, z = (|e|, |nu|, |edot|), where
 /// |e - nu| <= rho.
@@ -63,8 +64,6 @@ class ScalarCondition {
                   const Postures& postures, double B_d);
 
   [[nodiscard]] Eigen::Matrix3d Q(double epsilon, double rho) const;
-  /// The largest rho with Q > 0; not positive when there is none.
-  [[nodiscard]] double rho(double epsilon) const;
 
   struct Result {
     bool feasible = false;
@@ -75,6 +74,8 @@ class ScalarCondition {
   [[nodiscard]] Result solve() const;
 
  private:
+  [[nodiscard]] double rho(double epsilon) const;
+
   double B_d_, k_s_, k_y_;
   double kp_min_, kp_kd_, damping_min_, kd_max_;  // lmin Kp, |Kp - Kd|, lmin Kd B^-1 A, lmax Kd
   double a_inertia_ = 0;                          // sup |A M|

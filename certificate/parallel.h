@@ -6,6 +6,7 @@
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 namespace tachless::certificate {
@@ -40,6 +41,16 @@ void parallel_for(std::size_t count, const F& f, unsigned most_threads = all_cor
   work();
   threads.clear();
   if (failure) std::rethrow_exception(failure);
+}
+
+/// f(0) … f(count - 1), computed so.
+template <class F>
+auto parallel_map(std::size_t count, const F& f) {
+  using Result = std::invoke_result_t<F, std::size_t>;
+  static_assert(!std::is_same_v<Result, bool>, "threads would write bits of one word");
+  std::vector<Result> result(count);
+  parallel_for(count, [&](std::size_t i) { result[i] = f(i); });
+  return result;
 }
 
 }  // namespace tachless::certificate

@@ -1,13 +1,17 @@
 #include "certificate/postures.h"
 
+#include <nlopt.h>
+
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <limits>
+#include <memory>
 #include <numbers>
 #include <numeric>
 #include <utility>
 
-#include "certificate/optimise.h"
 #include "certificate/parallel.h"
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
@@ -15,7 +19,34 @@
 namespace tachless::certificate {
 namespace {
 
+using robot::JointType;
 using robot::Vector;
+
+/// What NLopt calls back with.
+struct Search {
+  const std::function<double(const Eigen::VectorXd&)>& f;
+  Minimum best;
+  std::exception_ptr failure;
+  nlopt_opt handle = nullptr;
+};
+
+// NLopt's handling of infinite values is not documented: a large number says the same.
+constexpr double out_of_range = 1e300;
+
+double evaluate(unsigned n, const double* x, double* /*gradient*/, void* data) {
+  Search& search = *static_cast<Search*>(data);
+  try {
+    const Eigen::VectorXd point = Eigen::Map<const Eigen::VectorXd>(x, n);
+    const double value = search.f(point);
+    if (!(value < out_of_range)) return out_of_range;
+    if (value < search.best.value) search.best = {point, value};
+    return value;
+  } catch (...) {  // must not pass through C code
+    search.failure = std::current_exception();
+    nlopt_force_stop(search.handle);
+    return out_of_range;
+  }
+}
 
 /// Whether M and C do not depend on joint 0, because everything hangs on it.
 bool all_hang_on_first_joint(const robot::Model& model) {
@@ -58,14 +89,75 @@ Vector second_joint_at(double q2) {
 
 /// Of one joint's coordinate [rad; m].
 std::pair<double, double> range_of(const robot::Model& model, int i) {
-  if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) {
+  if (model.joint_types[static_cast<std::size_t>(i)] == JointType::revolute) {
     return {-std::numbers::pi, std::numbers::pi};
   }
   return {std::isfinite(model.lower[i]) ? model.lower[i] : -1,
           std::isfinite(model.upper[i]) ? model.upper[i] : 1};
 }
 
+/// Whether each prismatic joint is within its range.
+bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
+  for (int i = 0; i < model.num_joints; ++i) {
+    if (model.joint_types[static_cast<std::size_t>(i)] == JointType::revolute) continue;
+    const auto [low, high] = range_of(model, i);
+    if (q[i] < low || q[i] > high) return false;
+  }
+  return true;
+}
+
+/// The smallest f, which has these values at the postures `q`; from the best `starts` of them it
+/// is refined locally in at most so many evaluations, 0: not at all.
+Extreme smallest_of(const robot::Model& model, const std::function<double(const Vector&)>& f,
+                    const std::vector<Vector>& q, const std::vector<double>& value,
+                    std::size_t starts, int max_evaluations) {
+  std::vector<std::size_t> order(q.size());
+  std::iota(order.begin(), order.end(), 0);
+  starts = std::min(starts, q.size());
+  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(starts), order.end(),
+                    [&](std::size_t a, std::size_t b) { return value[a] < value[b]; });
+  if (max_evaluations == 0) return {value[order[0]], q[order[0]]};
+  const std::vector<Minimum> refined = parallel_map(starts, [&](std::size_t i) {
+    const auto objective = [&](const Eigen::VectorXd& x) {
+      return in_range(model, x) ? f(x) : std::numeric_limits<double>::infinity();
+    };
+    return minimise(objective, q[order[i]], 0.2, max_evaluations);
+  });
+  const Minimum& best = *std::ranges::min_element(refined, {}, &Minimum::value);
+  return {best.value, best.x};
+}
+
 }  // namespace
+
+Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
+                 const Eigen::VectorXd& start, double step, int max_evaluations) {
+  const std::unique_ptr<nlopt_opt_s, decltype(&nlopt_destroy)> opt(
+      nlopt_create(NLOPT_LN_SBPLX, static_cast<unsigned>(start.size())), &nlopt_destroy);
+  Search search{f, {start, out_of_range}, nullptr, opt.get()};
+  nlopt_set_min_objective(opt.get(), evaluate, &search);
+  nlopt_set_initial_step1(opt.get(), step);
+  nlopt_set_maxeval(opt.get(), max_evaluations);
+  nlopt_set_xtol_abs1(opt.get(), 1e-5);
+  nlopt_set_ftol_rel(opt.get(), 1e-8);
+  Eigen::VectorXd x = start;
+  double value = 0;
+  nlopt_optimize(opt.get(), x.data(), &value);  // its result says why it stopped: all are fine
+  if (search.failure) std::rethrow_exception(search.failure);
+  return search.best;
+}
+
+double spectral_norm(const Eigen::MatrixXd& A) {
+  return std::sqrt(std::max(0.0, largest_eigenvalue(A.transpose() * A)));
+}
+
+double smallest_eigenvalue(const Eigen::MatrixXd& symmetric) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(symmetric, Eigen::EigenvaluesOnly)
+      .eigenvalues()[0];
+}
+
+double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
+  return -smallest_eigenvalue(-symmetric);
+}
 
 Eigen::MatrixXd Inertia::coriolis(const Eigen::VectorXd& x) const {
   Eigen::MatrixXd sum = x[0] * C[0];
@@ -98,13 +190,21 @@ Vector spread_posture(const robot::Model& model, int k) {
   return q;
 }
 
-bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
+Extreme largest(const robot::Model& model, const std::function<double(const Vector&)>& f,
+                int samples) {
+  std::vector<Vector> q(static_cast<std::size_t>(samples));
+  const std::vector<double> value = parallel_map(q.size(), [&](std::size_t i) {
+    q[i] = spread_posture(model, static_cast<int>(i));
+    return -f(q[i]);
+  });
+  Extreme best = smallest_of(
+      model, [&](const Vector& x) { return -f(x); }, q, value, 6, 1000);
   for (int i = 0; i < model.num_joints; ++i) {
-    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
-    const auto [low, high] = range_of(model, i);
-    if (q[i] < low || q[i] > high) return false;
+    if (model.joint_types[static_cast<std::size_t>(i)] == JointType::revolute) {
+      best.q[i] = std::remainder(best.q[i], 2 * std::numbers::pi);
+    }
   }
-  return true;
+  return {-best.value, best.q};
 }
 
 /// Fourier's sums of M and C over q2; false when they do not end within the sums' reach. A body
@@ -148,8 +248,8 @@ Postures::Postures(const robot::Model& model, const PostureOptions& options) : m
     proved_ = true;
     q_.push_back(Vector::Zero(1));
   } else if (hang && model.num_joints == 2 && denominator > 0 &&
-             model.joint_types[0] == robot::JointType::revolute &&
-             model.joint_types[1] == robot::JointType::revolute) {
+             model.joint_types[0] == JointType::revolute &&
+             model.joint_types[1] == JointType::revolute) {
     kind_ = Kind::circle;
     double period = 2 * std::numbers::pi * denominator;
     proved_ = find_harmonics(denominator, period) && options.bound_between;
@@ -161,8 +261,7 @@ Postures::Postures(const robot::Model& model, const PostureOptions& options) : m
   } else {
     for (int k = 0; k < options.samples; ++k) q_.push_back(spread_posture(model, k));
   }
-  inertia_.resize(q_.size());
-  parallel_for(q_.size(), [&](std::size_t i) { inertia_[i] = inertia_at(model, q_[i]); });
+  inertia_ = parallel_map(q_.size(), [&](std::size_t i) { return inertia_at(model, q_[i]); });
 }
 
 void Postures::add(const Vector& q) {
@@ -170,30 +269,12 @@ void Postures::add(const Vector& q) {
   inertia_.push_back(inertia_at(model_, q));
 }
 
-Postures::Least Postures::smallest(const std::function<double(const Inertia&)>& f,
-                                   bool refine) const {
-  std::vector<double> value(size());
-  parallel_for(size(), [&](std::size_t i) { value[i] = f(inertia_[i]); });
-  std::vector<std::size_t> order(size());
-  std::iota(order.begin(), order.end(), 0);
-  const std::size_t num_starts = std::min<std::size_t>(3, size());
-  std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(num_starts),
-                    order.end(), [&](std::size_t a, std::size_t b) { return value[a] < value[b]; });
-  Least least{value[order[0]], q_[order[0]]};
-  if (!refine || kind_ != Kind::sampled) return least;
-  std::vector<Minimum> refined(num_starts);
-  parallel_for(num_starts, [&](std::size_t i) {
-    refined[i] = minimise(
-        [&](const Eigen::VectorXd& q) {
-          return in_range(model_, q) ? f(inertia_at(model_, q))
-                                     : std::numeric_limits<double>::infinity();
-        },
-        q_[order[i]], 0.2, 300);
-  });
-  for (const Minimum& minimum : refined) {
-    if (minimum.value < least.value) least = {minimum.value, minimum.x};
-  }
-  return least;
+Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool refine) const {
+  const std::vector<double> value =
+      parallel_map(q_.size(), [&](std::size_t i) { return f(inertia_[i]); });
+  return smallest_of(
+      model_, [&](const Vector& q) { return f(inertia_at(model_, q)); }, q_, value, 3,
+      refine && kind_ == Kind::sampled ? 300 : 0);
 }
 
 }  // namespace tachless::certificate

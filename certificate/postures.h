@@ -6,10 +6,24 @@
 
 #include "robot/model.h"
 
-/// The postures over which the conditions of a certificate are checked, with M and C at each. What
-/// is between them is bounded where the robot allows it, and only there is a result "proved".
-/// Gravity is not in here: the law cancels it.
+/// The postures over which the conditions of a certificate are checked, with M and C at each, and
+/// extremes over them. What is between them is bounded where the robot allows it, and only there
+/// is a result "proved".
 namespace tachless::certificate {
+
+/// Local minimisation without derivatives (NLopt's Subplex) from `start` with first steps `step`.
+/// `f` may return +infinity where it has no value. Not global: the caller chooses the starts.
+struct Minimum {
+  Eigen::VectorXd x;
+  double value = 0;
+};
+Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
+                 const Eigen::VectorXd& start, double step, int max_evaluations);
+
+/// The norm that goes with the Euclidean one.
+double spectral_norm(const Eigen::MatrixXd& A);
+double smallest_eigenvalue(const Eigen::MatrixXd& symmetric);
+double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
 
 /// M(q) and C(q, e_j), so that C(q, x) = sum_j x_j C[j]; or one harmonic of them.
 struct Inertia {
@@ -21,6 +35,12 @@ struct Inertia {
 
 Inertia inertia_at(const robot::Model& model, const robot::Vector& q);
 
+/// An extreme over the postures.
+struct Extreme {
+  double value = 0;  ///< the best that was found
+  robot::Vector q;   ///< where [rad; m]
+};
+
 struct PostureOptions {
   int circle_points = 360;  ///< postures of a two-joint arm
   /// Whether what is between the points of the circle is bounded. Without it the result is one of
@@ -29,7 +49,7 @@ struct PostureOptions {
   int samples = 2048;  ///< postures of other robots
 };
 
-/// A set of postures that stands for all of them.
+/// A set of postures that stands for all of them. Gravity is not in it: the law cancels it.
 ///
 /// One joint that all bodies hang on: one posture, since M does not depend on it. Two revolute
 /// joints of which all bodies hang on the first: M and C are functions of q2 alone, trigonometric
@@ -50,24 +70,17 @@ class Postures {
   [[nodiscard]] Kind kind() const { return kind_; }
   /// Whether the postures in between are bounded.
   [[nodiscard]] bool proved() const { return proved_; }
-  [[nodiscard]] std::size_t size() const { return q_.size(); }
-  [[nodiscard]] const robot::Vector& q(std::size_t i) const { return q_[i]; }
-  [[nodiscard]] const Inertia& at(std::size_t i) const { return inertia_[i]; }
+  [[nodiscard]] const std::vector<Inertia>& inertia() const { return inertia_; }
   /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
   [[nodiscard]] const std::vector<Harmonic>& harmonics() const { return harmonics_; }
+  /// step^2 / 8.
+  [[nodiscard]] double chord_factor() const { return chord_factor_; }
   /// One more posture, for a search to respect; nothing is proved of it.
   void add(const robot::Vector& q);
 
-  /// step^2 / 8.
-  [[nodiscard]] double chord_factor() const { return chord_factor_; }
-
-  struct Least {
-    double value = 0;
-    robot::Vector q;
-  };
   /// The smallest f over the set. Of a sampled set the three smallest are refined locally when
   /// `refine` says so.
-  [[nodiscard]] Least smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
+  [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
 
  private:
   bool find_harmonics(int denominator, double& period);
@@ -86,7 +99,9 @@ class Postures {
 /// range, 2 m where it is not bounded.
 robot::Vector spread_posture(const robot::Model& model, int k);
 
-/// Whether each prismatic joint is within the range above.
-bool in_range(const robot::Model& model, const Eigen::VectorXd& q);
+/// The largest f over the first `samples` of that sequence, of which the best six are refined
+/// locally within the same range. Revolute joints in [-pi, pi].
+Extreme largest(const robot::Model& model, const std::function<double(const robot::Vector&)>& f,
+                int samples);
 
 }  // namespace tachless::certificate

@@ -82,14 +82,19 @@ class Response {
     one_plus.diagonal().array() += 1;
     return Eigen::JacobiSVD<MatrixXcd>(one_plus).singularValues()[num_torques_ - 1];
   }
-  [[nodiscard]] double highest() const { return std::numbers::pi / period_s_; }
-  [[nodiscard]] double lowest() const {
-    double slowest = highest();
+  /// From well below the slowest mode to half the sampling rate.
+  [[nodiscard]] std::vector<double> frequencies(int num_points) const {
+    const double highest = std::numbers::pi / period_s_;
+    double slowest = highest;
     for (const auto& p : poles_) {
       const double w = std::abs(std::log(p)) / period_s_;
       if (w > 0) slowest = std::min(slowest, w);
     }
-    return std::max(1e-2 * slowest, 1e-6 * highest());
+    const double lowest = std::max(1e-2 * slowest, 1e-6 * highest);
+    const double ratio = std::pow(highest / lowest, 1.0 / num_points);
+    std::vector<double> w;
+    for (int k = 0; k <= num_points; ++k) w.push_back(lowest * std::pow(ratio, k));
+    return w;
   }
 
  private:
@@ -98,14 +103,6 @@ class Response {
   MatrixXcd A_, B_, C_;  ///< in Schur's coordinates
   VectorXcd poles_;      ///< of the closed loop
 };
-
-std::vector<double> frequencies(const Response& response, int num_points) {
-  std::vector<double> w;
-  const double ratio = std::pow(response.highest() / response.lowest(), 1.0 / num_points);
-  w.reserve(static_cast<std::size_t>(num_points) + 1);
-  for (int k = 0; k <= num_points; ++k) w.push_back(response.lowest() * std::pow(ratio, k));
-  return w;
-}
 
 /// The least f over the frequencies, refined between the neighbours of the best.
 template <class F>
@@ -274,7 +271,7 @@ Margins margins(const SampledLoop& loop, double period_s) {
     break;
   }
   const Response response(open, period_s);
-  const std::vector<double> w = frequencies(response, 500);
+  const std::vector<double> w = response.frequencies(500);
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
@@ -285,13 +282,13 @@ Margins margins(const SampledLoop& loop, double period_s) {
 double phase_margin_deg(const SampledLoop& loop, double period_s) {
   const Response response(cut(loop, period_s), period_s);
   Margins result;
-  crossings(response, frequencies(response, 60), 5, result);
+  crossings(response, response.frequencies(60), 5, result);
   return result.phase_deg;
 }
 
 bool has_modulus(const CutLoop& loop, double period_s, double least) {
   const Response response(loop, period_s);
-  const std::vector<double> w = frequencies(response, 150);
+  const std::vector<double> w = response.frequencies(150);
   return std::all_of(w.rbegin(), w.rend(), [&](double x) { return response.modulus(x) >= least; });
 }
 

@@ -2,10 +2,14 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "certificate/linear_loop.h"
 #include "certificate/sampled_limit.h"
+#include "controller/law/law.h"
+#include "controller/law/settings.h"
 #include "experiment/scenario.h"
 #include "loop/signals.h"
 #include "reference/make_trajectory.h"
@@ -13,16 +17,8 @@
 
 /// A scenario's closed loop, linearised: its plant (payload and friction included) about its
 /// reference, and its law, whichever of the catalogue. Saturation, quantisation and noise are not
-/// in it.
+/// in it. Besides, the Lyapunov function that its law declares.
 namespace tachless::certificate {
-
-/// How the law runs, where that is to differ from the scenario.
-struct LoopSettings {
-  controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
-  int delay = 0;
-  double period_s = 1e-3;
-};
-LoopSettings settings_of(const experiment::Scenario& scenario);
 
 class ScenarioLoop {
  public:
@@ -34,8 +30,10 @@ class ScenarioLoop {
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const {
     return at(reference, settings_);
   }
+  /// The same with another filter and delay. Round the loop it is the same whether the measurement
+  /// or the torque is late.
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference,
-                               const LoopSettings& settings) const;
+                               const controller::law::Settings& settings) const;
 
   /// The map of one period of the scenario from time t [s] on: the law at t, the plant half a
   /// period later.
@@ -44,19 +42,17 @@ class ScenarioLoop {
   /// What repeats of the reference: one period of a sinusoid, otherwise the whole run [s].
   [[nodiscard]] double span_s() const { return span_s_; }
   [[nodiscard]] bool moves() const { return moves_; }
-  [[nodiscard]] loop::ReferencePoint reference(double t_s) const { return trajectory_.at(t_s); }
   /// At rest at postures of the reference: the first, the last and evenly between; one when it does
   /// not move.
   [[nodiscard]] std::vector<loop::ReferencePoint> rests(int count) const;
 
-  [[nodiscard]] const robot::Model& model() const { return model_; }
-  [[nodiscard]] const LoopSettings& settings() const { return settings_; }
+  [[nodiscard]] const controller::law::Settings& settings() const { return settings_; }
 
  private:
   [[nodiscard]] LinearPlant plant(const loop::ReferencePoint& reference) const;
 
   std::shared_ptr<const experiment::Scenario> scenario_;
-  LoopSettings settings_;
+  controller::law::Settings settings_;
   robot::Model model_;  ///< of the plant
   reference::Trajectory trajectory_;
   double span_s_ = 0;
@@ -67,10 +63,15 @@ class ScenarioLoop {
 /// @throw diagnostics::Failure(bad_usage) for a payload on no link.
 robot::Model plant_of(const experiment::Scenario& scenario);
 
-/// At rest in `q`.
-loop::ReferencePoint held_at(const robot::Vector& q);
+/// The Lyapunov function by which a law's stability is proved, of a state of the loop [J].
+using LyapunovFunction =
+    std::function<double(const controller::law::LoopState&, const loop::ReferencePoint&)>;
 
-/// Inverse dynamics of the links on the reference, with its first two derivatives in time [N m; N].
-robot::JetVector torque_on(const robot::Model& links, const loop::ReferencePoint& reference);
+/// That of the scenario's law, with the model that the law is given (a payload unknown to it is
+/// not in M). Empty when the law declares none.
+/// @param weights of its cross terms, where it has some: those of `certified_run`
+/// @throw diagnostics::Failure(bad_usage) when the law cannot be made of the scenario.
+LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
+                                   const controller::law::LyapunovWeights& weights = {});
 
 }  // namespace tachless::certificate

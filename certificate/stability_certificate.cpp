@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <type_traits>
+#include <variant>
 
 #include "controller/laws.h"
 #include "controller/registry.h"
@@ -47,45 +49,37 @@ VectorXd joined(std::initializer_list<Vector> parts) {
 
 /// The state at t = 0.
 struct Start {
-  const experiment::Scenario& scenario;
-  loop::ReferencePoint reference;
-  Vector q, v;
+  Vector q;
+  VectorXd error;  ///< (e, nu, edot)
+};
 
-  explicit Start(const experiment::Scenario& of)
-      : scenario(of),
-        reference(reference::make_trajectory(of).at(0)),
-        q(or_zero(of.plant.initial.position_rad, of.num_joints)),
-        v(or_zero(of.plant.initial.velocity_rad_per_s, of.num_joints)) {}
-
-  /// (e, nu, edot)
-  [[nodiscard]] VectorXd error() const {
-    const std::string& law = scenario.controller.law;
-    if (law == LoriaOrtegaFlexible::name) return flexible();
-    return law == KellyRegulation::name ? rigid<KellyRegulation>() : rigid<LoriaOrtegaRigid>();
-  }
-
- private:
-  template <class L>
-  [[nodiscard]] VectorXd rigid() const {
-    const L law = controller::make_law<L>(scenario);
-    const typename L::Measurement measured{q};
-    const auto first = law.step(law.start(measured, reference), measured, reference);
-    return joined({q - reference.q_ref, first.signals.value[1], v - reference.v_ref});
-  }
-  [[nodiscard]] VectorXd flexible() const {
+Start start_of(const experiment::Scenario& scenario) {
+  const auto& given = scenario.plant.initial;
+  const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
+  const Vector q = or_zero(given.position_rad, scenario.num_joints);
+  const Vector v = or_zero(given.velocity_rad_per_s, scenario.num_joints);
+  if (scenario.controller.law == LoriaOrtegaFlexible::name) {
     const auto law = controller::make_law<LoriaOrtegaFlexible>(scenario);
-    const auto& drive = *scenario.robot.flexible;
-    const auto& given = scenario.plant.initial;
+    const auto& stiffness = scenario.robot.flexible->stiffness;
     const Vector theta = given.motor_position_rad.value_or(
-        Vector(q + robot::gravity_torque(*scenario.model, q).cwiseQuotient(drive.stiffness)));
+        Vector(q + robot::gravity_torque(*scenario.model, q).cwiseQuotient(stiffness)));
     const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
     const loop::LinkStateMeasurement measured{q, v, theta};
     const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
     const auto motor = law.motor_reference(measured, reference, signals.value[1]);
-    return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
-                   v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)});
+    return {q, joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
+                       v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)})};
   }
-};
+  const auto nu_of = [&]<class L>(std::type_identity<L> /*law*/) -> Vector {
+    const L law = controller::make_law<L>(scenario);
+    const typename L::Measurement measured{q};
+    return law.step(law.start(measured, reference), measured, reference).signals.value[1];
+  };
+  const Vector nu = scenario.controller.law == KellyRegulation::name
+                        ? nu_of(std::type_identity<KellyRegulation>())
+                        : nu_of(std::type_identity<LoriaOrtegaRigid>());
+  return {q, joined({q - reference.q_ref, nu, v - reference.v_ref})};
+}
 
 ErrorSystem system_of(const experiment::Scenario& scenario) {
   const auto& law = controller::law_facts(scenario.controller.law);
@@ -150,60 +144,14 @@ struct Conditions {
 
   /// @param few, many where postures are sampled
   Conditions(const ErrorSystem& system, const robot::Model& model, double B_d, int few, int many)
-      : coarse_postures(model, coarsely(few)),
-        postures(model, finely(many)),
-        coarse(system, coarse_postures, VelocitySet::ball(B_d), {0, false}),
-        fine(system, postures, VelocitySet::ball(B_d)) {}
+      // The search is no proof: what it finds is proved on the others.
+      : coarse_postures(model, {.circle_points = 24, .bound_between = false, .samples = few}),
+        postures(model, {.samples = many}),
+        coarse{system, &coarse_postures, B_d, false},
+        fine{system, &postures, B_d} {}
   Conditions(const Conditions&) = delete;
   Conditions& operator=(const Conditions&) = delete;
-
-  static PostureOptions finely(int samples) {
-    PostureOptions options;
-    options.samples = samples;
-    return options;
-  }
-  static PostureOptions coarsely(int samples) {
-    PostureOptions options = finely(samples);
-    options.circle_points = 24;
-    options.bound_between = false;  // the search is no proof: what it finds is proved on the others
-    return options;
-  }
 };
-
-/// All that weights are searched for.
-void search(StabilityCertificate& result, const RobotConstants& constants,
-            const robot::Model& model, const Vector& q,
-            const std::function<void(std::string_view)>& tell) {
-  tell("matrix condition: postures");
-  const Conditions conditions(result.system, model, result.B_d, 128, PostureOptions().samples);
-  const MatrixCondition& coarse = conditions.coarse;
-  const MatrixCondition& fine = conditions.fine;
-  result.proved = conditions.postures.proved();
-  result.completed =
-      ScalarCondition(result.system, constants, conditions.postures, result.B_d).solve();
-  const auto chosen = [&](std::optional<Certified> found) -> std::optional<Choice> {
-    if (!found) return {};
-    Choice choice{std::move(*found), {}};
-    choice.initial.V =
-        lyapunov_value(result.system, choice.certified.weights, model, q, result.initial);
-    choice.initial.certified = choice.initial.V <= choice.certified.region.level;
-    return choice;
-  };
-  tell("matrix condition: fastest rate");
-  result.fastest = chosen(fastest_rate(coarse, fine));
-  // At a constant reference the ball has no limit: the weights would go to 0.
-  if (result.held) return;
-  tell("matrix condition: largest ball");
-  result.largest = chosen(largest_ball(coarse, fine));
-  tell("matrix condition: one weight");
-  result.one_weight = chosen(largest_ball_one_weight(coarse, fine));
-  if (!result.fastest || !result.largest) return;
-  tell("matrix condition: trade-off");
-  result.trade_off = trade_off(coarse, fine, result.fastest->certified, result.largest->certified,
-                               result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
-                                             : std::vector<double>{0.03, 0.1, 0.3});
-  std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
-}
 
 }  // namespace
 
@@ -220,10 +168,7 @@ double lyapunov_value(const ErrorSystem& system, const Weights& weights, const r
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
                                                           const RobotConstants& constants,
                                                           std::string& why_not,
-                                                          const OnProgress& on_progress) {
-  const auto tell = [&](std::string_view what) {
-    if (on_progress) on_progress(what);
-  };
+                                                          const OnProgress& tell) {
   why_not = refusal(scenario);
   if (!why_not.empty()) return {};
   const robot::Model model = error_model(scenario);
@@ -231,14 +176,40 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   result.system = system_of(scenario);
   result.B_d = velocity_bound(scenario);
   result.held = result.B_d == 0;
-  const Start start(scenario);
-  result.initial = start.error();
+  const Start start = start_of(scenario);
+  result.initial = start.error;
   result.printed = printed_conditions(result.system, constants, result.B_d);
-  result.printed_gamma_free =
-      printed_conditions(result.system, constants, result.B_d, {false, true});
-  search(result, constants, model, start.q, tell);
+  result.printed_gamma_free = printed_conditions(result.system, constants, result.B_d, true);
+  tell("matrix condition: postures");
+  const Conditions conditions(result.system, model, result.B_d, 128, PostureOptions().samples);
+  result.proved = conditions.postures.proved();
+  result.completed =
+      ScalarCondition(result.system, constants, conditions.postures, result.B_d).solve();
+  const auto best = [&](Goal goal) {
+    auto found = best_weights(conditions.coarse, conditions.fine, goal);
+    if (found) {
+      found->V0 = lyapunov_value(result.system, found->weights, model, start.q, start.error);
+    }
+    return found;
+  };
+  tell("matrix condition: fastest rate");
+  result.fastest = best(Goal::rate);
+  if (!result.held) {  // at a constant reference the ball has no limit: the weights would go to 0
+    tell("matrix condition: largest ball");
+    result.largest = best(Goal::ball);
+    tell("matrix condition: one weight");
+    result.one_weight = best(Goal::ball_by_one_weight);
+  }
+  if (result.fastest && result.largest) {
+    tell("matrix condition: trade-off");
+    result.trade_off =
+        trade_off(conditions.coarse, conditions.fine, *result.fastest, *result.largest,
+                  result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
+                                : std::vector<double>{0.03, 0.1, 0.3});
+    std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
+  }
   const auto& choice = result.largest ? result.largest : result.fastest;
-  result.provisos = provisos(scenario, choice ? &choice->certified.region : nullptr);
+  result.provisos = provisos(scenario, choice ? &choice->region : nullptr);
   return result;
 }
 
@@ -247,7 +218,7 @@ std::optional<Region> region_to_compare(const experiment::Scenario& scenario) {
   const double B_d = velocity_bound(scenario);
   if (B_d == 0) return {};
   const Conditions conditions(system_of(scenario), error_model(scenario), B_d, 12, 32);
-  const auto found = largest_ball_one_weight(conditions.coarse, conditions.coarse);
+  const auto found = best_weights(conditions.coarse, conditions.coarse, Goal::ball_by_one_weight);
   return found ? std::optional(found->region) : std::nullopt;
 }
 
@@ -255,11 +226,10 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
   if (!refusal(scenario).empty()) return {};
   const robot::Model model = error_model(scenario);
   const ErrorSystem system = system_of(scenario);
-  const Start start(scenario);
-  const VectorXd initial = start.error();
+  const Start start = start_of(scenario);
   const double B_d = velocity_bound(scenario);
   const auto V0 = [&](const Weights& weights) {
-    return lyapunov_value(system, weights, model, start.q, initial);
+    return lyapunov_value(system, weights, model, start.q, start.error);
   };
   if (B_d == 0) {
     return CertifiedRun{{}, V0({}), std::numeric_limits<double>::infinity(),
@@ -283,10 +253,10 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
         CertifiedRun{found->weights, V, region->level, rate, proved, provisos(scenario, &*region)};
   };
   // To search, the worst of the sampled postures do.
-  const MatrixCondition unrefined(system, conditions.postures, VelocitySet::ball(B_d), {0, false});
-  consider(fastest_rate(conditions.coarse, unrefined));
+  const MatrixCondition unrefined{system, &conditions.postures, B_d, false};
+  consider(best_weights(conditions.coarse, unrefined, Goal::rate));
   // With more joints that search takes long.
-  if (proved) consider(largest_ball(conditions.coarse, unrefined));
+  if (proved) consider(best_weights(conditions.coarse, unrefined, Goal::ball));
   return best;
 }
 

@@ -6,25 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "certificate/matrix_condition.h"
 #include "certificate/norm_conditions.h"
 #include "certificate/sampled_certificate.h"
-#include "certificate/weights.h"
 
 /// The Lyapunov certificate of a scenario under the laws of Loria and Ortega: continuous time, an
 /// exact model, no saturation, quantisation, delay or feed-forward lead.
 namespace tachless::certificate {
-
-/// What a choice of weights says of the scenario's own initial state.
-struct Initial {
-  double V = 0;  ///< [J]
-  bool certified = false;
-};
-
-/// Weights, what they certify, and the scenario's initial state in it.
-struct Choice {
-  Certified certified;
-  Initial initial;
-};
 
 struct StabilityCertificate {
   ErrorSystem system;
@@ -33,7 +21,7 @@ struct StabilityCertificate {
   bool held = false;    ///< the reference is constant: proved with both weights 0, by LaSalle
   PrintedConditions printed, printed_gamma_free;
   ScalarCondition::Result completed;
-  std::optional<Choice> one_weight, fastest, largest;
+  std::optional<Certified> one_weight, fastest, largest;  ///< with V0 of the initial state
   std::vector<TradeOff> trade_off;
   Eigen::VectorXd initial;  ///< (e, nu, edot) at t = 0
   /// Why the certificate is not of this very scenario: payload, friction, a prismatic joint's
@@ -46,7 +34,7 @@ struct StabilityCertificate {
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
                                                           const RobotConstants& constants,
                                                           std::string& why_not,
-                                                          const OnProgress& on_progress = {});
+                                                          const OnProgress& tell = in_silence);
 
 /// What is certified of V along the scenario's own run.
 struct CertifiedRun {

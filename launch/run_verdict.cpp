@@ -3,7 +3,7 @@
 #include <fmt/core.h>
 
 #include "certificate/feasibility.h"
-#include "certificate/verdict.h"
+#include "certificate/sampled_certificate.h"
 #include "diagnostics/logging.h"
 
 namespace tachless::launch {

@@ -14,7 +14,7 @@
 namespace tachless::report {
 namespace {
 
-using certificate::Choice;
+using certificate::Certified;
 using certificate::SampledCertificate;
 using certificate::StabilityCertificate;
 using Eigen::Index;
@@ -93,7 +93,8 @@ Panel along_panel(const SampledCertificate& s) {
 
 /// The boundary of V = level in the plane of the coordinates i and j of x, seen from `centre`,
 /// which is inside.
-std::vector<std::pair<double, double>> section(const StabilityCertificate& s, const Choice& choice,
+std::vector<std::pair<double, double>> section(const StabilityCertificate& s,
+                                               const Certified& choice,
                                                const experiment::Scenario& scenario,
                                                const VectorXd& centre, Index i, Index j) {
   const robot::Model model = certificate::error_model(scenario);
@@ -103,9 +104,9 @@ std::vector<std::pair<double, double>> section(const StabilityCertificate& s, co
           : robot::Vector(-s.initial.head(model.num_joints));
   const auto V = [&](const VectorXd& x) {
     const robot::Vector q = q_ref + x.head(model.num_joints);
-    return lyapunov_value(s.system, choice.certified.weights, model, q, x);
+    return lyapunov_value(s.system, choice.weights, model, q, x);
   };
-  const auto& region = choice.certified.region;
+  const auto& region = choice.region;
   const double scale_i = region.e_at_rest[i], scale_j = region.edot[j - 2 * s.system.num_errors()];
   std::vector<std::pair<double, double>> points;
   constexpr int directions = 180;
@@ -136,16 +137,16 @@ Panel region_panel(const StabilityCertificate& s, const experiment::Scenario& sc
       fmt::format("Certified region, {}",
                   robot::joint_labels(*scenario.model).joint(static_cast<std::size_t>(joint))),
       fmt::format("e{} [rad; m]", joint + 1), fmt::format("edot{} [rad/s; m/s]", joint + 1));
-  const auto add = [&](const std::optional<Choice>& choice, const std::string& name,
+  const auto add = [&](const std::optional<Certified>& choice, const std::string& name,
                        std::size_t colour) {
     if (!choice) return;
     const VectorXd centre =
-        choice->initial.certified ? s.initial : VectorXd(VectorXd::Zero(s.initial.size()));
+        choice->holds_initial_state() ? s.initial : VectorXd(VectorXd::Zero(s.initial.size()));
     panel.curve(name, "lines lw 1.6", colour, section(s, *choice, scenario, centre, joint, edot));
   };
   add(s.largest, "largest ball", 0);
   add(s.fastest, "fastest rate", 2);
-  const bool certified = s.largest && s.largest->initial.certified;
+  const bool certified = s.largest && s.largest->holds_initial_state();
   panel.curve(certified ? "initial state: certified" : "initial state: not certified",
               "points pt 7 ps 0.8", certified ? 6 : 1, {{s.initial[joint], s.initial[edot]}});
   return panel;

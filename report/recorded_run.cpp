@@ -9,7 +9,7 @@
 #include <set>
 #include <variant>
 
-#include "certificate/lyapunov.h"
+#include "certificate/scenario_loop.h"
 #include "controller/registry.h"
 
 namespace tachless::report {
@@ -96,8 +96,7 @@ void add_lyapunov(RecordedRun& run, const certificate::LyapunovFunction& lyapuno
   if (!truth || !record.reference || !signals || signals->num != static_cast<int>(declared)) return;
   double V = NAN;
   try {
-    V = lyapunov.at({truth->q, truth->v, truth->theta, truth->thetadot, *signals},
-                    *record.reference);
+    V = lyapunov({truth->q, truth->v, truth->theta, truth->thetadot, *signals}, *record.reference);
   } catch (const std::logic_error&) {
     // A damaged posture without an inertia matrix has no V; the curve lacks a point there.
   }
@@ -163,7 +162,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   if (certify) run.certified = certify(run.scenario);
   const auto lyapunov = certificate::lyapunov_function(
       run.scenario, run.certified ? run.certified->weights : certificate::Weights());
-  if (lyapunov) run.lyapunov_formula = lyapunov->formula;
+  if (lyapunov) {
+    run.lyapunov_formula = controller::law_facts(run.scenario.controller.law).lyapunov_formula;
+  }
   const std::int64_t stride = std::max<std::int64_t>(1, run.info.num_ticks / most_evaluations);
   const double period_s = run.info.period_s;
   logger::TickRecord record;
@@ -172,7 +173,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     add_tracking(run.tracking, record, t_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record, t_s);
-    if (lyapunov && record.tick % stride == 0) add_lyapunov(run, *lyapunov, record, t_s);
+    if (lyapunov && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);
   }
   if (lyapunov) run.lyapunov_decay = fit_decay(run.lyapunov.points());
   for (const study::JointTracking& joint : run.tracking.joints()) {

@@ -28,7 +28,6 @@
 #include "bus/truth/truth_wire.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/system_failure.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
 #include "node/options.h"

@@ -10,7 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "certificate/certify.h"
+#include "certificate/sampled_certificate.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/unfinished_file.h"

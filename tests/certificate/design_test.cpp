@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "certificate/stability_certificate.h"
-#include "certificate/verdict.h"
 #include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "study/in_process_loop.h"

@@ -7,6 +7,7 @@
 
 #include "robot/inverse_dynamics.h"
 #include "robot/mass_matrix.h"
+#include "tests/certificate/decrease.h"
 #include "tests/certificate/loops.h"
 
 namespace tachless::certificate {

@@ -3,8 +3,10 @@
 #include <Eigen/Cholesky>
 #include <utility>
 
+#include "certificate/error_system.h"
 #include "certificate/linear_loop.h"
 #include "controller/law/filter.h"
+#include "robot/mass_matrix.h"
 
 /// The paper's laws linearised on paper: what `linearised` has to find by differences.
 namespace tachless::certificate::testing {
@@ -56,8 +58,9 @@ inline LinearLaw linear_flexible_law(const robot::Model& links, const robot::Vec
                                      const Sampling& sampling) {
   const Index n = links.num_joints;
   const Filters filter_1(link, sampling), filter_2(motor, sampling);
-  const DynamicsGradient gradient = dynamics_gradient(links, rest_at(q));
-  const MatrixXd inverse_M = gradient.M.ldlt().solve(MatrixXd::Identity(n, n));
+  const MatrixXd of_q = gradient_by_q(links, held_at(q));
+  const MatrixXd M = robot::mass_matrix(links, q);
+  const MatrixXd inverse_M = M.ldlt().solve(MatrixXd::Identity(n, n));
   // Every quantity is a row of blocks over (s_1, s_2, q, v, theta).
   const auto unit = [&](Index block) {
     MatrixXd row = MatrixXd::Zero(n, 5 * n);
@@ -68,14 +71,13 @@ inline LinearLaw linear_flexible_law(const robot::Model& links, const robot::Vec
     return MatrixXd(d.asDiagonal() * row);
   };
   const MatrixXd s_1 = unit(0), s_2 = unit(1), e_1 = unit(2), v = unit(3), theta = unit(4);
-  const MatrixXd vdot = inverse_M * (scaled(stiffness, theta - e_1) - gradient.of_q * e_1);
+  const MatrixXd vdot = inverse_M * (scaled(stiffness, theta - e_1) - of_q * e_1);
   const MatrixXd nu_1 = s_1 + scaled(filter_1.beta, e_1);
   const MatrixXd nu_1dot = scaled(link.b, v) - scaled(link.a, nu_1);
   const MatrixXd nu_1ddot = scaled(link.b, vdot) - scaled(link.a, nu_1dot);
   // K (theta_ref - q_ref), of the motors' reference, and its second derivative.
-  const MatrixXd torque = gradient.of_q * e_1 - scaled(link.kp, e_1) - scaled(link.kd, nu_1);
-  const MatrixXd torque_ddot =
-      gradient.of_q * vdot - scaled(link.kp, vdot) - scaled(link.kd, nu_1ddot);
+  const MatrixXd torque = of_q * e_1 - scaled(link.kp, e_1) - scaled(link.kd, nu_1);
+  const MatrixXd torque_ddot = of_q * vdot - scaled(link.kp, vdot) - scaled(link.kd, nu_1ddot);
   const MatrixXd e_2 = theta - scaled(stiffness.cwiseInverse(), torque);
   const MatrixXd nu_2 = s_2 + scaled(filter_2.beta, e_2);
   const MatrixXd tau = scaled(rotor_inertia.cwiseQuotient(stiffness), torque_ddot) + torque -

@@ -33,15 +33,16 @@ void expect_near(const MatrixXd& A, const MatrixXd& B, double relative) {
 TEST(LinearLoop, RigidPlantIsTheGradientOfForwardDynamics) {
   const robot::Model model = robot::testing::iiwa7();
   robot::testing::Random random(1);
-  const MotionPoint p{random.vector(7, 1), random.vector(7, 1), random.vector(7, 1)};
-  const Vector tau = robot::inverse_dynamics(model, p.q, p.v, p.a);
+  const loop::ReferencePoint p{
+      random.vector(7, 1), random.vector(7, 1), random.vector(7, 1), {}, {}};
+  const Vector tau = robot::inverse_dynamics(model, p.q_ref, p.v_ref, p.a_ref);
   const LinearPlant plant = rigid_plant(model, p);
   const double h = 1e-6;
   MatrixXd A = MatrixXd::Zero(14, 14);
   A.topRightCorner(7, 7).setIdentity();
   for (int j = 0; j < 14; ++j) {
     const auto at = [&](double s) {
-      Vector q = p.q, v = p.v;
+      Vector q = p.q_ref, v = p.v_ref;
       (j < 7 ? q[j] : v[j - 7]) += s;
       return robot::forward_dynamics(model, q, v, tau);
     };
@@ -52,11 +53,11 @@ TEST(LinearLoop, RigidPlantIsTheGradientOfForwardDynamics) {
 
 TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
   const LinearPlant plant =
-      flexible_plant(robot::testing::two_link(), rest_at(both(0.3, 0.5)), stiffness(), rotors());
+      flexible_plant(robot::testing::two_link(), held_at(both(0.3, 0.5)), stiffness(), rotors());
   const double h = 2e-3;
-  const HeldPlant step = held(plant, h);
+  const LinearPlant step = held(plant, h);
   VectorXd x = VectorXd::LinSpaced(8, -1, 1);
-  const VectorXd tau = both(3, -2), expected = step.Phi * x + step.Gam * tau;
+  const VectorXd tau = both(3, -2), expected = step.A * x + step.B * tau;
   const int steps = 2000;  // of the midpoint rule, order 2: h^2 |A|^2 / 6 = 1e-7
   const MatrixXd I = MatrixXd::Identity(8, 8);
   const Eigen::PartialPivLU<MatrixXd> lu(I - h / steps / 2 * plant.A);
@@ -111,18 +112,9 @@ void expect_same_response(const LinearLaw& a, const LinearLaw& b) {
   }
 }
 
-loop::ReferencePoint reference_at(const MotionPoint& p) {
-  loop::ReferencePoint reference;
-  reference.q_ref = p.q;
-  reference.v_ref = p.v;
-  reference.a_ref = p.a;
-  reference.jerk_ref = reference.snap_ref = Vector::Zero(p.q.size());
-  return reference;
-}
-
 TEST(LinearLoop, LawOneIsTheGradientOfTheLawItselfAboutAMotion) {
   const robot::Model model = robot::testing::two_link();
-  const MotionPoint p{both(0.3, -0.8), both(1, -0.5), both(2, 3)};
+  const loop::ReferencePoint p{both(0.3, -0.8), both(1, -0.5), both(2, 3), both(0), both(0)};
   for (const Discretisation kind : {Discretisation::tustin, Discretisation::zero_order_hold}) {
     controller::law::Settings settings;
     settings.filter = kind;
@@ -130,9 +122,8 @@ TEST(LinearLoop, LawOneIsTheGradientOfTheLawItselfAboutAMotion) {
     const controller::law::LoriaOrtegaRigid law(model, {g.kp, g.kd, g.a, g.b}, settings);
     VectorXd memory(4);
     memory << 0, 0, 0, 0;
-    expect_same_response(
-        linear_rigid_law(g, dynamics_gradient(model, p).of_q, {kind, settings.period_s}),
-        linearised(as_step(law, reference_at(p)), memory, p.q, {Part::q}));
+    expect_same_response(linear_rigid_law(g, gradient_by_q(model, p), {kind, settings.period_s}),
+                         linearised(as_step(law, p), memory, p.q_ref, {Part::q}));
   }
 }
 
@@ -146,19 +137,19 @@ TEST(LinearLoop, LawTwoIsTheGradientOfTheLawItselfAtRest) {
       {model, stiffness(), rotors()}, {l.kp, l.kd, l.a, l.b, m.kp, m.kd, m.a, m.b}, settings);
   VectorXd y(6);
   y << q, 0, 0, q + robot::gravity_torque(model, q).cwiseQuotient(stiffness());
-  expect_same_response(linear_flexible_law(model, q, stiffness(), rotors(), l, m,
-                                           {settings.filter, settings.period_s}),
-                       linearised(as_step(law, reference_at(rest_at(q))), VectorXd::Zero(8), y,
-                                  {Part::q, Part::v, Part::theta}));
+  expect_same_response(
+      linear_flexible_law(model, q, stiffness(), rotors(), l, m,
+                          {settings.filter, settings.period_s}),
+      linearised(as_step(law, held_at(q)), VectorXd::Zero(8), y, {Part::q, Part::v, Part::theta}));
 }
 
 TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
   const robot::Model model = robot::testing::two_link();
-  const LinearPlant plant = rigid_plant(model, rest_at(both(0)));
+  const LinearPlant plant = rigid_plant(model, held_at(both(0)));
   const FilterGains g = practical_rigid();
-  const LinearLaw law = linear_rigid_law(g, dynamics_gradient(model, rest_at(both(0))).of_q, {});
+  const LinearLaw law = linear_rigid_law(g, gradient_by_q(model, held_at(both(0))), {});
   const double h = 1e-3;
-  const HeldPlant step = held(plant, h);
+  const LinearPlant step = held(plant, h);
   for (int delay = 0; delay <= 3; ++delay) {
     VectorXd x = VectorXd::LinSpaced(4, 0.1, 0.4), s = VectorXd::Zero(2);
     std::vector<VectorXd> torque(static_cast<std::size_t>(delay), VectorXd::Zero(2));
@@ -168,7 +159,7 @@ TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
     for (int k = 0; k < 6; ++k) {
       torque.push_back(law.C * s + law.D * x.head(2));
       s = (law.A * s + law.B * x.head(2)).eval();
-      x = (step.Phi * x + step.Gam * torque[static_cast<std::size_t>(k)]).eval();
+      x = (step.A * x + step.B * torque[static_cast<std::size_t>(k)]).eval();
       z = (map * z).eval();
     }
     expect_near(z.head(4), x, 1e-9);
@@ -177,9 +168,9 @@ TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
 
 TEST(LinearLoop, GainMultipliesTheFeedbackTermsAlone) {
   const robot::Model model = robot::testing::iiwa7();
-  const MotionPoint rest = rest_at(robot::testing::Random(5).vector(7, 1));
+  const loop::ReferencePoint rest = held_at(robot::testing::Random(5).vector(7, 1));
   const LinearPlant plant = rigid_plant(model, rest);
-  const MatrixXd gravity = dynamics_gradient(model, rest).of_q;
+  const MatrixXd gravity = gradient_by_q(model, rest);
   const Sampling sampling{Discretisation::tustin, 1e-3};
   FilterGains gains = iiwa_gains();
   const LinearLaw law = linear_rigid_law(gains, gravity, sampling);

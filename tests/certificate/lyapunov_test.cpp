@@ -1,4 +1,4 @@
-#include "certificate/lyapunov.h"
+#include "certificate/scenario_loop.h"
 
 #include <gtest/gtest.h>
 
@@ -17,6 +17,7 @@
 namespace tachless::certificate {
 namespace {
 
+using controller::law::LoopState;
 using robot::Vector;
 
 experiment::Scenario scenario(const std::string& file,
@@ -72,7 +73,7 @@ TEST(Lyapunov, IsEquation15AsAQuadraticForm) {
     Eigen::Matrix<double, 6, 1> z;
     z << x.v - r.v_ref, x.q - r.q_ref, x.controller.value[1];
     const double expected = 0.5 * z.dot(P * z);
-    EXPECT_NEAR(V->at(x, r), expected, 1e-13 * (P.norm() * z.squaredNorm()));  // rounding
+    EXPECT_NEAR(V(x, r), expected, 1e-13 * (P.norm() * z.squaredNorm()));  // rounding
     // Its weights are certified: V is positive definite.
     EXPECT_GT(P.selfadjointView<Eigen::Lower>().eigenvalues().minCoeff(), 0);
   }
@@ -107,7 +108,7 @@ TEST(Lyapunov, IsZeroOnTheReference) {
       x.thetadot = (theta_ref(1e-4) - theta_ref(-1e-4)) / 2e-4;
     }
     // Central differences: error h^2/6 of third derivatives of some 1e3, squared with J = 0.1.
-    EXPECT_NEAR(V->at(x, r), 0, 1e-9) << file;
+    EXPECT_NEAR(V(x, r), 0, 1e-9) << file;
   }
 }
 
@@ -119,9 +120,9 @@ TEST(Lyapunov, FallsAlongThePapersLoop) {
     double before = INFINITY;
     std::vector<double> values;
     study::run_in_process(experiment, [&](const study::TickRecord& record) {
-      values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
-                              record.truth.thetadot, record.controller},
-                             record.reference));
+      values.push_back(V({record.truth.q, record.truth.v, record.truth.theta, record.truth.thetadot,
+                          record.controller},
+                         record.reference));
       return true;
     });
     for (std::size_t k = 0; k < values.size(); k += values.size() / 10) {
@@ -140,9 +141,9 @@ TEST(Lyapunov, OfKellysFlexibleLoopFalls) {
   EXPECT_FALSE(certified_run(experiment));
   std::vector<double> values;
   study::run_in_process(experiment, [&](const study::TickRecord& record) {
-    values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
-                            record.truth.thetadot, record.controller},
-                           record.reference));
+    values.push_back(V({record.truth.q, record.truth.v, record.truth.theta, record.truth.thetadot,
+                        record.controller},
+                       record.reference));
     return true;
   });
   for (std::size_t k = 100; k < values.size(); k += 100) {
@@ -167,9 +168,9 @@ TEST(Lyapunov, StaysBelowItsCertifiedBound) {
     ASSERT_TRUE(V) << file;
     std::int64_t above = 0;
     study::run_in_process(experiment, [&](const study::TickRecord& record) {
-      const double value = V->at({record.truth.q, record.truth.v, record.truth.theta,
-                                  record.truth.thetadot, record.controller},
-                                 record.reference);
+      const double value = V({record.truth.q, record.truth.v, record.truth.theta,
+                              record.truth.thetadot, record.controller},
+                             record.reference);
       if (record.tick == 0) {
         EXPECT_NEAR(value, certified->V0, 1e-12 * certified->V0) << file;
       }
@@ -222,9 +223,9 @@ TEST(Lyapunov, OfLawsThatMeasureVelocityFalls) {
     EXPECT_FALSE(certified_run(experiment));
     std::vector<double> values;
     study::run_in_process(experiment, [&](const study::TickRecord& record) {
-      values.push_back(V->at({record.truth.q, record.truth.v, record.truth.theta,
-                              record.truth.thetadot, record.controller},
-                             record.reference));
+      values.push_back(V({record.truth.q, record.truth.v, record.truth.theta, record.truth.thetadot,
+                          record.controller},
+                         record.reference));
       return true;
     });
     // While it is far from what sampling at 1 ms leaves: the first tenth of a second.

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "certificate/lyapunov.h"
 #include "certificate/matrix_condition.h"
 #include "certificate/parallel.h"
+#include "certificate/scenario_loop.h"
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
@@ -21,6 +21,7 @@ namespace tachless::certificate {
 namespace {
 
 using namespace testing;
+using controller::law::LoopState;
 using robot::Vector;
 
 /// What one run from the boundary of the level set did to V.
@@ -44,9 +45,9 @@ class FromTheLevelSet {
     Descent result;
     double quarter_s = INFINITY, quarter_V = 0;
     study::run_in_process(scenario, [&](const study::TickRecord& record) {
-      const double V = lyapunov_.at({record.truth.q, record.truth.v, record.truth.theta,
-                                     record.truth.thetadot, record.controller},
-                                    record.reference);
+      const double V = lyapunov_({record.truth.q, record.truth.v, record.truth.theta,
+                                  record.truth.thetadot, record.controller},
+                                 record.reference);
       if (record.tick == 0) result.V0 = V;
       if (V <= level_ / 4 && !(quarter_s < INFINITY)) {
         quarter_s = record.time_s;
@@ -67,10 +68,10 @@ class FromTheLevelSet {
   FromTheLevelSet(const experiment::Scenario& scenario, const ErrorSystem& system,
                   const Weights& weights)
       : scenario_(scenario),
-        lyapunov_(lyapunov_function(scenario, weights).value()),
+        lyapunov_(lyapunov_function(scenario, weights)),
         reference_(reference::make_trajectory(scenario).at(0)) {
     const Postures postures(*scenario.model);
-    const MatrixCondition condition(system, postures, VelocitySet::ball(paper_B_d));
+    const MatrixCondition condition{system, &postures, paper_B_d};
     const Region region = condition.region(weights).value();
     level_ = region.level;
     // From V on, |delta| stays below sqrt(2 w V).
@@ -112,7 +113,7 @@ class FromTheLevelSet {
       }
       loop.controller.num = 4;
       for (int i = 0; i < 4; ++i) loop.controller.value[i] = Vector::Zero(scenario_.num_joints);
-      return lyapunov_.at(loop, reference_);
+      return lyapunov_(loop, reference_);
     };
     double inside = 0, outside = 1;
     while (V(outside) < level_) outside *= 2;

@@ -25,8 +25,8 @@ constexpr Discretisation zoh = Discretisation::zero_order_hold, tustin = Discret
 
 SampledLoop rigid_loop(const FilterGains& gains, Discretisation kind, int delay,
                        const robot::Model& model, const Vector& q) {
-  const Eigen::MatrixXd gradient = dynamics_gradient(model, rest_at(q)).of_q;
-  return {rigid_plant(model, rest_at(q)),
+  const Eigen::MatrixXd gradient = gradient_by_q(model, held_at(q));
+  return {rigid_plant(model, held_at(q)),
           [=](double h) {
             return linear_rigid_law(gains, gradient, {kind, h});
           },
@@ -34,7 +34,7 @@ SampledLoop rigid_loop(const FilterGains& gains, Discretisation kind, int delay,
 }
 SampledLoop flexible_loop(const FilterGains& link, const FilterGains& motor, Discretisation kind,
                           int delay, const robot::Model& model, const Vector& q) {
-  return {flexible_plant(model, rest_at(q), stiffness(), rotors()),
+  return {flexible_plant(model, held_at(q), stiffness(), rotors()),
           [=](double h) {
             return linear_flexible_law(model, q, stiffness(), rotors(), link, motor, {kind, h});
           },
@@ -190,13 +190,12 @@ TEST_F(SampledLimit, AlongThePapersReference) {
   const FilterGains g = practical_rigid();
   const double w = 10 * std::numbers::pi, h = 1e-3;
   const auto point = [&](double t) {
-    return MotionPoint{both(std::sin(w * t) / w), both(std::cos(w * t)),
-                       both(-w * std::sin(w * t))};
+    return loop::ReferencePoint{
+        both(std::sin(w * t) / w), both(std::cos(w * t)), both(-w * std::sin(w * t)), {}, {}};
   };
   const double radius = radius_along(
       [&](int k) {
-        const LinearLaw law =
-            linear_rigid_law(g, dynamics_gradient(model, point(k * h)).of_q, {tustin, h});
+        const LinearLaw law = linear_rigid_law(g, gradient_by_q(model, point(k * h)), {tustin, h});
         return cut(rigid_plant(model, point((k + 0.5) * h)), law, h, 1).closed();
       },
       200);

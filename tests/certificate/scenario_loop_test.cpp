@@ -7,7 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
-#include "certificate/verdict.h"
+#include "certificate/sampled_certificate.h"
 #include "controller/registry.h"
 #include "robot/mass_matrix.h"
 #include "tests/certificate/linear_laws.h"
@@ -26,10 +26,10 @@ TEST(ScenarioLoop, IsTheRigidLawWrittenOut) {
   const ScenarioLoop loop(shipped("practical_rigid"));
   const robot::Model model = robot::testing::two_link();
   const robot::Vector q = both(0);
-  const Eigen::MatrixXd gradient = dynamics_gradient(model, rest_at(q)).of_q;
+  const Eigen::MatrixXd gradient = gradient_by_q(model, held_at(q));
   for (const double h : {1e-4, 1e-3, 3e-3}) {
     const SampledLoop own{
-        rigid_plant(model, rest_at(q)),
+        rigid_plant(model, held_at(q)),
         [&](double period_s) {
           return linear_rigid_law(practical_rigid(), gradient, {Discretisation::tustin, period_s});
         },
@@ -44,7 +44,7 @@ TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
   const robot::Model model = robot::testing::two_link();
   const robot::Vector q = both(0.3, -0.4);
   for (const double h : {1e-4, 1e-3, 3e-3}) {
-    const SampledLoop own{flexible_plant(model, rest_at(q), stiffness(), rotors()),
+    const SampledLoop own{flexible_plant(model, held_at(q), stiffness(), rotors()),
                           [&](double period_s) {
                             return linear_flexible_law(model, q, stiffness(), rotors(),
                                                        practical_link(), practical_motor(),
@@ -70,7 +70,7 @@ TEST(ScenarioLoop, GainMarginIsThatOfKpAndKd) {
   const auto at = [](const ScenarioLoop& loop) { return loop.at(held_at(both(0.1, 0.3))); };
   const ScenarioLoop loop = loop_of(1);
   const robot::Model model = robot::testing::two_link();
-  const Eigen::MatrixXd gravity = dynamics_gradient(model, rest_at(both(0.1, 0.3))).of_q;
+  const Eigen::MatrixXd gravity = gradient_by_q(model, held_at(both(0.1, 0.3)));
   // Central differences of torques of 1e5 N m/rad times a step of 1e-6: 1e-10 of 1e5.
   EXPECT_LT((at(loop).law(h).compensation - gravity).cwiseAbs().maxCoeff(), 1e-4);
   const double margin = margins(at(loop), h).gain;

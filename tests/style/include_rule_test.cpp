@@ -99,7 +99,7 @@ const std::vector<Rule> rules = {
       "diagnostics/failure.h", "experiment/", "loop/signals.h", "reference/make_trajectory.h",
       "robot/", "schema/"},
      {"Eigen/", "unsupported/Eigen/MatrixFunctions", "nlohmann/"}},
-    {"certificate/optimise.cpp", {"certificate/"}, {"Eigen/", "nlopt.h"}},
+    {"certificate/postures.cpp", {"certificate/", "robot/"}, {"Eigen/", "nlopt.h"}},
 
     {"study/",
      {"study/", "robot/", "controller/registry.h",

@@ -1,4 +1,4 @@
-#include "certificate/verdict.h"
+#include "certificate/sampled_certificate.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
