@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "diagnostics/failure.h"
-#include "process/installation.h"
+#include "process/this_process.h"
 
 namespace tachless::node {
 

@@ -14,7 +14,7 @@
 #include "node/key_file.h"
 #include "node/options.h"
 #include "node/real_time.h"
-#include "process/interruption.h"
+#include "process/this_process.h"
 #include "protocol/lockstep/log_window.h"
 
 namespace tachless::node {

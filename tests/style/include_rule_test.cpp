@@ -213,9 +213,10 @@ bool is_standard(const std::string& header) {
 }
 
 bool is_system(const std::string& header) {
-  static const std::set<std::string> top = {
-      "unistd.h", "fcntl.h",  "poll.h",   "signal.h", "sched.h",   "pthread.h", "time.h", "spawn.h",
-      "errno.h",  "string.h", "dirent.h", "netdb.h",  "ifaddrs.h", "termios.h", "glob.h"};
+  static const std::set<std::string> top = {"unistd.h",  "fcntl.h",   "poll.h",   "signal.h",
+                                            "sched.h",   "pthread.h", "time.h",   "spawn.h",
+                                            "errno.h",   "string.h",  "dirent.h", "netdb.h",
+                                            "ifaddrs.h", "termios.h", "glob.h",   "semaphore.h"};
   return top.contains(header) ||
          starts_with_one_of(header, {"sys/", "net/", "netinet/", "arpa/", "linux/"});
 }
