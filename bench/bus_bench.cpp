@@ -28,7 +28,7 @@
 
 #include "bus/udp_transport.h"
 #include "process/file_descriptor.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 
 using namespace tachless;
 

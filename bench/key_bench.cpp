@@ -15,7 +15,7 @@
 
 #include "bench/whole_run.h"
 #include "bus/authenticated.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 #include "tests/support/in_memory.h"
 #include "tests/support/program.h"
 

@@ -20,7 +20,7 @@
 #include "experiment/scenario.h"
 #include "logger/log_file.h"
 #include "node/options.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 #include "tests/support/program.h"
 #include "tests/system/everyone_else.h"
 

@@ -39,7 +39,7 @@
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
 #include "plant/plant_model.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 #include "robot/mass_matrix.h"
 
 using namespace tachless;

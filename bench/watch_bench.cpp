@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "bench/whole_run.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 #include "tests/support/program.h"
 
 using namespace tachless;

@@ -15,7 +15,7 @@
 
 #include "diagnostics/failure.h"
 #include "process/file_descriptor.h"
-#include "process/private_memory.h"
+#include "process/this_process.h"
 
 namespace tachless::bus {
 namespace {

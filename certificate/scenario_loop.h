@@ -9,7 +9,6 @@
 #include "certificate/linear_loop.h"
 #include "certificate/sampled_limit.h"
 #include "controller/law/law.h"
-#include "controller/law/settings.h"
 #include "experiment/scenario.h"
 #include "loop/signals.h"
 #include "reference/make_trajectory.h"

@@ -1,5 +1,5 @@
 # What is installed beside programs and libraries (cmake/Tachless.cmake). The programs look for their
-# files from where they are, in ../share/tachless (process/installation.h): the build directory is laid
+# files from where they are, in ../share/tachless (process/this_process.h): the build directory is laid
 # out the same, by links to the tree.
 set(shared share/tachless)
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})

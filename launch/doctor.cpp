@@ -19,7 +19,7 @@
 #include "diagnostics/text.h"
 #include "node/options.h"
 #include "process/child.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 
 namespace tachless::launch {
 namespace {
@@ -42,16 +42,14 @@ std::string human_bytes(double bytes) {
 }
 
 Finding check_bus(const bus::LcmUrl& url) {
+  const std::string subject = url.is_tcp() ? "server" : "multicast";
   if (const auto problem = bus::check_network(url)) {
-    return {url.is_tcp() ? "server" : "multicast", false, problem->what, problem->remedy};
+    return {subject, problem->what, problem->remedy};
   }
-  if (url.is_tcp()) return {"server", true, "the LCM server of " + url.text() + " answers", {}};
+  if (url.is_tcp()) return {subject, "the LCM server of " + url.text() + " answers"};
   const auto route = bus::multicast_route(url);
-  return {"multicast",
-          true,
-          fmt::format("messages to {} arrive{}", url.text(),
-                      route ? ", by way of " + route->interface : ""),
-          {}};
+  return {subject, fmt::format("messages to {} arrive{}", url.text(),
+                               route ? ", by way of " + route->interface : "")};
 }
 
 Finding check_other_publishers(const bus::LcmUrl& url) {
@@ -65,15 +63,14 @@ Finding check_other_publishers(const bus::LcmUrl& url) {
       senders.emplace(std::string(datagram->channel), std::string(datagram->sender));
     }
   }
-  if (senders.empty()) return {"other publishers", true, "nobody else is on the bus", {}};
+  if (senders.empty()) return {"other publishers", "nobody else is on the bus"};
   std::vector<std::string> list;
-  list.reserve(senders.size());
   for (const auto& [channel, sender] : senders) {
     list.push_back(fmt::format("{} from {}", channel, sender));
   }
   bus::LcmUrl other = url;
   other.port = static_cast<std::uint16_t>(url.port == 65535 ? url.port - 1 : url.port + 1);
-  return {"other publishers", false, diagnostics::joined(list),
+  return {"other publishers", diagnostics::joined(list),
           fmt::format("export LCM_DEFAULT_URL='{}' (another bus), or run with --isolate",
                       other.text())};
 }
@@ -87,8 +84,8 @@ Finding check_private_network() {
       return false;
     }
   });
-  if (works) return {"private network", true, "available (--isolate, test)", {}};
-  return {"private network", false, "refused by the kernel; --isolate and test need it",
+  if (works) return {"private network", "available (--isolate, test)"};
+  return {"private network", "refused by the kernel; --isolate and test need it",
           "sudo sysctl -w kernel.unprivileged_userns_clone=1 user.max_user_namespaces=1000"};
 }
 
@@ -97,8 +94,8 @@ Finding check_real_time() {
     const sched_param priority{1};
     return sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
   });
-  if (works) return {"real-time priority", true, "SCHED_FIFO is permitted", {}};
-  return {"real-time priority", false, "SCHED_FIFO is not permitted; only --mode realtime wants it",
+  if (works) return {"real-time priority", "SCHED_FIFO is permitted"};
+  return {"real-time priority", "SCHED_FIFO is not permitted; only --mode realtime wants it",
           "echo \"$USER - rtprio 80\" | sudo tee /etc/security/limits.d/tachless-rtprio.conf, then "
           "log in again"};
 }
@@ -110,8 +107,8 @@ Finding check_locked_memory() {
     // MLOCK_ONFAULT asks for the right without filling the memory.
     return memory != MAP_FAILED && mlock2(memory, locked_memory_bytes, MLOCK_ONFAULT) == 0;
   });
-  if (works) return {"locked memory", true, "permitted", {}};
-  return {"locked memory", false,
+  if (works) return {"locked memory", "permitted"};
+  return {"locked memory",
           fmt::format("less than {} is permitted; only --mode realtime wants it",
                       human_bytes(locked_memory_bytes)),
           "echo \"$USER - memlock unlimited\" | sudo tee "
@@ -130,51 +127,49 @@ Finding check_stolen_time() {
 }
 
 Finding check_gnuplot() {
-  if (const auto gnuplot = process::find_program("gnuplot")) {
-    return {"gnuplot", true, gnuplot->string(), {}};
-  }
-  return {"gnuplot", false, "not found; figures need it", "sudo apt-get install gnuplot-nox"};
+  if (const auto gnuplot = process::find_program("gnuplot")) return {"gnuplot", gnuplot->string()};
+  return {"gnuplot", "not found; figures need it", "sudo apt-get install gnuplot-nox"};
+}
+
+/// How punctual this machine can be.
+std::vector<Finding> check_punctuality() {
+  return {check_real_time(), check_locked_memory(), check_clock(), check_stolen_time()};
 }
 
 }  // namespace
 
 Finding judge_ttl(const bus::LcmUrl& url, const std::string& interface) {
-  if (url.ttl == 0) return {"ttl", true, "0: messages stay on this host", {}};
+  if (url.ttl == 0) return {"ttl", "0: messages stay on this host"};
   if (interface == "lo") {
-    return {"ttl", false,
+    return {"ttl",
             fmt::format("{}, but the multicast route is by way of lo: nothing leaves this host",
                         url.ttl),
             "sudo ip route replace 224.0.0.0/4 dev eth0 (or what `ip -brief link` calls the "
             "interface to the other hosts)"};
   }
-  if (url.ttl == 1) return {"ttl", true, "1: messages reach the local network", {}};
+  if (url.ttl == 1) return {"ttl", "1: messages reach the local network"};
   bus::LcmUrl local = url;
   local.ttl = 1;
-  return {"ttl", false, fmt::format("{}: messages are routed on", url.ttl),
+  return {"ttl", fmt::format("{}: messages are routed on", url.ttl),
           fmt::format("export LCM_DEFAULT_URL='{}'", local.text())};
 }
 
 Finding judge_receive_buffer(long rmem_max_bytes) {
   Finding finding{"receive buffer",
-                  rmem_max_bytes >= useful_receive_buffer_bytes,
-                  "net.core.rmem_max allows " + human_bytes(static_cast<double>(rmem_max_bytes)),
-                  {}};
-  if (!finding.ok) {
-    finding.what += ", less than bursts want";
-    finding.remedy =
-        fmt::format("sudo sysctl -w net.core.rmem_max={}", useful_receive_buffer_bytes);
-  }
+                  "net.core.rmem_max allows " + human_bytes(static_cast<double>(rmem_max_bytes))};
+  if (rmem_max_bytes >= useful_receive_buffer_bytes) return finding;
+  finding.what += ", less than bursts want";
+  finding.remedy = fmt::format("sudo sysctl -w net.core.rmem_max={}", useful_receive_buffer_bytes);
   return finding;
 }
 
 Finding judge_clock_source(const std::string& source) {
-  for (const char* slow : {"hpet", "acpi_pm", "jiffies"}) {
-    if (source != slow) continue;
-    return {"clock source", false, source + " is slow to read",
-            "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource"};
+  if (source.empty()) return {"clock source", "the kernel does not tell"};
+  if (source != "hpet" && source != "acpi_pm" && source != "jiffies") {
+    return {"clock source", source};
   }
-  if (source.empty()) return {"clock source", true, "the kernel does not tell", {}};
-  return {"clock source", true, source, {}};
+  return {"clock source", source + " is slow to read",
+          "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource"};
 }
 
 Finding judge_stolen_time(const std::string& proc_stat) {
@@ -186,63 +181,52 @@ Finding judge_stolen_time(const std::string& proc_stat) {
   std::array<double, num_shares> ticks{};
   words >> label;
   for (double& each : ticks) words >> each;
-  if (!words || label != "cpu") return {"stolen time", true, "the kernel does not tell", {}};
+  if (!words || label != "cpu") return {"stolen time", "the kernel does not tell"};
   const double share = ticks.back() / std::accumulate(ticks.begin(), ticks.end(), 0.0);
   Finding finding{
       "stolen time",
-      share <= harmless,
-      fmt::format("the host took {:.2f} % of this machine's time since it started", 100 * share),
-      {}};
-  if (!finding.ok) {
-    finding.what += "; --mode realtime may end in protective stops";
-    finding.remedy =
-        "tachless run SCENARIO --mode realtime --set loop.max_missed=100 (for the emulator; a real "
-        "robot wants a machine of its own)";
-  }
+      fmt::format("the host took {:.2f} % of this machine's time since it started", 100 * share)};
+  if (share <= harmless) return finding;
+  finding.what += "; --mode realtime may end in protective stops";
+  finding.remedy =
+      "tachless run SCENARIO --mode realtime --set loop.max_missed=100 (for the emulator; a real "
+      "robot wants a machine of its own)";
   return finding;
 }
 
 Finding judge_disk(std::uintmax_t free_bytes, const std::filesystem::path& directory) {
   Finding finding{"disk",
-                  free_bytes >= useful_disk_bytes,
                   fmt::format("{} free in {}", human_bytes(static_cast<double>(free_bytes)),
-                              std::filesystem::absolute(directory).lexically_normal().string()),
-                  {}};
-  if (!finding.ok) finding.remedy = "run with --out DIR on a disk with more room";
+                              std::filesystem::absolute(directory).lexically_normal().string())};
+  if (free_bytes < useful_disk_bytes)
+    finding.remedy = "run with --out DIR on a disk with more room";
   return finding;
 }
 
 std::vector<Finding> examine_punctuality() {
-  std::vector<Finding> findings = {check_real_time(), check_locked_memory(), check_clock(),
-                                   check_stolen_time()};
-  std::erase_if(findings, [](const Finding& finding) { return finding.ok; });
+  std::vector<Finding> findings = check_punctuality();
+  std::erase_if(findings, [](const Finding& finding) { return finding.ok(); });
   return findings;
 }
 
 std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::path& directory) {
   std::vector<Finding> findings;
-  bus::LcmUrl url;
   try {
-    url = bus::parse_lcm_url(lcm_url);
-  } catch (const std::invalid_argument& error) {
-    findings.push_back({"multicast", false, error.what(),
-                        fmt::format("export LCM_DEFAULT_URL='{}'", node::default_lcm_url)});
-  }
-  if (findings.empty()) {
+    const bus::LcmUrl url = bus::parse_lcm_url(lcm_url);
     findings.push_back(check_bus(url));
-    const bool usable = findings.back().ok;
     if (!url.is_tcp()) {
+      const bool usable = findings.back().ok();
       const auto route = bus::multicast_route(url);
       findings.push_back(judge_ttl(url, route ? route->interface : std::string()));
       if (usable) findings.push_back(check_other_publishers(url));
     }
+  } catch (const std::invalid_argument& error) {
+    findings.push_back({"multicast", error.what(),
+                        fmt::format("export LCM_DEFAULT_URL='{}'", node::default_lcm_url)});
   }
   findings.push_back(judge_receive_buffer(bus::receive_buffer_limit_bytes()));
   findings.push_back(check_private_network());
-  findings.push_back(check_real_time());
-  findings.push_back(check_locked_memory());
-  findings.push_back(check_clock());
-  findings.push_back(check_stolen_time());
+  for (Finding& finding : check_punctuality()) findings.push_back(std::move(finding));
   findings.push_back(judge_disk(std::filesystem::space(directory).available, directory));
   findings.push_back(check_gnuplot());
   return findings;

@@ -12,10 +12,11 @@ namespace tachless::launch {
 
 /// One line of `doctor`.
 struct Finding {
-  std::string subject;  ///< "multicast", "receive buffer", …
-  bool ok = false;
-  std::string what;                   ///< what was found
-  std::optional<std::string> remedy;  ///< what to type; only when not ok
+  std::string subject;                     ///< "multicast", "receive buffer", …
+  std::string what;                        ///< what was found
+  std::optional<std::string> remedy = {};  ///< what to type; nothing: all is well
+
+  [[nodiscard]] bool ok() const { return !remedy.has_value(); }
 };
 
 /// Looks at everything that a run of this machine on the bus `lcm_url` needs or would like: the

@@ -1,5 +1,96 @@
-#include "launch/command.h"
+// The `tachless` command: reads the command line, runs its verb, and turns a Failure into one line
+// on stderr and its exit code.
 
-using namespace tachless;
+#include <fmt/format.h>
 
-int main(int argc, char** argv) { return launch::tachless(argc, argv); }
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
+#include "diagnostics/version.h"
+#include "launch/verb.h"
+#include "process/this_process.h"
+
+namespace tachless::launch {
+namespace {
+
+/// In the order of --help.
+constexpr std::array verbs = {
+#define TACHLESS_VERB(name) &name##_verb,
+#include "launch/verbs.inc"
+#undef TACHLESS_VERB
+};
+
+constexpr const char* footer =
+    "Examples:\n"
+    "  tachless run scenarios/paper_rigid.yaml\n"
+    "  tachless info out/paper_rigid/lcmlog\n"
+    "  tachless doctor\n"
+    "`tachless help VERB` tells more.\n"
+    "Exit codes: 0 done, 1 a check said no, 2 bad usage or scenario, 3 a peer is lost,\n"
+    "4 protocol violated, 5 protective stop, 130 interrupted.";
+
+void require_verb(const std::string& word) {
+  std::vector<std::string_view> names;
+  for (const Verb* verb : verbs) names.push_back(verb->name);
+  if (std::ranges::find(names, word) != names.end()) return;
+  const auto meant = diagnostics::nearest(word, names);
+  throw diagnostics::bad_usage("there is no verb '{}'{}; there are {}", word,
+                               meant ? fmt::format("; did you mean {}?", *meant) : "",
+                               diagnostics::joined(names));
+}
+
+diagnostics::ExitCode run(std::vector<const char*> words) {
+  if (words.size() > 1 && words[1] == std::string_view("help")) {
+    words.erase(words.begin() + 1);  // `help VERB` is `VERB --help`
+    words.push_back("--help");
+  }
+  CLI::App cli("Robot joints tracked from positions alone.", "tachless");
+  cli.footer(footer);
+  cli.set_version_flag("-V,--version", fmt::format("tachless {}", diagnostics::version),
+                       "Print the version and exit");
+  cli.require_subcommand(1);
+  diagnostics::ExitCode result = diagnostics::ExitCode::done;
+  for (const Verb* verb : verbs) {
+    CLI::App* command = cli.add_subcommand(std::string(verb->name), std::string(verb->does));
+    command->footer(fmt::format("Examples:\n{}", verb->examples));
+    command->callback([action = verb->declare(*command), &result] { result = action(); });
+  }
+  if (words.size() < 2) {
+    std::cerr << cli.help();
+    throw diagnostics::bad_usage("name a verb, for example: tachless doctor");
+  }
+  const std::string verb = words[1][0] == '-' ? "" : words[1];
+  if (!verb.empty()) require_verb(verb);
+  try {
+    cli.parse(static_cast<int>(words.size()), words.data());
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) {
+      cli.exit(error, std::cout, std::cerr);
+      return diagnostics::ExitCode::done;
+    }
+    throw diagnostics::bad_usage("{}{}{}; see tachless {}{}--help", verb, verb.empty() ? "" : ": ",
+                                 error.what(), verb, verb.empty() ? "" : " ");
+  }
+  return result;
+}
+
+}  // namespace
+}  // namespace tachless::launch
+
+int main(int argc, char** argv) {
+  using namespace tachless;
+  diagnostics::start_logging("tachless", diagnostics::Verbosity::normal);
+  process::survive_file_size_limit();
+  try {
+    return static_cast<int>(launch::run({argv, argv + argc}));
+  } catch (const std::exception&) {
+    return diagnostics::told_exception("the command line");
+  }
+}

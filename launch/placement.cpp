@@ -7,12 +7,13 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
-#include <iterator>
+#include <optional>
 #include <sstream>
 #include <system_error>
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "process/cpus.h"
 
 namespace tachless::launch {
 namespace {
@@ -34,21 +35,15 @@ void put(Placement& placement, Role role, std::vector<int> cpus) {
   placement.cpus[static_cast<std::size_t>(role)] = std::move(cpus);
 }
 
-std::vector<int> without(const std::vector<int>& cpus, int cpu) {
-  std::vector<int> others;
-  std::ranges::remove_copy(cpus, std::back_inserter(others), cpu);
-  return others;
-}
-
-/// From the last on: the first has the most of the kernel's own work.
-bool claim_one(const std::vector<int>& cpus, Placement& placement) {
+/// Claims the last that no other run has: the first has the most of the kernel's own work.
+std::optional<int> claim_one(const std::vector<int>& cpus, Placement& placement) {
   for (auto cpu = cpus.rbegin(); cpu != cpus.rend(); ++cpu) {
-    auto claim = process::CpuClaim::of(*cpu);
+    auto claim = process::claim_cpu(*cpu);
     if (!claim) continue;
     placement.claims.push_back(std::move(*claim));
-    return true;
+    return *cpu;
   }
-  return false;
+  return std::nullopt;
 }
 
 Placement spread(std::string why) {
@@ -58,20 +53,20 @@ Placement spread(std::string why) {
   return placement;
 }
 
-Placement together(const std::vector<int>& cpus, const std::string& why) {
+Placement together(std::vector<int> cpus, const std::string& why) {
   Placement placement;
-  const bool own = claim_one(cpus, placement);
-  const int cpu =
-      own ? placement.claims.front().cpu() : cpus[static_cast<std::size_t>(getpid()) % cpus.size()];
+  const std::optional<int> own = claim_one(cpus, placement);
+  const int cpu = own.value_or(cpus[static_cast<std::size_t>(getpid()) % cpus.size()]);
   for (const Role role : loop_roles) put(placement, role, {cpu});
-  put(placement, Role::logger, cpus.size() > 1 ? without(cpus, cpu) : cpus);
+  if (cpus.size() > 1) std::erase(cpus, cpu);
+  put(placement, Role::logger, cpus);
   placement.words =
       fmt::format("together on CPU {}{}", cpu, own ? "" : ", which another run has, too");
   placement.reason = why;
   return placement;
 }
 
-Placement spin(const std::vector<int>& cpus) {
+Placement spin(std::vector<int> cpus) {
   Placement placement;
   placement.spin = true;
   const std::string needs = "each of three processes needs a CPU for itself, and the rest one";
@@ -79,18 +74,16 @@ Placement spin(const std::vector<int>& cpus) {
     refuse("spin", fmt::format("{}; this one may use {}; type: --placement together", needs,
                                fmt::join(cpus, ", ")));
   }
-  std::vector<int> rest = cpus;
+  std::vector<int> own;
   for (const Role role : loop_roles) {
-    if (!claim_one(rest, placement)) {
-      refuse("spin", needs + "; other runs have them; type: --placement together");
-    }
-    const int cpu = placement.claims.back().cpu();
-    put(placement, role, {cpu});
-    rest = without(rest, cpu);
+    const std::optional<int> cpu = claim_one(cpus, placement);
+    if (!cpu) refuse("spin", needs + "; other runs have them; type: --placement together");
+    put(placement, role, {*cpu});
+    std::erase(cpus, *cpu);
+    own.push_back(*cpu);
   }
-  put(placement, Role::logger, rest);
-  placement.words = fmt::format("awake on CPUs {}, {} and {}", placement.claims[0].cpu(),
-                                placement.claims[1].cpu(), placement.claims[2].cpu());
+  put(placement, Role::logger, cpus);
+  placement.words = fmt::format("awake on CPUs {}, {} and {}", own[0], own[1], own[2]);
   placement.reason = asked_for;
   return placement;
 }

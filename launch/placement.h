@@ -6,7 +6,7 @@
 
 #include "experiment/scenario.h"
 #include "loop/messages.h"
-#include "process/cpus.h"
+#include "process/file_descriptor.h"
 
 namespace tachless::launch {
 
@@ -17,7 +17,7 @@ struct Placement {
   std::array<std::vector<int>, loop::num_roles> cpus;  ///< by role; empty: all that are allowed
   /// Plant, controller and reference do not sleep while they wait for messages.
   bool spin = false;
-  std::vector<process::CpuClaim> claims;  ///< kept as long as the run
+  std::vector<process::FileDescriptor> claims;  ///< kept as long as the run
 
   [[nodiscard]] const std::vector<int>& cpus_of(loop::Role role) const {
     return cpus[static_cast<std::size_t>(role)];

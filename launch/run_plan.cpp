@@ -1,67 +1,105 @@
-#include "launch/run_plan.h"
+#include "launch/run.h"
 
-#include <fcntl.h>
 #include <fmt/core.h>
-#include <sys/file.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
-#include <array>
-#include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
 
 #include "bus/network_check.h"
+#include "certificate/feasibility.h"
+#include "certificate/sampled_certificate.h"
 #include "controller/law_socket.h"
-#include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "node/options.h"
 #include "plant/plant_model.h"
-#include "process/installation.h"
-#include "process/isolate.h"
+#include "process/this_process.h"
 #include "reference/make_trajectory.h"
 #include "robot/joint_labels.h"
+#include "study/cross_check.h"
 
 namespace tachless::launch {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
-constexpr std::array roles = {loop::Role::logger, loop::Role::controller, loop::Role::reference,
-                              loop::Role::plant};
-// Processes of one launcher find each other at once or never.
-constexpr const char* rendezvous_s = "10";
 constexpr double many_integrator_steps = 100;
 // From a controller's death until another one has taken its place, on a busy machine.
 constexpr double takeover_s = 2;
 
-void require_restartable(const RunOptions& options, const experiment::Scenario& scenario) {
-  if (options.restart.empty()) return;
-  if (scenario.loop.mode != experiment::Mode::lockstep) {
+/// Whether the four programs of each of `runs` can open what they need.
+void require_open_files(std::size_t runs) {
+  const rlim_t needed = 64 * runs;  // pipes to the programs, sockets, log
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= needed) return;
+  throw diagnostics::bad_usage(
+      "a program may have {} files open here; a run needs {}; type: ulimit -n 1024", limit.rlim_cur,
+      needed);
+}
+
+/// The measurement of the law in whose place `options.law_program` comes; empty where the
+/// scenario's law is external already, or stays.
+std::string measurement_wanted(const RunOptions& options) {
+  if (options.law_program.empty()) return {};
+  const experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.overrides);
+  const std::string& law = scenario.controller.law;
+  if (law == experiment::external_law) return {};
+  try {
+    return std::string(controller::law_facts(law).measurement);
+  } catch (const std::invalid_argument& problem) {
+    throw scenario.complaint("controller.law", problem.what());
+  }
+}
+
+void require_fitting_mode(const RunOptions& options, const experiment::Scenario& scenario) {
+  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
+  if (!options.restart.empty() && !lockstep) {
     throw diagnostics::bad_usage(
         "{}: --restart {}: a realtime run does not wait for another controller: the robot is "
         "stopped; leave --restart out, or take --mode lockstep",
         scenario.source, options.restart);
   }
-  if (scenario.loop.give_up_s < takeover_s) {
+  if (!options.restart.empty() && scenario.loop.give_up_s < takeover_s) {
     throw diagnostics::bad_usage(
         "{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so long may it "
         "take until another one has taken its place",
         scenario.source, options.restart, scenario.loop.give_up_s, takeover_s);
   }
+  if (options.in_process && !lockstep) {
+    throw diagnostics::bad_usage(
+        "{}: --in-process: loop.mode is realtime, and in one process there is no clock to keep; "
+        "type --mode lockstep, or leave --in-process out",
+        scenario.source);
+  }
 }
 
-void require_no_clock(const RunOptions& options, const experiment::Scenario& scenario) {
-  if (!options.in_process || scenario.loop.mode == experiment::Mode::lockstep) return;
-  throw diagnostics::bad_usage(
-      "{}: --in-process: loop.mode is realtime, and in one process there is no clock to keep; type "
-      "--mode lockstep, or leave --in-process out",
-      scenario.source);
+experiment::Scenario checked_scenario(const RunOptions& options) {
+  experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.all_overrides());
+  reference::make_trajectory(scenario);
+  if (options.law_program.empty()) controller::scenario_law(scenario);
+  const robot::Model model = plant::plant_model(scenario);
+  plant::initial_state(scenario, model);
+  plant::make_drive(scenario, model);
+  require_fitting_mode(options, scenario);
+  const double steps = plant::integrator_steps_per_tick(scenario, model);
+  if (steps > many_integrator_steps && !options.quiet) {
+    const auto joint = plant::stiff_friction(scenario, model, many_integrator_steps);
+    diagnostics::log_warning(
+        "{}: the joints are stiff for this period: about {} integrator steps a tick; expect a slow "
+        "run{}",
+        scenario.source, std::llround(steps),
+        joint ? fmt::format("; the viscous friction of {} is out of proportion to its inertia: "
+                            "plant.drive.viscous_friction_Nms_per_rad gives it another",
+                            robot::joint_labels(model).joint(*joint))
+              : "");
+  }
+  return scenario;
 }
 
 /// A channel that robots of both prefixes would use; empty: none. Besides of equal ones, of "ARM"
@@ -76,10 +114,60 @@ std::string common_channel(const std::string& one, const std::string& other) {
   return common;
 }
 
-bool isolation_wanted(const RunOptions& options) {
-  const char* variable = std::getenv("TACHLESS_ISOLATE");
-  const std::string value = variable == nullptr ? "" : variable;
-  return options.isolate || !(value.empty() || value == "0");
+void require_own_channels(const experiment::Scenario& one, const experiment::Scenario& other) {
+  const std::string common = common_channel(one.robot.channel_prefix, other.robot.channel_prefix);
+  if (common.empty()) return;
+  throw diagnostics::bad_usage(
+      "{} and {}: robot.name is {} and {}, and so both robots would use the channel {}; write "
+      "another robot.name into one of the files (--set sets it for both)",
+      one.source, other.source, one.robot.name, other.robot.name, common);
+}
+
+std::string friction_text(const experiment::Scenario& scenario) {
+  const robot::Model& model = *scenario.model;
+  std::string text;
+  const auto add = [&](const char* key, const robot::Vector& of_urdf, const char* what) {
+    if (of_urdf.isZero(0) || scenario.gives(key)) return;
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", what);
+  };
+  add("plant.drive.viscous_friction_Nms_per_rad", model.damping,
+      "viscous friction as the URDF's <dynamics damping>");
+  add("plant.drive.coulomb_friction_Nm", model.friction,
+      "Coulomb friction as the URDF's <dynamics friction>");
+  return text;
+}
+
+std::vector<Remark> judge(const experiment::Scenario& scenario, const RunOptions& options) {
+  const certificate::Verdict loop = certificate::verdict(scenario);
+  const bool unstable = loop.unknown.empty() && !loop.stable;
+  if (unstable && !options.force) {
+    throw diagnostics::bad_usage(certificate::refusal(loop, options.scenario.string()));
+  }
+  const certificate::Feasibility feasibility = certificate::feasibility(scenario);
+  std::vector<Remark> remarks = {{unstable, certificate::text(loop)}};
+  if (const std::string friction = friction_text(scenario); !friction.empty()) {
+    remarks.push_back({false, friction});
+  }
+  for (const auto* lines :
+       {&scenario.model->warnings, &feasibility.impossible, &feasibility.doubtful}) {
+    for (const std::string& line : *lines) remarks.push_back({true, line});
+  }
+  return remarks;
+}
+
+void cross_check(const PlannedRun& run) {
+  constexpr double most = 1e-8;  // the integrators' 1e-12 a step, and what a loop makes of it
+  const study::CrossCheck check = study::cross_check(run.scenario);
+  const std::string found =
+      run.options.named(fmt::format("cross-check: Simbody and the native mechanics differ by "
+                                    "{:.2g} rad at tick {} of {}, and nowhere by more",
+                                    check.position, check.tick, check.ticks));
+  if (!(check.position <= most)) {
+    throw diagnostics::Failure(
+        diagnostics::ExitCode::check_said_no,
+        "{}; allowed: {:g}. The loop magnifies differences, or one of them is wrong", found, most);
+  }
+  if (!run.options.quiet) diagnostics::log_info(found);
 }
 
 }  // namespace
@@ -106,85 +194,65 @@ std::string RunOptions::named(std::string_view line) const {
   return robot.empty() ? std::string(line) : fmt::format("{}: {}", robot, line);
 }
 
-std::string measurement_wanted(const RunOptions& options) {
-  if (options.law_program.empty()) return {};
-  const experiment::Scenario scenario =
-      experiment::load_scenario(options.scenario, options.overrides);
-  const std::string& law = scenario.controller.law;
-  if (law == experiment::external_law) return {};
-  try {
-    return std::string(controller::law_facts(law).measurement);
-  } catch (const std::invalid_argument& problem) {
-    throw scenario.complaint("controller.law", problem.what());
-  }
-}
-
 fs::path RunOptions::directory(const experiment::Scenario& checked) const {
   if (robot.empty()) return out.empty() ? fs::path("out") / checked.name : out;
   return (out.empty() ? fs::path("out") : out) / robot;
 }
 
-void require_open_files(std::size_t runs) {
-  const rlim_t needed = 64 * runs;  // pipes to the programs, sockets, log
-  rlimit limit{};
-  if (getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= needed) return;
-  throw diagnostics::bad_usage(
-      "a program may have {} files open here; a run needs {}; type: ulimit -n 1024", limit.rlim_cur,
-      needed);
-}
-
-void require_own_channels(const experiment::Scenario& one, const experiment::Scenario& other) {
-  const std::string common = common_channel(one.robot.channel_prefix, other.robot.channel_prefix);
-  if (common.empty()) return;
-  throw diagnostics::bad_usage(
-      "{} and {}: robot.name is {} and {}, and so both robots would use the channel {}; write "
-      "another robot.name into one of the files (--set sets it for both)",
-      one.source, other.source, one.robot.name, other.robot.name, common);
-}
-
-experiment::Scenario checked_scenario(const RunOptions& options) {
-  experiment::Scenario scenario =
-      experiment::load_scenario(options.scenario, options.all_overrides());
-  reference::make_trajectory(scenario);
-  if (options.law_program.empty()) controller::scenario_law(scenario);
-  const robot::Model model = plant::plant_model(scenario);
-  plant::initial_state(scenario, model);
-  plant::make_drive(scenario, model);
-  require_restartable(options, scenario);
-  require_no_clock(options, scenario);
-  const double steps = plant::integrator_steps_per_tick(scenario, model);
-  if (steps > many_integrator_steps && !options.quiet) {
-    const auto joint = plant::stiff_friction(scenario, model, many_integrator_steps);
-    diagnostics::log_warning(
-        "{}: the joints are stiff for this period: about {} integrator steps a tick; expect a slow "
-        "run{}",
-        scenario.source, std::llround(steps),
-        joint ? fmt::format("; the viscous friction of {} is out of proportion to its inertia: "
-                            "plant.drive.viscous_friction_Nms_per_rad gives it another",
-                            robot::joint_labels(model).joint(*joint))
-              : "");
+void PlannedRun::say_remarks() const {
+  for (const auto& [warns, line] : remarks) {
+    if (warns) {
+      diagnostics::log_warning(options.named(line));
+    } else if (!options.quiet) {
+      diagnostics::log_info(options.named(line));
+    }
   }
-  return scenario;
+}
+
+Progress PlannedRun::progress() const {
+  return {scenario.loop.num_ticks, scenario.loop.period_s, options.robot};
+}
+
+std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path>& scenarios) {
+  require_open_files(scenarios.size());
+  if (options.run_id == 0) {
+    options.run_id = std::chrono::duration_cast<std::chrono::microseconds>(
+                         std::chrono::system_clock::now().time_since_epoch())
+                         .count();
+  }
+  std::vector<PlannedRun> runs;
+  for (const fs::path& path : scenarios) {
+    options.scenario = path;
+    options.measurement = measurement_wanted(options);
+    experiment::Scenario scenario = checked_scenario(options);
+    if (scenarios.size() > 1) options.robot = scenario.robot.name;
+    for (const PlannedRun& other : runs) require_own_channels(other.scenario, scenario);
+    runs.push_back({options, std::move(scenario)});
+  }
+  for (PlannedRun& run : runs) run.remarks = judge(run.scenario, run.options);
+  for (const PlannedRun& run : runs) {
+    if (options.cross_check) cross_check(run);
+  }
+  return runs;
 }
 
 bool prepare_network(const RunOptions& options) {
   const bus::LcmUrl url = node::parse_lcm_url(options.lcm_url);
-  if (url.is_tcp()) {
-    if (isolation_wanted(options)) {
-      throw diagnostics::bad_usage(
-          "--isolate: the server of {} cannot be reached from a private network; leave --isolate "
-          "(TACHLESS_ISOLATE) out",
-          url.text());
-    }
-    const auto problem = bus::check_network(url);
-    if (problem) {
-      throw diagnostics::bad_usage("{}; start it with: {}", problem->what, problem->remedy);
-    }
-    return false;
+  const char* variable = std::getenv("TACHLESS_ISOLATE");
+  const std::string_view value = variable == nullptr ? "" : variable;
+  const bool wanted = options.isolate || !(value.empty() || value == "0");
+  if (wanted && url.is_tcp()) {
+    throw diagnostics::bad_usage(
+        "--isolate: the server of {} cannot be reached from a private network; leave --isolate "
+        "(TACHLESS_ISOLATE) out",
+        url.text());
   }
-  if (!isolation_wanted(options)) {
+  if (!wanted) {
     const auto problem = bus::check_network(url);
     if (!problem) return false;
+    if (url.is_tcp()) {
+      throw diagnostics::bad_usage("{}; start it with: {}", problem->what, problem->remedy);
+    }
     diagnostics::log_warning(
         "this host has no usable multicast ({}): the run is isolated in a private network; to mend "
         "it, type: {}",
@@ -196,119 +264,6 @@ bool prepare_network(const RunOptions& options) {
     throw diagnostics::bad_usage("cannot isolate the run: {}", error.what());
   }
   return true;
-}
-
-RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
-  std::error_code error;
-  fs::create_directories(path_, error);
-  if (error || !fs::is_directory(path_)) {
-    refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
-  }
-  lock_ = process::FileDescriptor(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
-  if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
-  if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
-  // What a launcher that was killed has left aside: either its run has begun, or its log is empty.
-  look();
-  if (!std::exchange(begun_, false)) restore();
-  for (const char* file : our_files) {
-    if (fs::exists(path_ / file)) fs::rename(path_ / file, aside(file), error);
-    if (!error) continue;
-    restore();
-    refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
-  }
-  for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
-}
-
-RunDirectory::~RunDirectory() {
-  look();
-  if (!begun_) restore();
-}
-
-fs::path RunDirectory::aside(const std::string& file) const { return path_ / (".earlier-" + file); }
-
-void RunDirectory::look() {
-  if (begun_) return;
-  std::error_code ignored;
-  const auto size = fs::file_size(path_ / "lcmlog", ignored);
-  if (ignored || size == 0) return;
-  begun_ = true;
-  fs::rename(aside("lcmlog"), path_ / "lcmlog.previous", ignored);
-  for (const char* file : our_files) fs::remove(aside(file), ignored);
-}
-
-void RunDirectory::restore() {
-  std::error_code ignored;
-  if (fs::is_empty(path_ / "lcmlog", ignored)) fs::remove(path_ / "lcmlog", ignored);
-  for (const char* file : our_files) fs::rename(aside(file), path_ / file, ignored);
-}
-
-fs::path RunDirectory::statistics_path(loop::Role role) const {
-  return path_ / fmt::format(".{}.json", loop::name(role));
-}
-
-std::vector<node::Statistics> RunDirectory::take_statistics() const {
-  std::vector<node::Statistics> all;
-  for (const loop::Role role : roles) {
-    const fs::path path = statistics_path(role);
-    try {
-      all.push_back(node::statistics_from_json(diagnostics::file_text(path).value_or("")));
-    } catch (const std::invalid_argument&) {  // it was killed and left none, or half of it
-    }
-    std::error_code ignored;
-    fs::remove(path, ignored);
-  }
-  return all;
-}
-
-std::vector<fs::path> RunDirectory::files() const {
-  std::vector<fs::path> found;
-  for (const char* file : our_files) {
-    if (fs::exists(path_ / file)) found.push_back(path_ / file);
-  }
-  return found;
-}
-
-void RunDirectory::refuse(const std::string& why) const {
-  throw diagnostics::bad_usage("--out {}: {}; choose another directory", path_.string(), why);
-}
-
-std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
-  std::vector<std::string> command = {(process::program_directory() / program).string(),
-                                      options.scenario.string(), "--lcm-url", options.lcm_url};
-  if (!options.key_file.empty()) command.insert(command.end(), {"--key-file", options.key_file});
-  for (const std::string& value : options.all_overrides()) {
-    command.insert(command.end(), {"--set", value});
-  }
-  return command;
-}
-
-std::vector<Process> run_processes(const RunOptions& options, const Placement& placement,
-                                   const RunDirectory& out) {
-  const std::string log = (out / "lcmlog").string();
-  std::vector<Process> all;
-  for (const loop::Role role : roles) {
-    std::vector<std::string> command = command_of(node::program_name(role), options);
-    command.insert(command.end(),
-                   {options.verbose ? "--verbose" : "--quiet", "--mark-levels", "--wait-s",
-                    rendezvous_s, "--stats", out.statistics_path(role).string()});
-    if (role == loop::Role::plant) {
-      command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
-    }
-    if (role == loop::Role::controller && !options.law_program.empty()) {
-      command =
-          controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
-    }
-    if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
-    if (placement.spin && role != loop::Role::logger) command.emplace_back("--spin");
-    Process process{std::string(loop::name(role)), std::move(command), {}, placement.cpus_of(role)};
-    if (process.name == options.restart) {
-      process.restart = process.command;
-      process.restart.insert(process.restart.end(), {"--resume", log});
-    }
-    all.push_back(std::move(process));
-  }
-  return all;
 }
 
 }  // namespace tachless::launch

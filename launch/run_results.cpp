@@ -1,14 +1,22 @@
 #include "launch/run_results.h"
 
+#include <fcntl.h>
 #include <fmt/core.h>
+#include <sys/file.h>
+#include <unistd.h>
 
-#include <filesystem>
+#include <array>
+#include <cerrno>
+#include <cstring>
 #include <future>
 #include <iostream>
+#include <stdexcept>
 #include <string_view>
+#include <system_error>
+#include <utility>
 
 #include "certificate/stability_certificate.h"
-#include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
@@ -23,93 +31,57 @@
 namespace tachless::launch {
 namespace {
 
-/// The log of a run, read back.
-struct ReadBack {
-  explicit ReadBack(int num_joints) : tracking(num_joints) {}
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
 
-  study::Tracking tracking;
-  std::int64_t ticks = 0;
-  std::int64_t gaps = 0;
+constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
+
+/// Reads the log back into `facts`. @return why it cannot be read, or what is wrong with it if
+/// every program says that it ended well; empty: nothing. In realtime ticks may be missing, which
+/// the logger then has said.
+std::string read_back(const PlannedRun& run, report::RunFacts& facts, study::Tracking& tracking) {
+  const experiment::LoopSpec& loop = run.scenario.loop;
   bool damaged = false;
-  std::string law;      ///< as the log names it
-  std::string problem;  ///< why it cannot be read; empty: it can
-};
-
-ReadBack read_back(const experiment::Scenario& scenario, const std::string& path,
-                   std::int64_t run) {
-  ReadBack result(scenario.num_joints);
   try {
-    logger::RunLog log = logger::RunLog::open(path, run);
-    result.tracking = report::track(log);
-    result.ticks = static_cast<std::int64_t>(log.summary().ticks);
-    result.gaps = static_cast<std::int64_t>(log.summary().gaps());
-    result.damaged = log.damage().any();
-    result.law = log.scenario().controller.law_text();
+    logger::RunLog log = logger::RunLog::open(facts.log_path, facts.run_id);
+    tracking = report::track(log);
+    facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
+    facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
+    facts.law = log.scenario().controller.law_text();
+    damaged = log.damage().any();
   } catch (const diagnostics::Failure& failure) {
-    result.problem = failure.what();
+    return failure.what();
   }
-  return result;
-}
-
-/// What is wrong with the log of a run of which every program says that it ended well; empty:
-/// nothing. In realtime ticks may be missing, which the logger then has said.
-std::string log_problem(const ReadBack& log, const experiment::Scenario& scenario,
-                        const std::string& path) {
-  if (!log.problem.empty()) return log.problem;
-  const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
-  const std::int64_t expected = scenario.loop.num_ticks;
-  if (!log.damaged && (!lockstep || (log.ticks == expected && log.gaps == 0))) return {};
+  const bool whole = facts.log_ticks == loop.num_ticks && facts.log_gaps == 0;
+  if (!damaged && (whole || loop.mode == experiment::Mode::realtime)) return {};
   return fmt::format(
       "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
       "again, and leave it alone until the run has ended",
-      path, log.ticks, expected, log.gaps, log.damaged ? ", and is damaged" : "");
+      facts.log_path, facts.log_ticks, loop.num_ticks, facts.log_gaps,
+      damaged ? ", and is damaged" : "");
 }
 
-/// The table, and the files.
-void show(const report::RunSummary& summary, const std::string& title,
-          const robot::JointLabels& joints, const RunDirectory& out) {
-  std::cout << fmt::format("\n{}\n\n{}\n", title, closing_table(summary, joints));
-  for (const std::filesystem::path& file : out.files()) {
-    std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
-  }
-}
-
-report::RunFacts facts_of(const experiment::Scenario& scenario, const RunOptions& options,
-                          const RunEnd& end) {
-  report::RunFacts facts;
-  facts.scenario = scenario.name;
-  facts.run_id = options.run_id;
-  facts.mode = scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
-  facts.law = scenario.controller.law;
-  facts.period_s = scenario.loop.period_s;
-  facts.planned_ticks = scenario.loop.num_ticks;
-  facts.wall_s = end.wall_s;
-  facts.placement = end.placement;
-  facts.fault = end.fault;
-  return facts;
-}
-
-/// Tells what cannot be written, and returns its exit code.
-diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const RunOptions& options,
-                                    const RunDirectory& out, const report::RunSummary& summary,
-                                    const robot::JointLabels& joints) {
-  const study::Tracking& tracking = summary.tracking;
+/// Writes the files and then, on stdout, the summary. Tells what cannot be written, and returns its
+/// exit code.
+ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
+                       const report::RunSummary& summary, const robot::JointLabels& joints) {
   const report::RunFacts& facts = summary.facts;
   const std::string json = diagnostics::json_text(to_json(summary, joints), 2) + "\n";
-  const std::string title =
-      fmt::format("{}: {}, h = {}", scenario.name, facts.law, report::short_period(facts.period_s));
+  const std::string title = fmt::format("{}: {}, h = {}", facts.scenario, facts.law,
+                                        report::short_period(facts.period_s));
   const std::string_view remedy = "name another directory with --out";
-  auto code = diagnostics::ExitCode::done;
+  const bool moved = summary.tracking.num_ticks() > 0;
+  ExitCode code = ExitCode::done;
   try {
     if (out.begun()) diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
-    if (tracking.num_ticks() > 0) {
+    if (moved) {
       // Each waits for a gnuplot of its own.
       auto reported = std::async(std::launch::async, [&] {
         report::write_report(
             {report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run)},
             out / "report.html");
       });
-      report::draw_file(report::tracking_figure(tracking, title, facts.period_s, joints),
+      report::draw_file(report::tracking_figure(summary.tracking, title, facts.period_s, joints),
                         out / "tracking.svg", remedy);
       reported.get();
     }
@@ -117,48 +89,145 @@ diagnostics::ExitCode write_results(const experiment::Scenario& scenario, const 
     diagnostics::log_error(failure.what());
     code = failure.code();
   }
-  if (options.json) {
+  if (run.options.json) {
     std::cout << json;
-  } else if (!options.quiet && tracking.num_ticks() > 0) {
-    show(summary, options.named(title), joints, out);
+  } else if (!run.options.quiet && moved) {
+    std::cout << fmt::format("\n{}\n\n{}\n", run.options.named(title),
+                             closing_table(summary, joints));
+    for (const fs::path& file : out.files()) {
+      std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
+    }
   }
   return code;
 }
 
 }  // namespace
 
-Concluded conclude(const experiment::Scenario& scenario, const RunOptions& options,
-                   RunDirectory& out, const RunEnd& end, const std::function<void()>& tell_others) {
-  out.look();
-  report::RunFacts facts = facts_of(scenario, options, end);
-  facts.log_path = (out / "lcmlog").string();
-  const ReadBack log = read_back(scenario, facts.log_path, options.run_id);
-  facts.log_ticks = log.ticks;
-  if (!log.law.empty()) facts.law = log.law;
-  facts.log_gaps = log.gaps;
-  diagnostics::ExitCode code = end.code;
-  const bool done = code == diagnostics::ExitCode::done;
-  if (done) {
-    const std::string problem = log_problem(log, scenario, facts.log_path);
-    if (!problem.empty()) {
-      facts.fault = problem;
-      code = diagnostics::ExitCode::check_said_no;
+RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
+  std::error_code error;
+  fs::create_directories(path_, error);
+  if (error || !fs::is_directory(path_)) {
+    refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
+  }
+  lock_ = process::FileDescriptor(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
+  if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
+  if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
+  // What a launcher that was killed has left aside: either its run has begun, or its log is empty.
+  look();
+  if (!std::exchange(begun_, false)) restore();
+  for (const char* file : our_files) {
+    if (fs::exists(path_ / file)) fs::rename(path_ / file, aside(file), error);
+    if (!error) continue;
+    restore();
+    refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
+  }
+  for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
+}
+
+RunDirectory::~RunDirectory() {
+  look();
+  if (!begun_) restore();
+}
+
+fs::path RunDirectory::aside(const std::string& file) const { return path_ / (".earlier-" + file); }
+
+void RunDirectory::look() {
+  if (begun_) return;
+  std::error_code ignored;
+  const auto size = fs::file_size(path_ / "lcmlog", ignored);
+  if (ignored || size == 0) return;
+  begun_ = true;
+  fs::rename(aside("lcmlog"), path_ / "lcmlog.previous", ignored);
+  for (const char* file : our_files) fs::remove(aside(file), ignored);
+}
+
+void RunDirectory::restore() {
+  std::error_code ignored;
+  if (fs::is_empty(path_ / "lcmlog", ignored)) fs::remove(path_ / "lcmlog", ignored);
+  for (const char* file : our_files) fs::rename(aside(file), path_ / file, ignored);
+}
+
+fs::path RunDirectory::statistics_path(loop::Role role) const {
+  return path_ / fmt::format(".{}.json", loop::name(role));
+}
+
+std::vector<node::Statistics> RunDirectory::take_statistics() const {
+  std::vector<node::Statistics> all;
+  for (const loop::Role role : roles) {
+    const fs::path path = statistics_path(role);
+    try {
+      all.push_back(node::statistics_from_json(diagnostics::file_text(path).value_or("")));
+    } catch (const std::invalid_argument&) {  // it was killed and left none, or half of it
     }
+    std::error_code ignored;
+    fs::remove(path, ignored);
   }
-  if (facts.fault) {
-    diagnostics::log_error(options.named(*facts.fault));
-    tell_others();
+  return all;
+}
+
+std::vector<fs::path> RunDirectory::files() const {
+  std::vector<fs::path> found;
+  for (const char* file : our_files) {
+    if (fs::exists(path_ / file)) found.push_back(path_ / file);
   }
-  const report::RunSummary summary{facts, log.tracking, end.statistics};
-  const robot::JointLabels joints = robot::joint_labels(*scenario.model);
-  const auto written = write_results(scenario, options, out, summary, joints);
-  if (code == diagnostics::ExitCode::done) code = written;
+  return found;
+}
+
+void RunDirectory::refuse(const std::string& why) const {
+  throw diagnostics::bad_usage("--out {}: {}; choose another directory", path_.string(), why);
+}
+
+report::RunFacts planned_facts(const PlannedRun& run) {
+  const experiment::LoopSpec& loop = run.scenario.loop;
+  report::RunFacts facts;
+  facts.scenario = run.scenario.name;
+  facts.run_id = run.options.run_id;
+  facts.mode = loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime";
+  facts.law = run.scenario.controller.law;
+  facts.period_s = loop.period_s;
+  facts.planned_ticks = loop.num_ticks;
+  return facts;
+}
+
+void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
+  const RunOptions& options = run.options;
+  const bool several = !options.robot.empty();
+  braces_ = options.json && several;
+  if (braces_) std::cout << fmt::format("{}\"{}\": ", count_ == 0 ? "{" : ",", options.robot);
+  ++count_;
+  out.look();
+  const bool done = end.code == ExitCode::done;
+  study::Tracking tracking(run.scenario.num_joints);
+  end.facts.log_path = (out / "lcmlog").string();
+  const std::string problem = read_back(run, end.facts, tracking);
+  if (done && !problem.empty()) {
+    end.facts.fault = problem;
+    end.code = ExitCode::check_said_no;
+  }
+  if (end.facts.fault) {
+    diagnostics::log_error(options.named(*end.facts.fault));
+    for (const std::string& line : end.consequences) diagnostics::log_info(line);
+  }
+  const report::RunSummary summary{end.facts, std::move(tracking), end.statistics};
+  const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);
+  const ExitCode written = write_results(run, out, summary, joints);
+  if (end.code == ExitCode::done) end.code = written;
   if (done && !options.any_verdict && summary.observed.bad()) {
-    diagnostics::log_error(options.named(
-        fmt::format("{}; --any-verdict makes that no failure", text(summary.observed, joints))));
-    code = diagnostics::ExitCode::check_said_no;
+    diagnostics::log_error("{}; --any-verdict makes that no failure",
+                           options.named(text(summary.observed, joints)));
+    end.code = ExitCode::check_said_no;
   }
-  return {code, overview_row(options.robot, summary, joints)};
+  if (code_ == ExitCode::done) code_ = end.code;
+  if (several && !options.json && !options.quiet) {
+    rows_ += overview_row(options.robot, summary, joints);
+  }
+}
+
+ExitCode Conclusions::finish() const {
+  if (braces_) std::cout << "}\n";
+  if (!rows_.empty()) std::cout << "\n" << report::overview_head() << rows_;
+  return code_;
 }
 
 }  // namespace tachless::launch

@@ -4,16 +4,12 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/signalfd.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <csignal>
-#include <cstring>
 #include <deque>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -23,10 +19,11 @@
 namespace tachless::launch {
 namespace {
 
+using diagnostics::ExitCode;
 using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds wake_interval{50};
-constexpr int check_said_no = static_cast<int>(diagnostics::ExitCode::check_said_no);
+constexpr Clock::time_point never = Clock::time_point::max();
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
@@ -40,6 +37,17 @@ std::string without_program(const std::string& line) {
   constexpr std::string_view separator = ": ";
   const std::size_t end = line.starts_with("tachless-") ? line.find(separator) : std::string::npos;
   return end == std::string::npos ? line : line.substr(end + separator.size());
+}
+
+/// Whether it ended by itself with this code.
+bool ended_with(const ProcessEnd& end, ExitCode code) {
+  return end.signal == 0 && end.exit_code == static_cast<int>(code);
+}
+
+/// A process that went because of a peer is a victim, and says so.
+bool is_victim(const ProcessEnd& end) {
+  return ended_with(end, ExitCode::peer_lost) ||
+         (end.signal == 0 && end.cause.starts_with("ended because of "));
 }
 
 /// Blocks the signals that end a run, and SIGCHLD, and reads them from a descriptor instead.
@@ -77,32 +85,34 @@ class Signals {
 
 class Run {
  public:
-  /// @param mask signals that the processes have blocked
+  /// Starts nothing yet. @param mask signals that the processes have blocked
   Run(const Supervised& run, const sigset_t& mask)
-      : processes_(run.processes), options_(run.options), mask_(mask) {
-    for (const Process& process : processes_) result_.ends.emplace_back().name = process.name;
-    try {
-      for (const Process& process : processes_) {
-        children_.push_back(process::start(process.command, mask, process.cpus));
-      }
-    } catch (...) {
-      kill_rest();
-      throw;
-    }
-  }
+      : processes_(run.processes), options_(run.options), mask_(mask) {}
   Run(const Run&) = delete;
   Run& operator=(const Run&) = delete;
-  ~Run() { kill_rest(); }
+  ~Run() {
+    for (process::Child& child : children_) {
+      if (!child.running) continue;
+      kill(child.pid, SIGKILL);
+      process::take_end(child, true);
+    }
+  }
+
+  void start() {
+    for (const Process& process : processes_) {
+      result_.ends.emplace_back().name = process.name;
+      children_.push_back(process::start(process.command, mask_, process.cpus));
+    }
+  }
 
   [[nodiscard]] bool any_running() const {
-    return std::any_of(children_.begin(), children_.end(),
-                       [](const process::Child& child) { return child.running; });
+    return std::ranges::any_of(children_, &process::Child::running);
   }
   /// Whether it is being ended before its time because of one of its processes.
   [[nodiscard]] bool failed() const {
-    return result_.failed() && terminate_at_ != Clock::time_point::max();
+    return result_.failed() && (sent_ != 0 || escalate_at_ != never);
   }
-  [[nodiscard]] Supervision result() const { return result_; }
+  [[nodiscard]] const Supervision& result() const { return result_; }
 
   void add_outputs(std::vector<pollfd>& fds) const {
     for (const process::Child& child : children_) {
@@ -114,16 +124,12 @@ class Run {
   void attend(int signals) {
     if (!any_running()) return;
     for (std::size_t i = 0; i < children_.size(); ++i) read_output(i);
-    pass_on(signals);
-    reap();
+    signals_ += signals;
+    if (signals > 0 && !result_.interrupted) interrupt();
+    if (signals_ > 1 && sent_ != SIGKILL) send(SIGKILL, never);
+    for (std::size_t i = 0; i < children_.size(); ++i) reap(i);
     if (options_.on_wake) options_.on_wake();
     enforce();
-  }
-
-  void interrupt() {
-    result_.interrupted = true;
-    order(SIGINT);
-    terminate_at_ = Clock::now() + options_.interrupt_grace;
   }
 
   void interrupt_because_of(std::size_t other) {
@@ -133,6 +139,11 @@ class Run {
   }
 
  private:
+  void interrupt() {
+    result_.interrupted = true;
+    if (sent_ == 0) send(SIGINT, Clock::now() + options_.interrupt_grace);
+  }
+
   void read_output(std::size_t i) {
     read_lines(children_[i], [&](std::string line) {
       ProcessEnd& end = result_.ends[i];
@@ -148,38 +159,17 @@ class Run {
     });
   }
 
-  void pass_on(int signals) {
-    if (signals == 0) return;
-    signals_ += signals;
-    if (!result_.interrupted) interrupt();
-    if (signals_ > 1 && !killed_) {
-      order(SIGKILL);
-      killed_ = true;
-    }
-  }
-
-  void reap() {
-    for (std::size_t i = 0; i < children_.size(); ++i) {
-      process::Child& child = children_[i];
-      int status = 0;
-      if (!child.running || waitpid(child.pid, &status, WNOHANG) != child.pid) continue;
-      child.running = false;
-      read_output(i);
-      ProcessEnd& end = result_.ends[i];
-      if (WIFSIGNALED(status)) end.signal = WTERMSIG(status);
-      if (WIFEXITED(status)) end.exit_code = WEXITSTATUS(status);
-      end.on_order = ordered_;
-      if (end.signal != 0 && may_restart(i)) {
-        restart(i);
-      } else {
-        note_end(i);
-      }
-    }
-  }
-
-  [[nodiscard]] bool may_restart(std::size_t i) const {
-    return !processes_[i].restart.empty() && result_.ends[i].restarts < Process::most_restarts &&
-           !ordered_ && !clean_end_ && !result_.culprit;
+  void reap(std::size_t i) {
+    const auto how = process::take_end(children_[i]);
+    if (!how) return;
+    read_output(i);
+    ProcessEnd& end = result_.ends[i];
+    static_cast<process::End&>(end) = *how;
+    end.on_order = sent_ != 0;
+    const bool may_restart = !processes_[i].restart.empty() &&
+                             end.restarts < Process::most_restarts && sent_ == 0 && !clean_end_ &&
+                             !result_.culprit;
+    end.signal != 0 && may_restart ? restart(i) : note_end(i);
   }
 
   void restart(std::size_t i) {
@@ -193,68 +183,50 @@ class Run {
     if (options_.on_restart) options_.on_restart(end.name, how);
   }
 
-  /// A process that went because of a peer is a victim, and says so: blame whoever fails otherwise.
+  /// The first that fails is to blame, but of a victim and another one the other.
   void note_end(std::size_t i) {
+    if (sent_ != 0) return;
     const ProcessEnd& end = result_.ends[i];
     const Clock::time_point now = Clock::now();
-    if (end.failed() && !ordered_) {
-      const auto is_victim = [](const ProcessEnd& e) {
-        return e.signal == 0 &&
-               (e.exit_code == static_cast<int>(diagnostics::ExitCode::peer_lost) ||
-                e.cause.starts_with("ended because of "));
-      };
-      const bool first = !result_.culprit.has_value();
-      if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
-        result_.culprit = i;
-      }
-      if (first && end.signal == 0 && end.exit_code == check_said_no) {
-        stragglers_at_ = now + options_.end_together;  // it came to its end, as the others will
-      } else {
-        terminate_at_ = std::min(terminate_at_, now + options_.grace);
-      }
-    } else if (!ordered_ && !clean_end_) {
+    if (end.well()) {
+      if (!clean_end_) stragglers_at_ = now + options_.end_together;
       clean_end_ = true;
-      stragglers_at_ = now + options_.end_together;
+      return;
+    }
+    const bool first = !result_.culprit.has_value();
+    if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
+      result_.culprit = i;
+    }
+    if (first && ended_with(end, ExitCode::check_said_no)) {
+      stragglers_at_ = now + options_.end_together;  // it came to its end, as the others will
+    } else {
+      escalate_at_ = std::min(escalate_at_, now + options_.grace);
     }
   }
 
   void enforce() {
     const Clock::time_point now = Clock::now();
-    if (now >= stragglers_at_ && terminate_at_ == Clock::time_point::max() && !ordered_) {
+    if (now >= stragglers_at_ && escalate_at_ == never && sent_ == 0) {
       for (std::size_t i = 0; i < children_.size(); ++i) {
         if (!children_[i].running) continue;
         result_.ends[i].overdue = true;
         if (!result_.culprit) result_.culprit = i;
       }
-      terminate_at_ = now;
+      escalate_at_ = now;
     }
-    if (now >= terminate_at_ && !terminated_) {
-      order(SIGTERM);
-      terminated_ = true;
-      kill_at_ = now + options_.patience;
-    }
-    if (now >= kill_at_ && !killed_) {
-      order(SIGKILL);
-      killed_ = true;
-    }
+    if (now < escalate_at_) return;
+    sent_ == SIGTERM ? send(SIGKILL, never) : send(SIGTERM, now + options_.patience);
   }
 
-  void order(int signal) {
-    ordered_ = true;
+  /// To all that run; the next signal follows at `then`.
+  void send(int signal, Clock::time_point then) {
+    sent_ = signal;
+    escalate_at_ = then;
     for (const process::Child& child : children_) {
       if (!child.running) continue;
       kill(child.pid, signal);
       if (signal == SIGKILL) kill(-child.pid, signal);
       if (signal == SIGTERM) kill(child.pid, SIGCONT);
-    }
-  }
-
-  void kill_rest() {
-    for (process::Child& child : children_) {
-      if (!child.running) continue;
-      kill(child.pid, SIGKILL);
-      waitpid(child.pid, nullptr, 0);
-      child.running = false;
     }
   }
 
@@ -264,13 +236,10 @@ class Run {
   std::vector<process::Child> children_;
   Supervision result_;
   int signals_ = 0;  ///< of the user, so far
-  bool ordered_ = false;
-  bool terminated_ = false;
-  bool killed_ = false;
+  int sent_ = 0;     ///< last signal to the processes: SIGINT, SIGTERM, SIGKILL; 0: none
   bool clean_end_ = false;
-  Clock::time_point terminate_at_ = Clock::time_point::max();
-  Clock::time_point kill_at_ = Clock::time_point::max();
-  Clock::time_point stragglers_at_ = Clock::time_point::max();
+  Clock::time_point escalate_at_ = never;    ///< when the next signal follows
+  Clock::time_point stragglers_at_ = never;  ///< when who still runs is late
 };
 
 }  // namespace
@@ -278,7 +247,9 @@ class Run {
 std::vector<Supervision> supervise(const std::vector<Supervised>& supervised) {
   Signals signals;
   std::deque<Run> runs;
-  for (const Supervised& each : supervised) runs.emplace_back(each, signals.mask_before());
+  for (const Supervised& each : supervised) {
+    runs.emplace_back(each, signals.mask_before()).start();
+  }
   std::optional<std::size_t> first_failed;
   while (std::ranges::any_of(runs, &Run::any_running)) {
     std::vector<pollfd> fds{{signals.fd(), POLLIN, 0}};
@@ -298,31 +269,20 @@ std::vector<Supervision> supervise(const std::vector<Supervised>& supervised) {
   return results;
 }
 
-Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options) {
-  return supervise({Supervised{processes, options}}).front();
-}
-
-namespace {
-
-std::string how_it_ended(const ProcessEnd& end) {
-  if (end.overdue) return " went on after the others had ended, and was stopped";
-  if (end.signal != 0) {
-    return fmt::format(" was killed by signal {} ({})", end.signal, strsignal(end.signal));
-  }
-  return end.exit_code == 0 ? " ended" : fmt::format(" ended with exit code {}", end.exit_code);
-}
-
-}  // namespace
-
 std::string describe(const ProcessEnd& end) {
   const bool told = end.signal == 0 && !end.overdue && !end.cause.empty();
-  std::string text = end.name + (told ? "" : how_it_ended(end));
+  std::string text = end.name;
+  if (end.overdue) {
+    text += " went on after the others had ended, and was stopped";
+  } else if (!told) {
+    text += " " + process::text(end);
+  }
   if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
   if (end.restarts > 0) {
     text += fmt::format(", after {} restart{}", end.restarts, end.restarts == 1 ? "" : "s");
   }
   const std::string& words = told ? end.cause : end.last_line;
-  if (!words.empty()) text += (end.failed() ? ": " : ", saying: ") + words;
+  if (!words.empty()) text += (end.well() ? ", saying: " : ": ") + words;
   return text;
 }
 
@@ -330,34 +290,26 @@ std::string others_that_failed(const Supervision& supervision) {
   std::vector<std::string> others;
   for (std::size_t i = 0; i < supervision.ends.size(); ++i) {
     const ProcessEnd& end = supervision.ends[i];
-    if (i == supervision.culprit || !end.failed()) continue;
+    if (i == supervision.culprit || end.well()) continue;
     others.push_back(end.signal != 0 ? fmt::format("{} (signal {})", end.name, end.signal)
                                      : fmt::format("{} (exit code {})", end.name, end.exit_code));
   }
   return diagnostics::joined(others);
 }
 
-diagnostics::ExitCode exit_code(const Supervision& supervision) {
-  if (supervision.interrupted) return diagnostics::ExitCode::interrupted;
-  if (!supervision.culprit) return diagnostics::ExitCode::done;
-  const ProcessEnd& end = supervision.ends[*supervision.culprit];
-  switch (end.signal == 0 ? end.exit_code : 0) {
-    case static_cast<int>(diagnostics::ExitCode::check_said_no):
-    case static_cast<int>(diagnostics::ExitCode::bad_usage):
-    case static_cast<int>(diagnostics::ExitCode::protocol_violated):
-    case static_cast<int>(diagnostics::ExitCode::protective_stop):
-    case static_cast<int>(diagnostics::ExitCode::interrupted):
-      return static_cast<diagnostics::ExitCode>(end.exit_code);
-    default:
-      break;
+ExitCode exit_code(const Supervision& supervision) {
+  if (supervision.interrupted) return ExitCode::interrupted;
+  if (!supervision.culprit) return ExitCode::done;
+  for (const ExitCode own :
+       {ExitCode::check_said_no, ExitCode::bad_usage, ExitCode::protocol_violated,
+        ExitCode::protective_stop, ExitCode::interrupted}) {
+    if (ended_with(supervision.ends[*supervision.culprit], own)) return own;
   }
   // Whoever was lost, that the robot was stopped matters more.
-  const bool stopped =
-      std::any_of(supervision.ends.begin(), supervision.ends.end(), [](const ProcessEnd& each) {
-        return each.signal == 0 &&
-               each.exit_code == static_cast<int>(diagnostics::ExitCode::protective_stop);
-      });
-  return stopped ? diagnostics::ExitCode::protective_stop : diagnostics::ExitCode::peer_lost;
+  const bool stopped = std::ranges::any_of(supervision.ends, [](const ProcessEnd& each) {
+    return ended_with(each, ExitCode::protective_stop);
+  });
+  return stopped ? ExitCode::protective_stop : ExitCode::peer_lost;
 }
 
 }  // namespace tachless::launch

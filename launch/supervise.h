@@ -27,17 +27,13 @@ struct Process {
 };
 
 /// How a process ended.
-struct ProcessEnd {
+struct ProcessEnd : process::End {
   std::string name;
-  int exit_code = 0;      ///< when `signal` is 0
-  int signal = 0;         ///< that killed it
   bool on_order = false;  ///< it ended after it had been told to
   bool overdue = false;   ///< it went on for long after another had ended well
   std::string last_line;  ///< the last line it wrote
   std::string cause;      ///< why it ended, where it has said so: without mark and program's name
   int restarts = 0;       ///< before this end
-
-  [[nodiscard]] bool failed() const { return signal != 0 || exit_code != 0; }
 };
 
 /// How to supervise: callbacks, and how long to wait before ending what does not end by itself.
@@ -77,8 +73,6 @@ struct Supervised {
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.
 std::vector<Supervision> supervise(const std::vector<Supervised>& runs);
-/// The same with one run.
-Supervision supervise(const std::vector<Process>& processes, const SuperviseOptions& options);
 
 /// One line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at tick …".
 std::string describe(const ProcessEnd& end);

@@ -2,15 +2,15 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
-#include <span>
+#include <memory>
 #include <string_view>
 
 #include "diagnostics/failure.h"
 
 namespace tachless::launch {
 
-/// One verb of the command. To add one: a line in verbs.inc, and a file in verb/ that defines a
-/// `const Verb` of that name in the namespace `launch::verb`.
+/// One verb of the command. To add one: a line in verbs.inc, and in a file in verb/ a `const Verb`
+/// of that name with `_verb` behind it.
 struct Verb {
   using Action = std::function<diagnostics::ExitCode()>;
 
@@ -21,11 +21,25 @@ struct Verb {
   Action (*declare)(CLI::App& command);
 };
 
-/// For an option or argument with logs of runs: a directory stands for the log in it, `lcmlog`.
-/// @return the same option
-CLI::Option* with_directories(CLI::Option* logs);
+/// The verb of `Type`, whose members are its options: `declare(CLI::App&)` declares them, `run()`
+/// does with them what the verb does and returns the exit code.
+template <class Type>
+constexpr Verb verb_of(std::string_view name, std::string_view does, std::string_view examples) {
+  return {name, does, examples, [](CLI::App& command) -> Verb::Action {
+            auto verb = std::make_shared<Type>();
+            verb->declare(command);
+            return [verb] { return verb->run(); };
+          }};
+}
 
-/// In the order of --help.
-std::span<const Verb* const> verbs();
+/// For verbs that print the same either way, and for such that compute for long.
+inline void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
+inline void add_quiet(CLI::App& command, bool& quiet) {
+  command.add_flag("-q,--quiet", quiet, "No progress on stderr");
+}
+
+#define TACHLESS_VERB(name) extern const Verb name##_verb;
+#include "launch/verbs.inc"
+#undef TACHLESS_VERB
 
 }  // namespace tachless::launch

@@ -11,7 +11,7 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/version.h"
-#include "process/installation.h"
+#include "process/this_process.h"
 
 namespace tachless::node {
 namespace {

@@ -16,7 +16,7 @@
 #include "bus/tcpq_transport.h"
 #include "bus/udp_transport.h"
 #include "diagnostics/logging.h"
-#include "process/interruption.h"
+#include "process/this_process.h"
 #include "protocol/lockstep/log_window.h"
 
 namespace tachless::node {

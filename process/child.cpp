@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -14,16 +13,20 @@
 #include <cstdlib>
 #include <cstring>
 #include <sstream>
-#include <string_view>
 #include <system_error>
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "process/cpus.h"
 
 namespace tachless::process {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
 constexpr std::size_t longest_line = 4096;
+constexpr auto patience = 1s;  // of SideProcess, from SIGTERM to SIGKILL
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
@@ -43,16 +46,20 @@ std::vector<char*> arguments(const std::vector<std::string>& command) {
   return argv;
 }
 
-/// No CPU: nothing to do.
-bool execute_on(const std::vector<int>& cpus) {
-  if (cpus.empty()) return true;
-  cpu_set_t set;
-  CPU_ZERO(&set);
-  for (const int cpu : cpus) CPU_SET(static_cast<std::size_t>(cpu), &set);
-  return sched_setaffinity(0, sizeof set, &set) == 0;
+/// Waits for output of the child. @param limit_ms -1: none
+void await_output(const Child& child, int limit_ms) {
+  pollfd fd{child.output.get(), POLLIN, 0};
+  poll(&fd, 1, limit_ms);
 }
 
 }  // namespace
+
+std::string text(const End& end) {
+  if (end.signal != 0) {
+    return fmt::format("was killed by signal {} ({})", end.signal, strsignal(end.signal));
+  }
+  return end.exit_code == 0 ? "ended" : fmt::format("ended with exit code {}", end.exit_code);
+}
 
 sigset_t blocked_signals() {
   sigset_t mask;
@@ -123,21 +130,83 @@ void read_lines(Child& child, const std::function<void(std::string)>& on_line) {
   if (child.output.get() < 0 || !child.running) end_line(child, on_line);
 }
 
+std::optional<End> take_end(Child& child, bool wait) {
+  if (!child.running) return std::nullopt;
+  int status = 0;
+  pid_t ended = 0;
+  do {
+    ended = waitpid(child.pid, &status, wait ? 0 : WNOHANG);
+  } while (ended < 0 && errno == EINTR);
+  if (ended != child.pid) return std::nullopt;
+  child.running = false;
+  return WIFSIGNALED(status) ? End{0, WTERMSIG(status)} : End{WEXITSTATUS(status), 0};
+}
+
 Finished run(const std::vector<std::string>& command) {
   Child child = start(command);
   Finished result;
-  const auto keep = [&](std::string line) { result.lines.push_back(std::move(line)); };
   while (child.output.get() >= 0) {
-    pollfd fd{child.output.get(), POLLIN, 0};
-    poll(&fd, 1, -1);
-    read_lines(child, keep);
+    await_output(child, -1);
+    read_lines(child, [&](std::string line) { result.lines.push_back(std::move(line)); });
   }
-  int status = 0;
-  while (waitpid(child.pid, &status, 0) < 0 && errno == EINTR) {
-  }
-  if (WIFSIGNALED(status)) result.signal = WTERMSIG(status);
-  if (WIFEXITED(status)) result.exit_code = WEXITSTATUS(status);
+  static_cast<End&>(result) = take_end(child, true).value_or(End());
   return result;
+}
+
+SideProcess::SideProcess(std::string name, const std::vector<std::string>& command,
+                         std::string_view ready, std::chrono::milliseconds limit, OnLine on_line)
+    : name_(std::move(name)), child_(start(command)) {
+  bool is_ready = false;
+  on_line_ = [&](std::string_view line) {
+    if (is_ready) on_line(line);
+    is_ready = is_ready || line == ready;
+  };
+  const Clock::time_point deadline = Clock::now() + limit;
+  for (attend(); !is_ready; attend()) {
+    if (child_.running && Clock::now() < deadline) {
+      await_output(child_, 50);
+      continue;
+    }
+    const std::string why = child_.running
+                                ? fmt::format("{} was not ready within {} s", name_, limit / 1s)
+                            : last_line_.empty() ? trouble_
+                                                 : last_line_;
+    kill_group();
+    throw diagnostics::bad_usage(why);
+  }
+  on_line_ = std::move(on_line);
+}
+
+void SideProcess::attend() {
+  const auto pass_on = [&](std::string line) {
+    on_line_(line);
+    last_line_ = std::move(line);
+  };
+  read_lines(child_, pass_on);
+  const auto end = take_end(child_);
+  if (!end) return;
+  kill_group();
+  read_lines(child_, pass_on);
+  if (!end->well()) trouble_ = fmt::format("{} {}", name_, text(*end));
+}
+
+void SideProcess::signal(int number) const {
+  if (child_.running) kill(child_.pid, number);
+}
+
+void SideProcess::stop() {
+  signal(SIGTERM);
+  for (const auto deadline = Clock::now() + patience; child_.running && Clock::now() < deadline;) {
+    await_output(child_, 50);
+    attend();
+  }
+  if (child_.running) kill_group();
+}
+
+// What it has started itself is in its process group, and may outlive it.
+void SideProcess::kill_group() {
+  kill(-child_.pid, SIGKILL);
+  take_end(child_, true);
 }
 
 std::optional<std::filesystem::path> find_program(const std::string& name) {

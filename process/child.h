@@ -1,12 +1,14 @@
 #pragma once
 
 #include <sys/types.h>
-#include <csignal>
 
+#include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "process/file_descriptor.h"
@@ -14,13 +16,23 @@
 /// The one way to start another program or process. Who watches several at once: launch/supervise.
 namespace tachless::process {
 
-/// A process that was started here. Has to be waited for with `waitpid`.
+/// A process that was started here. Has to be waited for, with `take_end`.
 struct Child {
   pid_t pid = -1;
   bool running = false;
   process::FileDescriptor output;  ///< its stdout and stderr; -1 once it has closed them
   std::string partial;             ///< the line that has not ended yet
 };
+
+/// How a process ended.
+struct End {
+  int exit_code = 0;  ///< when `signal` is 0
+  int signal = 0;     ///< that killed it
+
+  [[nodiscard]] bool well() const { return exit_code == 0 && signal == 0; }
+};
+/// "was killed by signal 9 (Killed)", "ended with exit code 3", "ended".
+std::string text(const End& end);
 
 /// Signals that this thread has blocked.
 sigset_t blocked_signals();
@@ -38,18 +50,55 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask = bloc
 /// has ended and closed its output, that includes a last line without an end.
 void read_lines(Child& child, const std::function<void(std::string)>& on_line);
 
-/// How a program ended, and what it wrote.
-struct Finished {
-  int exit_code = 0;  ///< when `signal` is 0
-  int signal = 0;     ///< that killed it
-  std::vector<std::string> lines;
+/// How a running child has ended; nothing if it has not, or this has been asked before. Does not
+/// wait unless told to.
+std::optional<End> take_end(Child& child, bool wait = false);
 
-  [[nodiscard]] bool well() const { return exit_code == 0 && signal == 0; }
+/// How a program ended, and what it wrote.
+struct Finished : End {
+  std::vector<std::string> lines;
 };
 
 /// Runs a program as `start` does, to its end.
 /// @throw diagnostics::Failure as `start`
 Finished run(const std::vector<std::string>& command);
+
+/// A program beside a run, on which the run does not depend: the 3D window. Its end does not stop
+/// the run; the object's end stops it.
+class SideProcess {
+ public:
+  using OnLine = std::function<void(std::string_view line)>;
+
+  /// Starts `command`, a path and arguments, and waits until it has written the line `ready`.
+  /// @param name for people  @param on_line is given what it writes from then on
+  /// @throw diagnostics::Failure(bad_usage) with the last line it wrote when it ends instead, or is
+  /// not ready within `limit`
+  SideProcess(std::string name, const std::vector<std::string>& command, std::string_view ready,
+              std::chrono::milliseconds limit, OnLine on_line);
+  SideProcess(const SideProcess&) = delete;
+  SideProcess& operator=(const SideProcess&) = delete;
+  ~SideProcess() { stop(); }
+
+  /// Passes its lines on, and notices its end. To be called regularly; does not wait.
+  void attend();
+  [[nodiscard]] bool running() const { return child_.running; }
+  /// How it ended, in words; empty when it ended well.
+  [[nodiscard]] const std::string& trouble() const { return trouble_; }
+
+  /// Sends a signal, if it is running.
+  void signal(int number) const;
+  /// Ends it, and what it has started itself: SIGTERM, after a second SIGKILL.
+  void stop();
+
+ private:
+  void kill_group();
+
+  std::string name_;
+  OnLine on_line_;
+  std::string last_line_;
+  std::string trouble_;
+  Child child_;
+};
 
 /// Where the search path has a program of this name that may be executed.
 std::optional<std::filesystem::path> find_program(const std::string& name);

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <filesystem>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "process/file_descriptor.h"
@@ -15,22 +14,15 @@ namespace tachless::process {
 /// In ascending order; never empty.
 std::vector<int> allowed_cpus();
 
-/// A CPU that is this process's among all that ask so, until destruction or its end. Leaves nothing
-/// behind: it is a lock on the CPU's entry in /sys.
-class CpuClaim {
- public:
-  /// Nothing when another process has it, or there is no such entry.
-  static std::optional<CpuClaim> of(
-      int cpu, const std::filesystem::path& entries = "/sys/devices/system/cpu");
+/// From now on this thread executes on these CPUs alone; on what it did before when there are none.
+/// @return false, and errno, when the system refuses
+bool execute_on(const std::vector<int>& cpus);
 
-  [[nodiscard]] int cpu() const { return cpu_; }
-
- private:
-  CpuClaim(int cpu, FileDescriptor lock) : cpu_(cpu), lock_(std::move(lock)) {}
-
-  int cpu_;
-  FileDescriptor lock_;
-};
+/// Makes a CPU this process's among all that ask so, until the end of the process or of what is
+/// returned: a lock on the CPU's entry in /sys, which leaves nothing behind. Nothing when another
+/// process has it, or there is no such entry.
+std::optional<FileDescriptor> claim_cpu(
+    int cpu, const std::filesystem::path& entries = "/sys/devices/system/cpu");
 
 /// From a thread on CPU `one` to a thread on CPU `other` and back, each woken by the other: the
 /// median of many. Takes some milliseconds.

@@ -4,7 +4,6 @@
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <charconv>
 #include <cstddef>
@@ -13,19 +12,18 @@
 #include <memory>
 #include <string_view>
 
+#include "process/file_descriptor.h"
+
 namespace tachless::process {
 namespace {
 
 constexpr const char* remedy = "; sit at a desktop or log in with ssh -X";
 
 bool connects(int family, const sockaddr* address, socklen_t size) {
-  const int fd = ::socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return false;
+  const FileDescriptor fd(::socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0));
   const timeval patience{3, 0};
-  setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
-  const bool connected = ::connect(fd, address, size) == 0;
-  ::close(fd);
-  return connected;
+  setsockopt(fd.get(), SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+  return ::connect(fd.get(), address, size) == 0;
 }
 
 bool local_server_answers(int number) {
@@ -64,16 +62,11 @@ std::optional<std::string> display_problem() {
   // [HOST]:NUMBER[.SCREEN]
   const std::string quoted = "DISPLAY=" + std::string(display);
   const std::size_t colon = display.rfind(':');
+  const std::string_view rest = colon == std::string_view::npos ? "" : display.substr(colon + 1);
   int number = -1;
-  if (colon != std::string_view::npos) {
-    const std::string_view rest = display.substr(colon + 1);
-    const auto parsed = std::from_chars(rest.data(), rest.data() + rest.size(), number);
-    if (parsed.ec != std::errc() ||
-        (parsed.ptr != rest.data() + rest.size() && *parsed.ptr != '.')) {
-      number = -1;
-    }
-  }
-  if (number < 0 || number > 59535) {  // TCP ports end at 65535
+  const char* const end = rest.data() + rest.size();
+  const char* const after = std::from_chars(rest.data(), end, number).ptr;
+  if (number < 0 || number > 59535 || (after != end && *after != '.')) {  // TCP ports end at 65535
     return "no display: " + quoted + " names none" + remedy;
   }
   const std::string host(display.substr(0, colon));

@@ -48,7 +48,7 @@ Result watch(const std::vector<Process>& processes,
     if (act) act(result);
   };
   const auto begun = Clock::now();
-  result.supervision = supervise(processes, options);
+  result.supervision = supervise({{processes, options}}).front();
   result.took = Clock::now() - begun;
   return result;
 }
@@ -224,8 +224,8 @@ TEST(Supervise, NamesAProgramThatCannotBeStarted) {
     first = static_cast<pid_t>(std::stol(std::string(line)));
   };
   try {
-    supervise({shell("plant", "echo $$; sleep 60"), {"logger", {"/nowhere/tachless-logger"}}},
-              options);
+    supervise({{{shell("plant", "echo $$; sleep 60"), {"logger", {"/nowhere/tachless-logger"}}},
+                options}});
     FAIL() << "started a program that is not there";
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
@@ -305,7 +305,7 @@ TEST(Supervise, LeavesNoChildWhenItDies) {
     options.on_line = [&](std::string_view, std::string_view) {
       [[maybe_unused]] const auto n = write(held[1], "u", 1);
     };
-    supervise({shell("plant", "echo up; exec sleep 60")}, options);
+    supervise({{{shell("plant", "echo up; exec sleep 60")}, options}});
     _exit(0);
   }
   close(held[1]);

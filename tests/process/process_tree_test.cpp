@@ -1,10 +1,13 @@
 #include "process/process_tree.h"
 
 #include <gmock/gmock.h>
+#include <sched.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
+
+#include "tests/support/process_facts.h"
 
 namespace tachless::process {
 namespace {
@@ -21,17 +24,20 @@ TEST(ProcessTree, KnowsAChildAndWhatItRunsUntilItIsGone) {
     _exit(0);
   }
   EXPECT_THAT(children_of(getpid()), Contains(child));
-  EXPECT_THAT(threads_of(child), Contains(child));
-  EXPECT_EQ(program_of(child), "test_process");
-  ASSERT_TRUE(resident_kib(child).has_value());
-  EXPECT_GT(*resident_kib(child), 100);
+  EXPECT_FALSE(has_socket(child));
+  step_aside(child);
+  EXPECT_EQ(sched_getscheduler(child), SCHED_IDLE);
+  EXPECT_EQ(support::program_of(child), "test_process");
+  ASSERT_TRUE(support::resident_kib(child).has_value());
+  EXPECT_GT(*support::resident_kib(child), 100);
   kill(child, SIGKILL);
   ASSERT_EQ(waitpid(child, nullptr, 0), child);
   EXPECT_THAT(children_of(getpid()), Not(Contains(child)));
   EXPECT_THAT(children_of(child), IsEmpty());
-  EXPECT_THAT(threads_of(child), IsEmpty());
-  EXPECT_EQ(program_of(child), "");
-  EXPECT_FALSE(resident_kib(child).has_value());
+  EXPECT_FALSE(has_socket(child));
+  step_aside(child);
+  EXPECT_EQ(support::program_of(child), "");
+  EXPECT_FALSE(support::resident_kib(child).has_value());
 }
 
 }  // namespace

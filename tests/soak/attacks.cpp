@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "launch/progress_line.h"
+#include "launch/progress.h"
 #include "tests/campaign/invariants.h"
 #include "tests/campaign/tally.h"
 #include "tests/soak/attack_round.h"
@@ -37,7 +37,7 @@ void tell(const campaign::Evidence& evidence, const std::vector<std::string>& br
 ExitCode play_attacks(const Attacks& attacks, const std::atomic<bool>& interrupted) {
   make_directory(attacks.directory);
   PacketLoss::require();
-  const launch::ProgressLine progress(attacks.quiet);
+  launch::Screen progress(attacks.quiet);
   const auto begun = Clock::now();
   const auto minutes = [&] {
     return std::chrono::duration<double, std::ratio<60>>(Clock::now() - begun).count();

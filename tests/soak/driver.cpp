@@ -40,7 +40,8 @@ class Driver {
     options.interrupt_grace = 20s;
     const auto begun = Clock::now();
     give_up_at_ = begun + longest_round;
-    const launch::Supervision done = launch::supervise({{"run", spec_.command}}, options);
+    const launch::Supervision done =
+        launch::supervise({{{{"run", spec_.command}}, options}}).front();
     if (done.interrupted || interrupted_) throw_interrupted();
     const auto ended = Clock::now();
     Observation seen;
@@ -136,9 +137,9 @@ class Driver {
 
 std::optional<std::string> failure_of(const std::vector<std::string>& command) {
   const launch::Supervision done =
-      launch::supervise({{fs::path(command.front()).filename(), command}}, {});
+      launch::supervise({{{{fs::path(command.front()).filename(), command}}, {}}}).front();
   if (done.interrupted) throw_interrupted();
-  if (!done.ends.front().failed()) return std::nullopt;
+  if (done.ends.front().well()) return std::nullopt;
   return describe(done.ends.front());
 }
 

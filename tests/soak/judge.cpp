@@ -13,6 +13,7 @@
 #include "logger/log_file.h"
 #include "logger/run_log.h"
 #include "process/process_tree.h"
+#include "tests/support/process_facts.h"
 
 namespace tachless::soak {
 namespace {
@@ -105,7 +106,7 @@ class Judge {
   void check_nobody_is_left() {
     for (const pid_t pid : process::children_of(getpid())) {
       if (waitpid(pid, nullptr, WNOHANG) == pid) continue;  // had ended by itself
-      problem(fmt::format("left behind: process {}, {}", pid, process::program_of(pid)));
+      problem(fmt::format("left behind: process {}, {}", pid, support::program_of(pid)));
       kill(pid, SIGKILL);
       waitpid(pid, nullptr, 0);
     }

@@ -17,9 +17,8 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
-#include "launch/progress_line.h"
-#include "process/interruption.h"
-#include "process/isolate.h"
+#include "launch/progress.h"
+#include "process/this_process.h"
 #include "tests/soak/attacks.h"
 #include "tests/soak/plan.h"
 #include "tests/soak/report.h"
@@ -116,7 +115,7 @@ class Soak {
   Clock::time_point begun_ = Clock::now();
   Runner runner_;
   Report report_;
-  launch::ProgressLine progress_{options_.quiet};
+  launch::Screen progress_{options_.quiet};
 };
 
 void declare(CLI::App& command, Options& options) {

@@ -9,6 +9,7 @@
 #include "bus/authenticated.h"
 #include "node/options.h"
 #include "process/process_tree.h"
+#include "tests/support/process_facts.h"
 
 namespace tachless::soak {
 
@@ -33,7 +34,7 @@ void Observer::look_at_processes() {
   }
   processes_.clear();
   for (const pid_t pid : process::children_of(*launcher_)) {
-    const std::string program = process::program_of(pid);
+    const std::string program = support::program_of(pid);
     if (program.starts_with("tachless-")) processes_[program] = pid;
   }
   if (!processes_.empty()) {
@@ -44,7 +45,7 @@ void Observer::look_at_processes() {
   for (const auto& [program, pid] : processes_) first_pids_.try_emplace(program, pid);
   if (tick_ < spec_.scenario.loop.num_ticks / 10) return;
   for (const auto& [program, pid] : processes_) {
-    const auto kib = process::resident_kib(pid);
+    const auto kib = support::resident_kib(pid);
     if (!kib || first_pids_.at(program) != pid) continue;
     Memory& memory = memory_[program];
     if (memory.early == 0) memory.early = *kib;

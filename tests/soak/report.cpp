@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "diagnostics/text.h"
-#include "process/process_tree.h"
+#include "tests/support/process_facts.h"
 
 namespace tachless::soak {
 
@@ -86,7 +86,7 @@ nlohmann::ordered_json Report::json(std::uint64_t first_seed, double elapsed_s) 
           {"held", held()},
           {"faults", faults},
           {"memory_kib", memory},
-          {"soak_kib", process::resident_kib(getpid()).value_or(0)},
+          {"soak_kib", support::resident_kib(getpid()).value_or(0)},
           {"all", entries_}};
 }
 

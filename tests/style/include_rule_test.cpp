@@ -102,9 +102,9 @@ const std::vector<Rule> rules = {
     {"certificate/postures.cpp", {"certificate/", "robot/"}, {"Eigen/", "nlopt.h"}},
 
     {"study/",
-     {"study/", "robot/", "controller/registry.h",
-      "reference/make_trajectory.h", "reference/trajectory/", "plant/", "experiment/", "loop/",
-      "certificate/scenario_loop.h", "schema/schema.h", "diagnostics/failure.h"},
+     {"study/", "robot/", "controller/registry.h", "reference/make_trajectory.h",
+      "reference/trajectory/", "plant/", "experiment/", "loop/", "certificate/scenario_loop.h",
+      "schema/schema.h", "diagnostics/failure.h"},
      {"Eigen/"}},
     {"study/sweep.cpp", {"study/", "certificate/parallel.h", "diagnostics/"}, {}, true},
     {"study/sweep_plan.cpp", {"study/", "experiment/", "diagnostics/"}, {"nlohmann/"}},
@@ -122,10 +122,7 @@ const std::vector<Rule> rules = {
      {"replay/", "report/", "study/", "controller/", "logger/", "experiment/", "robot/", "loop/",
       "diagnostics/"},
      {"nlohmann/"}},
-    {"monitor/",
-     {"monitor/", "bus/", "loop/", "diagnostics/"},
-     {"nlohmann/", "fmt/"},
-     true},
+    {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
     {"viewer/",
      {"viewer/", "plant/plant_model.h", "node/", "bus/", "experiment/", "process/", "robot/",
       "loop/", "diagnostics/"},
@@ -202,9 +199,10 @@ bool is_standard(const std::string& header) {
 }
 
 bool is_system(const std::string& header) {
-  static const std::set<std::string> top = {
-      "unistd.h", "fcntl.h",  "poll.h",   "signal.h", "sched.h",   "pthread.h", "time.h", "spawn.h",
-      "errno.h",  "string.h", "dirent.h", "netdb.h",  "ifaddrs.h", "termios.h", "glob.h"};
+  static const std::set<std::string> top = {"unistd.h",  "fcntl.h",   "poll.h",   "signal.h",
+                                            "sched.h",   "pthread.h", "time.h",   "spawn.h",
+                                            "errno.h",   "string.h",  "dirent.h", "netdb.h",
+                                            "ifaddrs.h", "termios.h", "glob.h",   "semaphore.h"};
   return top.contains(header) ||
          starts_with_one_of(header, {"sys/", "net/", "netinet/", "arpa/", "linux/"});
 }

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "process/isolate.h"
+#include "process/this_process.h"
 
 /// A test program that includes this runs in a network namespace of its own from its first test
 /// on, with a loopback interface and a multicast route: its traffic meets nobody's.

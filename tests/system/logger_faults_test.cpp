@@ -18,6 +18,7 @@
 #include "logger/run_log.h"
 #include "process/process_tree.h"
 #include "tests/support/private_network.h"
+#include "tests/support/process_facts.h"
 #include "tests/system/everyone_else.h"
 #include "tests/system/four_programs.h"
 #include "tests/system/oversleep.h"
@@ -100,7 +101,7 @@ TEST_P(AFullDisk, EndsTachlessRunWithinTwoSecondsAndKeepsWhatHasRoom) {
   // The four programs; the log's figures are drawn after them.
   const auto are_there = [&] {
     return std::ranges::any_of(process::children_of(run.pid()), [](pid_t pid) {
-      return process::program_of(pid).starts_with("tachless-");
+      return support::program_of(pid).starts_with("tachless-");
     });
   };
   while (are_there()) std::this_thread::sleep_for(5ms);

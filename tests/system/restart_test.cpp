@@ -17,6 +17,7 @@
 #include "logger/run_log.h"
 #include "process/process_tree.h"
 #include "tests/support/private_network.h"
+#include "tests/support/process_facts.h"
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
@@ -78,7 +79,7 @@ class Launched {
   /// The launcher's child that runs this program; 0: none.
   [[nodiscard]] pid_t find(const std::string& program) const {
     for (const pid_t pid : process::children_of(run_.pid())) {
-      if (process::program_of(pid) == program) return pid;
+      if (support::program_of(pid) == program) return pid;
     }
     return 0;
   }

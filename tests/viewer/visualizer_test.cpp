@@ -19,6 +19,7 @@
 
 #include "process/process_tree.h"
 #include "tests/support/private_network.h"
+#include "tests/support/process_facts.h"
 #include "tests/support/program.h"
 #include "tests/support/virtual_display.h"
 
@@ -101,7 +102,7 @@ class Visualized {
   /// The process of that name among the run's; 0 when there is none.
   [[nodiscard]] pid_t process(const std::string& name) const {
     for (const pid_t pid : process::children_of(program_.pid())) {
-      if (process::program_of(pid) == name) return pid;
+      if (support::program_of(pid) == name) return pid;
     }
     return 0;
   }

@@ -1,4 +1,4 @@
-#include "process/interruption.h"
+#include "process/this_process.h"
 
 #include <gtest/gtest.h>
 #include <sys/wait.h>

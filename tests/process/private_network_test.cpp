@@ -1,4 +1,4 @@
-#include "process/isolate.h"
+#include "process/this_process.h"
 
 #include <gtest/gtest.h>
 #include <linux/capability.h>

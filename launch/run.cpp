@@ -1,0 +1,125 @@
+#include "launch/run.h"
+
+#include <unistd.h>
+
+#include <chrono>
+#include <cmath>
+#include <deque>
+#include <utility>
+
+#include "bus/wire.h"
+#include "diagnostics/logging.h"
+#include "launch/run_results.h"
+#include "logger/log_file.h"
+#include "process/this_process.h"
+#include "study/in_process_log.h"
+
+namespace tachless::launch {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using Clock = std::chrono::steady_clock;
+
+/// The announcement of the fault in the plant's name, with which the log of a run ends that failed.
+void append_fault(logger::LogWriter& log, const PlannedRun& run, std::int64_t ticks,
+                  const Failure& failure) {
+  const experiment::Scenario& scenario = run.scenario;
+  loop::Participant plant;
+  plant.instance = 1;
+  plant.scenario_digest = scenario.digest;
+  plant.pid = getpid();
+  plant.state = loop::ParticipantState::fault;
+  plant.fault_code = static_cast<int>(failure.code());
+  plant.scenario = scenario.name.substr(0, loop::max_participant_text);
+  plant.fault = std::string(failure.what()).substr(0, loop::max_participant_text);
+  const double time_s = static_cast<double>(ticks) * scenario.loop.period_s;
+  const loop::Stamp stamp{std::llround(time_s * 1e6), run.options.run_id, ticks - 1};
+  bus::Codec<loop::Participant> codec(loop::Layout{});
+  log.append(stamp.utime, loop::channel<loop::Participant>(scenario.robot.channel_prefix),
+             codec.encode(stamp, plant));
+}
+
+/// Runs to the end, a fault or an interruption by the user.
+RunEnd log_in_this_process(const PlannedRun& run, const RunDirectory& out, Screen& screen) {
+  constexpr std::int64_t looks = 64;  // ticks from one look at clock and user to the next
+  const std::atomic<bool>& interrupted = process::catch_interruptions();
+  const auto joints = static_cast<std::size_t>(run.scenario.num_joints);
+  Progress progress = run.progress();
+  node::Statistics statistics;  // what a plant process counts
+  node::PlantStatistics& plant = statistics.plant();
+  statistics.run_id = run.options.run_id;
+  plant.saturated_ticks.assign(joints, 0);
+  plant.beyond_limit_ticks.assign(joints, 0);
+  const Clock::time_point begun = Clock::now();
+  RunEnd end{ExitCode::done, planned_facts(run), {}};
+  logger::LogWriter log(out / "lcmlog");
+  try {
+    study::log_in_process(
+        run.scenario, run.options.make_law()(run.scenario), run.options.run_id,
+        [&](const study::LogMessage& message) {
+          log.append(message.utime, message.channel, message.data);
+        },
+        [&](const study::TickRecord& record) {
+          statistics.ticks = record.tick + 1;
+          for (std::size_t i = 0; i < joints; ++i) {
+            plant.saturated_ticks[i] += record.applied.saturated[i] ? 1 : 0;
+            plant.beyond_limit_ticks[i] += record.beyond_limit[i] ? 1 : 0;
+          }
+          if (record.tick % looks != 0) return true;
+          const double error = (record.truth.q - record.reference.q_ref).norm();
+          progress.note(record.tick, error, Clock::now());
+          screen.show({&progress, 1});
+          return !interrupted;
+        });
+    log.close();
+    if (interrupted) {
+      end.code = ExitCode::interrupted;
+      end.facts.fault = "interrupted";
+    }
+  } catch (const Failure& failure) {
+    end.code = failure.code();
+    end.facts.fault = failure.what();
+    if (log.num_events() > 0 && failure.code() == ExitCode::protective_stop) {
+      append_fault(log, run, statistics.ticks, failure);
+    }
+  }
+  end.facts.placement = "one process";
+  end.facts.wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  statistics.exit_code = end.code;
+  statistics.fault = end.facts.fault;
+  statistics.wall_s = end.facts.wall_s;
+  end.statistics.push_back(std::move(statistics));
+  return end;
+}
+
+ExitCode in_this_process(const std::vector<PlannedRun>& runs) {
+  process::survive_broken_pipes();
+  std::deque<RunDirectory> out;
+  for (const PlannedRun& run : runs) out.emplace_back(run.options.directory(run.scenario));
+  Screen screen(runs.front().options.quiet);
+  for (const PlannedRun& run : runs) run.say_remarks();
+  Conclusions conclusions;
+  std::string failed;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    const RunOptions& options = runs[i].options;
+    if (!failed.empty()) {
+      diagnostics::log_error(options.named("not begun, because " + failed + " did not end well"));
+      continue;
+    }
+    RunEnd end = log_in_this_process(runs[i], out[i], screen);
+    screen.clear();
+    if (end.code != ExitCode::done) failed = options.robot;
+    conclusions.add(runs[i], out[i], std::move(end));
+  }
+  return conclusions.finish();
+}
+
+}  // namespace
+
+ExitCode run(const RunOptions& options, const std::vector<std::filesystem::path>& scenarios) {
+  const std::vector<PlannedRun> runs = plan_runs(options, scenarios);
+  return options.in_process ? in_this_process(runs) : run_on_bus(runs);
+}
+
+}  // namespace tachless::launch

@@ -1,0 +1,352 @@
+#include <fmt/core.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <deque>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "bus/authenticated.h"
+#include "bus/key.h"
+#include "bus/transport.h"
+#include "bus/wire.h"
+#include "controller/law_socket.h"
+#include "diagnostics/logging.h"
+#include "launch/doctor.h"
+#include "launch/placement.h"
+#include "launch/progress.h"
+#include "launch/run.h"
+#include "launch/run_results.h"
+#include "launch/supervise.h"
+#include "node/options.h"
+#include "plant/node.h"
+#include "process/this_process.h"
+#include "viewer/visualizer.h"
+
+namespace tachless::launch {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using Clock = std::chrono::steady_clock;
+
+// Processes of one launcher find each other at once or never.
+constexpr const char* rendezvous_s = "10";
+
+/// Reads the announcements of a robot's processes. Only listens.
+class Heartbeats {
+ public:
+  Heartbeats(const PlannedRun& run, const std::optional<bus::Key>& key)
+      : transport_(bus::open_bus(node::parse_lcm_url(run.options.lcm_url))),
+        codec_(loop::layout(run.scenario.num_joints, run.scenario.robot.flexible.has_value(), 0)),
+        run_(run.options.run_id) {
+    if (key) authenticated_.emplace(*transport_, *key);
+    transport_->subscribe(loop::channel<loop::Participant>(run.scenario.robot.channel_prefix));
+  }
+
+  /// What the controller has announced since the last call.
+  void read_into(Progress& progress) {
+    try {
+      while (!deaf_ && receive({})) {
+        if (heard_ && stamp_.run == run_ && who_.role == loop::Role::controller) {
+          progress.note(stamp_.tick, who_.error_norm, Clock::now());
+        }
+      }
+    } catch (const Failure&) {
+      deaf_ = true;  // the programs lose the bus with it, and say so
+    }
+  }
+
+  /// Listens for an announcement, until `until` at the latest.
+  /// @throw diagnostics::Failure(protocol_violated) when a robot of this name has its processes
+  /// here
+  void require_free_bus(loop::Clock::time_point until) {
+    const auto sender = receive(until);
+    if (!sender || !heard_ || who_.state == loop::ParticipantState::finished ||
+        who_.state == loop::ParticipantState::fault) {
+      return;
+    }
+    throw Failure(ExitCode::protocol_violated,
+                  "another run is on this bus: there is already the {} (process {} on {}, {}); run "
+                  "beside it with --isolate, or end it first",
+                  loop::name(who_.role), who_.pid, who_.host, *sender);
+  }
+
+ private:
+  /// The sender of the next datagram; whether it is an announcement, says `heard_`.
+  std::optional<std::string_view> receive(loop::Clock::time_point until) {
+    bus::Transport& transport =
+        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
+    const auto datagram = transport.receive(until);
+    if (!datagram) return std::nullopt;
+    heard_ = codec_.decode(datagram->payload, stamp_, who_) == bus::Rejection::none;
+    return datagram->sender;
+  }
+
+  std::unique_ptr<bus::Transport> transport_;
+  bool deaf_ = false;  ///< the bus is gone
+  std::optional<bus::Authenticated> authenticated_;
+  bus::Codec<loop::Participant> codec_;
+  std::int64_t run_;
+  bool heard_ = false;
+  loop::Stamp stamp_;
+  loop::Participant who_;
+};
+
+/// A run whose four processes are on the bus.
+struct OnTheBus {
+  OnTheBus(const PlannedRun& planned, const std::optional<bus::Key>& key)
+      : run(planned),
+        options(planned.options),
+        placement(choose_placement(options.placement, planned.scenario.loop.mode)),
+        heartbeats(planned, key) {}
+
+  const PlannedRun& run;
+  const RunOptions& options;
+  Placement placement;
+  Heartbeats heartbeats;
+  std::unique_ptr<process::SideProcess> window;  ///< Simbody's 3D window; the run goes on without
+  std::optional<RunDirectory> out;
+};
+
+/// Path of `program` beside this one, and the arguments that say which experiment on which bus.
+std::vector<std::string> command_of(const std::string& program, const RunOptions& options) {
+  std::vector<std::string> command = {(process::program_directory() / program).string(),
+                                      options.scenario.string(), "--lcm-url", options.lcm_url};
+  if (!options.key_file.empty()) command.insert(command.end(), {"--key-file", options.key_file});
+  for (const std::string& value : options.all_overrides()) {
+    command.insert(command.end(), {"--set", value});
+  }
+  return command;
+}
+
+/// The four processes, in the order in which they are started.
+std::vector<Process> processes_of(const OnTheBus& robot) {
+  const RunOptions& options = robot.options;
+  const std::string log = (*robot.out / "lcmlog").string();
+  std::vector<Process> all;
+  for (const loop::Role role : roles) {
+    std::vector<std::string> command = command_of(node::program_name(role), options);
+    command.insert(command.end(),
+                   {options.verbose ? "--verbose" : "--quiet", "--mark-levels", "--wait-s",
+                    rendezvous_s, "--stats", robot.out->statistics_path(role).string()});
+    if (role == loop::Role::plant) {
+      command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
+    }
+    if (role == loop::Role::controller && !options.law_program.empty()) {
+      command =
+          controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
+    }
+    if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
+    if (robot.placement.spin && role != loop::Role::logger) command.emplace_back("--spin");
+    Process process{
+        std::string(loop::name(role)), std::move(command), {}, robot.placement.cpus_of(role)};
+    if (process.name == options.restart) {
+      process.restart = process.command;
+      process.restart.insert(process.restart.end(), {"--resume", log});
+    }
+    all.push_back(std::move(process));
+  }
+  return all;
+}
+
+/// @throw diagnostics::Failure(bad_usage) when there can be no window
+void open_window(OnTheBus& robot, bool isolated, Screen& screen) {
+  const std::string program = "tachless-visualizer";
+  std::vector<std::string> command = command_of(program, robot.options);
+  command.insert(command.end(), {"--run-id", std::to_string(robot.options.run_id)});
+  try {
+    robot.window = std::make_unique<process::SideProcess>(
+        program, command, viewer::window_is_open, std::chrono::seconds(30),
+        [&](std::string_view line) {
+          screen.pass_on(robot.options.named(""), "visualizer", line);
+        });
+  } catch (const Failure& failure) {
+    std::string_view why = failure.what();
+    if (why.starts_with(program + ": ")) why.remove_prefix(program.size() + 2);
+    throw Failure(
+        failure.code(), "--visualize: {}; or leave out --visualize{}", why,
+        isolated ? " (this run is isolated: it reaches no display over the network)" : "");
+  }
+}
+
+/// Passes on what the window has said, and tells when it is gone.
+void attend_window(const OnTheBus& robot, Screen& screen) {
+  process::SideProcess* window = robot.window.get();
+  if (window == nullptr || !window->running()) return;
+  window->attend();
+  if (window->running()) return;
+  screen.clear();
+  diagnostics::log_warning(robot.options.named(fmt::format(
+      "the window {}; the run goes on",
+      window->trouble().empty() ? "was closed" : fmt::format("is gone: {}", window->trouble()))));
+}
+
+/// Waits until the window has shown everything, is closed, or the user interrupts.
+void finish_window(const OnTheBus& robot) {
+  if (!robot.window) return;
+  process::SideProcess& window = *robot.window;
+  const std::atomic<bool>& interrupted = process::catch_interruptions();
+  window.attend();
+  if (window.running() && !robot.options.quiet) {
+    diagnostics::log_info(robot.options.named(
+        "the window shows the run to its end, at the simulated pace; Ctrl-C closes it"));
+  }
+  while (window.running() && !interrupted) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    window.attend();
+  }
+  window.stop();
+}
+
+/// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
+/// @throw diagnostics::Failure as Heartbeats::require_free_bus
+void require_free_bus(std::deque<OnTheBus>& robots) {
+  const auto until = loop::Clock::now() + std::chrono::milliseconds(250);
+  while (loop::Clock::now() < until) {
+    for (OnTheBus& each : robots) {
+      each.heartbeats.require_free_bus(
+          std::min(until, loop::Clock::now() + std::chrono::milliseconds(5)));
+    }
+  }
+}
+
+/// @param own of `progress`, which of all robots is shown
+SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progress,
+                                   std::size_t own, Screen& screen) {
+  const experiment::LoopSpec& loop = robot.run.scenario.loop;
+  SuperviseOptions options;
+  if (loop.mode == experiment::Mode::realtime) {
+    // The plant first brings the robot to rest, once it misses what was lost.
+    const double noticed_s = std::min(loop.give_up_s, loop.period_s * (loop.max_missed + 1));
+    options.grace +=
+        plant::longest_stop + std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * noticed_s));
+  }
+  options.on_line = [&](std::string_view name, std::string_view line) {
+    screen.pass_on(robot.options.named(""), name, line);
+  };
+  options.on_restart = [&](std::string_view name, const std::string& how) {
+    screen.clear();
+    diagnostics::log_warning(robot.options.named(
+        fmt::format("{}; another {} has been started in its place", how, name)));
+  };
+  options.on_wake = [&, own] {
+    robot.heartbeats.read_into(progress[own]);
+    screen.show(progress);
+    robot.out->look();
+    attend_window(robot, screen);
+  };
+  return options;
+}
+
+/// Whether the program of --controller ended as if all was well, but without the counters that a
+/// controller leaves.
+bool program_took_no_part(const RunOptions& options, const Supervision& supervision,
+                          const std::vector<node::Statistics>& statistics) {
+  const loop::Role controller = loop::Role::controller;
+  return !options.law_program.empty() &&
+         std::ranges::any_of(supervision.ends,
+                             [&](const ProcessEnd& end) {
+                               return end.name == loop::name(controller) && end.well() &&
+                                      !end.on_order;
+                             }) &&
+         std::ranges::find(statistics, controller, &node::Statistics::role) == statistics.end();
+}
+
+/// Who else ended because of the first cause, and what helps.
+std::vector<std::string> consequences(const Supervision& supervision, const RunOptions& options) {
+  std::vector<std::string> lines;
+  if (options.verbose) {
+    for (const ProcessEnd& end : supervision.ends) {
+      if (!end.well()) lines.push_back(options.named(describe(end)));
+    }
+  }
+  const std::string others = others_that_failed(supervision);
+  if (!supervision.interrupted && !others.empty()) {
+    lines.push_back(options.named(fmt::format("because of it ended: {}{}", others,
+                                              options.verbose ? "" : "; details with --verbose")));
+  }
+  if (exit_code(supervision) != ExitCode::check_said_no) return lines;
+  for (const auto& [subject, what, remedy] : examine_punctuality()) {
+    lines.push_back(fmt::format("{}: {}; type: {}", subject, what, *remedy));
+  }
+  return lines;
+}
+
+/// @param culprit the robot whose failure interrupted the run, if one has
+void conclude(OnTheBus& robot, const Supervision& supervision, const std::string& culprit,
+              double wall_s, Conclusions& conclusions) {
+  RunEnd end{exit_code(supervision), planned_facts(robot.run), robot.out->take_statistics()};
+  end.facts.wall_s = wall_s;
+  end.facts.placement = robot.placement.words;
+  if (supervision.interrupted) {
+    end.facts.fault = "interrupted" + (culprit.empty() ? "" : ", because " + culprit + " failed");
+  } else if (supervision.culprit) {
+    end.facts.fault = describe(supervision.ends[*supervision.culprit]);
+  }
+  const bool no_part = program_took_no_part(robot.options, supervision, end.statistics);
+  if (no_part) {
+    end.code = ExitCode::peer_lost;
+    end.facts.fault = fmt::format(
+        "--controller '{}': ended without having taken part; has it a main that calls "
+        "tachless::run_controller (Python: tachless.run_controller)?",
+        robot.options.law_program);
+  }
+  // Otherwise the others have only waited for the program.
+  if (!no_part) end.consequences = consequences(supervision, robot.options);
+  conclusions.add(robot.run, *robot.out, std::move(end));
+}
+
+}  // namespace
+
+ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
+  const RunOptions& common = runs.front().options;
+  const bool isolated = prepare_network(common);
+  std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
+  if (!common.key_file.empty()) key = bus::read_key_file(common.key_file);
+  process::survive_broken_pipes();
+  Screen screen(common.quiet);
+  std::deque<OnTheBus> robots;
+  for (const PlannedRun& run : runs) robots.emplace_back(run, key);
+  if (!isolated) require_free_bus(robots);
+  for (OnTheBus& each : robots) {
+    if (common.visualize) open_window(each, isolated, screen);
+    each.out.emplace(each.options.directory(each.run.scenario));
+  }
+  std::vector<Progress> progress;
+  std::vector<Supervised> supervised;
+  for (OnTheBus& each : robots) {
+    each.run.say_remarks();
+    diagnostics::log_detail(
+        each.options.named(fmt::format("{}: {}", each.placement.words, each.placement.reason)));
+    progress.push_back(each.run.progress());
+    supervised.push_back(
+        {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
+  }
+  const Clock::time_point begun = Clock::now();
+  const std::vector<Supervision> ends = supervise(supervised);
+  const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
+  screen.clear();
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    if (!robots[i].window) continue;
+    // What is left to show will be shown.
+    ends[i].interrupted ? robots[i].window->stop() : robots[i].window->signal(SIGUSR1);
+  }
+  std::vector<std::size_t> order(ends.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_partition(order.begin(), order.end(),
+                        [&](std::size_t i) { return ends[i].failed(); });
+  Conclusions conclusions;
+  for (const std::size_t i : order) {
+    const std::string culprit = ends[i].because_of ? robots[*ends[i].because_of].options.robot : "";
+    conclude(robots[i], ends[i], culprit, wall_s, conclusions);
+  }
+  for (const OnTheBus& each : robots) finish_window(each);
+  return conclusions.finish();
+}
+
+}  // namespace tachless::launch

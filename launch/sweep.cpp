@@ -1,0 +1,143 @@
+#include "launch/sweep.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <vector>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/text.h"
+#include "diagnostics/unfinished_file.h"
+#include "logger/export.h"
+#include "process/child.h"
+#include "report/sweep_page.h"
+#include "study/measures.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using Outcomes = std::map<std::string, std::int64_t>;  // how many runs ended how
+
+constexpr const char* remedy = "make room there";
+
+/// The results as columns of numbers.
+void write_hdf5(const study::Sweep& sweep, const std::vector<study::SweepRow>& rows,
+                const Outcomes& outcomes) {
+  std::vector<logger::NumberColumn> columns = {{"law", "", {}, {}}};
+  for (const study::SweepLaw& law : sweep.plan().laws) columns[0].choices.push_back(law.name);
+  for (const study::Axis& axis : sweep.plan().axes) columns.push_back({axis.name(), "", {}, {}});
+  columns.push_back({"outcome", "", {}, {}});
+  for (const auto& [outcome, count] : outcomes) columns.back().choices.push_back(outcome);
+  for (const study::MeasureColumn& measure : study::measure_columns()) {
+    columns.push_back({std::string(measure.name), std::string(measure.unit), {}, {}});
+  }
+  for (const study::SweepRow& row : rows) {
+    auto column = columns.begin();
+    const auto add = [&](double value) { (column++)->values.push_back(value); };
+    const auto add_choice = [&](const std::string& name) {
+      const auto found = std::ranges::find(column->choices, name);
+      add(static_cast<double>(found - column->choices.begin()));
+    };
+    add_choice(row.which.law);
+    std::ranges::for_each(row.which.values, add);
+    add_choice(row.outcome);
+    std::ranges::for_each(row.measures, add);
+  }
+  diagnostics::UnfinishedFile file(sweep.directory() / "results.h5", remedy);
+  logger::write_hdf5_columns(file.name(), columns, {{"plan", sweep.plan().json()}});
+  file.finish();
+}
+
+fs::path job_file(const study::Sweep& sweep) { return sweep.directory() / "slurm-job"; }
+
+/// One word of a shell's command.
+std::string word(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text) result += c == '\'' ? "'\\''" : std::string(1, c);
+  return result + "'";
+}
+
+/// The number of the job that sbatch has made of this program's `sweep` with `arguments`.
+std::string submitted(const study::Sweep& sweep, std::vector<std::string> options,
+                      const std::string& arguments) {
+  options.insert(options.begin(),
+                 {"sbatch", "--parsable", "--job-name=sweep-" + sweep.plan().name});
+  options.insert(
+      options.end(),
+      {"--requeue", "--open-mode=append", "--wrap",
+       fmt::format("exec {} sweep {} {}", word(fs::read_symlink("/proc/self/exe").string()),
+                   word(fs::absolute(sweep.directory()).string()), arguments)});
+  const process::Finished finished = process::run(options);
+  if (!finished.well() || finished.lines.empty()) {
+    throw diagnostics::bad_usage("sbatch refuses the sweep: {}",
+                                 diagnostics::joined(finished.lines, "; "));
+  }
+  return finished.lines.back().substr(0, finished.lines.back().find(';'));  // "id;cluster"
+}
+
+}  // namespace
+
+std::string write_sweep_results(const study::Sweep& sweep, const std::string& colour, bool json) {
+  const std::vector<study::SweepRow> rows = sweep.rows();
+  const fs::path& directory = sweep.directory();
+  Outcomes outcomes;
+  for (const study::SweepRow& row : rows) ++outcomes[row.outcome];
+  diagnostics::UnfinishedFile(directory / "results.csv", remedy).write(sweep.table(rows));
+  write_hdf5(sweep, rows, outcomes);
+  report::write_sweep_page(sweep.plan(), rows, colour, directory);
+  if (json) {
+    const nlohmann::ordered_json all = {
+        {"directory", directory.string()}, {"runs", rows.size()}, {"outcomes", outcomes}};
+    return diagnostics::json_text(all, 2) + "\n";
+  }
+  std::vector<std::string> parts;
+  for (const auto& [outcome, count] : outcomes)
+    parts.push_back(fmt::format("{} {}", count, outcome));
+  return fmt::format("{} runs: {}\n  {}\n  {}\n", rows.size(), diagnostics::joined(parts),
+                     (directory / "results.csv").string(), (directory / "index.html").string());
+}
+
+std::string submit_to_slurm(const study::Sweep& sweep, int tasks) {
+  const std::string directory = fs::absolute(sweep.directory()).string();
+  const std::string array = submitted(
+      sweep,
+      {fmt::format("--array=1-{}", tasks), fmt::format("--output={}/slurm-%a.txt", directory)},
+      fmt::format("--quiet --shard $SLURM_ARRAY_TASK_ID/{} --threads ${{SLURM_CPUS_PER_TASK:-1}}",
+                  tasks));
+  std::ofstream(job_file(sweep)) << array << "\n";
+  const std::string merge = submitted(
+      sweep,
+      {"--dependency=afterany:" + array, fmt::format("--output={}/slurm-merge.txt", directory)},
+      "--merge");
+  return fmt::format(
+      "job {}: {} tasks, {} runs; job {} merges them into {}/results.csv\n"
+      "  tachless sweep {} --status\n",
+      array, tasks, sweep.plan().num_cases(), merge, directory, sweep.directory().string());
+}
+
+std::string slurm_status(const study::Sweep& sweep) {
+  std::string text;
+  const auto finished = std::ranges::count(sweep.finished(), true);
+  for (const auto& [file, count] : sweep.counts()) {
+    text += fmt::format("  {}: {} runs\n", file, count);
+  }
+  std::ifstream file(job_file(sweep));
+  std::string job;
+  if (std::getline(file, job) && process::find_program("squeue")) {
+    for (const std::string& line :
+         process::run({"squeue", "--noheader", "--jobs", job, "--format=task %K: %T on %N %r"})
+             .lines) {
+      text += "  " + line + "\n";
+    }
+  }
+  return fmt::format("{}: {} of {} runs finished\n{}", sweep.directory().string(), finished,
+                     sweep.plan().num_cases(), text);
+}
+
+}  // namespace tachless::launch

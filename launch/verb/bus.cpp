@@ -1,0 +1,205 @@
+// The verbs that look at this machine and at the bus, whatever runs there: doctor, watch, spy.
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <system_error>
+
+#include "bus/lcm_url.h"
+#include "bus/network_check.h"
+#include "bus/transport.h"
+#include "diagnostics/json_text.h"
+#include "launch/doctor.h"
+#include "launch/verb.h"
+#include "monitor/bus_monitor.h"
+#include "monitor/watch.h"
+#include "node/options.h"
+#include "process/child.h"
+#include "process/display.h"
+#include "process/process_tree.h"
+#include "process/this_process.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using loop::Clock;
+using Json = nlohmann::ordered_json;
+
+struct Doctor {
+  std::string lcm_url = node::default_lcm_url;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    node::add_lcm_url(command, lcm_url);
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const std::vector<Finding> findings = examine(lcm_url, ".");
+    Json list = Json::array();
+    for (const auto& [subject, what, remedy] : findings) {
+      list.push_back({{"subject", subject},
+                      {"ok", !remedy},
+                      {"what", what},
+                      {"remedy", remedy ? Json(*remedy) : Json()}});
+      if (json) continue;
+      std::cout << fmt::format("{:<4} {:<20}{}\n", remedy ? "--" : "ok", subject, what);
+      if (remedy) std::cout << "     type: " << *remedy << "\n";
+    }
+    if (json) std::cout << diagnostics::json_text(list, 2) << "\n";
+    return std::ranges::all_of(findings, &Finding::ok) ? ExitCode::done : ExitCode::check_said_no;
+  }
+};
+
+struct Watch {
+  bool once = false, json = false;
+  double seconds = 0;  // 0: --once: 2, else until interrupted
+  std::string lcm_url = node::default_lcm_url;
+
+  void declare(CLI::App& command) {
+    command.add_flag("--once", once, "Listen, print what was heard, and end");
+    command
+        .add_option("--seconds", seconds,
+                    "How long to listen [s]; default: --once 2, else until Ctrl-C")
+        ->check(CLI::Range(0.01, 1e6));
+    command.add_flag("--json", json, "As JSON; without --once one line per second");
+    node::add_lcm_url(command, lcm_url);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const std::atomic<bool>& interrupted = process::catch_interruptions();
+    const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
+    const auto transport = join(url);
+    process::step_aside(getpid());
+    transport->subscribe_all();
+    monitor::BusMonitor monitor;
+    monitor::Listener listener(*transport, monitor, interrupted);
+    const auto json_text = [&](int indent) {
+      Json result = {{"lcm_url", url.text()}};
+      result.update(monitor.to_json());
+      return diagnostics::json_text(result, indent) + "\n";
+    };
+    Clock::time_point begin = Clock::now();
+    const Clock::time_point end = end_after(begin);
+    if (once) {
+      listener.listen(begin, end);
+      std::cout << (json ? json_text(2)
+                         : fmt::format("{}\n{}\n", url.text(), fmt::join(monitor.table(), "\n")));
+      return ExitCode::done;
+    }
+    std::optional<monitor::TableScreen> screen;
+    if (!json) {
+      std::cout << url.text() << ", q or Ctrl-C ends\n" << std::flush;
+      screen.emplace();
+    }
+    while (!interrupted && Clock::now() < end && std::cout && !(screen && screen->quit_wanted())) {
+      listener.listen(begin, std::min(end, begin + std::chrono::seconds(1)));
+      begin = Clock::now();
+      if (screen) {
+        screen->show(monitor);
+      } else {
+        std::cout << json_text(-1) << std::flush;
+      }
+    }
+    return ExitCode::done;
+  }
+
+ private:
+  static std::unique_ptr<bus::Transport> join(const bus::LcmUrl& url) {
+    try {
+      return bus::open_bus(url);
+    } catch (const std::system_error& error) {
+      throw diagnostics::bad_usage(error.what());
+    }
+  }
+
+  [[nodiscard]] Clock::time_point end_after(Clock::time_point begin) const {
+    if (seconds == 0 && !once) return Clock::time_point::max();
+    return begin + std::chrono::duration_cast<Clock::duration>(
+                       std::chrono::duration<double>(seconds == 0 ? 2 : seconds));
+  }
+};
+
+struct Spy {
+  std::string lcm_url = node::default_lcm_url;
+
+  void declare(CLI::App& command) { node::add_lcm_url(command, lcm_url); }
+
+  [[nodiscard]] ExitCode run() const {
+    const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
+    if (const auto problem = process::display_problem()) {
+      refuse(fmt::format("{}, or see the same in a terminal: tachless watch", *problem));
+    }
+    if (const auto problem = bus::check_network(url)) {
+      refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));
+    }
+    // Not Debian's own lcm-spy: it passes options that its Java does not know any more, and does
+    // not find the chart library.
+    process::become({find_java().string(), "-Djava.net.preferIPv4Stack=true", "-ea", "-cp",
+                     class_path(), "lcm.spy.Spy", "-l", url.text()},
+                    "as root, type: apt-get install default-jre");
+  }
+
+ private:
+  [[noreturn]] static void refuse(const std::string& why) {
+    throw diagnostics::bad_usage("spy: {}", why);
+  }
+
+  /// The java of the search path that can open windows.
+  static fs::path find_java() {
+    const std::optional<fs::path> java = process::find_program("java");
+    if (!java) refuse("there is no java; as root, type: apt-get install default-jre");
+    std::error_code error;
+    const fs::path home = fs::canonical(*java, error).parent_path().parent_path();
+    if (!error && !fs::exists(home / "lib/libawt_xawt.so", error)) {
+      refuse(fmt::format(
+          "{} is one without windows (in {}); as root, type: apt-get install default-jre",
+          java->string(), home.string()));
+    }
+    return *java;
+  }
+
+  static std::string class_path() {
+    const char* const charts = "/usr/share/java/jchart2d.jar";
+    const fs::path types = process::shared_directory() / "tachless_types.jar";
+    for (const auto& [jar, remedy] :
+         {std::pair<fs::path, const char*>{LCM_JAR, "as root, type: apt-get install liblcm-java"},
+          {charts, "as root, type: apt-get install libjchart2d-java"},
+          {types, "build the target tachless_types_jar"}}) {
+      if (!fs::exists(jar)) refuse(fmt::format("there is no {}; {}", jar.string(), remedy));
+    }
+    return fmt::format("{}:{}:{}", LCM_JAR, charts, types.string());
+  }
+};
+
+}  // namespace
+
+const Verb doctor_verb =
+    verb_of<Doctor>("doctor", "Is this machine fit? Each line says ok, or what to type",
+                    "  tachless doctor\n"
+                    "  tachless doctor --json\n"
+                    "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
+                    "Exit code 0 when all is well, 1 when a line says what to type.");
+
+const Verb watch_verb =
+    verb_of<Watch>("watch", "What is on the bus: channels, rates, jitter, gaps, newest values",
+                   "  tachless watch\n"
+                   "  tachless watch --once --seconds 5\n"
+                   "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
+
+const Verb spy_verb = verb_of<Spy>(
+    "spy", "lcm-spy with our message types, in a window; `watch` is the same in a terminal",
+    "  tachless spy\n"
+    "  tachless spy --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
+
+}  // namespace tachless::launch

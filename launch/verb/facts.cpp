@@ -1,0 +1,151 @@
+// The verbs that show what a scenario is made of: laws, robot.
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "controller/registry.h"
+#include "diagnostics/file_text.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
+#include "launch/verb.h"
+#include "node/options.h"
+#include "report/robot_facts.h"
+
+namespace tachless::launch {
+namespace {
+
+using controller::LawFacts;
+using controller::Parameter;
+using diagnostics::ExitCode;
+using Json = nlohmann::ordered_json;
+
+std::string_view joints_of(const LawFacts& law) {
+  return law.needs_flexible_joints ? "flexible" : "rigid";
+}
+
+std::string default_text(const Parameter& parameter) {
+  return parameter.described_default.empty() ? "has a default"
+                                             : std::string(parameter.described_default);
+}
+
+std::string page(const LawFacts& law) {
+  std::string text =
+      fmt::format("{}\n  measures    {}, on {} joints{}\n", law.name, law.measurement,
+                  joints_of(law), law.regulation_only ? "; the reference has to be constant" : "");
+  for (const Parameter& parameter : law.parameters) {
+    text += fmt::format("  {:<17} [{}]: {}; {}{}\n", parameter.name, parameter.unit,
+                        parameter.meaning, parameter.allowed,
+                        parameter.required ? "" : "; if not given: " + default_text(parameter));
+  }
+  return text + fmt::format("  proved      {}\n  conditions  {}\n  source      {}\n", law.proved,
+                            law.conditions, law.source);
+}
+
+Json to_json(const LawFacts& law) {
+  Json json = {{"name", law.name},
+               {"measures", law.measurement},
+               {"joints", joints_of(law)},
+               {"regulation_only", law.regulation_only},
+               {"feedforward_lead", law.has_feedforward_lead}};
+  for (const Parameter& parameter : law.parameters) {
+    Json& last = json["parameters"].emplace_back(Json{{"name", parameter.name},
+                                                      {"unit", parameter.unit},
+                                                      {"meaning", parameter.meaning},
+                                                      {"allowed", parameter.allowed},
+                                                      {"required", parameter.required}});
+    if (!parameter.required) last["default"] = default_text(parameter);
+  }
+  for (const loop::Signal& signal : law.signals) {
+    json["signals"].push_back({{"name", signal.name}, {"unit", signal.unit}});
+  }
+  json.update({{"proved", law.proved}, {"conditions", law.conditions}, {"source", law.source}});
+  return json;
+}
+
+struct Laws {
+  bool json = false;
+
+  void declare(CLI::App& command) { add_json(command, json); }
+
+  [[nodiscard]] ExitCode run() const {
+    Json all = Json::array();
+    std::string pages;
+    for (const LawFacts& law : controller::laws()) {
+      all.push_back(to_json(law));
+      pages += (pages.empty() ? "" : "\n") + page(law);
+    }
+    std::cout << (json ? diagnostics::json_text(all, 2) + "\n" : pages);
+    return ExitCode::done;
+  }
+};
+
+struct Robot {
+  std::filesystem::path urdf;
+  std::vector<double> position;
+  std::filesystem::path plot;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(command.add_option("FILE", urdf, "A URDF file"))->required();
+    command
+        .add_option("--position", position,
+                    "a,b,... in the order of the joints [rad; m]; default: as near to 0 as their "
+                    "ranges allow")
+        ->delimiter(',');
+    add_json(command, json);
+    command.add_option("--plot", plot,
+                       "An SVG: gravity torque and inertia over each joint's range");
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    std::optional<std::string> refusal;
+    const report::RobotFacts facts(read(refusal), position);
+    if (!plot.empty()) report::draw_robot(facts, urdf.filename().string(), plot);
+    std::cout << (json ? diagnostics::json_text(to_json(facts), 2) + "\n"
+                       : urdf.string() + ": " + to_text(facts));
+    if (!refusal) return ExitCode::done;
+    diagnostics::log_error(*refusal);
+    return ExitCode::check_said_no;
+  }
+
+ private:
+  /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
+  /// message.
+  robot::Model read(std::optional<std::string>& refusal) const {
+    const std::string text = diagnostics::given_text(urdf);
+    try {
+      try {
+        return robot::model_from_urdf(text, urdf.string());
+      } catch (const std::invalid_argument& problem) {
+        refusal = problem.what();
+      }
+      robot::UrdfOptions lenient;
+      lenient.check_inertia = robot::CheckInertia::warn;
+      return robot::model_from_urdf(text, urdf.string(), lenient);
+    } catch (const std::invalid_argument& problem) {
+      throw diagnostics::bad_usage(refusal.value_or(problem.what()));
+    }
+  }
+};
+
+}  // namespace
+
+const Verb laws_verb = verb_of<Laws>(
+    "laws", "The control laws: what each measures, its parameters, conditions and source",
+    "  tachless laws\n"
+    "  tachless laws --json");
+
+const Verb robot_verb = verb_of<Robot>(
+    "robot", "What is read of a URDF: joints, limits, masses; torques and inertia at a position",
+    "  tachless robot robot.urdf\n"
+    "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json\n"
+    "  tachless robot scenarios/robots/iiwa7.urdf --plot iiwa7.svg");
+
+}  // namespace tachless::launch

@@ -1,0 +1,240 @@
+// The verbs that read logs of runs: info, export, report, replay.
+
+#include <fmt/core.h>
+
+#include <chrono>
+#include <filesystem>
+#include <iostream>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "certificate/stability_certificate.h"
+#include "controller/law_socket.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
+#include "launch/verb.h"
+#include "logger/export.h"
+#include "logger/info.h"
+#include "replay/replay.h"
+#include "report/report.h"
+#include "robot/joint_labels.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using Json = nlohmann::ordered_json;
+
+/// LOG: a directory stands for the log in it, `lcmlog`.
+template <class Logs>
+void add_logs(CLI::App& command, Logs& logs, const std::string& does) {
+  command.add_option("LOG", logs, does)->required()->transform([](const std::string& path) {
+    std::error_code error;
+    return fs::is_directory(path, error) ? (fs::path(path) / "lcmlog").string() : path;
+  });
+}
+
+struct Info {
+  fs::path log;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    add_logs(command, log, "Any LCM log, or the directory of a run");
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const nlohmann::json info = logger::read_info(log);
+    std::cout << (json ? diagnostics::json_text(info, 2) + "\n" : logger::to_text(info));
+    return ExitCode::done;
+  }
+};
+
+struct Export {
+  fs::path log, out;
+  std::optional<std::int64_t> run_id;
+  bool force = false;
+
+  void declare(CLI::App& command) {
+    add_logs(command, log, "The log of a run, or its directory");
+    command.add_option("-o,--output", out, "F.csv, or F.h5 (HDF5); -: CSV to standard output")
+        ->required();
+    command.add_option("--run-id", run_id, "Which run, where the log holds several");
+    command.add_flag("--force", force, "Replace the file if it exists");
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const logger::ExportFormat format = logger::export_format_of(out);
+    logger::RunLog opened = logger::RunLog::open(log, run_id);
+    const logger::ExportResult result = logger::export_run(opened, out, format, force);
+    // Standard output has the table.
+    (out == "-" ? std::cerr : std::cout) << out.string() << ": " << result.text() << "\n";
+    return ExitCode::done;
+  }
+};
+
+struct Report {
+  std::vector<fs::path> logs;
+  fs::path out;
+  std::optional<std::int64_t> run_id;
+
+  void declare(CLI::App& command) {
+    add_logs(command, logs, "Logs of runs, or their directories; several are overlaid");
+    command.add_option("-o,--output", out, "The page; default: report.html beside the first log");
+    command.add_option("--run-id", run_id, "Which run, where the logs hold several");
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    std::vector<report::RecordedRun> runs;
+    for (const fs::path& log : logs) {
+      runs.push_back(report::read_recorded_run(log, run_id, certificate::certified_run));
+    }
+    label(runs);
+    const fs::path page = out.empty() ? logs.front().parent_path() / "report.html" : out;
+    report::write_report(runs, page);
+    std::cout << page.string() << "\n";
+    return ExitCode::done;
+  }
+};
+
+struct Replay {
+  fs::path log, out;
+  std::optional<std::int64_t> run_id;
+  std::string law, law_program;
+  std::vector<std::string> overrides;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    add_logs(command, log, "The log of a run, or its directory");
+    command.add_option("--run-id", run_id, "Which run, where the log holds several");
+    auto* of_name = command.add_option("--law", law, "What would this law have commanded?");
+    command
+        .add_option("--controller", law_program,
+                    "The recorded law, or one in its place, is in this program, as typed in a "
+                    "shell; it is given the recorded measurements and references")
+        ->excludes(of_name);
+    command
+        .add_option("--set", overrides,
+                    "key.path=value: what would have been commanded with it? May be repeated")
+        ->allow_extra_args(false);
+    command.add_option(
+        "--out", out,
+        "With --law or --set: where replay.svg and replay.csv go; default: beside the log");
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    logger::RunLog opened = logger::RunLog::open(log, run_id);
+    const robot::JointLabels joints =
+        robot::joint_labels(controller::rigid_model(opened.scenario()));
+    const std::vector<std::string> changed = changes(opened);
+    return changed.empty() ? verify(opened, joints) : compare(changed, opened, joints);
+  }
+
+ private:
+  [[nodiscard]] controller::MakeLaw make_law() const {
+    if (law_program.empty()) return controller::scenario_law;
+    return [this](const experiment::Scenario& scenario) {
+      return controller::external_law(scenario, law_program);
+    };
+  }
+
+  /// What has to be set for the law that is asked for, in place of the recorded one.
+  [[nodiscard]] std::vector<std::string> changes(const logger::RunLog& recorded) const {
+    std::vector<std::string> all = overrides;
+    if (!law.empty()) all.push_back("controller.law=" + law);
+    if (!law_program.empty() && recorded.scenario().controller.law != experiment::external_law) {
+      all.push_back(fmt::format("controller.law={}", experiment::external_law));
+      all.push_back("controller.measurement=" + recorded.info().measurement);
+    }
+    return all;
+  }
+
+  static Json head(const logger::RunLog& recorded, const experiment::Scenario& replayed) {
+    return {{"log", recorded.path().string()},
+            {"run_id", recorded.run()},
+            {"law", replayed.controller.law_text()}};
+  }
+
+  static void warn_of_damage(const logger::RunLog& recorded) {
+    const std::string damage = replay::damage_text(recorded);
+    if (!damage.empty()) diagnostics::log_warning(damage);
+  }
+
+  ExitCode verify(logger::RunLog& recorded, const robot::JointLabels& joints) const {
+    const experiment::Scenario& scenario = recorded.scenario();
+    const auto begun = std::chrono::steady_clock::now();
+    const replay::Replay result = replay::replay(recorded, scenario, make_law()(scenario));
+    const double wall_s =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    const std::string problem = replay::problem_text(result, recorded, joints);
+    warn_of_damage(recorded);
+    if (json) {
+      Json all = head(recorded, scenario);
+      all["same"] = problem.empty();
+      all.update(to_json(result));
+      all["wall_s"] = wall_s;
+      std::cout << diagnostics::json_text(all, 2) << "\n";
+    } else if (problem.empty()) {
+      std::cout << replay::verified_text(result, recorded, wall_s);
+    }
+    if (problem.empty()) return ExitCode::done;
+    diagnostics::log_error(problem);
+    return ExitCode::check_said_no;
+  }
+
+  ExitCode compare(const std::vector<std::string>& changed, logger::RunLog& recorded,
+                   const robot::JointLabels& joints) const {
+    const replay::Comparison comparison =
+        replay::compare(recorded, changed, make_law(), out, joints);
+    const replay::Replay& result = comparison.replay;
+    const bool compared = result.compared > 0;
+    warn_of_damage(recorded);
+    const std::string hindrance = replay::hindrance(result, recorded);
+    if (!hindrance.empty()) {
+      diagnostics::log_warning("{}: {}", recorded.path().string(), hindrance);
+    }
+    if (json) {
+      Json all = head(recorded, comparison.scenario);
+      all["set"] = changed;
+      all.update(to_json(result));
+      all["csv"] = comparison.csv.string();
+      all["figure"] = compared ? Json(comparison.svg.string()) : Json();
+      std::cout << diagnostics::json_text(all, 2) << "\n";
+    } else if (compared) {
+      std::cout << replay::comparison_text(comparison, joints, recorded.info().period_s);
+    }
+    if (result.not_finite) return ExitCode::protective_stop;
+    return compared ? ExitCode::done : ExitCode::check_said_no;
+  }
+};
+
+}  // namespace
+
+const Verb info_verb =
+    verb_of<Info>("info", "What is in a log: channels, rates, the run's facts, gaps, damage",
+                  "  tachless info out/paper_rigid\n"
+                  "  tachless info lcmlog-2024-05-01.00 --json");
+
+const Verb export_verb =
+    verb_of<Export>("export", "A run as a table for other programs: one row per tick",
+                    "  tachless export out/paper_rigid -o run.csv\n"
+                    "  tachless export out/paper_rigid -o - | cut -d, -f 2-4\n"
+                    "  tachless export out/paper_rigid/lcmlog -o run.h5 --force");
+
+const Verb report_verb = verb_of<Report>(
+    "report", "One HTML page with plots and the moving robot; several logs are overlaid",
+    "  tachless report out/paper_rigid/lcmlog\n"
+    "  tachless report out/a out/b -o compare.html");
+
+const Verb replay_verb = verb_of<Replay>(
+    "replay", "The controller again, on a log's own inputs: the same commands, bit for bit?",
+    "  tachless replay out/paper_rigid/lcmlog\n"
+    "  tachless replay out/paper_rigid/lcmlog --set 'controller.gains.kp=[400, 300]'\n"
+    "  tachless replay out/paper_rigid --law numerical_difference --set 'controller.gains={kp: "
+    "400, kd: 40, samples: 2}' --out out/what_if");
+
+}  // namespace tachless::launch

@@ -1,0 +1,218 @@
+// The verbs on the stability of a loop that is not run: certify, design.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iostream>
+#include <numbers>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "certificate/certify.h"
+#include "certificate/design.h"
+#include "diagnostics/file_text.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
+#include "diagnostics/unfinished_file.h"
+#include "experiment/scenario.h"
+#include "launch/progress.h"
+#include "launch/verb.h"
+#include "node/options.h"
+#include "report/certificate_figure.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+
+/// Refuses, before the work, a file that could not be written after it.
+void require_writable(const fs::path& file, std::string_view remedy) {
+  if (!file.empty()) diagnostics::UnfinishedFile(file, remedy);
+}
+
+void warn(const experiment::Scenario& scenario) {
+  for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
+}
+
+struct Certify {
+  fs::path input;
+  std::vector<std::string> overrides;
+  fs::path plot;
+  bool json = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    command.add_option("--plot", plot,
+                       "An SVG: margin against period, spectral radius along the reference, the "
+                       "certified region against the initial state");
+    add_json(command, json);
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
+    warn(scenario);
+    require_writable(plot, "name another file with --plot");
+    Screen screen(quiet);
+    const certificate::Certificate result = certificate::certify(
+        scenario, [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); });
+    screen.clear();
+    if (!plot.empty()) report::draw_certificate(result, scenario, plot);
+    if (json) {
+      nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
+      all.update(to_json(result));
+      std::cout << diagnostics::json_text(all, 2) << "\n";
+    } else {
+      std::cout << page(result, scenario);
+    }
+    const std::vector<std::string> objections = certificate::objections(result);
+    for (const std::string& objection : objections) {
+      diagnostics::log_error("{}: {}", input.string(), objection);
+    }
+    return objections.empty() ? ExitCode::done : ExitCode::check_said_no;
+  }
+};
+
+/// For people.
+std::string text(const certificate::Design& design, const experiment::Scenario& scenario) {
+  std::string text =
+      fmt::format("{}: gains of {} at h = {}, delay {}\n", scenario.name, scenario.controller.law,
+                  certificate::period_text(scenario.loop.period_s), scenario.loop.command_delay);
+  for (const std::string& gain : certificate::overrides_of(design)) {
+    text += fmt::format("  --set '{}'\n", gain);
+  }
+  text += fmt::format(
+      "  bandwidth {:.3g} Hz, damping {:g}{}; what binds: {}\n"
+      "  at {} postures: modulus margin {:.2g}, gain margin {:.2g}, phase margin {:.0f} deg\n"
+      "  settles to 1 % in {:.2g} s\n",
+      design.w / (2 * std::numbers::pi), design.damping,
+      design.filter_ratio > 0 ? fmt::format(", filters {:.3g} times as fast", design.filter_ratio)
+                              : "",
+      design.binds, design.postures, design.modulus, design.gain_margin, design.phase_margin_deg,
+      design.settling_s);
+  if (design.certified_error.size() == 0) return text;
+  return text +
+         fmt::format("  certified (sampled) from rest up to |e_i| = [{:.3g}], one at a time\n",
+                     fmt::join(design.certified_error, ", "));
+}
+
+struct Design {
+  fs::path input;
+  std::vector<std::string> overrides;
+  certificate::DesignGoal goal;
+  double period_s = 0;
+  fs::path output;
+  bool quiet = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(
+        command.add_option("SCENARIO", input, "A scenario, or a URDF file"))
+        ->required();
+    command.add_option("--set", overrides, "key.path=value; may be repeated")
+        ->allow_extra_args(false);
+    auto* bandwidth = command.add_option("--bandwidth", goal.bandwidth_hz,
+                                         "At most [Hz]; default: 0.005 of the sampling rate");
+    bandwidth->check(CLI::PositiveNumber);
+    command.add_option("--settling", goal.settling_s, "To 1 % of an error [s]")
+        ->check(CLI::PositiveNumber)
+        ->excludes(bandwidth);
+    command.add_option("--margin", goal.modulus, "Least modulus margin; default: 0.5")
+        ->check(CLI::Range(0.05, 0.95));
+    command
+        .add_option(
+            "--count-share", goal.count_share,
+            "Largest torque of one encoder count, as a part of the torque limit; default: 0.01")
+        ->check(CLI::PositiveNumber);
+    command
+        .add_option("--period", period_s,
+                    "Sampling period [s]; default: the scenario's, 1 ms for a URDF")
+        ->check(CLI::PositiveNumber);
+    command.add_option("--write", output, "The scenario with these gains, as a file");
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const experiment::Scenario scenario = load({});
+    warn(scenario);
+    const std::string_view remedy = "name another file with --write";
+    require_writable(output, remedy);
+    Screen screen(quiet);
+    const certificate::Design design =
+        certificate::design(scenario, goal, [&](std::string_view what) { screen.show(what); });
+    screen.clear();
+    std::cout << text(design, scenario);
+    if (!output.empty()) {
+      diagnostics::UnfinishedFile(output, remedy).write(designed_text(scenario, design));
+      std::cout << fmt::format("  {}\n", output.string());
+    }
+    if (!design.missed) return ExitCode::done;
+    diagnostics::log_error("{}: settling in {:g} s is not reached, but in {:.2g} s: {} binds",
+                           input.string(), *design.missed, design.settling_s, design.binds);
+    return ExitCode::check_said_no;
+  }
+
+ private:
+  [[nodiscard]] bool bare_urdf() const { return input.extension() == ".urdf"; }
+
+  /// The scenario, that of a bare URDF from text, with these overrides.
+  [[nodiscard]] experiment::Scenario load(std::vector<std::string> more) const {
+    if (period_s > 0) more.push_back(fmt::format("loop.period_s={}", period_s));
+    more.insert(more.begin(), overrides.begin(), overrides.end());
+    if (!bare_urdf()) return experiment::load_scenario(input, more);
+    const std::string urdf = diagnostics::given_text(input);
+    std::string scenario;
+    try {
+      const robot::Model model =
+          robot::read_urdf(urdf, input.string(), experiment::urdf_options(overrides));
+      scenario =
+          experiment::urdf_scenario(model, input.stem().string(), fs::absolute(input).string(),
+                                    period_s > 0 ? period_s : 1e-3);
+    } catch (const std::invalid_argument& problem) {
+      throw diagnostics::bad_usage(problem.what());
+    }
+    return experiment::parse_scenario(scenario, urdf, input.string(), more);
+  }
+
+  /// The scenario with the design's gains, as text that can stand anywhere: its URDF has an
+  /// absolute path.
+  [[nodiscard]] std::string designed_text(const experiment::Scenario& scenario,
+                                          const certificate::Design& design) const {
+    std::vector<std::string> gains = certificate::overrides_of(design);
+    const auto add_path = [&](const char* key, const fs::path& urdf) {
+      const fs::path absolute = fs::absolute(input.parent_path() / urdf).lexically_normal();
+      gains.push_back(fmt::format("{}={}", key, absolute.string()));
+    };
+    if (bare_urdf()) {
+      // It goes on for 3 s after its motion: as long as the slowest error needs to vanish.
+      const double h = scenario.loop.period_s;
+      const double longer = std::max(0.0, 1.5 * design.settling_s - 3);
+      const double ticks = std::ceil((scenario.loop.duration_s + longer) / h);
+      gains.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
+    } else {
+      add_path("robot.urdf", scenario.robot.urdf_path);
+      if (scenario.believed_model) add_path("controller.urdf", scenario.controller.urdf_path);
+    }
+    return load(std::move(gains)).text;
+  }
+};
+
+}  // namespace
+
+const Verb certify_verb =
+    verb_of<Certify>("certify", "Is a scenario's loop stable, why, and how far? Nothing is run",
+                     "  tachless certify scenarios/paper_rigid.yaml\n"
+                     "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
+                     "--json\n"
+                     "  tachless certify scenarios/practical_flexible.yaml --plot certificate.svg");
+
+const Verb design_verb = verb_of<Design>(
+    "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",
+    "  tachless design scenarios/practical_rigid.yaml --settling 0.2\n"
+    "  tachless design robot.urdf --bandwidth 3 --write robot.yaml && tachless run robot.yaml");
+
+}  // namespace tachless::launch

@@ -1,0 +1,273 @@
+// The verbs that run scenarios many times in this process: compare, sweep.
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <iostream>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <vector>
+
+#include "certificate/design.h"
+#include "certificate/parallel.h"
+#include "certificate/scenario_loop.h"
+#include "controller/registry.h"
+#include "diagnostics/json_text.h"
+#include "launch/progress.h"
+#include "launch/sweep.h"
+#include "launch/verb.h"
+#include "node/options.h"
+#include "process/this_process.h"
+#include "report/compare_page.h"
+#include "study/compare.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using Clock = std::chrono::steady_clock;
+
+/// The laws named by --laws, or with "all" every law made for the scenario's joints and reference.
+/// @throw diagnostics::Failure(bad_usage) for a name that is no law
+std::vector<std::string> laws_of(const experiment::Scenario& scenario,
+                                 const std::vector<std::string>& names) {
+  std::vector<std::string> result;
+  const bool flexible = scenario.robot.flexible.has_value();
+  const bool moves = certificate::ScenarioLoop(scenario).moves();
+  for (const std::string& name : names) {
+    if (name != "all") {
+      try {
+        result.emplace_back(controller::law_facts(name).name);
+      } catch (const std::invalid_argument& problem) {
+        throw diagnostics::bad_usage("--laws: {}", problem.what());
+      }
+      continue;
+    }
+    for (const controller::LawFacts& law : controller::laws()) {
+      if (law.needs_flexible_joints != flexible || (law.regulation_only && moves)) continue;
+      result.emplace_back(law.name);
+    }
+  }
+  return result;
+}
+
+struct Compare {
+  fs::path input, out;
+  std::vector<std::string> overrides, laws = {"all"};
+  double bandwidth_hz = 5;
+  int seeds = 1;
+  bool json = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    command
+        .add_option("--laws", laws,
+                    "Names, with commas between; default: all, every law for these joints")
+        ->delimiter(',');
+    command.add_option("--bandwidth", bandwidth_hz, "To which every law is tuned [Hz]; default: 5")
+        ->check(CLI::PositiveNumber);
+    command.add_option("--seeds", seeds, "Of the encoders' noise; default: 1")
+        ->check(CLI::Range(1, 1000));
+    command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
+    add_json(command, json);
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
+    const fs::path directory = out.empty() ? fs::path("out") / ("compare-" + scenario.name) : out;
+    std::error_code error;
+    fs::create_directories(directory, error);
+    if (error) {
+      throw diagnostics::bad_usage("{}: cannot be made: {}; name another one with --out",
+                                   directory.string(), error.message());
+    }
+    std::vector<report::ComparedLaw> compared;
+    Screen screen(quiet);
+    for (const std::string& law : laws_of(scenario, laws)) {
+      screen.show(fmt::format("compare: {}", law));
+      const std::vector<std::string> tuned =
+          certificate::rule_of_thumb(scenario, law, bandwidth_hz);
+      std::vector<std::string> all = overrides;
+      all.insert(all.end(), tuned.begin(), tuned.end());
+      compared.push_back({study::compare(experiment::load_scenario(input, all), seeds), tuned});
+    }
+    screen.clear();
+    const std::string rule = fmt::format(
+        "Each law tuned by its rule of thumb to two real poles at {:g} Hz, filters and observers "
+        "ten times as fast; {} seed{} of the encoders' noise.",
+        bandwidth_hz, seeds, seeds == 1 ? "" : "s");
+    report::write_comparison(scenario, rule, compared, directory);
+    std::cout << (json ? diagnostics::json_text(report::to_json(compared), 2) + "\n"
+                       : fmt::format("{}\n{}  {}\n", rule, comparison_table(compared),
+                                     (directory / "index.html").string()));
+    return ExitCode::done;
+  }
+};
+
+struct Sweep {
+  fs::path input, out;
+  std::vector<std::string> overrides, vary, laws;
+  double bandwidth_hz = 5;
+  std::int64_t random = 0;
+  std::uint64_t seed = 1;
+  int threads = static_cast<int>(certificate::all_cores());
+  std::string shard, colour = "outcome";
+  int slurm = 0;
+  bool status = false, merge = false, json = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(
+        command.add_option("SCENARIO", input,
+                           "A scenario's file, or the directory of a sweep to go on with"))
+        ->required();
+    command
+        .add_option("--vary", vary,
+                    "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. "
+                    "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone")
+        ->allow_extra_args(false);
+    command.add_option("--set", overrides, "key.path=value; may be repeated")
+        ->allow_extra_args(false);
+    command
+        .add_option("--random", random, "That many runs with values drawn from KEY=from:to[:log]")
+        ->check(CLI::PositiveNumber);
+    command.add_option("--seed", seed, "Of the draws; default: 1");
+    command
+        .add_option("--laws", laws,
+                    "Laws in place of the scenario's, each tuned to the bandwidth; all: every law "
+                    "for these joints")
+        ->delimiter(',');
+    command.add_option("--bandwidth", bandwidth_hz, "Of the laws of --laws [Hz]; default: 5")
+        ->check(CLI::PositiveNumber);
+    command.add_option("--colour", colour,
+                       "What the map shows: outcome, or a measure by its name in results.csv");
+    command.add_option("--out", out, "Default: out/sweep-<the scenario's name>");
+    command.add_option("--threads", threads, "Runs at once; default: all cores")
+        ->check(CLI::Range(1, 4096));
+    auto* part = command.add_option(
+        "--shard", shard,
+        "Only part I of N, as I/N: for whatever starts many; --merge puts them together");
+    auto* tasks = command.add_option(
+        "--slurm", slurm,
+        "Submit it to Slurm as an array of that many tasks, with a last one that merges");
+    tasks->check(CLI::Range(1, 100000))->excludes(part);
+    auto* only_merge = command.add_flag("--merge", merge, "Check that all is there, and write it");
+    only_merge->excludes(part)->excludes(tasks);
+    command.add_flag("--status", status, "How many runs of each part are finished")
+        ->excludes(part)
+        ->excludes(tasks)
+        ->excludes(only_merge);
+    command.add_flag("--json", json, "The closing words as JSON");
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const study::Sweep sweep = begun();
+    if (status) {
+      std::cout << slurm_status(sweep);
+    } else if (slurm > 0) {
+      std::cout << submit_to_slurm(sweep, slurm);
+    } else {
+      if (!merge) carry_out(sweep);
+      if (shard.empty()) std::cout << write_sweep_results(sweep, colour, json);
+    }
+    return ExitCode::done;
+  }
+
+ private:
+  [[nodiscard]] study::SweepPlan plan() const {
+    const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
+    study::SweepPlan plan;
+    plan.name = scenario.name;
+    plan.source = input.string();
+    plan.text = scenario.text;
+    plan.urdf = scenario.robot.urdf_text;
+    plan.num_joints = scenario.num_joints;
+    plan.drawn = random;
+    plan.seed = seed;
+    for (const std::string& text : vary) plan.axes.push_back(study::parse_axis(text, random > 0));
+    for (const std::string& law : laws_of(scenario, laws)) {
+      plan.laws.push_back({law, certificate::rule_of_thumb(scenario, law, bandwidth_hz)});
+    }
+    if (plan.laws.empty()) plan.laws.push_back({scenario.controller.law, {}});
+    return plan;
+  }
+
+  [[nodiscard]] study::Sweep begun() const {
+    if (fs::is_directory(input)) {
+      if (!vary.empty() || !overrides.empty() || !laws.empty()) {
+        throw diagnostics::bad_usage(
+            "{}: this sweep has its plan; --vary, --set and --laws go with a scenario",
+            input.string());
+      }
+      return study::Sweep::open(input);
+    }
+    if (vary.empty()) {
+      throw diagnostics::bad_usage("nothing to vary: name it with --vary KEY=from:to:number");
+    }
+    const study::SweepPlan planned = plan();
+    return study::Sweep::begin(out.empty() ? fs::path("out") / ("sweep-" + planned.name) : out,
+                               planned);
+  }
+
+  [[nodiscard]] study::Shard part() const {
+    study::Shard part;
+    if (shard.empty()) return part;
+    int read = 0;
+    if (std::sscanf(shard.c_str(), "%d/%d%n", &part.index, &part.count, &read) != 2 ||
+        read != static_cast<int>(shard.size()) || part.index < 1 || part.index > part.count) {
+      throw diagnostics::bad_usage("--shard {}: allowed: I/N, with I from 1 to N", shard);
+    }
+    return part;
+  }
+
+  /// Runs what is to be run. @throw diagnostics::Failure(interrupted)
+  void carry_out(const study::Sweep& sweep) const {
+    const std::atomic<bool>& interrupted = process::catch_interruptions();
+    Screen screen(quiet);
+    const Clock::time_point begin = Clock::now();
+    Clock::time_point next = begin;
+    std::int64_t first = -1;
+    const auto show = [&](std::int64_t done, std::int64_t all) {
+      if (first < 0) first = done - 1;
+      const Clock::time_point now = Clock::now();
+      if (now < next && done < all) return;
+      next = now + std::chrono::milliseconds(200);
+      const double passed_s = std::chrono::duration<double>(now - begin).count();
+      const double left_s =
+          passed_s / static_cast<double>(done - first) * static_cast<double>(all - done);
+      screen.show(fmt::format("sweep: {} of {} runs, {:.0f} {} left", done, all,
+                              left_s < 90 ? left_s : left_s / 60, left_s < 90 ? "s" : "min"));
+    };
+    if (!sweep.run(
+            part(), threads, [&] { return !interrupted; }, show)) {
+      throw diagnostics::Failure(ExitCode::interrupted,
+                                 "interrupted; go on with: tachless sweep {}",
+                                 sweep.directory().string());
+    }
+  }
+};
+
+}  // namespace
+
+const Verb compare_verb = verb_of<Compare>(
+    "compare",
+    "One scenario under several laws, tuned alike: a table, a figure, "
+    "a page",
+    "  tachless compare scenarios/practical_rigid.yaml\n"
+    "  tachless compare scenarios/practical_rigid.yaml --laws loria_ortega_rigid,wen_bayard "
+    "--bandwidth 8 --set plant.encoder.resolution_bits=16");
+
+const Verb sweep_verb = verb_of<Sweep>(
+    "sweep", "Run a scenario hundreds of times with values varied, over all cores",
+    "  tachless sweep scenarios/practical_rigid.yaml --vary 'controller.gains.kp*=0.1:10:21:log' "
+    "--vary 'controller.gains.kd*=0.1:10:21:log'\n"
+    "  tachless sweep scenarios/practical_rigid.yaml --random 1000 --vary "
+    "'plant.initial.position_rad[0]=-1:1' --vary plant.payload.mass_kg=0:2\n"
+    "  tachless sweep out/sweep-practical_rigid");
+
+}  // namespace tachless::launch
