@@ -115,7 +115,7 @@ struct Watch {
   }
 
  private:
-  static std::unique_ptr<bus::Transport> join(const bus::LcmUrl& url) {
+  static std::unique_ptr<bus::MonitoredBus> join(const bus::LcmUrl& url) {
     try {
       return bus::open_bus(url);
     } catch (const std::system_error& error) {
