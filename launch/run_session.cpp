@@ -24,7 +24,7 @@
 #include "node/key_file.h"
 #include "plant/realtime_loop.h"
 #include "process/interruption.h"
-#include "study/cross_check.h"
+#include "study/in_process_loop.h"
 
 namespace tachless::launch {
 namespace {
