@@ -20,7 +20,7 @@
 #include "process/this_process.h"
 #include "reference/make_trajectory.h"
 #include "robot/joint_labels.h"
-#include "study/cross_check.h"
+#include "study/in_process_loop.h"
 
 namespace tachless::launch {
 namespace {

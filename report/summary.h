@@ -8,7 +8,6 @@
 
 #include "node/statistics.h"
 #include "robot/joint_labels.h"
-#include "study/observed.h"
 #include "study/tracking.h"
 
 /// A run in numbers: summary.json and the closing table. Reads no log and writes no file.

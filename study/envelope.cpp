@@ -4,17 +4,7 @@ namespace tachless::study {
 
 // `a` comes before `b`.
 Envelope::Bin Envelope::merge(const Bin& a, const Bin& b) {
-  Bin merged;
-  const bool low_from_a = a.low.y <= b.low.y;
-  const bool high_from_a = a.high.y >= b.high.y;
-  merged.low = low_from_a ? a.low : b.low;
-  merged.high = high_from_a ? a.high : b.high;
-  if (low_from_a != high_from_a) {
-    merged.low_first = low_from_a;
-  } else {
-    merged.low_first = low_from_a ? a.low_first : b.low_first;
-  }
-  return merged;
+  return {a.low.y <= b.low.y ? a.low : b.low, a.high.y >= b.high.y ? a.high : b.high};
 }
 
 // An odd one at the end stays as it is.
@@ -25,7 +15,7 @@ void Envelope::halve(std::vector<Bin>& bins) {
 }
 
 void Envelope::add(double x, double y) {
-  const Bin sample{{x, y}, {x, y}, true};
+  const Bin sample{{x, y}, {x, y}};
   if (!bins_.empty() && samples_in_last_ < samples_per_bin_) {
     bins_.back() = merge(bins_.back(), sample);
     ++samples_in_last_;
@@ -39,22 +29,14 @@ void Envelope::add(double x, double y) {
   samples_in_last_ = 1;
 }
 
-std::vector<Point> Envelope::points() const { return points_of(bins_); }
-
 std::vector<Point> Envelope::points(std::size_t at_most) const {
   std::vector<Bin> bins = bins_;
   while (bins.size() > 1 && 2 * bins.size() > at_most) halve(bins);
-  return points_of(bins);
-}
-
-std::vector<Point> Envelope::points_of(const std::vector<Bin>& bins) {
   std::vector<Point> points;
   points.reserve(2 * bins.size());
-  for (const Bin& bin : bins) {
-    const Point& first = bin.low_first ? bin.low : bin.high;
-    const Point& second = bin.low_first ? bin.high : bin.low;
-    points.push_back(first);
-    if (second.x != first.x) points.push_back(second);
+  for (const auto& [low, high] : bins) {
+    points.push_back(low.x <= high.x ? low : high);
+    if (low.x != high.x) points.push_back(low.x <= high.x ? high : low);
   }
   return points;
 }

@@ -17,22 +17,18 @@ class Envelope {
  public:
   static constexpr std::size_t max_points = 4000;
 
+  /// @param x not below that of the sample before
   void add(double x, double y);
 
-  /// In the order of the samples.
-  [[nodiscard]] std::vector<Point> points() const;
-
-  /// At most `at_most` of them (or 2), by wider stretches.
-  [[nodiscard]] std::vector<Point> points(std::size_t at_most) const;
+  /// In the order of the samples; at most `at_most` of them (or 2), by wider stretches.
+  [[nodiscard]] std::vector<Point> points(std::size_t at_most = max_points) const;
 
  private:
   struct Bin {
     Point low, high;
-    bool low_first = true;
   };
   static Bin merge(const Bin& a, const Bin& b);
   static void halve(std::vector<Bin>& bins);
-  static std::vector<Point> points_of(const std::vector<Bin>& bins);
 
   std::vector<Bin> bins_;
   std::int64_t samples_per_bin_ = 1;

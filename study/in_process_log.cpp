@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <variant>
 
@@ -13,60 +14,38 @@
 namespace tachless::study {
 namespace {
 
+template <class Value>
+struct Port {
+  std::string channel;
+  bus::Codec<Value> codec;
+};
+
 /// The messages of a run, one codec and channel for each kind.
+template <class... Value>
 class Messages {
  public:
-  Messages(const experiment::Scenario& scenario, std::int64_t run, const loop::Layout& layout,
+  Messages(const std::string& prefix, const loop::Layout& layout,
            const std::function<void(const LogMessage&)>& write)
-      : prefix_(scenario.robot.channel_prefix),
-        layout_(layout),
-        num_ticks_(scenario.loop.num_ticks),
-        run_(run),
+      : ports_{Port<Value>{loop::channel<Value>(prefix), bus::Codec<Value>(layout)}...},
         write_(write) {}
 
-  void write(const TickRecord& record) {
-    const loop::Stamp stamp{std::llround(record.time_s * 1e6), run_, record.tick};
-    tick_.write(*this, stamp, {.last = record.tick + 1 == num_ticks_});
-    std::visit(
-        [&]<class M>(const M& measurement) {
-          if (!std::holds_alternative<Port<M>>(measurement_)) measurement_.emplace<Port<M>>(*this);
-          std::get<Port<M>>(measurement_).write(*this, stamp, measurement);
-        },
-        record.measurement);
-    reference_.write(*this, stamp, record.reference);
-    command_.write(*this, stamp, record.command);
-    signals_.write(*this, stamp, record.controller);
-    truth_.write(*this, stamp, plant::truth_of(record.truth, record.applied));
+  template <class One>
+  void write(const loop::Stamp& stamp, const One& value) {
+    auto& port = std::get<Port<One>>(ports_);
+    write_({stamp.utime, port.channel, port.codec.encode(stamp, value)});
   }
 
  private:
-  template <class Value>
-  struct Port {
-    explicit Port(const Messages& all)
-        : channel(loop::channel<Value>(all.prefix_)), codec(all.layout_) {}
-    void write(const Messages& all, const loop::Stamp& stamp, const Value& value) {
-      all.write_({stamp.utime, channel, codec.encode(stamp, value)});
-    }
-    std::string channel;
-    bus::Codec<Value> codec;
-  };
-  template <class List>
-  struct PortOfOne;
-  template <class... M>
-  struct PortOfOne<loop::TypeList<M...>> {
-    using Type = std::variant<std::monostate, Port<M>...>;
-  };
-
-  std::string prefix_;
-  loop::Layout layout_;
-  std::int64_t num_ticks_, run_;
+  std::tuple<Port<Value>...> ports_;
   const std::function<void(const LogMessage&)>& write_;
-  Port<loop::Tick> tick_{*this};
-  PortOfOne<loop::Measurements>::Type measurement_;
-  Port<loop::ReferencePoint> reference_{*this};
-  Port<loop::TorqueCommand> command_{*this};
-  Port<loop::LawSignals> signals_{*this};
-  Port<loop::truth::PlantTruth> truth_{*this};
+};
+
+template <class Measurements>
+struct OfLoop;
+template <class... M>
+struct OfLoop<loop::TypeList<M...>> {
+  using Messages = study::Messages<loop::Tick, M..., loop::ReferencePoint, loop::TorqueCommand,
+                                   loop::LawSignals, loop::truth::PlantTruth>;
 };
 
 }  // namespace
@@ -74,12 +53,20 @@ class Messages {
 void log_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
                     std::int64_t run, const std::function<void(const LogMessage&)>& write,
                     const std::function<bool(const TickRecord&)>& on_tick) {
-  const loop::Layout layout = controller::law_layout(scenario, law);
+  const std::string& prefix = scenario.robot.channel_prefix;
+  OfLoop<loop::Measurements>::Messages messages(prefix, controller::law_layout(scenario, law),
+                                                write);
   const auto info = plant::run_info(scenario, run, controller::law_info(law));
-  write({0, loop::channel<loop::RunInfo>(scenario.robot.channel_prefix), info});
-  Messages messages(scenario, run, layout, write);
+  write({0, loop::channel<loop::RunInfo>(prefix), info});
   run_in_process(scenario, std::move(law), [&](const TickRecord& record) {
-    messages.write(record);
+    const loop::Stamp stamp{std::llround(record.time_s * 1e6), run, record.tick};
+    messages.write(stamp, loop::Tick{.last = record.tick + 1 == scenario.loop.num_ticks});
+    std::visit([&](const auto& measurement) { messages.write(stamp, measurement); },
+               record.measurement);
+    messages.write(stamp, record.reference);
+    messages.write(stamp, record.command);
+    messages.write(stamp, record.controller);
+    messages.write(stamp, plant::truth_of(record.truth, record.applied));
     return on_tick(record);
   });
 }

@@ -1,80 +1,43 @@
 #include "study/measures.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 
+#include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "schema/schema.h"
-#include "study/in_process_loop.h"
-#include "study/velocity_in_use.h"
 
 namespace tachless::study {
 namespace {
 
-/// Sums over a run.
-class Sums {
+/// What stands in for the velocity in a law that does not measure it: the v_hat that it logs, or
+/// v_ref + nu of one that filters the error.
+class VelocityInUse {
  public:
-  explicit Sums(const experiment::Scenario& scenario)
-      : period_s_(scenario.loop.period_s),
-        settled_from_(scenario.loop.num_ticks * 3 / 4),
-        flexible_(scenario.robot.flexible.has_value()),
-        velocity_in_use_(scenario.controller.law),
-        tracking_(scenario.num_joints),
-        saturated_(static_cast<std::size_t>(scenario.num_joints)) {}
-
-  void add(const TickRecord& record) {
-    const robot::Vector& tau = record.applied.tau;
-    const robot::Vector& speed = flexible_ ? record.truth.thetadot : record.truth.v;
-    tracking_.add(record.time_s, record.truth.q, record.reference.q_ref, record.truth.theta, tau);
-    const double error = (record.truth.q - record.reference.q_ref).norm();
-    peak_error_ = std::max(peak_error_, error);
-    error_squared_ += error * error;
-    if (record.tick >= settled_from_) {
-      settled_squared_ += error * error;
-      const robot::Vector off = velocity_in_use_.error(record);
-      velocity_squared_ += off.size() == 0 ? NAN : off.squaredNorm();
-    }
-    torque_squared_ += tau.squaredNorm();
-    if (record.tick > 0) variation_ += (tau - last_tau_).norm();
-    last_tau_ = tau;
-    energy_ += tau.cwiseProduct(speed).cwiseAbs().sum() * period_s_;
-    for (std::size_t i = 0; i < saturated_.size(); ++i) {
-      saturated_[i] += record.applied.saturated[i] ? 1 : 0;
+  explicit VelocityInUse(const controller::LawFacts& law) {
+    if (!law.reads_links) return;  // a motor's is none of the links'
+    for (std::size_t i = 0; i < law.signals.size(); ++i) {
+      if (law.signals[i].name == "nu" && !at_) at_ = i;
+      if (law.signals[i].name != "v_hat") continue;
+      at_ = i;
+      of_error_ = false;
+      break;
     }
   }
 
-  [[nodiscard]] bool gone_beyond() const { return peak_error_ > gone; }
-
-  [[nodiscard]] Measures result() const {
-    Measures measures;
-    const std::int64_t ticks = tracking_.num_ticks();
-    measures.ticks = ticks;
-    measures.observed = observe(tracking_, saturated_);
-    if (gone_beyond()) measures.observed.outcome = Outcome::diverging;
-    measures.peak_error = peak_error_;
-    measures.rms_error = root_mean(error_squared_, ticks);
-    measures.settled_error = root_mean(settled_squared_, ticks - settled_from_);
-    measures.torque_rms = root_mean(torque_squared_, ticks);
-    if (ticks > 0)
-      measures.torque_variation = variation_ / (static_cast<double>(ticks) * period_s_);
-    measures.energy = energy_;
-    measures.velocity_error = root_mean(velocity_squared_, ticks - settled_from_);
-    return measures;
+  /// Less the velocity, |.|^2; NaN for a law that has none.
+  [[nodiscard]] double squared_error(const TickRecord& record) const {
+    if (!at_) return NAN;
+    const robot::Vector& v_hat = record.controller.value[*at_];
+    const robot::Vector error =
+        (of_error_ ? record.reference.v_ref + v_hat : v_hat) - record.truth.v;
+    return error.squaredNorm();
   }
 
  private:
-  static double root_mean(double sum, std::int64_t count) {
-    return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : NAN;
-  }
-
-  double period_s_;
-  std::int64_t settled_from_;
-  bool flexible_;
-  VelocityInUse velocity_in_use_;
-  Tracking tracking_;
-  std::vector<std::int64_t> saturated_;
-  double peak_error_ = 0, error_squared_ = 0, settled_squared_ = 0, torque_squared_ = 0;
-  double variation_ = 0, energy_ = 0, velocity_squared_ = 0;
-  robot::Vector last_tau_;
+  std::optional<std::size_t> at_;
+  bool of_error_ = true;  ///< v_ref is missing in it
 };
 
 }  // namespace
@@ -102,22 +65,55 @@ const std::vector<MeasureColumn>& measure_columns() {
 
 std::optional<Measures> measure(const experiment::Scenario& scenario,
                                 const std::function<bool(const TickRecord&)>& on_tick) {
-  Sums sums(scenario);
+  const double h = scenario.loop.period_s;
+  const std::int64_t settled_from = scenario.loop.num_ticks * 3 / 4;
+  const VelocityInUse velocity_in_use(controller::law_facts(scenario.controller.law));
+  Tracking tracking(scenario.num_joints);
+  std::vector<std::int64_t> saturated(static_cast<std::size_t>(scenario.num_joints));
+  robot::Vector last_tau;
+  Measures measures;  // sums, of squares where they become roots of means
+  const auto add = [&](const TickRecord& record) {
+    const robot::Vector& tau = record.applied.tau;
+    tracking.add(record.time_s, record.truth.q, record.reference.q_ref, record.truth.theta, tau);
+    const double error = (record.truth.q - record.reference.q_ref).norm();
+    measures.peak_error = std::max(measures.peak_error, error);
+    measures.rms_error += error * error;
+    if (record.tick >= settled_from) {
+      measures.settled_error += error * error;
+      measures.velocity_error += velocity_in_use.squared_error(record);
+    }
+    measures.torque_rms += tau.squaredNorm();
+    if (record.tick > 0) measures.torque_variation += (tau - last_tau).norm();
+    last_tau = tau;
+    const robot::Vector& speed = scenario.robot.flexible ? record.truth.thetadot : record.truth.v;
+    measures.energy += tau.cwiseProduct(speed).cwiseAbs().sum() * h;
+    for (std::size_t i = 0; i < saturated.size(); ++i) {
+      saturated[i] += record.applied.saturated[i] ? 1 : 0;
+    }
+  };
   bool whole = true;
-  std::string stopped;
   try {
     run_in_process(scenario, [&](const TickRecord& record) {
       if (on_tick) whole = on_tick(record);
-      if (whole) sums.add(record);
-      return whole && !sums.gone_beyond();
+      if (whole) add(record);
+      return whole && measures.peak_error <= gone;
     });
   } catch (const diagnostics::Failure& failure) {
     if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
-    stopped = failure.what();
+    measures.stopped = failure.what();
   }
   if (!whole) return {};
-  Measures measures = sums.result();
-  measures.stopped = stopped;
+  const std::int64_t ticks = measures.ticks = tracking.num_ticks();
+  measures.observed = observe(tracking, saturated);
+  if (measures.peak_error > gone) measures.observed.outcome = Outcome::diverging;
+  const auto root_mean = [](double& sum, std::int64_t count) {
+    sum = count > 0 ? std::sqrt(sum / static_cast<double>(count)) : NAN;
+  };
+  root_mean(measures.rms_error, ticks);
+  root_mean(measures.torque_rms, ticks);
+  root_mean(measures.settled_error, ticks - settled_from);
+  root_mean(measures.velocity_error, ticks - settled_from);
+  if (ticks > 0) measures.torque_variation /= static_cast<double>(ticks) * h;
   return measures;
 }
 

@@ -9,7 +9,7 @@
 
 #include "experiment/scenario.h"
 #include "study/in_process_loop.h"
-#include "study/observed.h"
+#include "study/tracking.h"
 
 /// A run in a few numbers, by which runs are compared. Steps the loop in this process; writes no
 /// file.

@@ -76,26 +76,7 @@ class RowFile {
   int file_ = -1;
 };
 
-/// The fields of a row before its last, which may be quoted.
-std::vector<std::string> fields_of(std::string_view line, std::size_t count) {
-  std::vector<std::string> fields;
-  while (fields.size() + 1 < count) {
-    const std::size_t comma = line.find(',');
-    if (comma == std::string_view::npos) return {};
-    fields.emplace_back(line.substr(0, comma));
-    line.remove_prefix(comma + 1);
-  }
-  fields.emplace_back(line);
-  return fields;
-}
-
-std::int64_t index_of(std::string_view line) {
-  std::int64_t index = -1;
-  const char* end = line.data() + line.size();
-  const auto [read_to, error] = std::from_chars(line.data(), end, index);
-  return error == std::errc() && read_to != end && *read_to == ',' ? index : -1;
-}
-
+/// NaN where there is none.
 double value_of(const std::string& text) {
   double value = NAN;
   std::from_chars(text.data(), text.data() + text.size(), value);
@@ -132,8 +113,9 @@ Sweep Sweep::open(const fs::path& directory) {
 }
 
 template <class F>
-void Sweep::for_each_line(const F& f) const {
-  const std::size_t fields = 4 + plan_.axes.size() + measure_columns().size();
+void Sweep::for_each_row(const F& f) const {
+  // The last field may be quoted.
+  const std::size_t num_fields = 4 + plan_.axes.size() + measure_columns().size();
   for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
     const std::string name = entry.path().filename().string();
     if (!name.starts_with("rows-") || !name.ends_with(".csv")) continue;
@@ -141,20 +123,24 @@ void Sweep::for_each_line(const F& f) const {
     std::string line;
     for (int number = 1; std::getline(file, line); ++number) {
       if (file.eof()) break;  // broken off: no line end
-      const std::int64_t index = index_of(line);
-      if (index < 0 || index >= plan_.num_cases() || fields_of(line, fields).empty()) {
+      const std::vector<std::string> fields = split(line, ',', num_fields);
+      const char* end = fields[0].data() + fields[0].size();
+      std::int64_t index = -1;
+      const auto [read_to, error] = std::from_chars(fields[0].data(), end, index);
+      if (fields.size() != num_fields || error != std::errc() || read_to != end || index < 0 ||
+          index >= plan_.num_cases()) {
         throw diagnostics::bad_usage(
             "{}:{}: no row of this sweep; remove the line, and its run is made again",
             entry.path().string(), number);
       }
-      f(index, line, name);
+      f(index, line, fields, name);
     }
   }
 }
 
 std::vector<bool> Sweep::finished() const {
   std::vector<bool> result(static_cast<std::size_t>(plan_.num_cases()));
-  for_each_line([&](std::int64_t index, const auto& /*line*/, const auto& /*file*/) {
+  for_each_row([&](std::int64_t index, const auto&... /*row*/) {
     result[static_cast<std::size_t>(index)] = true;
   });
   return result;
@@ -162,8 +148,8 @@ std::vector<bool> Sweep::finished() const {
 
 std::map<std::string, std::int64_t> Sweep::counts() const {
   std::map<std::string, std::int64_t> result;
-  for_each_line(
-      [&](std::int64_t /*index*/, const auto& /*line*/, const auto& file) { ++result[file]; });
+  for_each_row([&](std::int64_t /*index*/, const auto& /*line*/, const auto& /*fields*/,
+                   const std::string& file) { ++result[file]; });
   return result;
 }
 
@@ -174,11 +160,9 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
   std::vector<std::int64_t> todo;
   std::int64_t done = 0;
   for (std::int64_t i = shard.index - 1; i < plan_.num_cases(); i += shard.count) {
-    if (before[static_cast<std::size_t>(i)]) {
-      ++done;
-    } else {
-      todo.push_back(i);
-    }
+    const bool is_done = before[static_cast<std::size_t>(i)];
+    done += is_done ? 1 : 0;
+    if (!is_done) todo.push_back(i);
   }
   const std::int64_t all = done + static_cast<std::int64_t>(todo.size());
   std::mutex mutex;
@@ -201,24 +185,22 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
 }
 
 std::vector<SweepRow> Sweep::rows() const {
-  std::vector<std::string> all(static_cast<std::size_t>(plan_.num_cases()));
-  for_each_line([&](std::int64_t index, const std::string& line, const auto& /*file*/) {
-    all[static_cast<std::size_t>(index)] = line;
+  const std::size_t columns = measure_columns().size(), axes = plan_.axes.size();
+  std::vector<SweepRow> rows(static_cast<std::size_t>(plan_.num_cases()));
+  for_each_row([&](std::int64_t index, const std::string& line,
+                   const std::vector<std::string>& fields, const auto& /*file*/) {
+    SweepRow row{line, plan_.at(index), fields[2 + axes], {}, fields.back()};
+    for (std::size_t i = 0; i < columns; ++i) {
+      row.measures.push_back(value_of(fields[3 + axes + i]));
+    }
+    rows[static_cast<std::size_t>(index)] = std::move(row);
   });
-  const auto missing = std::count(all.begin(), all.end(), "");
+  const auto missing =
+      std::ranges::count_if(rows, [](const SweepRow& row) { return row.line.empty(); });
   if (missing > 0) {
     throw Failure(ExitCode::check_said_no,
                   "{}: {} of {} runs are not finished; go on with: tachless sweep {}",
-                  directory_.string(), missing, all.size(), directory_.string());
-  }
-  const std::size_t columns = measure_columns().size(), axes = plan_.axes.size();
-  std::vector<SweepRow> rows;
-  for (const std::string& line : all) {
-    const std::vector<std::string> fields = fields_of(line, 4 + axes + columns);
-    SweepRow row{line, plan_.at(index_of(line)), fields[2 + axes], {}, fields.back()};
-    for (std::size_t i = 0; i < columns; ++i)
-      row.measures.push_back(value_of(fields[3 + axes + i]));
-    rows.push_back(std::move(row));
+                  directory_.string(), missing, rows.size(), directory_.string());
   }
   return rows;
 }

@@ -70,7 +70,7 @@ class Sweep {
   Sweep(std::filesystem::path directory, SweepPlan plan)
       : directory_(std::move(directory)), plan_(std::move(plan)) {}
   template <class F>
-  void for_each_line(const F& f) const;
+  void for_each_row(const F& f) const;
 
   std::filesystem::path directory_;
   SweepPlan plan_;

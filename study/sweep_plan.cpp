@@ -28,18 +28,6 @@ Failure refused(const std::string& axis, std::string_view problem) {
   return {ExitCode::bad_usage, fmt::format("--vary {}: {}", axis, problem)};
 }
 
-std::vector<std::string> parts_of(const std::string& text, char separator) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == separator) {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
-  }
-  return parts;
-}
-
 std::optional<double> number(const std::string& text) {
   double value = 0;
   const char* end = text.data() + text.size();
@@ -56,7 +44,7 @@ double between(const Axis& axis, double share) {
 }
 
 void read_range(Axis& axis, const std::string& range, bool drawn) {
-  std::vector<std::string> parts = parts_of(range, ':');
+  std::vector<std::string> parts = split(range, ':');
   if (parts.back() == "log") {
     axis.logarithmic = true;
     parts.pop_back();
@@ -93,7 +81,7 @@ double drawn_share(std::uint64_t seed, std::int64_t index, std::size_t axis) {
 
 const YamlNode* find(const YamlNode& root, const std::string& key) {
   const YamlNode* node = &root;
-  for (const std::string& part : parts_of(key, '.')) {
+  for (const std::string& part : split(key, '.')) {
     if (node != nullptr) node = node->find(part);
   }
   return node;
@@ -102,20 +90,19 @@ const YamlNode* find(const YamlNode& root, const std::string& key) {
 /// "key=value" with one entry of the value replaced, or entries multiplied.
 std::string changed(const YamlNode& root, const Axis& axis, double value, int num_joints) {
   const YamlNode* node = find(root, axis.key);
+  const auto per_joint = static_cast<std::size_t>(axis.entry ? num_joints : 1);
+  const bool single = node != nullptr && node->kind == YamlNode::Kind::scalar;
   std::vector<double> entries;
-  if (node != nullptr && node->kind == YamlNode::Kind::list) {
+  if (single) {
+    entries.assign(per_joint, number(node->scalar).value_or(NAN));
+  } else if (node != nullptr && node->kind == YamlNode::Kind::list) {
     for (const YamlNode& child : node->children) {
       entries.push_back(number(child.scalar).value_or(NAN));
     }
-  } else if (node != nullptr && node->kind == YamlNode::Kind::scalar) {
-    const double single = number(node->scalar).value_or(NAN);
-    entries.assign(axis.entry ? static_cast<std::size_t>(num_joints) : 1, single);
   } else if (node == nullptr && axis.entry && !axis.factor) {
-    entries.assign(static_cast<std::size_t>(num_joints), 0);
+    entries.assign(per_joint, 0);
   }
-  const bool numbers =
-      std::none_of(entries.begin(), entries.end(), [](double x) { return std::isnan(x); });
-  if (entries.empty() || !numbers) {
+  if (entries.empty() || std::ranges::any_of(entries, [](double x) { return std::isnan(x); })) {
     throw refused(
         axis.text,
         fmt::format("the scenario gives no number for {}: write one, with --set or in its file",
@@ -125,20 +112,27 @@ std::string changed(const YamlNode& root, const Axis& axis, double value, int nu
     throw refused(axis.text, fmt::format("entry {} of {}; allowed: 0 to {}", *axis.entry, axis.key,
                                          entries.size() - 1));
   }
-  for (std::size_t i = 0; i < entries.size(); ++i) {
-    if (axis.entry && *axis.entry != static_cast<int>(i)) continue;
-    entries[i] = axis.factor ? entries[i] * value : value;
-  }
   std::vector<std::string> texts;
-  texts.reserve(entries.size());
-  for (const double each : entries) texts.push_back(shortest(each));
-  if (node != nullptr && node->kind == YamlNode::Kind::scalar && !axis.entry) {
-    return fmt::format("{}={}", axis.key, texts.front());
+  for (std::size_t i = 0; i < entries.size(); ++i) {
+    const bool this_one = !axis.entry || *axis.entry == static_cast<int>(i);
+    const double new_value = axis.factor ? entries[i] * value : value;
+    texts.push_back(shortest(this_one ? new_value : entries[i]));
   }
-  return fmt::format("{}=[{}]", axis.key, fmt::join(texts, ", "));
+  const std::string list = diagnostics::joined(texts);
+  return axis.key + (single && !axis.entry ? "=" + list : "=[" + list + "]");
 }
 
 }  // namespace
+
+std::vector<std::string> split(std::string_view text, char separator, std::size_t most) {
+  std::vector<std::string> parts;
+  while (parts.size() + 1 < most && text.find(separator) != std::string_view::npos) {
+    parts.emplace_back(text.substr(0, text.find(separator)));
+    text.remove_prefix(parts.back().size() + 1);
+  }
+  parts.emplace_back(text);
+  return parts;
+}
 
 Axis parse_axis(const std::string& text, bool drawn) {
   Axis axis;
@@ -170,7 +164,7 @@ Axis parse_axis(const std::string& text, bool drawn) {
     return axis;
   }
   if (drawn) throw refused(text, "a list cannot be drawn from; write KEY=from:to");
-  for (const std::string& part : parts_of(range, ',')) {
+  for (const std::string& part : split(range, ',')) {
     const auto value = number(part);
     if (!value) throw refused(text, fmt::format("\"{}\" is no number", part));
     axis.values.push_back(*value);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "experiment/scenario.h"
@@ -31,6 +32,10 @@ struct Axis {
 /// what the scenario has). A drawn one is without the number: "controller.gains.kp*=0.1:10:log".
 /// @throw diagnostics::Failure(bad_usage) naming `text` and what is wrong with it
 Axis parse_axis(const std::string& text, bool drawn);
+
+/// `text` in parts, of which only the last, when they are so many, may hold the separator.
+std::vector<std::string> split(std::string_view text, char separator,
+                               std::size_t most = std::string::npos);
 
 /// A law of a sweep and what it changes in the scenario.
 struct SweepLaw {

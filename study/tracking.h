@@ -1,11 +1,17 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
+#include "robot/joint_labels.h"
 #include "robot/quantities.h"
+#include "schema/schema.h"
 #include "study/envelope.h"
 
+/// What a run did, from its signals, and how it is judged by its errors and torques alone:
+/// afterwards, whatever was predicted. Steps nothing.
 namespace tachless::study {
 
 /// Peak, root mean square and last value of a signal.
@@ -52,4 +58,44 @@ class Tracking {
   bool has_motors_ = false;
 };
 
+enum class Outcome {
+  converged,    ///< the error fell below 1 % of its peak and stayed there
+  followed,     ///< neither, and none of those below: a slow decay, an error that the motion makes
+  saturated,    ///< a joint was at its torque limit for more than half of the run
+  limit_cycle,  ///< the error swings, without decaying, faster than the reference asks for
+  diverging,    ///< the error grows
+  not_judged,   ///< too few ticks
+};
+
+struct Observed {
+  Outcome outcome = Outcome::not_judged;
+  std::size_t joint = 0;       ///< the one that decides, of the last four
+  double amplitude = 0;        ///< largest |e| in the last quarter of the run, of that joint
+  double frequency_hz = 0;     ///< of a limit cycle, at least
+  double settled_s = 0;        ///< of `converged`: when the error was last above 1 % of its peak
+  double saturated_share = 0;  ///< largest of the joints' shares of ticks
+
+  /// Whether a run that ended so is a failure.
+  [[nodiscard]] bool bad() const;
+};
+
+/// @param saturated_ticks per joint; may be empty
+Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& saturated_ticks);
+
+/// "converged, settled within 0.21 s", "limit cycle: joint 2 swings by 0.03 rad at 61 Hz", …
+std::string text(const Observed& observed, const robot::JointLabels& joints);
+
 }  // namespace tachless::study
+
+namespace tachless::schema {
+
+template <>
+inline constexpr std::array<Name<study::Outcome>, 6> names<study::Outcome>{
+    {{study::Outcome::converged, "converged"},
+     {study::Outcome::followed, "followed"},
+     {study::Outcome::saturated, "saturated"},
+     {study::Outcome::limit_cycle, "limit_cycle"},
+     {study::Outcome::diverging, "diverging"},
+     {study::Outcome::not_judged, "not_judged"}}};
+
+}  // namespace tachless::schema

@@ -9,7 +9,7 @@
 
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
-#include "study/cross_check.h"
+#include "study/in_process_loop.h"
 
 namespace tachless::study {
 namespace {
