@@ -1,10 +1,10 @@
 #include "logger/log_file.h"
 
-#include <endian.h>
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <sys/types.h>
 #include <unistd.h>
 
 #include <algorithm>
