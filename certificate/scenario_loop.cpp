@@ -175,6 +175,7 @@ SampledLoop ScenarioLoop::at(const ReferencePoint& reference,
     experiment::Scenario at_period = *scenario;
     at_period.controller.filter = settings.filter;
     at_period.loop.command_delay = settings.command_delay;
+    at_period.plant.encoder.latency_ticks = 0;  // is in the delay
     at_period.loop.period_s = period_s;
     LinearLaw result = linear_law(at_period, reference, state);
     result.compensation = gravity_part(result, at_period, reference);

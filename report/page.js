@@ -1,5 +1,5 @@
 // A report that moves: plots by dygraphs, one cursor across all of them, play, dark mode. The data is
-// in #data, as report/page_data.cpp wrote it; the robot is drawn by robot.js.
+// in #data, as report/report.cpp wrote it; the robot is drawn by robot.js.
 'use strict';
 var report = (() => {
   const data = JSON.parse(document.getElementById('data').textContent);

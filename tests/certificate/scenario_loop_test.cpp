@@ -97,6 +97,22 @@ TEST(ScenarioLoop, LinearisesEveryLawButThoseThatSayWhyNot) {
   EXPECT_THAT(linear, ::testing::UnorderedElementsAreArray(controller::law_names()));
 }
 
+/// Round the loop it is the same whether the measurement or the torque is late, and laws with a
+/// model of the delay are told the sum of both.
+TEST(ScenarioLoop, CountsAnEncodersLatencyOnce) {
+  for (const support::LawExample& example : support::law_examples()) {
+    if (!controller::law_facts(example.law).no_linearisation.empty()) continue;
+    const auto radius = [&](int delay, int latency) {
+      std::vector<std::string> overrides = example.overrides();
+      overrides.push_back(fmt::format("loop.command_delay={}", delay));
+      overrides.push_back(fmt::format("plant.encoder.latency_ticks={}", latency));
+      const ScenarioLoop loop(shipped(example.scenario, overrides));
+      return radius_at(loop.at(loop.rests(1)[0]), 1e-3);
+    };
+    EXPECT_EQ(radius(1, 2), radius(3, 0)) << example.law;
+  }
+}
+
 TEST(ScenarioLoop, LinearisesAKalmanFilterOfEitherOrder) {
   for (const char* gains : {"controller.gains={kp: [40000, 2400], kd: [1000, 60], order: 2, "
                             "process_noise: 1.0e+4}",
