@@ -95,7 +95,7 @@ Key read_key_file(const std::filesystem::path& path) {
   const ssize_t got = ::read(file.get(), content.text.data(), content.text.size());
   if (got < 0) throw refuse(fmt::format("cannot be read: {}", std::strerror(errno)));
   process::make_memory_private();
-  const Key key = [&] {
+  Key key = [&] {
     try {
       return decoded(content, static_cast<std::size_t>(got));
     } catch (const std::invalid_argument& problem) {

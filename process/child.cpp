@@ -162,17 +162,18 @@ SideProcess::SideProcess(std::string name, const std::vector<std::string>& comma
     is_ready = is_ready || line == ready;
   };
   const Clock::time_point deadline = Clock::now() + limit;
-  for (attend(); !is_ready; attend()) {
-    if (child_.running && Clock::now() < deadline) {
-      await_output(child_, 50);
-      continue;
+  attend();
+  while (!is_ready) {
+    if (!child_.running || Clock::now() >= deadline) {
+      const std::string why = child_.running
+                                  ? fmt::format("{} was not ready within {} s", name_, limit / 1s)
+                              : last_line_.empty() ? trouble_
+                                                   : last_line_;
+      kill_group();
+      throw diagnostics::bad_usage(why);
     }
-    const std::string why = child_.running
-                                ? fmt::format("{} was not ready within {} s", name_, limit / 1s)
-                            : last_line_.empty() ? trouble_
-                                                 : last_line_;
-    kill_group();
-    throw diagnostics::bad_usage(why);
+    await_output(child_, 50);
+    attend();
   }
   on_line_ = std::move(on_line);
 }
