@@ -72,7 +72,7 @@ double step_time_us(const experiment::Scenario& scenario, const Recorded& record
           for (std::size_t k = 0; k < recorded.measurements.size(); ++k) {
             const auto tick = static_cast<std::int64_t>(k);
             law->step(tick, std::get<Measurement>(recorded.measurements[k]),
-                         recorded.references[k]);
+                      recorded.references[k]);
             law->keep(tick);
           }
           const std::chrono::duration<double, std::micro> passed = Clock::now() - begun;

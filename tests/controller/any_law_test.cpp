@@ -46,8 +46,7 @@ struct Taken {
 
 Taken look(Stepper& stepper, std::int64_t tick) {
   const auto outcome = stepper.step(tick, ramp(tick), at_zero());
-  return {outcome.command.tau, outcome.signals.value[1], outcome.skipped,
-          outcome.restarted};
+  return {outcome.command.tau, outcome.signals.value[1], outcome.skipped, outcome.restarted};
 }
 
 Taken take(Stepper& stepper, std::int64_t tick) {
