@@ -96,7 +96,7 @@ class NativeArm final : public ArmMechanics {
   Coordinates acceleration() override {
     const DryFriction friction = friction_;
     choose_sticking();
-    const Coordinates xddot = ArmMechanics::acceleration();
+    Coordinates xddot = ArmMechanics::acceleration();
     friction_ = friction;
     return xddot;
   }
