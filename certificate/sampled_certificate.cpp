@@ -220,7 +220,7 @@ Verdict verdict(const experiment::Scenario& scenario) {
   const ScenarioLoop loop(scenario);
   const double h = result.period_s;
 
-  constexpr int postures = 5, motion_pieces = 12;
+  constexpr int postures = 5, pieces = 12;
   const std::vector<ReferencePoint> rests = loop.rests(postures);
   double radius = 0;
   std::size_t worst = 0;
@@ -229,7 +229,7 @@ Verdict verdict(const experiment::Scenario& scenario) {
     if (here > radius) worst = i;
     radius = std::max(radius, here);
   }
-  const double over_motion = loop.moves() ? radius_over_motion(loop, motion_pieces) : radius;
+  const double over_motion = loop.moves() ? radius_over_motion(loop, pieces) : radius;
   // A posture that is unstable counts only where the motion as a whole does not decay, or stays.
   const double at_the_end = radius_at(loop.at(rests.back()), h);
   const bool periodic = loop.span_s() < scenario.loop.duration_s;

@@ -194,6 +194,7 @@ MatrixXd ScenarioLoop::map_at(double t_s) const {
 std::vector<ReferencePoint> ScenarioLoop::rests(int count) const {
   if (!moves_ || count < 2) return {held_at(trajectory_.at(0).q_ref)};
   std::vector<ReferencePoint> result;
+  result.reserve(static_cast<std::size_t>(count));
   for (int k = 0; k < count; ++k) {
     result.push_back(held_at(trajectory_.at(span_s_ * k / (count - 1)).q_ref));
   }
