@@ -51,7 +51,7 @@ struct Slack {
   MatrixXd delta;     ///< of sym C(q, delta), |delta| = 1
 
   /// Of V's matrix.
-  [[nodiscard]] double of_V(const Weights& weights) const {
+  [[nodiscard]] double of_lyapunov(const Weights& weights) const {
     return spectral_norm(M) * (1 + std::hypot(weights.eps_1, weights.eps_2));
   }
 };
@@ -136,7 +136,7 @@ double rate_at(const MatrixCondition& condition, const Weights& weights, double 
   MatrixXd P = lyapunov_matrix(condition.system, weights, inertia.M);
   const Eigen::LLT<MatrixXd> positive(P);
   if (positive.info() != Eigen::Success) return -infinity;
-  P.diagonal().array() += slack.of_V(weights);
+  P.diagonal().array() += slack.of_lyapunov(weights);
   const Eigen::LLT<MatrixXd> half_P(P / 2);
   auto F = decrease_at(condition, weights, inertia, slack);
   if (!F) {
@@ -196,7 +196,7 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& w
   result.alpha_2 = largest_over_postures([&](const Inertia& inertia) {
                      return largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2;
                    }) +
-                   slack.of_V(weights) / 2;
+                   slack.of_lyapunov(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
   for (const Inertia& inertia : condition.postures->inertia()) {

@@ -174,6 +174,7 @@ Html title_of(const std::vector<RecordedRun>& runs) {
                 short_period(runs[0].info.period_s));
   }
   std::vector<Html> labels;
+  labels.reserve(runs.size());
   for (const RecordedRun& run : runs) labels.emplace_back(run.label);
   return joined(labels, Html(" · "));
 }

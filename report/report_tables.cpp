@@ -277,10 +277,12 @@ Html swatch(const RecordedRun& run) {
 
 Html facts_table(const std::vector<RecordedRun>& runs) {
   std::vector<std::vector<std::pair<const char*, Html>>> facts;
+  facts.reserve(runs.size());
   for (const RecordedRun& run : runs) facts.push_back(facts_of(run));
   Html rows;
   for (std::size_t i = 0; i < facts.front().size(); ++i) {
     std::vector<Html> values;
+    values.reserve(facts.size());
     for (const auto& of_run : facts) values.push_back(of_run[i].second);
     if (!std::ranges::all_of(values, &Html::empty)) {
       rows += run_row(Html(facts.front()[i].first), values);
