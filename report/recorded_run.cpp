@@ -127,6 +127,7 @@ void Stretches::add(std::int64_t tick) {
 std::vector<std::pair<double, double>> RecordedRun::seconds(
     const std::vector<logger::TickRange>& ranges) const {
   std::vector<std::pair<double, double>> result;
+  result.reserve(ranges.size());
   for (const auto& [first, last] : ranges) {
     result.emplace_back(static_cast<double>(first) * info.period_s,
                         static_cast<double>(last + 1) * info.period_s);

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <iterator>
 #include <map>
-#include <ranges>
 #include <string_view>
 #include <utility>
 
@@ -120,10 +119,11 @@ Plot diagram(const SweepPlan& plan, const std::vector<SweepRow>& rows,
       if (!broken_off) line[x] = point;
     }
     const std::string colour = palette[law % palette.size()];
-    plot.add(
-        diagnostics::joined(std::views::values(line), ""),
-        fmt::format("with lines lw 1.6 dashtype {} lc rgb '{}' {}",
-                    law < palette.size() ? "1" : "(8,4)", colour, titled(plan.laws[law].name)));
+    std::string curve;
+    for (const auto& [x, point] : line) curve += point;
+    plot.add(curve, fmt::format("with lines lw 1.6 dashtype {} lc rgb '{}' {}",
+                                law < palette.size() ? "1" : "(8,4)", colour,
+                                titled(plan.laws[law].name)));
     for (std::size_t mark = 0; mark < points.size(); ++mark) {
       plot.add(marked[mark], fmt::format("with {} lc rgb '{}' notitle", points[mark], colour));
     }
@@ -146,16 +146,18 @@ struct Colour {
 Colour parse_colour(const std::string& text) {
   Colour colour{{}, text == "certified"};
   if (text == "outcome" || colour.certified) return colour;
-  const std::vector<study::MeasureColumn>& columns = study::measure_columns();
-  for (const auto part : text | std::views::split(',')) {
-    const std::string_view name(part.begin(), part.end());
-    const auto found = std::ranges::find(columns, name, &study::MeasureColumn::name);
-    if (found == columns.end()) {
-      throw diagnostics::bad_usage(
-          "--colour {}: no measure; allowed: outcome, certified, {}", text,
-          diagnostics::joined(columns | std::views::transform(&study::MeasureColumn::name)));
+  std::vector<std::string_view> names;
+  names.reserve(study::measure_columns().size());
+  for (const study::MeasureColumn& column : study::measure_columns()) names.push_back(column.name);
+  for (std::size_t from = 0; from <= text.size();) {
+    const std::size_t to = std::min(text.find(',', from), text.size());
+    const auto found = std::find(names.begin(), names.end(), text.substr(from, to - from));
+    if (found == names.end()) {
+      throw diagnostics::bad_usage("--colour {}: no measure; allowed: outcome, certified, {}", text,
+                                   diagnostics::joined(names));
     }
-    colour.measures.push_back(static_cast<std::size_t>(found - columns.begin()));
+    colour.measures.push_back(static_cast<std::size_t>(found - names.begin()));
+    from = to + 1;
   }
   return colour;
 }
