@@ -186,7 +186,7 @@ class Scene : public SimTK::DecorationGenerator {
   void draw(const robot::Frame& frame, SimTK::DecorativeGeometry geometry,
             const SimTK::Vec3& color) {
     geometry.setColor(color);
-    parts_.push_back({frame, std::move(geometry)});
+    parts_.push_back({frame, geometry});
   }
 
   void draw_visual(const Visual& visual) {
