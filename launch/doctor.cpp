@@ -65,6 +65,7 @@ Finding check_other_publishers(const bus::LcmUrl& url) {
   }
   if (senders.empty()) return {"other publishers", "nobody else is on the bus"};
   std::vector<std::string> list;
+  list.reserve(senders.size());
   for (const auto& [channel, sender] : senders) {
     list.push_back(fmt::format("{} from {}", channel, sender));
   }

@@ -9,7 +9,6 @@
 #include <memory>
 #include <set>
 #include <string_view>
-#include <utility>
 #include <variant>
 #include <vector>
 
