@@ -38,6 +38,7 @@ constexpr const char* footer =
 
 void require_verb(const std::string& word) {
   std::vector<std::string_view> names;
+  names.reserve(verbs.size());
   for (const Verb* verb : verbs) names.push_back(verb->name);
   if (std::ranges::find(names, word) != names.end()) return;
   const auto meant = diagnostics::nearest(word, names);
