@@ -146,9 +146,8 @@ struct Colour {
 Colour parse_colour(const std::string& text) {
   Colour colour{{}, text == "certified"};
   if (text == "outcome" || colour.certified) return colour;
-  std::vector<std::string_view> names;
-  names.reserve(study::measure_columns().size());
-  for (const study::MeasureColumn& column : study::measure_columns()) names.push_back(column.name);
+  std::vector<std::string_view> names(study::measure_columns().size());
+  std::ranges::transform(study::measure_columns(), names.begin(), &study::MeasureColumn::name);
   for (std::size_t from = 0; from <= text.size();) {
     const std::size_t to = std::min(text.find(',', from), text.size());
     const auto found = std::find(names.begin(), names.end(), text.substr(from, to - from));
