@@ -176,8 +176,10 @@ class Reader {
     made.mass.p_Bcm = vector(origin, "xyz");
     made.mass.mass = number(child(*inertial, "mass"), "value");
     const TiXmlElement& I = child(*inertial, "inertia");
+    // Read before the list of Eigen begins: it aborts when an exception leaves it unfinished.
+    const double xx = number(I, "ixx"), yy = number(I, "iyy"), zz = number(I, "izz");
     const double xy = number(I, "ixy"), xz = number(I, "ixz"), yz = number(I, "iyz");
-    made.mass.I_Bcm << number(I, "ixx"), xy, xz, xy, number(I, "iyy"), yz, xz, yz, number(I, "izz");
+    made.mass.I_Bcm << xx, xy, xz, xy, yy, yz, xz, yz, zz;
     return made;
   }
 
