@@ -88,7 +88,7 @@ class PolygonCondition {
   }
   template <class F>
   void for_each_corner(const Weights& weights, const F& f) const {
-    for (const Inertia& inertia : condition_.postures->inertia()) {
+    for (const Inertia& inertia : condition_.postures.inertia) {
       for (const Eigen::VectorXd& v : v_ref_) f(inertia, at(weights, inertia, {}, v));
     }
   }

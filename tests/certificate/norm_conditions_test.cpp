@@ -192,8 +192,7 @@ TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
   z << 0, 0, 0, 0, 0.0667, -0.9978;
   EXPECT_NEAR(exact_rate(system, eps, 0, z), 6.62, 5e-3);
   // The smallest eigenvalue of sym(B M) is not lambda(B) lambda(M).
-  const Eigen::MatrixXd BM =
-      Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.inertia()[0].M;
+  const Eigen::MatrixXd BM = Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.inertia[0].M;
   EXPECT_NEAR(smallest_eigenvalue((BM + BM.transpose()) / 2), -980, 1);
   // The completed condition and the matrix's own refuse these gains.
   EXPECT_FALSE(ScalarCondition(system, constants, postures, paper_B_d).solve().feasible);
