@@ -10,8 +10,8 @@
 
 #include "certificate/scenario_loop.h"
 #include "controller/law/parts.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/joint_labels.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {

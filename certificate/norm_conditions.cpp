@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "certificate/linear_loop.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 
 namespace tachless::certificate {
 namespace {

@@ -13,8 +13,7 @@
 #include <utility>
 
 #include "certificate/parallel.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::certificate {
 namespace {

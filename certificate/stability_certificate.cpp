@@ -11,9 +11,8 @@
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/joint_labels.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {

@@ -12,7 +12,7 @@
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/loops.h"
 #include "tests/certificate/scenarios.h"

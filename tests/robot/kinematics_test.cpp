@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "robot/energy.h"
+#include "robot/dynamics.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {

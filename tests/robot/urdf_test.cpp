@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/kinematics.h"
 #include "robot/model.h"
 #include "tests/robot/robots.h"
