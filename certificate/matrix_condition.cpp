@@ -158,7 +158,7 @@ double rate_at(const MatrixCondition& condition, const Weights& weights, double 
 /// Extremes of V over the postures.
 struct Shape {
   double w = 0;
-  double alpha_2 = 0;
+  double alpha_2 = 0;  ///< V <= alpha_2 |x|^2
   VectorXd inertia;    ///< largest M_ii
   VectorXd inverse_S;  ///< largest (S^-1)_ii of the position errors
 };
@@ -263,7 +263,6 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   region.rho = least.value;
   region.q = least.q;
   region.w = V->w;
-  region.alpha_2 = V->alpha_2;
   region.level = V->w > 0 ? region.rho * region.rho / (2 * V->w) : infinity;
   region.ball = std::sqrt(region.level / V->alpha_2);
   const double diameter = std::sqrt(2 * region.level);

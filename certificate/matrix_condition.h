@@ -16,7 +16,6 @@ namespace tachless::certificate {
 struct Region {
   double rho = 0;             ///< Vdot < 0 where |delta| <= rho, delta = eps_1 e1 - eps_2 nu1
   double w = 0;               ///< |delta|^2 <= 2 w V
-  double alpha_2 = 0;         ///< V <= alpha_2 |x|^2
   double level = 0;           ///< V <= level is invariant [J]
   double ball = 0;            ///< |x(0)| <= ball is certified; mixes rad and rad/s
   Eigen::VectorXd e_at_rest;  ///< largest |e_i(0)| when that is all there is [rad; m]

@@ -191,12 +191,6 @@ double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
   return -smallest_eigenvalue(-symmetric);
 }
 
-Eigen::MatrixXd Inertia::coriolis(const Eigen::VectorXd& x) const {
-  Eigen::MatrixXd sum = x[0] * C[0];
-  for (std::size_t j = 1; j < C.size(); ++j) sum += x[static_cast<Eigen::Index>(j)] * C[j];
-  return sum;
-}
-
 Inertia inertia_at(const robot::Model& model, const Vector& q) {
   Inertia result{robot::mass_matrix(model, q), {}};
   Vector unit = Vector::Zero(model.num_joints);

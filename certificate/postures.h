@@ -29,8 +29,6 @@ double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
 struct Inertia {
   Eigen::MatrixXd M;               ///< [kg m2]
   std::vector<Eigen::MatrixXd> C;  ///< [kg m2]
-
-  [[nodiscard]] Eigen::MatrixXd coriolis(const Eigen::VectorXd& x) const;
 };
 
 Inertia inertia_at(const robot::Model& model, const robot::Vector& q);

@@ -95,13 +95,6 @@ LinearLaw linear_law_of(const experiment::Scenario& scenario, const ReferencePoi
   return linearised(step, packed(vectors_of(memory)), packed(parts), std::move(measured));
 }
 
-/// action(std::type_identity<L>()) for the scenario's law.
-template <class F, class... L>
-void with_law(const experiment::Scenario& scenario, const F& action,
-              controller::LawList<L...> /*laws*/) {
-  ((scenario.controller.law == L::name ? action(std::type_identity<L>()) : void()), ...);
-}
-
 LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
                      const std::array<Vector, 4>& state) {
   LinearLaw result;
@@ -110,7 +103,7 @@ LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint&
       result = linear_law_of<L>(scenario, reference, state);
     }
   };
-  with_law(scenario, take, controller::Laws());
+  controller::with_law(scenario.controller.law, take);
   return result;
 }
 
@@ -212,7 +205,7 @@ LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
       };
     }
   };
-  with_law(scenario, take, controller::Laws());
+  controller::with_law(scenario.controller.law, take);
   return function;
 }
 

@@ -166,11 +166,5 @@ std::vector<std::string> farthest_leaves(const Model& model);
 /// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
 /// it does not move, or the default is ambiguous: equally far links at different places.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});
-/// The same with a point mass [kg] at the link's origin.
-inline Model with_payload(Model model, double mass, const std::string& link = {}) {
-  MassProperties point;
-  point.mass = mass;
-  return with_payload(std::move(model), point, link);
-}
 
 }  // namespace tachless::robot

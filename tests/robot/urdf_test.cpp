@@ -154,7 +154,7 @@ TEST(Urdf, ReadsTheSameNumbersUnderALocaleWithDecimalCommas) {
   const Model model = testing::two_link();
   std::string message;
   try {
-    (void)with_payload(model, -0.5);
+    (void)with_payload(model, {.mass = -0.5});
   } catch (const std::invalid_argument& e) {
     message = e.what();
   }
