@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <type_traits>
 #include <variant>
 
 #include "controller/laws.h"
@@ -61,15 +60,11 @@ VectorXd initial_error(const experiment::Scenario& scenario) {
     return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
                    v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)});
   }
-  const auto nu_of = [&]<class L>(std::type_identity<L> /*law*/) -> Vector {
-    const L law = controller::make_law<L>(scenario);
-    const typename L::Measurement measured{q};
-    return law.step(law.start(measured, reference), measured, reference).signals.value[1];
-  };
-  const Vector nu = scenario.controller.law == KellyRegulation::name
-                        ? nu_of(std::type_identity<KellyRegulation>())
-                        : nu_of(std::type_identity<LoriaOrtegaRigid>());
-  return joined({q - reference.q_ref, nu, v - reference.v_ref});
+  // Of regulation too: the filter is the same.
+  const auto law = controller::make_law<LoriaOrtegaRigid>(scenario);
+  const loop::PositionMeasurement measured{q};
+  const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
+  return joined({signals.value[0], signals.value[1], v - reference.v_ref});
 }
 
 ErrorSystem system_of(const experiment::Scenario& scenario) {
