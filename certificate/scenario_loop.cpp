@@ -152,12 +152,10 @@ LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
   if (!drive) return rigid_plant(model_, reference, friction);
   LinearPlant plant = flexible_plant(model_, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);
-  if (friction.size() > 0) {
-    // Of the links: M^-1 K stands in the block beside.
-    const Index n = plant.num_joints;
-    plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *
-                                 friction.cwiseQuotient(VectorXd(drive->stiffness)).asDiagonal();
-  }
+  // Of the links: M^-1 K stands in the block beside.
+  const Index n = plant.num_joints;
+  plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *
+                               friction.cwiseQuotient(VectorXd(drive->stiffness)).asDiagonal();
   return plant;
 }
 

@@ -102,8 +102,8 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
     result.push_back(fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
                                  scenario.plant.payload.mass_kg));
   }
-  const VectorXd friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
-  if ((friction.size() > 0 && !friction.isZero(0)) || scenario.plant.drive.dry_friction()) {
+  const auto& drive = scenario.plant.drive;
+  if (!drive.viscous_friction_Nms_per_rad.isZero(0) || drive.dry_friction()) {
     result.emplace_back("the joints' friction is not in it");
   }
   if (!scenario.plant.disturbances.empty()) result.emplace_back("disturbances are not in it");
