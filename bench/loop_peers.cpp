@@ -40,7 +40,7 @@
 #include "loop/measurements.h"
 #include "plant/plant_model.h"
 #include "process/this_process.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 using namespace tachless;
 

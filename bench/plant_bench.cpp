@@ -10,7 +10,7 @@
 
 #include "bench/bare_simbody.h"
 #include "plant/arm.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 using namespace tachless;
 

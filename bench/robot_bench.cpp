@@ -20,10 +20,8 @@
 
 #include <type_traits>
 
-#include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/jet.h"
-#include "robot/mass_matrix.h"
 #include "robot/model.h"
 #include "tests/robot/robots.h"
 

@@ -18,8 +18,8 @@
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
-#include "robot/joint_labels.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {

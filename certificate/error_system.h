@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "controller/law/law.h"
+#include "controller/law/parts.h"
 
 /// The closed loop in the paper's error coordinates (eq. 14, 29), rigid and flexible in one form,
 ///
@@ -29,10 +29,8 @@ struct ErrorSystem {
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::MatrixXd& link_M) const;
 };
 
-/// Gains of one filtered spring and damper; one entry per joint, each > 0.
-struct FilterGains {
-  Eigen::VectorXd kp, kd, a, b;
-};
+/// Of one filtered spring and damper.
+using controller::law::FilterGains;
 
 ErrorSystem rigid_error_system(const FilterGains& gains);
 ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,

@@ -10,8 +10,8 @@
 
 #include "certificate/scenario_loop.h"
 #include "controller/law/parts.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/joint_labels.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {
@@ -62,14 +62,13 @@ Vector drive_torque(const experiment::Scenario& scenario, const robot::Model& mo
   const Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
   const auto& drive = scenario.robot.flexible;
   const robot::JetVector links = controller::law::feedforward_torque(model, r);
-  Vector torque = robot::value(links);
-  if (friction.size() > 0) torque += friction.cwiseProduct(r.v_ref);
+  Vector torque = robot::value(links) + friction.cwiseProduct(r.v_ref);
   if (!drive) return torque;
   const Vector thetadot = r.v_ref + robot::first_derivative(links).cwiseQuotient(drive->stiffness);
   const Vector thetaddot =
       r.a_ref + robot::second_derivative(links).cwiseQuotient(drive->stiffness);
   torque += drive->rotor_inertia.cwiseProduct(thetaddot);
-  if (drive->motor_damping.size() > 0) torque += drive->motor_damping.cwiseProduct(thetadot);
+  torque += drive->motor_damping.cwiseProduct(thetadot);
   return torque;
 }
 
@@ -106,7 +105,7 @@ void judge(Feasibility& result, const experiment::Scenario& scenario, const robo
     }
     const Vector& q = scenario.plant.initial.position_rad;
     const auto k = static_cast<Eigen::Index>(i);
-    if (q.size() > k && model.joint_types[i] == robot::JointType::revolute &&
+    if (model.joint_types[i] == robot::JointType::revolute &&
         std::abs(q[k]) > 2 * std::numbers::pi) {
       result.doubtful.push_back(
           fmt::format("plant.initial.position_rad: {:g} rad for {} is more than a full turn; "

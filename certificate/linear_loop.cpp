@@ -6,9 +6,8 @@
 #include <cmath>
 #include <unsupported/Eigen/MatrixFunctions>
 
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/jet.h"
-#include "robot/mass_matrix.h"
 
 namespace tachless::certificate {
 namespace {

@@ -63,17 +63,17 @@ MatrixXd decrease_at_rest(const ErrorSystem& system, const Weights& weights, con
 
 Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
   const ErrorSystem& system = condition.system;
-  const Postures& postures = *condition.postures;
+  const Postures& postures = condition.postures;
   const Index N = system.num_errors(), n = system.num_links();
   Slack result{MatrixXd::Zero(n, n), MatrixXd::Zero(3 * N, 3 * N), MatrixXd::Zero(n, n)};
-  if (postures.harmonics().empty()) return result;
+  if (postures.harmonics.empty()) return result;
   // Sizes of Mm's and M's rows, so that a bound on one does not spoil another.
-  const MatrixXd& M = postures.inertia()[0].M;
+  const MatrixXd& M = postures.inertia[0].M;
   const VectorXd scale_M = M.diagonal().cwiseSqrt();
   const VectorXd scale =
       decrease_at_rest(system, weights, M).diagonal().cwiseAbs().cwiseMax(1e-300).cwiseSqrt();
-  for (const Postures::Harmonic& h : postures.harmonics()) {
-    const double curvature = postures.chord_factor() * h.order * h.order;
+  for (const Postures::Harmonic& h : postures.harmonics) {
+    const double curvature = postures.chord_factor * h.order * h.order;
     std::vector<MatrixXd> of_C, of_decrease;
     for (const Inertia* part : {&h.cosine, &h.sine}) {
       for (const MatrixXd& C : part->C) {
@@ -158,7 +158,7 @@ double rate_at(const MatrixCondition& condition, const Weights& weights, double 
 /// Extremes of V over the postures.
 struct Shape {
   double w = 0;
-  double alpha_2 = 0;
+  double alpha_2 = 0;  ///< V <= alpha_2 |x|^2
   VectorXd inertia;    ///< largest M_ii
   VectorXd inverse_S;  ///< largest (S^-1)_ii of the position errors
 };
@@ -185,7 +185,7 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& w
   };
   const auto largest_over_postures = [&](const auto& f) {
     const auto negative = [&](const Inertia& inertia) { return -f(inertia); };
-    return -condition.postures->smallest(negative, condition.refine).value;
+    return -condition.postures.smallest(negative, condition.refine).value;
   };
   Shape result;
   result.w = largest_over_postures([&](const Inertia& inertia) {
@@ -199,7 +199,7 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& w
                    slack.of_lyapunov(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
-  for (const Inertia& inertia : condition.postures->inertia()) {
+  for (const Inertia& inertia : condition.postures.inertia) {
     const auto S = inverse_S(inertia);
     if (!S) return {};
     result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
@@ -244,11 +244,17 @@ Minimum search(const ErrorSystem& system, const std::function<double(const Vecto
   return best;
 }
 
+/// The rate where the ball of this radius is certified [1/s].
+double rate_in_ball(const MatrixCondition& condition, const Weights& weights, double ball) {
+  const auto V = shape_of(condition, weights, slack_of(condition, weights));
+  return V ? condition.rate(weights, ball * std::sqrt(2 * V->w * V->alpha_2)) : -infinity;
+}
+
 }  // namespace
 
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   const Slack slack = slack_of(*this, weights);
-  const Extreme least = postures->smallest(
+  const Extreme least = postures.smallest(
       [&](const Inertia& inertia) { return rho_at(*this, weights, inertia, slack); }, refine);
   if (!(least.value > 0)) return {};
   const auto V = shape_of(*this, weights, slack);
@@ -257,7 +263,6 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   region.rho = least.value;
   region.q = least.q;
   region.w = V->w;
-  region.alpha_2 = V->alpha_2;
   region.level = V->w > 0 ? region.rho * region.rho / (2 * V->w) : infinity;
   region.ball = std::sqrt(region.level / V->alpha_2);
   const double diameter = std::sqrt(2 * region.level);
@@ -269,32 +274,24 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
 
 Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
   const Slack slack = slack_of(*this, weights);
-  return postures->smallest(
+  return postures.smallest(
       [&](const Inertia& inertia) { return rate_at(*this, weights, rho, inertia, slack); }, refine);
-}
-
-double MatrixCondition::rate_in_ball(const Weights& weights, double ball) const {
-  const auto V = shape_of(*this, weights, slack_of(*this, weights));
-  return V ? rate(weights, ball * std::sqrt(2 * V->w * V->alpha_2)) : -infinity;
 }
 
 /// Searches on the coarse postures; where the fine ones certify much less at the weights found,
 /// the postures that bind there join the coarse ones, and the search goes on from those weights.
-std::optional<Certified> best_weights(const MatrixCondition& coarse, const MatrixCondition& fine,
+std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
                                       Goal goal) {
   constexpr int rounds = 6;
-  Postures postures = *coarse.postures;
-  MatrixCondition condition = coarse;
-  condition.postures = &postures;
   const auto f = [&](const VectorXd& x) {  // to be minimised
-    if (goal == Goal::rate) return -condition.rate(weights_of(x), 0);
-    const auto region = condition.region(weights_of(x));
+    if (goal == Goal::rate) return -coarse.rate(weights_of(x), 0);
+    const auto region = coarse.region(weights_of(x));
     return region ? -std::log(region->ball) : infinity;
   };
   const auto merit = [&](const Certified& c) {
     return goal == Goal::rate ? c.rate : std::log(c.region.ball);
   };
-  Minimum best = search(condition.system, f, goal != Goal::ball_by_one_weight);
+  Minimum best = search(coarse.system, f, goal != Goal::ball_by_one_weight);
   std::optional<Certified> result;
   for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
     const Weights weights = weights_of(best.x);
@@ -304,9 +301,9 @@ std::optional<Certified> best_weights(const MatrixCondition& coarse, const Matri
       Certified found{weights, *region, slowest.value};
       if (!result || merit(found) > merit(*result)) result = std::move(found);
     }
-    if (postures.kind() != Postures::Kind::sampled) break;
-    postures.add(slowest.q);
-    if (region) postures.add(region->q);
+    if (coarse.postures.kind != Postures::Kind::sampled) break;
+    coarse.postures.add(slowest.q);
+    if (region) coarse.postures.add(region->q);
     if (f(best.x) - best.value <= 1e-2 * std::abs(best.value)) break;
     // The old optimum may have no value any more: nearby, with a smaller eps_2, there is one.
     VectorXd start = best.x;
@@ -325,7 +322,7 @@ std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondi
   };
   for (const double part : parts) {
     const double ball = part * largest.region.ball;
-    const auto f = [&](const VectorXd& x) { return -coarse.rate_in_ball(weights_of(x), ball); };
+    const auto f = [&](const VectorXd& x) { return -rate_in_ball(coarse, weights_of(x), ball); };
     // Both ends and the result before: the best of them is certified at least.
     std::vector<VectorXd> starts = {x_of(fastest.weights), x_of(largest.weights)};
     if (!result.empty()) starts.push_back(x_of(result.back().weights));
@@ -333,7 +330,7 @@ std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondi
         *std::min_element(starts.begin(), starts.end(),
                           [&](const VectorXd& a, const VectorXd& b) { return f(a) < f(b); });
     const Weights weights = weights_of(minimise(f, start, 0.3, 50).x);
-    result.push_back({ball, weights, fine.rate_in_ball(weights, ball)});
+    result.push_back({ball, weights, rate_in_ball(fine, weights, ball)});
   }
   return result;
 }

@@ -16,7 +16,6 @@ namespace tachless::certificate {
 struct Region {
   double rho = 0;             ///< Vdot < 0 where |delta| <= rho, delta = eps_1 e1 - eps_2 nu1
   double w = 0;               ///< |delta|^2 <= 2 w V
-  double alpha_2 = 0;         ///< V <= alpha_2 |x|^2
   double level = 0;           ///< V <= level is invariant [J]
   double ball = 0;            ///< |x(0)| <= ball is certified; mixes rad and rad/s
   Eigen::VectorXd e_at_rest;  ///< largest |e_i(0)| when that is all there is [rad; m]
@@ -27,14 +26,14 @@ struct Region {
   robot::Vector q;  ///< the posture that binds rho
 };
 
-/// The condition for one loop over one set of postures, which has to outlive it. Everything in Mm
-/// is affine in v_ref and delta; over a ball it is bounded by (sum x_j A_j)^2 <= |x|^2 sum A_j^2,
-/// after a congruence: never worse than the polytope of 2 n vertices around the ball, and one
-/// matrix in its place. Between the postures of a circle, the matrix is within a bound of the chord
-/// (see Postures), which is subtracted everywhere.
+/// The condition for one loop over one set of postures. Everything in Mm is affine in v_ref and
+/// delta; over a ball it is bounded by (sum x_j A_j)^2 <= |x|^2 sum A_j^2, after a congruence:
+/// never worse than the polytope of 2 n vertices around the ball, and one matrix in its place.
+/// Between the postures of a circle, the matrix is within a bound of the chord (see Postures),
+/// which is subtracted everywhere.
 struct MatrixCondition {
   ErrorSystem system;
-  const Postures* postures = nullptr;
+  Postures postures;
   double B_d = 0;      ///< largest |v_ref| [rad/s; m/s]
   bool refine = true;  ///< local refinement of the worst sampled postures
 
@@ -48,9 +47,6 @@ struct MatrixCondition {
   [[nodiscard]] double rate(const Weights& weights, double rho) const {
     return slowest(weights, rho).value;
   }
-
-  /// The rate where the ball of this radius is certified [1/s], as above.
-  [[nodiscard]] double rate_in_ball(const Weights& weights, double ball) const;
 };
 
 /// Weights and what they certify.
@@ -69,7 +65,7 @@ enum class Goal { ball_by_one_weight, ball, rate };
 
 /// The search is on `coarse`, which may have few postures and no refinement; the answer is what
 /// `fine` certifies at the weights found. Nothing when none are certified.
-std::optional<Certified> best_weights(const MatrixCondition& coarse, const MatrixCondition& fine,
+std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
                                       Goal goal);
 
 /// The fastest rate that is certified in the whole of a ball.

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "certificate/linear_loop.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 
 namespace tachless::certificate {
 namespace {
@@ -77,26 +77,26 @@ using OfInertia = std::function<double(const Inertia&)>;
 /// @param at_posture its bound there; empty: there is none but the value
 Constant constant(const robot::Model& model, const Postures& postures, int samples,
                   const OfInertia& value, const OfInertia& at_posture, const OfInertia& between) {
-  const bool sampled = postures.kind() == Postures::Kind::sampled;
+  const bool sampled = postures.kind == Postures::Kind::sampled;
   const Extreme found = largest(
       model, [&](const Vector& q) { return value(inertia_at(model, q)); }, sampled ? samples : 64);
-  Constant result{found, found.value, postures.proved()};
-  if (!postures.proved() || !at_posture) return result;
+  Constant result{found, found.value, postures.proved};
+  if (!postures.proved || !at_posture) return result;
   result.bound = -std::numeric_limits<double>::infinity();
-  for (const Inertia& at : postures.inertia()) {
+  for (const Inertia& at : postures.inertia) {
     result.bound = std::max(result.bound, at_posture(at));
   }
   double sum = 0;
-  for (const auto& h : postures.harmonics()) {
+  for (const auto& h : postures.harmonics) {
     sum += h.order * h.order * std::hypot(between(h.cosine), between(h.sine));
   }
-  result.bound += postures.chord_factor() * sum;
+  result.bound += postures.chord_factor * sum;
   return result;
 }
 
 Constant coriolis_constant(const robot::Model& model, const Postures& postures, PartOfC part) {
   OfInertia by_polygon;
-  if (postures.kind() == Postures::Kind::circle) {
+  if (postures.kind == Postures::Kind::circle) {
     by_polygon = [&](const Inertia& at) { return polygon_bound(parts(at, part)); };
   }
   return constant(
@@ -251,16 +251,17 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
 ScalarCondition::ScalarCondition(const ErrorSystem& system, const RobotConstants& constants,
                                  const Postures& postures, double B_d)
     : B_d_(B_d), k_s_(constants.k_s.bound), k_y_(constants.k_y.bound) {
-  kp_min_ = smallest_eigenvalue(system.kp);
+  const Spreads s(system, constants);
+  kp_min_ = s.kp.min;
   MatrixXd difference = system.kp;
   difference.diagonal() -= system.kd;
   kp_kd_ = spectral_norm(difference);
-  damping_min_ = system.kd.cwiseQuotient(system.b).cwiseProduct(system.a).minCoeff();
-  kd_max_ = system.kd.maxCoeff();
+  damping_min_ = s.kd_by_b_a.min;
+  kd_max_ = s.kd.max;
   // Between the postures of a circle both are within these gaps of the chord.
   double gap = 0;
-  for (const Postures::Harmonic& h : postures.harmonics()) {
-    gap += postures.chord_factor() * h.order * h.order *
+  for (const Postures::Harmonic& h : postures.harmonics) {
+    gap += postures.chord_factor * h.order * h.order *
            std::hypot(spectral_norm(h.cosine.M), spectral_norm(h.sine.M));
   }
   a_inertia_ = gap * system.a.maxCoeff() -

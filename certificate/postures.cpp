@@ -13,8 +13,7 @@
 #include <utility>
 
 #include "certificate/parallel.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::certificate {
 namespace {
@@ -127,6 +126,39 @@ Extreme smallest_of(const robot::Model& model, const std::function<double(const 
   return {best.value, best.x};
 }
 
+/// Fourier's sums of M and C over q2; false when they do not end within the sums' reach. A body
+/// turned by the angle m q2 enters M and C with at most 2 |m| turns, and the angles of a chain of
+/// mimics add up: 32 turns are far more than enough, and what is left over is checked to be
+/// rounding.
+bool find_harmonics(Postures& postures, int denominator, double& period) {
+  const int num_samples = 64 * denominator;
+  std::vector<Inertia> sample;
+  for (int k = 0; k < num_samples; ++k) {
+    const double q2 = 2 * std::numbers::pi * denominator * k / num_samples;
+    sample.push_back(inertia_at(postures.model, second_joint_at(q2)));
+  }
+  const double rounding = 1e-13 * size_of(sample[0]);
+  int common = 0;
+  for (int order = 1; order < num_samples / 2; ++order) {
+    Postures::Harmonic h{static_cast<double>(order) / denominator, sample[0], sample[0]};
+    add_scaled(h.cosine, -1, sample[0]);
+    add_scaled(h.sine, -1, sample[0]);
+    for (int k = 0; k < num_samples; ++k) {
+      // The product is reduced in integers: order k may be large.
+      const double angle = 2 * std::numbers::pi * (order * k % num_samples) / num_samples;
+      add_scaled(h.cosine, 2.0 / num_samples * std::cos(angle),
+                 sample[static_cast<std::size_t>(k)]);
+      add_scaled(h.sine, 2.0 / num_samples * std::sin(angle), sample[static_cast<std::size_t>(k)]);
+    }
+    if (std::max(size_of(h.cosine), size_of(h.sine)) <= rounding) continue;
+    if (order > num_samples / 4) return false;
+    common = std::gcd(common, order);
+    postures.harmonics.push_back(std::move(h));
+  }
+  period = common == 0 ? 0 : 2 * std::numbers::pi * denominator / common;
+  return true;
+}
+
 }  // namespace
 
 Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
@@ -157,12 +189,6 @@ double smallest_eigenvalue(const Eigen::MatrixXd& symmetric) {
 
 double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
   return -smallest_eigenvalue(-symmetric);
-}
-
-Eigen::MatrixXd Inertia::coriolis(const Eigen::VectorXd& x) const {
-  Eigen::MatrixXd sum = x[0] * C[0];
-  for (std::size_t j = 1; j < C.size(); ++j) sum += x[static_cast<Eigen::Index>(j)] * C[j];
-  return sum;
 }
 
 Inertia inertia_at(const robot::Model& model, const Vector& q) {
@@ -207,74 +233,41 @@ Extreme largest(const robot::Model& model, const std::function<double(const Vect
   return {-best.value, best.q};
 }
 
-/// Fourier's sums of M and C over q2; false when they do not end within the sums' reach. A body
-/// turned by the angle m q2 enters M and C with at most 2 |m| turns, and the angles of a chain of
-/// mimics add up: 32 turns are far more than enough, and what is left over is checked to be
-/// rounding.
-bool Postures::find_harmonics(int denominator, double& period) {
-  const int num_samples = 64 * denominator;
-  std::vector<Inertia> sample;
-  for (int k = 0; k < num_samples; ++k) {
-    const double q2 = 2 * std::numbers::pi * denominator * k / num_samples;
-    sample.push_back(inertia_at(model_, second_joint_at(q2)));
-  }
-  const double rounding = 1e-13 * size_of(sample[0]);
-  int common = 0;
-  for (int order = 1; order < num_samples / 2; ++order) {
-    Harmonic h{static_cast<double>(order) / denominator, sample[0], sample[0]};
-    add_scaled(h.cosine, -1, sample[0]);
-    add_scaled(h.sine, -1, sample[0]);
-    for (int k = 0; k < num_samples; ++k) {
-      // The product is reduced in integers: order k may be large.
-      const double angle = 2 * std::numbers::pi * (order * k % num_samples) / num_samples;
-      add_scaled(h.cosine, 2.0 / num_samples * std::cos(angle),
-                 sample[static_cast<std::size_t>(k)]);
-      add_scaled(h.sine, 2.0 / num_samples * std::sin(angle), sample[static_cast<std::size_t>(k)]);
-    }
-    if (std::max(size_of(h.cosine), size_of(h.sine)) <= rounding) continue;
-    if (order > num_samples / 4) return false;
-    common = std::gcd(common, order);
-    harmonics_.push_back(std::move(h));
-  }
-  period = common == 0 ? 0 : 2 * std::numbers::pi * denominator / common;
-  return true;
-}
-
-Postures::Postures(const robot::Model& model, const PostureOptions& options) : model_(model) {
+Postures::Postures(robot::Model of, const PostureOptions& options) : model(std::move(of)) {
   const bool hang = all_hang_on_first_joint(model);
   const int denominator = multiplier_denominator(model);
   if (hang && model.num_joints == 1) {
-    kind_ = Kind::point;
-    proved_ = true;
-    q_.push_back(Vector::Zero(1));
+    kind = Kind::point;
+    proved = true;
+    q.push_back(Vector::Zero(1));
   } else if (hang && model.num_joints == 2 && denominator > 0 &&
              model.joint_types[0] == JointType::revolute &&
              model.joint_types[1] == JointType::revolute) {
-    kind_ = Kind::circle;
+    kind = Kind::circle;
     double period = 2 * std::numbers::pi * denominator;
-    proved_ = find_harmonics(denominator, period) && options.bound_between;
-    if (!proved_) harmonics_.clear();
+    proved = find_harmonics(*this, denominator, period) && options.bound_between;
+    if (!proved) harmonics.clear();
     const int num_points = period == 0 ? 1 : options.circle_points;
     const double step = period / num_points;
-    chord_factor_ = proved_ ? step * step / 8 : 0;
-    for (int k = 0; k < num_points; ++k) q_.push_back(second_joint_at(step * k));
+    chord_factor = proved ? step * step / 8 : 0;
+    for (int k = 0; k < num_points; ++k) q.push_back(second_joint_at(step * k));
   } else {
-    for (int k = 0; k < options.samples; ++k) q_.push_back(spread_posture(model, k));
+    for (int k = 0; k < options.samples; ++k) q.push_back(spread_posture(model, k));
   }
-  inertia_ = parallel_map(q_.size(), [&](std::size_t i) { return inertia_at(model, q_[i]); });
+  inertia = parallel_map(q.size(), [&](std::size_t i) { return inertia_at(model, q[i]); });
 }
 
-void Postures::add(const Vector& q) {
-  q_.push_back(q);
-  inertia_.push_back(inertia_at(model_, q));
+void Postures::add(const Vector& posture) {
+  q.push_back(posture);
+  inertia.push_back(inertia_at(model, posture));
 }
 
 Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool refine) const {
   const std::vector<double> value =
-      parallel_map(q_.size(), [&](std::size_t i) { return f(inertia_[i]); });
+      parallel_map(q.size(), [&](std::size_t i) { return f(inertia[i]); });
   return smallest_of(
-      model_, [&](const Vector& q) { return f(inertia_at(model_, q)); }, q_, value, 3,
-      refine && kind_ == Kind::sampled ? 300 : 0);
+      model, [&](const Vector& at) { return f(inertia_at(model, at)); }, q, value, 3,
+      refine && kind == Kind::sampled ? 300 : 0);
 }
 
 }  // namespace tachless::certificate

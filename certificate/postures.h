@@ -29,8 +29,6 @@ double largest_eigenvalue(const Eigen::MatrixXd& symmetric);
 struct Inertia {
   Eigen::MatrixXd M;               ///< [kg m2]
   std::vector<Eigen::MatrixXd> C;  ///< [kg m2]
-
-  [[nodiscard]] Eigen::MatrixXd coriolis(const Eigen::VectorXd& x) const;
 };
 
 Inertia inertia_at(const robot::Model& model, const robot::Vector& q);
@@ -57,41 +55,30 @@ struct PostureOptions {
 /// within step^2/8 sup|d2/dq2^2| of the chord, which their harmonics bound. Otherwise a
 /// low-discrepancy sequence over the full circle of each revolute joint (errors are not wrapped
 /// and the level set does not end at a joint limit) and over the range of each prismatic one.
-class Postures {
- public:
+struct Postures {
   enum class Kind { point, circle, sampled };
   struct Harmonic {
     double order = 0;  ///< cos(order q2), sin(order q2)
     Inertia cosine, sine;
   };
 
-  explicit Postures(const robot::Model& model, const PostureOptions& options = {});
+  explicit Postures(robot::Model of, const PostureOptions& options = {});
 
-  [[nodiscard]] Kind kind() const { return kind_; }
-  /// Whether the postures in between are bounded.
-  [[nodiscard]] bool proved() const { return proved_; }
-  [[nodiscard]] const std::vector<Inertia>& inertia() const { return inertia_; }
-  /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
-  [[nodiscard]] const std::vector<Harmonic>& harmonics() const { return harmonics_; }
-  /// step^2 / 8.
-  [[nodiscard]] double chord_factor() const { return chord_factor_; }
   /// One more posture, for a search to respect; nothing is proved of it.
-  void add(const robot::Vector& q);
+  void add(const robot::Vector& posture);
 
   /// The smallest f over the set. Of a sampled set the three smallest are refined locally when
   /// `refine` says so.
   [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
 
- private:
-  bool find_harmonics(int denominator, double& period);
-
-  robot::Model model_;
-  Kind kind_ = Kind::sampled;
-  bool proved_ = false;
-  double chord_factor_ = 0;
-  std::vector<robot::Vector> q_;
-  std::vector<Inertia> inertia_;
-  std::vector<Harmonic> harmonics_;
+  robot::Model model;
+  Kind kind = Kind::sampled;
+  bool proved = false;      ///< whether the postures in between are bounded
+  double chord_factor = 0;  ///< step^2 / 8
+  std::vector<robot::Vector> q;
+  std::vector<Inertia> inertia;  ///< at each of q
+  /// The harmonics of M and C but the constant; empty unless the kind is `circle` and proved.
+  std::vector<Harmonic> harmonics;
 };
 
 /// Number `k` of a sequence that fills the postures evenly (Kronecker's, by powers of the

@@ -95,13 +95,6 @@ LinearLaw linear_law_of(const experiment::Scenario& scenario, const ReferencePoi
   return linearised(step, packed(vectors_of(memory)), packed(parts), std::move(measured));
 }
 
-/// action(std::type_identity<L>()) for the scenario's law.
-template <class F, class... L>
-void with_law(const experiment::Scenario& scenario, const F& action,
-              controller::LawList<L...> /*laws*/) {
-  ((scenario.controller.law == L::name ? action(std::type_identity<L>()) : void()), ...);
-}
-
 LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
                      const std::array<Vector, 4>& state) {
   LinearLaw result;
@@ -110,7 +103,7 @@ LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint&
       result = linear_law_of<L>(scenario, reference, state);
     }
   };
-  with_law(scenario, take, controller::Laws());
+  controller::with_law(scenario.controller.law, take);
   return result;
 }
 
@@ -159,12 +152,10 @@ LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
   if (!drive) return rigid_plant(model_, reference, friction);
   LinearPlant plant = flexible_plant(model_, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);
-  if (friction.size() > 0) {
-    // Of the links: M^-1 K stands in the block beside.
-    const Index n = plant.num_joints;
-    plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *
-                                 friction.cwiseQuotient(VectorXd(drive->stiffness)).asDiagonal();
-  }
+  // Of the links: M^-1 K stands in the block beside.
+  const Index n = plant.num_joints;
+  plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *
+                               friction.cwiseQuotient(VectorXd(drive->stiffness)).asDiagonal();
   return plant;
 }
 
@@ -212,7 +203,7 @@ LyapunovFunction lyapunov_function(const experiment::Scenario& scenario,
       };
     }
   };
-  with_law(scenario, take, controller::Laws());
+  controller::with_law(scenario.controller.law, take);
   return function;
 }
 

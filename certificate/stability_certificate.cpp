@@ -5,15 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <type_traits>
 #include <variant>
 
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/joint_labels.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {
@@ -23,8 +21,6 @@ using controller::law::LoriaOrtegaFlexible;
 using controller::law::LoriaOrtegaRigid;
 using Eigen::VectorXd;
 using robot::Vector;
-
-Vector or_zero(const Vector& x, int size) { return x.size() == 0 ? Vector(Vector::Zero(size)) : x; }
 
 /// sup |v_ref| over the run: between two instants |v_ref| exceeds its chord by at most
 /// dt^2/8 sup |jerk|.
@@ -47,17 +43,11 @@ VectorXd joined(std::initializer_list<Vector> parts) {
   return Eigen::Map<const VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
 }
 
-/// The state at t = 0.
-struct Start {
-  Vector q;
-  VectorXd error;  ///< (e, nu, edot)
-};
-
-Start start_of(const experiment::Scenario& scenario) {
+/// (e, nu, edot) at t = 0.
+VectorXd initial_error(const experiment::Scenario& scenario) {
   const auto& given = scenario.plant.initial;
   const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
-  const Vector q = or_zero(given.position_rad, scenario.num_joints);
-  const Vector v = or_zero(given.velocity_rad_per_s, scenario.num_joints);
+  const Vector &q = given.position_rad, &v = given.velocity_rad_per_s;
   if (scenario.controller.law == LoriaOrtegaFlexible::name) {
     const auto law = controller::make_law<LoriaOrtegaFlexible>(scenario);
     const auto& stiffness = scenario.robot.flexible->stiffness;
@@ -67,18 +57,14 @@ Start start_of(const experiment::Scenario& scenario) {
     const loop::LinkStateMeasurement measured{q, v, theta};
     const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
     const auto motor = law.motor_reference(measured, reference, signals.value[1]);
-    return {q, joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
-                       v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)})};
+    return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
+                   v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)});
   }
-  const auto nu_of = [&]<class L>(std::type_identity<L> /*law*/) -> Vector {
-    const L law = controller::make_law<L>(scenario);
-    const typename L::Measurement measured{q};
-    return law.step(law.start(measured, reference), measured, reference).signals.value[1];
-  };
-  const Vector nu = scenario.controller.law == KellyRegulation::name
-                        ? nu_of(std::type_identity<KellyRegulation>())
-                        : nu_of(std::type_identity<LoriaOrtegaRigid>());
-  return {q, joined({q - reference.q_ref, nu, v - reference.v_ref})};
+  // Of regulation too: the filter is the same.
+  const auto law = controller::make_law<LoriaOrtegaRigid>(scenario);
+  const loop::PositionMeasurement measured{q};
+  const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
+  return joined({signals.value[0], signals.value[1], v - reference.v_ref});
 }
 
 ErrorSystem system_of(const experiment::Scenario& scenario) {
@@ -89,8 +75,7 @@ ErrorSystem system_of(const experiment::Scenario& scenario) {
     return flexible_error_system(drive.stiffness, drive.rotor_inertia, {g.kp1, g.kd1, g.a1, g.b1},
                                  {g.kp2, g.kd2, g.a2, g.b2});
   }
-  const auto g = controller::gains_of<LoriaOrtegaRigid::Gains>(scenario, law);
-  return rigid_error_system({g.kp, g.kd, g.a, g.b});
+  return rigid_error_system(controller::gains_of<FilterGains>(scenario, law));
 }
 
 std::string refusal(const experiment::Scenario& scenario) {
@@ -117,8 +102,8 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
     result.push_back(fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
                                  scenario.plant.payload.mass_kg));
   }
-  const VectorXd friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
-  if ((friction.size() > 0 && !friction.isZero(0)) || scenario.plant.drive.dry_friction()) {
+  const auto& drive = scenario.plant.drive;
+  if (!drive.viscous_friction_Nms_per_rad.isZero(0) || drive.dry_friction()) {
     result.emplace_back("the joints' friction is not in it");
   }
   if (!scenario.plant.disturbances.empty()) result.emplace_back("disturbances are not in it");
@@ -137,20 +122,36 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
   return result;
 }
 
-/// The matrix condition over few postures, to search, and over many, to certify.
-struct Conditions {
-  Postures coarse_postures, postures;
-  MatrixCondition coarse, fine;
+/// The loop in error coordinates, and where it starts.
+struct ErrorLoop {
+  const robot::Model model;
+  const ErrorSystem system;
+  const double B_d;  ///< sup |v_ref|
+  const Vector& q;
+  const VectorXd initial;
 
-  /// @param few, many where postures are sampled
-  Conditions(const ErrorSystem& system, const robot::Model& model, double B_d, int few, int many)
-      // The search is no proof: what it finds is proved on the others.
-      : coarse_postures(model, {.circle_points = 24, .bound_between = false, .samples = few}),
-        postures(model, {.samples = many}),
-        coarse{system, &coarse_postures, B_d, false},
-        fine{system, &postures, B_d} {}
-  Conditions(const Conditions&) = delete;
-  Conditions& operator=(const Conditions&) = delete;
+  explicit ErrorLoop(const experiment::Scenario& scenario)
+      : model(error_model(scenario)),
+        system(system_of(scenario)),
+        B_d(velocity_bound(scenario)),
+        q(scenario.plant.initial.position_rad),
+        initial(initial_error(scenario)) {}
+
+  /// Of V at the start [J].
+  [[nodiscard]] double V0(const Weights& weights) const {
+    return lyapunov_value(system, weights, model, q, initial);
+  }
+
+  /// To certify. @param samples where postures are sampled
+  [[nodiscard]] MatrixCondition condition(int samples) const {
+    return {system, Postures(model, {.samples = samples}), B_d};
+  }
+  /// The same over few postures, to search: no proof, what is found is proved by the other.
+  [[nodiscard]] MatrixCondition coarse_condition(int samples) const {
+    return {system,
+            Postures(model, {.circle_points = 24, .bound_between = false, .samples = samples}), B_d,
+            false};
+  }
 };
 
 }  // namespace
@@ -171,25 +172,22 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
                                                           const OnProgress& tell) {
   why_not = refusal(scenario);
   if (!why_not.empty()) return {};
-  const robot::Model model = error_model(scenario);
+  const ErrorLoop loop(scenario);
   StabilityCertificate result;
-  result.system = system_of(scenario);
-  result.B_d = velocity_bound(scenario);
-  result.held = result.B_d == 0;
-  const Start start = start_of(scenario);
-  result.initial = start.error;
-  result.printed = printed_conditions(result.system, constants, result.B_d);
-  result.printed_gamma_free = printed_conditions(result.system, constants, result.B_d, true);
+  result.system = loop.system;
+  result.B_d = loop.B_d;
+  result.held = loop.B_d == 0;
+  result.initial = loop.initial;
+  result.printed = printed_conditions(loop.system, constants, loop.B_d);
+  result.printed_gamma_free = printed_conditions(loop.system, constants, loop.B_d, true);
   tell("matrix condition: postures");
-  const Conditions conditions(result.system, model, result.B_d, 128, PostureOptions().samples);
-  result.proved = conditions.postures.proved();
-  result.completed =
-      ScalarCondition(result.system, constants, conditions.postures, result.B_d).solve();
+  const MatrixCondition coarse = loop.coarse_condition(128);
+  const MatrixCondition fine = loop.condition(PostureOptions().samples);
+  result.proved = fine.postures.proved;
+  result.completed = ScalarCondition(loop.system, constants, fine.postures, loop.B_d).solve();
   const auto best = [&](Goal goal) {
-    auto found = best_weights(conditions.coarse, conditions.fine, goal);
-    if (found) {
-      found->V0 = lyapunov_value(result.system, found->weights, model, start.q, start.error);
-    }
+    auto found = best_weights(coarse, fine, goal);
+    if (found) found->V0 = loop.V0(found->weights);
     return found;
   };
   tell("matrix condition: fastest rate");
@@ -202,10 +200,9 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   }
   if (result.fastest && result.largest) {
     tell("matrix condition: trade-off");
-    result.trade_off =
-        trade_off(conditions.coarse, conditions.fine, *result.fastest, *result.largest,
-                  result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
-                                : std::vector<double>{0.03, 0.1, 0.3});
+    result.trade_off = trade_off(coarse, fine, *result.fastest, *result.largest,
+                                 result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
+                                               : std::vector<double>{0.03, 0.1, 0.3});
     std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
   }
   const auto& choice = result.largest ? result.largest : result.fastest;
@@ -215,48 +212,41 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
 
 std::optional<Region> region_to_compare(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
-  const double B_d = velocity_bound(scenario);
-  if (B_d == 0) return {};
-  const Conditions conditions(system_of(scenario), error_model(scenario), B_d, 12, 32);
-  const auto found = best_weights(conditions.coarse, conditions.coarse, Goal::ball_by_one_weight);
+  const ErrorLoop loop(scenario);
+  if (loop.B_d == 0) return {};
+  const MatrixCondition condition = loop.coarse_condition(12);
+  const auto found = best_weights(condition, condition, Goal::ball_by_one_weight);
   return found ? std::optional(found->region) : std::nullopt;
 }
 
 std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
-  const robot::Model model = error_model(scenario);
-  const ErrorSystem system = system_of(scenario);
-  const Start start = start_of(scenario);
-  const double B_d = velocity_bound(scenario);
-  const auto V0 = [&](const Weights& weights) {
-    return lyapunov_value(system, weights, model, start.q, start.error);
-  };
-  if (B_d == 0) {
-    return CertifiedRun{{}, V0({}), std::numeric_limits<double>::infinity(),
-                        0,  true,   provisos(scenario, nullptr)};
+  const ErrorLoop loop(scenario);
+  if (loop.B_d == 0) {
+    return CertifiedRun{{}, loop.V0({}), std::numeric_limits<double>::infinity(),
+                        0,  true,        provisos(scenario, nullptr)};
   }
-  if (model.num_joints > most_joints_of_certified_run) return {};
-  const Conditions conditions(system, model, B_d, 12, 128);
-  const bool proved = conditions.postures.proved();
+  if (loop.model.num_joints > most_joints_of_certified_run) return {};
+  const MatrixCondition coarse = loop.coarse_condition(12), fine = loop.condition(128);
+  const bool proved = fine.postures.proved;
   std::optional<CertifiedRun> best;
   const auto consider = [&](const std::optional<Certified>& found) {
     if (!found) return;
-    const auto region = conditions.fine.region(found->weights);
+    const auto region = fine.region(found->weights);
     if (!region) return;
-    const double V = V0(found->weights);
+    const double V = loop.V0(found->weights);
     // From V on, |delta| stays below sqrt(2 w V).
-    const double rate = V <= region->level
-                            ? conditions.fine.rate(found->weights, std::sqrt(2 * region->w * V))
-                            : -1;
+    const double rate =
+        V <= region->level ? fine.rate(found->weights, std::sqrt(2 * region->w * V)) : -1;
     if (best && rate <= best->rate) return;
     best =
         CertifiedRun{found->weights, V, region->level, rate, proved, provisos(scenario, &*region)};
   };
   // To search, the worst of the sampled postures do.
-  const MatrixCondition unrefined{system, &conditions.postures, B_d, false};
-  consider(best_weights(conditions.coarse, unrefined, Goal::rate));
+  const MatrixCondition unrefined{fine.system, fine.postures, fine.B_d, false};
+  consider(best_weights(coarse, unrefined, Goal::rate));
   // With more joints that search takes long.
-  if (proved) consider(best_weights(conditions.coarse, unrefined, Goal::ball));
+  if (proved) consider(best_weights(coarse, unrefined, Goal::ball));
   return best;
 }
 

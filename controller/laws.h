@@ -1,5 +1,8 @@
 #pragma once
 
+#include <string_view>
+#include <type_traits>
+
 #include "controller/law/berghuis_nijmeijer.h"
 #include "controller/law/computed_torque.h"
 #include "controller/law/kalman_velocity.h"
@@ -41,5 +44,13 @@ using Laws = LawList<law::LoriaOrtegaRigid,      //
                      law::RobustDifferentiator,  //
                      law::ComputedTorque,        //
                      law::PdGravity>;
+
+/// action(std::type_identity<L>()) for the law of that name. @return whether there is one
+template <class F>
+bool with_law(std::string_view name, const F& action) {
+  return [&]<class... L>(LawList<L...> /*laws*/) {
+    return ((name == L::name && (action(std::type_identity<L>()), true)) || ...);
+  }(Laws());
+}
 
 }  // namespace tachless::controller

@@ -229,15 +229,12 @@ ScenarioLaw scenario_law(const experiment::Scenario& scenario) {
         "external: the law is in a program of yours; run and replay take it with --controller "
         "'PROGRAM', everything else needs one of tachless's laws");
   }
-  const auto of_list = [&]<class... L>(LawList<L...> /*laws*/) {
-    ScenarioLaw chosen;
-    const bool found = ((scenario.controller.law == L::name &&
-                         (chosen = law_over_run<L>(scenario, law_facts(L::name)), true)) ||
-                        ...);
-    if (!found) throw scenario.complaint("controller.law", no_such_law(scenario.controller.law));
-    return chosen;
-  };
-  return of_list(Laws{});
+  ScenarioLaw chosen;
+  const bool found = with_law(scenario.controller.law, [&]<class L>(std::type_identity<L> /*law*/) {
+    chosen = law_over_run<L>(scenario, law_facts(L::name));
+  });
+  if (!found) throw scenario.complaint("controller.law", no_such_law(scenario.controller.law));
+  return chosen;
 }
 
 }  // namespace tachless::controller

@@ -15,7 +15,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/fnv.h"
 #include "diagnostics/text.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 namespace tachless::experiment {
 namespace {

@@ -19,7 +19,7 @@
 #include "plant/plant_model.h"
 #include "process/this_process.h"
 #include "reference/make_trajectory.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 #include "study/in_process_loop.h"
 
 namespace tachless::launch {

@@ -26,7 +26,7 @@
 #include "report/recorded_run.h"
 #include "report/report.h"
 #include "report/report_sections.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 namespace tachless::launch {
 namespace {

@@ -13,7 +13,7 @@
 #include "loop/clock.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 namespace tachless::plant {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "plant/arm_mechanics.h"
 #include "plant/dry_friction.h"
-#include "robot/forward_dynamics.h"
+#include "robot/dynamics.h"
 
 namespace tachless::plant {
 namespace {

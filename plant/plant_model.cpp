@@ -8,8 +8,7 @@
 #include <stdexcept>
 
 #include "robot/cholesky.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::plant {
 namespace {

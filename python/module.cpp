@@ -18,10 +18,8 @@
 #include "logger/table.h"
 #include "plant/run_messages.h"
 #include "python/python_law.h"
-#include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/kinematics.h"
-#include "robot/mass_matrix.h"
 #include "study/in_process_loop.h"
 
 /// The compiled half of the Python package: a robot's mechanics, runs as arrays, simulation and the

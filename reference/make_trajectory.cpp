@@ -1,6 +1,6 @@
 #include "reference/make_trajectory.h"
 #include "diagnostics/text.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 #include <fmt/format.h>
 

@@ -11,7 +11,7 @@
 #include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "logger/run_log.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 /// The controller again, on what a log recorded: whether its commands are the same, and what
 /// another law, or other gains, would have commanded, in words and as JSON, and that side by side

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "report/gnuplot.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 namespace tachless::report {
 namespace {

@@ -11,7 +11,7 @@
 #include "certificate/stability_certificate.h"
 #include "logger/run_log.h"
 #include "report/decay.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 #include "study/envelope.h"
 #include "study/tracking.h"
 

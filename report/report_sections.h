@@ -7,7 +7,7 @@
 #include "report/chart.h"
 #include "report/html.h"
 #include "report/recorded_run.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 #include "study/tracking.h"
 
 /// The charts of runs' signals: those of tracking.svg, and the sections of a report, with texts and

@@ -14,9 +14,8 @@
 #include "diagnostics/failure.h"
 #include "report/chart.h"
 #include "report/gnuplot.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/joint_labels.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
+#include "robot/model.h"
 
 namespace tachless::report {
 namespace {

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "node/statistics.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 #include "study/tracking.h"
 
 /// A run in numbers: summary.json and the closing table. Reads no log and writes no file.

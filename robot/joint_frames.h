@@ -55,9 +55,4 @@ template <class Scalar>
 void set_mass_matrix(const Model& model, const JointFrame<Scalar>* frames, MatrixOf<Scalar>& M,
                      const ModelConstants* constants = nullptr);
 
-/// C(q,v) v + g(q) at the posture of these frames.
-template <class Scalar>
-VectorOf<Scalar> bias_torque(const Model& model, const JointFrame<Scalar>* frames,
-                             const VectorOf<Scalar>& v);
-
 }  // namespace tachless::robot

@@ -1,4 +1,4 @@
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 #include <algorithm>
 

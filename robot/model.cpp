@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "robot/cholesky.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "robot/urdf_xml.h"
 
 namespace tachless::robot {
@@ -99,6 +99,20 @@ std::string why_not_physical(const MassProperties& body) {
         I[0], I[1], I[2]);
   }
   return "";
+}
+
+std::string JointLabels::joint(std::size_t i) const {
+  return fmt::format("joint {} ({})", i + 1, name[i]);
+}
+
+JointLabels joint_labels(const Model& model) {
+  JointLabels labels{model.joint_names, {}, {}};
+  for (const JointType type : model.joint_types) {
+    const bool revolute = type == JointType::revolute;
+    labels.length.emplace_back(revolute ? "rad" : "m");
+    labels.effort.emplace_back(revolute ? "N m" : "N");
+  }
+  return labels;
 }
 
 Vector nearest_to_zero(const Model& model) {

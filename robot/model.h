@@ -79,6 +79,18 @@ struct Model {
   std::vector<std::string> warnings;  ///< what the URDF has that is not as it should be
 };
 
+/// What people read beside a joint's values: its name in the URDF, and the units of what is an
+/// angle on a revolute joint and a torque there.
+struct JointLabels {
+  std::vector<std::string> name;
+  std::vector<std::string> length;  ///< "rad" or "m"
+  std::vector<std::string> effort;  ///< "N m" or "N"
+
+  /// "joint 2 (elbow)"; counts from 0.
+  [[nodiscard]] std::string joint(std::size_t i) const;
+};
+JointLabels joint_labels(const Model& model);
+
 /// Each joint as near to 0 as its range allows.
 Vector nearest_to_zero(const Model& model);
 
@@ -154,11 +166,5 @@ std::vector<std::string> farthest_leaves(const Model& model);
 /// @throw std::invalid_argument when the mass is negative or not finite, there is no such link,
 /// it does not move, or the default is ambiguous: equally far links at different places.
 Model with_payload(Model model, const MassProperties& payload, const std::string& link = {});
-/// The same with a point mass [kg] at the link's origin.
-inline Model with_payload(Model model, double mass, const std::string& link = {}) {
-  MassProperties point;
-  point.mass = mass;
-  return with_payload(std::move(model), point, link);
-}
 
 }  // namespace tachless::robot

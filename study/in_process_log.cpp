@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <variant>
 
@@ -14,38 +13,20 @@
 namespace tachless::study {
 namespace {
 
+/// The messages of one kind.
 template <class Value>
 struct Port {
   std::string channel;
   bus::Codec<Value> codec;
-};
+  const std::function<void(const LogMessage&)>& to;
 
-/// The messages of a run, one codec and channel for each kind.
-template <class... Value>
-class Messages {
- public:
-  Messages(const std::string& prefix, const loop::Layout& layout,
-           const std::function<void(const LogMessage&)>& write)
-      : ports_{Port<Value>{loop::channel<Value>(prefix), bus::Codec<Value>(layout)}...},
-        write_(write) {}
+  Port(const std::string& prefix, const loop::Layout& layout,
+       const std::function<void(const LogMessage&)>& write)
+      : channel(loop::channel<Value>(prefix)), codec(layout), to(write) {}
 
-  template <class One>
-  void write(const loop::Stamp& stamp, const One& value) {
-    auto& port = std::get<Port<One>>(ports_);
-    write_({stamp.utime, port.channel, port.codec.encode(stamp, value)});
+  void write(const loop::Stamp& stamp, const Value& value) {
+    to({stamp.utime, channel, codec.encode(stamp, value)});
   }
-
- private:
-  std::tuple<Port<Value>...> ports_;
-  const std::function<void(const LogMessage&)>& write_;
-};
-
-template <class Measurements>
-struct OfLoop;
-template <class... M>
-struct OfLoop<loop::TypeList<M...>> {
-  using Messages = study::Messages<loop::Tick, M..., loop::ReferencePoint, loop::TorqueCommand,
-                                   loop::LawSignals, loop::truth::PlantTruth>;
 };
 
 }  // namespace
@@ -54,21 +35,28 @@ void log_in_process(const experiment::Scenario& scenario, controller::ScenarioLa
                     std::int64_t run, const std::function<void(const LogMessage&)>& write,
                     const std::function<bool(const TickRecord&)>& on_tick) {
   const std::string& prefix = scenario.robot.channel_prefix;
-  OfLoop<loop::Measurements>::Messages messages(prefix, controller::law_layout(scenario, law),
-                                                write);
+  const loop::Layout layout = controller::law_layout(scenario, law);
   const auto info = plant::run_info(scenario, run, controller::law_info(law));
   write({0, loop::channel<loop::RunInfo>(prefix), info});
-  run_in_process(scenario, std::move(law), [&](const TickRecord& record) {
-    const loop::Stamp stamp{std::llround(record.time_s * 1e6), run, record.tick};
-    messages.write(stamp, loop::Tick{.last = record.tick + 1 == scenario.loop.num_ticks});
-    std::visit([&](const auto& measurement) { messages.write(stamp, measurement); },
-               record.measurement);
-    messages.write(stamp, record.reference);
-    messages.write(stamp, record.command);
-    messages.write(stamp, record.controller);
-    messages.write(stamp, plant::truth_of(record.truth, record.applied));
-    return on_tick(record);
-  });
+  const auto log_run = [&]<class Measurement>(controller::AnyLawOf<Measurement> own) {
+    Port<loop::Tick> ticks(prefix, layout, write);
+    Port<Measurement> measurements(prefix, layout, write);
+    Port<loop::ReferencePoint> references(prefix, layout, write);
+    Port<loop::TorqueCommand> commands(prefix, layout, write);
+    Port<loop::LawSignals> signals(prefix, layout, write);
+    Port<loop::truth::PlantTruth> truths(prefix, layout, write);
+    run_in_process(scenario, std::move(own), [&](const TickRecord& record) {
+      const loop::Stamp stamp{std::llround(record.time_s * 1e6), run, record.tick};
+      ticks.write(stamp, {.last = record.tick + 1 == scenario.loop.num_ticks});
+      measurements.write(stamp, std::get<Measurement>(record.measurement));
+      references.write(stamp, record.reference);
+      commands.write(stamp, record.command);
+      signals.write(stamp, record.controller);
+      truths.write(stamp, plant::truth_of(record.truth, record.applied));
+      return on_tick(record);
+    });
+  };
+  std::visit(log_run, std::move(law));
 }
 
 }  // namespace tachless::study

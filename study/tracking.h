@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 #include "robot/quantities.h"
 #include "schema/schema.h"
 #include "study/envelope.h"

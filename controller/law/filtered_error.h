@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "controller/law/parts.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::controller::law {
 

@@ -9,7 +9,7 @@
 
 #include "controller/law/parts.h"
 #include "robot/cholesky.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::controller::law {
 

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "controller/law/law.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/jet.h"
 #include "robot/model.h"
 

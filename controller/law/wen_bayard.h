@@ -5,7 +5,7 @@
 #include <tuple>
 
 #include "controller/law/parts.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::controller::law {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "robot/forward_dynamics.h"
+#include "robot/dynamics.h"
 
 namespace tachless::own_driver {
 namespace {

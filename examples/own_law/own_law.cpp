@@ -8,7 +8,7 @@
 
 #include "controller/law/law.h"
 #include "controller/program.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/model.h"
 #include "schema/schema.h"
 

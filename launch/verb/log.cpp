@@ -19,7 +19,7 @@
 #include "logger/info.h"
 #include "replay/replay.h"
 #include "report/report.h"
-#include "robot/joint_labels.h"
+#include "robot/model.h"
 
 namespace tachless::launch {
 namespace {

@@ -14,6 +14,13 @@
 /// What V's derivative is, and the matrix condition by another way.
 namespace tachless::certificate::testing {
 
+/// C(q, x).
+inline Eigen::MatrixXd coriolis(const Inertia& inertia, const Eigen::VectorXd& x) {
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(x.size(), x.size());
+  for (Eigen::Index j = 0; j < x.size(); ++j) sum += x[j] * inertia.C[static_cast<std::size_t>(j)];
+  return sum;
+}
+
 /// The whole of Mm: Vdot = -x' Mm x.
 inline Eigen::MatrixXd decrease_matrix(const ErrorSystem& system, const Weights& weights,
                                        const Inertia& inertia, const Eigen::VectorXd& v_ref,
@@ -21,8 +28,8 @@ inline Eigen::MatrixXd decrease_matrix(const ErrorSystem& system, const Weights&
   const Eigen::Index N = system.num_errors(), n = system.num_links();
   Eigen::MatrixXd Mm = decrease_constant(system, weights) +
                        decrease_of_inertia(system, weights, inertia.M) +
-                       decrease_of_coriolis(system, weights, inertia.coriolis(v_ref));
-  const Eigen::MatrixXd C = inertia.coriolis(delta);
+                       decrease_of_coriolis(system, weights, coriolis(inertia, v_ref));
+  const Eigen::MatrixXd C = coriolis(inertia, delta);
   Mm.block(2 * N, 2 * N, n, n) -= 0.5 * (C + C.transpose());
   return Mm;
 }
@@ -60,8 +67,9 @@ class PolygonCondition {
       }
     });
     region->rho = 1 / largest;
-    region->level = region->rho * region->rho / (2 * region->w);
-    region->ball = std::sqrt(region->level / region->alpha_2);
+    const double level = region->rho * region->rho / (2 * region->w);
+    region->ball *= std::sqrt(level / region->level);  // which is proportional to its square
+    region->level = level;
     return region;
   }
 
@@ -88,7 +96,7 @@ class PolygonCondition {
   }
   template <class F>
   void for_each_corner(const Weights& weights, const F& f) const {
-    for (const Inertia& inertia : condition_.postures->inertia()) {
+    for (const Inertia& inertia : condition_.postures.inertia) {
       for (const Eigen::VectorXd& v : v_ref_) f(inertia, at(weights, inertia, {}, v));
     }
   }

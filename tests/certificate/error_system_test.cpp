@@ -5,8 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/certificate/decrease.h"
 #include "tests/certificate/loops.h"
 

@@ -6,7 +6,7 @@
 #include "certificate/error_system.h"
 #include "certificate/linear_loop.h"
 #include "controller/law/filter.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 /// The paper's laws linearised on paper: what `linearised` has to find by differences.
 namespace tachless::certificate::testing {

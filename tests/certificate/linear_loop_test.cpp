@@ -7,8 +7,7 @@
 
 #include "controller/law/loria_ortega_flexible.h"
 #include "controller/law/loria_ortega_rigid.h"
-#include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "tests/certificate/linear_laws.h"
 #include "tests/certificate/loops.h"
 

@@ -9,8 +9,7 @@
 #include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "reference/make_trajectory.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "study/in_process_loop.h"
 #include "tests/robot/robots.h"
 

@@ -34,10 +34,10 @@ class MatrixOfTwoLinks : public ::testing::Test {
   const Postures fine{model};
 
   PolygonCondition quoted_condition(const ErrorSystem& system, double B_d = paper_B_d) const {
-    return {{system, &coarse, B_d, false}, 12};
+    return {{system, coarse, B_d, false}, 12};
   }
   MatrixCondition proved_condition(const ErrorSystem& system) const {
-    return {system, &fine, paper_B_d};
+    return {system, fine, paper_B_d};
   }
   void expect(const ErrorSystem& system, const Weights& weights, double ball, double B_d) const {
     const auto region = quoted_condition(system, B_d).region(weights);
@@ -65,7 +65,7 @@ TEST_F(MatrixOfTwoLinks, OneWeightOfGainsThatRunAtOneKilohertz) {
 }
 /// With B_d = 44.4 the ball is largest at another eps than without.
 TEST_F(MatrixOfTwoLinks, OneWeightOfAFastReference) {
-  const MatrixCondition squares{rigid(paper_rigid()), &coarse, 44.43, false};
+  const MatrixCondition squares{rigid(paper_rigid()), coarse, 44.43, false};
   const auto best = best_weights(squares, squares, Goal::ball_by_one_weight);
   ASSERT_TRUE(best);
   const PolygonCondition condition = quoted_condition(rigid(paper_rigid()), 44.43);
@@ -105,7 +105,7 @@ TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
   sampled_options.bound_between = false;
   const Postures sampled(model, sampled_options);
   const MatrixCondition proved = proved_condition(system);
-  const MatrixCondition between{system, &sampled, paper_B_d};
+  const MatrixCondition between{system, sampled, paper_B_d};
   for (const Weights& w : {Weights{0.0346, 0.0346}, Weights{1.28, 0.0487}}) {
     const auto a = proved.region(w), b = between.region(w);
     ASSERT_TRUE(a && b);
@@ -115,14 +115,14 @@ TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
     EXPECT_LE(proved.rate(w, 0), between.rate(w, 0));
     EXPECT_GT(proved.rate(w, 0), 0.99 * between.rate(w, 0));
   }
-  EXPECT_TRUE(fine.proved());
-  EXPECT_FALSE(coarse.proved());
+  EXPECT_TRUE(fine.proved);
+  EXPECT_FALSE(coarse.proved);
 }
 
 TEST_F(MatrixOfTwoLinks, SumOfSquaresIsNoWorseThanPolygonsOf48Sides) {
   for (const ErrorSystem& system :
        {rigid(paper_rigid()), flexible(practical_link(), practical_motor())}) {
-    const MatrixCondition squares{system, &coarse, paper_B_d};
+    const MatrixCondition squares{system, coarse, paper_B_d};
     const PolygonCondition polygons(squares, 48);
     const Weights w{0.003, 0.003};
     EXPECT_GT(squares.region(w)->ball, 0.999 * polygons.region(w)->ball);
@@ -206,7 +206,7 @@ TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
   few.circle_points = 24;
   const Postures search_postures(model, few);
   const ErrorSystem system = rigid(practical_rigid());
-  const MatrixCondition search{system, &search_postures, paper_B_d, false};
+  const MatrixCondition search{system, search_postures, paper_B_d, false};
   const MatrixCondition full = proved_condition(system);
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::ball);
@@ -233,8 +233,8 @@ class MatrixOfSevenJoints : public ::testing::Test {
 
 TEST_F(MatrixOfSevenJoints, VFallsAtAHundredThousandRandomStatesInsideRho) {
   const Postures postures(model);
-  const MatrixCondition condition{rigid(iiwa_gains()), &postures, 0.2};
-  EXPECT_FALSE(postures.proved());
+  const MatrixCondition condition{rigid(iiwa_gains()), postures, 0.2};
+  EXPECT_FALSE(postures.proved);
   expect_positive_inside(model, condition, {0.3, 0.03}, 0.2, 100000, 300, false);
 }
 
@@ -242,8 +242,8 @@ TEST_F(MatrixOfSevenJoints, SearchFindsACertifiedBall) {
   PostureOptions few;
   few.samples = 128;
   const Postures search_postures(model, few), postures(model);
-  const MatrixCondition search{rigid(iiwa_gains()), &search_postures, 0.2, false};
-  const MatrixCondition full{rigid(iiwa_gains()), &postures, 0.2};
+  const MatrixCondition search{rigid(iiwa_gains()), search_postures, 0.2, false};
+  const MatrixCondition full{rigid(iiwa_gains()), postures, 0.2};
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::ball);
   ASSERT_TRUE(largest);

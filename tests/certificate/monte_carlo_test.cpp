@@ -12,7 +12,7 @@
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "study/in_process_loop.h"
 #include "tests/certificate/loops.h"
 #include "tests/certificate/scenarios.h"
@@ -70,8 +70,7 @@ class FromTheLevelSet {
       : scenario_(scenario),
         lyapunov_(lyapunov_function(scenario, weights)),
         reference_(reference::make_trajectory(scenario).at(0)) {
-    const Postures postures(*scenario.model);
-    const MatrixCondition condition{system, &postures, paper_B_d};
+    const MatrixCondition condition{system, Postures(*scenario.model), paper_B_d};
     const Region region = condition.region(weights).value();
     level_ = region.level;
     // From V on, |delta| stays below sqrt(2 w V).

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "certificate/linear_loop.h"
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "tests/certificate/decrease.h"
 #include "tests/certificate/loops.h"
 
@@ -70,7 +70,7 @@ TEST(Constants, OfSevenJointsAreNotExceededByRandomPostures) {
   for (int i = 0; i < 3000; ++i) {
     const Vector q = random.vector(7, std::numbers::pi), x = random.vector(7, 1);
     const Inertia at = inertia_at(model, q);
-    const Eigen::MatrixXd C = at.coriolis(x.normalized());
+    const Eigen::MatrixXd C = coriolis(at, x.normalized());
     ASSERT_LE(largest_eigenvalue(at.M), c.lambda_max_M.value);
     ASSERT_GE(smallest_eigenvalue(at.M), c.lambda_min_M.value);
     ASSERT_LE(spectral_norm(C), c.k_c.value);
@@ -192,8 +192,7 @@ TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
   z << 0, 0, 0, 0, 0.0667, -0.9978;
   EXPECT_NEAR(exact_rate(system, eps, 0, z), 6.62, 5e-3);
   // The smallest eigenvalue of sym(B M) is not lambda(B) lambda(M).
-  const Eigen::MatrixXd BM =
-      Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.inertia()[0].M;
+  const Eigen::MatrixXd BM = Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.inertia[0].M;
   EXPECT_NEAR(smallest_eigenvalue((BM + BM.transpose()) / 2), -980, 1);
   // The completed condition and the matrix's own refuse these gains.
   EXPECT_FALSE(ScalarCondition(system, constants, postures, paper_B_d).solve().feasible);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/certificate/linear_laws.h"
 #include "tests/certificate/loops.h"
 

@@ -9,7 +9,7 @@
 
 #include "certificate/sampled_certificate.h"
 #include "controller/registry.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/certificate/linear_laws.h"
 #include "tests/certificate/loops.h"
 #include "tests/certificate/scenarios.h"

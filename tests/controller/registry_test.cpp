@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "controller/law/loria_ortega_rigid.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 namespace tachless::controller {
 namespace {

@@ -10,8 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "robot/energy.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/plant/arms.h"
 
 namespace tachless::plant {

@@ -4,7 +4,7 @@
 #include <random>
 
 #include "plant/arm.h"
-#include "robot/forward_dynamics.h"
+#include "robot/dynamics.h"
 #include "tests/robot/robots.h"
 
 /// Robots, states and an independent integration that the tests of this room share.

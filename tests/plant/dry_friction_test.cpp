@@ -5,9 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "robot/energy.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/plant/arms.h"
 
 namespace tachless::plant {

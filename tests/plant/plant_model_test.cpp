@@ -7,9 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "robot/energy.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/plant/arms.h"
 
 namespace tachless::plant {

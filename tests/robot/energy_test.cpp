@@ -1,10 +1,7 @@
-#include "robot/energy.h"
+#include "robot/dynamics.h"
 
 #include <gtest/gtest.h>
 
-#include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {

@@ -1,4 +1,4 @@
-#include "robot/forward_dynamics.h"
+#include "robot/dynamics.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,6 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
 #include "tests/robot/robots.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

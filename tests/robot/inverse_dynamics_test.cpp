@@ -1,4 +1,4 @@
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "robot/energy.h"
-#include "robot/mass_matrix.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {

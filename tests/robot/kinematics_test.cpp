@@ -4,7 +4,7 @@
 
 #include <stdexcept>
 
-#include "robot/energy.h"
+#include "robot/dynamics.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {
@@ -36,7 +36,7 @@ TEST(FramePose, MovesAsTheKineticAndPotentialEnergyOfAPayloadSay) {
   const Model model = testing::branching();
   Random random(2);
   for (const char* link : {"plate", "hand", "claw"}) {
-    const Model loaded = with_payload(model, 2, link);
+    const Model loaded = with_payload(model, {.mass = 2}, link);
     for (int k = 0; k < 20; ++k) {
       const Vector q = random.vector(4, 1), v = random.vector(4, 2);
       const Vector3Of<Jet2> p = frame_pose(model, link, jet(q, v, Vector::Zero(4))).p;

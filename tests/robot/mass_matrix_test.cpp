@@ -1,4 +1,4 @@
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <vector>
 
-#include "robot/inverse_dynamics.h"
 #include "tests/robot/robots.h"
 
 namespace tachless::robot {

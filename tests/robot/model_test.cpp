@@ -17,7 +17,7 @@ using ::testing::HasSubstr;
 
 std::string complaint(const Model& model, double mass, const std::string& link) {
   try {
-    (void)with_payload(model, mass, link);
+    (void)with_payload(model, {.mass = mass}, link);
   } catch (const std::invalid_argument& e) {
     return e.what();
   }
@@ -57,7 +57,8 @@ TEST(Posture, IsNearestToZeroAndInRangeWhereAJointHasLimits) {
 
 TEST(Payload, HangsOnTheFarthestLeafByDefault) {
   const Model model = testing::load("scenarios/robots/two_link.urdf");
-  const Model by_default = with_payload(model, 0.5), by_name = with_payload(model, 0.5, "tip");
+  const Model by_default = with_payload(model, {.mass = 0.5}),
+              by_name = with_payload(model, {.mass = 0.5}, "tip");
   const Body& link2 = by_default.bodies[1];
   EXPECT_EQ(link2.link, "link2");
   EXPECT_EQ(link2.mass, 2.2);
@@ -69,7 +70,7 @@ TEST(Payload, HangsOnTheFarthestLeafByDefault) {
 }
 
 TEST(Payload, OfNoMassChangesNothing) {
-  const Model model = testing::two_link(), same = with_payload(model, 0);
+  const Model model = testing::two_link(), same = with_payload(model, {.mass = 0});
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     EXPECT_EQ(same.bodies[i].mass, model.bodies[i].mass);
     EXPECT_EQ(same.bodies[i].p_Bcm, model.bodies[i].p_Bcm);
@@ -97,7 +98,7 @@ TEST(MassProperties, AreNotPhysicalWhereAnyNumberIsNotFinite) {
 
 TEST(Payload, PrefersMoreJointsOverMoreMetres) {
   // The claw hangs by three joints (turn, arm, finger, claw: four), the hand by three.
-  const Model loaded = with_payload(testing::branching(), 1);
+  const Model loaded = with_payload(testing::branching(), {.mass = 1});
   EXPECT_EQ(loaded.bodies.back().link, "claw");
   EXPECT_EQ(loaded.bodies.back().mass, 1.2);
 }
@@ -119,7 +120,7 @@ TEST(Payload, TakesEitherOfTwoToolFramesAtOnePlace) {
               "link='l1'/><child link='flange'/></joint><joint name='b' type='fixed'><parent "
               "link='l1'/><child link='tool0'/><origin rpy='0 1 0'/></joint>");
   const Model model = model_from_urdf(urdf, "t");
-  EXPECT_EQ(with_payload(model, 1).bodies[0].mass, model.bodies[0].mass + 1);
+  EXPECT_EQ(with_payload(model, {.mass = 1}).bodies[0].mass, model.bodies[0].mass + 1);
   EXPECT_THAT(farthest_leaves(model), ElementsAre("flange"));
 }
 
@@ -136,7 +137,7 @@ TEST(Payload, WantsALinkNamedWhereTwoAreEquallyFar) {
   const Model model = model_from_urdf(urdf + "</robot>", "t.urdf");
   EXPECT_THAT(complaint(model, 1, ""), HasSubstr("'left' and 'right'"));
   EXPECT_THAT(farthest_leaves(model), ElementsAre("left", "right"));
-  EXPECT_EQ(with_payload(model, 1, "right").bodies[1].mass, 2);
+  EXPECT_EQ(with_payload(model, {.mass = 1}, "right").bodies[1].mass, 2);
 }
 
 }  // namespace

@@ -48,7 +48,7 @@ inline Model load(const std::string& path_in_repository) {
 }
 
 inline Model two_link(double payload_mass = 0) {
-  return with_payload(load("scenarios/robots/two_link.urdf"), payload_mass);
+  return with_payload(load("scenarios/robots/two_link.urdf"), {.mass = payload_mass});
 }
 inline Model iiwa7() { return load("scenarios/robots/iiwa7.urdf"); }
 /// Branches, a prismatic joint, mimics of both kinds, an inclined axis, merged links.

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 #include "robot/kinematics.h"
 #include "robot/model.h"
 #include "tests/robot/robots.h"
@@ -154,7 +154,7 @@ TEST(Urdf, ReadsTheSameNumbersUnderALocaleWithDecimalCommas) {
   const Model model = testing::two_link();
   std::string message;
   try {
-    (void)with_payload(model, -0.5);
+    (void)with_payload(model, {.mass = -0.5});
   } catch (const std::invalid_argument& e) {
     message = e.what();
   }

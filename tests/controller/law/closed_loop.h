@@ -123,7 +123,7 @@ struct FlexibleArm {
 
 /// The same arm with a payload as `robot/` sees it.
 inline robot::Model model_with(double payload) {
-  return payload > 0 ? robot::with_payload(two_link_model(), payload) : two_link_model();
+  return payload > 0 ? robot::with_payload(two_link_model(), {.mass = payload}) : two_link_model();
 }
 
 /// Largest |q - q_ref| of both joints in the last `tail` of the states.

@@ -22,9 +22,7 @@
 #include <string>
 #include <vector>
 
-#include "robot/forward_dynamics.h"
-#include "robot/inverse_dynamics.h"
-#include "robot/mass_matrix.h"
+#include "robot/dynamics.h"
 #include "tests/robot/robots.h"
 
 namespace {

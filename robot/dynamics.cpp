@@ -1,6 +1,11 @@
-#include "robot/inverse_dynamics.h"
+#include "robot/dynamics.h"
 
+#include <stdexcept>
+#include <utility>
+
+#include "robot/cholesky.h"
 #include "robot/joint_frames.h"
+#include "robot/kinematics.h"
 
 namespace tachless::robot {
 namespace {
@@ -140,13 +145,18 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
   return newton_euler<two, true>(model, gravity, frames, x, y, a);
 }
 
-}  // namespace
-
+/// Of M a + bias = tau.
 template <class Scalar>
-VectorOf<Scalar> bias_torque(const Model& model, const JointFrame<Scalar>* frames,
-                             const VectorOf<Scalar>& v) {
-  return newton_euler<false, false>(model, model.gravity, frames, v, v, v);
+TACHLESS_INLINE void evaluate(const Model& model, const VectorOf<Scalar>& q,
+                              const VectorOf<Scalar>& v, MatrixOf<Scalar>& M,
+                              VectorOf<Scalar>& bias, const ModelConstants* constants) {
+  JointFrame<Scalar> frames[max_bodies];
+  set_joint_frames(model, q, frames, constants);
+  bias = newton_euler<false, false>(model, model.gravity, frames, v, v, v);
+  set_mass_matrix(model, frames, M, constants);
 }
+
+}  // namespace
 
 template <class Scalar>
 VectorOf<Scalar> inverse_dynamics(const Model& model, const VectorOf<Scalar>& q,
@@ -187,20 +197,103 @@ MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
   return C;
 }
 
-#define TACHLESS_INVERSE_DYNAMICS(Scalar)                                                       \
-  template VectorOf<Scalar> bias_torque(const Model&, const JointFrame<Scalar>*,                \
-                                        const VectorOf<Scalar>&);                               \
-  template VectorOf<Scalar> inverse_dynamics(const Model&, const VectorOf<Scalar>&,             \
-                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
-  template VectorOf<Scalar> inverse_dynamics_bilinear(                                          \
-      const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&,  \
-      const VectorOf<Scalar>&);                                                                 \
-  template VectorOf<Scalar> coriolis_product(const Model&, const VectorOf<Scalar>&,             \
-                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
-  template VectorOf<Scalar> gravity_torque(const Model&, const VectorOf<Scalar>&);              \
-  template MatrixOf<Scalar> coriolis_matrix(const Model&, const VectorOf<Scalar>&,              \
-                                            const VectorOf<Scalar>&);
-TACHLESS_INVERSE_DYNAMICS(double)
-TACHLESS_INVERSE_DYNAMICS(Jet2)
+EquationsOfMotion::EquationsOfMotion(Model model)
+    : model_(std::move(model)), constants_(std::make_unique<ModelConstants>(model_)) {}
+EquationsOfMotion::~EquationsOfMotion() = default;
+
+void EquationsOfMotion::evaluate(const Vector& q, const Vector& v) {
+  robot::evaluate(model_, q, v, M, bias, constants_.get());
+}
+
+template <class Scalar>
+VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
+                                  const VectorOf<Scalar>& v, const VectorOf<Scalar>& tau) {
+  require_size(model, tau.size(), "tau");
+  MatrixOf<Scalar> M;
+  VectorOf<Scalar> a;
+  evaluate(model, q, v, M, a, nullptr);
+  for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - a[j];
+  const int failed = factorise(M);
+  if (failed >= 0) {
+    throw std::logic_error("robot: the inertia matrix is not positive definite at joint '" +
+                           model.joint_names[failed] + "'");
+  }
+  solve_in_place(M, a);
+  return a;
+}
+
+template <class Scalar>
+Scalar kinetic_energy(const Model& model, const VectorOf<Scalar>& q, const VectorOf<Scalar>& v) {
+  using Vector3 = Vector3Of<Scalar>;
+  require_size(model, q.size(), "q");
+  require_size(model, v.size(), "v");
+  struct Rates {
+    Vector3 angular, linear;  // of the body's frame, expressed in it
+  };
+  Rates rates[max_bodies];
+  Scalar twice = Scalar(0);
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    const Body& body = model.bodies[i];
+    const Pose<Scalar> X = joint_pose(body, tree_position(body, q));
+    Rates& b = rates[i];
+    if (body.parent < 0) {
+      b.angular.setZero();
+      b.linear.setZero();
+    } else {
+      const Rates& p = rates[body.parent];
+      b.angular = X.R.transpose() * p.angular;
+      const Vector3 carried = p.linear + p.angular.cross(X.p);
+      b.linear = X.R.transpose() * carried;
+    }
+    const Vector3 joint = scaled<Scalar>(body.axis_B, body.multiplier * v[body.coordinate]);
+    (body.type == JointType::revolute ? b.angular : b.linear) += joint;
+    const Vector3 c = body.p_Bcm.template cast<Scalar>();
+    const Vector3 v_cm = b.linear + b.angular.cross(c);
+    const Vector3 L = body.I_Bcm * b.angular;
+    twice += body.mass * v_cm.dot(v_cm) + b.angular.dot(L);
+  }
+  for (Eigen::Index j = 0; j < model.rotor_inertia.size(); ++j) {
+    twice += model.rotor_inertia[j] * (v[j] * v[j]);
+  }
+  return 0.5 * twice;
+}
+
+template <class Scalar>
+Scalar potential_energy(const Model& model, const VectorOf<Scalar>& q) {
+  require_size(model, q.size(), "q");
+  Pose<Scalar> pose[max_bodies];
+  Scalar energy = Scalar(0);
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    const Body& body = model.bodies[i];
+    Pose<Scalar>& X = pose[i];
+    X = joint_pose(body, tree_position(body, q));
+    if (body.parent >= 0) {
+      const Pose<Scalar>& P = pose[body.parent];
+      X.p = (P.R * X.p + P.p).eval();
+      X.R = (P.R * X.R).eval();
+    }
+    const Vector3Of<Scalar> p_cm = X.R * body.p_Bcm + X.p;
+    for (int k = 0; k < 3; ++k) energy -= (body.mass * model.gravity[k]) * p_cm[k];
+  }
+  return energy;
+}
+
+#define TACHLESS_DYNAMICS(Scalar)                                                                 \
+  template VectorOf<Scalar> inverse_dynamics(const Model&, const VectorOf<Scalar>&,               \
+                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&);   \
+  template VectorOf<Scalar> inverse_dynamics_bilinear(                                            \
+      const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&,    \
+      const VectorOf<Scalar>&);                                                                   \
+  template VectorOf<Scalar> coriolis_product(const Model&, const VectorOf<Scalar>&,               \
+                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&);   \
+  template VectorOf<Scalar> gravity_torque(const Model&, const VectorOf<Scalar>&);                \
+  template MatrixOf<Scalar> coriolis_matrix(const Model&, const VectorOf<Scalar>&,                \
+                                            const VectorOf<Scalar>&);                             \
+  template VectorOf<Scalar> forward_dynamics(const Model&, const VectorOf<Scalar>&,               \
+                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&);   \
+  template Scalar kinetic_energy(const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
+  template Scalar potential_energy(const Model&, const VectorOf<Scalar>&);
+TACHLESS_DYNAMICS(double)
+TACHLESS_DYNAMICS(Jet2)
 
 }  // namespace tachless::robot
