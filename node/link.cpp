@@ -84,8 +84,7 @@ void KeyCheck::poll(Clock::time_point now) const {
 }
 
 Link::Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config)
-    : Session(config.role, config.interrupted),
-      transport_(transport, config.key),
+    : Session(config.role, transport, config.key, config.interrupted),
       channel_(loop::channel<loop::Participant>(scenario.robot.channel_prefix)),
       self_(self_of(scenario, config)),
       codec_(loop::Layout{}),

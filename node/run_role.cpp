@@ -144,15 +144,15 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
     }
     bus.open(options, role, scenario);
     if (options.follow) {
-      played.emplace(scenario, *options.follow, options.wait_s, &interrupted);
+      played.emplace(scenario, bus.transport(), *options.follow, options.wait_s, &interrupted);
     } else {
       link.emplace(scenario, bus.transport(), link_config(role, options, interrupted));
     }
     if (realtime) request_real_time(role);
     if (played) {
-      played->guard([&] { playback(scenario, bus.transport(), *played); });
+      played->guard([&] { playback(scenario, *played); });
     } else {
-      link->guard([&] { main(scenario, link->transport(), *link); });
+      link->guard([&] { main(scenario, *link); });
     }
   } catch (const Failure& failure) {
     statistics().exit_code = failure.code();

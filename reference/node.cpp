@@ -29,22 +29,20 @@ class Node {
 
   void run() {
     link_.join({}, {});
-    loop_.run_until_finished([this](Clock::time_point now) { return complete(now); });
+    link_.run_until_finished([this](Clock::time_point now) { return complete(now); });
     link_.leave();
   }
 
  protected:
-  Node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
+  Node(const experiment::Scenario& scenario, node::Link& link)
       : link_(link),
-        loop_(transport, link),
         last_tick_(scenario.loop.num_ticks - 1),
-        transport_(transport),
         period_s_(scenario.loop.period_s),
         trajectory_(make_trajectory(scenario)),
         channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
         tick_codec_(loop::layout(scenario.num_joints, false)),
         reference_codec_(loop::layout(scenario.num_joints, false)) {
-    loop_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
+    link_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
              [this](const bus::Datagram& datagram) {
                loop::Stamp stamp;
                loop::Tick tick;
@@ -61,7 +59,7 @@ class Node {
   template <class Responder>
   bool count(Verdict verdict, const Responder& responder, std::int64_t tick,
              const bus::Datagram& datagram) {
-    loop_.count(verdict, loop::Role::plant, datagram, tick,
+    link_.count(verdict, loop::Role::plant, datagram, tick,
                 [&] { return responder.sender_of(tick); });
     if (verdict != Verdict::fresh && verdict != Verdict::repeated) return false;
     link_.started(Clock::now());
@@ -71,7 +69,9 @@ class Node {
   [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
   [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
 
-  void publish(std::span<const std::byte> reference) { transport_.publish(channel_, reference); }
+  void publish(std::span<const std::byte> reference) {
+    link_.transport().publish(channel_, reference);
+  }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when it is not finite.
@@ -98,11 +98,9 @@ class Node {
   }
 
   node::Link& link_;
-  node::Loop loop_;
   std::int64_t last_tick_;
 
  private:
-  bus::Transport& transport_;
   double period_s_;
   Trajectory trajectory_;
   std::string channel_;
@@ -112,8 +110,8 @@ class Node {
 
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
-      : Node(scenario, transport, link),
+  LockstepNode(const experiment::Scenario& scenario, node::Link& link)
+      : Node(scenario, link),
         responder_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
 
  private:
@@ -139,15 +137,15 @@ class LockstepNode final : public Node {
 
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
-      : Node(scenario, transport, link),
+  RealtimeNode(const experiment::Scenario& scenario, node::Link& link)
+      : Node(scenario, link),
         responder_(scenario.loop.num_ticks, longest_tick()),
         pace_(scenario.loop.period_s) {}
 
  private:
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
     if (!pace_.possible(tick, Clock::now()) && !link_.knows(datagram.sender)) {
-      return loop_.count(Verdict::not_asked);
+      return link_.count(Verdict::not_asked);
     }
     const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
     if (!count(answer.verdict, responder_, tick, datagram)) return;
@@ -165,11 +163,11 @@ class RealtimeNode final : public Node {
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link) {
+void run_node(const experiment::Scenario& scenario, node::Link& link) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeNode(scenario, transport, link).run();
+    RealtimeNode(scenario, link).run();
   } else {
-    LockstepNode(scenario, transport, link).run();
+    LockstepNode(scenario, link).run();
   }
 }
 
