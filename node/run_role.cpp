@@ -107,7 +107,7 @@ Link::Config link_config(loop::Role role, const ProcessOptions& options,
   config.run_id = options.run_id;
   config.wait_s = options.wait_s;
   config.interrupted = &interrupted;
-  if (!options.key_path.empty()) config.key = bus::read_key_file(options.key_path);
+  config.key = bus::read_key_file(options.key_path);
   diagnostics::log_detail(
       config.key ? fmt::format("messages have the tag of the key in {}", options.key_path)
                  : "messages have no tag: no --key-file");
