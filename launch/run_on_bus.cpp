@@ -20,7 +20,6 @@
 #include "launch/placement.h"
 #include "launch/progress.h"
 #include "launch/run.h"
-#include "launch/run_results.h"
 #include "launch/supervise.h"
 #include "node/options.h"
 #include "plant/node.h"

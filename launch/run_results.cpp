@@ -1,4 +1,4 @@
-#include "launch/run_results.h"
+#include "launch/run.h"
 
 #include <fcntl.h>
 #include <fmt/core.h>

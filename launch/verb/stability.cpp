@@ -113,8 +113,7 @@ struct Design {
     node::with_installed_scenarios(
         command.add_option("SCENARIO", input, "A scenario, or a URDF file"))
         ->required();
-    command.add_option("--set", overrides, "key.path=value; may be repeated")
-        ->allow_extra_args(false);
+    node::add_overrides(command, overrides, "key.path=value; may be repeated");
     auto* bandwidth = command.add_option("--bandwidth", goal.bandwidth_hz,
                                          "At most [Hz]; default: 0.005 of the sampling rate");
     bandwidth->check(CLI::PositiveNumber);
