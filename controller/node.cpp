@@ -64,6 +64,11 @@ struct Measured {
   Input<Measurement> input;
 };
 
+protocol::lockstep::LawInput input_of(Role from) {
+  return from == Role::plant ? protocol::lockstep::measurement_input
+                             : protocol::lockstep::reference_input;
+}
+
 /// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
 /// and state. Knows not which tick is due.
 class Node {
@@ -205,16 +210,14 @@ class LockstepNode final : public Node {
   }
 
   Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
-    const auto answer = from == Role::plant
-                            ? responder_.on_measurement(tick, datagram.payload, datagram.sender)
-                            : responder_.on_reference(tick, datagram.payload, datagram.sender);
+    const auto answer =
+        responder_.on_input(input_of(from), tick, datagram.payload, datagram.sender);
     action_ = answer.action;
     return answer.verdict;
   }
 
   [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
-    using Kind = CommandResponder::Input;
-    return responder_.sender_of(from == Role::plant ? Kind::measurement : Kind::reference, tick);
+    return responder_.sender_of(input_of(from), tick);
   }
 
   void act(Role from, std::int64_t tick, Verdict verdict) override {
@@ -267,13 +270,11 @@ class RealtimeNode final : public Node {
     if (!pace_.possible(begun, Clock::now()) && !session_.knows(datagram.sender)) {
       return Verdict::not_asked;
     }
-    return from == Role::plant ? picker_.on_measurement(tick, datagram.payload, datagram.sender)
-                               : picker_.on_reference(tick, datagram.payload, datagram.sender);
+    return picker_.on_input(input_of(from), tick, datagram.payload, datagram.sender);
   }
 
   [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
-    using Kind = CommandPicker::Input;
-    return picker_.sender_of(from == Role::plant ? Kind::measurement : Kind::reference, tick);
+    return picker_.sender_of(input_of(from), tick);
   }
 
   void act(Role from, std::int64_t /*tick*/, Verdict verdict) override {

@@ -242,9 +242,11 @@ class SimulatedRun {
     if (controller_is_dead(message)) return;
     CommandResponder::Answer answer;
     if (message.kind == Kind::measurement) {
-      answer = controller_.on_measurement(message.tick, BytesOf(message.content), "plant");
+      answer =
+          controller_.on_input(measurement_input, message.tick, BytesOf(message.content), "plant");
     } else if (message.kind == Kind::reference) {
-      answer = controller_.on_reference(message.tick, BytesOf(message.content), "reference");
+      answer = controller_.on_input(reference_input, message.tick, BytesOf(message.content),
+                                    "reference");
     } else {
       return;
     }
