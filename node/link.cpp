@@ -70,9 +70,7 @@ void KeyCheck::foreign(const bus::Stranger& stranger, Clock::time_point now) {
     difference = fmt::format("has {} key{} this {}", has_key_ ? "another" : "a",
                              has_key_ ? " than" : ",", own);
   }
-  const loop::Participant& who = stranger.who;
-  first_ = fmt::format("the {} (process {}{}{}, {}) {}{}", loop::name(who.role), who.pid,
-                       who.host.empty() ? "" : " on ", who.host, stranger.sender, difference,
+  first_ = fmt::format("{} {}{}", protocol::describe(stranger.who, stranger.sender), difference,
                        has_key_ ? "" : " has none");
 }
 

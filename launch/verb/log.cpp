@@ -13,6 +13,7 @@
 #include "certificate/stability_certificate.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/time.h"
 #include "launch/run.h"
 #include "launch/verb.h"
 #include "logger/export.h"
@@ -167,8 +168,7 @@ struct Replay {
     const auto begun = std::chrono::steady_clock::now();
     const replay::Replay result =
         replay::replay(recorded, scenario, make_law(law_program)(scenario));
-    const double wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    const double wall_s = diagnostics::seconds_of(std::chrono::steady_clock::now() - begun);
     const std::string problem = replay::problem_text(result, recorded, joints);
     warn_of_damage(recorded);
     if (json) {

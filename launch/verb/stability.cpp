@@ -17,7 +17,6 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/unfinished_file.h"
 #include "experiment/scenario.h"
 #include "launch/progress.h"
 #include "launch/verb.h"

@@ -159,7 +159,7 @@ class SimulatedRun {
       if (!tick_master_.may_begin()) return;
       const std::int64_t k = tick_master_.next_tick();
       ++computations_[{plant, k}];
-      widest_ = std::max(widest_, k - log_.last_written());
+      widest_ = std::max(widest_, k - (std::ssize(written_) / num_slots - 1));
       measurements_[k] = mix(plant_state_, k);
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
