@@ -93,12 +93,14 @@ class TruthListener {
         participant_codec_(loop::Layout{}),
         period_s_(scenario.loop.period_s),
         run_(options.run_id) {
-    const std::optional<bus::Key> key = bus::read_key_file(options.key_file);
+    std::optional<bus::Key> key;
+    if (!options.key_file.empty()) key = bus::read_key_file(options.key_file);
     try {
       transport_ = bus::open_bus(node::parse_lcm_url(options.lcm_url));
-      authenticated_.emplace(*transport_, key);
-      authenticated_->subscribe(truth_channel_);
-      authenticated_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+      transport_->subscribe(truth_channel_);
+      if (!key) return;
+      authenticated_.emplace(*transport_, *key);
+      transport_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
     } catch (const std::system_error& error) {
       throw diagnostics::bad_usage("{}: {}", options.lcm_url, error.what());
     }
@@ -108,7 +110,9 @@ class TruthListener {
   /// plant repeats itself: poses come twice and out of order.
   template <class OnPose>
   void drain(const OnPose& on_pose) {
-    while (const auto datagram = authenticated_->receive(Clock::time_point{})) {
+    bus::Transport& heard =
+        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
+    while (const auto datagram = heard.receive(Clock::time_point{})) {
       if (datagram->channel != truth_channel_) {
         note_plant(*datagram);
       } else if (truth_codec_.decode(datagram->payload, stamp_, truth_) == bus::Rejection::none) {
