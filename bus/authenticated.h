@@ -57,8 +57,6 @@ class Authenticated final : public Transport {
   std::optional<Stranger> take_stranger();
 
  private:
-  using Tag = std::array<unsigned char, tag_size>;
-
   [[nodiscard]] bool verify(Datagram& datagram) const;
   [[nodiscard]] const Key* key_of(std::string_view channel) const;
   void note_stranger(const Datagram& datagram);

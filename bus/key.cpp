@@ -70,7 +70,8 @@ Key::Key() {
   sodium_memzero(bytes_.get(), size);
 }
 
-Key read_key_file(const std::filesystem::path& path) {
+std::optional<Key> read_key_file(const std::filesystem::path& path) {
+  if (path.empty()) return std::nullopt;
   const auto refuse = [&](const std::string& problem) {
     return diagnostics::bad_usage("--key-file: {}: {}", path.string(), problem);
   };

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 
 /// The key of a bus, how it is read, and the digests that are made with a key or without. Knows no
@@ -32,11 +33,12 @@ class Key {
   std::shared_ptr<unsigned char> bytes_;
 };
 
-/// The key in `path`: 32 bytes, or 64 hexadecimal digits with or without an end of line. This
-/// process's memory is private from then on (process/this_process.h).
+/// The key in `path`: 32 bytes, or 64 hexadecimal digits with or without an end of line; nothing
+/// where the path is empty. With a key this process's memory is private from then on
+/// (process/this_process.h).
 /// @throw Failure(bad_usage) naming the path, never its content: not a readable regular file,
 /// another length, readable by others than its owner, nothing but zeros.
-Key read_key_file(const std::filesystem::path& path);
+std::optional<Key> read_key_file(const std::filesystem::path& path);
 
 /// Of all bytes added so far, in their order (BLAKE2b): nobody finds other bytes that have the same
 /// one. Made with a key, it proves that whoever made it has the key; else it proves no origin.

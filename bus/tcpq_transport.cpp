@@ -5,7 +5,6 @@
 #include <netdb.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
-#include <sys/uio.h>
 
 #include <algorithm>
 #include <array>
@@ -128,31 +127,27 @@ void TcpqTransport::publish(std::string_view channel, std::span<const std::byte>
 
 void TcpqTransport::send(std::uint32_t type, std::string_view channel,
                          const std::span<const std::byte>* payload) {
-  std::array<std::uint32_t, 2> head = {htonl(type),
-                                       htonl(static_cast<std::uint32_t>(channel.size()))};
-  std::uint32_t size = payload == nullptr ? 0 : htonl(static_cast<std::uint32_t>(payload->size()));
-  std::array<iovec, 4> parts{{{head.data(), sizeof head},
-                              {const_cast<char*>(channel.data()), channel.size()},
-                              {&size, sizeof size},
-                              {nullptr, 0}}};
-  if (payload != nullptr) parts[3] = {const_cast<std::byte*>(payload->data()), payload->size()};
-  msghdr message{};
-  message.msg_iov = parts.data();
-  message.msg_iovlen = payload == nullptr ? 2 : 4;
-  while (message.msg_iovlen > 0) {
-    const ssize_t sent = ::sendmsg(socket_.get(), &message, MSG_NOSIGNAL);
+  out_.clear();
+  const auto add = [&](const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const std::byte*>(data);
+    out_.insert(out_.end(), bytes, bytes + size);
+  };
+  const auto add_number = [&](std::size_t number) {
+    const std::uint32_t word = htonl(static_cast<std::uint32_t>(number));
+    add(&word, sizeof word);
+  };
+  add_number(type);
+  add_number(channel.size());
+  add(channel.data(), channel.size());
+  if (payload != nullptr) {
+    add_number(payload->size());
+    add(payload->data(), payload->size());
+  }
+  for (std::span<const std::byte> left(out_); !left.empty();) {
+    const ssize_t sent = ::send(socket_.get(), left.data(), left.size(), MSG_NOSIGNAL);
     if (sent < 0 && errno == EINTR) continue;
     if (sent < 0) lose(errno == EAGAIN ? "it takes nothing any more" : std::strerror(errno));
-    for (auto left = static_cast<std::size_t>(sent); message.msg_iovlen > 0;) {
-      iovec& first = *message.msg_iov;
-      const std::size_t done = std::min(left, first.iov_len);
-      first.iov_base = static_cast<char*>(first.iov_base) + done;
-      first.iov_len -= done;
-      left -= done;
-      if (first.iov_len > 0) break;
-      ++message.msg_iov;
-      --message.msg_iovlen;
-    }
+    left = left.subspan(static_cast<std::size_t>(sent));
   }
 }
 

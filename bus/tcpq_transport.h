@@ -65,7 +65,8 @@ class TcpqTransport final : public MonitoredBus {
     std::string channel;
     std::vector<std::byte> payload;
   };
-  std::deque<Sent> sent_;  ///< that will come back
+  std::deque<Sent> sent_;       ///< that will come back
+  std::vector<std::byte> out_;  ///< what is sent, whole
   std::vector<std::byte> buffer_;
   std::size_t begin_ = 0, end_ = 0;  ///< of what was read and not handed out
   std::size_t skip_ = 0;             ///< bytes to come that are passed over

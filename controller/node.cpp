@@ -64,6 +64,11 @@ struct Measured {
   Input<Measurement> input;
 };
 
+protocol::lockstep::LawInput input_of(Role from) {
+  return from == Role::plant ? protocol::lockstep::measurement_input
+                             : protocol::lockstep::reference_input;
+}
+
 /// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
 /// and state. Knows not which tick is due.
 class Node {
@@ -73,11 +78,8 @@ class Node {
   virtual ~Node() = default;
 
  protected:
-  Node(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
-       node::Session& session)
-      : transport_(transport),
-        session_(session),
-        loop_(transport, session),
+  Node(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
+      : session_(session),
         info_(law_info(law)),
         layout_(law_layout(scenario, law)),
         measured_(std::visit(
@@ -118,9 +120,9 @@ class Node {
         },
         measured_);
     command_bytes_ = command_.codec.encode(stamp, outcome.command);
-    transport_.publish(command_.channel, command_bytes_);
+    session_.transport().publish(command_.channel, command_bytes_);
     state_bytes_ = state_.codec.encode(stamp, outcome.signals);
-    transport_.publish(state_.channel, state_bytes_);
+    session_.transport().publish(state_.channel, state_bytes_);
 
     // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
     const auto& signals = outcome.signals;
@@ -136,9 +138,7 @@ class Node {
     return std::visit([](auto& measured) { return measured.input.codec.longest(); }, measured_);
   }
 
-  bus::Transport& transport_;
   node::Session& session_;
-  node::Loop loop_;
   loop::LawInfo info_;
   loop::Layout layout_;
   loop::EachMeasurement<Measured> measured_;
@@ -150,12 +150,12 @@ class Node {
  private:
   template <class Value>
   void receive(Input<Value>& input, Role from) {
-    loop_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
+    session_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
       auto& newest = input.newest;
       if (!session_.accept(input.codec, datagram, newest.stamp, newest.value)) return;
       const std::int64_t tick = newest.stamp.tick;
       const Verdict verdict = judge(from, tick, datagram);
-      loop_.count(verdict, from, datagram, tick, [&] { return sender_of(from, tick); });
+      session_.count(verdict, from, datagram, tick, [&] { return sender_of(from, tick); });
       if (verdict == Verdict::fresh) input.at(tick) = newest;
       act(from, tick, verdict);
     });
@@ -165,9 +165,8 @@ class Node {
 /// Lockstep: every tick once, in order.
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
-               node::Session& session)
-      : Node(scenario, std::move(law), transport, session),
+  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
+      : Node(scenario, std::move(law), session),
         responder_(scenario.loop.num_ticks, {longest_measurement(), reference_.codec.longest(),
                                              command_.codec.longest(), state_.codec.longest()}) {}
 
@@ -175,7 +174,7 @@ class LockstepNode final : public Node {
   void run(const std::optional<std::filesystem::path>& log) {
     join();
     if (log) std::visit([&](auto& measured) { resume(*log, measured); }, measured_);
-    loop_.run_until_finished([this](auto) { return responder_.all_computed(); });
+    session_.run_until_finished([this](auto) { return responder_.all_computed(); });
     session_.leave();
   }
 
@@ -211,16 +210,14 @@ class LockstepNode final : public Node {
   }
 
   Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
-    const auto answer = from == Role::plant
-                            ? responder_.on_measurement(tick, datagram.payload, datagram.sender)
-                            : responder_.on_reference(tick, datagram.payload, datagram.sender);
+    const auto answer =
+        responder_.on_input(input_of(from), tick, datagram.payload, datagram.sender);
     action_ = answer.action;
     return answer.verdict;
   }
 
   [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
-    using Kind = CommandResponder::Input;
-    return responder_.sender_of(from == Role::plant ? Kind::measurement : Kind::reference, tick);
+    return responder_.sender_of(input_of(from), tick);
   }
 
   void act(Role from, std::int64_t tick, Verdict verdict) override {
@@ -232,8 +229,8 @@ class LockstepNode final : public Node {
         responder_.computed(command_bytes_, state_bytes_);
       } while (responder_.ready());
     } else if (action_ == Action::repeat) {
-      transport_.publish(command_.channel, responder_.command(tick));
-      transport_.publish(state_.channel, responder_.state(tick));
+      session_.transport().publish(command_.channel, responder_.command(tick));
+      session_.transport().publish(state_.channel, responder_.state(tick));
       session_.statistics().resends += 2;
     }
   }
@@ -246,9 +243,8 @@ class LockstepNode final : public Node {
 /// and the law told so (`AnyLaw`); never silently: gaps are counted, and reported at the end.
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
-               node::Session& session)
-      : Node(scenario, std::move(law), transport, session),
+  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
+      : Node(scenario, std::move(law), session),
         picker_(scenario.loop.num_ticks, longest_measurement(), reference_.codec.longest()),
         pace_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1) {}
@@ -256,7 +252,7 @@ class RealtimeNode final : public Node {
   void run() {
     join();
     try {
-      loop_.run_until_finished(
+      session_.run_until_finished(
           [this](Clock::time_point now) { return pace_.over(acted_, last_tick_, now); });
     } catch (const diagnostics::Failure&) {
       tell_gaps();
@@ -274,13 +270,11 @@ class RealtimeNode final : public Node {
     if (!pace_.possible(begun, Clock::now()) && !session_.knows(datagram.sender)) {
       return Verdict::not_asked;
     }
-    return from == Role::plant ? picker_.on_measurement(tick, datagram.payload, datagram.sender)
-                               : picker_.on_reference(tick, datagram.payload, datagram.sender);
+    return picker_.on_input(input_of(from), tick, datagram.payload, datagram.sender);
   }
 
   [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
-    using Kind = CommandPicker::Input;
-    return picker_.sender_of(from == Role::plant ? Kind::measurement : Kind::reference, tick);
+    return picker_.sender_of(input_of(from), tick);
   }
 
   void act(Role from, std::int64_t /*tick*/, Verdict verdict) override {
@@ -323,12 +317,12 @@ class RealtimeNode final : public Node {
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
-              node::Session& session, const std::optional<std::filesystem::path>& resume) {
+void run_node(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session,
+              const std::optional<std::filesystem::path>& resume) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeNode(scenario, std::move(law), transport, session).run();
+    RealtimeNode(scenario, std::move(law), session).run();
   } else {
-    LockstepNode(scenario, std::move(law), transport, session).run(resume);
+    LockstepNode(scenario, std::move(law), session).run(resume);
   }
 }
 

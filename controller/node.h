@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <optional>
 
-#include "bus/transport.h"
 #include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "node/session.h"
@@ -16,7 +15,7 @@ namespace tachless::controller {
 /// rebuilt from the inputs it holds, and the run goes on as if nothing had happened.
 /// @throw diagnostics::Failure bad_usage (log), protocol_violated (two plants or
 /// references), protective_stop (a torque that is not finite), and what the session throws.
-void run_node(const experiment::Scenario& scenario, ScenarioLaw law, bus::Transport& transport,
-              node::Session& session, const std::optional<std::filesystem::path>& resume = {});
+void run_node(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session,
+              const std::optional<std::filesystem::path>& resume = {});
 
 }  // namespace tachless::controller

@@ -6,30 +6,34 @@
 #include <cstring>
 #include <fstream>
 #include <iterator>
+#include <system_error>
+#include <utility>
 
 #include "diagnostics/failure.h"
 
 namespace tachless::diagnostics {
 
-std::optional<std::string> file_text(const std::filesystem::path& path) {
+namespace fs = std::filesystem;
+
+std::optional<std::string> file_text(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file || std::filesystem::is_directory(path)) return {};
+  if (!file || fs::is_directory(path)) return {};
   return std::string(std::istreambuf_iterator<char>(file), {});
 }
 
-std::string given_text(const std::filesystem::path& path, std::size_t max_bytes) {
+std::string given_text(const fs::path& path, std::size_t max_bytes) {
   const auto refuse = [&](const std::string& why) {
     return Failure(ExitCode::bad_usage, path.string() + ": " + why);
   };
   std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found) throw refuse("no such file");
-  if (std::filesystem::is_directory(status)) throw refuse("is a directory; allowed: a file");
+  const auto status = fs::status(path, error);
+  if (status.type() == fs::file_type::not_found) throw refuse("no such file");
+  if (fs::is_directory(status)) throw refuse("is a directory; allowed: a file");
   // It may be read again, by each program of a run, and a pipe would be waited for.
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
     throw refuse("is a pipe or a device; allowed: a file");
   }
-  const auto size = std::filesystem::file_size(path, error);
+  const auto size = fs::file_size(path, error);
   if (!error && max_bytes > 0 && size > max_bytes) {
     throw refuse(fmt::format("too large; allowed: at most {} bytes", max_bytes));
   }
@@ -43,6 +47,44 @@ std::string given_text(const std::filesystem::path& path, std::size_t max_bytes)
                                  : "see its permissions"));
   }
   return std::move(*text);
+}
+
+UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
+    : path_(std::move(path)), remedy_(remedy) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path_, error);
+  if (fs::is_directory(status)) refuse("it is a directory");
+  direct_ = fs::exists(status) && !fs::is_regular_file(status);
+  if (direct_) return;
+  partial_ = path_.string() + ".partial";
+  const fs::path directory = path_.has_parent_path() ? path_.parent_path() : ".";
+  if (!fs::is_directory(directory, error)) refuse(std::strerror(ENOENT));
+}
+
+UnfinishedFile::~UnfinishedFile() {
+  std::error_code ignored;
+  if (!direct_) fs::remove(partial_, ignored);
+}
+
+void UnfinishedFile::write(std::string_view content) {
+  errno = 0;
+  std::ofstream file(name(), std::ios::binary);
+  file.write(content.data(), static_cast<std::streamsize>(content.size()));
+  file.close();
+  if (!file) refuse(std::strerror(errno));
+  finish();
+}
+
+void UnfinishedFile::finish() {
+  if (direct_) return;
+  std::error_code error;
+  fs::rename(partial_, path_, error);
+  if (error) refuse(error.message());
+}
+
+void UnfinishedFile::refuse(std::string_view cause) const {
+  throw Failure(ExitCode::bad_usage,
+                fmt::format("{}: cannot be written: {}; {}", path_.string(), cause, remedy_));
 }
 
 }  // namespace tachless::diagnostics

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 
+/// Files as a whole: what is in one, and one that is there when it is whole. Knows no format.
 namespace tachless::diagnostics {
 
 /// All that is in the file, to the byte; nothing when it cannot be opened or is a directory (errno
@@ -14,5 +16,38 @@ std::optional<std::string> file_text(const std::filesystem::path& path);
 /// The same of a file that a user has named. `max_bytes`: 0 is no limit.
 /// @throw Failure(bad_usage) with the file's name and why it cannot be read
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
+
+/// A file that is written beside its place and put there when it is whole: until then, and if it
+/// never is, what was there before stays. A pipe or a terminal is written to as it is.
+class UnfinishedFile {
+ public:
+  /// @param remedy what to do when it cannot be written: "name another file with -o"
+  /// @throw Failure(bad_usage) naming `path` when that is a directory, or in one that is not there
+  explicit UnfinishedFile(std::filesystem::path path, std::string_view remedy);
+  UnfinishedFile(const UnfinishedFile&) = delete;
+  UnfinishedFile& operator=(const UnfinishedFile&) = delete;
+  ~UnfinishedFile();
+
+  /// The name to write to.
+  [[nodiscard]] const std::filesystem::path& name() const { return direct_ ? path_ : partial_; }
+  /// Whether that is a pipe or the like, not a file.
+  [[nodiscard]] bool direct() const { return direct_; }
+
+  /// Writes all of the content, and finishes. @throw as `finish`
+  void write(std::string_view content);
+  /// Puts the file, which is whole and closed, in its place.
+  /// @throw Failure(bad_usage) naming `path`, cause and remedy
+  void finish();
+
+  /// @throw Failure(bad_usage) naming `path` and remedy: "<path>: cannot be written: <cause>;
+  /// <remedy>"
+  [[noreturn]] void refuse(std::string_view cause) const;
+
+ private:
+  std::filesystem::path path_;
+  std::filesystem::path partial_;
+  std::string remedy_;
+  bool direct_ = false;
+};
 
 }  // namespace tachless::diagnostics

@@ -9,7 +9,6 @@
 
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
-#include "launch/run_results.h"
 #include "logger/log_file.h"
 #include "process/this_process.h"
 #include "study/in_process_log.h"
@@ -56,7 +55,7 @@ RunEnd log_in_this_process(const PlannedRun& run, const RunDirectory& out, Scree
   logger::LogWriter log(out / "lcmlog");
   try {
     study::log_in_process(
-        run.scenario, run.options.make_law()(run.scenario), run.options.run_id,
+        run.scenario, make_law(run.options.law_program)(run.scenario), run.options.run_id,
         [&](const study::LogMessage& message) {
           log.append(message.utime, message.channel, message.data);
         },

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -10,11 +11,16 @@
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "launch/progress.h"
+#include "loop/messages.h"
 #include "node/options.h"
+#include "node/statistics.h"
+#include "process/file_descriptor.h"
+#include "report/summary.h"
 
 /// `tachless run`, from its options to the exit code: what it runs, worked out and checked before
-/// anything is started (run_plan.cpp), and carried out in four processes each (run_on_bus.cpp) or
-/// in this one (run.cpp). Declares no option (verb/run.cpp).
+/// anything is started (run_plan.cpp), carried out in four processes each (run_on_bus.cpp) or in
+/// this one (run.cpp), and what it leaves behind: its directory, and from its log summary, figure
+/// and report (run_results.cpp). Declares no option (verb/run.cpp).
 namespace tachless::launch {
 
 /// Of one robot's run.
@@ -43,13 +49,14 @@ struct RunOptions {
   bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
-  /// With the law that it runs under: the scenario's, or that of `law_program`.
-  [[nodiscard]] controller::MakeLaw make_law() const;
   /// `line`, after "<robot>: " where there are several.
   [[nodiscard]] std::string named(std::string_view line) const;
   /// Where the results go.
   [[nodiscard]] std::filesystem::path directory(const experiment::Scenario& checked) const;
 };
+
+/// The law that a scenario is run under: its own, or that of `law_program` if there is one.
+controller::MakeLaw make_law(const std::string& law_program);
 
 /// A line that is said of a run before it starts.
 struct Remark {
@@ -78,6 +85,75 @@ struct PlannedRun {
 /// @throw diagnostics::Failure(bad_usage), or (check_said_no) of the cross-check
 std::vector<PlannedRun> plan_runs(RunOptions options,
                                   const std::vector<std::filesystem::path>& scenarios);
+
+/// In the order in which their processes are started.
+inline constexpr std::array roles = {loop::Role::logger, loop::Role::controller,
+                                     loop::Role::reference, loop::Role::plant};
+
+/// The run's directory, locked against a second run until destruction. The files of an earlier run
+/// are set aside until this run has begun: if it does not, they are there again afterwards, else
+/// its log is `lcmlog.previous`.
+class RunDirectory {
+ public:
+  /// @throw diagnostics::Failure(bad_usage) naming --out
+  explicit RunDirectory(std::filesystem::path path);
+  RunDirectory(const RunDirectory&) = delete;
+  RunDirectory& operator=(const RunDirectory&) = delete;
+  ~RunDirectory();
+
+  /// Whether something of this run was recorded when last looked.
+  [[nodiscard]] bool begun() const { return begun_; }
+  /// Looks, and removes what was set aside, but for the log, once something is. Cheap, for a loop.
+  void look();
+
+  [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
+    return path_ / file;
+  }
+  /// Where a process leaves its counters, until they are in the summary.
+  [[nodiscard]] std::filesystem::path statistics_path(loop::Role role) const;
+  /// The counters of the processes that wrote them; removes their files.
+  [[nodiscard]] std::vector<node::Statistics> take_statistics() const;
+  /// Those of our files that exist, for people.
+  [[nodiscard]] std::vector<std::filesystem::path> files() const;
+
+ private:
+  [[noreturn]] void refuse(const std::string& why) const;
+  [[nodiscard]] std::filesystem::path aside(const std::string& file) const;
+  void restore();
+
+  std::filesystem::path path_;
+  process::FileDescriptor lock_;
+  bool begun_ = false;
+};
+
+/// How a run ended.
+struct RunEnd {
+  diagnostics::ExitCode code = diagnostics::ExitCode::done;
+  report::RunFacts facts;                      ///< of the log only once it is read back
+  std::vector<node::Statistics> statistics;    ///< of the processes that left theirs
+  std::vector<std::string> consequences = {};  ///< of the fault, lines to be said after it
+};
+
+/// What is known of the run before it begins.
+report::RunFacts planned_facts(const PlannedRun& run);
+
+/// Tells of the runs one after another what has become of them, and of several at the end in one
+/// table; their JSON is one object, by robot.
+class Conclusions {
+ public:
+  /// Reads the log back, tells the first cause and what came of it, writes summary, figure and
+  /// report, and for people the closing table. Of a run that has not begun there are neither files
+  /// nor table.
+  void add(const PlannedRun& run, RunDirectory& out, RunEnd end);
+  /// The exit code of the first that did not end well.
+  [[nodiscard]] diagnostics::ExitCode finish() const;
+
+ private:
+  bool braces_ = false;
+  std::string rows_;
+  int count_ = 0;
+  diagnostics::ExitCode code_ = diagnostics::ExitCode::done;
+};
 
 /// Moves this process into a private network where that is wanted, or needed because the host has
 /// no usable multicast. Returns whether it did.

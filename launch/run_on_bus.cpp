@@ -20,7 +20,6 @@
 #include "launch/placement.h"
 #include "launch/progress.h"
 #include "launch/run.h"
-#include "launch/run_results.h"
 #include "launch/supervise.h"
 #include "node/options.h"
 #include "plant/node.h"
@@ -42,10 +41,9 @@ class Heartbeats {
  public:
   Heartbeats(const PlannedRun& run, const std::optional<bus::Key>& key)
       : transport_(bus::open_bus(node::parse_lcm_url(run.options.lcm_url))),
-        codec_(loop::layout(run.scenario.num_joints, run.scenario.robot.flexible.has_value(), 0)),
+        authenticated_(*transport_, key),
         run_(run.options.run_id) {
-    if (key) authenticated_.emplace(*transport_, *key);
-    transport_->subscribe(loop::channel<loop::Participant>(run.scenario.robot.channel_prefix));
+    authenticated_.subscribe(loop::channel<loop::Participant>(run.scenario.robot.channel_prefix));
   }
 
   /// What the controller has announced since the last call.
@@ -79,18 +77,16 @@ class Heartbeats {
  private:
   /// The sender of the next datagram; whether it is an announcement, says `heard_`.
   std::optional<std::string_view> receive(loop::Clock::time_point until) {
-    bus::Transport& transport =
-        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
-    const auto datagram = transport.receive(until);
+    const auto datagram = authenticated_.receive(until);
     if (!datagram) return std::nullopt;
     heard_ = codec_.decode(datagram->payload, stamp_, who_) == bus::Rejection::none;
     return datagram->sender;
   }
 
   std::unique_ptr<bus::Transport> transport_;
+  bus::Authenticated authenticated_;
+  bus::Codec<loop::Participant> codec_{loop::Layout{}};
   bool deaf_ = false;  ///< the bus is gone
-  std::optional<bus::Authenticated> authenticated_;
-  bus::Codec<loop::Participant> codec_;
   std::int64_t run_;
   bool heard_ = false;
   loop::Stamp stamp_;
@@ -306,8 +302,8 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
 ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   const RunOptions& common = runs.front().options;
   const bool isolated = prepare_network(common);
-  std::optional<bus::Key> key;  // last: a process whose memory is private cannot isolate itself
-  if (!common.key_file.empty()) key = bus::read_key_file(common.key_file);
+  // Last: a process whose memory is private cannot isolate itself.
+  const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
   process::survive_broken_pipes();
   Screen screen(common.quiet);
   std::deque<OnTheBus> robots;

@@ -183,10 +183,10 @@ std::vector<std::string> RunOptions::all_overrides() const {
   return all;
 }
 
-controller::MakeLaw RunOptions::make_law() const {
+controller::MakeLaw make_law(const std::string& law_program) {
   if (law_program.empty()) return controller::scenario_law;
-  return [program = law_program](const experiment::Scenario& of) {
-    return controller::external_law(of, program);
+  return [law_program](const experiment::Scenario& scenario) {
+    return controller::external_law(scenario, law_program);
   };
 }
 

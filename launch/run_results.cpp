@@ -1,4 +1,4 @@
-#include "launch/run_results.h"
+#include "launch/run.h"
 
 #include <fcntl.h>
 #include <fmt/core.h>
@@ -20,7 +20,6 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "logger/run_log.h"
 #include "report/gnuplot.h"
 #include "report/recorded_run.h"

@@ -141,7 +141,8 @@ class Run {
  private:
   void interrupt() {
     result_.interrupted = true;
-    if (sent_ == 0) send(SIGINT, Clock::now() + options_.interrupt_grace);
+    if (sent_ == 0) return send(SIGINT, Clock::now() + options_.interrupt_grace);
+    signal_all(SIGINT);  // who has been told to end already may hear this better
   }
 
   void read_output(std::size_t i) {
@@ -222,6 +223,10 @@ class Run {
   void send(int signal, Clock::time_point then) {
     sent_ = signal;
     escalate_at_ = then;
+    signal_all(signal);
+  }
+
+  void signal_all(int signal) const {
     for (const process::Child& child : children_) {
       if (!child.running) continue;
       kill(child.pid, signal);

@@ -66,9 +66,10 @@ struct Supervised {
 
 /// Starts the processes of all runs, each in a process group of its own (so that Ctrl-C reaches
 /// this process alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
-/// SIGPIPE are passed on once, as SIGINT; a second one kills. When one process fails, the others of
-/// its run get `grace` to end by themselves, then SIGTERM, then SIGKILL; the other runs are
-/// interrupted at once. Should this process die, its children get SIGTERM.
+/// SIGPIPE are passed on once, as SIGINT (to who has got SIGTERM already, too); a second one kills.
+/// When one process fails, the others of its run get `grace` to end by themselves, then SIGTERM,
+/// then SIGKILL; the other runs are interrupted at once. Should this process die, its children get
+/// SIGTERM.
 /// @return in the order of the runs
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "logger/export.h"
 #include "process/child.h"
 #include "report/sweep_page.h"

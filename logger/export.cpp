@@ -19,8 +19,8 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "logger/number_text.h"
 #include "logger/table.h"
 

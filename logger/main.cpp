@@ -7,8 +7,8 @@ using namespace tachless;
 int main(int argc, char** argv) {
   constexpr auto role = loop::Role::logger;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::run_role(role, options, [&](const auto& scenario, auto& transport, auto& session) {
-      logger::run_node(scenario, transport, session, options.log_path);
+    return node::run_role(role, options, [&](const auto& scenario, auto& link) {
+      logger::run_node(scenario, link, options.log_path);
     });
   });
 }

@@ -58,19 +58,17 @@ loop::Role role_of(Slot slot) {
 /// know which message is due.
 class Recorder {
  public:
-  Recorder(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+  Recorder(const experiment::Scenario& scenario, node::Link& link,
            const std::filesystem::path& log_path)
       : link_(link),
-        loop_(transport, link),
         messages_(scenario),
         file_(log_path),
-        transport_(transport),
         ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)) {
-    loop_.on_session([this](const bus::Datagram& datagram) {
+    link_.on_session([this](const bus::Datagram& datagram) {
       keep_fault(datagram);
       on_participant(datagram);
     });
-    loop_.on(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix),
+    link_.on(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix),
              [this](const bus::Datagram& datagram) {
                on_run_info(datagram);
                after_message();
@@ -88,7 +86,7 @@ class Recorder {
   void run() {
     try {
       link_.join({}, {});
-      loop_.run_until_finished([this](Clock::time_point now) { return complete(now); },
+      link_.run_until_finished([this](Clock::time_point now) { return complete(now); },
                                [this](Clock::time_point now) {
                                  file_.flush_if_due(now);
                                  // A flush is due soon after what is in the buffer now.
@@ -120,31 +118,30 @@ class Recorder {
   /// The time of an event that belongs to no tick.
   [[nodiscard]] virtual std::int64_t utime() const = 0;
 
-  /// As Loop::count; but once the run has failed a conflict is no news: what comes is recorded.
+  /// As Session::count; but once the run has failed a conflict is no news: what comes is recorded.
   template <class FirstSender>
   void count(Verdict verdict, loop::Role from, const bus::Datagram& datagram, std::int64_t tick,
              FirstSender first_sender) {
-    if (concluding_) return loop_.count(verdict);
-    loop_.count(verdict, from, datagram, tick, first_sender);
+    if (concluding_) return link_.count(verdict);
+    link_.count(verdict, from, datagram, tick, first_sender);
   }
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data) {
     file_.append(utime, channel, data);
     ++link_.statistics().logger().log.events;
   }
   void acknowledge(std::int64_t tick, std::uint64_t missing) {
-    transport_.publish(ack_channel_,
-                       ack_codec_.encode({0, link_.run(), tick}, loop::LogAck{missing}));
+    link_.transport().publish(ack_channel_,
+                              ack_codec_.encode({0, link_.run(), tick}, loop::LogAck{missing}));
   }
 
   node::Link& link_;
-  node::Loop loop_;
   RunMessages messages_;
   LogWriter file_;
   bool concluding_ = false;  ///< the run has failed
 
  private:
   void record(Slot slot) {
-    loop_.on(messages_.channel(slot), [this, slot](const bus::Datagram& datagram) {
+    link_.on(messages_.channel(slot), [this, slot](const bus::Datagram& datagram) {
       loop::Stamp stamp;
       const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
       if (link_.accept(rejection, stamp)) on_message(slot, stamp, datagram);
@@ -213,7 +210,6 @@ class Recorder {
     }
   }
 
-  bus::Transport& transport_;
   std::string ack_channel_;
   bus::Codec<loop::RunInfo> run_info_codec_{loop::Layout{}};
   bus::Codec<loop::LogAck> ack_codec_{loop::Layout{}};
@@ -229,10 +225,9 @@ class Recorder {
 /// of a run that has failed.
 class LockstepRecorder final : public Recorder {
  public:
-  LockstepRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                   node::Link& link, const std::filesystem::path& log_path)
-      : Recorder(scenario, transport, link, log_path),
-        window_(scenario.loop.num_ticks, messages_.longest()) {}
+  LockstepRecorder(const experiment::Scenario& scenario, node::Link& link,
+                   const std::filesystem::path& log_path)
+      : Recorder(scenario, link, log_path), window_(scenario.loop.num_ticks, messages_.longest()) {}
 
  private:
   Verdict take_run_info(bool same) override { return window_.on_run_info(same); }
@@ -251,7 +246,7 @@ class LockstepRecorder final : public Recorder {
   void conclude(bool well) override {
     if (well) return compare_truth();  // every tick is written
     constexpr int most = 10'000;  // a flood of datagrams must not keep this process from its end
-    for (int i = 0; i < most && loop_.receive(Clock::time_point()); ++i) {
+    for (int i = 0; i < most && link_.receive(Clock::time_point()); ++i) {
     }
   }
   [[nodiscard]] std::int64_t utime() const override { return utime_; }
@@ -298,9 +293,9 @@ class LockstepRecorder final : public Recorder {
 /// by channel and tick.
 class RealtimeRecorder final : public Recorder {
  public:
-  RealtimeRecorder(const experiment::Scenario& scenario, bus::Transport& transport,
-                   node::Link& link, const std::filesystem::path& log_path)
-      : Recorder(scenario, transport, link, log_path),
+  RealtimeRecorder(const experiment::Scenario& scenario, node::Link& link,
+                   const std::filesystem::path& log_path)
+      : Recorder(scenario, link, log_path),
         num_ticks_(scenario.loop.num_ticks),
         pace_(scenario.loop.period_s),
         tally_(scenario.loop.num_ticks) {}
@@ -317,7 +312,7 @@ class RealtimeRecorder final : public Recorder {
     const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
     if (!introduced_ ||
         (!pace_.possible(stamp.tick - ahead, begin) && !link_.knows(datagram.sender))) {
-      return loop_.count(Verdict::not_asked);
+      return link_.count(Verdict::not_asked);
     }
     const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
     silent_waits_ = 0;
@@ -353,7 +348,7 @@ class RealtimeRecorder final : public Recorder {
       silent_waits_ = 0;
       while (silent_waits_ < patience && Clock::now() < until) {
         if (!well) link_.announce_if_due(Clock::now());
-        if (!loop_.receive(std::min(until, Clock::now() + silent_wait))) ++silent_waits_;
+        if (!link_.receive(std::min(until, Clock::now() + silent_wait))) ++silent_waits_;
         file_.flush_if_due(Clock::now());
       }
     }
@@ -385,12 +380,12 @@ class RealtimeRecorder final : public Recorder {
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+void run_node(const experiment::Scenario& scenario, node::Link& link,
               const std::filesystem::path& log_path) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeRecorder(scenario, transport, link, log_path).run();
+    RealtimeRecorder(scenario, link, log_path).run();
   } else {
-    LockstepRecorder(scenario, transport, link, log_path).run();
+    LockstepRecorder(scenario, link, log_path).run();
   }
 }
 

@@ -2,7 +2,6 @@
 
 #include <filesystem>
 
-#include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
 
@@ -14,7 +13,7 @@ namespace tachless::logger {
 /// @throw diagnostics::Failure bad_usage (log file), protocol_violated (two senders of one
 /// message), the disk's refusal, and what the link throws. The log is closed and readable in
 /// each case.
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
+void run_node(const experiment::Scenario& scenario, node::Link& link,
               const std::filesystem::path& log_path);
 
 }  // namespace tachless::logger

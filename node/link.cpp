@@ -70,9 +70,7 @@ void KeyCheck::foreign(const bus::Stranger& stranger, Clock::time_point now) {
     difference = fmt::format("has {} key{} this {}", has_key_ ? "another" : "a",
                              has_key_ ? " than" : ",", own);
   }
-  const loop::Participant& who = stranger.who;
-  first_ = fmt::format("the {} (process {}{}{}, {}) {}{}", loop::name(who.role), who.pid,
-                       who.host.empty() ? "" : " on ", who.host, stranger.sender, difference,
+  first_ = fmt::format("{} {}{}", protocol::describe(stranger.who, stranger.sender), difference,
                        has_key_ ? "" : " has none");
 }
 
@@ -84,8 +82,7 @@ void KeyCheck::poll(Clock::time_point now) const {
 }
 
 Link::Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config)
-    : Session(config.role, config.interrupted),
-      transport_(transport, config.key),
+    : Session(config.role, transport, config.key, config.interrupted),
       channel_(loop::channel<loop::Participant>(scenario.robot.channel_prefix)),
       self_(self_of(scenario, config)),
       codec_(loop::Layout{}),

@@ -8,7 +8,6 @@
 #include <string_view>
 
 #include "bus/authenticated.h"
-#include "bus/key.h"
 #include "experiment/scenario.h"
 #include "loop/clock.h"
 #include "loop/messages.h"
@@ -59,8 +58,6 @@ class Link final : public Session {
   /// Subscribes to the participants' channel.
   Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config);
 
-  /// What the node's own messages are to be sent and received by.
-  bus::Transport& transport() { return transport_; }
   /// What is known of the four.
   protocol::Membership& membership() { return *membership_; }
 
@@ -124,7 +121,6 @@ class Link final : public Session {
   void handle_until(loop::Clock::time_point deadline, const std::function<bool()>& over);
   void tell_who_is_missing(loop::Clock::time_point now);
 
-  bus::Authenticated transport_;
   std::string channel_;
   protocol::Membership::Self self_;
   std::optional<protocol::Membership> membership_;

@@ -142,11 +142,9 @@ CLI::Option* with_installed_scenarios(CLI::Option* files) {
   return files->transform(find_scenario);
 }
 
-void add_overrides(CLI::App& command, std::vector<std::string>& overrides) {
-  command
-      .add_option("--set", overrides,
-                  "key.path=value, in place of the scenario's value; may be repeated")
-      ->allow_extra_args(false);
+void add_overrides(CLI::App& command, std::vector<std::string>& overrides,
+                   const std::string& does) {
+  command.add_option("--set", overrides, does)->allow_extra_args(false);
 }
 
 CLI::Option* add_scenario(CLI::App& command, fs::path& path, std::vector<std::string>& overrides) {

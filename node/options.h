@@ -33,7 +33,9 @@ std::string find_scenario(const std::string& given);
 CLI::Option* with_installed_scenarios(CLI::Option* files);
 
 /// --set for the values of scenarios.
-void add_overrides(CLI::App& command, std::vector<std::string>& overrides);
+void add_overrides(
+    CLI::App& command, std::vector<std::string>& overrides,
+    const std::string& does = "key.path=value, in place of the scenario's value; may be repeated");
 /// SCENARIO, and --set for its values. @return the first
 CLI::Option* add_scenario(CLI::App& command, std::filesystem::path& path,
                           std::vector<std::string>& overrides);

@@ -107,7 +107,7 @@ Link::Config link_config(loop::Role role, const ProcessOptions& options,
   config.run_id = options.run_id;
   config.wait_s = options.wait_s;
   config.interrupted = &interrupted;
-  if (!options.key_path.empty()) config.key = bus::read_key_file(options.key_path);
+  config.key = bus::read_key_file(options.key_path);
   diagnostics::log_detail(
       config.key ? fmt::format("messages have the tag of the key in {}", options.key_path)
                  : "messages have no tag: no --key-file");
@@ -144,15 +144,15 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
     }
     bus.open(options, role, scenario);
     if (options.follow) {
-      played.emplace(scenario, *options.follow, options.wait_s, &interrupted);
+      played.emplace(scenario, bus.transport(), *options.follow, options.wait_s, &interrupted);
     } else {
       link.emplace(scenario, bus.transport(), link_config(role, options, interrupted));
     }
     if (realtime) request_real_time(role);
     if (played) {
-      played->guard([&] { playback(scenario, bus.transport(), *played); });
+      played->guard([&] { playback(scenario, *played); });
     } else {
-      link->guard([&] { main(scenario, link->transport(), *link); });
+      link->guard([&] { main(scenario, *link); });
     }
   } catch (const Failure& failure) {
     statistics().exit_code = failure.code();

@@ -2,7 +2,6 @@
 
 #include <functional>
 
-#include "bus/transport.h"
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
@@ -11,8 +10,8 @@
 namespace tachless::node {
 
 /// What one role does in a run under way, and (controller) in one that is played back.
-using RoleMain = std::function<void(const experiment::Scenario&, bus::Transport&, Link&)>;
-using PlaybackMain = std::function<void(const experiment::Scenario&, bus::Transport&, Playback&)>;
+using RoleMain = std::function<void(const experiment::Scenario&, Link&)>;
+using PlaybackMain = std::function<void(const experiment::Scenario&, Playback&)>;
 
 /// The life of one of the four processes: loads the scenario, catches interruptions, opens the bus,
 /// runs the role, writes the statistics (in every case, when asked for). Knows no role's work.

@@ -55,9 +55,67 @@ void Session::throw_if_interrupted() const {
   if (interrupted_ != nullptr && *interrupted_) throw Failure(ExitCode::interrupted, "interrupted");
 }
 
-Playback::Playback(const experiment::Scenario& scenario, std::int64_t run, double wait_s,
-                   const std::atomic<bool>* interrupted)
-    : Session(loop::Role::controller, interrupted),
+void Session::on(const std::string& channel, Handler handler) {
+  transport_.subscribe(channel);
+  diagnostics::log_detail("receives {}", channel);
+  handlers_.emplace_back(channel, std::move(handler));
+}
+
+void Session::run_until(const std::function<bool()>& done, const Turn& turn) {
+  while (!done()) {
+    const Time now = Clock::now();
+    poll(now);
+    const Time due = turn ? turn(now) : Time::max();
+    receive(std::min(due, next_poll()));
+  }
+}
+
+void Session::run_until_finished(const std::function<bool(Time)>& all_there, const Turn& turn) {
+  run_until([this] { return finished(); },
+            [&](Time now) {
+              if (all_there(now)) complete();
+              return turn ? turn(now) : Time::max();
+            });
+}
+
+bool Session::receive(Time deadline) {
+  const auto datagram = transport_.receive(deadline);
+  if (!datagram) return false;
+  if (handle(*datagram)) {
+    if (session_handler_) session_handler_(*datagram);
+    return true;
+  }
+  for (const auto& [channel, handler] : handlers_) {
+    if (channel != datagram->channel) continue;
+    handler(*datagram);
+    break;
+  }
+  return true;
+}
+
+void Session::count(Verdict verdict) {
+  if (verdict == Verdict::repeated) ++statistics_.duplicates;
+  if (verdict == Verdict::not_asked) statistics_.rejected.add(Discard::not_asked);
+  if (verdict == Verdict::too_old) statistics_.rejected.add(Discard::too_old);
+}
+
+Failure Session::two_of(loop::Role role, const bus::Datagram& second, std::int64_t tick,
+                        std::string_view first) const {
+  return {ExitCode::protocol_violated,
+          "two processes are the {} of run {}: {} and {} sent different {} messages for tick {}; "
+          "the run's own is {}, end the other",
+          loop::name(role),
+          run(),
+          first,
+          second.sender,
+          second.channel,
+          tick,
+          describe(role)};
+}
+
+Playback::Playback(const experiment::Scenario& scenario, bus::Transport& transport,
+                   std::int64_t run, double wait_s, const std::atomic<bool>* interrupted)
+    : Session(loop::Role::controller, transport, {}, interrupted),
       run_(run),
       last_tick_(scenario.loop.num_ticks - 1),
       wait_s_(wait_s),
@@ -94,66 +152,6 @@ void Playback::poll(Clock::time_point now) {
 
 std::string Playback::describe(loop::Role role) const {
   return fmt::format("the {}", loop::name(role));
-}
-
-void Loop::on(const std::string& channel, Handler handler) {
-  transport_.subscribe(channel);
-  diagnostics::log_detail("receives {}", channel);
-  handlers_.emplace_back(channel, std::move(handler));
-}
-
-void Loop::run_until(const std::function<bool()>& done, const Turn& turn) {
-  while (!done()) {
-    const Time now = Clock::now();
-    session_.poll(now);
-    const Time due = turn ? turn(now) : Time::max();
-    receive(std::min(due, session_.next_poll()));
-  }
-}
-
-void Loop::run_until_finished(const std::function<bool(Time)>& complete, const Turn& turn) {
-  run_until([this] { return session_.finished(); },
-            [&](Time now) {
-              if (complete(now)) session_.complete();
-              return turn ? turn(now) : Time::max();
-            });
-}
-
-bool Loop::receive(Time deadline) {
-  const auto datagram = transport_.receive(deadline);
-  if (datagram) handle(*datagram);
-  return datagram.has_value();
-}
-
-void Loop::handle(const bus::Datagram& datagram) {
-  if (session_.handle(datagram)) {
-    if (session_handler_) session_handler_(datagram);
-    return;
-  }
-  for (const auto& [channel, handler] : handlers_) {
-    if (channel == datagram.channel) return handler(datagram);
-  }
-}
-
-void Loop::count(Verdict verdict) {
-  Statistics& statistics = session_.statistics();
-  if (verdict == Verdict::repeated) ++statistics.duplicates;
-  if (verdict == Verdict::not_asked) statistics.rejected.add(Discard::not_asked);
-  if (verdict == Verdict::too_old) statistics.rejected.add(Discard::too_old);
-}
-
-Failure Loop::two_of(loop::Role role, const bus::Datagram& second, std::int64_t tick,
-                     std::string_view first) const {
-  return {ExitCode::protocol_violated,
-          "two processes are the {} of run {}: {} and {} sent different {} messages for tick {}; "
-          "the run's own is {}, end the other",
-          loop::name(role),
-          session_.run(),
-          first,
-          second.sender,
-          second.channel,
-          tick,
-          session_.describe(role)};
 }
 
 }  // namespace tachless::node

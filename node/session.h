@@ -10,7 +10,7 @@
 #include <string_view>
 #include <utility>
 
-#include "bus/transport.h"
+#include "bus/authenticated.h"
 #include "bus/wire.h"
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
@@ -18,20 +18,30 @@
 #include "node/statistics.h"
 #include "protocol/lockstep/message_ring.h"
 
-/// What the four programs' nodes are made of: a session with the run, and the loop that waits for
-/// messages. Knows no message but the participants'.
+/// What the four programs' nodes are made of: their part in a run, with the loop that waits for
+/// messages. Knows no message but the participants', and no tick.
 namespace tachless::node {
 
-/// One process's part in a run, as its node uses it: `join`, then in a loop `poll`, `handle` and
-/// `accept` for every datagram, until `finished`, then `leave`. Implemented by Link (a run under
-/// way) and Playback (a recorded one).
+/// One process's part in a run, as its node uses it: `on` for each channel, `join`,
+/// `run_until_finished`, then `leave`. A datagram is the session's own or goes to whoever handles
+/// its channel, who has it `accept`ed and says by `count` what became of it. Implemented by Link (a
+/// run under way) and Playback (a recorded one).
 class Session {
  public:
+  using Time = loop::Clock::time_point;
   using Handler = std::function<void(const bus::Datagram&)>;
 
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
   virtual ~Session() = default;
+
+  /// What the node's own messages are sent by.
+  bus::Transport& transport() { return transport_; }
+  /// Subscribes to `channel`; its messages go to `handler` from now on, by `receive` and
+  /// `run_until` alone.
+  void on(const std::string& channel, Handler handler);
+  /// The session's own messages go to `handler`, too, after the session has seen them.
+  void on_session(Handler handler) { session_handler_ = std::move(handler); }
 
   /// Runs `main` (the node's whole life). A Failure that leaves it, or any other exception, is
   /// noted in the statistics and told to the others before it goes on.
@@ -44,13 +54,24 @@ class Session {
   [[nodiscard]] virtual std::int64_t run() const = 0;
 
   /// The first message of the run has been sent or accepted.
-  virtual void started(loop::Clock::time_point now) = 0;
+  virtual void started(Time now) = 0;
 
   /// To be called at the latest at `next_poll`: announcements, faults, silence, interruption.
   /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
   /// another's fault, naming it; Failure(peer_lost) when a playback stops before its end.
-  virtual void poll(loop::Clock::time_point now) = 0;
-  [[nodiscard]] virtual loop::Clock::time_point next_poll() const = 0;
+  virtual void poll(Time now) = 0;
+  [[nodiscard]] virtual Time next_poll() const = 0;
+
+  /// Done once each turn; says when the next turn is due at the latest.
+  using Turn = std::function<Time(Time now)>;
+  /// Polls and handles what comes until `done`.
+  void run_until(const std::function<bool()>& done, const Turn& turn = {});
+  /// The same until the run is over.
+  /// @param all_there whether all ticks of this process are: before that nobody is believed who
+  /// says that it is over
+  void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
+  /// Handles one datagram, if one comes before the deadline. @return whether one did
+  bool receive(Time deadline);
 
   /// Whether the datagram was the session's own.
   virtual bool handle(const bus::Datagram& datagram) = 0;
@@ -67,6 +88,20 @@ class Session {
   }
   /// The same for a message that has been decoded already.
   bool accept(bus::Rejection rejection, const loop::Stamp& stamp);
+
+  /// Counts what became of a message for `tick`.
+  /// @param first_sender () -> who sent the message that it conflicts with
+  /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
+  template <class FirstSender>
+  void count(protocol::lockstep::Verdict verdict, loop::Role from, const bus::Datagram& datagram,
+             std::int64_t tick, FirstSender first_sender) {
+    if (verdict == protocol::lockstep::Verdict::conflicting) {
+      throw two_of(from, datagram, tick, first_sender());
+    }
+    count(verdict);
+  }
+  /// The same for a message that cannot conflict.
+  void count(protocol::lockstep::Verdict verdict);
 
   /// Newest tick handled, and (controller) the norm of its position error.
   virtual void progressed(std::int64_t tick, double error_norm = 0) = 0;
@@ -87,22 +122,31 @@ class Session {
   Statistics& statistics() { return statistics_; }
 
  protected:
-  /// @param interrupted set when the user wants the process to end; may be null
-  Session(loop::Role role, const std::atomic<bool>* interrupted)
-      : statistics_(role), interrupted_(interrupted) {}
+  /// @param key of the bus @param interrupted set when the user wants the process to end; may be
+  /// null
+  Session(loop::Role role, bus::Transport& transport, const std::optional<bus::Key>& key,
+          const std::atomic<bool>* interrupted)
+      : transport_(transport, key), statistics_(role), interrupted_(interrupted) {}
 
-  void note_start(loop::Clock::time_point now) { started_at_ = now; }
-  void note_end(loop::Clock::time_point now);
+  void note_start(Time now) { started_at_ = now; }
+  void note_end(Time now);
   void throw_if_interrupted() const;
+
+  bus::Authenticated transport_;
 
  private:
   /// Tells the others that this process ends with `failure`.
   virtual void announce_fault(const diagnostics::Failure& failure) = 0;
   void fail(const diagnostics::Failure& failure);
+  [[nodiscard]] diagnostics::Failure two_of(loop::Role role, const bus::Datagram& second,
+                                            std::int64_t tick, std::string_view first) const;
 
+  Handler session_handler_;
+  // A deque: a handler may add another one while it runs.
+  std::deque<std::pair<std::string, Handler>> handlers_;
   Statistics statistics_;
   const std::atomic<bool>* interrupted_;
-  loop::Clock::time_point started_at_;
+  Time started_at_;
 };
 
 /// A controller's part in a recorded run that lcm-logplayer plays back: it answers the questions of
@@ -110,16 +154,16 @@ class Session {
 class Playback final : public Session {
  public:
   /// @param wait_s for the first message; 0 = unlimited
-  Playback(const experiment::Scenario& scenario, std::int64_t run, double wait_s,
-           const std::atomic<bool>* interrupted);
+  Playback(const experiment::Scenario& scenario, bus::Transport& transport, std::int64_t run,
+           double wait_s, const std::atomic<bool>* interrupted);
 
   void join(const loop::LawInfo& law, const Handler& other) override;
   [[nodiscard]] std::int64_t run() const override { return run_; }
-  void started(loop::Clock::time_point now) override {
+  void started(Time now) override {
     if (tick_ < 0) note_start(now);
   }
-  void poll(loop::Clock::time_point now) override;
-  [[nodiscard]] loop::Clock::time_point next_poll() const override { return next_poll_; }
+  void poll(Time now) override;
+  [[nodiscard]] Time next_poll() const override { return next_poll_; }
   bool handle(const bus::Datagram& /*datagram*/) override { return false; }
   void handle_pending() override { poll(loop::Clock::now()); }
   void progressed(std::int64_t tick, double error_norm) override;
@@ -138,61 +182,8 @@ class Playback final : public Session {
   double wait_s_;
   double give_up_s_;
   std::int64_t tick_ = -1;  ///< newest one answered
-  loop::Clock::time_point progress_at_;
-  loop::Clock::time_point next_poll_;
-};
-
-/// What the loops of the four programs have in common: waits for a datagram, hands it to the
-/// session first, then to whoever handles its channel; counts what became of it, and fails when two
-/// processes have one role. Knows no message type and no tick.
-class Loop {
- public:
-  using Time = loop::Clock::time_point;
-  using Handler = Session::Handler;
-
-  Loop(bus::Transport& transport, Session& session) : transport_(transport), session_(session) {}
-
-  /// Subscribes to `channel`; its messages go to `handler` from now on.
-  void on(const std::string& channel, Handler handler);
-  /// The session's own messages go to `handler`, too, after the session has seen them.
-  void on_session(Handler handler) { session_handler_ = std::move(handler); }
-
-  /// Done once each turn; says when the next turn is due at the latest.
-  using Turn = std::function<Time(Time now)>;
-  /// Polls the session and handles what comes until `done`.
-  void run_until(const std::function<bool()>& done, const Turn& turn = {});
-  /// The same until the session's run is over.
-  /// @param complete whether all ticks of this process are there: before that nobody is believed
-  /// who says that it is over
-  void run_until_finished(const std::function<bool(Time now)>& complete, const Turn& turn = {});
-
-  /// Handles one datagram, if one comes before the deadline. @return whether one did
-  bool receive(Time deadline);
-  void handle(const bus::Datagram& datagram);
-
-  /// Counts what became of a message for `tick` that `sender` has sent.
-  /// @param first_sender () -> who sent the message that it conflicts with
-  /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
-  template <class FirstSender>
-  void count(protocol::lockstep::Verdict verdict, loop::Role from, const bus::Datagram& datagram,
-             std::int64_t tick, FirstSender first_sender) {
-    if (verdict == protocol::lockstep::Verdict::conflicting) {
-      throw two_of(from, datagram, tick, first_sender());
-    }
-    count(verdict);
-  }
-  /// The same for a message that cannot conflict.
-  void count(protocol::lockstep::Verdict verdict);
-
- private:
-  [[nodiscard]] diagnostics::Failure two_of(loop::Role role, const bus::Datagram& second,
-                                            std::int64_t tick, std::string_view first) const;
-
-  bus::Transport& transport_;
-  Session& session_;
-  Handler session_handler_;
-  // A deque: a handler may add another one while it runs.
-  std::deque<std::pair<std::string, Handler>> handlers_;
+  Time progress_at_;
+  Time next_poll_;
 };
 
 }  // namespace tachless::node

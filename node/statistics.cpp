@@ -9,8 +9,8 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
-#include "diagnostics/unfinished_file.h"
 
 namespace tachless::node {
 

@@ -31,11 +31,11 @@ TickMaster::Config tick_master_config(const experiment::Scenario& scenario) {
 
 class LockstepLoop : PlantLoop {
  public:
-  LockstepLoop(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
-      : PlantLoop(scenario, transport, link),
+  LockstepLoop(const experiment::Scenario& scenario, node::Link& link)
+      : PlantLoop(scenario, link),
         tick_master_(tick_master_config(scenario), command_port_.codec.longest()) {
-    loop_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
-    loop_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
+    link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
+    link_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
   }
 
   void run() {
@@ -44,7 +44,7 @@ class LockstepLoop : PlantLoop {
     sent_.emplace(
         std::array{tick_port_.codec.longest(), longest_measurement_, truth_port_.codec.longest()});
     introduce();
-    loop_.run_until([this] { return tick_master_.finished(); },
+    link_.run_until([this] { return tick_master_.finished(); },
                     [this](Time now) {
                       help_successor(now);
                       repeat(now);
@@ -92,7 +92,7 @@ class LockstepLoop : PlantLoop {
     if (!accept_command(datagram, stamp)) return;
     const Verdict verdict =
         tick_master_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now());
-    loop_.count(verdict, Role::controller, datagram, stamp.tick,
+    link_.count(verdict, Role::controller, datagram, stamp.tick,
                 [&] { return tick_master_.sender_of(stamp.tick); });
     if (verdict != Verdict::fresh) return;
     link_.statistics().plant().round_trip_us.add(tick_master_.round_trip());
@@ -103,7 +103,7 @@ class LockstepLoop : PlantLoop {
     loop::Stamp stamp;
     loop::LogAck ack;
     if (!accept_ack(datagram, stamp, ack)) return;
-    loop_.count(tick_master_.on_ack(stamp.tick, ack.missing, Clock::now()));
+    link_.count(tick_master_.on_ack(stamp.tick, ack.missing, Clock::now()));
   }
 
   void end_tick() {
@@ -127,11 +127,11 @@ class LockstepLoop : PlantLoop {
         continue;
       }
       const std::int64_t k = repeat->tick;
-      transport_.publish(tick_port_.channel, sent_->bytes(k, tick_kind));
-      transport_.publish(measurement_channel_, sent_->bytes(k, measurement_kind));
+      link_.transport().publish(tick_port_.channel, sent_->bytes(k, tick_kind));
+      link_.transport().publish(measurement_channel_, sent_->bytes(k, measurement_kind));
       resends += 2;
       if (repeat->what == Repeated::all) {
-        transport_.publish(truth_port_.channel, sent_->bytes(k, truth_kind));
+        link_.transport().publish(truth_port_.channel, sent_->bytes(k, truth_kind));
         ++resends;
       }
     }
@@ -172,9 +172,8 @@ class LockstepLoop : PlantLoop {
 
 }  // namespace
 
-void run_lockstep(const experiment::Scenario& scenario, bus::Transport& transport,
-                  node::Link& link) {
-  LockstepLoop(scenario, transport, link).run();
+void run_lockstep(const experiment::Scenario& scenario, node::Link& link) {
+  LockstepLoop(scenario, link).run();
 }
 
 }  // namespace tachless::plant

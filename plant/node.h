@@ -2,7 +2,6 @@
 
 #include <chrono>
 
-#include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
 #include "plant/robot_driver.h"
@@ -16,13 +15,12 @@ inline constexpr std::chrono::milliseconds longest_stop{500};
 /// measures, the TRUTH for the logger and RUN_INFO; advances with the commands that come back.
 /// @throw diagnostics::Failure bad_usage (scenario), peer_lost (nobody answers), protocol_violated
 /// (two processes command), protective_stop (the simulation diverged), and what the link throws.
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link);
+void run_node(const experiment::Scenario& scenario, node::Link& link);
 
 /// The same with a real robot, in realtime: docs/real_robot.md.
 /// @throw diagnostics::Failure also bad_usage (lock-step; no torque limits; the robot is not where
 /// the scenario begins, or does not measure what the law needs) and protective_stop (a joint
 /// outside of its range, or whatever the driver says).
-void run_driver(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
-                RobotDriver& driver);
+void run_driver(const experiment::Scenario& scenario, node::Link& link, RobotDriver& driver);
 
 }  // namespace tachless::plant

@@ -45,12 +45,9 @@ void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario&
 
 }  // namespace
 
-PlantLoop::PlantLoop(const experiment::Scenario& scenario, bus::Transport& transport,
-                     node::Link& link, RobotDriver* driver)
+PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver)
     : scenario_(scenario),
-      transport_(transport),
       link_(link),
-      loop_(transport, link),
       robot_(scenario, driver),
       tick_port_(scenario),
       command_port_(scenario),
@@ -107,9 +104,9 @@ PlantLoop::Question PlantLoop::publish_question(const loop::Stamp& tick_stamp) {
   question.measurement = measure_(stamp(k));
   question.asked = loop::Clock::now();
   // First: the command waits for it.
-  transport_.publish(measurement_channel_, question.measurement);
+  link_.transport().publish(measurement_channel_, question.measurement);
   question.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
-  transport_.publish(tick_port_.channel, question.tick);
+  link_.transport().publish(tick_port_.channel, question.tick);
   return question;
 }
 
@@ -124,7 +121,7 @@ PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, loop::truth::DriveF
   }
   if (!bus::all_finite(truth)) throw not_finite(tick);
   const Bytes bytes = truth_port_.codec.encode(stamp(tick), truth);
-  transport_.publish(truth_port_.channel, bytes);
+  link_.transport().publish(truth_port_.channel, bytes);
   return bytes;
 }
 
@@ -155,21 +152,20 @@ bool PlantLoop::accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, lo
   return false;
 }
 
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link) {
+void run_node(const experiment::Scenario& scenario, node::Link& link) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    run_realtime(scenario, transport, link, nullptr);
+    run_realtime(scenario, link, nullptr);
   } else {
-    run_lockstep(scenario, transport, link);
+    run_lockstep(scenario, link);
   }
 }
 
-void run_driver(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
-                RobotDriver& driver) {
+void run_driver(const experiment::Scenario& scenario, node::Link& link, RobotDriver& driver) {
   if (scenario.loop.mode != experiment::Mode::realtime) {
     throw scenario.complaint("loop.mode",
                              "lockstep; a real robot does not wait, so only realtime is allowed");
   }
-  run_realtime(scenario, transport, link, &driver);
+  run_realtime(scenario, link, &driver);
 }
 
 }  // namespace tachless::plant

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "bus/transport.h"
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 #include "experiment/scenario.h"
@@ -40,8 +39,7 @@ class PlantLoop {
   };
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
-  PlantLoop(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
-            RobotDriver* driver = nullptr);
+  PlantLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver = nullptr);
 
   /// Once the others have joined: chooses the measurement, writes RUN_INFO.
   /// @throw diagnostics::Failure(bad_usage) when the robot does not measure what the law needs or
@@ -51,7 +49,7 @@ class PlantLoop {
   /// The moment t_k = k h of this run, not accumulated.
   [[nodiscard]] loop::Stamp stamp(std::int64_t tick) const;
 
-  void publish_run_info() { transport_.publish(run_info_channel_, run_info_); }
+  void publish_run_info() { link_.transport().publish(run_info_channel_, run_info_); }
   /// Reads the robot, and publishes what its encoders tell and TICK, with that stamp. The bytes
   /// are valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
@@ -76,9 +74,7 @@ class PlantLoop {
   bool accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack);
 
   const experiment::Scenario& scenario_;
-  bus::Transport& transport_;
   node::Link& link_;
-  node::Loop loop_;
   GuardedRobot robot_;
   Port<loop::Tick> tick_port_;
   Port<loop::TorqueCommand> command_port_;
@@ -97,8 +93,7 @@ class PlantLoop {
 
 /// In simulation time: the plant advances only with the command for this tick. Joins, runs all
 /// ticks, leaves.
-void run_lockstep(const experiment::Scenario& scenario, bus::Transport& transport,
-                  node::Link& link);
+void run_lockstep(const experiment::Scenario& scenario, node::Link& link);
 
 /// On the wall clock: tick k begins at the absolute deadline start + k h, whether its command has
 /// come or not. No tick is left out: late ones follow as fast as they can, each with half a period
@@ -106,7 +101,6 @@ void run_lockstep(const experiment::Scenario& scenario, bus::Transport& transpor
 /// ends the run early, is a protective stop first: drives without torque, braking, recorded, for
 /// `longest_stop` at most. Notes in the statistics, as a fault with exit code 1, when more
 /// deadlines were missed than the scenario allows.
-void run_realtime(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
-                  RobotDriver* driver);
+void run_realtime(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver);
 
 }  // namespace tachless::plant

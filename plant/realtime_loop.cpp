@@ -36,12 +36,11 @@ double milliseconds(std::chrono::nanoseconds duration) {
 
 class RealtimeLoop : PlantLoop {
  public:
-  RealtimeLoop(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
-               RobotDriver* driver)
-      : PlantLoop(scenario, transport, link, driver),
+  RealtimeLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver)
+      : PlantLoop(scenario, link, driver),
         commands_(scenario.loop.max_missed, command_port_.codec.longest()) {
-    loop_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
-    loop_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
+    link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
+    link_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
   }
 
   void run() {
@@ -111,7 +110,7 @@ class RealtimeLoop : PlantLoop {
     const auto give_up_at = begin + nanoseconds_of(scenario_.loop.give_up_s);
     auto repeat_at = begin;
     link_.started(begin);
-    loop_.run_until([this] { return acknowledged_; },
+    link_.run_until([this] { return acknowledged_; },
                     [&](Time now) {
                       if (now >= give_up_at) {
                         throw Failure(
@@ -137,7 +136,7 @@ class RealtimeLoop : PlantLoop {
   void start() {
     start_ = Clock::now() + lead_in;
     commanded_at_ = start_;
-    while (Clock::now() < start_) loop_.receive(start_);
+    while (Clock::now() < start_) link_.receive(start_);
   }
 
   void begin_tick() {
@@ -197,12 +196,12 @@ class RealtimeLoop : PlantLoop {
   void receive_until(Time deadline) {
     link_.poll(Clock::now());
     while (Clock::now() < deadline) {
-      loop_.receive(std::min(deadline, link_.next_poll()));
+      link_.receive(std::min(deadline, link_.next_poll()));
       const auto now = Clock::now();
       if (now < deadline) link_.poll(now);
     }
     // What was there in time and is not read yet counts.
-    for (int i = 0; i < most_at_once && loop_.receive(Time()); ++i) {
+    for (int i = 0; i < most_at_once && link_.receive(Time()); ++i) {
     }
   }
 
@@ -216,7 +215,7 @@ class RealtimeLoop : PlantLoop {
       ++statistics.late_commands;
       return;
     }
-    loop_.count(verdict, Role::controller, datagram, stamp.tick,
+    link_.count(verdict, Role::controller, datagram, stamp.tick,
                 [&] { return commands_.sender_of(stamp.tick); });
     if (verdict != Verdict::fresh) return;
     statistics.command_age_us.add(Clock::now() - asked_);
@@ -270,7 +269,8 @@ class RealtimeLoop : PlantLoop {
       const std::int64_t end = std::min(scenario_.loop.num_ticks, tick_ + 1 + most);
       for (++tick_; tick_ < end; ++tick_) {
         while (Clock::now() < deadline(tick_)) {
-          if (const auto datagram = transport_.receive(deadline(tick_))) link_.handle(*datagram);
+          if (const auto datagram = link_.transport().receive(deadline(tick_)))
+            link_.handle(*datagram);
           link_.announce_if_due(Clock::now());
         }
         link_.announce_if_due(Clock::now());  // behind time too
@@ -300,9 +300,8 @@ class RealtimeLoop : PlantLoop {
 
 }  // namespace
 
-void run_realtime(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link,
-                  RobotDriver* driver) {
-  RealtimeLoop(scenario, transport, link, driver).run();
+void run_realtime(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver) {
+  RealtimeLoop(scenario, link, driver).run();
 }
 
 }  // namespace tachless::plant

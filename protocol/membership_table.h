@@ -101,12 +101,6 @@ inline constexpr std::array<Row, num_membership_events> rows = {{
     {"failure", {fail, fail, fail, fail, fail}},
 }};
 
-/// As docs/protocol.md writes them, in the order of MembershipReaction.
-inline constexpr std::array<std::string_view, 20> reaction_names = {
-    "ignore",       "challenge", "observe", "join",      "agree",         "dissolve", "yield",
-    "contest",      "answer",    "refuse",  "take over", "note finished", "doubt",    "follow",
-    "keep failure", "forget",    "start",   "finish",    "fail",          "reject"};
-
 }  // namespace membership_table
 
 /// @param state one of the five of loop::ParticipantState

@@ -180,11 +180,12 @@ class Peers {
 };
 
 /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
-inline std::string describe(const Peers::Peer& peer) {
-  const loop::Participant& who = peer.participant;
+inline std::string describe(const loop::Participant& who, std::string_view sender) {
   return fmt::format("the {} (process {}{}{}{}{})", loop::name(who.role), who.pid,
-                     who.host.empty() ? "" : " on ", who.host, peer.sender.empty() ? "" : ", ",
-                     peer.sender);
+                     who.host.empty() ? "" : " on ", who.host, sender.empty() ? "" : ", ", sender);
+}
+inline std::string describe(const Peers::Peer& peer) {
+  return describe(peer.participant, peer.sender);
 }
 
 }  // namespace tachless::protocol

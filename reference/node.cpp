@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -20,58 +21,64 @@ namespace {
 using loop::Clock;
 using protocol::lockstep::Verdict;
 
-/// What both modes share: accepts TICK, computes and publishes references.
+/// Accepts TICK, computes and publishes references.
 class Node {
  public:
-  Node(const Node&) = delete;
-  Node& operator=(const Node&) = delete;
-  virtual ~Node() = default;
-
-  void run() {
-    link_.join({}, {});
-    loop_.run_until_finished([this](Clock::time_point now) { return complete(now); });
-    link_.leave();
-  }
-
- protected:
-  Node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
+  Node(const experiment::Scenario& scenario, node::Link& link)
       : link_(link),
-        loop_(transport, link),
-        last_tick_(scenario.loop.num_ticks - 1),
-        transport_(transport),
         period_s_(scenario.loop.period_s),
+        last_tick_(scenario.loop.num_ticks - 1),
         trajectory_(make_trajectory(scenario)),
         channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
         tick_codec_(loop::layout(scenario.num_joints, false)),
-        reference_codec_(loop::layout(scenario.num_joints, false)) {
-    loop_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
+        reference_codec_(loop::layout(scenario.num_joints, false)),
+        responder_(scenario.loop.num_ticks, tick_codec_.longest(), reference_codec_.longest(),
+                   scenario.loop.mode == experiment::Mode::realtime) {
+    if (scenario.loop.mode == experiment::Mode::realtime) pace_.emplace(period_s_);
+    link_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
              [this](const bus::Datagram& datagram) {
                loop::Stamp stamp;
                loop::Tick tick;
                if (link_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
              });
   }
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
 
-  /// A TICK of this run.
-  virtual void on_tick(std::int64_t tick, const bus::Datagram& datagram) = 0;
-  /// Whether all references have been asked for.
-  [[nodiscard]] virtual bool complete(Clock::time_point now) const = 0;
-
-  /// Counts what became of a TICK. @return whether it is to be answered
-  template <class Responder>
-  bool count(Verdict verdict, const Responder& responder, std::int64_t tick,
-             const bus::Datagram& datagram) {
-    loop_.count(verdict, loop::Role::plant, datagram, tick,
-                [&] { return responder.sender_of(tick); });
-    if (verdict != Verdict::fresh && verdict != Verdict::repeated) return false;
-    link_.started(Clock::now());
-    return true;
+  void run() {
+    link_.join({}, {});
+    link_.run_until_finished([this](Clock::time_point now) {
+      const std::int64_t newest = responder_.newest();
+      return pace_ ? pace_->over(newest, last_tick_, now) : newest == last_tick_;
+    });
+    link_.leave();
   }
 
-  [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
-  [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
+ private:
+  /// A TICK of this run.
+  void on_tick(std::int64_t tick, const bus::Datagram& datagram) {
+    if (pace_ && !pace_->possible(tick, Clock::now()) && !link_.knows(datagram.sender)) {
+      return link_.count(Verdict::not_asked);
+    }
+    const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
+    link_.count(answer.verdict, loop::Role::plant, datagram, tick,
+                [&] { return responder_.sender_of(tick); });
+    if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
+    link_.started(Clock::now());
+    for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
+      publish(responder_.kept(k));
+      ++link_.statistics().resends;
+    }
+    for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
+      responder_.computed(k, compute(k));
+    }
+    link_.progressed(tick);
+    link_.statistics().ticks = responder_.newest() + 1;
+  }
 
-  void publish(std::span<const std::byte> reference) { transport_.publish(channel_, reference); }
+  void publish(std::span<const std::byte> reference) {
+    link_.transport().publish(channel_, reference);
+  }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when it is not finite.
@@ -92,85 +99,21 @@ class Node {
     return bytes;
   }
 
-  void answered(std::int64_t tick, std::int64_t newest) {
-    link_.progressed(tick);
-    link_.statistics().ticks = newest + 1;
-  }
-
   node::Link& link_;
-  node::Loop loop_;
-  std::int64_t last_tick_;
-
- private:
-  bus::Transport& transport_;
   double period_s_;
+  std::int64_t last_tick_;
   Trajectory trajectory_;
   std::string channel_;
   bus::Codec<loop::Tick> tick_codec_;
   bus::Codec<loop::ReferencePoint> reference_codec_;
-};
-
-class LockstepNode final : public Node {
- public:
-  LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
-      : Node(scenario, transport, link),
-        responder_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
-
- private:
-  void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
-    const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
-    if (!count(answer.verdict, responder_, tick, datagram)) return;
-    for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
-      publish(responder_.kept(k));
-      ++link_.statistics().resends;
-    }
-    for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
-      responder_.computed(k, compute(k));
-    }
-    answered(tick, responder_.newest());
-  }
-
-  [[nodiscard]] bool complete(Clock::time_point /*now*/) const override {
-    return responder_.newest() == last_tick_;
-  }
-
   protocol::lockstep::ReferenceResponder responder_;
-};
-
-class RealtimeNode final : public Node {
- public:
-  RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
-      : Node(scenario, transport, link),
-        responder_(scenario.loop.num_ticks, longest_tick()),
-        pace_(scenario.loop.period_s) {}
-
- private:
-  void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
-    if (!pace_.possible(tick, Clock::now()) && !link_.knows(datagram.sender)) {
-      return loop_.count(Verdict::not_asked);
-    }
-    const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
-    if (!count(answer.verdict, responder_, tick, datagram)) return;
-    for (std::int64_t k = answer.first; k <= answer.last; ++k) compute(k);
-    answered(tick, responder_.newest());
-  }
-
-  [[nodiscard]] bool complete(Clock::time_point now) const override {
-    return pace_.over(responder_.newest(), last_tick_, now);
-  }
-
-  protocol::realtime::ReferenceResponder responder_;
-  protocol::realtime::Pace pace_;
+  std::optional<protocol::realtime::Pace> pace_;  ///< in realtime
 };
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link) {
-  if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeNode(scenario, transport, link).run();
-  } else {
-    LockstepNode(scenario, transport, link).run();
-  }
+void run_node(const experiment::Scenario& scenario, node::Link& link) {
+  Node(scenario, link).run();
 }
 
 }  // namespace tachless::reference

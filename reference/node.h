@@ -1,6 +1,5 @@
 #pragma once
 
-#include "bus/transport.h"
 #include "experiment/scenario.h"
 #include "node/link.h"
 
@@ -10,6 +9,6 @@ namespace tachless::reference {
 /// plant has finished.
 /// @throw diagnostics::Failure bad_usage (scenario), protocol_violated (two plants),
 /// protective_stop (a reference that is not finite), and what the link throws.
-void run_node(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link);
+void run_node(const experiment::Scenario& scenario, node::Link& link);
 
 }  // namespace tachless::reference

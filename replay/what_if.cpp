@@ -10,8 +10,8 @@
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "logger/table.h"
 #include "report/chart.h"
 #include "report/gnuplot.h"

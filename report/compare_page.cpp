@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "report/chart.h"
 #include "report/gnuplot.h"
 #include "report/html.h"

@@ -8,8 +8,8 @@
 #include <system_error>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "process/child.h"
 
 namespace tachless::report {

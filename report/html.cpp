@@ -9,7 +9,6 @@
 
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "diagnostics/version.h"
 #include "report/gnuplot.h"
 #include "report/page_files.h"

@@ -17,7 +17,6 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/unfinished_file.h"
 #include "diagnostics/version.h"
 #include "report/gnuplot.h"
 #include "report/page_files.h"

@@ -16,7 +16,6 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
-#include "diagnostics/unfinished_file.h"
 #include "study/measures.h"
 
 namespace tachless::study {

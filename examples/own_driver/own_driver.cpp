@@ -54,10 +54,10 @@ class RigDriver final : public plant::RobotDriver {
 int main(int argc, char** argv) {
   constexpr auto role = loop::Role::plant;
   return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
-    return node::run_role(role, options, [](const auto& scenario, auto& transport, auto& link) {
+    return node::run_role(role, options, [](const auto& scenario, auto& link) {
       own_driver::Rig rig(plant::plant_model(scenario));
       RigDriver driver(rig);
-      plant::run_driver(scenario, transport, link, driver);
+      plant::run_driver(scenario, link, driver);
     });
   });
 }

@@ -17,6 +17,7 @@
 #include "bus/network_check.h"
 #include "bus/transport.h"
 #include "diagnostics/json_text.h"
+#include "diagnostics/time.h"
 #include "launch/doctor.h"
 #include "launch/verb.h"
 #include "monitor/bus_monitor.h"
@@ -125,8 +126,7 @@ struct Watch {
 
   [[nodiscard]] Clock::time_point end_after(Clock::time_point begin) const {
     if (seconds == 0 && !once) return Clock::time_point::max();
-    return begin + std::chrono::duration_cast<Clock::duration>(
-                       std::chrono::duration<double>(seconds == 0 ? 2 : seconds));
+    return begin + diagnostics::nanoseconds_of(seconds == 0 ? 2 : seconds);
   }
 };
 

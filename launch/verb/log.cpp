@@ -11,12 +11,14 @@
 #include <vector>
 
 #include "certificate/stability_certificate.h"
-#include "controller/law_socket.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/time.h"
+#include "launch/run.h"
 #include "launch/verb.h"
 #include "logger/export.h"
 #include "logger/info.h"
+#include "node/options.h"
 #include "replay/replay.h"
 #include "report/report.h"
 #include "robot/model.h"
@@ -35,6 +37,12 @@ void add_logs(CLI::App& command, Logs& logs, const std::string& does) {
     std::error_code error;
     return fs::is_directory(path, error) ? (fs::path(path) / "lcmlog").string() : path;
   });
+}
+
+/// @param where "the log holds"
+void add_run_id(CLI::App& command, std::optional<std::int64_t>& run_id, const std::string& where) {
+  node::as_run_id(
+      command.add_option("--run-id", run_id, fmt::format("Which run, where {} several", where)));
 }
 
 struct Info {
@@ -62,7 +70,7 @@ struct Export {
     add_logs(command, log, "The log of a run, or its directory");
     command.add_option("-o,--output", out, "F.csv, or F.h5 (HDF5); -: CSV to standard output")
         ->required();
-    command.add_option("--run-id", run_id, "Which run, where the log holds several");
+    add_run_id(command, run_id, "the log holds");
     command.add_flag("--force", force, "Replace the file if it exists");
   }
 
@@ -84,7 +92,7 @@ struct Report {
   void declare(CLI::App& command) {
     add_logs(command, logs, "Logs of runs, or their directories; several are overlaid");
     command.add_option("-o,--output", out, "The page; default: report.html beside the first log");
-    command.add_option("--run-id", run_id, "Which run, where the logs hold several");
+    add_run_id(command, run_id, "the logs hold");
   }
 
   [[nodiscard]] ExitCode run() const {
@@ -109,17 +117,15 @@ struct Replay {
 
   void declare(CLI::App& command) {
     add_logs(command, log, "The log of a run, or its directory");
-    command.add_option("--run-id", run_id, "Which run, where the log holds several");
+    add_run_id(command, run_id, "the log holds");
     auto* of_name = command.add_option("--law", law, "What would this law have commanded?");
     command
         .add_option("--controller", law_program,
                     "The recorded law, or one in its place, is in this program, as typed in a "
                     "shell; it is given the recorded measurements and references")
         ->excludes(of_name);
-    command
-        .add_option("--set", overrides,
-                    "key.path=value: what would have been commanded with it? May be repeated")
-        ->allow_extra_args(false);
+    node::add_overrides(command, overrides,
+                        "key.path=value: what would have been commanded with it? May be repeated");
     command.add_option(
         "--out", out,
         "With --law or --set: where replay.svg and replay.csv go; default: beside the log");
@@ -135,13 +141,6 @@ struct Replay {
   }
 
  private:
-  [[nodiscard]] controller::MakeLaw make_law() const {
-    if (law_program.empty()) return controller::scenario_law;
-    return [this](const experiment::Scenario& scenario) {
-      return controller::external_law(scenario, law_program);
-    };
-  }
-
   /// What has to be set for the law that is asked for, in place of the recorded one.
   [[nodiscard]] std::vector<std::string> changes(const logger::RunLog& recorded) const {
     std::vector<std::string> all = overrides;
@@ -167,9 +166,9 @@ struct Replay {
   ExitCode verify(logger::RunLog& recorded, const robot::JointLabels& joints) const {
     const experiment::Scenario& scenario = recorded.scenario();
     const auto begun = std::chrono::steady_clock::now();
-    const replay::Replay result = replay::replay(recorded, scenario, make_law()(scenario));
-    const double wall_s =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    const replay::Replay result =
+        replay::replay(recorded, scenario, make_law(law_program)(scenario));
+    const double wall_s = diagnostics::seconds_of(std::chrono::steady_clock::now() - begun);
     const std::string problem = replay::problem_text(result, recorded, joints);
     warn_of_damage(recorded);
     if (json) {
@@ -189,7 +188,7 @@ struct Replay {
   ExitCode compare(const std::vector<std::string>& changed, logger::RunLog& recorded,
                    const robot::JointLabels& joints) const {
     const replay::Comparison comparison =
-        replay::compare(recorded, changed, make_law(), out, joints);
+        replay::compare(recorded, changed, make_law(law_program), out, joints);
     const replay::Replay& result = comparison.replay;
     const bool compared = result.compared > 0;
     warn_of_damage(recorded);

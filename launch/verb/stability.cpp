@@ -17,7 +17,6 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/unfinished_file.h"
 #include "experiment/scenario.h"
 #include "launch/progress.h"
 #include "launch/verb.h"
@@ -113,8 +112,7 @@ struct Design {
     node::with_installed_scenarios(
         command.add_option("SCENARIO", input, "A scenario, or a URDF file"))
         ->required();
-    command.add_option("--set", overrides, "key.path=value; may be repeated")
-        ->allow_extra_args(false);
+    node::add_overrides(command, overrides, "key.path=value; may be repeated");
     auto* bandwidth = command.add_option("--bandwidth", goal.bandwidth_hz,
                                          "At most [Hz]; default: 0.005 of the sampling rate");
     bandwidth->check(CLI::PositiveNumber);

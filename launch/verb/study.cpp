@@ -130,8 +130,7 @@ struct Sweep {
                     "KEY=from:to:number[:log] or KEY=a,b,c; may be repeated: all combinations. "
                     "KEY*= multiplies what the scenario has, KEY[0]= is the first joint's alone")
         ->allow_extra_args(false);
-    command.add_option("--set", overrides, "key.path=value; may be repeated")
-        ->allow_extra_args(false);
+    node::add_overrides(command, overrides, "key.path=value; may be repeated");
     command
         .add_option("--random", random, "That many runs with values drawn from KEY=from:to[:log]")
         ->check(CLI::PositiveNumber);

@@ -96,12 +96,8 @@ class LogWindow {
     return ack;
   }
 
-  /// Last tick in the log without a gap.
-  [[nodiscard]] std::int64_t last_written() const { return written_; }
-  /// Whether the run's last tick is.
+  /// Whether the run's last tick is in the log.
   [[nodiscard]] bool all_written() const { return written_ == num_ticks_ - 1; }
-  /// Newest tick of which a message other than the reference was received.
-  [[nodiscard]] std::int64_t newest() const { return newest_; }
 
  private:
   [[nodiscard]] bool complete(std::int64_t tick) const {
@@ -113,8 +109,8 @@ class LogWindow {
   std::int64_t num_ticks_;
   MessageRing ring_;
   bool introduced_ = false;
-  std::int64_t written_ = -1;
-  std::int64_t newest_ = -1;
+  std::int64_t written_ = -1;       ///< last tick in the log without a gap
+  std::int64_t newest_ = -1;        ///< of which a message other than the reference was received
   Ack acked_;                       ///< the last one taken
   std::int64_t newest_acked_ = -1;  ///< newest_ at that time
   bool asked_again_ = false;  ///< the plant has repeated a message: it lacks an acknowledgement

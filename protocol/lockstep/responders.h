@@ -10,13 +10,14 @@
 
 #include "protocol/lockstep/message_ring.h"
 
-/// The two roles that answer in lockstep: each request is answered once, in order, and the reply is
-/// kept for a request that comes again.
+/// The reference's answers, in both modes, and the controller's in lockstep: each request is
+/// answered once, in order, and in lockstep the reply is kept for a request that comes again.
 namespace tachless::protocol::lockstep {
 
 /// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
 /// that nobody waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply to a
-/// repeated TICK is the same bytes again.
+/// repeated TICK is the same bytes again. In realtime what has gone by is left out: references
+/// before k are not published later, nor any again.
 class ReferenceResponder {
  public:
   /// An empty range has last < first.
@@ -31,29 +32,37 @@ class ReferenceResponder {
   };
 
   ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick,
-                     std::size_t longest_reference)
-      : num_ticks_(num_ticks), ring_(std::array{longest_tick, longest_reference}) {}
+                     std::size_t longest_reference, bool realtime = false)
+      : num_ticks_(num_ticks),
+        realtime_(realtime),
+        ring_(std::array{longest_tick, longest_reference}) {}
 
   Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
-    // The plant cannot have begun k without command k - 1, hence not without reference k - 1.
-    if (tick < 0 || tick >= num_ticks_ || tick > newest_ + 1) return {Verdict::not_asked, {}, {}};
+    // In lockstep the plant cannot have begun k without command k - 1, hence not without reference
+    // k - 1.
+    if (tick < 0 || tick >= num_ticks_ || (!realtime_ && tick > newest_ + 1)) {
+      return {Verdict::not_asked, {}, {}};
+    }
     Answer result{ring_.put(tick, tick_kind, bytes, sender), {}, {}};
     if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;
     const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
-    result.compute = {newest_ + 1, last};
-    if (result.verdict == Verdict::repeated || tick + 1 <= newest_) {
+    result.compute = {std::max(newest_ + 1, tick), last};
+    if (!realtime_ && (result.verdict == Verdict::repeated || tick + 1 <= newest_)) {
       result.repeat = {tick, std::min(last, newest_)};
     }
     return result;
   }
 
-  /// @throw std::logic_error unless `tick` is the one after the last.
+  /// @throw std::logic_error unless `tick` is the one after the last, or in realtime a later one.
   void computed(std::int64_t tick, std::span<const std::byte> bytes) {
-    if (tick != newest_ + 1) throw std::logic_error("a reference was computed out of turn");
-    ring_.put(tick, reference_kind, bytes);
+    if (tick <= newest_ || (!realtime_ && tick > newest_ + 1)) {
+      throw std::logic_error("a reference was computed out of turn");
+    }
+    if (!realtime_) ring_.put(tick, reference_kind, bytes);
     newest_ = tick;
   }
 
+  /// In lockstep.
   [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const {
     return ring_.bytes(tick, reference_kind);
   }
@@ -68,16 +77,19 @@ class ReferenceResponder {
   enum Kind : int { tick_kind, reference_kind };
 
   std::int64_t num_ticks_;
+  bool realtime_;
   std::int64_t newest_ = -1;
   MessageRing ring_;
 };
+
+/// What the controller is fed with.
+enum LawInput : int { measurement_input, reference_input, num_law_inputs };
 
 /// The controller's side: a measurement asks for the command and controller state of its tick;
 /// they are computed once, strictly in order, as soon as the tick's reference is there too. A
 /// measurement that comes again is answered with what is kept.
 class CommandResponder {
  public:
-  enum class Input { measurement, reference };
   enum class Action { nothing, compute, repeat };
   struct Answer {
     Verdict verdict = Verdict::fresh;
@@ -102,17 +114,19 @@ class CommandResponder {
   }
   static constexpr std::int64_t reach = MessageRing::depth;
 
-  Answer on_measurement(std::int64_t tick, std::span<const std::byte> bytes,
-                        std::string_view sender) {
-    const Answer answer = on_input(Input::measurement, next_, tick, bytes, sender);
+  Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes,
+                  std::string_view sender) {
+    const bool measured = input == measurement_input;
+    // The plant is at tick next() at most, and the reference one ahead of it.
+    const std::int64_t newest = measured ? next_ : next_ + 1;
+    if (tick < 0 || tick >= num_ticks_ || (tick > newest && tick >= asked_before_)) {
+      return {Verdict::not_asked, Action::nothing};
+    }
+    const Verdict verdict = ring_.put(tick, input, bytes, sender);
+    if (verdict == Verdict::fresh && ready()) return {verdict, Action::compute};
     // The predecessor's replies are not kept here: they are in the log.
-    const bool repeat = answer.verdict == Verdict::repeated && ring_.has(tick, command_kind);
-    return repeat ? Answer{answer.verdict, Action::repeat} : answer;
-  }
-  /// The plant is at tick next() at most, and the reference one ahead of it.
-  Answer on_reference(std::int64_t tick, std::span<const std::byte> bytes,
-                      std::string_view sender) {
-    return on_input(Input::reference, next_ + 1, tick, bytes, sender);
+    const bool repeat = measured && verdict == Verdict::repeated && ring_.has(tick, command_kind);
+    return {verdict, repeat ? Action::repeat : Action::nothing};
   }
 
   /// Tick whose command is the next to be computed.
@@ -122,7 +136,7 @@ class CommandResponder {
   /// Whether both its inputs are there. While a new controller catches up, this may hold again
   /// right after `computed`.
   [[nodiscard]] bool ready() const {
-    return ring_.has(next_, kind(Input::measurement)) && ring_.has(next_, kind(Input::reference));
+    return ring_.has(next_, measurement_input) && ring_.has(next_, reference_input);
   }
 
   /// The replies of tick `next()`.
@@ -140,23 +154,12 @@ class CommandResponder {
     return ring_.bytes(tick, state_kind);
   }
   /// Who sent the input that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(Input input, std::int64_t tick) const {
-    return ring_.sender(tick, kind(input));
+  [[nodiscard]] std::string_view sender_of(LawInput input, std::int64_t tick) const {
+    return ring_.sender(tick, input);
   }
 
  private:
-  enum Kind : int { command_kind = 2, state_kind };  // after those of Input
-  static constexpr int kind(Input input) { return static_cast<int>(input); }
-
-  Answer on_input(Input input, std::int64_t newest, std::int64_t tick,
-                  std::span<const std::byte> bytes, std::string_view sender) {
-    if (tick < 0 || tick >= num_ticks_ || (tick > newest && tick >= asked_before_)) {
-      return {Verdict::not_asked, Action::nothing};
-    }
-    const Verdict verdict = ring_.put(tick, kind(input), bytes, sender);
-    const bool compute = verdict == Verdict::fresh && ready();
-    return {verdict, compute ? Action::compute : Action::nothing};
-  }
+  enum Kind : int { command_kind = num_law_inputs, state_kind };
 
   std::int64_t num_ticks_;
   std::int64_t next_ = 0;

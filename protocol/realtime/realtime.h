@@ -11,12 +11,14 @@
 #include <string_view>
 
 #include "loop/clock.h"
-#include "protocol/lockstep/message_ring.h"
+#include "protocol/lockstep/responders.h"
 
 /// The tick protocol of the realtime mode as pure state machines, beside that of lockstep: events
-/// in, verdicts out, time passed in as a value. No message is repeated or waited for.
+/// in, verdicts out, time passed in as a value. No message is repeated or waited for. The
+/// reference's side is that of lockstep (protocol/lockstep/responders.h).
 namespace tachless::protocol::realtime {
 
+using lockstep::LawInput;
 using lockstep::MessageRing;
 using lockstep::Verdict;
 
@@ -61,63 +63,21 @@ class Pace {
   std::optional<First> first_;
 };
 
-/// The reference's side: TICK(k) requests the references of k and k + 1 that are not yet published.
-/// Those of ticks whose TICK was lost are not published later.
-class ReferenceResponder {
- public:
-  struct Answer {
-    Verdict verdict = Verdict::fresh;
-    /// Publish these in order; none when last < first.
-    std::int64_t first = 0;
-    std::int64_t last = -1;
-  };
-
-  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick)
-      : num_ticks_(num_ticks), ticks_(std::array{longest_tick}) {}
-
-  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
-    if (tick < 0 || tick >= num_ticks_) return {.verdict = Verdict::not_asked};
-    const Verdict verdict = ticks_.put(tick, 0, bytes, sender);
-    if (verdict != Verdict::fresh) return {.verdict = verdict};
-    const std::int64_t first = std::max(newest_ + 1, tick);
-    const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
-    newest_ = std::max(newest_, last);
-    return {verdict, first, last};
-  }
-
-  /// Who sent the TICK that is kept.
-  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
-    return ticks_.sender(tick, 0);
-  }
-  /// Newest tick whose reference was requested; -1 before the first.
-  [[nodiscard]] std::int64_t newest() const { return newest_; }
-
- private:
-  std::int64_t num_ticks_;
-  std::int64_t newest_ = -1;
-  MessageRing ticks_;
-};
-
 /// The controller's side: chooses the newest tick whose measurement and reference are both there,
 /// once. Ticks may be skipped, and a skipped one is not computed later.
 class CommandPicker {
  public:
-  enum class Input { measurement, reference };
-
   CommandPicker(std::int64_t num_ticks, std::size_t longest_measurement,
                 std::size_t longest_reference)
       : num_ticks_(num_ticks), ring_(std::array{longest_measurement, longest_reference}) {}
 
-  Verdict on_measurement(std::int64_t tick, std::span<const std::byte> bytes,
-                         std::string_view sender) {
-    const Verdict verdict = put(Input::measurement, tick, bytes, sender);
-    if (verdict != Verdict::fresh) return verdict;
+  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes,
+                   std::string_view sender) {
+    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
+    const Verdict verdict = ring_.put(tick, input, bytes, sender);
+    if (verdict != Verdict::fresh || input != lockstep::measurement_input) return verdict;
     newest_ = std::max(newest_, tick);
     return tick > last_ ? Verdict::fresh : Verdict::too_old;
-  }
-  Verdict on_reference(std::int64_t tick, std::span<const std::byte> bytes,
-                       std::string_view sender) {
-    return put(Input::reference, tick, bytes, sender);
   }
 
   /// The tick to compute now; nothing when there is none newer than the last one.
@@ -125,7 +85,8 @@ class CommandPicker {
     // A reference that is one tick ahead may have taken the place of a tick `depth` before it.
     const std::int64_t oldest = std::max(last_ + 1, newest_ - MessageRing::depth + 2);
     for (std::int64_t tick = newest_; tick >= oldest; --tick) {
-      if (ring_.has(tick, kind(Input::measurement)) && ring_.has(tick, kind(Input::reference))) {
+      if (ring_.has(tick, lockstep::measurement_input) &&
+          ring_.has(tick, lockstep::reference_input)) {
         return tick;
       }
     }
@@ -138,18 +99,11 @@ class CommandPicker {
   }
 
   /// Who sent the input that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(Input input, std::int64_t tick) const {
-    return ring_.sender(tick, kind(input));
+  [[nodiscard]] std::string_view sender_of(LawInput input, std::int64_t tick) const {
+    return ring_.sender(tick, input);
   }
 
  private:
-  static constexpr int kind(Input input) { return static_cast<int>(input); }
-  Verdict put(Input input, std::int64_t tick, std::span<const std::byte> bytes,
-              std::string_view sender) {
-    if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
-    return ring_.put(tick, kind(input), bytes, sender);
-  }
-
   std::int64_t num_ticks_;
   std::int64_t last_ = -1;    ///< newest tick computed
   std::int64_t newest_ = -1;  ///< newest measurement

@@ -49,7 +49,7 @@ TEST_F(AKeyFile, Holds32BytesOr64HexadecimalDigits) {
   for (int i = 0; i < 32; ++i) bytes.push_back(static_cast<char>(i));
   for (const std::string& content : {bytes, digits, digits + "\n", digits + "\r\n"}) {
     write(content);
-    const bus::Key key = bus::read_key_file(path);
+    const bus::Key key = bus::read_key_file(path).value();
     for (std::size_t i = 0; i < 32; ++i) EXPECT_EQ(key.bytes()[i], i);
   }
 }
@@ -111,7 +111,7 @@ std::string flags_of(const unsigned char* byte) {
 
 TEST_F(AKeyFile, IsKeptInMemoryThatIsLockedAndInNoDump) {
   write(digits);
-  const bus::Key key = bus::read_key_file(path);
+  const bus::Key key = bus::read_key_file(path).value();
   const bus::Key copy = key;
   ASSERT_EQ(prctl(PR_SET_DUMPABLE, 1UL), 0);  // or this test may not look
   for (const bus::Key* each : {&key, &copy}) {

@@ -153,7 +153,8 @@ TEST_F(Command, RefusesWhatItDoesNotKnowInOneLine) {
   for (const std::string& arguments : std::vector<std::string>{
            "fly", "run", "run " + scenario + " --no-such-option", "run " + scenario + " --run-id 0",
            "run " + scenario + " --run-id x", "run " + scenario + " --mode fast", "info",
-           "export " + scenario, "doctor --json=perhaps", "test --preset debug"}) {
+           "export " + scenario, "export log -o - --run-id 0", "report log --run-id 0",
+           "replay log --run-id 0", "doctor --json=perhaps", "test --preset debug"}) {
     const Outcome outcome = tachless(arguments);
     EXPECT_EQ(outcome.exit_code, 2) << arguments << "\n" << outcome.output;
     EXPECT_EQ(lines(outcome.output), 1) << arguments << "\n" << outcome.output;

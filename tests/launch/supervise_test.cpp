@@ -199,6 +199,26 @@ TEST(Supervise, KillsTheDeafAfterASecondCtrlC) {
   EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::interrupted);
 }
 
+TEST(Supervise, PassesCtrlCOnToWhoIsDeafToSigterm) {
+  const std::string hears_interrupts =
+      "trap 'echo told' TERM; trap 'exit 130' INT; echo up; while :; do sleep 0.02; done";
+  SuperviseOptions options;
+  options.patience = seconds(20);
+  bool sent = false;
+  const Result result = watch(
+      {shell("plant", hears_interrupts), shell("controller", "sleep 0.2; exit 4")},
+      [&](const Result& so_far) {
+        const auto plant = so_far.lines.find("plant");
+        if (sent || plant == so_far.lines.end() || plant->second.back() != "told") return;
+        sent = true;
+        kill(getpid(), SIGINT);
+      },
+      options);
+  EXPECT_LT(result.took, seconds(10));
+  EXPECT_EQ(result.supervision.ends[0].exit_code, 130);
+  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::interrupted);
+}
+
 TEST(Supervise, StopsWhoGoesOnLongAfterTheOthersHaveEnded) {
   SuperviseOptions options;
   options.end_together = milliseconds(200);

@@ -39,7 +39,7 @@ experiment::Scenario ten_ticks() {
 class Playing : public testing::Test {
  protected:
   void join(double wait_s) {
-    playback_.emplace(ten_ticks(), 7, wait_s, &interrupted_);
+    playback_.emplace(ten_ticks(), *own_, 7, wait_s, &interrupted_);
     playback_->join({}, {});
     joined_ = Clock::now();
   }
@@ -55,6 +55,8 @@ class Playing : public testing::Test {
     return {};
   }
 
+  bus::InMemoryNetwork network_;
+  std::unique_ptr<bus::Transport> own_ = network_.connect("own");
   std::atomic<bool> interrupted_{false};
   std::optional<Playback> playback_;
   Clock::time_point joined_;
@@ -101,7 +103,8 @@ TEST_F(Playing, TakesNoMessageForItsOwn) {
 /// A session whose channel is SESSION, and whose run is over when `over` says so.
 class SilentSession final : public Session {
  public:
-  SilentSession() : Session(loop::Role::logger, nullptr) {}
+  explicit SilentSession(bus::Transport& transport)
+      : Session(loop::Role::logger, transport, {}, nullptr) {}
   void join(const loop::LawInfo& /*law*/, const Handler& /*other*/) override {}
   [[nodiscard]] std::int64_t run() const override { return 7; }
   void started(loop::Clock::time_point /*now*/) override {}
@@ -132,15 +135,14 @@ class SilentSession final : public Session {
 class Looping : public testing::Test {
  protected:
   Looping() {
-    loop_.on("A", [this](const bus::Datagram&) { seen_.push_back("a"); });
-    loop_.on("B", [this](const bus::Datagram&) { seen_.push_back("b"); });
+    session_.on("A", [this](const bus::Datagram&) { seen_.push_back("a"); });
+    session_.on("B", [this](const bus::Datagram&) { seen_.push_back("b"); });
   }
 
   bus::InMemoryNetwork network_;
   std::unique_ptr<bus::Transport> own_ = network_.connect("own");
   std::unique_ptr<bus::Transport> other_ = network_.connect("other");
-  SilentSession session_;
-  Loop loop_{*own_, session_};
+  SilentSession session_{*own_};
   std::vector<std::string> seen_;
 };
 
@@ -148,17 +150,19 @@ TEST_F(Looping, GivesAMessageToTheHandlerOfItsChannel) {
   other_->publish("B", {});
   other_->publish("A", {});
   other_->publish("C", {});
-  while (loop_.receive({})) {
+  while (session_.receive({})) {
   }
   EXPECT_THAT(seen_, ElementsAre("b", "a"));
 }
 
 TEST_F(Looping, KeepsTheSessionsMessagesFromTheOtherHandlers) {
-  loop_.on("SESSION", [this](const bus::Datagram&) { seen_.push_back("other"); });
-  loop_.handle({"SESSION", {}, "other"});
+  session_.on("SESSION", [this](const bus::Datagram&) { seen_.push_back("other"); });
+  other_->publish("SESSION", {});
+  EXPECT_TRUE(session_.receive({}));
   EXPECT_THAT(seen_, ElementsAre());
-  loop_.on_session([this](const bus::Datagram&) { seen_.push_back("session"); });
-  loop_.handle({"SESSION", {}, "other"});
+  session_.on_session([this](const bus::Datagram&) { seen_.push_back("session"); });
+  other_->publish("SESSION", {});
+  EXPECT_TRUE(session_.receive({}));
   EXPECT_THAT(seen_, ElementsAre("session"));
 }
 
@@ -166,11 +170,11 @@ TEST_F(Looping, RunsUntilTheSessionsRunIsOver) {
   other_->publish("A", {});
   int turns = 0;
   // The session is told when all ticks are there, and decides: this one agrees.
-  loop_.run_until_finished([&](Loop::Time) { return turns == 2; },
-                           [&](Loop::Time now) {
-                             ++turns;
-                             return now;
-                           });
+  session_.run_until_finished([&](Session::Time) { return turns == 2; },
+                              [&](Session::Time now) {
+                                ++turns;
+                                return now;
+                              });
   EXPECT_EQ(turns, 3);
   EXPECT_EQ(session_.polls, 3);
   EXPECT_THAT(seen_, ElementsAre("a"));
@@ -179,7 +183,7 @@ TEST_F(Looping, RunsUntilTheSessionsRunIsOver) {
 TEST_F(Looping, CountsWhatIsNotFresh) {
   for (const Verdict verdict : {Verdict::fresh, Verdict::repeated, Verdict::repeated,
                                 Verdict::not_asked, Verdict::too_old}) {
-    loop_.count(verdict);
+    session_.count(verdict);
   }
   EXPECT_EQ(session_.statistics().duplicates, 2);
   std::map<std::string_view, std::int64_t> dropped;
@@ -192,9 +196,9 @@ TEST_F(Looping, CountsWhatIsNotFresh) {
 TEST_F(Looping, FailsWhenTwoProcessesHaveOneRole) {
   const bus::Datagram second{"ARM_COMMAND", {}, "10.0.0.3:1"};
   const auto first = [] { return std::string_view("10.0.0.2:1"); };
-  EXPECT_NO_THROW(loop_.count(Verdict::repeated, loop::Role::controller, second, 5, first));
+  EXPECT_NO_THROW(session_.count(Verdict::repeated, loop::Role::controller, second, 5, first));
   try {
-    loop_.count(Verdict::conflicting, loop::Role::controller, second, 5, first);
+    session_.count(Verdict::conflicting, loop::Role::controller, second, 5, first);
     FAIL() << "nothing was thrown";
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::protocol_violated);

@@ -185,9 +185,9 @@ inline Outcome run(const experiment::Scenario& scenario, Peers& peers,
   try {
     link.guard([&] {
       if (driver != nullptr) {
-        run_driver(scenario, peers, link, *driver);
+        run_driver(scenario, link, *driver);
       } else {
-        run_node(scenario, peers, link);
+        run_node(scenario, link);
       }
     });
   } catch (const diagnostics::Failure& failure) {

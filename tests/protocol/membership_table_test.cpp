@@ -29,8 +29,14 @@ using Reaction = MembershipReaction;
 using testing::AllOf;
 using testing::HasSubstr;
 
+/// As docs/protocol.md writes them, in the order of MembershipReaction.
+constexpr std::array<std::string_view, 20> reaction_names = {
+    "ignore",       "challenge", "observe", "join",      "agree",         "dissolve", "yield",
+    "contest",      "answer",    "refuse",  "take over", "note finished", "doubt",    "follow",
+    "keep failure", "forget",    "start",   "finish",    "fail",          "reject"};
+
 std::string name(Reaction reaction) {
-  return std::string(membership_table::reaction_names.at(static_cast<std::size_t>(reaction)));
+  return std::string(reaction_names.at(static_cast<std::size_t>(reaction)));
 }
 
 /// The cells of each row of the document's section "States and events", by the row's event.

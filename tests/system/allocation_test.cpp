@@ -115,13 +115,13 @@ TEST_P(NoNode, AllocatesAfterTheFirstTicks) {
   try {
     switch (role) {
       case Role::reference:
-        reference::run_node(scenario, replay, link);
+        reference::run_node(scenario, link);
         break;
       case Role::controller:
-        controller::run_node(scenario, controller::scenario_law(scenario), replay, link);
+        controller::run_node(scenario, controller::scenario_law(scenario), link);
         break;
       case Role::logger:
-        logger::run_node(scenario, replay, link, elsewhere.log_path());
+        logger::run_node(scenario, link, elsewhere.log_path());
         break;
       case Role::plant:
         FAIL();

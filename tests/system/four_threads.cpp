@@ -19,16 +19,15 @@ using loop::Role;
 
 void run_role(Role role, const experiment::Scenario& scenario, node::Link& link,
               const std::filesystem::path& log_path) {
-  bus::Transport& transport = link.transport();
   switch (role) {
     case Role::plant:
-      return plant::run_node(scenario, transport, link);
+      return plant::run_node(scenario, link);
     case Role::reference:
-      return reference::run_node(scenario, transport, link);
+      return reference::run_node(scenario, link);
     case Role::controller:
-      return controller::run_node(scenario, controller::scenario_law(scenario), transport, link);
+      return controller::run_node(scenario, controller::scenario_law(scenario), link);
     case Role::logger:
-      return logger::run_node(scenario, transport, link, log_path);
+      return logger::run_node(scenario, link, log_path);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+#include <utility>
 
 #include "tests/protocol/lockstep/bytes_of.h"
 
@@ -100,15 +101,68 @@ TEST_F(AReferenceResponder, ComputesEachOnceInOrder) {
   EXPECT_THROW(responder.computed(3, BytesOf(0)), std::logic_error);
 }
 
+using Range = std::pair<std::int64_t, std::int64_t>;
+
+Range ask(ReferenceResponder& responder, std::int64_t tick) {
+  const auto answer = responder.on_tick(tick, BytesOf(1), "plant");
+  EXPECT_EQ(answer.verdict, Verdict::fresh);
+  EXPECT_LT(answer.repeat.last, answer.repeat.first);
+  for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
+    responder.computed(k, BytesOf(k));
+  }
+  return {answer.compute.first, answer.compute.last};
+}
+
+TEST(ReferenceResponderInRealtime, IsOneTickAhead) {
+  ReferenceResponder responder(100, 16, 8, true);
+  EXPECT_EQ(responder.newest(), -1);
+  EXPECT_EQ(ask(responder, 0), Range(0, 1));
+  EXPECT_EQ(ask(responder, 1), Range(2, 2));
+  EXPECT_EQ(ask(responder, 2), Range(3, 3));
+  EXPECT_EQ(responder.newest(), 3);
+}
+
+TEST(ReferenceResponderInRealtime, HealsOneLostTickAndLeavesOutWhatWentBy) {
+  ReferenceResponder responder(1000, 16, 8, true);
+  ask(responder, 0);
+  EXPECT_EQ(ask(responder, 2), Range(2, 3));
+  EXPECT_EQ(ask(responder, 500), Range(500, 501));
+}
+
+TEST(ReferenceResponderInRealtime, HasNothingNewForATickThatWasOvertaken) {
+  ReferenceResponder responder(100, 16, 8, true);
+  ask(responder, 5);
+  const Range range = ask(responder, 4);
+  EXPECT_LT(range.second, range.first);
+  EXPECT_EQ(ask(responder, 6), Range(7, 7));
+}
+
+TEST(ReferenceResponderInRealtime, AsksForNothingBeyondTheEnd) {
+  ReferenceResponder responder(10, 16, 8, true);
+  EXPECT_EQ(ask(responder, 9), Range(9, 9));
+  EXPECT_EQ(responder.on_tick(10, BytesOf(1), "plant").verdict, Verdict::not_asked);
+  EXPECT_EQ(responder.on_tick(-1, BytesOf(1), "plant").verdict, Verdict::not_asked);
+}
+
+TEST(ReferenceResponderInRealtime, NoticesASecondPlant) {
+  ReferenceResponder responder(10, 16, 8, true);
+  ask(responder, 3);
+  const auto again = responder.on_tick(3, BytesOf(1), "plant");
+  EXPECT_EQ(again.verdict, Verdict::repeated);
+  EXPECT_LT(again.repeat.last, again.repeat.first) << "nothing is published twice";
+  EXPECT_EQ(responder.on_tick(3, BytesOf(9), "second").verdict, Verdict::conflicting);
+  EXPECT_EQ(responder.sender_of(3), "plant");
+}
+
 using Action = CommandResponder::Action;
 
 class ACommandResponder : public testing::Test {
  protected:
   CommandResponder::Answer measure(std::int64_t tick, std::uint64_t content = 0) {
-    return responder.on_measurement(tick, BytesOf(content), "plant");
+    return responder.on_input(measurement_input, tick, BytesOf(content), "plant");
   }
   CommandResponder::Answer refer(std::int64_t tick, std::uint64_t content = 0) {
-    return responder.on_reference(tick, BytesOf(content), "reference");
+    return responder.on_input(reference_input, tick, BytesOf(content), "reference");
   }
   void compute() { responder.computed(BytesOf(100 + responder.next()), BytesOf(responder.next())); }
   void run_through(std::int64_t ticks) {
@@ -202,8 +256,8 @@ TEST_F(ACommandResponder, SeesTwoPlantsAndTwoReferences) {
   EXPECT_EQ(measure(0, 9).verdict, Verdict::conflicting);
   EXPECT_EQ(measure(0, 9).action, Action::nothing);
   EXPECT_EQ(refer(1, 9).verdict, Verdict::conflicting);
-  EXPECT_EQ(responder.sender_of(CommandResponder::Input::measurement, 0), "plant");
-  EXPECT_EQ(responder.sender_of(CommandResponder::Input::reference, 1), "reference");
+  EXPECT_EQ(responder.sender_of(measurement_input, 0), "plant");
+  EXPECT_EQ(responder.sender_of(reference_input, 1), "reference");
 }
 
 TEST_F(ACommandResponder, ForgetsAfter64Ticks) {

@@ -159,7 +159,7 @@ class SimulatedRun {
       if (!tick_master_.may_begin()) return;
       const std::int64_t k = tick_master_.next_tick();
       ++computations_[{plant, k}];
-      widest_ = std::max(widest_, k - log_.last_written());
+      widest_ = std::max(widest_, k - (std::ssize(written_) / num_slots - 1));
       measurements_[k] = mix(plant_state_, k);
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
@@ -242,9 +242,11 @@ class SimulatedRun {
     if (controller_is_dead(message)) return;
     CommandResponder::Answer answer;
     if (message.kind == Kind::measurement) {
-      answer = controller_.on_measurement(message.tick, BytesOf(message.content), "plant");
+      answer =
+          controller_.on_input(measurement_input, message.tick, BytesOf(message.content), "plant");
     } else if (message.kind == Kind::reference) {
-      answer = controller_.on_reference(message.tick, BytesOf(message.content), "reference");
+      answer = controller_.on_input(reference_input, message.tick, BytesOf(message.content),
+                                    "reference");
     } else {
       return;
     }

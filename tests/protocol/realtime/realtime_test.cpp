@@ -52,60 +52,13 @@ TEST(Pace, IsOverWithTheLastTickOrWhenItsTimeHasCome) {
   EXPECT_TRUE(pace.over(13, 14, t0 + 1s));
 }
 
-using Range = std::pair<std::int64_t, std::int64_t>;
-
-Range ask(ReferenceResponder& responder, std::int64_t tick) {
-  const auto answer = responder.on_tick(tick, BytesOf(1), "plant");
-  EXPECT_EQ(answer.verdict, Verdict::fresh);
-  return {answer.first, answer.last};
-}
-
-TEST(RealtimeReferenceResponder, IsOneTickAhead) {
-  ReferenceResponder responder(100, 16);
-  EXPECT_EQ(responder.newest(), -1);
-  EXPECT_EQ(ask(responder, 0), Range(0, 1));
-  EXPECT_EQ(ask(responder, 1), Range(2, 2));
-  EXPECT_EQ(ask(responder, 2), Range(3, 3));
-  EXPECT_EQ(responder.newest(), 3);
-}
-
-TEST(RealtimeReferenceResponder, HealsOneLostTickAndLeavesOutWhatWentBy) {
-  ReferenceResponder responder(1000, 16);
-  ask(responder, 0);
-  EXPECT_EQ(ask(responder, 2), Range(2, 3));
-  EXPECT_EQ(ask(responder, 500), Range(500, 501));
-}
-
-TEST(RealtimeReferenceResponder, HasNothingNewForATickThatWasOvertaken) {
-  ReferenceResponder responder(100, 16);
-  ask(responder, 5);
-  const Range range = ask(responder, 4);
-  EXPECT_LT(range.second, range.first);
-  EXPECT_EQ(ask(responder, 6), Range(7, 7));
-}
-
-TEST(RealtimeReferenceResponder, AsksForNothingBeyondTheEnd) {
-  ReferenceResponder responder(10, 16);
-  EXPECT_EQ(ask(responder, 9), Range(9, 9));
-  EXPECT_EQ(responder.on_tick(10, BytesOf(1), "plant").verdict, Verdict::not_asked);
-  EXPECT_EQ(responder.on_tick(-1, BytesOf(1), "plant").verdict, Verdict::not_asked);
-}
-
-TEST(RealtimeReferenceResponder, NoticesASecondPlant) {
-  ReferenceResponder responder(10, 16);
-  ask(responder, 3);
-  EXPECT_EQ(responder.on_tick(3, BytesOf(1), "plant").verdict, Verdict::repeated);
-  EXPECT_EQ(responder.on_tick(3, BytesOf(9), "second").verdict, Verdict::conflicting);
-  EXPECT_EQ(responder.sender_of(3), "plant");
-}
-
 class Picking : public testing::Test {
  protected:
   Verdict measure(std::int64_t tick, std::uint64_t content = 1) {
-    return picker_.on_measurement(tick, BytesOf(content), "plant");
+    return picker_.on_input(lockstep::measurement_input, tick, BytesOf(content), "plant");
   }
   Verdict refer(std::int64_t tick, std::uint64_t content = 1) {
-    return picker_.on_reference(tick, BytesOf(content), "reference");
+    return picker_.on_input(lockstep::reference_input, tick, BytesOf(content), "reference");
   }
   std::int64_t due() { return picker_.due().value_or(-1); }
 
@@ -169,8 +122,8 @@ TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
   EXPECT_EQ(measure(0), Verdict::repeated);
   EXPECT_EQ(measure(0, 9), Verdict::conflicting);
   EXPECT_EQ(refer(0, 9), Verdict::conflicting);
-  EXPECT_EQ(picker_.sender_of(CommandPicker::Input::measurement, 0), "plant");
-  EXPECT_EQ(picker_.sender_of(CommandPicker::Input::reference, 0), "reference");
+  EXPECT_EQ(picker_.sender_of(lockstep::measurement_input, 0), "plant");
+  EXPECT_EQ(picker_.sender_of(lockstep::reference_input, 0), "reference");
   EXPECT_EQ(measure(1000), Verdict::not_asked);
   EXPECT_EQ(measure(-1), Verdict::not_asked);
   EXPECT_EQ(refer(1000), Verdict::not_asked);
