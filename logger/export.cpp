@@ -302,8 +302,8 @@ std::string ExportResult::text() const {
   for (const auto& piece : summary.pieces) {
     if (piece.absent()) {
       if (summary.ticks != 0) text += "; no " + piece.channel;
-    } else if (piece.missing != 0) {
-      text += fmt::format("; {} missing in {} ticks", piece.channel, piece.missing);
+    } else if (piece.missing.count != 0) {
+      text += fmt::format("; {} missing in {} ticks", piece.channel, piece.missing.count);
     }
   }
   if (damage.any()) {

@@ -132,7 +132,7 @@ struct HeldTick {
 std::uint64_t RunSummary::gaps() const {
   std::uint64_t sum = 0;
   for (const auto& piece : pieces) {
-    if (!piece.absent()) sum += piece.missing;
+    if (!piece.absent()) sum += piece.missing.count;
   }
   return sum;
 }
@@ -356,10 +356,7 @@ class RunLog::Window {
   /// Ticks from the one after the last that had the piece to the one before `tick`.
   void count_missing(Slot slot, std::int64_t tick) {
     const TickRange range{last_seen_[index(slot)] + 1, tick - 1};
-    if (range.first > range.last) return;
-    PieceSummary& counts = piece(slot);
-    counts.missing += static_cast<std::uint64_t>(range.last - range.first + 1);
-    if (counts.missing_list.size() < RunSummary::max_listed) counts.missing_list.push_back(range);
+    if (range.first <= range.last) piece(slot).missing.add(range);
   }
 
   LogReader& reader_;

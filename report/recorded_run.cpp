@@ -112,18 +112,6 @@ void add_lyapunov(RecordedRun& run, const certificate::LyapunovFunction& lyapuno
 
 }  // namespace
 
-void Stretches::add(std::int64_t tick) {
-  ++ticks_;
-  if (tick == last_ + 1 && !listed_.empty() && !cut_) {
-    listed_.back().last = tick;
-  } else if (listed_.size() < max_listed) {
-    listed_.push_back({tick, tick});
-  } else {
-    cut_ = true;
-  }
-  last_ = tick;
-}
-
 std::vector<std::pair<double, double>> RecordedRun::seconds(
     const std::vector<logger::TickRange>& ranges) const {
   std::vector<std::pair<double, double>> result;

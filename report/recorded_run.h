@@ -17,25 +17,8 @@
 
 namespace tachless::report {
 
-/// Ticks at which something was the case, as ranges.
-class Stretches {
- public:
-  static constexpr std::size_t max_listed = 500;
-
-  /// `tick` is greater than the last one added.
-  void add(std::int64_t tick);
-
-  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
-  [[nodiscard]] const std::vector<logger::TickRange>& listed() const { return listed_; }
-  /// Some stretches are counted, but not listed.
-  [[nodiscard]] bool cut() const { return cut_; }
-
- private:
-  std::vector<logger::TickRange> listed_;
-  std::int64_t ticks_ = 0;
-  std::int64_t last_ = -2;
-  bool cut_ = false;
-};
+/// Ticks at which something was the case.
+using Stretches = logger::TickRanges<500>;
 
 /// A signal that the law declares, as the log names it.
 struct LoggedSignal {

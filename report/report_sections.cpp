@@ -193,7 +193,7 @@ ReportSection torque_section(const Overlay& all) {
             disturbed = true;
           }
           limited = add_limit(run, own, signals.torque.peak(), chart) || limited;
-          for (const auto& [from, to] : run.seconds(run.saturated[own].listed())) {
+          for (const auto& [from, to] : run.seconds(run.saturated[own].listed)) {
             chart.marks.push_back({from, to, all.alone() ? alarm_colour : colour_of(run.number)});
             saturated = true;
           }
