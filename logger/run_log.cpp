@@ -42,7 +42,7 @@ std::string read(const LogEvent& event, const std::filesystem::path& path,
   if (wanted && stamp.run != *wanted) {
     return fmt::format("is of run {}, not of run {}", stamp.run, *wanted);
   }
-  found.run = stamp.run;
+  found.run_id = stamp.run;
   try {
     found.scenario = experiment::parse_scenario(found.info.scenario, found.info.robot_description,
                                                 path.string() + " (RUN_INFO)");
@@ -79,7 +79,8 @@ bool has_messages(const std::filesystem::path& path, const RunDescription& run) 
   LogReader reader(path);
   while (const auto event = reader.next()) {
     if (event->channel.starts_with(run.info.robot + "_") && event->data.size() >= bus::stamp_end &&
-        !event->channel.ends_with(run_info_suffix) && bus::stamp_of(event->data).run == run.run) {
+        !event->channel.ends_with(run_info_suffix) &&
+        bus::stamp_of(event->data).run == run.run_id) {
       return true;
     }
   }
@@ -254,7 +255,7 @@ class RunLog::Window {
   bool is_foreign(const LogEvent& event, bool announcement) {
     if (event.data.size() < bus::stamp_end) return false;
     const std::int64_t run = bus::stamp_of(event.data).run;
-    if (run == described_.run || (announcement && run == 0)) return false;
+    if (run == described_.run_id || (announcement && run == 0)) return false;
     ++summary_.foreign_messages;
     auto& runs = summary_.foreign_runs;
     if (runs.size() < RunSummary::max_listed || runs.contains(run)) ++runs[run];

@@ -28,7 +28,7 @@ inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
 /// A run that a log holds, and what its RUN_INFO says.
 struct RunDescription {
-  std::int64_t run = 0;
+  std::int64_t run_id = 0;
   loop::RunInfo info;
   experiment::Scenario scenario;
   loop::Layout layout;  ///< `num_signals` is how many signals RUN_INFO declares
@@ -95,7 +95,8 @@ class RunLog {
   ~RunLog();
 
   [[nodiscard]] const std::filesystem::path& path() const { return reader_.path(); }
-  [[nodiscard]] std::int64_t run() const { return described_.run; }
+  [[nodiscard]] const RunDescription& description() const { return described_; }
+  [[nodiscard]] std::int64_t run() const { return described_.run_id; }
   [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }
   [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
   [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }

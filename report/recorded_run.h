@@ -29,13 +29,10 @@ struct LoggedSignal {
 };
 
 /// All that a report shows of one run, in memory that does not grow with its length.
-struct RecordedRun {
+struct RecordedRun : logger::RunDescription {
   std::filesystem::path log;
   std::size_t number = 0;  ///< among the runs of a report
   std::string label;       ///< in legends
-  std::int64_t run_id = 0;
-  loop::RunInfo info;
-  experiment::Scenario scenario;
   robot::JointLabels joints;
 
   study::Tracking tracking;
@@ -57,7 +54,11 @@ struct RecordedRun {
   /// The run's summary.json beside the log, if it is of this run; null otherwise.
   nlohmann::json outcome;
 
-  explicit RecordedRun(int num_joints) : tracking(num_joints) {}
+  explicit RecordedRun(const logger::RunLog& of)
+      : RunDescription(of.description()),
+        log(of.path()),
+        label(scenario.name),
+        tracking(layout.num_joints) {}
 
   /// An entry of `outcome`; null where it is not there.
   [[nodiscard]] nlohmann::json outcome_of(const char* key) const {
