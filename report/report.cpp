@@ -20,7 +20,6 @@
 #include "diagnostics/version.h"
 #include "report/gnuplot.h"
 #include "report/page_files.h"
-#include "report/report_tables.h"
 #include "report/summary.h"
 #include "robot/model.h"
 

@@ -1,4 +1,4 @@
-#include "report/report_tables.h"
+#include "report/report_sections.h"
 
 #include <fmt/format.h>
 
