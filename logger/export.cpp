@@ -10,10 +10,8 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <functional>
-#include <memory>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -27,22 +25,10 @@
 namespace tachless::logger {
 namespace {
 
-/// A file with a row of the quantities for each tick.
-class TableFile {
- public:
-  TableFile() = default;
-  TableFile(const TableFile&) = delete;
-  TableFile& operator=(const TableFile&) = delete;
-  virtual ~TableFile() = default;
-
-  virtual void append(const TickRecord& record) = 0;
-  virtual void close() = 0;
-};
-
 constexpr std::size_t block_bytes = 1 << 18;
 
 /// Comma-separated values; to `-`, standard output, is added, anything else overwritten.
-class CsvTable final : public TableFile {
+class CsvTable {
  public:
   CsvTable(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
            double period_s)
@@ -50,51 +36,49 @@ class CsvTable final : public TableFile {
     file_ = path == "-" ? ::fdopen(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0), "w")
                         : std::fopen(path.c_str(), "we");
     if (file_ == nullptr) fail(errno);
-    std::string head = "tick,t_s";
-    std::size_t columns = 2;
+    block_ = "tick,t_s";
     for (const auto& quantity : quantities_) {
       for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-        head.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
+        block_.append(1, ',').append(diagnostics::csv_field(quantity.column(i)));
       }
-      columns += quantity.units.size();
     }
-    head += '\n';
-    longest_row_ = columns * (longest_number + 1);
-    block_.resize(std::max(block_bytes, head.size() + longest_row_));
-    filled_ = head.copy(block_.data(), head.size());
+    block_ += '\n';
   }
-  ~CsvTable() override {
+  CsvTable(const CsvTable&) = delete;
+  CsvTable& operator=(const CsvTable&) = delete;
+  ~CsvTable() {
     if (file_ != nullptr) std::fclose(file_);
   }
 
-  void append(const TickRecord& record) override {
-    if (block_.size() - filled_ < longest_row_) write();
-    char* at = &block_[filled_];
-    at = std::to_chars(at, at + longest_number, record.tick).ptr;
-    *at++ = ',';
-    at = write_number(at, static_cast<double>(record.tick) * period_s_);
+  void append(const TickRecord& record) {
+    if (block_.size() >= block_bytes) write();
+    block_ += std::to_string(record.tick);
+    add(static_cast<double>(record.tick) * period_s_);
     std::array<double, robot::max_joints> values;
     for (const auto& quantity : quantities_) {
       const bool present = has(record, quantity.slot);
       if (present) quantity.read(record, values.data());
       for (std::size_t i = 0; i < quantity.units.size(); ++i) {
-        *at++ = ',';
-        if (present) at = write_number(at, values[i]);
+        present ? add(values[i]) : block_.push_back(',');
       }
     }
-    *at++ = '\n';
-    filled_ = static_cast<std::size_t>(at - block_.data());
+    block_ += '\n';
   }
 
-  void close() override {
+  void close() {
     write();
     if (std::fclose(std::exchange(file_, nullptr)) != 0) fail(errno);
   }
 
  private:
+  void add(double value) {
+    std::array<char, 1 + longest_number> text = {','};
+    block_.append(text.data(), write_number(&text[1], value));
+  }
+
   void write() {
-    if (std::fwrite(block_.data(), 1, filled_, file_) != filled_) fail(errno);
-    filled_ = 0;
+    if (std::fwrite(block_.data(), 1, block_.size(), file_) != block_.size()) fail(errno);
+    block_.clear();
   }
 
   [[noreturn]] void fail(int error) const {
@@ -107,9 +91,7 @@ class CsvTable final : public TableFile {
   const std::vector<Quantity>& quantities_;
   double period_s_;
   std::FILE* file_ = nullptr;
-  std::vector<char> block_;  ///< written at once when no further row is sure to fit
-  std::size_t filled_ = 0;
-  std::size_t longest_row_ = 0;
+  std::string block_;  ///< rows that are written at once
 };
 
 constexpr hsize_t chunk_rows = 4096;
@@ -119,7 +101,7 @@ std::string mask_name(Slot slot) { return fmt::format("present/{}", name(slot));
 /// One dataset per quantity, ticks x joints, with attributes `unit`, `description` and
 /// `present`: the path of the mask (ticks, 0 or 1) that tells in which rows it has values. Rows
 /// without are zero. The file's attributes are the run's id and what else RUN_INFO says.
-class Hdf5Table final : public TableFile {
+class Hdf5Table {
  public:
   Hdf5Table(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
             const RunLog& log)
@@ -159,7 +141,7 @@ class Hdf5Table final : public TableFile {
     }
   }
 
-  void append(const TickRecord& record) override {
+  void append(const TickRecord& record) {
     for (Dataset& each : datasets_) {
       const std::size_t width = std::max<hsize_t>(each.columns, 1);
       each.values.resize(each.values.size() + width, 0.0);
@@ -168,7 +150,7 @@ class Hdf5Table final : public TableFile {
     if (++buffered_ == chunk_rows) flush();
   }
 
-  void close() override {
+  void close() {
     flush();
     for (const Dataset& each : datasets_) check(H5Dclose(each.id));
     check(H5Fflush(file_, H5F_SCOPE_GLOBAL));
@@ -272,16 +254,11 @@ class Hdf5Table final : public TableFile {
   hsize_t written_ = 0, buffered_ = 0;  ///< rows
 };
 
-void write_table(RunLog& log, const std::vector<Quantity>& quantities, ExportFormat format,
-                 const std::filesystem::path& to) {
-  std::unique_ptr<TableFile> file;
-  if (format == ExportFormat::csv) {
-    file = std::make_unique<CsvTable>(to, quantities, log.info().period_s);
-  } else {
-    file = std::make_unique<Hdf5Table>(to, quantities, log);
-  }
-  for (TickRecord record; log.next(record);) file->append(record);
-  file->close();
+/// A row for each tick.
+template <class Table>
+void fill(Table&& table, RunLog& log) {
+  for (TickRecord record; log.next(record);) table.append(record);
+  table.close();
 }
 
 }  // namespace
@@ -302,8 +279,8 @@ std::string ExportResult::text() const {
   for (const auto& piece : summary.pieces) {
     if (piece.absent()) {
       if (summary.ticks != 0) text += "; no " + piece.channel;
-    } else if (piece.missing != 0) {
-      text += fmt::format("; {} missing in {} ticks", piece.channel, piece.missing);
+    } else if (piece.missing.count != 0) {
+      text += fmt::format("; {} missing in {} ticks", piece.channel, piece.missing.count);
     }
   }
   if (damage.any()) {
@@ -315,9 +292,14 @@ std::string ExportResult::text() const {
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFormat format,
                         bool force) {
   const auto quantities = quantities_of(log);
+  const auto write = [&](const std::filesystem::path& to) {
+    if (format == ExportFormat::csv)
+      return fill(CsvTable(to, quantities, log.info().period_s), log);
+    fill(Hdf5Table(to, quantities, log), log);
+  };
   log.rewind();
   if (path == "-") {
-    write_table(log, quantities, format, path);
+    write(path);
   } else {
     std::error_code error;
     if (!force && std::filesystem::is_regular_file(path, error)) {
@@ -328,7 +310,7 @@ ExportResult export_run(RunLog& log, const std::filesystem::path& path, ExportFo
     if (format == ExportFormat::hdf5 && unfinished.direct()) {
       throw diagnostics::bad_usage("{}: HDF5 needs a regular file; name one", path.string());
     }
-    write_table(log, quantities, format, unfinished.name());
+    write(unfinished.name());
     unfinished.finish();
   }
   ExportResult result{log.summary(), log.damage()};

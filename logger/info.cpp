@@ -153,13 +153,13 @@ json run_json(RunLog& log) {
   json pieces = json::array();
   for (const auto& piece : summary.pieces) {
     json missing = json::array();
-    for (const auto& range : piece.missing_list) missing.push_back({range.first, range.last});
+    for (const auto& range : piece.missing.listed) missing.push_back({range.first, range.last});
     pieces.push_back({{"channel", piece.channel},
                       {"ticks", piece.count},
                       {"absent", piece.absent()},
                       {"duplicates", piece.duplicates},
                       {"conflicts", piece.conflicts},
-                      {"missing", piece.missing},
+                      {"missing", piece.missing.count},
                       {"missing_ticks", missing}});
   }
   json undecodable = json::object();

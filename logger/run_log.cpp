@@ -42,7 +42,7 @@ std::string read(const LogEvent& event, const std::filesystem::path& path,
   if (wanted && stamp.run != *wanted) {
     return fmt::format("is of run {}, not of run {}", stamp.run, *wanted);
   }
-  found.run = stamp.run;
+  found.run_id = stamp.run;
   try {
     found.scenario = experiment::parse_scenario(found.info.scenario, found.info.robot_description,
                                                 path.string() + " (RUN_INFO)");
@@ -79,7 +79,8 @@ bool has_messages(const std::filesystem::path& path, const RunDescription& run) 
   LogReader reader(path);
   while (const auto event = reader.next()) {
     if (event->channel.starts_with(run.info.robot + "_") && event->data.size() >= bus::stamp_end &&
-        !event->channel.ends_with(run_info_suffix) && bus::stamp_of(event->data).run == run.run) {
+        !event->channel.ends_with(run_info_suffix) &&
+        bus::stamp_of(event->data).run == run.run_id) {
       return true;
     }
   }
@@ -132,7 +133,7 @@ struct HeldTick {
 std::uint64_t RunSummary::gaps() const {
   std::uint64_t sum = 0;
   for (const auto& piece : pieces) {
-    if (!piece.absent()) sum += piece.missing;
+    if (!piece.absent()) sum += piece.missing.count;
   }
   return sum;
 }
@@ -254,7 +255,7 @@ class RunLog::Window {
   bool is_foreign(const LogEvent& event, bool announcement) {
     if (event.data.size() < bus::stamp_end) return false;
     const std::int64_t run = bus::stamp_of(event.data).run;
-    if (run == described_.run || (announcement && run == 0)) return false;
+    if (run == described_.run_id || (announcement && run == 0)) return false;
     ++summary_.foreign_messages;
     auto& runs = summary_.foreign_runs;
     if (runs.size() < RunSummary::max_listed || runs.contains(run)) ++runs[run];
@@ -356,10 +357,7 @@ class RunLog::Window {
   /// Ticks from the one after the last that had the piece to the one before `tick`.
   void count_missing(Slot slot, std::int64_t tick) {
     const TickRange range{last_seen_[index(slot)] + 1, tick - 1};
-    if (range.first > range.last) return;
-    PieceSummary& counts = piece(slot);
-    counts.missing += static_cast<std::uint64_t>(range.last - range.first + 1);
-    if (counts.missing_list.size() < RunSummary::max_listed) counts.missing_list.push_back(range);
+    if (range.first <= range.last) piece(slot).missing.add(range);
   }
 
   LogReader& reader_;

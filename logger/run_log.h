@@ -15,6 +15,7 @@
 #include "bus/wire.h"
 #include "experiment/scenario.h"
 #include "logger/log_file.h"
+#include "logger/tick_ranges.h"
 #include "loop/truth/tick_record.h"
 
 /// A log as the run it recorded: messages decoded, grouped by tick, and what is missing named.
@@ -27,25 +28,18 @@ inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
 /// A run that a log holds, and what its RUN_INFO says.
 struct RunDescription {
-  std::int64_t run = 0;
+  std::int64_t run_id = 0;
   loop::RunInfo info;
   experiment::Scenario scenario;
   loop::Layout layout;  ///< `num_signals` is how many signals RUN_INFO declares
 };
 
-/// Ticks in a row that lack a piece: first to last, both included.
-struct TickRange {
-  std::int64_t first = 0;
-  std::int64_t last = 0;
-};
-
 struct PieceSummary {
   std::string channel;
-  std::uint64_t count = 0;              ///< ticks that have it
-  std::uint64_t duplicates = 0;         ///< further copies, the same
-  std::uint64_t conflicts = 0;          ///< further copies, different: the first one counts
-  std::uint64_t missing = 0;            ///< ticks from 0 to the log's last that lack it
-  std::vector<TickRange> missing_list;  ///< the first `RunSummary::max_listed` ranges
+  std::uint64_t count = 0;       ///< ticks that have it
+  std::uint64_t duplicates = 0;  ///< further copies, the same
+  std::uint64_t conflicts = 0;   ///< further copies, different: the first one counts
+  TickRanges<100> missing;       ///< ticks from 0 to the log's last that lack it
 
   /// A piece that the log never has was not recorded: absent, rather than full of gaps.
   [[nodiscard]] bool absent() const { return count == 0; }
@@ -101,7 +95,8 @@ class RunLog {
   ~RunLog();
 
   [[nodiscard]] const std::filesystem::path& path() const { return reader_.path(); }
-  [[nodiscard]] std::int64_t run() const { return described_.run; }
+  [[nodiscard]] const RunDescription& description() const { return described_; }
+  [[nodiscard]] std::int64_t run() const { return described_.run_id; }
   [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }
   [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
   [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }

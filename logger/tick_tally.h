@@ -1,17 +1,14 @@
 #pragma once
 
-#include <fmt/core.h>
-
 #include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string>
-#include <string_view>
 #include <vector>
 
 #include "diagnostics/fnv.h"
+#include "logger/tick_ranges.h"
 #include "loop/slot.h"
 #include "protocol/lockstep/message_ring.h"
 
@@ -26,10 +23,10 @@ class TickTally {
 
   /// A message may be this many ticks late; a later one is too old.
   static constexpr std::int64_t window = 1024;
-  static constexpr std::size_t max_listed = 5;
+  using Missing = TickRanges<5>;
 
   explicit TickTally(std::int64_t num_ticks) : num_ticks_(num_ticks), entries_(window) {
-    for (Missing& each : missing_) each.listed.reserve(max_listed);
+    for (Missing& each : missing_) each.listed.reserve(Missing::most_listed);
   }
 
   /// Whether the message is to be recorded (`fresh`), or what else it is.
@@ -63,29 +60,7 @@ class TickTally {
   [[nodiscard]] std::int64_t complete() const { return complete_; }
   [[nodiscard]] std::int64_t incomplete() const { return settled_ - complete_; }
 
-  /// Ticks that lack a message.
-  struct Missing {
-    /// Consecutive ones.
-    struct Range {
-      std::int64_t first = 0;
-      std::int64_t last = 0;
-    };
-    std::int64_t count = 0;
-    std::vector<Range> listed;  ///< the first `max_listed` ranges
-    std::int64_t ranges = 0;
-
-    /// "12, 40-55 and 3 more".
-    [[nodiscard]] std::string text() const {
-      std::string text;
-      for (const auto& [first, last] : listed) {
-        text += fmt::format("{}{}", text.empty() ? "" : ", ", first);
-        if (last > first) text += fmt::format("-{}", last);
-      }
-      const auto more = ranges - static_cast<std::int64_t>(listed.size());
-      if (more > 0) text += fmt::format(" and {} more", more);
-      return text;
-    }
-  };
+  /// Ticks that lack the message.
   [[nodiscard]] const Missing& missing(Slot slot) const { return missing_[index(slot)]; }
 
  private:
@@ -102,20 +77,10 @@ class TickTally {
       for (const Slot slot : loop::all_slots) {
         if (entry.tick == settled_ && entry.has[index(slot)]) continue;
         complete = false;
-        add(missing_[index(slot)], settled_);
+        missing_[index(slot)].add(settled_);
       }
       if (complete) ++complete_;
     }
-  }
-
-  static void add(Missing& missing, std::int64_t tick) {
-    ++missing.count;
-    if (!missing.listed.empty() && missing.listed.back().last == tick - 1) {
-      missing.listed.back().last = tick;
-      return;
-    }
-    ++missing.ranges;
-    if (missing.listed.size() < max_listed) missing.listed.push_back({tick, tick});
   }
 
   std::int64_t num_ticks_;

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <memory>
@@ -72,13 +71,11 @@ void require_measured(const logger::RunLog& log, const loop::LawInfo& law) {
 struct Progress {
   const OnCompared& on_compared;
   Replay result;
-  std::vector<double> sums_of_squares;
   /// Since the last command: ticks without one are gaps only when a command follows.
   std::uint64_t pending = 0, pending_passed_over = 0;
   std::int64_t first_pending = -1;
 
-  Progress(int num_joints, const OnCompared& told)
-      : on_compared(told), sums_of_squares(static_cast<std::size_t>(num_joints)) {
+  Progress(int num_joints, const OnCompared& told) : on_compared(told) {
     result.joints.resize(static_cast<std::size_t>(num_joints));
   }
 
@@ -94,26 +91,18 @@ struct Progress {
       same = same && ulps == 0;
       if (ulps != 0 && !result.first) result.first = {tick, i, recorded[i], replayed[i], ulps};
       auto& joint = result.joints[static_cast<std::size_t>(i)];
-      const double difference = std::abs(replayed[i] - recorded[i]);
-      if (difference > joint.max || joint.max_tick < 0) {
-        joint.max = difference;
-        joint.max_tick = tick;
+      const double difference = replayed[i] - recorded[i];
+      if (std::abs(difference) > joint.difference.peak() || joint.peak_tick < 0) {
+        joint.peak_tick = tick;
       }
-      sums_of_squares[static_cast<std::size_t>(i)] += difference * difference;
-      joint.recorded_peak = std::max(joint.recorded_peak, std::abs(recorded[i]));
-      joint.replayed_peak = std::max(joint.replayed_peak, std::abs(replayed[i]));
+      joint.difference.add(difference);
+      joint.recorded.add(recorded[i]);
+      joint.replayed.add(replayed[i]);
     }
     ++result.compared;
     if (!same) ++result.different;
     result.last_compared = tick;
     if (on_compared) on_compared(tick, recorded, replayed);
-  }
-
-  Replay finish() {
-    for (std::size_t i = 0; i < result.joints.size() && result.compared > 0; ++i) {
-      result.joints[i].rms = std::sqrt(sums_of_squares[i] / static_cast<double>(result.compared));
-    }
-    return std::move(result);
   }
 };
 
@@ -197,7 +186,7 @@ Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
   Progress comparison(scenario.num_joints, on_compared);
   std::visit([&](auto own) { step_through(log, scenario, std::move(own), comparison); },
              std::move(law));
-  return comparison.finish();
+  return std::move(comparison.result);
 }
 
 std::string hindrance(const Replay& replay, const logger::RunLog& log) {
@@ -260,13 +249,13 @@ std::string damage_text(const logger::RunLog& log) {
 nlohmann::ordered_json to_json(const Replay& replay) {
   using Json = nlohmann::ordered_json;
   Json joints = Json::array(), first;
-  for (const TorqueDifference& joint : replay.joints) {
+  for (const JointTorques& joint : replay.joints) {
     if (replay.compared == 0) break;
-    joints.push_back({{"max_Nm", joint.max},
-                      {"max_tick", joint.max_tick},
-                      {"rms_Nm", joint.rms},
-                      {"recorded_peak_Nm", joint.recorded_peak},
-                      {"replayed_peak_Nm", joint.replayed_peak}});
+    joints.push_back({{"max_Nm", joint.difference.peak()},
+                      {"max_tick", joint.peak_tick},
+                      {"rms_Nm", joint.difference.rms()},
+                      {"recorded_peak_Nm", joint.recorded.peak()},
+                      {"replayed_peak_Nm", joint.replayed.peak()}});
   }
   if (const auto& at = replay.first) {
     first = {{"tick", at->tick},

@@ -12,6 +12,7 @@
 #include "experiment/scenario.h"
 #include "logger/run_log.h"
 #include "robot/model.h"
+#include "study/tracking.h"
 
 /// The controller again, on what a log recorded: whether its commands are the same, and what
 /// another law, or other gains, would have commanded, in words and as JSON, and that side by side
@@ -26,12 +27,10 @@ struct Mismatch {
   std::uint64_t ulps = 0;  ///< doubles from one to the other
 };
 
-/// Replayed minus recorded torque of one joint, over the ticks compared [N m; N].
-struct TorqueDifference {
-  double max = 0;  ///< of the absolute value
-  std::int64_t max_tick = -1;
-  double rms = 0;
-  double recorded_peak = 0, replayed_peak = 0;
+/// Torques of one joint, and replayed minus recorded, over the ticks compared [N m; N].
+struct JointTorques {
+  study::Extent difference, recorded, replayed;
+  std::int64_t peak_tick = -1;  ///< of the difference
 };
 
 /// What came of a replay.
@@ -40,7 +39,7 @@ struct Replay {
   std::int64_t different = 0;  ///< those of them whose command is not the same bit for bit
   std::int64_t last_compared = -1;
   std::optional<Mismatch> first;  ///< the first difference
-  std::vector<TorqueDifference> joints;
+  std::vector<JointTorques> joints;
   std::uint64_t without_command = 0;  ///< ticks stepped through that have no command to compare
   std::int64_t first_without_command = -1;
   std::uint64_t passed_over = 0;  ///< realtime: ticks that the controller did not act on

@@ -143,10 +143,11 @@ std::string comparison_text(const Comparison& comparison, const robot::JointLabe
       "replayed - recorded torque", "peak torque", "", width, "max", "at", "rms", "recorded",
       "replayed");
   for (std::size_t i = 0; i < replay.joints.size(); ++i) {
-    const TorqueDifference& joint = replay.joints[i];
+    const JointTorques& joint = replay.joints[i];
     text += fmt::format("  {}  {:12.5g} {:9.4g} s {:12.5g}   {:12.5g} {:12.5g} {}\n", names[i],
-                        joint.max, static_cast<double>(joint.max_tick) * period_s, joint.rms,
-                        joint.recorded_peak, joint.replayed_peak, labels.effort[i]);
+                        joint.difference.peak(), static_cast<double>(joint.peak_tick) * period_s,
+                        joint.difference.rms(), joint.recorded.peak(), joint.replayed.peak(),
+                        labels.effort[i]);
   }
   return text + fmt::format("\n  {}\n  {}\n", comparison.svg.string(), comparison.csv.string());
 }

@@ -112,18 +112,6 @@ void add_lyapunov(RecordedRun& run, const certificate::LyapunovFunction& lyapuno
 
 }  // namespace
 
-void Stretches::add(std::int64_t tick) {
-  ++ticks_;
-  if (tick == last_ + 1 && !listed_.empty() && !cut_) {
-    listed_.back().last = tick;
-  } else if (listed_.size() < max_listed) {
-    listed_.push_back({tick, tick});
-  } else {
-    cut_ = true;
-  }
-  last_ = tick;
-}
-
 std::vector<std::pair<double, double>> RecordedRun::seconds(
     const std::vector<logger::TickRange>& ranges) const {
   std::vector<std::pair<double, double>> result;
@@ -148,12 +136,8 @@ study::Tracking track(logger::RunLog& log) {
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
                               const Certify& certify) {
   logger::RunLog log = logger::RunLog::open(path, wanted);
-  const auto num_joints = static_cast<std::size_t>(log.layout().num_joints);
-  RecordedRun run(log.layout().num_joints);
-  run.log = path;
-  run.run_id = log.run();
-  run.info = log.info();
-  run.scenario = log.scenario();
+  RecordedRun run(log);
+  const auto num_joints = static_cast<std::size_t>(run.layout.num_joints);
   const robot::Model model = controller::rigid_model(run.scenario);
   run.joints = robot::joint_labels(model);
   run.signals = declared_signals(run, num_joints);
@@ -183,7 +167,6 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   run.summary = log.summary();
   run.damage = log.damage();
   run.outcome = read_outcome(run);
-  run.label = run.scenario.name;
   return run;
 }
 

@@ -17,25 +17,8 @@
 
 namespace tachless::report {
 
-/// Ticks at which something was the case, as ranges.
-class Stretches {
- public:
-  static constexpr std::size_t max_listed = 500;
-
-  /// `tick` is greater than the last one added.
-  void add(std::int64_t tick);
-
-  [[nodiscard]] std::int64_t ticks() const { return ticks_; }
-  [[nodiscard]] const std::vector<logger::TickRange>& listed() const { return listed_; }
-  /// Some stretches are counted, but not listed.
-  [[nodiscard]] bool cut() const { return cut_; }
-
- private:
-  std::vector<logger::TickRange> listed_;
-  std::int64_t ticks_ = 0;
-  std::int64_t last_ = -2;
-  bool cut_ = false;
-};
+/// Ticks at which something was the case.
+using Stretches = logger::TickRanges<500>;
 
 /// A signal that the law declares, as the log names it.
 struct LoggedSignal {
@@ -46,13 +29,10 @@ struct LoggedSignal {
 };
 
 /// All that a report shows of one run, in memory that does not grow with its length.
-struct RecordedRun {
+struct RecordedRun : logger::RunDescription {
   std::filesystem::path log;
   std::size_t number = 0;  ///< among the runs of a report
   std::string label;       ///< in legends
-  std::int64_t run_id = 0;
-  loop::RunInfo info;
-  experiment::Scenario scenario;
   robot::JointLabels joints;
 
   study::Tracking tracking;
@@ -74,7 +54,11 @@ struct RecordedRun {
   /// The run's summary.json beside the log, if it is of this run; null otherwise.
   nlohmann::json outcome;
 
-  explicit RecordedRun(int num_joints) : tracking(num_joints) {}
+  explicit RecordedRun(const logger::RunLog& of)
+      : RunDescription(of.description()),
+        log(of.path()),
+        label(scenario.name),
+        tracking(layout.num_joints) {}
 
   /// An entry of `outcome`; null where it is not there.
   [[nodiscard]] nlohmann::json outcome_of(const char* key) const {

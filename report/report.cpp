@@ -1,12 +1,11 @@
 #include "report/report.h"
 
 #include <fmt/format.h>
+#include <sodium.h>
 
-#include <algorithm>
 #include <bit>
 #include <cerrno>
 #include <cmath>
-#include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -20,7 +19,6 @@
 #include "diagnostics/version.h"
 #include "report/gnuplot.h"
 #include "report/page_files.h"
-#include "report/report_tables.h"
 #include "report/summary.h"
 #include "robot/model.h"
 
@@ -33,20 +31,13 @@ using Json = nlohmann::json;
 constexpr std::string_view remedy = "name another place with -o";
 
 std::string base64(const std::vector<float>& values) {
-  constexpr std::string_view letters =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve(values.size() * 16 / 3 + 4);
-  std::uint32_t bits = 0;
-  int count = 0;  // of bits that are not written yet
-  for (const float value : values) {
-    for (int byte = 0; byte < 4; ++byte) {
-      bits = bits << 8 | (std::bit_cast<std::uint32_t>(value) >> (8 * byte) & 0xff);
-      for (count += 8; count >= 6; count -= 6) text += letters[bits >> (count - 6) & 63];
-    }
-  }
-  if (count > 0) text += letters[bits << (6 - count) & 63];
-  while (text.size() % 4 != 0) text += '=';
+  static_assert(std::endian::native == std::endian::little);
+  const std::size_t size = values.size() * sizeof(float);
+  constexpr int variant = sodium_base64_VARIANT_ORIGINAL;
+  std::string text(sodium_base64_encoded_len(size, variant), '\0');
+  sodium_bin2base64(text.data(), text.size(), reinterpret_cast<const unsigned char*>(values.data()),
+                    size, variant);
+  text.pop_back();  // the NUL that ends it
   return text;
 }
 

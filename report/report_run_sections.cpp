@@ -40,7 +40,7 @@ std::vector<study::Point> outline(const nlohmann::json& histogram) {
   return points;
 }
 
-std::string ticks_text(std::int64_t count) {
+std::string ticks_text(std::uint64_t count) {
   return fmt::format("{} {}", count, count == 1 ? "tick" : "ticks");
 }
 
@@ -61,12 +61,12 @@ Chart events_chart(const Overlay& all, const RecordedRun& run) {
     if (!ranges.empty()) chart.bars.push_back({name, run.seconds(ranges), colour});
   };
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
-    bar(fmt::format("saturated {}", joint + 1), run.saturated[joint].listed(), alarm_colour);
+    bar(fmt::format("saturated {}", joint + 1), run.saturated[joint].listed, alarm_colour);
   }
-  bar("missed", run.command_missed.listed(), palette[3]);
-  bar("stopped", run.protective_stop.listed(), palette[1]);
+  bar("missed", run.command_missed.listed, palette[3]);
+  bar("stopped", run.protective_stop.listed, palette[1]);
   for (const auto& piece : run.summary.pieces) {
-    if (!piece.absent()) bar("no " + suffix(piece.channel, run), piece.missing_list, "#777777");
+    if (!piece.absent()) bar("no " + suffix(piece.channel, run), piece.missing.listed, "#777777");
   }
   std::vector<logger::TickRange> faults;
   for (const auto& fault : run.summary.faults) faults.push_back({fault.tick, fault.tick});
@@ -79,9 +79,9 @@ Html events_list(const RecordedRun& run) {
   Html items;
   const double ticks = std::max<double>(1, static_cast<double>(run.summary.ticks));
   const auto count = [&](const std::string& what, const Stretches& stretches) {
-    if (stretches.ticks() == 0) return;
-    items += html("<li>{} in {} ({} %){}</li>", what, ticks_text(stretches.ticks()),
-                  fmt::format("{:.3g}", 100 * static_cast<double>(stretches.ticks()) / ticks),
+    if (stretches.count == 0) return;
+    items += html("<li>{} in {} ({} %){}</li>", what, ticks_text(stretches.count),
+                  fmt::format("{:.3g}", 100 * static_cast<double>(stretches.count) / ticks),
                   stretches.cut() ? ", of which the first stretches are drawn" : "");
   };
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
@@ -90,9 +90,8 @@ Html events_list(const RecordedRun& run) {
   count("Command missed, the torque before held,", run.command_missed);
   count("Protective stop", run.protective_stop);
   for (const auto& piece : run.summary.pieces) {
-    if (piece.absent() || piece.missing == 0) continue;
-    items += html("<li>No {} in {}</li>", piece.channel,
-                  ticks_text(static_cast<std::int64_t>(piece.missing)));
+    if (piece.absent() || piece.missing.count == 0) continue;
+    items += html("<li>No {} in {}</li>", piece.channel, ticks_text(piece.missing.count));
   }
   for (const auto& fault : run.summary.faults) {
     items += html("<li>Fault of the {} at tick {}: {}</li>", loop::name(fault.role), fault.tick,

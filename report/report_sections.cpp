@@ -36,11 +36,10 @@ Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTrac
 }
 
 /// Link angle, motor angle where there is one, and reference of one joint, named and labelled.
-Chart position_chart(const study::Tracking& tracking, std::size_t joint, const std::string& name,
-                     const std::string& unit, std::size_t max_points) {
+void add_positions(Chart& chart, const study::Tracking& tracking, std::size_t joint,
+                   const std::string& name, const std::string& unit, std::size_t max_points) {
   const study::JointTracking& signals = tracking.joints()[joint];
   const bool motors = tracking.has_motors();
-  Chart chart;
   chart.y_label = fmt::format("{}{}  [{}]", motors ? indexed("q", joint) + ", " : "",
                               indexed(motors ? "θ" : "q", joint, name), unit);
   chart.curves.push_back({"link", signals.q.points(max_points), palette[5], 4, "", 0, "q"});
@@ -50,12 +49,6 @@ Chart position_chart(const study::Tracking& tracking, std::size_t joint, const s
   }
   chart.curves.push_back(
       {"reference", signals.q_ref.points(max_points), palette[6], 1.3, "(5,4)", 0, "q_ref"});
-  return chart;
-}
-
-bool same_points(const std::vector<study::Point>& a, const std::vector<study::Point>& b) {
-  return std::ranges::equal(
-      a, b, [](const study::Point& p, const study::Point& q) { return p.x == q.x && p.y == q.y; });
 }
 
 /// A joint of a report, as the runs that have it agree on it.
@@ -113,7 +106,7 @@ void overlay_positions(const Overlay& all, const Joint& joint, Chart& chart) {
     chart.curves.push_back(all.curve(run, signals.q.points(all.budget), "q", "", 1.6));
     const auto points = signals.q_ref.points(all.budget);
     const bool first = references.empty();
-    if (!first && same_points(points, references.front().points)) return;
+    if (!first && points == references.front().points) return;
     references.push_back({first ? "reference" : "", points,
                           first ? palette[6] : colour_of(run.number), 1.3, "(5,4)", run.number,
                           "q_ref"});
@@ -133,9 +126,7 @@ ReportSection tracking_section(const Overlay& all) {
                if (!all.alone() || first.num_ticks() == 0) {
                  return overlay_positions(all, joint, chart);
                }
-               Chart alone = position_chart(first, joint.number, "", joint.length, all.budget);
-               chart.y_label = alone.y_label;
-               chart.curves = std::move(alone.curves);
+               add_positions(chart, first, joint.number, "", joint.length, all.budget);
              });
   return section;
 }
@@ -193,7 +184,7 @@ ReportSection torque_section(const Overlay& all) {
             disturbed = true;
           }
           limited = add_limit(run, own, signals.torque.peak(), chart) || limited;
-          for (const auto& [from, to] : run.seconds(run.saturated[own].listed())) {
+          for (const auto& [from, to] : run.seconds(run.saturated[own].listed)) {
             chart.marks.push_back({from, to, all.alone() ? alarm_colour : colour_of(run.number)});
             saturated = true;
           }
@@ -314,8 +305,8 @@ std::string tracking_figure(const study::Tracking& tracking, const std::string& 
                             double period_s, const robot::JointLabels& joints) {
   std::vector<Chart> charts;
   for (std::size_t joint = 0; joint < tracking.joints().size(); ++joint) {
-    charts.push_back(position_chart(tracking, joint, joints.name[joint], joints.length[joint],
-                                    study::Envelope::max_points));
+    add_positions(charts.emplace_back(), tracking, joint, joints.name[joint], joints.length[joint],
+                  study::Envelope::max_points);
   }
   Chart error = overlaid(
       tracking, &study::JointTracking::abs_error, "e",

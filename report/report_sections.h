@@ -10,8 +10,9 @@
 #include "robot/model.h"
 #include "study/tracking.h"
 
-/// The charts of runs' signals: those of tracking.svg, and the sections of a report, with texts and
-/// charts of one run, or of several on the same axes. Draws nothing and writes no page.
+/// What a run's figures and pages consist of: the charts of tracking.svg; a report's sections, with
+/// texts and charts of one run, or of several on the same axes; its tables and warnings, with one
+/// column or row per run where there are several. Draws nothing and writes no page.
 namespace tachless::report {
 
 /// gnuplot commands and data for the figure of a run: link angle against reference for each joint
@@ -73,5 +74,22 @@ inline constexpr const char* alarm_colour = "#E69F00";
 
 /// The exponential that was fitted to a curve of `run`, as broad dashes.
 Curve fitted(const Overlay& all, const Decay& decay, const RecordedRun& run);
+
+/// Of a run, what is not in its curves: scenario, law, gains, sampling, how it ended. Marks what
+/// is not as in the first run.
+Html facts_table(const std::vector<RecordedRun>& runs);
+
+/// What several runs do not have in common: the scenario's keys as they were written, and robots
+/// with other joints. Empty for one run.
+Html differences(const std::vector<RecordedRun>& runs);
+
+/// Errors, torques and decay per joint.
+Html results_table(const std::vector<RecordedRun>& runs);
+
+/// Runs that ended early, logs that are damaged; empty when there are none.
+Html alarms(const std::vector<RecordedRun>& runs);
+
+/// A sample of the line by which the run's curves are known.
+Html swatch(const RecordedRun& run);
 
 }  // namespace tachless::report

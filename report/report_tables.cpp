@@ -1,4 +1,4 @@
-#include "report/report_tables.h"
+#include "report/report_sections.h"
 
 #include <fmt/format.h>
 
@@ -104,8 +104,8 @@ Html gaps_text(const RecordedRun& run) {
   for (const auto& piece : run.summary.pieces) {
     if (piece.absent()) {
       gaps.push_back(html("no {}", piece.channel));
-    } else if (piece.missing != 0) {
-      gaps.push_back(html("{} missing in {} ticks", piece.channel, piece.missing));
+    } else if (piece.missing.count != 0) {
+      gaps.push_back(html("{} missing in {} ticks", piece.channel, piece.missing.count));
     }
   }
   return gaps.empty() ? Html("none") : joined(gaps, Html("; "));
@@ -183,7 +183,7 @@ Html results_row(const RecordedRun& run, std::size_t joint) {
   const study::JointTracking& signals = run.tracking.joints()[joint];
   const std::string& length = run.joints.length[joint];
   const std::string& effort = run.joints.effort[joint];
-  const double share = 100 * static_cast<double>(run.saturated[joint].ticks()) /
+  const double share = 100 * static_cast<double>(run.saturated[joint].count) /
                        static_cast<double>(run.tracking.num_ticks());
   const auto cell = [](const std::string& printed, const std::string& unit) {
     return html("<td class=\"number\">{} {}</td>", number(printed), unit);

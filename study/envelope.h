@@ -8,6 +8,7 @@ namespace tachless::study {
 
 struct Point {
   double x = 0, y = 0;
+  bool operator==(const Point&) const = default;
 };
 
 /// A curve of any length in at most `max_points` points, such that every peak survives: where

@@ -1,6 +1,5 @@
 #include "viewer/visualizer.h"
 
-#include <fmt/core.h>
 #include <poll.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -98,9 +97,10 @@ class TruthListener {
     try {
       transport_ = bus::open_bus(node::parse_lcm_url(options.lcm_url));
       transport_->subscribe(truth_channel_);
-      if (!key) return;
-      authenticated_.emplace(*transport_, *key);
-      transport_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+      authenticated_.emplace(*transport_, key);
+      if (key) {
+        transport_->subscribe(loop::channel<loop::Participant>(scenario.robot.channel_prefix));
+      }
     } catch (const std::system_error& error) {
       throw diagnostics::bad_usage("{}: {}", options.lcm_url, error.what());
     }
@@ -110,9 +110,7 @@ class TruthListener {
   /// plant repeats itself: poses come twice and out of order.
   template <class OnPose>
   void drain(const OnPose& on_pose) {
-    bus::Transport& heard =
-        authenticated_ ? static_cast<bus::Transport&>(*authenticated_) : *transport_;
-    while (const auto datagram = heard.receive(Clock::time_point{})) {
+    while (const auto datagram = authenticated_->receive(Clock::time_point{})) {
       if (datagram->channel != truth_channel_) {
         note_plant(*datagram);
       } else if (truth_codec_.decode(datagram->payload, stamp_, truth_) == bus::Rejection::none) {

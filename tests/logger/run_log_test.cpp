@@ -165,13 +165,13 @@ TEST_F(RunLogTest, NamesGapsAndDoesNotBridgeThem) {
   EXPECT_FALSE(ticks[5].command);
   EXPECT_TRUE(ticks[5].truth);
   const auto& command = log.summary().of(Slot::command);
-  EXPECT_EQ(command.missing, 8u);
-  ASSERT_EQ(command.missing_list.size(), 3u);
-  EXPECT_EQ(command.missing_list[0].first, 5);
-  EXPECT_EQ(command.missing_list[0].last, 6);
-  EXPECT_EQ(command.missing_list[2].first, 30);
-  EXPECT_EQ(command.missing_list[2].last, 34);
-  EXPECT_EQ(log.summary().of(Slot::truth).missing, 6u);
+  EXPECT_EQ(command.missing.count, 8u);
+  ASSERT_EQ(command.missing.listed.size(), 3u);
+  EXPECT_EQ(command.missing.listed[0].first, 5);
+  EXPECT_EQ(command.missing.listed[0].last, 6);
+  EXPECT_EQ(command.missing.listed[2].first, 30);
+  EXPECT_EQ(command.missing.listed[2].last, 34);
+  EXPECT_EQ(log.summary().of(Slot::truth).missing.count, 6u);
   EXPECT_EQ(log.summary().gaps(), 6u * 5 + 3 + 1);
 }
 
@@ -233,7 +233,7 @@ TEST_F(RunLogTest, ADamagedTickNumberDoesNotCostTheTicksThatFollow) {
     auto log = open(damaged.messages);
     const auto ticks = read_all(log);
     ASSERT_EQ(ticks.size(), 2000u);
-    EXPECT_EQ(log.summary().of(Slot::measurement).missing, 1u);
+    EXPECT_EQ(log.summary().of(Slot::measurement).missing.count, 1u);
     EXPECT_EQ(log.summary().gaps(), 1u);
     EXPECT_EQ(log.summary().wrong_tick + log.summary().too_late +
                   log.summary().of(Slot::measurement).conflicts,

@@ -38,10 +38,10 @@ TEST(TickTally, NamesWhatIsMissing) {
     }
   }
   tally.finish(2999);
-  EXPECT_EQ(tally.missing(Slot::command).count, 17);
+  EXPECT_EQ(tally.missing(Slot::command).count, 17U);
   EXPECT_EQ(tally.missing(Slot::command).text(), "12, 40-55");
   EXPECT_EQ(tally.missing(Slot::truth).text(), "2999");
-  EXPECT_EQ(tally.missing(Slot::tick).count, 0);
+  EXPECT_EQ(tally.missing(Slot::tick).count, 0U);
   EXPECT_EQ(tally.incomplete(), 18);
   EXPECT_EQ(tally.complete(), 3000 - 18);
 }

@@ -82,8 +82,8 @@ TEST_F(ReplayTest, NamesTickAndJointOfAFlippedLastBit) {
   EXPECT_EQ(result.first->joint, 0);
   EXPECT_EQ(result.first->ulps, 1U);
   EXPECT_NE(result.first->recorded, result.first->replayed);
-  EXPECT_EQ(result.joints[0].max_tick, 37);
-  EXPECT_EQ(result.joints[1].max, 0);
+  EXPECT_EQ(result.joints[0].peak_tick, 37);
+  EXPECT_EQ(result.joints[1].difference.peak(), 0);
 }
 
 TEST_F(ReplayTest, StopsAtATickWithoutMeasurementOrReference) {
@@ -155,7 +155,7 @@ TEST_F(ReplayTest, AnotherGainGivesTheDifferenceThatTheLawSays) {
                differences.push_back(computed[0] - recorded[0]);
              });
   EXPECT_EQ(result.compared, 50);
-  EXPECT_EQ(result.joints[1].max, 0);
+  EXPECT_EQ(result.joints[1].difference.peak(), 0);
   log.rewind();
   logger::TickRecord record;
   double largest = 0;
@@ -166,7 +166,7 @@ TEST_F(ReplayTest, AnotherGainGivesTheDifferenceThatTheLawSays) {
     EXPECT_NEAR(differences[k], 10000 * e, 3e-12);
     largest = std::max(largest, std::abs(10000 * e));
   }
-  EXPECT_NEAR(result.joints[0].max, largest, 3e-12);
+  EXPECT_NEAR(result.joints[0].difference.peak(), largest, 3e-12);
 }
 
 TEST_F(ReplayTest, ALawMayMeasureLessThanWasMeasured) {

@@ -273,17 +273,5 @@ TEST_F(Report, SaysWhereItCannotWrite) {
   }
 }
 
-TEST(Stretches, JoinNeighboursAndCountWhatTheyDoNotList) {
-  Stretches stretches;
-  for (const std::int64_t tick : {3, 4, 5, 9}) stretches.add(tick);
-  ASSERT_EQ(stretches.listed().size(), 2U);
-  EXPECT_EQ(stretches.listed()[0].first, 3);
-  EXPECT_EQ(stretches.listed()[0].last, 5);
-  for (std::int64_t tick = 20; tick < 20 + 2 * 600; tick += 2) stretches.add(tick);
-  EXPECT_EQ(stretches.ticks(), 604);
-  EXPECT_EQ(stretches.listed().size(), Stretches::max_listed);
-  EXPECT_TRUE(stretches.cut());
-}
-
 }  // namespace
 }  // namespace tachless::report

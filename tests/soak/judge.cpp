@@ -165,8 +165,8 @@ class Judge {
           piece == loop::Slot::command || piece == loop::Slot::controller_state ||
           (piece == loop::Slot::reference && spec_.round.fault == Fault::realtime_kill);
       if (spec_.round.realtime() && optional) continue;
-      if (each.missing > (spec_.ends_early() ? 1U : 0U)) {
-        problem(fmt::format("{} ticks have no {}", each.missing, each.channel));
+      if (each.missing.count > (spec_.ends_early() ? 1U : 0U)) {
+        problem(fmt::format("{} ticks have no {}", each.missing.count, each.channel));
       }
     }
   }

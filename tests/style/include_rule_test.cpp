@@ -116,7 +116,7 @@ const std::vector<Rule> rules = {
     {"report/",
      {"report/", "certificate/", "controller/registry.h", "logger/", "node/statistics.h",
       "process/", "study/", "experiment/", "schema/", "robot/", "loop/", "diagnostics/"},
-     {"Eigen/", "nlohmann/"},
+     {"Eigen/", "nlohmann/", "sodium.h"},
      true},
     {"replay/",
      {"replay/", "report/", "study/", "controller/", "logger/", "experiment/", "robot/", "loop/",

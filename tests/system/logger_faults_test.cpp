@@ -49,7 +49,7 @@ std::int64_t last_tick_of(const std::string& path) {
   EXPECT_FALSE(log.damage().any());
   // The log ends anywhere: within a tick k, after its TICK, perhaps before TRUTH(k) came.
   EXPECT_LE(log.summary().last_tick - last, 1);
-  EXPECT_LE(log.summary().of(loop::Slot::truth).missing, 1U);
+  EXPECT_LE(log.summary().of(loop::Slot::truth).missing.count, 1U);
   return last;
 }
 

@@ -127,7 +127,7 @@ TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
   EXPECT_GT(logger.logger().log.gaps, 0);
   EXPECT_EQ(logger.logger().log.ticks + logger.logger().log.gaps, 500);
   const Recorded log = recorded_by(threads);
-  EXPECT_GT(log.summary.of(loop::Slot::command).missing, 0u);
+  EXPECT_GT(log.summary.of(loop::Slot::command).missing.count, 0u);
 }
 
 TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <fmt/core.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace tachless::logger {
+
+/// Ticks in a row: first to last, both included.
+struct TickRange {
+  std::int64_t first = 0;
+  std::int64_t last = 0;
+};
+
+/// Ticks at which something was the case, as ranges: all are counted, the first `max_listed` ranges
+/// are listed. Does not know what was the case.
+template <std::size_t max_listed>
+struct TickRanges {
+  static constexpr std::size_t most_listed = max_listed;
+
+  std::uint64_t count = 0;  ///< ticks
+  std::uint64_t ranges = 0;
+  std::vector<TickRange> listed;
+
+  /// The ticks of `added` are later than all before.
+  void add(const TickRange& added) {
+    count += static_cast<std::uint64_t>(added.last - added.first + 1);
+    const bool joins = ranges != 0 && added.first == last_ + 1;
+    last_ = added.last;
+    if (!joins) {
+      ++ranges;
+      if (listed.size() < max_listed) listed.push_back(added);
+    } else if (!cut()) {
+      listed.back().last = added.last;
+    }
+  }
+  void add(std::int64_t tick) { add({tick, tick}); }
+
+  /// Some ranges are counted, but not listed.
+  [[nodiscard]] bool cut() const { return ranges > listed.size(); }
+
+  /// "12, 40-55 and 3 more".
+  [[nodiscard]] std::string text() const {
+    std::string text;
+    for (const auto& [first, last] : listed) {
+      text += fmt::format("{}{}", text.empty() ? "" : ", ", first);
+      if (last > first) text += fmt::format("-{}", last);
+    }
+    if (cut()) text += fmt::format(" and {} more", ranges - listed.size());
+    return text;
+  }
+
+ private:
+  std::int64_t last_ = 0;
+};
+
+}  // namespace tachless::logger
