@@ -14,29 +14,22 @@
 namespace tachless::study {
 namespace {
 
-template <class Value>
-struct Port {
-  std::string channel;
-  bus::Codec<Value> codec;
-};
-
 /// The messages of a run, one codec and channel for each kind.
 template <class... Value>
 class Messages {
  public:
   Messages(const std::string& prefix, const loop::Layout& layout,
            const std::function<void(const LogMessage&)>& write)
-      : ports_{Port<Value>{loop::channel<Value>(prefix), bus::Codec<Value>(layout)}...},
-        write_(write) {}
+      : ports_{bus::port<Value>(prefix, layout)...}, write_(write) {}
 
   template <class One>
   void write(const loop::Stamp& stamp, const One& value) {
-    auto& port = std::get<Port<One>>(ports_);
+    auto& port = std::get<bus::Port<One>>(ports_);
     write_({stamp.utime, port.channel, port.codec.encode(stamp, value)});
   }
 
  private:
-  std::tuple<Port<Value>...> ports_;
+  std::tuple<bus::Port<Value>...> ports_;
   const std::function<void(const LogMessage&)>& write_;
 };
 
@@ -54,9 +47,9 @@ void log_in_process(const experiment::Scenario& scenario, controller::ScenarioLa
                     std::int64_t run, const std::function<void(const LogMessage&)>& write,
                     const std::function<bool(const TickRecord&)>& on_tick) {
   const std::string& prefix = scenario.robot.channel_prefix;
-  OfLoop<loop::Measurements>::Messages messages(prefix, controller::law_layout(scenario, law),
+  OfLoop<loop::Measurements>::Messages messages(prefix, controller::law_layout(scenario, *law),
                                                 write);
-  const auto info = plant::run_info(scenario, run, controller::law_info(law));
+  const auto info = plant::run_info(scenario, run, controller::law_info(*law));
   write({0, loop::channel<loop::RunInfo>(prefix), info});
   run_in_process(scenario, std::move(law), [&](const TickRecord& record) {
     const loop::Stamp stamp{std::llround(record.time_s * 1e6), run, record.tick};
