@@ -41,15 +41,15 @@ class Node {
         transport_(transport),
         period_s_(scenario.loop.period_s),
         trajectory_(make_trajectory(scenario)),
-        channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
-        tick_codec_(loop::layout(scenario.num_joints, false)),
-        reference_codec_(loop::layout(scenario.num_joints, false)) {
-    loop_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
-             [this](const bus::Datagram& datagram) {
-               loop::Stamp stamp;
-               loop::Tick tick;
-               if (link_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
-             });
+        tick_port_(bus::port<loop::Tick>(scenario.robot.channel_prefix,
+                                         loop::layout(scenario.num_joints, false))),
+        reference_port_(bus::port<loop::ReferencePoint>(scenario.robot.channel_prefix,
+                                                        loop::layout(scenario.num_joints, false))) {
+    loop_.on(tick_port_.channel, [this](const bus::Datagram& datagram) {
+      loop::Stamp stamp;
+      loop::Tick tick;
+      if (link_.accept(tick_port_.codec, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
+    });
   }
 
   /// A TICK of this run.
@@ -68,10 +68,9 @@ class Node {
     return true;
   }
 
-  [[nodiscard]] std::size_t longest_tick() const { return tick_codec_.longest(); }
-  [[nodiscard]] std::size_t longest_reference() const { return reference_codec_.longest(); }
-
-  void publish(std::span<const std::byte> reference) { transport_.publish(channel_, reference); }
+  void publish(std::span<const std::byte> reference) {
+    transport_.publish(reference_port_.channel, reference);
+  }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when it is not finite.
@@ -86,7 +85,7 @@ class Node {
           time_s, k);
     }
     const loop::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};
-    const auto bytes = reference_codec_.encode(stamp, reference);
+    const auto bytes = reference_port_.codec.encode(stamp, reference);
     publish(bytes);
     link_.statistics().work_us.add(Clock::now() - begin);
     return bytes;
@@ -105,16 +104,18 @@ class Node {
   bus::Transport& transport_;
   double period_s_;
   Trajectory trajectory_;
-  std::string channel_;
-  bus::Codec<loop::Tick> tick_codec_;
-  bus::Codec<loop::ReferencePoint> reference_codec_;
+
+ protected:
+  bus::Port<loop::Tick> tick_port_;
+  bus::Port<loop::ReferencePoint> reference_port_;
 };
 
 class LockstepNode final : public Node {
  public:
   LockstepNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
       : Node(scenario, transport, link),
-        responder_(scenario.loop.num_ticks, longest_tick(), longest_reference()) {}
+        responder_(scenario.loop.num_ticks, tick_port_.codec.longest(),
+                   reference_port_.codec.longest()) {}
 
  private:
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) override {
@@ -141,7 +142,7 @@ class RealtimeNode final : public Node {
  public:
   RealtimeNode(const experiment::Scenario& scenario, bus::Transport& transport, node::Link& link)
       : Node(scenario, transport, link),
-        responder_(scenario.loop.num_ticks, longest_tick()),
+        responder_(scenario.loop.num_ticks, tick_port_.codec.longest()),
         pace_(scenario.loop.period_s) {}
 
  private:
