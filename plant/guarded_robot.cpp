@@ -122,7 +122,7 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
 const loop::AnyMeasurement& GuardedRobot::measure(std::int64_t tick) {
   std::visit(
       [&]<class M>(M& measurement) {
-        measurement = encoder_.measure<M>(sensed(), tick);
+        measurement = encoder_.measure<M>(past_[sensed_], tick);
         if (!loop::all_finite(measurement)) throw not_finite(tick);
       },
       measurement_);

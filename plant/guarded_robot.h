@@ -55,10 +55,8 @@ class GuardedRobot {
   /// when it has other joints than the scenario.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
-  /// What encoders tell then, of an emulated robot: the state some ticks ago
-  /// (plant.encoder.latency_ticks).
-  [[nodiscard]] const ArmState& sensed() const { return past_[sensed_]; }
-  /// What `feed` asked for, of that state. Valid until the next call.
+  /// What encoders tell then of what `feed` asked for; of an emulated robot's state some ticks ago
+  /// (plant.encoder.latency_ticks). Valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when it is not finite.
   const loop::AnyMeasurement& measure(std::int64_t tick);
   /// The joints that were outside of range or too fast when last read, where that is no stop.
