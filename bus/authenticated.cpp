@@ -17,7 +17,7 @@ constexpr std::string_view for_session = "tachless session";
 constexpr int most_dropped = 64;  // in one call
 
 bool is_announcement(std::string_view channel) {
-  constexpr std::string_view suffix = loop::MessageOf<loop::Participant>::suffix;
+  constexpr std::string_view suffix = loop::Participant::suffix;
   return channel.size() > suffix.size() && channel.ends_with(suffix) &&
          channel[channel.size() - suffix.size() - 1] == '_';
 }

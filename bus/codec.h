@@ -290,15 +290,15 @@ Codec<Value>::Codec(const loop::Layout& layout)
     min_size_ += size;
     max_size += size + field.longest;
   });
-  if constexpr (requires { loop::MessageOf<Value>::max_size; }) {
-    max_size = std::min(max_size, loop::MessageOf<Value>::max_size);
+  if constexpr (requires { Value::max_size; }) {
+    max_size = std::min(max_size, Value::max_size);
   }
   bytes_.resize(max_size);
 }
 
 template <class Value>
 std::span<const std::byte> Codec<Value>::encode(const loop::Stamp& stamp, const Value& value) {
-  constexpr std::string_view suffix = loop::MessageOf<Value>::suffix;
+  constexpr std::string_view suffix = Value::suffix;
   if (!all_finite(value)) {
     throw std::domain_error(
         fmt::format("bus::Codec: NaN or infinity in a message for channel …_{}", suffix));

@@ -47,6 +47,32 @@ std::int64_t fingerprint() {
   return Generated<Value>::Type::getHash();
 }
 
+Codec<loop::AnyMeasurement>::Codec(std::string_view suffix, const loop::Layout& layout)
+    : codec_(std::visit([&]<class M>(const M& /*type*/)
+                            -> loop::EachMeasurement<Codec> { return Codec<M>(layout); },
+                        loop::measurement_of(suffix).value())) {}
+
+std::size_t Codec<loop::AnyMeasurement>::longest() const {
+  return std::visit([](const auto& codec) { return codec.longest(); }, codec_);
+}
+
+std::span<const std::byte> Codec<loop::AnyMeasurement>::encode(const loop::Stamp& stamp,
+                                                               const loop::AnyMeasurement& value) {
+  return std::visit(
+      [&]<class M>(Codec<M>& codec) { return codec.encode(stamp, std::get<M>(value)); }, codec_);
+}
+
+Rejection Codec<loop::AnyMeasurement>::decode(std::span<const std::byte> payload,
+                                              loop::Stamp& stamp,
+                                              loop::AnyMeasurement& value) const {
+  return std::visit(
+      [&]<class M>(const Codec<M>& codec) {
+        if (!std::holds_alternative<M>(value)) value.emplace<M>();
+        return codec.decode(payload, stamp, std::get<M>(value));
+      },
+      codec_);
+}
+
 #define TACHLESS_MESSAGE(Value, type)               \
   template <>                                       \
   struct Generated<loop::Value> {                   \

@@ -5,10 +5,12 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
-#include "loop/messages.h"
+#include "loop/measurements.h"
 
 /// Values of loop/ as bytes of LCM messages and back, after the tables of fields in
 /// loop/messages.h; every length and count is checked before it is believed. Neither subscribes nor
@@ -80,5 +82,33 @@ class Codec {
   std::vector<std::byte> bytes_;    ///< of the message encoded last; as long as the longest
   std::unique_ptr<Value> scratch_;  ///< decoded into, so that a rejected message changes nothing
 };
+
+/// Of the measurement that a channel suffix names: what is decoded is one of that type.
+template <>
+class Codec<loop::AnyMeasurement> {
+ public:
+  /// Precondition: there is such a measurement. @throw std::logic_error as the others
+  Codec(std::string_view suffix, const loop::Layout& layout);
+
+  /// Precondition: `value` is of that type, and as the others.
+  std::span<const std::byte> encode(const loop::Stamp& stamp, const loop::AnyMeasurement& value);
+  [[nodiscard]] std::size_t longest() const;
+  Rejection decode(std::span<const std::byte> payload, loop::Stamp& stamp,
+                   loop::AnyMeasurement& value) const;
+
+ private:
+  loop::EachMeasurement<Codec> codec_;
+};
+
+/// The channel of one type of message, and its codec.
+template <class Value>
+struct Port {
+  std::string channel;
+  Codec<Value> codec;
+};
+template <class Value>
+Port<Value> port(std::string_view robot, const loop::Layout& layout) {
+  return {loop::channel<Value>(robot), Codec<Value>(layout)};
+}
 
 }  // namespace tachless::bus

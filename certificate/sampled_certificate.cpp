@@ -171,15 +171,15 @@ std::optional<SampledCertificate> sampled_certificate(const experiment::Scenario
   const WorstLimit worst = worst_limit(loop, rests, result.settings);
   result.limit_s = worst.limit_s;
   result.limit_q = rests[worst.index].q_ref;
-  for (const auto& kind : schema::names<controller::law::Discretisation>) {
-    if (!result.has_filter && kind.value != result.settings.filter) continue;
+  for (const auto kind : schema::values_of<controller::law::Discretisation>()) {
+    if (!result.has_filter && kind != result.settings.filter) continue;
     const auto limit = [&](int delay) {
       controller::law::Settings settings = result.settings;
-      settings.filter = kind.value;
+      settings.filter = kind;
       settings.command_delay = delay;
       return worst_limit(loop, rests, settings).limit_s;
     };
-    result.limits.push_back({kind.value, limit(0), limit(1)});
+    result.limits.push_back({kind, limit(0), limit(1)});
   }
 
   tell("sampled loop: other postures");

@@ -6,11 +6,12 @@
 #include <stdexcept>
 #include <string_view>
 #include <utility>
+#include <variant>
 
 #include "controller/law/law.h"
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
-#include "loop/messages.h"
+#include "loop/measurements.h"
 
 namespace tachless::controller {
 
@@ -25,15 +26,14 @@ struct Outcome {
   bool restarted = false;    ///< too many: the memory began anew
 };
 
-/// A law with its memory over the ticks of one run, behind one interface per measurement type, so
-/// that whatever steps laws is compiled once per measurement type and not once per law: what the
-/// node does, and what a replay of its log has to do. Knows no bus.
+/// A law with its memory over the ticks of one run, behind one interface, so that whatever steps
+/// laws is compiled once and not once per law: what the node does, and what a replay of its log has
+/// to do. The law itself is given its own type of measurement and no other. Knows no bus.
 ///
 /// In realtime ticks may be passed over, and a filter that took two periods for one would see twice
 /// the velocity: the step after a gap of m ticks is told m (exact for the first-order hold, which
 /// takes the error for a ramp between samples). After more than `longest_gap` ticks the memory is
 /// of no use any more and starts anew.
-template <class Measurement>
 class AnyLaw {
  public:
   /// Bound of `longest_gap`, however many missed commands the plant tolerates.
@@ -48,6 +48,8 @@ class AnyLaw {
   virtual ~AnyLaw() = default;
 
   [[nodiscard]] virtual std::string_view name() const = 0;
+  /// Suffix of the channel that it is fed from.
+  [[nodiscard]] virtual std::string_view measurement() const = 0;
   /// What it logs, in the rows of `Outcome::signals`.
   [[nodiscard]] virtual std::span<const loop::Signal> signals() const = 0;
 
@@ -55,8 +57,9 @@ class AnyLaw {
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
   /// The step of `tick`. Nothing is remembered before `keep`, so a step may be discarded.
-  /// @throw std::logic_error unless `tick` is later than the one kept last.
-  Outcome step(std::int64_t tick, const Measurement& measurement,
+  /// @throw std::logic_error unless `tick` is later than the one kept last,
+  /// std::bad_variant_access for another type of measurement than the law's.
+  Outcome step(std::int64_t tick, const loop::AnyMeasurement& measurement,
                const loop::ReferencePoint& reference) {
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::AnyLaw: ticks go forward");
@@ -74,7 +77,7 @@ class AnyLaw {
 
   /// Both. @throw diagnostics::Failure(protective_stop) when the torque, or what is logged, is not
   /// finite; the step is not kept then.
-  Outcome advance(std::int64_t tick, const Measurement& measurement,
+  Outcome advance(std::int64_t tick, const loop::AnyMeasurement& measurement,
                   const loop::ReferencePoint& reference) {
     const Outcome outcome = step(tick, measurement, reference);
     if (!loop::all_finite(outcome.command) || !loop::all_finite(outcome.signals)) {
@@ -91,7 +94,7 @@ class AnyLaw {
  private:
   /// Sets both: the step `ticks` periods after the one that was kept last, whose memory is not
   /// changed; with 0 the first one, from the memory that the law starts with.
-  virtual void compute(std::int64_t tick, const Measurement& measurement,
+  virtual void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
                        const loop::ReferencePoint& reference, int ticks) = 0;
   /// The memory becomes that after the last step.
   virtual void keep_memory() {}
@@ -103,24 +106,23 @@ class AnyLaw {
 
 /// A law of C++ as an AnyLaw.
 template <law::Law L>
-class LawWithMemory final : public AnyLaw<typename L::Measurement> {
+class LawWithMemory final : public AnyLaw {
  public:
-  using Measurement = typename L::Measurement;
-
-  LawWithMemory(L law, const experiment::LoopSpec& loop)
-      : AnyLaw<Measurement>(loop), law_(std::move(law)) {}
+  LawWithMemory(L law, const experiment::LoopSpec& loop) : AnyLaw(loop), law_(std::move(law)) {}
 
   [[nodiscard]] std::string_view name() const override { return L::name; }
+  [[nodiscard]] std::string_view measurement() const override { return L::Measurement::suffix; }
   [[nodiscard]] std::span<const loop::Signal> signals() const override { return L::signals; }
 
  private:
-  void compute(std::int64_t /*tick*/, const Measurement& measurement,
+  void compute(std::int64_t /*tick*/, const loop::AnyMeasurement& any,
                const loop::ReferencePoint& reference, int ticks) override {
+    const auto& measurement = std::get<typename L::Measurement>(any);
     auto step = ticks == 0 ? law_.step(law_.start(measurement, reference), measurement, reference)
                            : law_.step(memory_, measurement, reference, ticks);
     next_ = step.memory;
-    this->command_ = step.command;
-    this->signals_of_step_ = step.signals;
+    command_ = step.command;
+    signals_of_step_ = step.signals;
   }
   void keep_memory() override { memory_ = next_; }
 

@@ -15,7 +15,6 @@
 #include <memory>
 #include <system_error>
 #include <utility>
-#include <variant>
 
 #include "diagnostics/version.h"
 #include "process/child.h"
@@ -32,15 +31,14 @@ constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
 
 /// Of the four messages of a tick.
-template <class Measurement>
 struct Codecs {
-  bus::Codec<Measurement> measurement;
+  bus::Codec<loop::AnyMeasurement> measurement;
   bus::Codec<loop::ReferencePoint> reference;
   bus::Codec<loop::TorqueCommand> command;
   bus::Codec<loop::LawSignals> state;
 
-  explicit Codecs(const loop::Layout& layout)
-      : measurement(layout), reference(layout), command(layout), state(layout) {}
+  Codecs(std::string_view suffix, const loop::Layout& layout)
+      : measurement(suffix, layout), reference(layout), command(layout), state(layout) {}
 };
 
 // ---- the process that computes the law --------------------------------------------------------
@@ -50,17 +48,16 @@ Failure no_message(std::string_view expected) {
           expected};
 }
 
-template <class Measurement>
-void answer(LawSocket& socket, const loop::Layout& layout, AnyLaw<Measurement>& law) {
-  Codecs<Measurement> codecs(layout);
+void answer(LawSocket& socket, const loop::Layout& layout, AnyLaw& law) {
+  Codecs codecs(law.measurement(), layout);
   loop::Stamp stamp;
-  Measurement measurement;
+  loop::AnyMeasurement measurement;
   loop::ReferencePoint reference;
   for (;;) {
     const auto message = socket.receive();
     if (message.empty()) return;
     if (codecs.measurement.decode(message, stamp, measurement) != bus::Rejection::none) {
-      throw no_message(loop::MessageOf<Measurement>::suffix);
+      throw no_message(law.measurement());
     }
     if (!socket.receive(codecs.reference, stamp, reference)) throw no_message("REFERENCE");
     const Outcome outcome = law.advance(stamp.tick, measurement, reference);
@@ -183,35 +180,34 @@ class Program {
   process::Child child_;
 };
 
-template <class Measurement>
-class ExternalLaw final : public AnyLaw<Measurement> {
+class ExternalLaw final : public AnyLaw {
  public:
   ExternalLaw(std::unique_ptr<Program> program, loop::LawInfo info,
               const experiment::Scenario& scenario)
-      : AnyLaw<Measurement>(scenario.loop),
+      : AnyLaw(scenario.loop),
         program_(std::move(program)),
         info_(std::move(info)),
         signals_(loop::parse_signals(info_.signals).value()),
         period_s_(scenario.loop.period_s),
         limit_(std::chrono::duration_cast<Clock::duration>(
             std::chrono::duration<double>(scenario.loop.give_up_s))),
-        codecs_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
-                             static_cast<int>(signals_.size()))) {}
+        codecs_(info_.measurement, law_layout(scenario, *this)) {}
 
   [[nodiscard]] std::string_view name() const override { return info_.name; }
+  [[nodiscard]] std::string_view measurement() const override { return info_.measurement; }
   [[nodiscard]] std::span<const loop::Signal> signals() const override { return signals_; }
 
  private:
   /// The program counts the ticks between two measurements itself.
-  void compute(std::int64_t tick, const Measurement& measurement,
+  void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
                const loop::ReferencePoint& reference, int /*ticks*/) override {
     const double time_s = static_cast<double>(tick) * period_s_;
     const loop::Stamp asked{std::llround(time_s * 1e6), 1, tick};
     program_->send(codecs_.measurement.encode(asked, measurement));
     program_->send(codecs_.reference.encode(asked, reference));
     const std::string when = fmt::format("at tick {}", tick);
-    program_->receive(codecs_.command, tick, this->command_, limit_, when);
-    program_->receive(codecs_.state, tick, this->signals_of_step_, limit_, when);
+    program_->receive(codecs_.command, tick, command_, limit_, when);
+    program_->receive(codecs_.state, tick, signals_of_step_, limit_, when);
   }
 
   std::unique_ptr<Program> program_;
@@ -219,7 +215,7 @@ class ExternalLaw final : public AnyLaw<Measurement> {
   std::vector<loop::Signal> signals_;  ///< views into `info_`
   double period_s_;
   Clock::duration limit_;
-  Codecs<Measurement> codecs_;
+  Codecs codecs_;
 };
 
 loop::RunInfo run_info(const experiment::Scenario& scenario) {
@@ -261,15 +257,14 @@ void serve_law(int socket, const MakeLaw& make_law) {
   const experiment::Scenario scenario =
       experiment::parse_scenario(run.scenario, run.robot_description, "--serve");
   ScenarioLaw law = make_law(scenario);
-  const loop::LawInfo info = law_info(law);
+  const loop::LawInfo info = law_info(*law);
   loop::Participant self;
   self.role = loop::Role::controller;
   self.law = info.name;
   self.measurement = info.measurement;
   self.signals = info.signals;
   if (!caller.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self))) return;
-  const loop::Layout layout = law_layout(scenario, law);
-  std::visit([&](const auto& own) { answer(caller, layout, *own); }, law);
+  answer(caller, law_layout(scenario, *law), *law);
 }
 
 ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
@@ -279,21 +274,16 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
   loop::Participant self;
   program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit,
                    "at the start");
-  ScenarioLaw law;
-  const bool known =
-      loop::parse_signals(self.signals) &&
-      loop::with_measurement(self.measurement, [&]<class Measurement>(
-                                                   std::type_identity<Measurement> /*type*/) {
-        law = std::make_unique<ExternalLaw<Measurement>>(
-            std::move(program), loop::LawInfo{self.law, self.measurement, self.signals}, scenario);
-      });
-  if (!known) {
+  if (!loop::parse_signals(self.signals) ||
+      std::ranges::find(loop::measurement_suffixes, self.measurement) ==
+          loop::measurement_suffixes.end()) {
     throw Failure(ExitCode::protocol_violated,
                   "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
                   "which this version does not know",
                   command, self.measurement, self.signals);
   }
-  return law;
+  return std::make_unique<ExternalLaw>(
+      std::move(program), loop::LawInfo{self.law, self.measurement, self.signals}, scenario);
 }
 
 std::vector<std::string> shell_command(const std::string& command,

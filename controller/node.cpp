@@ -9,7 +9,6 @@
 #include <span>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "bus/wire.h"
@@ -28,20 +27,10 @@ using protocol::lockstep::CommandResponder;
 using protocol::lockstep::Verdict;
 using protocol::realtime::CommandPicker;
 
-/// The channel of one type of message, and its codec.
-template <class Value>
-struct Port {
-  std::string channel;
-  bus::Codec<Value> codec;
-
-  Port(const experiment::Scenario& scenario, const loop::Layout& layout)
-      : channel(loop::channel<Value>(scenario.robot.channel_prefix)), codec(layout) {}
-};
-
 /// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
 /// tick, in step with the bytes that protocol/ keeps. Preallocated.
 template <class Value>
-struct Input : Port<Value> {
+struct Input : bus::Port<Value> {
   struct Message {
     loop::Stamp stamp;
     Value value;
@@ -49,19 +38,12 @@ struct Input : Port<Value> {
   Message newest;  ///< decoded last
   std::vector<Message> kept = std::vector<Message>(protocol::lockstep::MessageRing::depth);
 
-  using Port<Value>::Port;
+  explicit Input(bus::Port<Value> port) : bus::Port<Value>(std::move(port)) {}
 
   Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
   bool decode(std::span<const std::byte> bytes) {
     return this->codec.decode(bytes, newest.stamp, newest.value) == bus::Rejection::none;
   }
-};
-
-/// A law and what it measures: the channel is what its type says.
-template <class Measurement>
-struct Measured {
-  std::unique_ptr<AnyLaw<Measurement>> law;
-  Input<Measurement> input;
 };
 
 protocol::lockstep::LawInput input_of(Role from) {
@@ -80,17 +62,15 @@ class Node {
  protected:
   Node(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
       : session_(session),
-        info_(law_info(law)),
-        layout_(law_layout(scenario, law)),
-        measured_(std::visit(
-            [&]<class M>(std::unique_ptr<AnyLaw<M>> own) -> loop::EachMeasurement<Measured> {
-              return Measured<M>{std::move(own), {scenario, layout_}};
-            },
-            std::move(law))),
-        reference_(scenario, layout_),
-        command_(scenario, layout_),
-        state_(scenario, layout_) {
-    std::visit([&](auto& measured) { receive(measured.input, Role::plant); }, measured_);
+        law_(std::move(law)),
+        info_(law_info(*law_)),
+        prefix_(scenario.robot.channel_prefix),
+        layout_(law_layout(scenario, *law_)),
+        measurement_({loop::channel(prefix_, info_.measurement), {info_.measurement, layout_}}),
+        reference_(bus::port<loop::ReferencePoint>(prefix_, layout_)),
+        command_(bus::port<loop::TorqueCommand>(prefix_, layout_)),
+        state_(bus::port<loop::LawSignals>(prefix_, layout_)) {
+    receive(measurement_, Role::plant);
     receive(reference_, Role::reference);
   }
 
@@ -111,14 +91,9 @@ class Node {
   /// @throw diagnostics::Failure(protective_stop) when the result is not finite.
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
-    loop::Stamp stamp{0, session_.run(), tick};
-    const Outcome outcome = std::visit(
-        [&](auto& measured) {
-          const auto& [asked, measurement] = measured.input.at(tick);
-          stamp.utime = asked.utime;
-          return measured.law->advance(tick, measurement, reference_.at(tick).value);
-        },
-        measured_);
+    const auto& [asked, measurement] = measurement_.at(tick);
+    const loop::Stamp stamp{asked.utime, session_.run(), tick};
+    const Outcome outcome = law_->advance(tick, measurement, reference_.at(tick).value);
     command_bytes_ = command_.codec.encode(stamp, outcome.command);
     session_.transport().publish(command_.channel, command_bytes_);
     state_bytes_ = state_.codec.encode(stamp, outcome.signals);
@@ -133,18 +108,15 @@ class Node {
     return outcome;
   }
 
-  /// Of a measurement [bytes].
-  [[nodiscard]] std::size_t longest_measurement() const {
-    return std::visit([](auto& measured) { return measured.input.codec.longest(); }, measured_);
-  }
-
   node::Session& session_;
+  ScenarioLaw law_;
   loop::LawInfo info_;
+  std::string prefix_;  ///< of the robot's channels
   loop::Layout layout_;
-  loop::EachMeasurement<Measured> measured_;
+  Input<loop::AnyMeasurement> measurement_;
   Input<loop::ReferencePoint> reference_;
-  Port<loop::TorqueCommand> command_;
-  Port<loop::LawSignals> state_;
+  bus::Port<loop::TorqueCommand> command_;
+  bus::Port<loop::LawSignals> state_;
   std::span<const std::byte> command_bytes_, state_bytes_;  ///< of the newest tick
 
  private:
@@ -167,13 +139,14 @@ class LockstepNode final : public Node {
  public:
   LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
       : Node(scenario, std::move(law), session),
-        responder_(scenario.loop.num_ticks, {longest_measurement(), reference_.codec.longest(),
-                                             command_.codec.longest(), state_.codec.longest()}) {}
+        responder_(scenario.loop.num_ticks,
+                   {measurement_.codec.longest(), reference_.codec.longest(),
+                    command_.codec.longest(), state_.codec.longest()}) {}
 
   /// `log`: of a run under way, to be resumed.
   void run(const std::optional<std::filesystem::path>& log) {
     join();
-    if (log) std::visit([&](auto& measured) { resume(*log, measured); }, measured_);
+    if (log) resume(*log);
     session_.run_until_finished([this](auto) { return responder_.all_computed(); });
     session_.leave();
   }
@@ -183,16 +156,14 @@ class LockstepNode final : public Node {
 
   /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
   /// asks again.
-  template <class Measurement>
-  void resume(const std::filesystem::path& log, Measured<Measurement>& measured) {
+  void resume(const std::filesystem::path& log) {
     constexpr std::int64_t ticks_alone = 256;  // between two looks at the bus
-    auto& [law, measurement] = measured;
-    RecordedInputs inputs(log, measurement.channel, reference_.channel, session_.run());
+    RecordedInputs inputs(log, measurement_.channel, reference_.channel, session_.run());
     while (const auto tick = inputs.next()) {
-      if (!measurement.decode(tick->measurement) || !reference_.decode(tick->reference)) {
+      if (!measurement_.decode(tick->measurement) || !reference_.decode(tick->reference)) {
         throw inputs.unusable(fmt::format("tick {} is damaged", tick->tick));
       }
-      law->advance(tick->tick, measurement.newest.value, reference_.newest.value);
+      law_->advance(tick->tick, measurement_.newest.value, reference_.newest.value);
       session_.progressed(tick->tick);
       session_.statistics().ticks = tick->tick + 1;
       if (tick->tick % ticks_alone == 0) session_.handle_pending();
@@ -245,7 +216,7 @@ class RealtimeNode final : public Node {
  public:
   RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
       : Node(scenario, std::move(law), session),
-        picker_(scenario.loop.num_ticks, longest_measurement(), reference_.codec.longest()),
+        picker_(scenario.loop.num_ticks, measurement_.codec.longest(), reference_.codec.longest()),
         pace_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1) {}
 

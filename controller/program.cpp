@@ -23,7 +23,7 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
                                            law, experiment::external_law));
     }
     controller::ScenarioLaw made = make_law(scenario);
-    const loop::LawInfo info = controller::law_info(made);
+    const loop::LawInfo info = controller::law_info(*made);
     if (info.measurement != measurement) {
       throw scenario.complaint("controller.measurement",
                                fmt::format("{}, but the law {} of this program needs {}",

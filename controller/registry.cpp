@@ -207,19 +207,13 @@ diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, 
           tick};
 }
 
-loop::LawInfo law_info(const ScenarioLaw& law) {
-  return std::visit(
-      []<class Measurement>(const std::unique_ptr<AnyLaw<Measurement>>& own) -> loop::LawInfo {
-        return {std::string(own->name()), std::string(loop::MessageOf<Measurement>::suffix),
-                loop::text_of(own->signals())};
-      },
-      law);
+loop::LawInfo law_info(const AnyLaw& law) {
+  return {std::string(law.name()), std::string(law.measurement()), loop::text_of(law.signals())};
 }
 
-loop::Layout law_layout(const experiment::Scenario& scenario, const ScenarioLaw& law) {
-  const auto signals = std::visit([](const auto& own) { return own->signals().size(); }, law);
+loop::Layout law_layout(const experiment::Scenario& scenario, const AnyLaw& law) {
   return loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
-                      static_cast<int>(signals));
+                      static_cast<int>(law.signals().size()));
 }
 
 ScenarioLaw scenario_law(const experiment::Scenario& scenario) {

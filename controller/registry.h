@@ -72,7 +72,7 @@ LawFacts facts_of() {
   using Gains = typename L::Gains;
   using Measurement = typename L::Measurement;
   LawFacts facts{.name = L::name,
-                 .measurement = loop::MessageOf<Measurement>::suffix,
+                 .measurement = Measurement::suffix,
                  .signals = L::signals,
                  .source = L::source,
                  .proved = L::proved,
@@ -173,10 +173,7 @@ L make_law(const experiment::Scenario& scenario, const LawFacts& law = law_facts
   }
 }
 
-/// A law by the measurement that it is fed.
-template <class Measurement>
-using AnyLawOf = std::unique_ptr<AnyLaw<Measurement>>;
-using ScenarioLaw = loop::EachMeasurement<AnyLawOf>;
+using ScenarioLaw = std::unique_ptr<AnyLaw>;
 
 /// The law L over the scenario's run. @throw diagnostics::Failure(bad_usage) as `make_law`.
 template <class L>
@@ -185,16 +182,15 @@ ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& l
 }
 
 /// What the law's controller announces of it.
-loop::LawInfo law_info(const ScenarioLaw& law);
+loop::LawInfo law_info(const AnyLaw& law);
 
 /// The layout of the messages of a run under this law.
-loop::Layout law_layout(const experiment::Scenario& scenario, const ScenarioLaw& law);
+loop::Layout law_layout(const experiment::Scenario& scenario, const AnyLaw& law);
 
 /// From a scenario to its law.
 using MakeLaw = std::function<ScenarioLaw(const experiment::Scenario&)>;
 
-/// The law that the scenario names. Visit it with a function of `std::unique_ptr<AnyLaw<M>>`: it is
-/// compiled once per measurement type.
+/// The law that the scenario names.
 /// @throw diagnostics::Failure(bad_usage) as `make_law`, or when there is no such law
 /// or it is in another program.
 ScenarioLaw scenario_law(const experiment::Scenario& scenario);

@@ -97,6 +97,9 @@ struct RobotSpec {
 inline constexpr std::string_view external_law = "external";
 
 enum class FeedforwardLead { none, half_tick_plus_delay };
+constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
+  return {"none", "half_tick_plus_delay"};
+}
 
 struct ControllerSpec {
   std::string law;
@@ -141,6 +144,7 @@ struct ControllerSpec {
 };
 
 enum class Mode { lockstep, realtime };
+constexpr std::array<std::string_view, 2> names(Mode /*type*/) { return {"lockstep", "realtime"}; }
 
 struct LoopSpec {
   Mode mode = Mode::lockstep;
@@ -263,21 +267,3 @@ robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides);
 robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model);
 
 }  // namespace tachless::experiment
-
-namespace tachless::schema {
-
-template <>
-inline constexpr std::array<Name<robot::CheckInertia>, 2> names<robot::CheckInertia>{
-    {{robot::CheckInertia::refuse, "refuse"}, {robot::CheckInertia::warn, "warn"}}};
-
-template <>
-inline constexpr std::array<Name<experiment::Mode>, 2> names<experiment::Mode>{
-    {{experiment::Mode::lockstep, "lockstep"}, {experiment::Mode::realtime, "realtime"}}};
-
-template <>
-inline constexpr std::array<Name<experiment::FeedforwardLead>, 2>
-    names<experiment::FeedforwardLead>{
-        {{experiment::FeedforwardLead::none, "none"},
-         {experiment::FeedforwardLead::half_tick_plus_delay, "half_tick_plus_delay"}}};
-
-}  // namespace tachless::schema

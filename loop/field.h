@@ -58,10 +58,6 @@ struct Field {
   std::size_t longest = 0;    ///< most characters, of texts
 };
 
-/// Where the table of a message type is: in the type.
-template <class Value>
-using MessageOf = Value;
-
 /// Calls `f(field)` for each field of the message, in order.
 template <class Value, class F>
 constexpr void for_each_field(F&& f) {
@@ -115,9 +111,12 @@ bool all_finite(const Value& value) {
 
 /// Full channel name, e.g. "ARM_POSITION": from the type, never from an option. `robot` is already
 /// upper case.
+inline std::string channel(std::string_view robot, std::string_view suffix) {
+  return std::string(robot) + "_" + std::string(suffix);
+}
 template <class Value>
 std::string channel(std::string_view robot) {
-  return std::string(robot) + "_" + std::string(Value::suffix);
+  return channel(robot, Value::suffix);
 }
 
 /// Makers of fields, for the tables.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string_view>
 #include <type_traits>
 #include <variant>
@@ -21,8 +22,7 @@ struct Of;
 template <class... M>
 struct Of<TypeList<M...>> {
   using Any = std::variant<M...>;
-  using Optional = std::variant<std::monostate, M...>;
-  template <template <class> class Wrap>
+  template <template <class...> class Wrap>
   using Each = std::variant<Wrap<M>...>;
   static constexpr std::array suffixes = {M::suffix...};
 };
@@ -30,11 +30,9 @@ struct Of<TypeList<M...>> {
 }  // namespace detail
 
 using AnyMeasurement = detail::Of<Measurements>::Any;
-/// `std::monostate` when there is none.
-using OptionalMeasurement = detail::Of<Measurements>::Optional;
 
 /// `Wrap<M>` for one of the measurements M.
-template <template <class> class Wrap>
+template <template <class...> class Wrap>
 using EachMeasurement = detail::Of<Measurements>::Each<Wrap>;
 
 /// Channel suffixes, in the order of `Measurements`.
@@ -59,6 +57,13 @@ constexpr bool with_measurement(std::string_view suffix, F&& f) {
     f(type);
   });
   return found;
+}
+
+/// An empty measurement of that channel suffix; nothing when there is none.
+inline std::optional<AnyMeasurement> measurement_of(std::string_view suffix) {
+  std::optional<AnyMeasurement> made;
+  with_measurement(suffix, [&]<class M>(std::type_identity<M> /*type*/) { made = M(); });
+  return made;
 }
 
 /// Whether the measurement of that channel suffix holds a velocity.

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
@@ -24,6 +25,14 @@ using loop::Clock;
 
 std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
+}
+
+/// What the emulator adds to its readings, a real robot's have already.
+experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
+  const EncoderSide side = scenario.plant.encoder.side;
+  scenario.plant.encoder = {};
+  scenario.plant.encoder.side = side;
+  return scenario;
 }
 
 }  // namespace
@@ -46,6 +55,7 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
       emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
       drive_(make_drive(scenario, model_)),
+      encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   if (driver != nullptr && (!limit || !limit->allFinite())) {
@@ -59,6 +69,25 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
                                             schema::name_of(spec.mechanics),
                                             schema::name_of(spec.integrator.method),
                                             diagnostics::shortest(spec.integrator.accuracy)));
+}
+
+void GuardedRobot::feed(std::string_view measurement) {
+  if (!driver_.measures_velocity() && loop::measures_velocity(measurement)) {
+    throw scenario_.complaint(
+        "controller.law",
+        fmt::format(
+            "{} measures velocity, this robot does not; take a law that is fed with positions",
+            scenario_.controller.law));
+  }
+  const auto empty = loop::measurement_of(measurement);
+  if (!empty) {
+    throw Failure(ExitCode::protocol_violated,
+                  "the controller asks for the measurement '{}'; the plant has POSITION, "
+                  "MOTOR_POSITION, LINK_STATE and STATE",
+                  measurement);
+  }
+  measurement_ = *empty;
+  std::visit([&]<class M>(const M& /*type*/) { require_encoders<M>(scenario_); }, measurement_);
 }
 
 void GuardedRobot::start() {
@@ -88,6 +117,16 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
   if (!emulated()) require_sound(tick);
   watch_limits(tick);
   return state_;
+}
+
+const loop::AnyMeasurement& GuardedRobot::measure(std::int64_t tick) {
+  std::visit(
+      [&]<class M>(M& measurement) {
+        measurement = encoder_.measure<M>(past_[sensed_], tick);
+        if (!loop::all_finite(measurement)) throw not_finite(tick);
+      },
+      measurement_);
+  return measurement_;
 }
 
 void GuardedRobot::require_sound(std::int64_t tick) const {

@@ -5,13 +5,15 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
-#include "loop/signals.h"
+#include "loop/measurements.h"
 #include "plant/arm.h"
 #include "plant/drive.h"
+#include "plant/encoder.h"
 #include "plant/robot_driver.h"
 #include "robot/model.h"
 
@@ -23,8 +25,8 @@ diagnostics::Failure not_finite(std::int64_t tick);
 
 /// A robot (the emulator, or a real one's driver) with what must hold before anything is believed
 /// of it or given to it: readings finite, joints within their ranges and (the emulator's) speeds,
-/// the start where the scenario begins, torques finite and within the drives' limits. Knows no bus
-/// and not when a tick is.
+/// the start where the scenario begins, torques finite and within the drives' limits; and its
+/// encoders. Knows no bus and not when a tick is.
 class GuardedRobot {
  public:
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null. What
@@ -33,10 +35,13 @@ class GuardedRobot {
   /// @throw diagnostics::Failure(bad_usage) when a joint of a real robot has no torque limit.
   explicit GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver = nullptr);
 
-  [[nodiscard]] const robot::Model& model() const { return model_; }
   /// An emulated robot's time is its ticks: it stands still when this process does.
   [[nodiscard]] bool emulated() const { return emulator_ != nullptr; }
-  [[nodiscard]] bool measures_velocity() const { return driver_.measures_velocity(); }
+
+  /// The law is fed with the measurement of that channel suffix.
+  /// @throw diagnostics::Failure(bad_usage) when the robot does not measure it,
+  /// (protocol_violated) when there is no such measurement.
+  void feed(std::string_view measurement);
 
   /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`.
   /// @throw diagnostics::Failure(bad_usage) when it is elsewhere.
@@ -50,9 +55,10 @@ class GuardedRobot {
   /// when it has other joints than the scenario.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
-  /// What encoders tell then: an emulated robot's state some ticks ago
-  /// (plant.encoder.latency_ticks).
-  [[nodiscard]] const ArmState& sensed() const { return past_[sensed_]; }
+  /// What encoders tell then of what `feed` asked for; of an emulated robot's state some ticks ago
+  /// (plant.encoder.latency_ticks). Valid until the next call.
+  /// @throw diagnostics::Failure(protective_stop) when it is not finite.
+  const loop::AnyMeasurement& measure(std::int64_t tick);
   /// The joints that were outside of range or too fast when last read, where that is no stop.
   [[nodiscard]] const std::array<bool, robot::max_joints>& beyond_limit() const {
     return beyond_limit_;
@@ -84,6 +90,8 @@ class GuardedRobot {
   std::unique_ptr<RobotDriver> emulator_;  ///< null with a real robot
   RobotDriver& driver_;
   Drive drive_;
+  Encoder encoder_;
+  loop::AnyMeasurement measurement_;
   ArmState state_;
   std::vector<ArmState> past_;  ///< of the last ticks, a ring
   std::size_t sensed_ = 0;

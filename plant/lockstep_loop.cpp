@@ -41,8 +41,8 @@ class LockstepLoop : PlantLoop {
   void run() {
     link_.join({}, {});
     prepare();
-    sent_.emplace(
-        std::array{tick_port_.codec.longest(), longest_measurement_, truth_port_.codec.longest()});
+    sent_.emplace(std::array{tick_port_.codec.longest(), measurement_port_->codec.longest(),
+                             truth_port_.codec.longest()});
     introduce();
     link_.run_until([this] { return tick_master_.finished(); },
                     [this](Time now) {
@@ -128,7 +128,7 @@ class LockstepLoop : PlantLoop {
       }
       const std::int64_t k = repeat->tick;
       link_.transport().publish(tick_port_.channel, sent_->bytes(k, tick_kind));
-      link_.transport().publish(measurement_channel_, sent_->bytes(k, measurement_kind));
+      link_.transport().publish(measurement_port_->channel, sent_->bytes(k, measurement_kind));
       resends += 2;
       if (repeat->what == Repeated::all) {
         link_.transport().publish(truth_port_.channel, sent_->bytes(k, truth_kind));

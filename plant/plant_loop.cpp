@@ -3,12 +3,9 @@
 #include <fmt/core.h>
 
 #include <cmath>
-#include <memory>
-#include <type_traits>
 
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
-#include "loop/measurements.h"
 #include "plant/node.h"
 #include "plant/run_messages.h"
 
@@ -17,14 +14,6 @@ namespace {
 
 using diagnostics::ExitCode;
 using diagnostics::Failure;
-
-/// What the emulator adds to its readings, a real robot's have already.
-experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
-  const EncoderSide side = scenario.plant.encoder.side;
-  scenario.plant.encoder = {};
-  scenario.plant.encoder.side = side;
-  return scenario;
-}
 
 /// Whether the controller that came is the one that the scenario speaks of.
 void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario& scenario) {
@@ -49,12 +38,13 @@ PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, Rob
     : scenario_(scenario),
       link_(link),
       robot_(scenario, driver),
-      tick_port_(scenario),
-      command_port_(scenario),
-      truth_port_(scenario),
-      ack_port_(scenario),
-      encoder_(robot_.emulated() ? scenario : with_ideal_encoders(scenario), robot_.model()),
-      run_info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)) {
+      prefix_(scenario.robot.channel_prefix),
+      layout_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
+      tick_port_(bus::port<loop::Tick>(prefix_, layout_)),
+      command_port_(bus::port<loop::TorqueCommand>(prefix_, layout_)),
+      truth_port_(bus::port<loop::truth::PlantTruth>(prefix_, layout_)),
+      ack_port_(bus::port<loop::LogAck>(prefix_, layout_)),
+      run_info_channel_(loop::channel<loop::RunInfo>(prefix_)) {
   const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
   link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
   link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
@@ -63,32 +53,10 @@ PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, Rob
 void PlantLoop::prepare() {
   const loop::LawInfo law = link_.membership().law();
   require_the_scenarios(law, scenario_);
-  const std::string& needed = law.measurement;
-  if (!robot_.measures_velocity() && loop::measures_velocity(needed)) {
-    throw scenario_.complaint(
-        "controller.law",
-        fmt::format(
-            "{} measures velocity, this robot does not; take a law that is fed with positions",
-            scenario_.controller.law));
-  }
-  loop::with_measurement(needed, [&]<class M>(std::type_identity<M>) {
-    require_encoders<M>(scenario_);
-    const auto port = std::make_shared<Port<M>>(scenario_);
-    measurement_channel_ = port->channel;
-    longest_measurement_ = port->codec.longest();
-    measure_ = [this, port](const loop::Stamp& stamp) {
-      const M measurement = encoder_.measure<M>(robot_.sensed(), stamp.tick);
-      if (!bus::all_finite(measurement)) throw not_finite(stamp.tick);
-      return port->codec.encode(stamp, measurement);
-    };
-  });
-  if (!measure_) {
-    throw Failure(ExitCode::protocol_violated,
-                  "the controller asks for the measurement '{}'; the plant has POSITION, "
-                  "MOTOR_POSITION, LINK_STATE and STATE",
-                  needed);
-  }
-  diagnostics::log_detail("the law measures {}", needed);
+  robot_.feed(law.measurement);
+  measurement_port_.emplace(bus::Port<loop::AnyMeasurement>{loop::channel(prefix_, law.measurement),
+                                                            {law.measurement, layout_}});
+  diagnostics::log_detail("the law measures {}", law.measurement);
   run_info_ = plant::run_info(scenario_, link_.run(), law);
 }
 
@@ -101,10 +69,10 @@ PlantLoop::Question PlantLoop::publish_question(const loop::Stamp& tick_stamp) {
   const std::int64_t k = tick_stamp.tick;
   robot_.read(k);
   Question question;
-  question.measurement = measure_(stamp(k));
+  question.measurement = measurement_port_->codec.encode(stamp(k), robot_.measure(k));
   question.asked = loop::Clock::now();
   // First: the command waits for it.
-  link_.transport().publish(measurement_channel_, question.measurement);
+  link_.transport().publish(measurement_port_->channel, question.measurement);
   question.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
   link_.transport().publish(tick_port_.channel, question.tick);
   return question;

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -14,7 +14,6 @@
 #include "loop/messages.h"
 #include "node/link.h"
 #include "node/session.h"
-#include "plant/encoder.h"
 #include "plant/guarded_robot.h"
 #include "plant/robot_driver.h"
 
@@ -26,17 +25,6 @@ class PlantLoop {
  protected:
   using Time = loop::Clock::time_point;
   using Bytes = std::span<const std::byte>;
-
-  /// A message that is published or taken.
-  template <class Value>
-  struct Port {
-    explicit Port(const experiment::Scenario& scenario)
-        : channel(loop::channel<Value>(scenario.robot.channel_prefix)),
-          codec(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())) {}
-
-    std::string channel;
-    bus::Codec<Value> codec;
-  };
 
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
   PlantLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver = nullptr);
@@ -76,17 +64,16 @@ class PlantLoop {
   const experiment::Scenario& scenario_;
   node::Link& link_;
   GuardedRobot robot_;
-  Port<loop::Tick> tick_port_;
-  Port<loop::TorqueCommand> command_port_;
-  Port<loop::truth::PlantTruth> truth_port_;
-  Port<loop::LogAck> ack_port_;
-  std::string measurement_channel_;  ///< prepared
-  std::size_t longest_measurement_ = 0;
+  std::string prefix_;  ///< of the robot's channels
+  loop::Layout layout_;
+  bus::Port<loop::Tick> tick_port_;
+  bus::Port<loop::TorqueCommand> command_port_;
+  bus::Port<loop::truth::PlantTruth> truth_port_;
+  bus::Port<loop::LogAck> ack_port_;
+  std::optional<bus::Port<loop::AnyMeasurement>> measurement_port_;  ///< prepared
   loop::TorqueCommand command_;
 
  private:
-  Encoder encoder_;
-  std::function<Bytes(const loop::Stamp& stamp)> measure_;  ///< as the law needs it
   std::string run_info_channel_;
   std::vector<std::byte> run_info_;
 };

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -75,6 +76,9 @@ enum class Mechanics {
   simbody,  ///< the reference
   native,   ///< robot/'s recursions with explicit Runge-Kutta methods; allocates nothing
 };
+constexpr std::array<std::string_view, 2> names(Mechanics /*type*/) {
+  return {"simbody", "native"};
+}
 
 /// Simbody's integrators; the native mechanics have the three Runge-Kutta methods.
 enum class Integrator {
@@ -85,6 +89,10 @@ enum class Integrator {
   verlet,
   cpodes
 };
+constexpr std::array<std::string_view, 6> names(Integrator /*type*/) {
+  return {"runge_kutta_merson",    "runge_kutta_3", "runge_kutta_feldberg",
+          "semi_explicit_euler_2", "verlet",        "cpodes"};
+}
 
 struct IntegratorSpec {
   Integrator method = Integrator::runge_kutta_merson;
@@ -100,6 +108,9 @@ struct IntegratorSpec {
 
 /// Where a flexible robot has encoders.
 enum class EncoderSide { link, motor, both };
+constexpr std::array<std::string_view, 3> names(EncoderSide /*type*/) {
+  return {"link", "motor", "both"};
+}
 
 struct EncoderSpec {
   std::optional<robot::Vector> resolution_bits;  ///< counts per revolution = 2^bits; nothing: ideal
@@ -232,6 +243,9 @@ struct PayloadSpec {
 };
 
 enum class DisturbanceShape { constant, pulse, sinusoid, noise };
+constexpr std::array<std::string_view, 4> names(DisturbanceShape /*type*/) {
+  return {"constant", "pulse", "sinusoid", "noise"};
+}
 
 /// A torque on a joint, or a force on a link, that no drive gives: its value times its shape.
 struct DisturbanceSpec {
@@ -309,6 +323,7 @@ enum class OnLimit {
   stop,  ///< the protective stop, as a real robot's driver does
   warn   ///< says so once per joint, and counts
 };
+constexpr std::array<std::string_view, 2> names(OnLimit /*type*/) { return {"stop", "warn"}; }
 
 /// The scenario's `plant` map.
 struct Spec {
@@ -351,37 +366,3 @@ struct Spec {
 };
 
 }  // namespace tachless::plant
-
-namespace tachless::schema {
-
-template <>
-inline constexpr std::array<Name<plant::Mechanics>, 2> names<plant::Mechanics>{
-    {{plant::Mechanics::simbody, "simbody"}, {plant::Mechanics::native, "native"}}};
-
-template <>
-inline constexpr std::array<Name<plant::DisturbanceShape>, 4> names<plant::DisturbanceShape>{
-    {{plant::DisturbanceShape::constant, "constant"},
-     {plant::DisturbanceShape::pulse, "pulse"},
-     {plant::DisturbanceShape::sinusoid, "sinusoid"},
-     {plant::DisturbanceShape::noise, "noise"}}};
-
-template <>
-inline constexpr std::array<Name<plant::OnLimit>, 2> names<plant::OnLimit>{
-    {{plant::OnLimit::stop, "stop"}, {plant::OnLimit::warn, "warn"}}};
-
-template <>
-inline constexpr std::array<Name<plant::Integrator>, 6> names<plant::Integrator>{
-    {{plant::Integrator::runge_kutta_merson, "runge_kutta_merson"},
-     {plant::Integrator::runge_kutta_3, "runge_kutta_3"},
-     {plant::Integrator::runge_kutta_feldberg, "runge_kutta_feldberg"},
-     {plant::Integrator::semi_explicit_euler_2, "semi_explicit_euler_2"},
-     {plant::Integrator::verlet, "verlet"},
-     {plant::Integrator::cpodes, "cpodes"}}};
-
-template <>
-inline constexpr std::array<Name<plant::EncoderSide>, 3> names<plant::EncoderSide>{
-    {{plant::EncoderSide::link, "link"},
-     {plant::EncoderSide::motor, "motor"},
-     {plant::EncoderSide::both, "both"}}};
-
-}  // namespace tachless::schema

@@ -236,7 +236,7 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
   controller::ScenarioLaw law = own ? python_law(scenario, f, name, Interrupt::passed_on)
                                     : controller::scenario_law(scenario);
   const py::gil_scoped_release unlocked;
-  Run run(scenario, controller::law_info(law));
+  Run run(scenario, controller::law_info(*law));
   study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {
     if (tick.tick % 1000 == 0) {  // Ctrl-C; seldom, for it waits for the lock
       const py::gil_scoped_acquire locked;
@@ -244,7 +244,7 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
     }
     loop::TickRecord record;
     record.tick = tick.tick;
-    std::visit([&](const auto& measured) { record.measurement = measured; }, tick.measurement);
+    record.measurement = tick.measurement;
     record.reference = tick.reference;
     record.command = tick.command;
     record.controller_state = tick.controller;

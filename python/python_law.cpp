@@ -18,24 +18,29 @@ py::object field_or_none(const robot::Vector& x) {
   return x.size() == 0 ? py::object(py::none()) : array_of(x);
 }
 
-template <class M>
-Measurement measurement_of(const M& measured) {
+Measurement measurement_of(const loop::AnyMeasurement& any) {
   Measurement result{py::none(), py::none(), py::none(), py::none()};
-  if constexpr (requires { measured.q; }) result.q = field_or_none(measured.q);
-  if constexpr (requires { measured.v; }) result.v = field_or_none(measured.v);
-  if constexpr (requires { measured.theta; }) result.theta = field_or_none(measured.theta);
-  if constexpr (requires { measured.thetadot; }) result.thetadot = field_or_none(measured.thetadot);
+  std::visit(
+      [&](const auto& measured) {
+        if constexpr (requires { measured.q; }) result.q = field_or_none(measured.q);
+        if constexpr (requires { measured.v; }) result.v = field_or_none(measured.v);
+        if constexpr (requires { measured.theta; }) result.theta = field_or_none(measured.theta);
+        if constexpr (requires { measured.thetadot; }) {
+          result.thetadot = field_or_none(measured.thetadot);
+        }
+      },
+      any);
   return result;
 }
 
-template <class M>
-class PythonLaw final : public controller::AnyLaw<M> {
+class PythonLaw final : public controller::AnyLaw {
  public:
   PythonLaw(const experiment::Scenario& scenario, py::object f, std::string name,
             Interrupt interrupt)
-      : controller::AnyLaw<M>(scenario.loop),
+      : AnyLaw(scenario.loop),
         f_(std::move(f)),
         name_(std::move(name)),
+        measurement_(scenario.controller.measurement),
         interrupt_(interrupt),
         num_joints_(scenario.num_joints),
         period_s_(scenario.loop.period_s) {}
@@ -45,31 +50,35 @@ class PythonLaw final : public controller::AnyLaw<M> {
   }
 
   [[nodiscard]] std::string_view name() const override { return name_; }
-  [[nodiscard]] std::span<const loop::Signal> signals() const override { return logged; }
+  [[nodiscard]] std::string_view measurement() const override { return measurement_; }
+  [[nodiscard]] std::span<const loop::Signal> signals() const override {
+    static constexpr std::array logged{loop::Signal{"error", "rad"}};
+    bool links = false;
+    loop::with_measurement(measurement_, [&]<class M>(std::type_identity<M> /*type*/) {
+      links = loop::holds_links<M>;
+    });
+    return std::span(logged).first(links ? 1 : 0);
+  }
 
  private:
-  void compute(std::int64_t tick, const M& measurement, const loop::ReferencePoint& reference,
-               int ticks) override {
+  void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
+               const loop::ReferencePoint& reference, int ticks) override {
     in_python(tick, [&] {
       if (ticks == 0 && py::hasattr(f_, "reset")) f_.attr("reset")();
       const py::object tau = f_(
           tick, static_cast<double>(tick) * period_s_, measurement_of(measurement),
           Reference{array_of(reference.q_ref), array_of(reference.v_ref), array_of(reference.a_ref),
                     array_of(reference.jerk_ref), array_of(reference.snap_ref)});
-      this->command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
+      command_.tau = vector_of(tau, num_joints_, fmt::format("the torque of {}", name_));
     });
-    if constexpr (loop::holds_links<M>) {
-      this->signals_of_step_ = {1, {measurement.q - reference.q_ref}};
-    }
+    std::visit(
+        [&](const auto& measured) {
+          if constexpr (requires { measured.q; }) {
+            signals_of_step_ = {1, {measured.q - reference.q_ref}};
+          }
+        },
+        measurement);
   }
-
-  static constexpr auto logged = [] {
-    if constexpr (loop::holds_links<M>) {
-      return std::array{loop::Signal{"error", "rad"}};
-    } else {
-      return std::array<loop::Signal, 0>{};
-    }
-  }();
 
   /// Under the lock. What `action` raises becomes the run's end; its traceback goes to stderr.
   template <class Action>
@@ -94,7 +103,7 @@ class PythonLaw final : public controller::AnyLaw<M> {
   }
 
   py::object f_;
-  std::string name_;
+  std::string name_, measurement_;
   Interrupt interrupt_;
   int num_joints_;
   double period_s_;
@@ -128,11 +137,7 @@ robot::Vector vector_of(const py::handle& object, int size, const std::string& w
 
 controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt) {
-  controller::ScenarioLaw law;
-  loop::with_measurement(scenario.controller.measurement, [&]<class M>(std::type_identity<M>) {
-    law = std::make_unique<PythonLaw<M>>(scenario, f, name, interrupt);
-  });
-  return law;
+  return std::make_unique<PythonLaw>(scenario, f, name, interrupt);
 }
 
 }  // namespace tachless::python

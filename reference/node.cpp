@@ -29,18 +29,19 @@ class Node {
         period_s_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1),
         trajectory_(make_trajectory(scenario)),
-        channel_(loop::channel<loop::ReferencePoint>(scenario.robot.channel_prefix)),
-        tick_codec_(loop::layout(scenario.num_joints, false)),
-        reference_codec_(loop::layout(scenario.num_joints, false)),
-        responder_(scenario.loop.num_ticks, tick_codec_.longest(), reference_codec_.longest(),
+        tick_port_(bus::port<loop::Tick>(scenario.robot.channel_prefix,
+                                         loop::layout(scenario.num_joints, false))),
+        reference_port_(bus::port<loop::ReferencePoint>(scenario.robot.channel_prefix,
+                                                        loop::layout(scenario.num_joints, false))),
+        responder_(scenario.loop.num_ticks, tick_port_.codec.longest(),
+                   reference_port_.codec.longest(),
                    scenario.loop.mode == experiment::Mode::realtime) {
     if (scenario.loop.mode == experiment::Mode::realtime) pace_.emplace(period_s_);
-    link_.on(loop::channel<loop::Tick>(scenario.robot.channel_prefix),
-             [this](const bus::Datagram& datagram) {
-               loop::Stamp stamp;
-               loop::Tick tick;
-               if (link_.accept(tick_codec_, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
-             });
+    link_.on(tick_port_.channel, [this](const bus::Datagram& datagram) {
+      loop::Stamp stamp;
+      loop::Tick tick;
+      if (link_.accept(tick_port_.codec, datagram, stamp, tick)) on_tick(stamp.tick, datagram);
+    });
   }
   Node(const Node&) = delete;
   Node& operator=(const Node&) = delete;
@@ -77,7 +78,7 @@ class Node {
   }
 
   void publish(std::span<const std::byte> reference) {
-    link_.transport().publish(channel_, reference);
+    link_.transport().publish(reference_port_.channel, reference);
   }
 
   /// Publishes the reference of tick k. The bytes are valid until the next call.
@@ -93,7 +94,7 @@ class Node {
           time_s, k);
     }
     const loop::Stamp stamp{std::llround(time_s * 1e6), link_.run(), k};
-    const auto bytes = reference_codec_.encode(stamp, reference);
+    const auto bytes = reference_port_.codec.encode(stamp, reference);
     publish(bytes);
     link_.statistics().work_us.add(Clock::now() - begin);
     return bytes;
@@ -103,9 +104,8 @@ class Node {
   double period_s_;
   std::int64_t last_tick_;
   Trajectory trajectory_;
-  std::string channel_;
-  bus::Codec<loop::Tick> tick_codec_;
-  bus::Codec<loop::ReferencePoint> reference_codec_;
+  bus::Port<loop::Tick> tick_port_;
+  bus::Port<loop::ReferencePoint> reference_port_;
   protocol::lockstep::ReferenceResponder responder_;
   std::optional<protocol::realtime::Pace> pace_;  ///< in realtime
 };

@@ -4,7 +4,6 @@
 
 #include <bit>
 #include <cmath>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <type_traits>
@@ -23,26 +22,18 @@ template <class... Args>
                                fmt::format(problem, std::forward<Args>(args)...));
 }
 
-/// What the law measures, from what was measured: a state holds the lesser measurements too.
-template <class Wanted>
-std::optional<Wanted> measured(const loop::OptionalMeasurement& measurement) {
-  return std::visit(
-      []<class Had>(const Had& had) -> std::optional<Wanted> {
-        if constexpr (!std::is_same_v<Had, std::monostate>) {
-          if constexpr (loop::is_part_of<Wanted, Had>()) return loop::part_of<Wanted>(had);
-        }
-        return {};
-      },
-      measurement);
-}
-
-/// Whether `measured` finds the second in the first; both are suffixes of channels.
-bool holds(std::string_view had, std::string_view wanted) {
-  bool result = false;
-  loop::with_measurement(had, [&]<class Had>(std::type_identity<Had>) {
-    loop::with_measurement(wanted, [&]<class Wanted>(std::type_identity<Wanted>) {
-      result = loop::is_part_of<Wanted, Had>();
-    });
+/// The measurement of the suffix `wanted`, from what was measured: a state holds the lesser ones
+/// too. Nothing when it does not, or nothing was measured.
+std::optional<loop::AnyMeasurement> measured(const std::optional<loop::AnyMeasurement>& had,
+                                             std::string_view wanted) {
+  std::optional<loop::AnyMeasurement> result;
+  loop::with_measurement(wanted, [&]<class Wanted>(std::type_identity<Wanted> /*type*/) {
+    if (!had) return;
+    std::visit(
+        [&]<class Had>(const Had& all) {
+          if constexpr (loop::is_part_of<Wanted, Had>()) result = loop::part_of<Wanted>(all);
+        },
+        *had);
   });
   return result;
 }
@@ -62,7 +53,7 @@ void require_fitting(const logger::RunLog& log, const experiment::Scenario& scen
 }
 
 void require_measured(const logger::RunLog& log, const loop::LawInfo& law) {
-  if (holds(log.info().measurement, law.measurement)) return;
+  if (measured(loop::measurement_of(log.info().measurement), law.measurement)) return;
   refuse(log, "law {} needs the measurement {}, which cannot be had from the recorded one, {}",
          law.name, law.measurement, log.info().measurement);
 }
@@ -115,9 +106,8 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
 }
 
 /// Steps `law` through the log.
-template <class Measurement>
 void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
-                  std::unique_ptr<controller::AnyLaw<Measurement>> law, Progress& comparison) {
+                  controller::AnyLaw& law, Progress& comparison) {
   const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
   Replay& result = comparison.result;
   logger::TickRecord record;
@@ -127,7 +117,7 @@ void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
       ++comparison.pending_passed_over;
       continue;
     }
-    const auto measurement = measured<Measurement>(record.measurement);
+    const auto measurement = measured(record.measurement, law.measurement());
     // In lockstep every tick counts; in realtime those that the controller acted on.
     const bool jump = !realtime && record.tick != next;
     if (jump || !measurement || !record.reference) {
@@ -141,7 +131,7 @@ void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
     next = record.tick + 1;
     robot::Vector tau;
     try {
-      tau = law->step(record.tick, *measurement, *record.reference).command.tau;
+      tau = law.step(record.tick, *measurement, *record.reference).command.tau;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
       result.stopped_by =
@@ -153,7 +143,7 @@ void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
       result.stopped_by = fmt::format("the law's torque at tick {} is not finite", record.tick);
       break;
     }
-    law->keep(record.tick);
+    law.keep(record.tick);
     if (record.command) {
       comparison.add(record.tick, record.command->tau, tau);
     } else if (comparison.pending++ == 0) {
@@ -181,11 +171,10 @@ std::uint64_t ulps_between(double a, double b) {
 Replay replay(logger::RunLog& log, const experiment::Scenario& scenario,
               controller::ScenarioLaw law, const OnCompared& on_compared) {
   require_fitting(log, scenario);
-  require_measured(log, controller::law_info(law));
+  require_measured(log, controller::law_info(*law));
   log.rewind();
   Progress comparison(scenario.num_joints, on_compared);
-  std::visit([&](auto own) { step_through(log, scenario, std::move(own), comparison); },
-             std::move(law));
+  step_through(log, scenario, *law, comparison);
   return std::move(comparison.result);
 }
 

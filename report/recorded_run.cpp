@@ -23,7 +23,7 @@ void add_tracking(study::Tracking& tracking, const logger::TickRecord& record, d
   if (record.truth) {
     q = record.truth->q;
     theta = record.truth->theta;
-  } else {
+  } else if (record.measurement) {
     std::visit(
         [&](const auto& measurement) {
           if constexpr (requires { measurement.q; }) q = measurement.q;
@@ -33,7 +33,7 @@ void add_tracking(study::Tracking& tracking, const logger::TickRecord& record, d
                         })
             theta = measurement.theta;
         },
-        record.measurement);
+        *record.measurement);
   }
   if (q.size() == 0 || !record.reference || !(record.truth || record.command)) return;
   tracking.add(t_s, q, record.reference->q_ref, theta,

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <limits>
 #include <map>
 #include <random>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -102,6 +104,9 @@ Vector random_posture(const Model& model, std::mt19937& random);
 
 /// What becomes of a moving body that has an inertia which no body can have.
 enum class CheckInertia { refuse, warn };
+constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
+  return {"refuse", "warn"};
+}
 
 /// How a URDF is read, beside its text.
 struct UrdfOptions {

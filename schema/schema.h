@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <limits>
 #include <map>
 #include <optional>
@@ -49,33 +51,32 @@ struct Range {
 inline constexpr Range positive{0, std::numeric_limits<double>::infinity(), true, false};
 inline constexpr Range not_negative{0, std::numeric_limits<double>::infinity(), false, false};
 
-/// One value of an enum and what it is called in files.
-template <class Enum>
-struct Name {
-  Enum value;
-  std::string_view name;
-};
-
-/// All values of an enum, in the order of the documentation. Specialised beside the enum:
-///   template <>
-///   inline constexpr std::array<Name<Side>, 2> names<Side>{{{Side::link, "link"}, …}};
-template <class Enum>
-inline constexpr auto names = nullptr;
+// What the values of an enum are called in files is said beside the enum, in its namespace and in
+// its order:
+//   enum class Side { link, motor };
+//   constexpr std::array<std::string_view, 2> names(Side /*type*/) { return {"link", "motor"}; }
 
 /// @return the name of `value`; "?" when it has none.
 template <class Enum>
 constexpr std::string_view name_of(Enum value) {
-  for (const Name<Enum>& entry : names<Enum>) {
-    if (entry.value == value) return entry.name;
-  }
-  return "?";
+  constexpr auto all = names(Enum());
+  const auto at = static_cast<std::size_t>(value);
+  return at < all.size() ? all[at] : "?";
+}
+
+/// All values of an enum.
+template <class Enum>
+constexpr auto values_of() {
+  std::array<Enum, names(Enum()).size()> all{};
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<Enum>(i);
+  return all;
 }
 
 /// @return the value called `name`; nothing when there is none.
 template <class Enum>
 constexpr std::optional<Enum> value_of(std::string_view name) {
-  for (const Name<Enum>& entry : names<Enum>) {
-    if (entry.name == name) return entry.value;
+  for (const Enum value : values_of<Enum>()) {
+    if (name_of(value) == name) return value;
   }
   return std::nullopt;
 }
@@ -166,7 +167,7 @@ struct Refusal {
 
 enum class Shape {
   text,
-  choice,         ///< an enum with `names`
+  choice,         ///< an enum with names
   yes_no,         ///< bool
   number,         ///< double
   whole,          ///< any integer
@@ -231,11 +232,12 @@ std::string allowed_text(Shape shape, const Range& range,
 /// The names among which a value chooses; empty for what is no choice.
 template <class T>
 std::vector<std::string_view> choices_of(const T* /*type*/) {
-  std::vector<std::string_view> all;
   if constexpr (std::is_enum_v<T>) {
-    for (const Name<T>& entry : names<T>) all.push_back(entry.name);
+    constexpr auto all = names(T());
+    return {all.begin(), all.end()};
+  } else {
+    return {};
   }
-  return all;
 }
 template <class... T>
 std::vector<std::string_view> choices_of(const std::variant<T...>* /*type*/) {

@@ -4,7 +4,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <variant>
 
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
@@ -66,19 +65,15 @@ std::optional<double> largest_period(const experiment::Scenario& scenario) {
 double step_time_us(const experiment::Scenario& scenario, const Recorded& recorded) {
   std::vector<double> passes;
   for (int pass = 0; pass < 5 && !recorded.measurements.empty(); ++pass) {
-    std::visit(
-        [&]<class Measurement>(std::unique_ptr<controller::AnyLaw<Measurement>> law) {
-          const Clock::time_point begun = Clock::now();
-          for (std::size_t k = 0; k < recorded.measurements.size(); ++k) {
-            const auto tick = static_cast<std::int64_t>(k);
-            law->step(tick, std::get<Measurement>(recorded.measurements[k]),
-                      recorded.references[k]);
-            law->keep(tick);
-          }
-          const std::chrono::duration<double, std::micro> passed = Clock::now() - begun;
-          passes.push_back(passed.count() / static_cast<double>(recorded.measurements.size()));
-        },
-        controller::scenario_law(scenario));
+    const controller::ScenarioLaw law = controller::scenario_law(scenario);
+    const Clock::time_point begun = Clock::now();
+    for (std::size_t k = 0; k < recorded.measurements.size(); ++k) {
+      const auto tick = static_cast<std::int64_t>(k);
+      law->step(tick, recorded.measurements[k], recorded.references[k]);
+      law->keep(tick);
+    }
+    const std::chrono::duration<double, std::micro> passed = Clock::now() - begun;
+    passes.push_back(passed.count() / static_cast<double>(recorded.measurements.size()));
   }
   if (passes.empty()) return NAN;
   std::ranges::sort(passes);

@@ -3,57 +3,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <memory>
 #include <string_view>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "diagnostics/failure.h"
-#include "plant/encoder.h"
 #include "plant/guarded_robot.h"
 #include "reference/make_trajectory.h"
 
 namespace tachless::study {
 namespace {
-
-template <class Measurement>
-void run(const experiment::Scenario& scenario, std::unique_ptr<controller::AnyLaw<Measurement>> law,
-         const std::function<bool(const TickRecord&)>& on_tick) {
-  plant::require_encoders<Measurement>(scenario);
-  plant::GuardedRobot robot(scenario);
-  const plant::Encoder encoder(scenario, robot.model());
-  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  robot.start();
-  TickRecord record;
-  for (std::int64_t k = 0; k < scenario.loop.num_ticks; ++k) {
-    record.tick = k;
-    record.time_s = static_cast<double>(k) * scenario.loop.period_s;
-    record.truth = robot.read(k);
-    if (!all_finite(record.truth)) throw plant::not_finite(k);
-    record.beyond_limit = robot.beyond_limit();
-    record.measurement = encoder.measure<Measurement>(robot.sensed(), k);
-    record.reference = trajectory.at(record.time_s);
-
-    const Measurement& measurement = std::get<Measurement>(record.measurement);
-    const controller::Outcome step = law->step(k, measurement, record.reference);
-    law->keep(k);
-    record.command = step.command;
-    record.controller = step.signals;
-    if (!record.command.tau.allFinite()) {
-      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
-                                 "the law commands a torque that is not finite at tick {}: the "
-                                 "loop is unstable; shorten loop.period_s or soften the gains",
-                                 k);
-    }
-
-    robot.accept(record.command);
-    record.applied = robot.applied();
-    robot.advance(k);
-    robot.end_tick();
-    if (!on_tick(record)) break;
-  }
-}
 
 constexpr double finest_accuracy = 1e-12;
 
@@ -77,7 +36,37 @@ experiment::Scenario moved_by(std::string_view mechanics, const experiment::Scen
 
 void run_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
                     const std::function<bool(const TickRecord&)>& on_tick) {
-  std::visit([&](auto own) { run(scenario, std::move(own), on_tick); }, std::move(law));
+  plant::GuardedRobot robot(scenario);
+  robot.feed(law->measurement());
+  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+  robot.start();
+  TickRecord record;
+  for (std::int64_t k = 0; k < scenario.loop.num_ticks; ++k) {
+    record.tick = k;
+    record.time_s = static_cast<double>(k) * scenario.loop.period_s;
+    record.truth = robot.read(k);
+    if (!all_finite(record.truth)) throw plant::not_finite(k);
+    record.beyond_limit = robot.beyond_limit();
+    record.measurement = robot.measure(k);
+    record.reference = trajectory.at(record.time_s);
+
+    const controller::Outcome step = law->step(k, record.measurement, record.reference);
+    law->keep(k);
+    record.command = step.command;
+    record.controller = step.signals;
+    if (!record.command.tau.allFinite()) {
+      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
+                                 "the law commands a torque that is not finite at tick {}: the "
+                                 "loop is unstable; shorten loop.period_s or soften the gains",
+                                 k);
+    }
+
+    robot.accept(record.command);
+    record.applied = robot.applied();
+    robot.advance(k);
+    robot.end_tick();
+    if (!on_tick(record)) break;
+  }
 }
 
 void run_in_process(const experiment::Scenario& scenario,

@@ -66,6 +66,9 @@ enum class Outcome {
   diverging,    ///< the error grows
   not_judged,   ///< too few ticks
 };
+constexpr std::array<std::string_view, 6> names(Outcome /*type*/) {
+  return {"converged", "followed", "saturated", "limit_cycle", "diverging", "not_judged"};
+}
 
 struct Observed {
   Outcome outcome = Outcome::not_judged;
@@ -86,16 +89,3 @@ Observed observe(const Tracking& tracking, const std::vector<std::int64_t>& satu
 std::string text(const Observed& observed, const robot::JointLabels& joints);
 
 }  // namespace tachless::study
-
-namespace tachless::schema {
-
-template <>
-inline constexpr std::array<Name<study::Outcome>, 6> names<study::Outcome>{
-    {{study::Outcome::converged, "converged"},
-     {study::Outcome::followed, "followed"},
-     {study::Outcome::saturated, "saturated"},
-     {study::Outcome::limit_cycle, "limit_cycle"},
-     {study::Outcome::diverging, "diverging"},
-     {study::Outcome::not_judged, "not_judged"}}};
-
-}  // namespace tachless::schema

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <stdexcept>
+#include <string_view>
 #include <tuple>
 
 #include "robot/quantities.h"
@@ -18,12 +19,18 @@ enum class Discretisation {
   backward_euler,
   zero_order_hold,  ///< inflates the gain by a h / (1 - phi): for comparison only
 };
+constexpr std::array<std::string_view, 4> names(Discretisation /*type*/) {
+  return {"first_order_hold", "tustin", "backward_euler", "zero_order_hold"};
+}
 
 /// Where the filter's state w of `wdot = A (e - w)`, `nu = B (e - w)` begins.
 enum class FilterStart {
   at_error,  ///< w(0) = e(0), hence nu(0) = 0
   zero,      ///< w(0) = 0, hence nu(0) = B e(0): the raw transfer function, with its kick
 };
+constexpr std::array<std::string_view, 2> names(FilterStart /*type*/) {
+  return {"at_error", "zero"};
+}
 
 /// nu_k = phi nu_{k-1} + beta (e_k - e_{k-1}) for one joint.
 struct FilterCoefficients {
@@ -126,20 +133,3 @@ class Filter {
 };
 
 }  // namespace tachless::controller::law
-
-namespace tachless::schema {
-
-template <>
-inline constexpr std::array<Name<controller::law::Discretisation>, 4>
-    names<controller::law::Discretisation>{
-        {{controller::law::Discretisation::first_order_hold, "first_order_hold"},
-         {controller::law::Discretisation::tustin, "tustin"},
-         {controller::law::Discretisation::backward_euler, "backward_euler"},
-         {controller::law::Discretisation::zero_order_hold, "zero_order_hold"}}};
-
-template <>
-inline constexpr std::array<Name<controller::law::FilterStart>, 2>
-    names<controller::law::FilterStart>{{{controller::law::FilterStart::at_error, "at_error"},
-                                         {controller::law::FilterStart::zero, "zero"}}};
-
-}  // namespace tachless::schema

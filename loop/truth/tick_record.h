@@ -18,7 +18,7 @@ namespace tachless::loop {
 struct TickRecord {
   std::int64_t tick = 0;
   std::optional<Tick> clock;
-  OptionalMeasurement measurement;
+  std::optional<AnyMeasurement> measurement;
   std::optional<ReferencePoint> reference;
   std::optional<TorqueCommand> command;
   std::optional<LawSignals> controller_state;
@@ -49,38 +49,38 @@ constexpr Slot slot_of() {
   if constexpr (std::is_same_v<Value, truth::PlantTruth>) return Slot::truth;
 }
 
-/// The record's messages besides the measurement; `Record` is TickRecord, const or not.
+/// The record's messages in the order of Slot; `Record` is TickRecord, const or not.
 template <class Record>
-auto others(Record& record) {
-  return std::tie(record.clock, record.reference, record.command, record.controller_state,
-                  record.truth);
+auto by_slot(Record& record) {
+  return std::tie(record.clock, record.measurement, record.reference, record.command,
+                  record.controller_state, record.truth);
 }
+
+/// What the record holds a message as.
+template <class Value>
+using Held = std::optional<std::conditional_t<is_measurement<Value>, AnyMeasurement, Value>>;
 
 template <class Value>
 void put(TickRecord& record, const Value& value) {
-  if constexpr (is_measurement<Value>) {
-    record.measurement = value;
-  } else {
-    std::get<std::optional<Value>&>(others(record)) = value;
-  }
+  std::get<Held<Value>&>(by_slot(record)) = value;
 }
 
 /// The record's message of that type, which it has.
 template <class Value>
 const Value& get(const TickRecord& record) {
+  const auto& held = *std::get<const Held<Value>&>(by_slot(record));
   if constexpr (is_measurement<Value>) {
-    return std::get<Value>(record.measurement);
+    return std::get<Value>(held);
   } else {
-    return *std::get<const std::optional<Value>&>(others(record));
+    return held;
   }
 }
 
 /// Whether the record has a message in that slot.
 inline bool has(const TickRecord& record, Slot slot) {
-  const std::array<bool, num_slots> present = {
-      record.clock.has_value(),   record.measurement.index() != 0,     record.reference.has_value(),
-      record.command.has_value(), record.controller_state.has_value(), record.truth.has_value()};
-  return present[index(slot)];
+  return std::apply(
+      [&](const auto&... held) { return std::array{held.has_value()...}[index(slot)]; },
+      by_slot(record));
 }
 
 }  // namespace tachless::loop

@@ -11,15 +11,15 @@
 
 namespace tachless::reference::trajectory {
 
-/// Adds amplitude_i sin(2 pi frequency_i t + phase_i) and its derivatives to `point`.
-/// @param amplitude [rad; m if prismatic]. @param frequency_hz [Hz]. @param phase [rad].
-inline void add_sine(loop::ReferencePoint& point, const robot::Vector& amplitude,
-                     const robot::Vector& frequency_hz, const robot::Vector& phase, double t_s) {
-  for (Eigen::Index i = 0; i < amplitude.size(); ++i) {
-    const double w = 2 * std::numbers::pi * frequency_hz[i];
-    const double angle = w * t_s + phase[i];
-    const double s = amplitude[i] * std::sin(angle);
-    const double c = amplitude[i] * std::cos(angle);
+/// Adds amplitude_i sin(2 pi frequency_i t + phase_i) and its derivatives to `point`: a Sine or a
+/// Sinusoid.
+template <class Wave>
+void add_sine(loop::ReferencePoint& point, const Wave& wave, double t_s) {
+  for (Eigen::Index i = 0; i < wave.amplitude_rad.size(); ++i) {
+    const double w = 2 * std::numbers::pi * wave.frequency_hz[i];
+    const double angle = w * t_s + wave.phase_rad[i];
+    const double s = wave.amplitude_rad[i] * std::sin(angle);
+    const double c = wave.amplitude_rad[i] * std::cos(angle);
     point.q_ref[i] += s;
     point.v_ref[i] += w * c;
     point.a_ref[i] -= w * w * s;
@@ -55,9 +55,7 @@ struct MultiSine {
   /// Position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] loop::ReferencePoint at(double t_s) const {
     loop::ReferencePoint point = Hold{offset_rad}.at(t_s);
-    for (const Sine& term : terms) {
-      add_sine(point, term.amplitude_rad, term.frequency_hz, term.phase_rad, t_s);
-    }
+    for (const Sine& term : terms) add_sine(point, term, t_s);
     return point;
   }
 };
@@ -81,7 +79,7 @@ struct Sinusoid {
   /// Position to snap at t [s], each differentiated in closed form.
   [[nodiscard]] loop::ReferencePoint at(double t_s) const {
     loop::ReferencePoint point = Hold{offset_rad}.at(t_s);
-    add_sine(point, amplitude_rad, frequency_hz, phase_rad, t_s);
+    add_sine(point, *this, t_s);
     return point;
   }
 };

@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -76,18 +75,8 @@ struct MotionFile {
                   "Of the table's bytes: another table is refused"}
           .by_default("that of the table found")};
 
-  struct Shape {
-    std::shared_ptr<const WaypointSpline> motion;
-
-    /// @throw std::invalid_argument where the file was not read
-    explicit Shape(const MotionFile& file) : motion(file.motion) {
-      if (motion == nullptr) {
-        throw std::invalid_argument("the table " + file.path +
-                                    " is not in the log or message that names it");
-      }
-    }
-    [[nodiscard]] loop::ReferencePoint at(double t_s) const { return motion->at(t_s); }
-  };
+  /// Position to snap at t [s]. Precondition: the file was read (`make_trajectory` sees to it).
+  [[nodiscard]] loop::ReferencePoint at(double t_s) const { return motion->at(t_s); }
 };
 
 }  // namespace tachless::reference::trajectory

@@ -338,6 +338,26 @@ TYPED_TEST(CodecOfArrays, RefusesAValueWithoutEntries) {
   EXPECT_THROW(Codec<Value>({2, 2, 2}).encode({}, Value{}), std::logic_error);
 }
 
+TEST(MeasurementCodec, TakesAndGivesTheTypeThatItsSuffixNamesAndNoOther) {
+  const loop::Layout layout{2, 2, 0};
+  const robot::Vector q = robot::Vector::Constant(2, 0.5);
+  Codec<loop::AnyMeasurement> codec("MOTOR_POSITION", layout);
+  Codec<loop::MotorPositionMeasurement> same(layout);
+  EXPECT_EQ(codec.longest(), same.longest());
+  const auto bytes = codec.encode({1, 2, 3}, loop::MotorPositionMeasurement{q});
+  EXPECT_THAT(bytes, testing::ElementsAreArray(same.encode({1, 2, 3}, {q})));
+
+  loop::Stamp stamp;
+  loop::AnyMeasurement measured = loop::StateMeasurement{};
+  EXPECT_EQ(codec.decode(bytes, stamp, measured), Rejection::none);
+  EXPECT_EQ(stamp.tick, 3);
+  EXPECT_EQ(std::get<loop::MotorPositionMeasurement>(measured).theta, q);
+  Codec<loop::PositionMeasurement> other(layout);
+  EXPECT_EQ(codec.decode(other.encode({1, 2, 3}, {q}), stamp, measured), Rejection::wrong_type);
+  EXPECT_THROW((void)codec.encode({1, 2, 3}, loop::PositionMeasurement{q}),
+               std::bad_variant_access);
+}
+
 TEST(StateCodec, RejectsHostileMotorCounts) {
   codec_checks::rejects_counts<StateType>(body + 4, {2, 2, 1});
   codec_checks::rejects_counts<StateType>(body + 4, {2, 0, 1});

@@ -43,12 +43,14 @@ void expect_equal(const TickRecord& a, const TickRecord& b) {
     EXPECT_EQ(a.truth->saturated, b.truth->saturated);
     EXPECT_EQ(a.truth->fault, b.truth->fault);
   }
-  EXPECT_EQ(a.measurement.index(), b.measurement.index());
-  if (const auto* x = std::get_if<loop::PositionMeasurement>(&a.measurement)) {
-    expect_equal(x->q, std::get<loop::PositionMeasurement>(b.measurement).q);
+  ASSERT_EQ(a.measurement.has_value(), b.measurement.has_value());
+  if (!a.measurement) return;
+  EXPECT_EQ(a.measurement->index(), b.measurement->index());
+  if (const auto* x = std::get_if<loop::PositionMeasurement>(&*a.measurement)) {
+    expect_equal(x->q, std::get<loop::PositionMeasurement>(*b.measurement).q);
   }
-  if (const auto* x = std::get_if<loop::LinkStateMeasurement>(&a.measurement)) {
-    expect_equal(x->theta, std::get<loop::LinkStateMeasurement>(b.measurement).theta);
+  if (const auto* x = std::get_if<loop::LinkStateMeasurement>(&*a.measurement)) {
+    expect_equal(x->theta, std::get<loop::LinkStateMeasurement>(*b.measurement).theta);
   }
 }
 

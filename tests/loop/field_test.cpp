@@ -89,7 +89,7 @@ std::vector<Declared> declared_in_table() {
 
 TEST(Fields, AreThoseOfTheLcmFilesInTheirOrder) {
   const auto compare = []<class Value>(std::type_identity<Value>) {
-    EXPECT_EQ(declared_in_table<Value>(), declared_in_file(std::string(MessageOf<Value>::type)));
+    EXPECT_EQ(declared_in_table<Value>(), declared_in_file(std::string(Value::type)));
   };
   for_each_type(Messages(), compare);
   compare(std::type_identity<truth::PlantTruth>());

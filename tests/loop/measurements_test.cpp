@@ -29,6 +29,13 @@ TEST(Measurements, AreFoundBySuffix) {
   EXPECT_EQ(calls, 1);
 }
 
+TEST(Measurements, AreMadeEmptyBySuffix) {
+  for (std::size_t i = 0; i < measurement_suffixes.size(); ++i) {
+    EXPECT_EQ(measurement_of(measurement_suffixes.at(i)).value().index(), i);
+  }
+  EXPECT_FALSE(measurement_of("COMMAND").has_value());
+}
+
 TEST(Measurements, AGreaterOneHoldsALesserOne) {
   EXPECT_TRUE((is_part_of<PositionMeasurement, StateMeasurement>()));
   EXPECT_TRUE((is_part_of<LinkStateMeasurement, StateMeasurement>()));

@@ -145,15 +145,28 @@ TEST(GuardedRobot, IsSensedAsItWasSomeTicksAgo) {
         moving("paper_rigid", R"(lower="-3" upper="3" effort="100" velocity="10")",
                {fmt::format("plant.encoder.latency_ticks={}", latency)});
     GuardedRobot robot(scenario);
+    robot.feed("POSITION");
     robot.start();
     std::vector<robot::Vector> q;
     for (std::int64_t k = 0; k < 40; ++k) {
       q.push_back(robot.read(k).q);
-      EXPECT_EQ(robot.sensed().q,
+      EXPECT_EQ(std::get<loop::PositionMeasurement>(robot.measure(k)).q,
                 q.at(static_cast<std::size_t>(std::max<std::int64_t>(k - latency, 0))));
       coast(robot, k);
     }
     EXPECT_NE(q.front(), q.back());
+  }
+}
+
+TEST(GuardedRobot, FeedsALawWithNothingThatIsNoMeasurement) {
+  const experiment::Scenario scenario = moving("paper_rigid", slow);
+  GuardedRobot robot(scenario);
+  try {
+    robot.feed("COMMAND");
+    FAIL();
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::protocol_violated);
+    EXPECT_THAT(failure.what(), HasSubstr("'COMMAND'"));
   }
 }
 

@@ -161,7 +161,7 @@ TEST_F(ReplayTest, AnotherGainGivesTheDifferenceThatTheLawSays) {
   double largest = 0;
   for (std::size_t k = 0; log.next(record); ++k) {
     const double e =
-        std::get<loop::PositionMeasurement>(record.measurement).q[0] - record.reference->q_ref[0];
+        std::get<loop::PositionMeasurement>(*record.measurement).q[0] - record.reference->q_ref[0];
     // Torques of up to 1e3 N m, rounded a few times: 1e3 * 2.2e-16 * 10.
     EXPECT_NEAR(differences[k], 10000 * e, 3e-12);
     largest = std::max(largest, std::abs(10000 * e));

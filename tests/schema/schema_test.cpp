@@ -5,7 +5,8 @@
 
 namespace tachless::schema::testing {
 
-enum class Side { link, motor };
+enum class Side { motor, link };
+constexpr std::array<std::string_view, 2> names(Side /*type*/) { return {"motor", "link"}; }
 
 struct Plain {
   double x = 2;
@@ -40,15 +41,6 @@ struct Gains {
       Key{"places", &Gains::places, "", "Where"}};
 };
 
-}  // namespace tachless::schema::testing
-
-namespace tachless::schema {
-template <>
-inline constexpr std::array<Name<testing::Side>, 2> names<testing::Side>{
-    {{testing::Side::motor, "motor"}, {testing::Side::link, "link"}}};
-}  // namespace tachless::schema
-
-namespace tachless::schema::testing {
 namespace {
 
 using ::testing::ElementsAre;

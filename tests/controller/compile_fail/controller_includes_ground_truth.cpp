@@ -9,5 +9,5 @@
 using namespace tachless;
 
 std::string_view channel_of(const controller::law::LoriaOrtegaRigid& /*law*/) {
-  return loop::MessageOf<controller::law::LoriaOrtegaRigid::Measurement>::suffix;
+  return controller::law::LoriaOrtegaRigid::Measurement::suffix;
 }

@@ -1,4 +1,4 @@
-#include "controller/law/numerical_difference.h"
+#include "controller/law/estimated_velocity.h"
 
 #include <gtest/gtest.h>
 
