@@ -4,14 +4,20 @@
 #include <type_traits>
 
 #include "controller/law/berghuis_nijmeijer.h"
-#include "controller/law/estimated_velocity.h"
-#include "controller/law/flexible_full_state.h"
+#include "controller/law/computed_torque.h"
 #include "controller/law/kalman_velocity.h"
 #include "controller/law/kelly_flexible.h"
+#include "controller/law/kelly_regulation.h"
+#include "controller/law/lanari_wen.h"
 #include "controller/law/loria_ortega_flexible.h"
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/law/nicosia_tomei.h"
-#include "controller/law/rigid_full_state.h"
+#include "controller/law/numerical_difference.h"
+#include "controller/law/pd_gravity.h"
+#include "controller/law/robust_differentiator.h"
+#include "controller/law/slotine_li.h"
+#include "controller/law/slotine_li_flexible.h"
+#include "controller/law/wen_bayard.h"
 #include "controller/law/zhang_dawson.h"
 
 /// Every law there is, as a list of types. Includes all their headers: for the registry and for

@@ -1,55 +1,10 @@
 #pragma once
 
-#include <array>
 #include <string_view>
 
-#include "controller/law/parts.h"
-#include "robot/dynamics.h"
+#include "controller/law/filtered_error.h"
 
-/// The law of Loria and Ortega (1995) for rigid joints, and the regulator that it is at a constant
-/// reference. The filter that stands in for velocity is in filter.h.
 namespace tachless::controller::law {
-
-/// Base of the laws for rigid joints that answer the position error by -Kp e - Kd nu, with nudot =
-/// -A nu + B edot, and are proved by eq. 15 of Loria and Ortega (1995); no law by itself.
-class FilteredError : public RigidLaw<FilterGains> {
- public:
-  static constexpr std::array signals{Signal{"error", "rad"}, Signal{"nu", "rad/s"}};
-
-  using Measurement = loop::PositionMeasurement;
-  using Memory = Filter::Memory;
-  using LawOf::LawOf;
-
-  static Gains tuned(const Tuning& t) {
-    return {t.kp(), t.kd(), t.each(t.filter), t.each(t.filter)};
-  }
-
-  [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
-    return filter_.start(measured.q - reference.q_ref);
-  }
-
-  static constexpr std::string_view lyapunov_formula =
-      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė";
-  [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
-                                const LyapunovWeights& weights) const {
-    const Vector edot = state.v - reference.v_ref;
-    return equation_15(state.q - reference.q_ref, edot, state.controller.value[1],
-                       robot::mass_matrix(robot_, state.q) * edot, gains_.kp,
-                       gains_.kd.cwiseQuotient(gains_.b), weights);
-  }
-
- protected:
-  /// The step to tau = feedforward - Kp e - Kd nu.
-  [[nodiscard]] Step<Memory> step_from(const Memory& memory, const Vector& e, int ticks,
-                                       const Vector& feedforward) const {
-    const Memory next = filter_.step(memory, e, ticks);
-    const Vector tau = feedforward - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(next.nu);
-    return {next, {tau}, {signals.size(), {e, next.nu}}};
-  }
-
- private:
-  Filter filter_ = filter(gains_.a, gains_.b);
-};
 
 /// Tracking of a rigid robot from link positions alone, `source`,
 ///
@@ -87,33 +42,5 @@ class LoriaOrtegaRigid : public FilteredError {
 };
 
 static_assert(OutputFeedbackLaw<LoriaOrtegaRigid>);
-
-/// Regulation of a rigid robot from link positions alone, `source`:
-///
-///   tau = g(q) - Kp e - Kd nu,   nudot = -A nu + B edot,   q_ref constant.
-///
-/// `LoriaOrtegaRigid` at a constant reference is this law. The reference is constant by assumption,
-/// so a feed-forward lead changes nothing.
-class KellyRegulation : public FilteredError {
- public:
-  static constexpr std::string_view name = "kelly_regulation";
-  static constexpr std::string_view source =
-      "R. Kelly, R. Ortega, A. Ailon and A. Loria, Global regulation of flexible joint robots "
-      "using approximate differentiation, IEEE Trans. Automatic Control 39(6), 1994, for rigid "
-      "joints";
-  static constexpr std::string_view proved = "globally asymptotically stable, in continuous time";
-  static constexpr std::string_view conditions = "a constant reference; any positive gains";
-  static constexpr bool regulation_only = true;
-
-  using FilteredError::FilteredError;
-
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
-    return step_from(memory, measured.q - reference.q_ref, ticks,
-                     robot::gravity_torque(robot_, measured.q));
-  }
-};
-
-static_assert(OutputFeedbackLaw<KellyRegulation>);
 
 }  // namespace tachless::controller::law

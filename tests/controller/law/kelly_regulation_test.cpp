@@ -1,4 +1,4 @@
-#include "controller/law/loria_ortega_rigid.h"
+#include "controller/law/kelly_regulation.h"
 
 #include <gtest/gtest.h>
 

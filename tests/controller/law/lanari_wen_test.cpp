@@ -1,4 +1,4 @@
-#include "controller/law/flexible_full_state.h"
+#include "controller/law/lanari_wen.h"
 
 #include <gtest/gtest.h>
 

@@ -4,6 +4,7 @@
 
 #include <limits>
 
+#include "controller/law/kelly_regulation.h"
 #include "tests/controller/law/two_link.h"
 
 namespace tachless::controller::law {

@@ -1,4 +1,4 @@
-#include "controller/law/estimated_velocity.h"
+#include "controller/law/numerical_difference.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/rigid_full_state.h"
+#include "controller/law/pd_gravity.h"
 
 #include <gtest/gtest.h>
 

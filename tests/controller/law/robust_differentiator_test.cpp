@@ -1,4 +1,4 @@
-#include "controller/law/estimated_velocity.h"
+#include "controller/law/robust_differentiator.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/flexible_full_state.h"
+#include "controller/law/slotine_li_flexible.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "controller/law/rigid_full_state.h"
+#include "controller/law/slotine_li.h"
 
 #include <gtest/gtest.h>
 
