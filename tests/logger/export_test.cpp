@@ -185,7 +185,7 @@ TEST_F(Export, CsvHoldsEveryNumberInFull) {
   expect_column("nu_1_shoulder_rad_per_s", [](Tick t) { return t.controller_state->value[1](0); });
   expect_column("nu_2_elbow_rad_per_s", [](Tick t) { return t.controller_state->value[3](1); });
   expect_column("error_2_shoulder_rad", [](Tick t) { return t.controller_state->value[2](0); });
-  const auto measured = [](Tick t) { return std::get<loop::LinkStateMeasurement>(t.measurement); };
+  const auto measured = [](Tick t) { return std::get<loop::LinkStateMeasurement>(*t.measurement); };
   expect_column("q_measured_shoulder_rad", [&](Tick t) { return measured(t).q(0); });
   expect_column("v_measured_elbow_rad_per_s", [&](Tick t) { return measured(t).v(1); });
   expect_column("theta_measured_elbow_rad", [&](Tick t) { return measured(t).theta(1); });
