@@ -141,15 +141,19 @@ std::uint64_t RunSummary::gaps() const {
 /// Puts the messages of a log into their ticks.
 class RunLog::Window {
  public:
-  explicit Window(RunLog& log)
+  /// @param held of the window before: its pages, some megabytes, are costly to have anew
+  explicit Window(RunLog& log, std::vector<HeldTick> held = {})
       : reader_(log.reader_),
         described_(log.described_),
         on_event_(log.on_event_),
         summary_(log.summary_),
-        held_(num_held) {
+        held_(std::move(held)) {
+    held_.assign(num_held, none_);
     std::apply([&](auto&... channel) { (make(channel), ...); }, channels_);
     last_seen_.fill(-1);
   }
+
+  std::vector<HeldTick> take_held() { return std::move(held_); }
 
   bool next(TickRecord& record) {
     for (;;) {
@@ -387,7 +391,8 @@ bool RunLog::next(TickRecord& record) { return window_->next(record); }
 void RunLog::rewind() {
   reader_.rewind();
   summary_ = {};
-  window_ = std::make_unique<Window>(*this);
+  window_ =
+      std::make_unique<Window>(*this, window_ ? window_->take_held() : std::vector<HeldTick>());
 }
 
 }  // namespace tachless::logger
