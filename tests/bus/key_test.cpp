@@ -12,6 +12,7 @@
 #include <string>
 
 #include "diagnostics/failure.h"
+#include "tests/support/sanitizer.h"
 #include "tests/support/temporary_directory.h"
 
 using namespace tachless;

@@ -7,6 +7,7 @@
 #include "controller/any_law.h"
 #include "controller/laws.h"
 #include "tests/controller/law/two_link.h"
+#include "tests/support/sanitizer.h"
 
 namespace {
 thread_local std::size_t num_allocations = 0;

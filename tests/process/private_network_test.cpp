@@ -18,6 +18,7 @@
 
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
+#include "tests/support/sanitizer.h"
 
 namespace tachless::process {
 namespace {

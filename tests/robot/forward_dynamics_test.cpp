@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "tests/robot/robots.h"
+#include "tests/support/sanitizer.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define TACHLESS_COUNTS_ALLOCATIONS 0  // the sanitizers' own malloc is in place

@@ -1,4 +1,5 @@
 #include "tests/support/damaged_log.h"
+#include "tests/support/sanitizer.h"
 
 #include <unistd.h>
 

@@ -16,6 +16,7 @@
 #include "bus/wire.h"
 #include "tests/soak/hostile_traffic.h"
 #include "tests/support/private_network.h"
+#include "tests/support/sanitizer.h"
 #include "tests/system/four_programs.h"
 
 using namespace tachless;
