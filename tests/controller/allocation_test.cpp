@@ -7,29 +7,7 @@
 #include "controller/any_law.h"
 #include "controller/laws.h"
 #include "tests/controller/law/two_link.h"
-#include "tests/support/sanitizer.h"
-
-namespace {
-thread_local std::size_t num_allocations = 0;
-}  // namespace
-
-// Eigen allocates by malloc, the rest by operator new, which ends there too. Under a sanitizer
-// malloc is the sanitizer's, which has a hook.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*malloc_hook)(const volatile void*,
-                                                                             std::size_t),
-                                                         void (*free_hook)(const volatile void*));
-namespace {
-const int installed = __sanitizer_install_malloc_and_free_hooks(
-    [](const volatile void*, std::size_t) { ++num_allocations; }, [](const volatile void*) {});
-}  // namespace
-#else
-extern "C" void* __libc_malloc(std::size_t);
-extern "C" void* malloc(std::size_t size) {
-  ++num_allocations;
-  return __libc_malloc(size);
-}
-#endif
+#include "tests/support/counting_new.h"
 
 namespace tachless::controller::law {
 namespace {
@@ -88,7 +66,7 @@ TYPED_TEST(Allocation, NoneInStartAndSteps) {
   typename TypeParam::Measurement measured;
   measure(measured);
 
-  const std::size_t before = num_allocations;
+  const std::size_t before = allocations;
   double sum = 0;
   std::int64_t tick = 0;
   for (int k = 0; k < 101; ++k) {
@@ -96,16 +74,16 @@ TYPED_TEST(Allocation, NoneInStartAndSteps) {
     law.keep(tick);
     tick += k % 3 + 1;
   }
-  const std::size_t after = num_allocations;
+  const std::size_t after = allocations;
   EXPECT_EQ(after - before, 0U);
   EXPECT_TRUE(std::isfinite(sum));
 }
 
 TEST(AllocationCount, SeesWhatIsAllocated) {
-  const std::size_t before = num_allocations;
+  const std::size_t before = allocations;
   const Eigen::VectorXd in_eigen = Eigen::VectorXd::Ones(1000);
   const auto by_new = std::make_unique<double[]>(1000);
-  EXPECT_GE(num_allocations - before, 2U);
+  EXPECT_GE(allocations - before, 2U);
   EXPECT_GT(in_eigen.sum() + by_new[0], 0);
 }
 
