@@ -275,8 +275,7 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
   program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit,
                    "at the start");
   if (!loop::parse_signals(self.signals) ||
-      std::ranges::find(loop::measurement_suffixes, self.measurement) ==
-          loop::measurement_suffixes.end()) {
+      !loop::with_measurement(self.measurement, [](auto) {})) {
     throw Failure(ExitCode::protocol_violated,
                   "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
                   "which this version does not know",
