@@ -76,14 +76,18 @@ std::string output_of(const std::string& program, const std::vector<std::string>
   return tool.output();
 }
 
-std::string letters_in(const std::filesystem::path& picture, const TemporaryDirectory& directory) {
+std::string text_in(const std::filesystem::path& picture, const TemporaryDirectory& directory) {
   const std::string large = directory / "large.png";
   output_of("convert",
             {picture, "-colorspace", "Gray", "-auto-level", "-resize", "400%", "-bordercolor",
              "white", "-border", "20", large},
             directory);
+  return output_of("tesseract", {large, "-", "--psm", "6"}, directory);
+}
+
+std::string letters_in(const std::filesystem::path& picture, const TemporaryDirectory& directory) {
   std::string letters;
-  for (const char c : output_of("tesseract", {large, "-", "--psm", "6"}, directory)) {
+  for (const char c : text_in(picture, directory)) {
     if (std::isalnum(static_cast<unsigned char>(c)) != 0) letters += c;
   }
   return letters;

@@ -36,7 +36,10 @@ class VirtualDisplay {
 std::string output_of(const std::string& program, const std::vector<std::string>& arguments,
                       const TemporaryDirectory& directory);
 
-/// The text in a picture, every character that is neither letter nor digit left out.
+/// The text in a picture, as a reader of texts reads it.
+std::string text_in(const std::filesystem::path& picture, const TemporaryDirectory& directory);
+
+/// The same, every character that is neither letter nor digit left out.
 std::string letters_in(const std::filesystem::path& picture, const TemporaryDirectory& directory);
 
 /// A grey picture in memory.
