@@ -8,11 +8,11 @@
 #include <array>
 #include <atomic>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <utility>
 
 #include "certificate/feasibility.h"
+#include "certificate/linear_loop.h"
 #include "certificate/parallel.h"
 #include "certificate/postures.h"
 #include "certificate/stability_certificate.h"
@@ -31,7 +31,7 @@ using loop::ReferencePoint;
 using robot::Vector;
 
 constexpr double pi = std::numbers::pi;
-constexpr int reference_postures = 5, other_postures = 16;
+constexpr int coarse_reference_postures = 5, other_postures = 16;
 constexpr double default_bandwidth_by_rate = 0.005;  // w / 2 pi over 1 / h
 // The filter is never faster than 1 / h, which the last ratio stands for.
 constexpr std::array filter_ratios = {4.0, 10.0, 1e9};
@@ -39,7 +39,6 @@ constexpr std::array dampings = {1.0, 1.5, 2.0, 3.0};
 constexpr double least_gain_margin = 1.5;
 constexpr double between_frequencies = 1.02;  // the modulus may be that much lower than at them
 constexpr double as_fast = 1.1;  // of the shortest settling time: rules within it count as equal
-constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
 
 /// One of the rules that are tried: all but w and what follows from it.
@@ -105,7 +104,7 @@ class Search {
       mean_.stiffness = drive->stiffness;
       mean_.rotor = drive->rotor_inertia;
     }
-    rests_ = loop_of(1, plain_rule()).rests(reference_postures);
+    rests_ = loop_of(1, plain_rule()).rests(coarse_reference_postures);
     num_reference_ = rests_.size();
     for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(posture_in_range(model, k)));
     inverse_M_ = parallel_map(rests_.size(), [&](std::size_t i) -> Eigen::MatrixXd {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -11,6 +12,8 @@
 /// The closed loop linearised about a reference: a plant in continuous time, a law in discrete
 /// time, and the map of one period that they make with the torque held.
 namespace tachless::certificate {
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// What the plant's state consists of, and hence what a law may measure.
 enum class Part { q = 0, v = 1, theta = 2, thetadot = 3 };

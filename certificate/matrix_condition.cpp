@@ -5,8 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <utility>
+
+#include "certificate/linear_loop.h"
 
 namespace tachless::certificate {
 namespace {
@@ -15,7 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double infinity = std::numeric_limits<double>::infinity();
 /// rho is certified strictly below the value at which Mm turns singular.
 constexpr double strictly_below = 1 - 1e-9;
 

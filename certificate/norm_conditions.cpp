@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <limits>
 #include <numbers>
 
 #include "certificate/linear_loop.h"
@@ -82,7 +81,7 @@ Constant constant(const robot::Model& model, const Postures& postures, int sampl
       model, [&](const Vector& q) { return value(inertia_at(model, q)); }, sampled ? samples : 64);
   Constant result{found, found.value, postures.proved};
   if (!postures.proved || !at_posture) return result;
-  result.bound = -std::numeric_limits<double>::infinity();
+  result.bound = -infinity;
   for (const Inertia& at : postures.inertia) {
     result.bound = std::max(result.bound, at_posture(at));
   }
@@ -154,7 +153,7 @@ struct Positive {
 Positive positive_range(const std::function<double(double)>& f, double low, double high) {
   constexpr int num_points = 2000;
   const double ratio = std::pow(high / low, 1.0 / num_points);
-  Positive result{{0, 0}, low, -std::numeric_limits<double>::infinity()};
+  Positive result{{0, 0}, low, -infinity};
   for (int k = 0; k <= num_points; ++k) {
     const double x = low * std::pow(ratio, k), y = f(x);
     if (y > result.value) result = {{0, 0}, x, y};
@@ -301,7 +300,7 @@ double ScalarCondition::rho(double epsilon) const {
   if (!(corner.determinant() > 0) || !(corner(0, 0) > 0)) return -1;
   const Eigen::Vector2d column = at_0.topRightCorner<2, 1>();
   const double left = at_0(2, 2) - column.dot(corner.inverse() * column);
-  if (k_y_ == 0) return left > 0 ? std::numeric_limits<double>::infinity() : -1;
+  if (k_y_ == 0) return left > 0 ? infinity : -1;
   return left / (k_y_ * epsilon);
 }
 

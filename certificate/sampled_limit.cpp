@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -17,8 +16,6 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
-
-constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// After balancing (Parlett and Reinsch, 1969), which Eigen leaves out: torques of 1e7 N m stand
 /// beside radians, and a slow pole at a short period is within 1e-7 of 1.

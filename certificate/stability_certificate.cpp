@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <variant>
 
 #include "controller/laws.h"
@@ -223,8 +222,7 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
   if (!refusal(scenario).empty()) return {};
   const ErrorLoop loop(scenario);
   if (loop.B_d == 0) {
-    return CertifiedRun{{}, loop.V0({}), std::numeric_limits<double>::infinity(),
-                        0,  true,        provisos(scenario, nullptr)};
+    return CertifiedRun{{}, loop.V0({}), infinity, 0, true, provisos(scenario, nullptr)};
   }
   if (loop.model.num_joints > most_joints_of_certified_run) return {};
   const MatrixCondition coarse = loop.coarse_condition(12), fine = loop.condition(128);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -47,7 +46,7 @@ struct CertifiedRun {
 
   /// Of V after t_s [J], in continuous time; infinite where nothing is certified.
   [[nodiscard]] double bound(double t_s) const {
-    return rate < 0 ? std::numeric_limits<double>::infinity() : V0 * std::exp(-rate * t_s);
+    return rate < 0 ? infinity : V0 * std::exp(-rate * t_s);
   }
 };
 

@@ -51,7 +51,7 @@ std::string html_of(const std::string& enhanced) {
 }
 
 /// "(5,4)" -> [5, 4].
-Json dash_of(const std::string& dash) {
+Json dashes_of(const std::string& dash) {
   return dash.empty() ? Json::array() : Json::parse("[" + dash.substr(1, dash.size() - 2) + "]");
 }
 
@@ -68,7 +68,7 @@ Json curve_of(const Curve& curve) {
           {"run", curve.run},
           {"colour", curve.colour},
           {"width", curve.width},
-          {"dash", dash_of(curve.dash)},
+          {"dash", dashes_of(curve.dash)},
           {"points", base64(values)}};
 }
 

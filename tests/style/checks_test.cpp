@@ -14,10 +14,11 @@ namespace {
 
 using tachless::support::Outcome;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 const std::string root = TACHLESS_SOURCE_DIR;
 
-/// A source tree of one file under this project's rules, and what its build leaves behind.
+/// A source tree of two files under this project's rules, and what its build leaves behind.
 class AFile : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -29,9 +30,16 @@ class AFile : public ::testing::Test {
     std::filesystem::create_directories(directory_ / "cmake");
     write("cmake/rooms.txt", "robot  a room\n");
     write("build/build.ninja", "");
-    write("build/compile_commands.json", R"([{"directory": ")" + directory_.path().string() +
-                                             R"(", "command": "c++ -std=c++20 -c robot/a.cpp", )" +
-                                             R"("file": "robot/a.cpp"}])");
+    std::string commands;
+    for (const std::string name : {"a", "b"}) {
+      const std::string file = directory_ / ("robot/" + name + ".cpp");
+      commands += (commands.empty() ? "[\n{\n" : ",\n{\n");
+      commands += "  \"directory\": \"" + directory_.path().string() + "\",\n";
+      commands += "  \"command\": \"c++ -std=c++20 -o " + name + ".cpp.o -c " + file + "\",\n";
+      commands += "  \"file\": \"" + file + "\"\n}";
+      write("robot/" + name + ".cpp", "");
+    }
+    write("build/compile_commands.json", commands + "\n]\n");
   }
 
   void write(const std::string& name, const std::string& text) {
@@ -66,6 +74,18 @@ TEST_F(AFile, ThatPassedIsLookedAtAgainOnceItChanges) {
   for (int i = 0; i < 2; ++i) EXPECT_EQ(clang_tidy().exit_code, 0) << clang_tidy().output;
   write("robot/a.cpp", "int wellNamed = 2;\n");
   EXPECT_NE(clang_tidy().exit_code, 0);
+}
+
+TEST_F(AFile, MayHaveTheNamesOfAnother) {
+  for (const char* name : {"robot/a.cpp", "robot/b.cpp"}) {
+    write(name, "namespace {\nint same = 1;\n}\nint main() { return same; }\n");
+  }
+  EXPECT_EQ(clang_tidy().exit_code, 0) << clang_tidy().output;
+  write("robot/b.cpp", "namespace {\nint same = 1, notTheSame = 2;\n}\n");
+  const Outcome outcome = clang_tidy();
+  EXPECT_NE(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.output, HasSubstr("clang-tidy objects to robot/b.cpp"));
+  EXPECT_THAT(outcome.output, Not(HasSubstr("robot/a.cpp")));
 }
 
 TEST_F(AFile, ThatClangFormatWouldWriteDifferentlyFails) {
