@@ -29,7 +29,7 @@ sed -nE 's/^  "command": "(.*) -o [^ ]+ -c ([^ ]+)",$/\1\t\2/p' "$scratch/compil
   awk -F'\t' -v to="$scratch/batch" -v from="$source_dir/" -v in_dir="$build_dir" '
     $1 != command || ++size > 15 {
       command = $1; size = 1; batch = to "/" ++batches
-      printf "%s{\"directory\": \"%s\", \"command\": \"%s -c %s.cpp\", \"file\": \"%s.cpp\"}",
+      printf "%s{\"directory\": \"%s\", \"command\": \"%s -Wno-shadow -c %s.cpp\", \"file\": \"%s.cpp\"}",
         (batches > 1 ? ",\n" : "["), in_dir, command, batch, batch > (to "/compile_commands.json")
     }
     { print "#define main main_of_" size "\n#include \"" $2 "\"  // NOLINT\n#undef main" > (batch ".cpp")
@@ -40,7 +40,7 @@ find "${rooms[@]}" -name '*.cpp' | grep -v -x -F "$compiled" |
   while IFS= read -r file; do echo "$file" >"$scratch/batch/alone-${file//\//-}.files"; done || true
 
 objections() {
-  clang-tidy -p "$1" --config-file=.clang-tidy --extra-arg=-Wno-unknown-warning-option --extra-arg=-Wno-shadow --quiet \
+  clang-tidy -p "$1" --config-file=.clang-tidy --extra-arg=-Wno-unknown-warning-option --quiet \
     --header-filter="/($either)/([^/]*/)*[^/]*\\.(h|cpp)\$" "$2" 2>&1
 }
 
@@ -70,4 +70,4 @@ export -f check objections
 export source_dir scratch passed dependencies either
 
 find "$scratch/batch" -name '*.files' -print0 |
-  xargs -0 -n 1 -P 2 bash -c 'set -uo pipefail; check "$1"' bash
+  xargs -0 -n 1 -P 2 bash -c 'set -euo pipefail; check "$1"' bash
