@@ -42,12 +42,12 @@ constexpr const char* url = "udpm://239.255.76.67:7667?ttl=0";
 constexpr std::size_t payload_size = 68;  // a position_measurement_t of four joints
 using Payload = std::array<std::byte, payload_size>;
 
-/// One side of a ping-pong: says something on one channel, waits for something on another.
+/// One side of a ping-pong: sends on one channel, receives on another.
 class Side {
  public:
   virtual ~Side() = default;
-  virtual void say(const Payload& payload) = 0;
-  virtual bool hear() = 0;  ///< false after a second of silence
+  virtual void send(const Payload& payload) = 0;
+  virtual bool receive() = 0;  ///< false after a second of silence
 };
 
 class OwnSide final : public Side {
@@ -55,8 +55,8 @@ class OwnSide final : public Side {
   OwnSide(std::string out, const std::string& in) : out_(std::move(out)), transport_(url) {
     transport_.subscribe(in);
   }
-  void say(const Payload& payload) override { transport_.publish(out_, payload); }
-  bool hear() override { return transport_.receive(Clock::now() + seconds(1)).has_value(); }
+  void send(const Payload& payload) override { transport_.publish(out_, payload); }
+  bool receive() override { return transport_.receive(Clock::now() + seconds(1)).has_value(); }
 
  private:
   std::string out_;
@@ -72,10 +72,10 @@ class LiblcmSide final : public Side {
         [](const lcm_recv_buf_t*, const char*, void* heard) { ++*static_cast<int*>(heard); },
         &heard_);
   }
-  void say(const Payload& payload) override {
+  void send(const Payload& payload) override {
     lcm_.publish(out_, payload.data(), static_cast<unsigned>(payload.size()));
   }
-  bool hear() override {
+  bool receive() override {
     const int before = heard_;
     while (heard_ == before) {
       if (lcm_.handleTimeout(1000) <= 0) return false;
@@ -101,11 +101,11 @@ class RawSide final : public Side {
       throw std::runtime_error("no UDP socket");
     }
   }
-  void say(const Payload& payload) override {
+  void send(const Payload& payload) override {
     ::sendto(fd_.get(), payload.data(), payload.size(), 0, reinterpret_cast<const sockaddr*>(&to_),
              sizeof to_);
   }
-  bool hear() override {
+  bool receive() override {
     Payload payload;
     return ::recv(fd_.get(), payload.data(), payload.size(), 0) > 0;
   }
@@ -152,7 +152,7 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
     const auto side = make("PONG", "PING");
     if (::write(up[1], "", 1) != 1) return;
     for (const Payload payload{};;) {
-      if (side->hear()) side->say(payload);
+      if (side->receive()) side->send(payload);
     }
   });
   const pid_t talker = chatter ? in_child([] {
@@ -172,12 +172,12 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
   ::close(up[1]);
   const Payload payload{};
   std::vector<double> round_trip_us;
-  int silences = 0;
+  int lost = 0;
   for (int i = -round_trips / 10; i < round_trips; ++i) {  // the first tenth warms up
     const auto start = Clock::now();
-    side->say(payload);
-    if (!side->hear()) {
-      ++silences;
+    side->send(payload);
+    if (!side->receive()) {
+      ++lost;
       continue;
     }
     const std::chrono::duration<double, std::micro> taken = Clock::now() - start;
@@ -189,8 +189,8 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
   const auto quantile = [&](double q) {
     return round_trip_us.at(static_cast<std::size_t>(q * double(round_trip_us.size() - 1)));
   };
-  std::printf("%-32s p50 %6.1f us   p99 %6.1f us   p99.9 %7.1f us   silences %d\n", name,
-              quantile(0.5), quantile(0.99), quantile(0.999), silences);
+  std::printf("%-32s p50 %6.1f us   p99 %6.1f us   p99.9 %7.1f us   lost %d\n", name,
+              quantile(0.5), quantile(0.99), quantile(0.999), lost);
   std::fflush(stdout);
 }
 

@@ -1,12 +1,9 @@
 // What a loop of four processes costs without this project: the six datagrams of a tick, of the
 // same sizes and with the same plant, between four processes that check, repeat and record nothing.
-//   loop_peers c|liblcm SCENARIO [--set KEY=VALUE] [--ticks N] [--cpus P,R,C,L] [--nap US]
-//       [--busy US]
-// `c`: one socket each with a kernel filter on the first byte, blocking recv. `liblcm`: a
-// subscription with a handler for each channel, as its tutorial has it. --cpus: where plant,
-// reference, controller and logger run (where the scheduler likes). --nap: the logger empties its
-// socket, then sleeps. --busy: the plant waits so long instead of integrating. In a private
-// network; prints a line of JSON.
+//   loop_peers SCENARIO [--set KEY=VALUE] [--ticks N] [--cpus P,R,C,L] [--nap US]
+// One socket each with a kernel filter on the first byte, blocking recv. --cpus: where plant,
+// reference, controller and logger run (default: the scheduler's choice). --nap: the logger empties
+// its socket, then sleeps. In a private network; prints ticks per second.
 
 #include <arpa/inet.h>
 #include <linux/filter.h>
@@ -21,13 +18,8 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <functional>
-#include <iterator>
-#include <lcm/lcm-cpp.hpp>
-#include <memory>
 #include <optional>
 #include <sstream>
 #include <stdexcept>
@@ -70,13 +62,11 @@ struct Message {
 };
 
 struct Options {
-  bool liblcm = false;
   std::string scenario;
   std::vector<std::string> overrides;
   std::int64_t ticks = 20'000;
   std::vector<int> cpus;
   int nap_us = 0;
-  double busy_us = 0;
 };
 
 /// Sizes of our messages as datagrams, channel name and LCM's header included [bytes].
@@ -98,17 +88,10 @@ std::array<std::size_t, num_kinds> sizes_of(const experiment::Scenario& scenario
   return sizes;
 }
 
+/// The multicast group of the loop, from which one role receives what it wants.
 class Bus {
  public:
-  virtual ~Bus() = default;
-  virtual void say(const Message& message, std::size_t size) = 0;
-  /// @return false after `reply_s` of silence, or, without `wait`, when there is nothing
-  virtual bool hear(Message& message, bool wait) = 0;
-};
-
-class RawBus final : public Bus {
- public:
-  explicit RawBus(Role role) : in_(open()), out_(open()) {
+  explicit Bus(Role role) : in_(open()), out_(open()) {
     std::uint32_t mask = 0;
     for (std::uint32_t kind = 0; kind < num_kinds; ++kind)
       mask |= wanted[role][kind] ? 1U << kind : 0;
@@ -137,10 +120,11 @@ class RawBus final : public Bus {
       throw std::runtime_error(std::strerror(errno));
     }
   }
-  void say(const Message& message, std::size_t size) override {
+  void send(const Message& message, std::size_t size) {
     if (::send(out_, &message, size, 0) < 0) throw std::runtime_error(std::strerror(errno));
   }
-  bool hear(Message& message, bool wait) override {
+  /// @return false after `reply_s` of silence, or, without `wait`, when there is nothing
+  bool receive(Message& message, bool wait) {
     return ::recv(in_, &message, sizeof message, wait ? 0 : MSG_DONTWAIT) > 0;
   }
 
@@ -155,50 +139,6 @@ class RawBus final : public Bus {
   int in_, out_;  // end with the process
 };
 
-class LiblcmBus final : public Bus {
- public:
-  explicit LiblcmBus(Role role) : lcm_("udpm://239.255.76.67:7667?ttl=0") {
-    if (!lcm_.good()) throw std::runtime_error("liblcm does not start");
-    for (std::size_t kind = 0; kind < num_kinds; ++kind) {
-      if (wanted[role][kind]) lcm_.subscribe(channel_names[kind], &LiblcmBus::on_message, this);
-    }
-  }
-  void say(const Message& message, std::size_t size) override {
-    // Its own header and the channel's name come on top of the data.
-    const char* const channel = channel_names[message.kind];
-    const std::size_t smallest = offsetof(Message, values);
-    lcm_.publish(channel, &message,
-                 static_cast<unsigned>(std::max(smallest, size - 9 - std::strlen(channel))));
-  }
-  bool hear(Message& message, bool wait) override {
-    heard_ = false;
-    into_ = &message;
-    while (!heard_) {
-      if (lcm_.handleTimeout(wait ? static_cast<int>(1000 * reply_s) : 0) <= 0) return false;
-    }
-    return true;
-  }
-
- private:
-  void on_message(const lcm::ReceiveBuffer* received, const std::string&) {
-    std::memcpy(into_, received->data, std::min<std::size_t>(received->data_size, sizeof *into_));
-    heard_ = true;
-  }
-  lcm::LCM lcm_;
-  Message* into_ = nullptr;
-  bool heard_ = false;
-};
-
-double microseconds_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::micro>(Clock::now() - start).count();
-}
-
-double median(std::vector<double>& values) {
-  const auto middle = values.begin() + std::ssize(values) / 2;
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 class Loop {
  public:
   Loop(const Options& options, const experiment::Scenario& scenario)
@@ -211,18 +151,14 @@ class Loop {
       CPU_SET(static_cast<std::size_t>(options_.cpus.at(role)), &set);
       if (sched_setaffinity(0, sizeof set, &set) != 0) throw std::runtime_error("no such CPU");
     }
-    if (options_.liblcm) {
-      bus_ = std::make_unique<LiblcmBus>(role);
-    } else {
-      bus_ = std::make_unique<RawBus>(role);
-    }
+    bus_.emplace(role);
     char byte = 0;
     if (::write(ready, &byte, 1) != 1) throw std::runtime_error("pipe");
     if (role == plant_role) {
       if (::read(go, &byte, 1) != 1) throw std::runtime_error("pipe");
       plant();
     } else if (role == reference_role) {
-      while (hear(tick)) say(reference, message_.tick + 1);
+      while (receive(tick)) send(reference, message_.tick + 1);
     } else if (role == controller_role) {
       controller();
     } else {
@@ -231,30 +167,30 @@ class Loop {
   }
 
  private:
-  bool hear(Kind kind) {
+  bool receive(Kind kind) {
     do {
-      if (!bus_->hear(message_, true)) return false;
+      if (!bus_->receive(message_, true)) return false;
     } while (message_.kind != kind);
     return true;
   }
-  void say(Kind kind, std::int64_t k) {
+  void send(Kind kind, std::int64_t k) {
     message_.kind = kind;
     message_.tick = k;
-    bus_->say(message_, sizes_[kind]);
+    bus_->send(message_, sizes_[kind]);
   }
 
   void controller() {
     for (std::int64_t k = 0, known = 0;; ++k) {
       bool measured = false;
       while (!measured || known < k) {
-        if (!bus_->hear(message_, true)) return;
+        if (!bus_->receive(message_, true)) return;
         if (message_.kind == measurement) measured = true;
         if (message_.kind == reference) known = message_.tick;
       }
       const double sign = k % 2 == 0 ? 1 : -1;
       for (int i = 0; i < scenario_.num_joints; ++i) message_.values[std::size_t(i)] = sign;
-      say(command, k);
-      say(signals, k);
+      send(command, k);
+      send(signals, k);
     }
   }
 
@@ -264,41 +200,25 @@ class Loop {
     // Jumps of 20 rad/s^2 at every joint.
     const robot::Vector jump = 10 * robot::mass_matrix(model, arm.state().q).diagonal();
     robot::Vector tau(scenario_.num_joints);
-    std::vector<double> step_us, round_trip_us;
     auto begun = Clock::now();
     for (std::int64_t k = 0; k < options_.ticks + warm_up; ++k) {
-      if (k == warm_up) {
-        step_us.clear();
-        round_trip_us.clear();
-        begun = Clock::now();
-      }
-      const auto asked = Clock::now();
-      say(tick, k);
-      say(measurement, k);
-      if (!hear(command)) throw std::runtime_error("no command: a datagram was lost");
-      round_trip_us.push_back(microseconds_since(asked));
+      if (k == warm_up) begun = Clock::now();
+      send(tick, k);
+      send(measurement, k);
+      if (!receive(command)) throw std::runtime_error("no command: a datagram was lost");
       for (int i = 0; i < scenario_.num_joints; ++i)
         tau[i] = jump[i] * message_.values[std::size_t(i)];
-      say(truth, k);
-      const auto stepped = Clock::now();
-      if (options_.busy_us == 0) {
-        arm.advance(tau, static_cast<double>(k + 1) * scenario_.loop.period_s);
-      } else {
-        while (microseconds_since(stepped) < options_.busy_us) {
-        }
-      }
-      step_us.push_back(microseconds_since(stepped));
+      send(truth, k);
+      arm.advance(tau, static_cast<double>(k + 1) * scenario_.loop.period_s);
     }
-    const double wall_s = 1e-6 * microseconds_since(begun);
-    std::printf("{\"ticks_per_s\": %.1f, \"step_us\": %.2f, \"round_trip_us\": %.2f}\n",
-                static_cast<double>(options_.ticks) / wall_s, median(step_us),
-                median(round_trip_us));
+    const std::chrono::duration<double> wall = Clock::now() - begun;
+    std::printf("%.1f\n", static_cast<double>(options_.ticks) / wall.count());
     std::fflush(stdout);
   }
 
   void log() {
     for (std::int64_t heard = 0;; ++heard) {
-      if (bus_->hear(message_, options_.nap_us == 0)) continue;
+      if (bus_->receive(message_, options_.nap_us == 0)) continue;
       ::usleep(static_cast<useconds_t>(options_.nap_us));
     }
   }
@@ -306,22 +226,20 @@ class Loop {
   const Options& options_;
   const experiment::Scenario& scenario_;
   std::array<std::size_t, num_kinds> sizes_;
-  std::unique_ptr<Bus> bus_;
+  std::optional<Bus> bus_;
   Message message_;
 };
 
 Options options_of(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.size() < 2 || words.size() % 2 != 0) throw std::invalid_argument("see loop_peers.cpp");
+  if (words.size() % 2 == 0) throw std::invalid_argument("see loop_peers.cpp");
   Options options;
-  options.liblcm = words[0] == "liblcm";
-  options.scenario = words[1];
-  for (std::size_t i = 2; i < words.size(); i += 2) {
+  options.scenario = words[0];
+  for (std::size_t i = 1; i < words.size(); i += 2) {
     const std::string& value = words[i + 1];
     if (words[i] == "--set") options.overrides.push_back(value);
     if (words[i] == "--ticks") options.ticks = std::stoll(value);
     if (words[i] == "--nap") options.nap_us = std::stoi(value);
-    if (words[i] == "--busy") options.busy_us = std::stod(value);
     if (words[i] == "--cpus") {
       std::istringstream list(value);
       for (std::string cpu; std::getline(list, cpu, ',');) options.cpus.push_back(std::stoi(cpu));

@@ -14,9 +14,7 @@
 
 using namespace tachless;
 
-/// What a tick costs the plant, for each integrator, at 2 and 7 joints, with the torque jumping
-/// every tick: `Tick/<integrator>/<joints>/<-log10 accuracy>/<period in us>`. At 50 us (the period
-/// of paper_rigid) and 1000 us (practical_rigid).
+/// A tick of 50 us with the torque jumping every tick, by the plant and by bare Simbody.
 namespace {
 
 robot::Model model(int joints) {
@@ -35,40 +33,6 @@ plant::ArmState start(int joints) {
   state.v = robot::Vector::Constant(joints, 0.5);
   return state;
 }
-
-void Acceleration(benchmark::State& bench) {
-  const int joints = static_cast<int>(bench.range(0));
-  const plant::Arm arm(model(joints), {}, start(joints));
-  const robot::Vector tau = robot::Vector::Constant(joints, 1);
-  for (auto _ : bench) benchmark::DoNotOptimize(arm.acceleration(tau));
-}
-BENCHMARK(Acceleration)->Arg(2)->Arg(7);
-
-void Tick(benchmark::State& bench) {
-  const int joints = static_cast<int>(bench.range(1));
-  plant::ArmOptions options;
-  options.integrator.method = static_cast<plant::Integrator>(bench.range(0));
-  options.integrator.accuracy = std::pow(10.0, -static_cast<double>(bench.range(2)));
-  const double h = static_cast<double>(bench.range(3)) * 1e-6;
-  const robot::Model robot = model(joints);
-  plant::Arm arm(robot, options, start(joints));
-  // Jumps of 20 rad/s^2 at every joint.
-  const robot::Vector torque = 10 * robot::mass_matrix(robot, start(joints).q).diagonal();
-  robot::Vector tau = torque;
-  std::int64_t k = 0;
-  for (auto _ : bench) {
-    ++k;
-    tau = k % 2 == 0 ? torque : -torque;
-    arm.advance(tau, static_cast<double>(k) * h);
-  }
-  bench.counters["steps"] =
-      static_cast<double>(arm.integrator_steps()) / static_cast<double>(bench.iterations());
-}
-BENCHMARK(Tick)
-    ->ArgNames({"integrator", "joints", "accuracy", "period"})
-    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {2, 7}, {6}, {50}})
-    ->ArgsProduct({{0, 1, 2}, {2, 7}, {9}, {50, 1000}})
-    ->ArgsProduct({{0, 1, 2}, {2}, {11}, {50, 1000}});
 
 /// Two links of a metre, or the seven joints of an iiwa: robots without mimic joints, which bare
 /// Simbody can have too.

@@ -1,15 +1,8 @@
-// What a tick pays for mechanics: inverse dynamics over double and jets, the inertia matrix,
-// forward dynamics, for the two-link arm (2: four bodies, two of them by mimic), the seven-joint
-// arm (7) and chains of 30 and 60 joints; and the same by Pinocchio and by DART, where CMake has
-// found them, of the same tree.
+// Inverse dynamics, inertia matrix and forward dynamics of the two-link arm (2: four bodies, two of
+// them by mimic), the seven-joint arm (7) and a chain of 30 joints; and by Pinocchio of the same
+// tree, where CMake has found it.
 #include <benchmark/benchmark.h>
 
-#ifdef TACHLESS_HAS_DART
-#include <dart/dynamics/BodyNode.hpp>
-#include <dart/dynamics/PrismaticJoint.hpp>
-#include <dart/dynamics/RevoluteJoint.hpp>
-#include <dart/dynamics/Skeleton.hpp>
-#endif
 #ifdef TACHLESS_HAS_PINOCCHIO
 #include <pinocchio/algorithm/aba.hpp>
 #include <pinocchio/algorithm/crba.hpp>
@@ -18,10 +11,7 @@
 #include <pinocchio/multibody/model.hpp>
 #endif
 
-#include <type_traits>
-
 #include "robot/dynamics.h"
-#include "robot/jet.h"
 #include "robot/model.h"
 #include "tests/robot/robots.h"
 
@@ -29,9 +19,7 @@ using namespace tachless;
 
 namespace {
 
-using robot::Jet2;
 using robot::Model;
-using robot::VectorOf;
 
 Model load(int num_joints) {
   if (num_joints == 2) return robot::testing::two_link();
@@ -40,7 +28,6 @@ Model load(int num_joints) {
 }
 
 /// A state that changes a little with every iteration, so that nothing is computed beforehand.
-template <class Vector>
 struct State {
   explicit State(int n) : q(n), v(n), a(n) {
     for (int i = 0; i < n; ++i) {
@@ -50,47 +37,33 @@ struct State {
     }
   }
   void nudge() { q[0] += 1e-6; }
-  Vector q, v, a;
+  robot::Vector q, v, a;
 };
 
 /// Times `compute(model, state)` at a state that moves.
-template <class Scalar, class Compute>
+template <class Compute>
 void time(benchmark::State& bench, const Compute& compute) {
   const Model model = load(static_cast<int>(bench.range(0)));
-  State<VectorOf<Scalar>> s(model.num_joints);
+  State s(model.num_joints);
   for (auto _ : bench) {
     s.nudge();
     benchmark::DoNotOptimize(compute(model, s));
   }
 }
 
-template <class Scalar>
 void inverse_dynamics(benchmark::State& bench) {
-  time<Scalar>(bench, [](auto& m, auto& s) { return robot::inverse_dynamics(m, s.q, s.v, s.a); });
+  time(bench, [](auto& m, auto& s) { return robot::inverse_dynamics(m, s.q, s.v, s.a); });
 }
-template <class Scalar>
-void inverse_dynamics_bilinear(benchmark::State& bench) {
-  time<Scalar>(bench, [](auto& m, auto& s) {
-    return robot::inverse_dynamics_bilinear(m, s.q, s.v, s.a, s.a);
-  });
-}
-template <class Scalar>
 void mass_matrix(benchmark::State& bench) {
-  time<Scalar>(bench, [](auto& m, auto& s) { return robot::mass_matrix(m, s.q); });
+  time(bench, [](auto& m, auto& s) { return robot::mass_matrix(m, s.q); });
 }
-template <class Scalar>
 void forward_dynamics(benchmark::State& bench) {
-  time<Scalar>(bench, [](auto& m, auto& s) { return robot::forward_dynamics(m, s.q, s.v, s.a); });
+  time(bench, [](auto& m, auto& s) { return robot::forward_dynamics(m, s.q, s.v, s.a); });
 }
-#define TACHLESS_SIZES ->Arg(2)->Arg(7)->Arg(30)->Arg(60)
-BENCHMARK_TEMPLATE(inverse_dynamics, double) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(mass_matrix, double) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(forward_dynamics, double) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(inverse_dynamics_bilinear, double) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(inverse_dynamics, Jet2) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(inverse_dynamics_bilinear, Jet2) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(mass_matrix, Jet2) TACHLESS_SIZES;
-BENCHMARK_TEMPLATE(forward_dynamics, Jet2) TACHLESS_SIZES;
+#define TACHLESS_SIZES ->Arg(2)->Arg(7)->Arg(30)
+BENCHMARK(inverse_dynamics) TACHLESS_SIZES;
+BENCHMARK(mass_matrix) TACHLESS_SIZES;
+BENCHMARK(forward_dynamics) TACHLESS_SIZES;
 
 #ifdef TACHLESS_HAS_PINOCCHIO
 
@@ -118,7 +91,7 @@ template <class Compute>
 void time_peer(benchmark::State& bench, const Compute& compute) {
   const pinocchio::Model model = peer(load(static_cast<int>(bench.range(0))));
   pinocchio::Data data(model);
-  State<Eigen::VectorXd> s(model.nv);
+  State s(model.nv);
   for (auto _ : bench) {
     s.nudge();
     compute(model, data, s);
@@ -138,73 +111,6 @@ void pinocchio_aba(benchmark::State& bench) {
 BENCHMARK(pinocchio_rnea) TACHLESS_SIZES;
 BENCHMARK(pinocchio_crba) TACHLESS_SIZES;
 BENCHMARK(pinocchio_aba) TACHLESS_SIZES;
-
-#endif
-
-#ifdef TACHLESS_HAS_DART
-
-/// The same tree, as above.
-dart::dynamics::SkeletonPtr dart_peer(const Model& model) {
-  using namespace dart::dynamics;
-  SkeletonPtr peer = Skeleton::create();
-  peer->setGravity(model.gravity);
-  for (const robot::Body& b : model.bodies) {
-    BodyNode* const parent =
-        b.parent < 0 ? nullptr : peer->getBodyNode(static_cast<std::size_t>(b.parent));
-    Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
-    X.linear() = b.R_PB;
-    X.translation() = b.p_PB;
-    BodyNode::Properties body;
-    body.mName = b.link;
-    body.mInertia = Inertia(b.mass, b.p_Bcm, b.I_Bcm);
-    const auto add = [&](auto joint) {
-      using Joint = typename decltype(joint)::type;
-      typename Joint::Properties properties;
-      properties.mName = b.joint;
-      properties.mT_ParentBodyToJoint = X;
-      properties.mAxis = b.axis_B;
-      peer->createJointAndBodyNodePair<Joint>(parent, properties, body);
-    };
-    if (b.type == robot::JointType::revolute) {
-      add(std::type_identity<RevoluteJoint>());
-    } else {
-      add(std::type_identity<PrismaticJoint>());
-    }
-  }
-  return peer;
-}
-
-/// DART computes nothing twice for the same state: positions and velocities are set each time.
-template <class Compute>
-void time_dart(benchmark::State& bench, const Compute& compute) {
-  const dart::dynamics::SkeletonPtr peer = dart_peer(load(static_cast<int>(bench.range(0))));
-  State<Eigen::VectorXd> s(static_cast<int>(peer->getNumDofs()));
-  for (auto _ : bench) {
-    s.nudge();
-    peer->setPositions(s.q);
-    peer->setVelocities(s.v);
-    compute(*peer, s);
-    benchmark::ClobberMemory();
-  }
-}
-void dart_inverse_dynamics(benchmark::State& bench) {
-  time_dart(bench, [](auto& peer, auto& s) {
-    peer.setAccelerations(s.a);
-    peer.computeInverseDynamics();
-  });
-}
-void dart_mass_matrix(benchmark::State& bench) {
-  time_dart(bench, [](auto& peer, auto&) { benchmark::DoNotOptimize(peer.getMassMatrix()); });
-}
-void dart_forward_dynamics(benchmark::State& bench) {
-  time_dart(bench, [](auto& peer, auto& s) {
-    peer.setForces(s.a);
-    peer.computeForwardDynamics();
-  });
-}
-BENCHMARK(dart_inverse_dynamics) TACHLESS_SIZES;
-BENCHMARK(dart_mass_matrix) TACHLESS_SIZES;
-BENCHMARK(dart_forward_dynamics) TACHLESS_SIZES;
 
 #endif
 

@@ -9,7 +9,7 @@ file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples/project ${PROJECT_BINARY_DIR}/${
 install(DIRECTORY scenarios examples/project DESTINATION ${shared} COMPONENT program)
 install(DIRECTORY ${PROJECT_BINARY_DIR}/${shared}/simbody DESTINATION ${shared} COMPONENT program)
 install(FILES ${PROJECT_BINARY_DIR}/${shared}/tachless_types.jar DESTINATION ${shared}
-  COMPONENT program)
+  COMPONENT program OPTIONAL)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
 install(FILES README.md CHANGELOG.md CITATION.cff LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR}
   COMPONENT program)

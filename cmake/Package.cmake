@@ -7,6 +7,11 @@ set(files ${PROJECT_BINARY_DIR}/package_files)
 add_custom_target(package_files
   COMMAND ${PROJECT_SOURCE_DIR}/cmake/package_files.sh ${PROJECT_BINARY_DIR}/bin ${files} ${PROJECT_VERSION}
   DEPENDS programs VERBATIM)
+find_program(JAVAC javac)
+mark_as_advanced(JAVAC)
+if(JAVAC)
+  add_dependencies(package_files tachless_types_jar)
+endif()
 install(DIRECTORY ${files}/share/ DESTINATION share COMPONENT program OPTIONAL)
 function(tachless_package component package)
   install(FILES cmake/copyright DESTINATION share/doc/${package} COMPONENT ${component} EXCLUDE_FROM_ALL)

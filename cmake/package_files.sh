@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Writes what Debian packages have besides: man pages and completions as the programs tell them,
-# changelog.
+# Writes what Debian packages contain beside programs and libraries: man pages and completions, made
+# from the programs' help texts, and the changelog.
 set -euo pipefail
 usage="usage: package_files.sh PROGRAM_DIR OUT_DIR VERSION"
 programs=${1:?$usage} out=${2:?$usage} version=${3:?$usage}
@@ -11,8 +11,27 @@ zsh=$out/share/zsh/vendor-completions
 rm -rf "$out"
 mkdir -p "$man" "$bash" "$zsh"
 
-"$programs/tachless" completion bash >"$bash/tachless"
-"$programs/tachless" completion zsh >"$zsh/_tachless"
+rows=$("$tree/cmake/completion.sh" "$programs/tachless")
+cat >"$bash/tachless" <<EOF
+_tachless() {
+  local now=\${COMP_WORDS[COMP_CWORD]} before=\${COMP_WORDS[COMP_CWORD-1]} verb=\${COMP_WORDS[1]} offer=
+  ((COMP_CWORD > 1)) || verb=tachless
+  case \$verb,\$before in
+$rows
+  esac
+  mapfile -t COMPREPLY < <(compgen -W "\$offer" -- "\$now")
+}
+complete -o default -F _tachless tachless
+EOF
+cat >"$zsh/_tachless" <<EOF
+#compdef tachless
+local now=\$PREFIX before=\${words[CURRENT-1]} verb=\${words[2]} offer=
+((CURRENT > 2)) || verb=tachless
+case \$verb,\$before in
+$rows
+esac
+if [[ -n \$offer ]]; then compadd -- \${=offer}; else _files; fi
+EOF
 
 # man_page PROGRAM [INCLUDED FILE]
 man_page() {

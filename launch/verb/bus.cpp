@@ -170,15 +170,16 @@ struct Spy {
   }
 
   static std::string class_path() {
+    const char* const lcm = "/usr/share/java/lcm.jar";
     const char* const charts = "/usr/share/java/jchart2d.jar";
     const fs::path types = process::shared_directory() / "tachless_types.jar";
     for (const auto& [jar, remedy] :
-         {std::pair<fs::path, const char*>{LCM_JAR, "as root, type: apt-get install liblcm-java"},
+         {std::pair<fs::path, const char*>{lcm, "as root, type: apt-get install liblcm-java"},
           {charts, "as root, type: apt-get install libjchart2d-java"},
-          {types, "build the target tachless_types_jar"}}) {
+          {types, "in a clone, type: ./tachless spy"}}) {
       if (!fs::exists(jar)) refuse(fmt::format("there is no {}; {}", jar.string(), remedy));
     }
-    return fmt::format("{}:{}:{}", LCM_JAR, charts, types.string());
+    return fmt::format("{}:{}:{}", lcm, charts, types.string());
   }
 };
 

@@ -65,12 +65,6 @@ TEST_F(Installed, SaysWhereItHasLookedForAScenario) {
                                         prefix + "share/tachless/scenarios\n"));
 }
 
-TEST_F(Installed, SaysThatItsTestsNeedTheSourceTree) {
-  const Outcome outcome = type("tachless test");
-  EXPECT_EQ(outcome.exit_code, 2);
-  EXPECT_THAT(outcome.output, HasSubstr("the tests need the source tree"));
-}
-
 TEST_F(Installed, ANewProjectDoesWhatItsReadmeSaysAsTyped) {
   EXPECT_EQ(type("tachless init arm").exit_code, 0);
   std::ifstream readme(directory_ / "arm/README.md");

@@ -1,0 +1,56 @@
+// The verb that copies files: init.
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <system_error>
+
+#include "launch/verb.h"
+#include "process/this_process.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+
+struct Init {
+  fs::path directory;
+
+  void declare(CLI::App& command) {
+    command.add_option("DIR", directory, "A new directory, or an empty one")->required();
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    std::error_code error;
+    fs::create_directories(directory, error);
+    if (error || !fs::is_directory(directory)) {
+      refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
+    }
+    const bool empty = fs::is_empty(directory, error);
+    if (error) refuse(error.message());
+    if (!empty) refuse("is not empty");
+    for (const auto& file : fs::directory_iterator(process::shared_directory() / "project")) {
+      const fs::path copy = directory / file.path().filename();
+      fs::copy_file(file.path(), copy, error);
+      if (error) refuse(fmt::format("{}: {}", copy.string(), error.message()));
+      std::cout << copy.string() << '\n';
+    }
+    std::cout << fmt::format("To begin: cd {} && tachless run arm.yaml\n", directory.string());
+    return ExitCode::done;
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& why) const {
+    throw diagnostics::bad_usage("init {}: {}; name another directory", directory.string(), why);
+  }
+};
+
+}  // namespace
+
+const Verb init_verb = verb_of<Init>(
+    "init", "A project to begin with: a robot, a scenario, what to type", "  tachless init my_arm");
+
+}  // namespace tachless::launch
