@@ -9,6 +9,9 @@ foreach(row IN LISTS rows)
 endforeach()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
 
+# Sources of a target are compiled in batches: most of the time goes into the headers that they share.
+option(TACHLESS_UNITY "Compile the sources of a target in batches" ON)
+
 include(GNUInstallDirs)
 set(TACHLESS_LIBDIR ${CMAKE_INSTALL_LIBDIR}/tachless)
 
@@ -43,6 +46,12 @@ add_library(common_headers OBJECT ${PROJECT_BINARY_DIR}/empty.cpp)
 target_link_libraries(common_headers PRIVATE tachless_options Eigen3::Eigen)
 target_precompile_headers(common_headers PRIVATE ${TACHLESS_COMMON_HEADERS})
 
+# The headers above, and the sources in batches.
+function(tachless_compile_fast name headers)
+  target_precompile_headers(${name} REUSE_FROM ${headers})
+  set_target_properties(${name} PROPERTIES UNITY_BUILD ${TACHLESS_UNITY} UNITY_BUILD_BATCH_SIZE 8)
+endfunction()
+
 # tachless_library(robot SOURCES a.cpp … LIBS x … [STANDARD 17]): a library of a room; without SOURCES
 # headers alone. Installed as tachless::robot.
 function(tachless_library name)
@@ -59,7 +68,7 @@ function(tachless_library name)
   if(arg_STANDARD)
     set_target_properties(${name} PROPERTIES CXX_STANDARD ${arg_STANDARD})
   elseif(arg_SOURCES)
-    target_precompile_headers(${name} REUSE_FROM common_headers)
+    tachless_compile_fast(${name} common_headers)
     target_compile_features(${name} INTERFACE $<INSTALL_INTERFACE:cxx_std_20>)
   endif()
   tachless_export(${name})
@@ -70,7 +79,7 @@ function(tachless_program name)
   cmake_parse_arguments(arg "" "" "SOURCES;LIBS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS})
-  target_precompile_headers(${name} REUSE_FROM common_headers)
+  tachless_compile_fast(${name} common_headers)
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/bin)
 endfunction()
 
@@ -102,7 +111,7 @@ function(tachless_test name)
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
   target_link_libraries(${name} PRIVATE ${arg_LIBS})
-  target_precompile_headers(${name} REUSE_FROM test_headers)
+  tachless_compile_fast(${name} test_headers)
   add_test(NAME ${name} COMMAND ${name})
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 300)
@@ -143,20 +152,28 @@ function(tachless_write_link_graph file)
   file(CONFIGURE OUTPUT ${file} CONTENT "${graph}" @ONLY)
 endfunction()
 
+# tachless_syntax_test(name FILE f.cpp LIBS … [FORBIDDEN] [FAILS]): whether f.cpp compiles with the include
+# directories of LIBS.
+function(tachless_syntax_test name)
+  cmake_parse_arguments(arg "FORBIDDEN;FAILS" "FILE" "LIBS" ${ARGN})
+  set(compile ${CMAKE_CXX_COMPILER} -std=c++20 -fsyntax-only)
+  foreach(library IN LISTS arg_LIBS)
+    set(folders $<FILTER:$<TARGET_PROPERTY:${library},INTERFACE_INCLUDE_DIRECTORIES>,EXCLUDE,^$>)
+    list(APPEND compile "-I$<JOIN:${folders},$<SEMICOLON>-I>")
+  endforeach()
+  if(arg_FORBIDDEN)
+    list(APPEND compile -DFORBIDDEN)
+  endif()
+  add_test(NAME ${name} COMMAND ${compile} ${CMAKE_CURRENT_SOURCE_DIR}/${arg_FILE} COMMAND_EXPAND_LISTS)
+  set_tests_properties(${name} PROPERTIES LABELS compile_fail)
+  if(arg_FAILS)
+    set_tests_properties(${name} PROPERTIES WILL_FAIL TRUE)
+  endif()
+endfunction()
+
 # tachless_compile_fail(name FILE f.cpp LIBS …): passes when f.cpp compiles without -DFORBIDDEN and
 # fails to compile with it, so that the refusal has one cause.
 function(tachless_compile_fail name)
-  cmake_parse_arguments(arg "" "FILE" "LIBS" ${ARGN})
-  add_library(${name}_twin OBJECT EXCLUDE_FROM_ALL ${arg_FILE})
-  target_link_libraries(${name}_twin PRIVATE tachless_options ${arg_LIBS})
-  add_library(${name} OBJECT EXCLUDE_FROM_ALL ${arg_FILE})
-  target_compile_definitions(${name} PRIVATE FORBIDDEN)
-  target_link_libraries(${name} PRIVATE tachless_options ${arg_LIBS})
-  add_test(NAME ${name}_twin_compiles
-    COMMAND ${CMAKE_COMMAND} --build ${PROJECT_BINARY_DIR} --target ${name}_twin)
-  add_test(NAME ${name}_does_not_compile
-    COMMAND ${CMAKE_COMMAND} --build ${PROJECT_BINARY_DIR} --target ${name})
-  set_tests_properties(${name}_does_not_compile PROPERTIES WILL_FAIL TRUE)
-  set_tests_properties(${name}_twin_compiles ${name}_does_not_compile
-    PROPERTIES LABELS compile_fail RESOURCE_LOCK build_tree)
+  tachless_syntax_test(${name}_twin_compiles ${ARGN})
+  tachless_syntax_test(${name}_does_not_compile ${ARGN} FORBIDDEN FAILS)
 endfunction()

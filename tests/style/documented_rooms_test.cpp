@@ -1,4 +1,4 @@
-// README.md's table of rooms is cmake/rooms.txt, and every room's folder has what its line
+// CONTRIBUTING.md's table of rooms is cmake/rooms.txt, and every room's folder has what its line
 // promises.
 
 #include <gmock/gmock.h>
@@ -34,12 +34,12 @@ std::vector<Room> listed() {
   return rooms;
 }
 
-TEST(Rooms, TableInTheReadmeIsTheListThatTheBuildReads) {
-  std::ifstream file(root / "README.md");
-  const std::string readme((std::istreambuf_iterator<char>(file)), {});
+TEST(Rooms, TableInContributingIsTheListThatTheBuildReads) {
+  std::ifstream file(root / "CONTRIBUTING.md");
+  const std::string page((std::istreambuf_iterator<char>(file)), {});
   std::string table = "| room | what is there |\n|---|---|\n";
   for (const Room& room : listed()) table += "| `" + room.name + "/` | " + room.purpose + " |\n";
-  EXPECT_THAT(readme, testing::HasSubstr(table)) << "the table has to read:\n" << table;
+  EXPECT_THAT(page, testing::HasSubstr(table)) << "the table has to read:\n" << table;
 }
 
 TEST(Rooms, AreFoldersWithATargetOfTheirOwn) {
