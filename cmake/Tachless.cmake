@@ -10,7 +10,7 @@ endforeach()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
 
 # Sources of a target are compiled in batches: most of the time goes into the headers that they share.
-option(TACHLESS_UNITY "Compile the sources of a target in batches" ON)
+option(TACHLESS_UNITY "Compile the sources of a target in batches" OFF)
 
 include(GNUInstallDirs)
 set(TACHLESS_LIBDIR ${CMAKE_INSTALL_LIBDIR}/tachless)
@@ -125,31 +125,6 @@ function(tachless_test name)
     add_dependencies(thread_tests ${name})
   endif()
   set_tests_properties(${name} PROPERTIES LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
-endfunction()
-
-# Writes which target of a room links which libraries itself, a line for each: "plant: bus_truth node".
-# tests/style/link_graph_test.cpp says what that may come to.
-function(tachless_write_link_graph file)
-  set(graph "")
-  foreach(room IN LISTS TACHLESS_ROOMS)
-    get_property(targets DIRECTORY ${PROJECT_SOURCE_DIR}/${room} PROPERTY BUILDSYSTEM_TARGETS)
-    foreach(target IN LISTS targets)
-      get_target_property(type ${target} TYPE)
-      if(type STREQUAL "UTILITY")
-        continue()
-      elseif(type STREQUAL "INTERFACE_LIBRARY")
-        get_target_property(libraries ${target} INTERFACE_LINK_LIBRARIES)
-      else()
-        get_target_property(libraries ${target} LINK_LIBRARIES)
-      endif()
-      if(NOT libraries)
-        set(libraries "")
-      endif()
-      string(REPLACE ";" " " libraries "${libraries}")
-      string(APPEND graph "${target}: ${libraries}\n")
-    endforeach()
-  endforeach()
-  file(CONFIGURE OUTPUT ${file} CONTENT "${graph}" @ONLY)
 endfunction()
 
 # tachless_syntax_test(name FILE f.cpp LIBS … [FORBIDDEN] [FAILS]): whether f.cpp compiles with the include
