@@ -9,6 +9,9 @@
 /// Files as a whole: what is in one, and one that is there when it is whole. Knows no format.
 namespace tachless::diagnostics {
 
+/// Longest text of a scenario or a URDF that is read, from files and from logs.
+inline constexpr std::size_t max_text_bytes = 1'000'000;
+
 /// All that is in the file, to the byte; nothing when it cannot be opened or is a directory (errno
 /// then says why it cannot be opened).
 std::optional<std::string> file_text(const std::filesystem::path& path);

@@ -23,7 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 using diagnostics::shortest;
 
-constexpr std::size_t max_file_bytes = 1'000'000;
 // Both texts travel in one RUN_INFO datagram, which holds 65,499 bytes.
 constexpr std::size_t max_message_bytes = 60'000;
 constexpr double max_ticks = 1e9;
@@ -301,7 +300,7 @@ diagnostics::Failure Scenario::complaint(const std::string& key, std::string_vie
 Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = path.string();
-  YamlNode root = surveyed_tree(diagnostics::given_text(path, max_file_bytes), overrides, scenario);
+  YamlNode root = surveyed_tree(diagnostics::given_text(path, diagnostics::max_text_bytes), overrides, scenario);
   const fs::path directory = path.parent_path();
   const std::string motion = motion_text(root, scenario, directory);
   const Place place{scenario, &root, ""};
@@ -311,7 +310,7 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
     if (written.empty()) return {};
     const fs::path urdf_path = directory / written;
     try {
-      return {diagnostics::given_text(urdf_path, max_file_bytes), urdf_path.string()};
+      return {diagnostics::given_text(urdf_path, diagnostics::max_text_bytes), urdf_path.string()};
     } catch (const diagnostics::Failure& failure) {
       throw scenario.complaint(key, failure.what());
     }

@@ -1,113 +1,210 @@
 #include "experiment/yaml_tree.h"
 
 #include <fmt/format.h>
+#include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
+#include <map>
+#include <optional>
+#include <sstream>
 #include <stdexcept>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
 
 namespace tachless::experiment {
 namespace {
 
 // Aliases can make a short text unfold into a huge tree, or into an endless one.
 constexpr int max_nodes = 20'000;
-constexpr int max_depth = 32;
+constexpr std::size_t max_depth = 32;
 
-class Converter {
+/// Makes the tree of one document from yaml-cpp's events; every bound is checked before memory is
+/// taken. yaml-cpp's own loader reads endless empty documents where a ',' follows the first.
+class Builder : public YAML::EventHandler {
  public:
   /// @param source of a file its name; else the "--set key=value" that stands in for "file:line"
-  Converter(const std::string& source, bool of_file) : source_(source), of_file_(of_file) {}
-
-  YamlNode convert(const YAML::Node& from, int line, const std::string& path, int depth) {
-    if (++num_nodes_ > max_nodes || depth > max_depth) {
-      throw complaint(
-          line, path,
-          "too large or nested too deeply; allowed: {} values, {} levels, aliases included",
-          max_nodes, max_depth);
+  /// @param path of the value, for messages
+  Builder(std::string_view text, const std::string& source, bool of_file, const std::string& path)
+      : source_(source), of_file_(of_file), path_(path) {
+    if (text.size() > diagnostics::max_text_bytes) {
+      throw complaint(1, "{} bytes; allowed: at most {}", text.size(), diagnostics::max_text_bytes);
     }
-    YamlNode to;
-    to.where = where(line);
-    const std::string& tag = from.Tag();
-    if (!tag.empty() && tag != "?" && tag != "!") {
-      throw complaint(line, path, "tag '{}' is not known; write the value without a tag", tag);
+    // yaml-cpp takes byte 4 for the end of the text, and a NUL would not survive a message.
+    const auto control = std::find_if(text.begin(), text.end(), [](char c) {
+      return (static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\r' && c != '\t') ||
+             c == 0x7f;
+    });
+    if (control != text.end()) {
+      throw complaint(1 + static_cast<int>(std::count(text.begin(), control, '\n')),
+                      "control character {}; allowed: UTF-8 text",
+                      static_cast<unsigned char>(*control));
     }
-    if (from.IsScalar()) {
-      to.kind = YamlNode::Kind::scalar;
-      to.scalar = from.Scalar();
-      to.quoted = tag == "!";
-    } else if (from.IsSequence()) {
-      to.kind = YamlNode::Kind::list;
-      for (const YAML::Node& item : from) {
-        to.children.push_back(convert(item, std::max(line, item.Mark().line + 1),
-                                      fmt::format("{}[{}]", path, to.children.size()), depth + 1));
-      }
-    } else if (from.IsMap()) {
-      to.kind = YamlNode::Kind::map;
-      for (const auto& pair : from) add_pair(pair.first, pair.second, path, depth, to);
+    try {
+      std::istringstream stream{std::string(text)};
+      YAML::Parser parser(stream);
+      while (parser.HandleNextDocument(*this)) continue;
+      if (refused_) throw *refused_;
+    } catch (const YAML::Exception& error) {
+      open_.clear();
+      throw complaint(error.mark.line + 1, "not YAML: {}", error.msg);
     }
-    return to;
   }
 
-  template <class... Args>
-  [[nodiscard]] diagnostics::Failure complaint(int line, const std::string& path,
-                                               fmt::format_string<Args...> problem,
-                                               Args&&... args) const {
-    return diagnostics::bad_usage("{}: {}{}{}", where(line), path, path.empty() ? "" : ": ",
-                                  fmt::format(problem, std::forward<Args>(args)...));
+  YamlNode take() { return std::move(root_); }
+
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    if (std::exchange(begun_, true)) {
+      throw complaint(line_of(mark),
+                      "a second document begins; allowed: one (is there a bracket too many?)");
+    }
   }
+  void OnDocumentEnd() override {}
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(mark, anchor, {}); }
+  void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
+    const auto found = anchored_.find(anchor);
+    if (!refused_ && found == anchored_.end()) {
+      throw complaint(line_of(mark), "an alias inside of the value that it names");
+    }
+    if (!refused_) add(mark, YAML::NullAnchor, found->second);
+  }
+  void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                const std::string& value) override {
+    YamlNode node;
+    node.kind = YamlNode::Kind::scalar;
+    node.scalar = value;
+    node.quoted = tag == "!";
+    require_no_tag(mark, tag);
+    add(mark, anchor, std::move(node));
+  }
+  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                       YAML::EmitterStyle::value /*style*/) override {
+    begin(mark, tag, anchor, YamlNode::Kind::list);
+  }
+  void OnSequenceEnd() override { end(); }
+  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+                  YAML::EmitterStyle::value /*style*/) override {
+    begin(mark, tag, anchor, YamlNode::Kind::map);
+  }
+  void OnMapEnd() override { end(); }
 
  private:
+  /// A list or map that is being read. Its address stays: only the innermost one grows.
+  struct Open {
+    YamlNode* node;
+    YAML::anchor_t anchor;
+    int line;
+    bool has_key = false;  ///< the map's last key waits for its value
+    int key_line = 0;
+  };
+
+  static int line_of(const YAML::Mark& mark) { return mark.line + 1; }
   [[nodiscard]] std::string where(int line) const {
     return of_file_ ? fmt::format("{}:{}", source_, line) : source_;
   }
+  template <class... Args>
+  [[nodiscard]] diagnostics::Failure complaint(int line, fmt::format_string<Args...> problem,
+                                               Args&&... args) const {
+    std::string path = path_;
+    for (const Open& open : open_) {
+      const bool innermost = &open == &open_.back();
+      if (open.node->kind == YamlNode::Kind::list) {
+        path += fmt::format("[{}]", open.node->children.size() - (innermost ? 0 : 1));
+      } else if (!innermost || open.has_key) {
+        path += (path.empty() ? "" : ".") + open.node->keys.back();
+      }
+    }
+    return diagnostics::bad_usage("{}: {}{}{}", where(line), path, path.empty() ? "" : ": ",
+                                  fmt::format(problem, std::forward<Args>(args)...));
+  }
+  void require_no_tag(const YAML::Mark& mark, const std::string& tag) const {
+    if (tag.empty() || tag == "?" || tag == "!") return;
+    throw complaint(line_of(mark), "tag '{}' is not known; write the value without a tag", tag);
+  }
 
-  void add_pair(const YAML::Node& key, const YAML::Node& value, const std::string& path, int depth,
-                YamlNode& to) {
-    const int line = key.Mark().line + 1;
-    if (!key.IsScalar() || key.Scalar().empty()) {
-      throw complaint(line, path, "a key must be a word");
+  /// Counts a node, and what an alias brings with it.
+  void count(const YamlNode& node, std::size_t depth, int line) {
+    num_bytes_ += node.scalar.size();
+    if (++num_nodes_ > max_nodes || depth > max_depth || num_bytes_ > diagnostics::max_text_bytes) {
+      throw complaint(line,
+                      "too large or nested too deeply; allowed: {} values, {} bytes, {} levels, "
+                      "aliases included",
+                      max_nodes, diagnostics::max_text_bytes, max_depth);
     }
-    const std::string key_path = path.empty() ? key.Scalar() : path + "." + key.Scalar();
-    if (const YamlNode* first = to.find(key.Scalar())) {
-      if (!of_file_) throw complaint(line, key_path, "given twice");
-      throw complaint(line, key_path, "given twice; first in line {}",
-                      first->where.substr(source_.size() + 1));
+    for (const YamlNode& child : node.children) count(child, depth + 1, line);
+  }
+
+  [[nodiscard]] bool at_key() const {
+    return !open_.empty() && open_.back().node->kind == YamlNode::Kind::map &&
+           !open_.back().has_key;
+  }
+  void take_key(int line, const YamlNode& node) {
+    Open& map = open_.back();
+    if (node.kind != YamlNode::Kind::scalar || node.scalar.empty()) {
+      throw complaint(line, "a key must be a word");
     }
-    to.add(key.Scalar()) = convert(value, line, key_path, depth + 1);
+    const YamlNode* const first = map.node->find(node.scalar);
+    const std::string first_line =
+        first != nullptr && of_file_
+            ? "; first in line " + first->where.substr(source_.size() + 1)
+            : "";
+    map.node->keys.push_back(node.scalar);
+    map.has_key = true;
+    map.key_line = line;
+    if (first != nullptr) throw complaint(line, "given twice{}", first_line);
+  }
+
+  /// Puts a value in its place. @return the place, and the line it is named by
+  std::pair<YamlNode*, int> put(int line, YamlNode node) {
+    count(node, open_.size(), line);
+    YamlNode* to = &root_;
+    if (open_.empty()) line = 1;
+    if (!open_.empty()) {
+      Open& in = open_.back();
+      line = in.node->kind == YamlNode::Kind::map ? in.key_line : std::max(in.line, line);
+      in.has_key = false;
+      to = &in.node->children.emplace_back();
+    }
+    *to = std::move(node);
+    to->where = where(line);
+    return {to, line};
+  }
+  void add(const YAML::Mark& mark, YAML::anchor_t anchor, YamlNode node) {
+    if (refused_) return;
+    if (anchor != YAML::NullAnchor) anchored_[anchor] = node;
+    if (at_key()) return take_key(line_of(mark), node);
+    put(line_of(mark), std::move(node));
+  }
+  void begin(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
+             YamlNode::Kind kind) {
+    if (at_key()) refused_ = complaint(line_of(mark), "a key must be a word");
+    if (refused_) return;
+    require_no_tag(mark, tag);
+    YamlNode node;
+    node.kind = kind;
+    const auto [to, line] = put(line_of(mark), std::move(node));
+    open_.push_back({to, anchor, line});
+  }
+  void end() {
+    if (refused_) return;
+    const Open& done = open_.back();
+    if (done.anchor != YAML::NullAnchor) anchored_[done.anchor] = *done.node;
+    open_.pop_back();
   }
 
   const std::string& source_;
   const bool of_file_;
+  const std::string path_;
+  YamlNode root_;
+  std::vector<Open> open_;
+  std::map<YAML::anchor_t, YamlNode> anchored_;
+  /// A list or map as a key; an error of syntax that comes later is the better message: "[1".
+  std::optional<diagnostics::Failure> refused_;
+  bool begun_ = false;
   int num_nodes_ = 0;
+  std::size_t num_bytes_ = 0;
 };
-
-YamlNode parse(std::string_view text, const std::string& source, bool of_file,
-               const std::string& path) {
-  Converter converter(source, of_file);
-  // yaml-cpp takes byte 4 for the end of the text, and a NUL would not survive a message.
-  const auto control = std::find_if(text.begin(), text.end(), [](char c) {
-    return (static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\r' && c != '\t') ||
-           c == 0x7f;
-  });
-  if (control != text.end()) {
-    throw converter.complaint(1 + static_cast<int>(std::count(text.begin(), control, '\n')), "",
-                              "control character {}; allowed: UTF-8 text",
-                              static_cast<unsigned char>(*control));
-  }
-  try {
-    const std::vector<YAML::Node> documents = YAML::LoadAll(std::string(text));
-    if (documents.empty()) return YamlNode{};
-    if (documents.size() > 1) {
-      throw converter.complaint(documents[1].Mark().line + 1, "",
-                                "a second document begins; allowed: one");
-    }
-    return converter.convert(documents[0], 1, path, 0);
-  } catch (const YAML::Exception& error) {
-    throw converter.complaint(error.mark.line + 1, "", "not YAML: {}", error.msg);
-  }
-}
 
 void emit(YAML::Emitter& out, const YamlNode& node) {
   switch (node.kind) {
@@ -164,7 +261,7 @@ YamlNode& YamlNode::add(std::string key) {
 }
 
 YamlNode parse_yaml(std::string_view text, const std::string& source) {
-  return parse(text, source, true, "");
+  return Builder(text, source, true, "").take();
 }
 
 void apply_override(YamlNode& root, const std::string& assignment) {
@@ -194,7 +291,7 @@ void apply_override(YamlNode& root, const std::string& assignment) {
     if (child == nullptr) node->where = where;
     begin = end + 1;
   }
-  *node = parse(value, where, false, path);
+  *node = Builder(value, where, false, path).take();
 }
 
 std::string emit_yaml(const YamlNode& node) { return emitted(node, false) + "\n"; }

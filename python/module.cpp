@@ -33,7 +33,7 @@ using robot::Model;
 
 Model read_robot(const std::filesystem::path& urdf, const std::vector<std::string>& overrides,
                  double gravity) {
-  const std::string text = diagnostics::given_text(urdf);
+  const std::string text = diagnostics::given_text(urdf, diagnostics::max_text_bytes);
   try {
     Model model = robot::model_from_urdf(text, urdf.string(), experiment::urdf_options(overrides));
     if (!std::isfinite(gravity)) {

@@ -6,10 +6,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cctype>
 #include <set>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
+
+#include "diagnostics/file_text.h"
 
 namespace tachless::robot {
 namespace {
@@ -23,9 +26,56 @@ std::vector<const char*> read_children(std::string_view element) {
   return {};
 }
 
+/// How deep TinyXML, which recurses and takes quadratic time, would go, and how many attributes an
+/// element has at most. Exact for what it accepts; where it stops at an error, at least as much.
+struct Nesting {
+  int depth = 0, attributes = 0;
+};
+
+Nesting nesting_of(std::string_view text) {
+  Nesting most;
+  int depth = 0;
+  const auto skip_past = [&](std::size_t from, std::string_view end) {
+    const std::size_t found = text.find(end, from);
+    return found == std::string_view::npos ? text.size() : found + end.size();
+  };
+  for (std::size_t at = text.find('<'); at < text.size(); at = text.find('<', at)) {
+    const std::string_view rest = text.substr(at);
+    const unsigned char first = rest.size() > 1 ? static_cast<unsigned char>(rest[1]) : 0;
+    if (rest.starts_with("<!--")) {
+      at = skip_past(at + 4, "-->");
+    } else if (rest.starts_with("<![CDATA[")) {
+      at = skip_past(at, "]]>");
+    } else if (first == '/') {
+      depth = std::max(0, depth - 1);
+      ++at;
+    } else if (std::isalpha(first) != 0 || first == '_' || first >= 127) {
+      int attributes = 0;
+      for (++at; at < text.size() && text[at] != '>'; ++at) {
+        if (text[at] == '=') ++attributes;
+        if (text[at] == '"' || text[at] == '\'') at = skip_past(at + 1, text.substr(at, 1)) - 1;
+      }
+      if (at >= text.size() || text[at - 1] != '/') ++depth;
+      most = {std::max(most.depth, depth), std::max(most.attributes, attributes)};
+    } else {
+      at = skip_past(at, ">");
+    }
+  }
+  return most;
+}
+
 class Reader {
  public:
   Reader(const std::string& text, const std::string& source) : source_(source) {
+    constexpr int max_depth = 64, max_attributes = 64;
+    if (text.size() > diagnostics::max_text_bytes) {
+      refuse("{} bytes; allowed: at most {}", text.size(), diagnostics::max_text_bytes);
+    }
+    const Nesting nesting = nesting_of(text);
+    if (nesting.depth > max_depth || nesting.attributes > max_attributes) {
+      refuse("elements nested {} deep, {} attributes in one; allowed: {} levels, {} attributes",
+             nesting.depth, nesting.attributes, max_depth, max_attributes);
+    }
     document_.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
     if (document_.Error()) {
       std::string why = document_.ErrorDesc();

@@ -119,7 +119,7 @@ struct Robot {
   /// Shows what a scenario needs `robot.check_inertia: warn` for too; `refusal` is then its
   /// message.
   robot::Model read(std::optional<std::string>& refusal) const {
-    const std::string text = diagnostics::given_text(urdf);
+    const std::string text = diagnostics::given_text(urdf, diagnostics::max_text_bytes);
     try {
       try {
         return robot::model_from_urdf(text, urdf.string());

@@ -162,7 +162,7 @@ struct Design {
     if (period_s > 0) more.push_back(fmt::format("loop.period_s={}", period_s));
     more.insert(more.begin(), overrides.begin(), overrides.end());
     if (!bare_urdf()) return experiment::load_scenario(input, more);
-    const std::string urdf = diagnostics::given_text(input);
+    const std::string urdf = diagnostics::given_text(input, diagnostics::max_text_bytes);
     std::string scenario;
     try {
       const robot::Model model =

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include "diagnostics/failure.h"
 
@@ -37,6 +38,14 @@ std::string override_refusal(const std::string& assignment) {
   } catch (const diagnostics::Failure& failure) {
     return failure.what();
   }
+}
+
+rlimit testing_limit(int resource, rlim_t most) {
+  rlimit before{};
+  getrlimit(resource, &before);
+  const rlimit limited{most, before.rlim_max};
+  setrlimit(resource, &limited);
+  return before;
 }
 
 TEST(YamlTree, RemembersTheLineOfEveryKey) {
@@ -98,6 +107,18 @@ TEST(YamlTree, ExpandsAliasesButNotWithoutEnd) {
   EXPECT_THAT(refusal("a: " + std::string(400, '[') + std::string(400, ']')),
               HasSubstr("too deeply"));
   EXPECT_THAT(refusal("a: " + std::string(100'000, '[')), StartsWith("f.yaml:"));
+}
+
+// yaml-cpp's loader takes all memory for these two, and 10 GB for the third.
+TEST(YamlTree, TakesNoMoreMemoryThanTheBoundsAllow) {
+  const rlimit before = testing_limit(RLIMIT_AS, 4'000'000'000);
+  EXPECT_THAT(refusal("{: {{},\n{}},},"), StartsWith("f.yaml:"));
+  EXPECT_THAT(refusal("{name: a, b: {c: 1}},\n  d: {e: 1}}\n"), HasSubstr("second document"));
+  std::string copies = "a: &x " + std::string(500'000, 'y') + "\nb: [*x";
+  for (int i = 0; i < 19'000; ++i) copies += ", *x";
+  EXPECT_THAT(refusal(copies + "]\n"), HasSubstr("b[1]: too large"));
+  EXPECT_THAT(refusal("a: " + std::string(1'000'000, 'y')), HasSubstr("allowed: at most 1000000"));
+  setrlimit(RLIMIT_AS, &before);
 }
 
 TEST(YamlTree, AnOverrideReplacesCreatesAndTurnsAScalarIntoAMap) {

@@ -641,6 +641,25 @@ TEST(Urdf, RefusesTextThatIsNoUrdf) {
   EXPECT_THAT(complaint("<robot name='r'><link name='a'/></robot>"), HasSubstr("no joint moves"));
 }
 
+// TinyXML recurses: 50,000 levels end in a segmentation fault, 20,000 take 11 s; so many attributes
+// of one element take a minute.
+TEST(Urdf, RefusesWhatIsNestedTooDeeplyOrTooLargeBeforeItIsParsed) {
+  const auto nested = [](int levels) {
+    std::string text = "<!-- </robot> --><robot name='r'>";
+    for (int i = 1; i < levels; ++i) text += "<a b='</a>'>";
+    for (int i = 1; i < levels; ++i) text += "</a>";
+    return text + "</robot>";
+  };
+  EXPECT_THAT(complaint(nested(50'000)), HasSubstr("nested 50000 deep, 1 attributes"));
+  EXPECT_THAT(complaint(nested(65)), HasSubstr("allowed: 64 levels"));
+  EXPECT_THAT(complaint(nested(64)), HasSubstr("it has no link"));
+  std::string wide = "<robot";
+  for (int i = 0; i < 100'000; ++i) wide += " a" + std::to_string(i) + "=''";
+  EXPECT_THAT(complaint(wide + "/>"), HasSubstr("100000 attributes in one; allowed"));
+  EXPECT_THAT(complaint("<robot a='" + std::string(1'000'000, ' ') + "'/>"),
+              HasSubstr("allowed: at most 1000000"));
+}
+
 TEST(Urdf, RefusesMoreJointsAndBodiesThanThereIsRoomFor) {
   EXPECT_THAT(complaint(testing::chain_urdf(65)), HasSubstr("joint 'j65': more than 64 joints"));
   EXPECT_THAT(complaint(testing::chain_urdf(64, 65)),

@@ -33,7 +33,9 @@ const std::vector<Rule> rules = {
     {"schema/", {"schema/", "robot/quantities.h"}, {"fmt/"}},
 
     {"robot/", {"robot/"}, {"Eigen/"}},
-    {"robot/urdf_xml.cpp", {"robot/"}, {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
+    {"robot/urdf_xml.cpp",
+     {"robot/", "diagnostics/"},
+     {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
 
