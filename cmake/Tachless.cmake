@@ -102,9 +102,9 @@ function(tachless_test_options name)
 endfunction()
 
 # tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW] [THREADS]): one GoogleTest
-# program, one CTest entry. SLOW: starts whole programs, or computes for longer than some seconds; all
-# others get the label `fast`, belong to the target `fast_tests`, and are run under the address and
-# undefined-behaviour sanitizers too. THREADS: more than one thread runs our code; these get the label
+# program, one CTest entry. SLOW: starts whole programs, or computes for longer than some seconds; these
+# get the label `slow` and belong to the target `slow_tests`; all others get the label `fast`, belong to
+# the target `fast_tests`, and are run under the address and undefined-behaviour sanitizers. THREADS: more than one thread runs our code; these get the label
 # `threads`, belong to the target `thread_tests`, and are run under the thread sanitizer.
 function(tachless_test name)
   cmake_parse_arguments(arg "SLOW;THREADS" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
@@ -116,7 +116,10 @@ function(tachless_test name)
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 300)
   endif()
-  if(NOT arg_SLOW)
+  if(arg_SLOW)
+    list(APPEND arg_LABELS slow)
+    add_dependencies(slow_tests ${name})
+  else()
     list(APPEND arg_LABELS fast)
     add_dependencies(fast_tests ${name})
   endif()
@@ -140,7 +143,7 @@ function(tachless_syntax_test name)
     list(APPEND compile -DFORBIDDEN)
   endif()
   add_test(NAME ${name} COMMAND ${compile} ${CMAKE_CURRENT_SOURCE_DIR}/${arg_FILE} COMMAND_EXPAND_LISTS)
-  set_tests_properties(${name} PROPERTIES LABELS compile_fail)
+  set_tests_properties(${name} PROPERTIES LABELS "compile_fail;slow")
   if(arg_FAILS)
     set_tests_properties(${name} PROPERTIES WILL_FAIL TRUE)
   endif()
