@@ -4,6 +4,7 @@
 
 #include <exception>
 
+#include "diagnostics/current_failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 
@@ -31,6 +32,19 @@ Failure bad_usage(std::string_view what) { return {ExitCode::bad_usage, what}; }
 
 Failure system_failure(const std::system_error& error) {
   return bad_usage("the system refuses: {}; {}", error.what(), remedy(error.code()));
+}
+
+Failure current_failure() {
+  try {
+    throw;
+  } catch (const Failure& failure) {
+    return failure;
+  } catch (const std::exception& error) {
+    return {ExitCode::protocol_violated, error.what()};
+  } catch (...) {
+    return {ExitCode::protocol_violated,
+            "internal error: an exception was thrown that is no std::exception"};
+  }
 }
 
 int told_exception(std::string_view evidence) {

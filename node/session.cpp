@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <exception>
 
+#include "diagnostics/current_failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/time.h"
 #include "protocol/membership.h"
@@ -20,12 +21,13 @@ using protocol::lockstep::Verdict;
 void Session::guard(const std::function<void()>& main) {
   try {
     main();
-  } catch (const Failure& failure) {
+  } catch (const std::exception&) {
+    fail(diagnostics::current_failure());
+    throw;
+  } catch (...) {  // a main catches std::exception only
+    const Failure failure = diagnostics::current_failure();
     fail(failure);
-    throw;
-  } catch (const std::exception& error) {
-    fail(Failure(ExitCode::protocol_violated, error.what()));
-    throw;
+    throw Failure(failure);
   }
 }
 
@@ -33,7 +35,12 @@ void Session::fail(const Failure& failure) {
   statistics_.exit_code = failure.code();
   statistics_.fault = failure.what();
   note_end(Clock::now());
-  announce_fault(failure);
+  try {
+    announce_fault(failure);
+  } catch (const std::exception& problem) {
+    // `failure` came first and is the one to report.
+    diagnostics::log_warning("the others cannot be informed of it: {}", problem.what());
+  }
 }
 
 bool Session::accept(bus::Rejection rejection, const loop::Stamp& stamp) {

@@ -9,6 +9,7 @@
 #include <utility>
 #include <variant>
 
+#include "diagnostics/current_failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "loop/clock.h"
@@ -188,6 +189,7 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
   const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
   try {
     if (stopped_) {
+      try_to_stop();
       driver_.rest(end_s);
     } else {
       driver_.hold(drive_.applied().tau, end_s);
@@ -204,11 +206,35 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
   return Clock::now() - begin;
 }
 
-void GuardedRobot::stop() {
+void GuardedRobot::stop() noexcept {
   if (stopped_) return;
   stopped_ = true;
+  for (int i = 0; i < stop_attempts; ++i) try_to_stop();
   drive_.stop();
-  if (started_) driver_.stop();
+}
+
+void GuardedRobot::try_to_stop() noexcept {
+  if (!started_ || driver_stopped_) return;
+  try {
+    driver_.stop();
+    driver_stopped_ = true;
+  } catch (...) {
+    ++failed_stops_;
+    try {
+      stop_problem_ = diagnostics::current_failure().what();
+    } catch (...) {  // no memory: the count alone
+    }
+  }
+}
+
+void GuardedRobot::require_stopped(const Failure* cause) const {
+  if (failed_stops_ == 0) return;
+  const std::string problem =
+      fmt::format("the driver's stop failed, attempts: {}, {}", failed_stops_, stop_problem_);
+  if (driver_stopped_) return diagnostics::log_warning("{}; the next one succeeded", problem);
+  throw Failure(cause != nullptr ? cause->code() : ExitCode::protective_stop,
+                "{}{}: use the emergency stop",
+                cause != nullptr ? cause->what() + std::string("; ") : "", problem);
 }
 
 bool GuardedRobot::at_rest() const {

@@ -34,6 +34,10 @@ class GuardedRobot {
   /// then.
   /// @throw diagnostics::Failure(bad_usage) when a joint of a real robot has no torque limit.
   explicit GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver = nullptr);
+  GuardedRobot(const GuardedRobot&) = delete;
+  GuardedRobot& operator=(const GuardedRobot&) = delete;
+  /// Stops a robot that was started and not stopped.
+  ~GuardedRobot() { stop(); }
 
   /// An emulated robot's time is its ticks: it stands still when this process does.
   [[nodiscard]] bool emulated() const { return emulator_ != nullptr; }
@@ -75,12 +79,20 @@ class GuardedRobot {
   /// The tick is over for the drives.
   void end_tick() { drive_.end_tick(); }
 
-  /// The protective stop and the end: no torque any more, the robot brakes. Once is enough.
-  void stop();
+  /// The protective stop and the end: no torque any more, the robot brakes. A driver whose stop
+  /// throws is asked again, `stop_attempts` times now and once in each `advance`.
+  void stop() noexcept;
+  static constexpr int stop_attempts = 10;
+  /// Writes a warning when the driver's stop has thrown before it succeeded.
+  /// @param cause why the robot was to stop, if it was not the end of the run
+  /// @throw diagnostics::Failure when it has not succeeded, with the words of `cause` and its exit
+  /// code, or else protective_stop.
+  void require_stopped(const diagnostics::Failure* cause = nullptr) const;
   /// Whether all joints and motors stood still when last read, to 1 mrad/s (mm/s).
   [[nodiscard]] bool at_rest() const;
 
  private:
+  void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
   void watch_limits(std::int64_t tick);
   [[nodiscard]] std::string limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const;
@@ -98,6 +110,9 @@ class GuardedRobot {
   std::array<bool, robot::max_joints> beyond_limit_{}, warned_{};
   bool started_ = false;
   bool stopped_ = false;
+  bool driver_stopped_ = false;  ///< its stop has returned
+  int failed_stops_ = 0;
+  std::string stop_problem_;  ///< of the last one that failed
 };
 
 }  // namespace tachless::plant

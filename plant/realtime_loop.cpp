@@ -6,6 +6,7 @@
 #include <string>
 
 #include "bus/wire.h"
+#include "diagnostics/current_failure.h"
 #include "diagnostics/text.h"
 #include "diagnostics/time.h"
 #include "plant/node.h"
@@ -57,14 +58,15 @@ class RealtimeLoop : PlantLoop {
         receive_until(end_of_tick());
         end_tick();
       }
-    } catch (const Failure& failure) {
+    } catch (...) {
+      robot_.stop();  // before anything else
+      const Failure failure = diagnostics::current_failure();
       come_to_rest(failure);
-      throw;
-    } catch (const std::exception& problem) {
-      come_to_rest(Failure(ExitCode::protocol_violated, problem.what()));
+      robot_.require_stopped(&failure);
       throw;
     }
     robot_.stop();
+    robot_.require_stopped();
     link_.leave();
     judge_deadlines();
   }
@@ -258,10 +260,10 @@ class RealtimeLoop : PlantLoop {
                        link_.silent_among({Role::controller, Role::reference}));
   }
 
+  /// Announces the failure, and measures the robot, which is stopped already, until it stands still.
   void come_to_rest(const Failure& failure) {
-    link_.stopping(failure, Clock::now());
     try {
-      robot_.stop();
+      link_.stopping(failure, Clock::now());
       if (tick_ < 0) return;  // it has not begun
       if (begun_ && !acted_) act(DriveFault::protective_stop);
       const auto most = static_cast<std::int64_t>(
@@ -279,8 +281,8 @@ class RealtimeLoop : PlantLoop {
         completed(tick_);
         if (robot_.at_rest()) break;
       }
-    } catch (const std::exception&) {
-      // The simulation cannot go on: the failure that was first is the one to tell.
+    } catch (...) {
+      // Neither the bus nor the robot can be relied on any more: `failure` is the one to report.
     }
   }
 

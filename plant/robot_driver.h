@@ -20,7 +20,7 @@ class RobotDriver {
   /// velocities that `read` gives are for the log alone.
   [[nodiscard]] virtual bool measures_velocity() const = 0;
 
-  /// Lets the drives obey: everybody has been met, and the first tick is some milliseconds ahead.
+  /// Enables the drives: all processes have joined, and the first tick is milliseconds ahead.
   virtual void start() = 0;
 
   /// Positions now, the beginning of a tick, and velocities (measured, or as well as the driver
@@ -32,7 +32,7 @@ class RobotDriver {
   virtual void hold(const robot::Vector& tau, double until_s) = 0;
 
   /// The protective stop, and the end of the run: no torque any more, brakes closed. Returns at
-  /// once, while the robot still comes to rest.
+  /// once, while the robot still comes to rest. Called again if it throws.
   virtual void stop() = 0;
 
   /// Time goes on to `until_s` for a robot that is stopped: for an emulator.

@@ -83,11 +83,15 @@ class Peers : public bus::Transport {
 
   void subscribe(const std::string& /*channel*/) override {}
 
+  /// What the bus does to the plant's announcement of a fault.
+  std::function<void()> on_fault = [] {};
+
   void publish(std::string_view channel, std::span<const std::byte> payload) override {
     loop::Stamp stamp;
     if (channel == "ARM_PARTICIPANT") {
       loop::Participant plant;
       ASSERT_EQ(participants_.decode(payload, stamp, plant), bus::Rejection::none);
+      if (!plant.fault.empty()) on_fault();
       run_ = stamp.run;
       if (heard_plant.empty()) {
         on_first_announcement();

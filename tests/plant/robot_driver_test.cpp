@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "diagnostics/logging.h"
 #include "tests/plant/peers.h"
 #include "tests/support/counting_new.h"
 #include "tests/support/limited_elbow.h"
@@ -41,7 +42,11 @@ class Recording : public RobotDriver {
     torques.push_back(tau);
     ends.push_back(until_s);
   }
-  void stop() override { calls += 'x'; }
+  void stop() override {
+    calls += 'x';
+    if (failing_stops-- > 0) throw std::runtime_error("the brake's line is open");
+  }
+  int failing_stops = 0;
 
   /// Of the run, as soon as it has seen so many torques.
   int at = -1;
@@ -121,6 +126,73 @@ TEST_F(AFailingRobot, IsStoppedWhateverItThrows) {
   EXPECT_THROW(run_it(), std::runtime_error);
   expect_stopped(robot_);
   EXPECT_THAT(peers_.heard_plant.back().fault, HasSubstr("cable"));
+}
+
+TEST_F(AFailingRobot, IsStoppedWhenWhatItThrowsIsNoException) {
+  robot_.fault = [] { throw 42; };
+  const Outcome outcome = run_it();
+  EXPECT_EQ(outcome.code, ExitCode::protocol_violated);
+  EXPECT_THAT(outcome.fault, HasSubstr("an exception was thrown that is no std::exception"));
+  expect_stopped(robot_);
+}
+
+TEST_F(AFailingRobot, IsStoppedBeforeTheOthersAreInformedWhateverTheBusDoes) {
+  const auto throws = [] { throw std::runtime_error("no route"); };
+  const auto blocks = [] { std::this_thread::sleep_for(100ms); };
+  for (const std::function<void()>& bus : {std::function<void()>(throws), {blocks}}) {
+    Recording robot;
+    robot.at = 10;
+    robot.fault = [&robot] {
+      robot.at = -1;
+      throw diagnostics::Failure(ExitCode::protective_stop, "drive 2 is too hot");
+    };
+    Peers peers(s_);
+    bool announced = false;
+    peers.on_fault = [&] {
+      if (!announced) EXPECT_EQ(robot.calls.back(), 'x');
+      announced = true;
+      bus();
+    };
+    const Outcome outcome = run(s_, peers, nullptr, &robot);
+    EXPECT_TRUE(announced);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+    EXPECT_THAT(outcome.fault, HasSubstr("drive 2 is too hot"));
+    expect_stopped(robot);
+  }
+}
+
+TEST_F(AFailingRobot, IsStoppedByASecondAttemptWhenTheFirstThrows) {
+  for (const bool at_the_end : {false, true}) {
+    const experiment::Scenario s = limited();
+    Recording robot;
+    robot.failing_stops = 1;
+    robot.at = at_the_end ? -1 : 10;
+    robot.fault = [] { throw diagnostics::Failure(ExitCode::protective_stop, "too hot"); };
+    testing::internal::CaptureStderr();
+    diagnostics::start_logging("tachless-plant", diagnostics::Verbosity::quiet);
+    const Outcome outcome = drive(s, robot);
+    EXPECT_THAT(testing::internal::GetCapturedStderr(),
+                HasSubstr("the driver's stop failed, attempts: 1, the brake's line is open; the "
+                          "next one succeeded"));
+    EXPECT_EQ(outcome.fault, at_the_end ? "" : "too hot");
+    EXPECT_THAT(robot.calls, HasSubstr("xx"));
+    EXPECT_THAT(robot.calls, Not(HasSubstr("xxx")));
+  }
+}
+
+TEST_F(AFailingRobot, IsReportedAsNotStoppedWhenItsStopKeepsFailing) {
+  for (const bool at_the_end : {false, true}) {
+    const experiment::Scenario s = limited();
+    Recording robot;
+    robot.failing_stops = 1000;
+    robot.at = at_the_end ? -1 : 10;
+    robot.fault = [] { throw diagnostics::Failure(ExitCode::peer_lost, "too hot"); };
+    const Outcome outcome = drive(s, robot);
+    EXPECT_EQ(outcome.code, at_the_end ? ExitCode::protective_stop : ExitCode::peer_lost);
+    EXPECT_THAT(outcome.fault, AllOf(HasSubstr(at_the_end ? "" : "too hot; "),
+                                     HasSubstr("the driver's stop failed, attempts: "),
+                                     HasSubstr("the brake's line is open: use the emergency stop")));
+  }
 }
 
 TEST_F(AFailingRobot, IsStoppedWhenItReadsWhatIsNotFinite) {
