@@ -11,7 +11,7 @@
 namespace tachless::bus {
 namespace {
 
-constexpr std::string_view udp_provider = "udpm://", tcp_provider = "tcpq://";
+constexpr std::string_view provider = "udpm://";
 
 // What is wrong with a part is thrown as std::invalid_argument; `parse_lcm_url` quotes the whole.
 
@@ -36,19 +36,7 @@ std::string_view take(std::string_view& rest, char separator) {
   return head;
 }
 
-LcmUrl tcp(std::string_view network) {
-  if (network.find('?') != std::string_view::npos) {
-    throw std::invalid_argument("tcpq has no options");
-  }
-  const bool has_port = network.find(':') != std::string_view::npos;
-  LcmUrl result;
-  result.server = take(network, ':');
-  if (result.server.empty()) result.server = "127.0.0.1";
-  result.port = has_port ? port(network) : 7700;
-  return result;
-}
-
-LcmUrl udp(std::string_view options) {
+LcmUrl options_of(std::string_view options) {
   LcmUrl result;
   std::string_view network = take(options, '?');
   const bool has_port = network.find(':') != std::string_view::npos;
@@ -79,10 +67,9 @@ LcmUrl udp(std::string_view options) {
 }  // namespace
 
 std::string LcmUrl::text() const {
-  if (is_tcp()) return fmt::format("{}{}:{}", tcp_provider, server, port);
   const std::string buffer =
       receive_buffer_bytes == 0 ? "" : fmt::format("&recv_buf_size={}", receive_buffer_bytes);
-  return fmt::format("{}{}:{}?ttl={}{}", udp_provider, group, port, ttl, buffer);
+  return fmt::format("{}{}:{}?ttl={}{}", provider, group, port, ttl, buffer);
 }
 
 LcmUrl parse_lcm_url(const std::string& text) {
@@ -91,11 +78,10 @@ LcmUrl parse_lcm_url(const std::string& text) {
   if (text.empty() && environment != nullptr) url = environment;
   if (url.empty()) return {};
   try {
-    if (url.starts_with(tcp_provider)) return tcp(url.substr(tcp_provider.size()));
-    if (url.starts_with(udp_provider)) return udp(url.substr(udp_provider.size()));
+    if (url.starts_with(provider)) return options_of(url.substr(provider.size()));
     throw std::invalid_argument(
-        "the bus needs LCM's provider udpm or tcpq, as in udpm://239.255.76.67:7667?ttl=0 or "
-        "tcpq://127.0.0.1:7700");
+        "the bus needs LCM's provider udpm, as in udpm://239.255.76.67:7667?ttl=0; without "
+        "multicast use run --isolate or --in-process");
   } catch (const std::invalid_argument& why) {
     throw std::invalid_argument(fmt::format("LCM URL '{}': {}", url, why.what()));
   }

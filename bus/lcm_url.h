@@ -5,21 +5,18 @@
 
 namespace tachless::bus {
 
-/// Where a bus is: what an LCM URL of the provider udpm, or tcpq, says.
+/// Where a bus is: what an LCM URL of the provider udpm says.
 struct LcmUrl {
-  std::string server;                   ///< host of a tcpq server; empty: udpm
   std::string group = "239.255.76.67";  ///< IPv4 multicast address
   std::uint16_t port = 7667;
   int ttl = 0;                   ///< hops: 0 stays on this host, 1 on the local network
   int receive_buffer_bytes = 0;  ///< `recv_buf_size`; 0: as much as is useful
 
-  [[nodiscard]] bool is_tcp() const { return !server.empty(); }
   [[nodiscard]] std::string text() const;  ///< "udpm://239.255.76.67:7667?ttl=0"
 };
 
-/// Reads `udpm://[GROUP][:PORT][?ttl=N&recv_buf_size=N]` or `tcpq://[HOST][:PORT]`; what is left
-/// out has LCM's default. An empty text means $LCM_DEFAULT_URL, or LCM's default where that is not
-/// set.
+/// Reads `udpm://[GROUP][:PORT][?ttl=N&recv_buf_size=N]`; what is left out has LCM's default. An
+/// empty text means $LCM_DEFAULT_URL, or LCM's default where that is not set.
 /// @throw std::invalid_argument naming the URL, what is wrong with it and what is allowed
 LcmUrl parse_lcm_url(const std::string& text);
 

@@ -18,7 +18,6 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "bus/tcpq_transport.h"
 #include "bus/udp_transport.h"
 #include "process/file_descriptor.h"
 
@@ -137,18 +136,14 @@ std::optional<MulticastRoute> multicast_route(const LcmUrl& url) {
 
 std::optional<NetworkProblem> check_network(const LcmUrl& url) {
   try {
-    if (url.is_tcp()) {
-      const TcpqTransport probe(url);
-      return std::nullopt;
-    }
     const auto problem = problem_of_route(url);
     return problem ? problem : problem_of_probe(url);
   } catch (const std::system_error& error) {
-    if (!url.is_tcp() && error.code() == std::errc::address_in_use) {
+    if (error.code() == std::errc::address_in_use) {
       return NetworkProblem{fmt::format("another program holds UDP port {} for itself", url.port),
                             "take another port, or end the program that `ss -ulpn` shows on it"};
     }
-    return NetworkProblem{error.what(), url.is_tcp() ? server_command(url) : "tachless doctor"};
+    return NetworkProblem{error.what(), "tachless doctor"};
   }
 }
 

@@ -13,8 +13,7 @@ struct NetworkProblem {
 };
 
 /// Says within a second whether a message sent to this bus arrives on this host. Sends up to
-/// three datagrams with ttl 0 on a channel of its own, which nobody on the bus minds. Over tcpq:
-/// whether the server answers.
+/// three datagrams with ttl 0 on a channel that no program subscribes to.
 /// @return nothing if all is well
 std::optional<NetworkProblem> check_network(const LcmUrl& url);
 

@@ -21,7 +21,6 @@ namespace tachless::bus {
 namespace {
 
 constexpr std::size_t max_datagram = 65'536;
-constexpr std::size_t kernel_overhead_bytes = 1024;  // of a datagram in the receive buffer, about
 
 void require_channel(std::string_view channel) {
   if (channel.empty() || channel.size() > lcm_packet::max_channel_size ||
@@ -36,17 +35,12 @@ bool same(const sockaddr_in& a, const sockaddr_in& b) {
   return a.sin_port == b.sin_port && a.sin_addr.s_addr == b.sin_addr.s_addr;
 }
 
-const LcmUrl& require_udp(const LcmUrl& url) {
-  if (url.is_tcp()) throw std::invalid_argument(url.text() + ": needed here is a bus over UDP");
-  return url;
-}
-
 }  // namespace
 
 UdpTransport::UdpTransport(const std::string& url) : UdpTransport(parse_lcm_url(url)) {}
 
 UdpTransport::UdpTransport(const LcmUrl& url)
-    : url_(require_udp(url)),
+    : url_(url),
       receiver_(open_receiver(url)),
       sender_(open_sender(url)),
       buffer_(batch * max_datagram) {
@@ -106,23 +100,6 @@ int UdpTransport::wait(loop::Clock::time_point deadline, bool for_datagram) {
   return ready;
 }
 
-void UdpTransport::collect(int messages, std::chrono::nanoseconds longest) {
-  // A part: what comes while the collected is read needs room, too.
-  const auto room = static_cast<std::size_t>(receive_buffer_bytes()) / 2;
-  nap_ = Nap{messages, room, longest, longest / 16};
-}
-
-int UdpTransport::nap(loop::Clock::time_point deadline) {
-  const double fullness = std::max(static_cast<double>(nap_->come) / nap_->messages,
-                                   static_cast<double>(nap_->occupied) / nap_->room);
-  const auto wanted =
-      std::chrono::duration_cast<std::chrono::nanoseconds>(nap_->length / std::max(fullness, 0.5));
-  nap_->length = std::min(wanted, nap_->longest);
-  nap_->come = 0;
-  nap_->occupied = 0;
-  return wait(std::min(deadline, loop::Clock::now() + nap_->length), false);
-}
-
 /// Whether there was something to read.
 bool UdpTransport::read_batch() {
   for (int i = 0; i < batch; ++i) {
@@ -155,12 +132,9 @@ bool UdpTransport::fetch(loop::Clock::time_point deadline, bool passed_over) {
   if (passed_over && loop::Clock::now() >= deadline) return false;
   const bool more_may_wait = num_held_ == batch;
   if (more_may_wait && read_batch()) return true;
-  if (nap_ && deadline > loop::Clock::now()) {
-    if (nap(deadline) < 0) return false;
-    if (read_batch()) return true;
-  }
-  while (spin_ && loop::Clock::now() < deadline) {
-    if (read_batch()) return true;
+  if (pause_.count() > 0) {
+    const auto now = loop::Clock::now();
+    if (now < deadline && wait(std::min(deadline, now + pause_), false) < 0) return false;
   }
   while (wait(deadline, true) > 0) {
     if (read_batch()) return true;
@@ -170,14 +144,10 @@ bool UdpTransport::fetch(loop::Clock::time_point deadline, bool passed_over) {
 
 std::optional<Datagram> UdpTransport::receive(loop::Clock::time_point deadline) {
   for (bool passed_over = false;; passed_over = true) {
-    if (!holds_datagrams() && !fetch(deadline, passed_over)) return std::nullopt;
+    if (next_held_ == num_held_ && !fetch(deadline, passed_over)) return std::nullopt;
     msghdr& header = headers_[next_held_].msg_hdr;
     const std::size_t size = headers_[next_held_].msg_len;
     const Held& held = held_[next_held_++];
-    if (nap_) {
-      ++nap_->come;
-      nap_->occupied += size + kernel_overhead_bytes;
-    }
     const std::span bytes(static_cast<const std::byte*>(held.part.iov_base), size);
     std::optional<Datagram> datagram = parse(bytes, held.from);
     if (!datagram) continue;
@@ -255,58 +225,6 @@ BusStatistics UdpTransport::statistics() const {
 int UdpTransport::receive_buffer_bytes() const {
   // The kernel doubles what is asked for, to have room for its own records.
   return get<int>(url_, receiver_.get(), SO_RCVBUF, "cannot read the receive buffer") / 2;
-}
-
-void ChannelwiseTransport::subscribe(const std::string& channel) {
-  if (std::ranges::find(boxes_, channel, &Box::channel) != boxes_.end()) return;
-  Box& box = boxes_.emplace_back(channel, sender_.url());
-  box.transport.regard_as_own(sender_);
-  box.transport.stamp_arrivals();
-  box.transport.subscribe(channel);
-  descriptors_.resize(boxes_.size());
-}
-
-std::optional<Datagram> ChannelwiseTransport::receive(loop::Clock::time_point deadline) {
-  if (yielded_ != nullptr) yielded_->first.reset();
-  yielded_ = nullptr;
-  for (;;) {
-    const bool none = oldest() == nullptr;
-    const bool looked = look_into_empty_boxes(none ? deadline : loop::Clock::time_point::min());
-    if (oldest() != nullptr) break;
-    if (!looked) return std::nullopt;
-  }
-  // While the last box was looked into, older messages may have come into the first.
-  look_into_empty_boxes(loop::Clock::time_point::min());
-  yielded_ = oldest();
-  return yielded_->first;
-}
-
-bool ChannelwiseTransport::look_into_empty_boxes(loop::Clock::time_point deadline) {
-  for (std::size_t i = 0; i < boxes_.size(); ++i) {
-    Box& box = boxes_[i];
-    if (!box.first && box.transport.holds_datagrams()) {
-      box.first = box.transport.receive(loop::Clock::time_point::min());
-      if (box.first) deadline = loop::Clock::time_point::min();  // there is something: no wait
-    }
-    descriptors_[i] = {box.first ? -1 : box.transport.descriptor(), POLLIN, 0};  // -1: passed over
-  }
-  const int ready = poll_until(descriptors_, deadline);
-  if (ready == 0 || (ready < 0 && errno == EINTR)) return false;
-  if (ready < 0) throw std::system_error(errno, std::generic_category(), "ppoll");
-  for (std::size_t i = 0; i < boxes_.size(); ++i) {
-    if (descriptors_[i].revents == 0) continue;
-    boxes_[i].first = boxes_[i].transport.receive(loop::Clock::time_point::min());
-  }
-  return true;
-}
-
-ChannelwiseTransport::Box* ChannelwiseTransport::oldest() {
-  Box* oldest = nullptr;
-  for (Box& box : boxes_) {
-    if (!box.first) continue;
-    if (oldest == nullptr || box.first->received_ns < oldest->first->received_ns) oldest = &box;
-  }
-  return oldest;
 }
 
 }  // namespace tachless::bus

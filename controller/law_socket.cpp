@@ -3,14 +3,12 @@
 #include <fmt/core.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <iostream>
 #include <memory>
 #include <system_error>
@@ -132,33 +130,21 @@ class Program {
       std::array<pollfd, 2> fds{pollfd{socket_.descriptor(), POLLIN, 0},
                                 pollfd{child_.output.get(), POLLIN, 0}};
       if (!poll_until(until, fds)) break;
-      if (fds[1].revents != 0) pass_on();
+      if (fds[1].revents != 0) process::read_lines(child_, print_line);
       if (fds[0].revents != 0) return;
     }
     throw Failure(ExitCode::peer_lost, "--controller '{}': no answer {} within {:g} s", command_,
                   when, std::chrono::duration<double>(limit).count());
   }
 
-  void pass_on() {
-    process::read_lines(child_, [](const std::string& line) { std::cerr << line << "\n"; });
-  }
+  static void print_line(const std::string& line) { std::cerr << line << "\n"; }
 
   /// Closes the socket, which ends the program, and waits for that. @return its exit code
   int end() {
     if (!child_.running) return 0;
     socket_.close();
-    const auto until = Clock::now() + end_limit;
-    while (child_.output.get() >= 0) {
-      pollfd fd{child_.output.get(), POLLIN, 0};
-      if (!poll_until(until, std::span(&fd, 1))) break;
-      pass_on();
-    }
-    if (child_.output.get() >= 0) kill(-child_.pid, SIGKILL);
-    int status = 0;
-    while (waitpid(child_.pid, &status, 0) < 0 && errno == EINTR) {
-    }
-    child_.running = false;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    const process::End end = process::end_within(child_, end_limit, print_line);
+    return end.signal == 0 ? end.exit_code : 128 + end.signal;
   }
 
   Failure ended(const std::string& when) {

@@ -42,11 +42,10 @@ std::string human_bytes(double bytes) {
 }
 
 Finding check_bus(const bus::LcmUrl& url) {
-  const std::string subject = url.is_tcp() ? "server" : "multicast";
+  const std::string subject = "multicast";
   if (const auto problem = bus::check_network(url)) {
     return {subject, problem->what, problem->remedy};
   }
-  if (url.is_tcp()) return {subject, "the LCM server of " + url.text() + " answers"};
   const auto route = bus::multicast_route(url);
   return {subject, fmt::format("messages to {} arrive{}", url.text(),
                                route ? ", by way of " + route->interface : "")};
@@ -215,12 +214,10 @@ std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::
   try {
     const bus::LcmUrl url = bus::parse_lcm_url(lcm_url);
     findings.push_back(check_bus(url));
-    if (!url.is_tcp()) {
-      const bool usable = findings.back().ok();
-      const auto route = bus::multicast_route(url);
-      findings.push_back(judge_ttl(url, route ? route->interface : std::string()));
-      if (usable) findings.push_back(check_other_publishers(url));
-    }
+    const bool usable = findings.back().ok();
+    const auto route = bus::multicast_route(url);
+    findings.push_back(judge_ttl(url, route ? route->interface : std::string()));
+    if (usable) findings.push_back(check_other_publishers(url));
   } catch (const std::invalid_argument& error) {
     findings.push_back({"multicast", error.what(),
                         fmt::format("export LCM_DEFAULT_URL='{}'", node::default_lcm_url)});

@@ -12,7 +12,7 @@
 
 #include "bus/authenticated.h"
 #include "bus/key.h"
-#include "bus/transport.h"
+#include "bus/udp_transport.h"
 #include "bus/wire.h"
 #include "controller/law_socket.h"
 #include "diagnostics/logging.h"
@@ -40,8 +40,8 @@ constexpr const char* rendezvous_s = "10";
 class Heartbeats {
  public:
   Heartbeats(const PlannedRun& run, const std::optional<bus::Key>& key)
-      : transport_(bus::open_bus(node::parse_lcm_url(run.options.lcm_url))),
-        authenticated_(*transport_, key),
+      : transport_(node::parse_lcm_url(run.options.lcm_url)),
+        authenticated_(transport_, key),
         run_(run.options.run_id) {
     authenticated_.subscribe(loop::channel<loop::Participant>(run.scenario.robot.channel_prefix));
   }
@@ -83,7 +83,7 @@ class Heartbeats {
     return datagram->sender;
   }
 
-  std::unique_ptr<bus::Transport> transport_;
+  bus::UdpTransport transport_;
   bus::Authenticated authenticated_;
   bus::Codec<loop::Participant> codec_{loop::Layout{}};
   bool deaf_ = false;  ///< the bus is gone
@@ -95,10 +95,10 @@ class Heartbeats {
 
 /// A run whose four processes are on the bus.
 struct OnTheBus {
-  OnTheBus(const PlannedRun& planned, const std::optional<bus::Key>& key)
+  OnTheBus(const PlannedRun& planned, const std::optional<bus::Key>& key, std::size_t index)
       : run(planned),
         options(planned.options),
-        placement(choose_placement(options.placement, planned.scenario.loop.mode)),
+        placement(choose_placement(options.placement, planned.scenario.loop.mode, index)),
         heartbeats(planned, key) {}
 
   const PlannedRun& run;
@@ -138,7 +138,6 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
           controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
-    if (robot.placement.spin && role != loop::Role::logger) command.emplace_back("--spin");
     Process process{
         std::string(loop::name(role)), std::move(command), {}, robot.placement.cpus_of(role)};
     if (process.name == options.restart) {
@@ -307,7 +306,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   process::survive_broken_pipes();
   Screen screen(common.quiet);
   std::deque<OnTheBus> robots;
-  for (const PlannedRun& run : runs) robots.emplace_back(run, key);
+  for (const PlannedRun& run : runs) robots.emplace_back(run, key, robots.size());
   if (!isolated) require_free_bus(robots);
   for (OnTheBus& each : robots) {
     if (common.visualize) open_window(each, isolated, screen);
@@ -317,8 +316,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   std::vector<Supervised> supervised;
   for (OnTheBus& each : robots) {
     each.run.say_remarks();
-    diagnostics::log_detail(
-        each.options.named(fmt::format("{}: {}", each.placement.words, each.placement.reason)));
+    diagnostics::log_detail(each.options.named(each.placement.words));
     progress.push_back(each.run.progress());
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});

@@ -241,18 +241,9 @@ bool prepare_network(const RunOptions& options) {
   const char* variable = std::getenv("TACHLESS_ISOLATE");
   const std::string_view value = variable == nullptr ? "" : variable;
   const bool wanted = options.isolate || !(value.empty() || value == "0");
-  if (wanted && url.is_tcp()) {
-    throw diagnostics::bad_usage(
-        "--isolate: the server of {} cannot be reached from a private network; leave --isolate "
-        "(TACHLESS_ISOLATE) out",
-        url.text());
-  }
   if (!wanted) {
     const auto problem = bus::check_network(url);
     if (!problem) return false;
-    if (url.is_tcp()) {
-      throw diagnostics::bad_usage("{}; start it with: {}", problem->what, problem->remedy);
-    }
     diagnostics::log_warning(
         "this host has no usable multicast ({}): the run is isolated in a private network; to mend "
         "it, type: {}",

@@ -7,7 +7,7 @@
 #include <cstddef>
 #include <optional>
 
-#include "bus/transport.h"
+#include "bus/udp_transport.h"
 #include "loop/clock.h"
 #include "monitor/bus_monitor.h"
 
@@ -19,7 +19,7 @@ namespace tachless::monitor {
 /// surely holds what comes, and then takes it all. Prints nothing.
 class Listener {
  public:
-  Listener(bus::MonitoredBus& transport, BusMonitor& monitor, const std::atomic<bool>& interrupted)
+  Listener(bus::UdpTransport& transport, BusMonitor& monitor, const std::atomic<bool>& interrupted)
       : transport_(transport), monitor_(monitor), interrupted_(interrupted) {}
 
   /// Gives to the monitor what comes until `end` or an interruption, and what the transport lost.
@@ -32,7 +32,7 @@ class Listener {
 
   static constexpr std::chrono::milliseconds shortest_nap{1}, longest_nap{50};
 
-  bus::MonitoredBus& transport_;
+  bus::UdpTransport& transport_;
   BusMonitor& monitor_;
   const std::atomic<bool>& interrupted_;
   loop::Clock::duration nap_ = shortest_nap;

@@ -89,8 +89,6 @@ void add_options(CLI::App& cli, Role role, ProcessOptions& options) {
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   cli.add_option("--stats", options.stats_path, "Write counters to this file, as JSON, at the end");
-  cli.add_flag("--spin", options.spin,
-               "Do not sleep while waiting for messages: answers at once, and takes a CPU");
   add_role_options(cli, role, options);
   auto* quiet = cli.add_flag_callback(
       "-q,--quiet", [&] { options.verbosity = diagnostics::Verbosity::quiet; },

@@ -57,7 +57,6 @@ struct ProcessOptions {
   std::vector<std::string> overrides;  ///< of --set, in order; for load_scenario
   std::string lcm_url;                 ///< --lcm-url, else LCM_DEFAULT_URL, else one host only
   std::string key_path;                ///< --key-file, else TACHLESS_KEY_FILE; empty: none
-  bool spin = false;                   ///< does not sleep while it waits for messages
   double wait_s = 0;       ///< longest wait for the other processes at the start; 0 = unlimited
   std::string stats_path;  ///< where counters go, as JSON, at the end; empty: nowhere
   diagnostics::Verbosity verbosity = diagnostics::Verbosity::normal;

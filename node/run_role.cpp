@@ -9,15 +9,12 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <memory>
 #include <optional>
 #include <system_error>
 
-#include "bus/tcpq_transport.h"
 #include "bus/udp_transport.h"
 #include "diagnostics/logging.h"
 #include "process/this_process.h"
-#include "protocol/lockstep/log_window.h"
 
 namespace tachless::node {
 namespace {
@@ -26,50 +23,30 @@ using namespace std::chrono_literals;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 
-/// The bus that a process listens and speaks on.
-class Bus {
- public:
-  void open(const ProcessOptions& options, loop::Role role, const experiment::Scenario& scenario) {
-    const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
-    try {
-      bus_ = bus::open_bus(where);
-    } catch (const std::system_error& problem) {
-      if (!where.is_tcp()) throw diagnostics::bad_usage("{}: {}", options.lcm_url, problem.what());
-      throw diagnostics::bad_usage("{}; start it with: {}", problem.what(),
-                                   bus::server_command(where));
-    }
-    auto* udp = dynamic_cast<bus::UdpTransport*>(bus_.get());
-    if (udp == nullptr) return diagnostics::log_detail("bus {}", where.text());
-    diagnostics::log_detail("bus {}, receive buffer {} bytes", where.text(),
-                            udp->receive_buffer_bytes());
-    if (options.spin) udp->spin();
-    if (role != loop::Role::logger) return;
-    if (scenario.loop.mode == experiment::Mode::lockstep) {
-      // The plant waits for nothing that the logger does, until the window is full.
-      udp->collect(loop::num_slots * protocol::lockstep::LogWindow::ack_interval, 1ms);
-      return;
-    }
-    // Nothing is repeated for a realtime logger: what its buffers do not hold while it waits for a
-    // processor is lost.
-    constexpr int enough_bytes = 2 << 20;  // bursts of a thousand messages, and to spare
-    if (udp->receive_buffer_bytes() < enough_bytes) channelwise_.emplace(*udp);
+/// Opens the bus of a process.
+/// @throw diagnostics::Failure(bad_usage) naming the URL and what the host refused
+void open_bus(std::optional<bus::UdpTransport>& bus, const ProcessOptions& options, loop::Role role,
+              const experiment::Scenario& scenario) {
+  const bus::LcmUrl where = parse_lcm_url(options.lcm_url);
+  try {
+    bus.emplace(where);
+  } catch (const std::system_error& problem) {
+    throw diagnostics::bad_usage("{}: {}", options.lcm_url, problem.what());
   }
-  bus::Transport& transport() {
-    return channelwise_ ? static_cast<bus::Transport&>(*channelwise_) : *bus_;
+  diagnostics::log_detail("bus {}, receive buffer {} bytes", where.text(),
+                          bus->receive_buffer_bytes());
+  // No one waits for a lock-step logger until the plant's window of ticks is full.
+  if (role == loop::Role::logger && scenario.loop.mode == experiment::Mode::lockstep) {
+    bus->read_in_batches(500us);
   }
-  /// The others cannot know: they only miss this process.
-  void tell_what_was_not_sent() const {
-    if (!bus_) return;
-    const bus::BusStatistics statistics = bus_->statistics();
-    if (statistics.unsent == 0) return;
-    diagnostics::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
-                             statistics.unsent, std::strerror(statistics.refusal));
-  }
+}
 
- private:
-  std::unique_ptr<bus::MonitoredBus> bus_;
-  std::optional<bus::ChannelwiseTransport> channelwise_;
-};
+/// The other processes cannot know: to them the messages are only missing.
+void report_unsent(const std::optional<bus::UdpTransport>& bus) {
+  if (!bus || bus->statistics().unsent == 0) return;
+  diagnostics::log_warning("{} messages could not be sent ({}); `tachless doctor` looks closer",
+                           bus->statistics().unsent, std::strerror(bus->statistics().refusal));
+}
 
 /// What a process of a realtime run requests of the kernel, for the calling thread, before the run
 /// begins: memory that is not paged out (mlockall), timers without slack, and, for all roles but
@@ -121,7 +98,7 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
                   const PlaybackMain& playback) {
   const std::atomic<bool>& interrupted = process::catch_interruptions();
   process::survive_file_size_limit();
-  Bus bus;
+  std::optional<bus::UdpTransport> bus;
   std::optional<Link> link;
   std::optional<Playback> played;
   Statistics early(role);  // of a process that does not get as far as a session
@@ -129,7 +106,7 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
     return link ? link->statistics() : played ? played->statistics() : early;
   };
   const auto report = [&] {
-    bus.tell_what_was_not_sent();
+    report_unsent(bus);
     if (link) statistics().rejected.add(Discard::unauthenticated, link->unauthenticated());
     if (!options.stats_path.empty()) write_statistics(statistics(), options.stats_path);
   };
@@ -142,11 +119,11 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
           "--resume: a realtime run does not wait for another controller: the robot is stopped; "
           "start a new run");
     }
-    bus.open(options, role, scenario);
+    open_bus(bus, options, role, scenario);
     if (options.follow) {
-      played.emplace(scenario, bus.transport(), *options.follow, options.wait_s, &interrupted);
+      played.emplace(scenario, *bus, *options.follow, options.wait_s, &interrupted);
     } else {
-      link.emplace(scenario, bus.transport(), link_config(role, options, interrupted));
+      link.emplace(scenario, *bus, link_config(role, options, interrupted));
     }
     if (realtime) request_real_time(role);
     if (played) {

@@ -142,6 +142,23 @@ std::optional<End> take_end(Child& child, bool wait) {
   return WIFSIGNALED(status) ? End{0, WTERMSIG(status)} : End{WEXITSTATUS(status), 0};
 }
 
+End end_within(Child& child, std::chrono::milliseconds patience, const OnLine& on_line) {
+  // Not reaped before its group is killed: until then no other process can have its number.
+  const auto has_ended = [&] {
+    siginfo_t info{};
+    return waitid(P_PID, static_cast<id_t>(child.pid), &info, WEXITED | WNOHANG | WNOWAIT) != 0 ||
+           info.si_pid == child.pid;
+  };
+  for (const auto deadline = Clock::now() + patience; !has_ended() && Clock::now() < deadline;) {
+    await_output(child, 20);
+    read_lines(child, on_line);
+  }
+  kill(-child.pid, SIGKILL);
+  const End end = take_end(child, true).value_or(End());
+  read_lines(child, on_line);
+  return end;
+}
+
 Finished run(const std::vector<std::string>& command) {
   Child child = start(command);
   Finished result;
@@ -196,12 +213,10 @@ void SideProcess::signal(int number) const {
 }
 
 void SideProcess::stop() {
+  if (!child_.running) return;
   signal(SIGTERM);
-  for (const auto deadline = Clock::now() + patience; child_.running && Clock::now() < deadline;) {
-    await_output(child_, 50);
-    attend();
-  }
-  if (child_.running) kill_group();
+  const End end = end_within(child_, patience, [&](const std::string& line) { on_line_(line); });
+  if (!end.well()) trouble_ = fmt::format("{} {}", name_, text(end));
 }
 
 // What it has started itself is in its process group, and may outlive it.

@@ -54,6 +54,13 @@ void read_lines(Child& child, const std::function<void(std::string)>& on_line);
 /// wait unless told to.
 std::optional<End> take_end(Child& child, bool wait = false);
 
+using OnLine = std::function<void(std::string line)>;
+
+/// Waits for a running child's end, at most `patience`, then kills it; kills in any case what it
+/// has started and left in its process group. Its last lines are handed over.
+/// @return how it ended
+End end_within(Child& child, std::chrono::milliseconds patience, const OnLine& on_line);
+
 /// How a program ended, and what it wrote.
 struct Finished : End {
   std::vector<std::string> lines;

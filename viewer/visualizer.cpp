@@ -23,7 +23,7 @@
 
 #include "bus/authenticated.h"
 #include "bus/key.h"
-#include "bus/transport.h"
+#include "bus/udp_transport.h"
 #include "bus/truth/truth_wire.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
@@ -95,7 +95,7 @@ class TruthListener {
     std::optional<bus::Key> key;
     if (!options.key_file.empty()) key = bus::read_key_file(options.key_file);
     try {
-      transport_ = bus::open_bus(node::parse_lcm_url(options.lcm_url));
+      transport_ = std::make_unique<bus::UdpTransport>(node::parse_lcm_url(options.lcm_url));
       transport_->subscribe(truth_channel_);
       authenticated_.emplace(*transport_, key);
       if (key) {

@@ -15,7 +15,7 @@
 
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
-#include "bus/transport.h"
+#include "bus/udp_transport.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/time.h"
 #include "launch/doctor.h"
@@ -116,9 +116,9 @@ struct Watch {
   }
 
  private:
-  static std::unique_ptr<bus::MonitoredBus> join(const bus::LcmUrl& url) {
+  static std::unique_ptr<bus::UdpTransport> join(const bus::LcmUrl& url) {
     try {
-      return bus::open_bus(url);
+      return std::make_unique<bus::UdpTransport>(url);
     } catch (const std::system_error& error) {
       throw diagnostics::bad_usage(error.what());
     }

@@ -42,9 +42,8 @@ struct Run : RunOptions {
         ->check(CLI::IsMember({"controller"}));
     command
         .add_option("--placement", placement,
-                    "On which CPUs: auto, spread, together (plant, controller and reference on "
-                    "one), spin (on one each, never asleep), or numbers: one for all, two (these "
-                    "three, logger) or four (plant,controller,reference,logger)")
+                    "On which CPUs: auto (lock-step: plant, controller and reference on one), or "
+                    "none (the kernel's choice)")
         ->capture_default_str();
     command.add_flag(
         "--any-verdict", any_verdict,

@@ -56,20 +56,10 @@ TEST_F(LcmUrlTest, ComesFromTheEnvironmentWhenEmpty) {
   EXPECT_THAT(refusal(""), HasSubstr("memq://localhost"));
 }
 TEST_F(LcmUrlTest, RefusesOtherProvidersAndSaysWhichIsNeeded) {
-  for (const char* url : {"TCPQ://localhost:7700", "file:///tmp/log", "memq://", "udpm", "udpm:/",
+  for (const char* url : {"tcpq://localhost:7700", "file:///tmp/log", "memq://", "udpm", "udpm:/",
                           "239.255.76.67:7667", "UDPM://239.255.76.67:7667"}) {
     EXPECT_THAT(refusal(url), AllOf(HasSubstr(url), HasSubstr("udpm://239.255.76.67"))) << url;
   }
-}
-TEST_F(LcmUrlTest, NamesAServerOfTcpq) {
-  const LcmUrl url = parse_lcm_url("tcpq://bus.example:7701");
-  EXPECT_TRUE(url.is_tcp());
-  EXPECT_EQ(url.server, "bus.example");
-  EXPECT_EQ(url.port, 7701);
-  EXPECT_EQ(parse_lcm_url("tcpq://").text(), "tcpq://127.0.0.1:7700");
-  EXPECT_FALSE(parse_lcm_url("udpm://").is_tcp());
-  EXPECT_THAT(refusal("tcpq://bus:0"), HasSubstr("port is '0', allowed are 1 to 65535"));
-  EXPECT_THAT(refusal("tcpq://bus:7700?ttl=1"), HasSubstr("tcpq has no options"));
 }
 TEST_F(LcmUrlTest, RefusesWhatIsMalformedAndNamesValueAndRange) {
   EXPECT_THAT(refusal("udpm://10.0.0.1:7667"), HasSubstr("'10.0.0.1'"));

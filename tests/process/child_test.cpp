@@ -151,5 +151,22 @@ TEST_F(Companions, TakesWhatItHasStartedAlong) {
   }
 }
 
+TEST(EndWithin, KillsAProcessThatHasClosedItsOutputAndStays) {
+  Child child = start(shell("exec >&- 2>&-; trap '' TERM; while :; do sleep 1; done"));
+  const auto begin = Clock::now();
+  EXPECT_EQ(end_within(child, std::chrono::milliseconds(50), [](const std::string&) {}).signal,
+            SIGKILL);
+  EXPECT_LT(Clock::now() - begin, seconds(30));
+  EXPECT_FALSE(child.running);
+}
+
+TEST(EndWithin, ReturnsTheExitCodeAndTheLastLines) {
+  std::vector<std::string> lines;
+  Child child = start(shell("echo last; exit 5"));
+  const End end = end_within(child, seconds(30), [&](std::string line) { lines.push_back(line); });
+  EXPECT_EQ(end.exit_code, 5);
+  EXPECT_THAT(lines, ElementsAre("last"));
+}
+
 }  // namespace
 }  // namespace tachless::process

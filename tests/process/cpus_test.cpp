@@ -5,14 +5,11 @@
 #include <sys/wait.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "process/child.h"
-#include "tests/support/temporary_directory.h"
 
 namespace tachless::process {
 namespace {
@@ -36,24 +33,6 @@ TEST(Cpus, AChildExecutesWhereItIsBound) {
   std::vector<std::string> lines;
   read_lines(child, [&](std::string line) { lines.push_back(std::move(line)); });
   EXPECT_THAT(lines, ElementsAre(EndsWith("\t" + std::to_string(cpu))));
-}
-
-TEST(Cpus, AClaimIsOneProcesssUntilItEnds) {
-  const TemporaryDirectory entries;  // the machine's own may be taken by a run beside this test
-  std::filesystem::create_directory(entries / "cpu3");
-  {
-    const auto claim = claim_cpu(3, entries.path());
-    ASSERT_TRUE(claim);
-    EXPECT_FALSE(claim_cpu(3, entries.path()));
-  }
-  EXPECT_TRUE(claim_cpu(3, entries.path()));
-  EXPECT_FALSE(claim_cpu(4, entries.path())) << "there is no such CPU";
-}
-
-TEST(Cpus, AWakeUpTakesTime) {
-  const int cpu = allowed_cpus().front();
-  EXPECT_GT(wake_up_round_trip(cpu, cpu).count(), 0);
-  EXPECT_THROW(wake_up_round_trip(cpu, 1023), std::system_error);
 }
 
 }  // namespace

@@ -45,7 +45,6 @@ const std::vector<Rule> rules = {
     {"bus/wire.cpp", {"bus/"}, {"tachless/"}},
     {"bus/truth/", {"bus/", "loop/"}, {"tachless_truth/"}},
     {"bus/udp_transport.cpp", {"bus/"}, {"lcm/"}, true},
-    {"bus/tcpq_transport.cpp", {"bus/", "diagnostics/failure.h"}, {}, true},
     {"bus/authenticated.cpp", {"bus/", "loop/"}, {"sodium.h"}, true},
     {"bus/key.cpp", {"bus/", "process/", "diagnostics/failure.h"}, {"sodium.h"}, true},
 

@@ -39,7 +39,11 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
     if (how == "not finite") tau[0] = NAN;
     if (how == "kill") kill(getpid(), SIGKILL);
     if (how == "exit") _exit(7);
-    if (how == "hang") pause();
+    if (how == "hang") {
+      close(1);  // its output ends, the process does not
+      close(2);
+      pause();
+    }
     if (how == "other") tau[0] += 1e-9;
   }
   mutable int steps_ = 0;
