@@ -8,6 +8,7 @@
 
 #include <cctype>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 #include <stdexcept>
@@ -71,7 +72,16 @@ Key::Key() {
 }
 
 std::optional<Key> read_key_file(const std::filesystem::path& path) {
-  if (path.empty()) return std::nullopt;
+  if (path.empty()) {
+    // A variable that was meant to name a key must not mean "without a key".
+    if (const char* variable = std::getenv("TACHLESS_KEY_FILE")) {
+      if (*variable == '\0') {
+        throw diagnostics::bad_usage(
+            "TACHLESS_KEY_FILE is set but empty; name the key's file, or unset it");
+      }
+    }
+    return std::nullopt;
+  }
   const auto refuse = [&](const std::string& problem) {
     return diagnostics::bad_usage("--key-file: {}: {}", path.string(), problem);
   };
@@ -111,7 +121,7 @@ std::optional<Key> read_key_file(const std::filesystem::path& path) {
 
 Digest::Digest(std::size_t size, const Key* key) : size_(size) {
   static_assert(sizeof(state_) == sizeof(crypto_generichash_state));
-  if (key == nullptr) require_sodium();  // whoever has a key has done so
+  if (key == nullptr) require_sodium();  // Key's constructor already called it
   crypto_generichash_init(in(state_.data()), key == nullptr ? nullptr : key->bytes().data(),
                           key == nullptr ? 0 : Key::size, size);
 }
@@ -132,9 +142,9 @@ std::int64_t Digest::value() const {
   Digest copy = *this;
   std::array<unsigned char, 64> whole{};
   copy.finish(std::span(whole).first(size_));
-  std::int64_t result = 0;
-  std::memcpy(&result, whole.data(), sizeof result);
-  return result;
+  std::uint64_t result = 0;
+  for (std::size_t i = 0; i < sizeof result; ++i) result = result << 8 | whole[i];
+  return static_cast<std::int64_t>(result);
 }
 
 }  // namespace tachless::bus

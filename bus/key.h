@@ -37,7 +37,8 @@ class Key {
 /// where the path is empty. With a key this process's memory is private from then on
 /// (process/this_process.h).
 /// @throw Failure(bad_usage) naming the path, never its content: not a readable regular file,
-/// another length, readable by others than its owner, nothing but zeros.
+/// another length, readable by others than its owner, nothing but zeros; and where the path is empty
+/// while the variable TACHLESS_KEY_FILE is set.
 std::optional<Key> read_key_file(const std::filesystem::path& path);
 
 /// Of all bytes added so far, in their order (BLAKE2b): nobody finds other bytes that have the same
@@ -54,11 +55,11 @@ class Digest {
   void add(std::span<const std::byte> bytes);
   /// The whole, to as many bytes; nothing can be added afterwards.
   void finish(std::span<unsigned char> digest);
-  /// The first 64 bits of it.
+  /// The first 64 bits of it, in network order: the same number on every host.
   [[nodiscard]] std::int64_t value() const;
 
  private:
-  // libsodium's state, which is nobody else's business.
+  // Storage of crypto_generichash_state.
   alignas(64) std::array<unsigned char, 384> state_{};
   std::size_t size_;
 };

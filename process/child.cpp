@@ -26,7 +26,7 @@ using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr std::size_t longest_line = 4096;
-constexpr auto patience = 1s;  // of SideProcess, from SIGTERM to SIGKILL
+constexpr auto time_to_end = 1s;  // from SIGTERM to SIGKILL
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
@@ -215,7 +215,7 @@ void SideProcess::signal(int number) const {
 void SideProcess::stop() {
   if (!child_.running) return;
   signal(SIGTERM);
-  const End end = end_within(child_, patience, [&](const std::string& line) { on_line_(line); });
+  const End end = end_within(child_, time_to_end, [&](const std::string& line) { on_line_(line); });
   if (!end.well()) trouble_ = fmt::format("{} {}", name_, text(end));
 }
 

@@ -70,9 +70,15 @@ const std::atomic<bool>& catch_interruptions(int flags) {
   action.sa_handler = [](int /*signal*/) { interrupted = true; };
   sigemptyset(&action.sa_mask);
   action.sa_flags = flags;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE}) {
+  const auto handle = [&](int signal) {
     if (sigaction(signal, &action, nullptr) != 0) throw std::logic_error("sigaction failed");
+  };
+  for (const int signal :
+       {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGVTALRM, SIGPROF, SIGUSR1, SIGUSR2,
+        SIGIO, SIGPWR, SIGXCPU, SIGSTKFLT}) {
+    handle(signal);
   }
+  for (int signal = SIGRTMIN; signal <= SIGRTMAX; ++signal) handle(signal);
   return interrupted;
 }
 

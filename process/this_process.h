@@ -3,18 +3,19 @@
 #include <atomic>
 #include <filesystem>
 
-/// This process: which signals it bears, who sees its memory, which network it is in, and where the
-/// files of its installation are. What is changed here stays so until its end.
+/// This process: signal handling, core dumps, network namespace, installation paths. What is changed
+/// here stays so until the process ends.
 namespace tachless::process {
 
-/// From now on SIGINT, SIGTERM, SIGHUP, SIGQUIT and SIGPIPE (whoever reads the output has gone) set
-/// the flag that is returned, instead of ending the process. A waiting system call ends early, or
-/// with `flags` SA_RESTART goes on where it can (poll ends in any case): for a program whose
-/// libraries do not bear an interrupted write.
+/// From now on every signal that would end the process, can be handled and is not the report of an
+/// error in the program (SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGUSR1, … and the
+/// real-time signals) sets the flag that is returned. A waiting system call ends early, or with
+/// `flags` SA_RESTART continues where it can (poll ends in any case): for libraries that do not
+/// handle an interrupted write.
 const std::atomic<bool>& catch_interruptions(int flags = 0);
 
-/// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG, and can be
-/// told to the user, instead of ending the process.
+/// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG instead of
+/// ending the process.
 void survive_file_size_limit();
 
 /// From now on a write to a pipe that nobody reads fails, instead of ending the process.

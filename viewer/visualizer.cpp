@@ -219,7 +219,6 @@ diagnostics::ExitCode show(const Options& options) {
   if (const auto problem = process::display_problem()) {
     throw diagnostics::bad_usage(*problem);
   }
-  handle(SIGUSR1, note_end_of_run);
   handle(SIGPIPE, SIG_IGN);
   TruthListener listener(options, scenario);
   std::optional<viewer::ArmWindow> window;
@@ -228,6 +227,7 @@ diagnostics::ExitCode show(const Options& options) {
   open(window, scenario, model, visuals);
   Viewer viewer;  // ended before the window
   const std::atomic<bool>& interrupted = process::catch_interruptions(SA_RESTART);
+  handle(SIGUSR1, note_end_of_run);
   std::cout << window_is_open << std::endl;
   // Not before, when a run takes what is said for the reason why there is no window.
   if (const auto warning = visuals.warning()) diagnostics::log_warning(*warning);

@@ -6,10 +6,13 @@
 #include <sys/stat.h>
 
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <span>
 #include <sstream>
 #include <string>
+#include <string_view>
 
 #include "diagnostics/failure.h"
 #include "tests/support/sanitizer.h"
@@ -129,6 +132,30 @@ TEST_F(AKeyFile, IsNotAppearingInAnyMessage) {
   EXPECT_THAT(refusal(), Not(HasSubstr("0405")));
   write(digits + "0");
   EXPECT_THAT(refusal(), Not(HasSubstr("0405")));
+}
+
+TEST(NoKeyFile, IsRefusedWhileTheVariableIsSetButEmpty) {
+  EXPECT_FALSE(bus::read_key_file(""));
+  ASSERT_EQ(setenv("TACHLESS_KEY_FILE", "", 1), 0);
+  try {
+    bus::read_key_file("");
+    ADD_FAILURE() << "runs without a key";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
+    EXPECT_THAT(failure.what(), HasSubstr("TACHLESS_KEY_FILE is set but empty"));
+  }
+  unsetenv("TACHLESS_KEY_FILE");
+}
+
+TEST(ADigest, HasItsValueInNetworkOrder) {
+  const auto digest_of = [](std::string_view text) {
+    bus::Digest digest;
+    digest.add(std::as_bytes(std::span(text)));
+    return digest;
+  };
+  // BLAKE2b with 16 bytes of "abc", by Python: hashlib.blake2b(b"abc", digest_size=16)
+  EXPECT_EQ(digest_of("abc").value(), static_cast<std::int64_t>(0xcf4ab791c62b8d2bULL));
+  EXPECT_NE(digest_of("abc").value(), static_cast<std::int64_t>(0x2b8d2bc691b74acfULL)) << "a host's own order";
 }
 
 TEST_F(AKeyFile, IsNoDirectoryAndNoPipe) {

@@ -409,7 +409,7 @@ TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
 }
 
 TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
-  for (const int signal : {SIGHUP, SIGQUIT, SIGPIPE, SIGTERM}) {
+  for (const int signal : {SIGHUP, SIGQUIT, SIGPIPE, SIGTERM, SIGUSR1, SIGALRM}) {
     start({"--duration", "1000", "--quiet"});
     wait_until_running();
     kill(launcher_, signal);
