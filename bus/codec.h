@@ -181,6 +181,18 @@ void make_room(const Field& field, const loop::Layout& layout, Member& member) {
   }
 }
 
+/// Names and lines for people hold no control characters, which a terminal or another program would
+/// obey; the two texts that are files may have several lines.
+inline bool is_clean(std::string_view field, std::string_view text) {
+  const bool lines = field == "scenario" || field == "robot_description";
+  const auto bad = [&](char c) {
+    return c == 0x7f || (static_cast<unsigned char>(c) < 0x20 &&
+                         !(lines && (c == '\n' || c == '\t' || c == '\r')));
+  };
+  if (std::any_of(text.begin(), text.end(), bad)) return false;
+  return field != "signals" || loop::parse_signals(text);
+}
+
 /// `needed`: bytes that the fields after this one need at least: a text may not eat into them.
 template <class Field, class Member>
 Rejection read(Reader& from, const Field& field, const loop::Layout& layout, std::size_t /*needed*/,
@@ -201,7 +213,9 @@ Rejection read(Reader& from, const Field& field, const loop::Layout& /*layout*/,
   if (extent - 1 > field.longest || extent > from.left() - needed) return Rejection::bad_text;
   const std::string_view text = from.characters(extent);
   if (text.find('\0') != extent - 1) return Rejection::bad_text;
-  return assign(text.substr(0, extent - 1), to) ? Rejection::none : Rejection::bad_value;
+  const std::string_view without_nul = text.substr(0, extent - 1);
+  if (!is_clean(field.name, without_nul)) return Rejection::bad_text;
+  return assign(without_nul, to) ? Rejection::none : Rejection::bad_value;
 }
 
 // Before writing: throws std::logic_error when the value could not be read back. Returns the bytes
@@ -232,8 +246,9 @@ std::size_t require(const Field& field, const loop::Layout& layout, const Member
 template <class Field>
 std::size_t require(const Field& field, const loop::Layout& /*layout*/, const Text auto& member) {
   const std::string_view text = view(member);
-  if (text.find('\0') != std::string_view::npos) {
-    throw std::logic_error(fmt::format("bus::Codec: NUL inside the text {}", field.name));
+  if (!is_clean(field.name, text)) {
+    throw std::logic_error(fmt::format(
+        "bus::Codec: {} holds a control character, or is not name:unit,…: \"{}\"", field.name, text));
   }
   if (text.size() > field.longest) {
     throw std::length_error(fmt::format("bus::Codec: text {} has {} characters, allowed are {}",

@@ -1,5 +1,7 @@
 #include "loop/signals.h"
 
+#include <algorithm>
+
 namespace tachless::loop {
 
 std::string text_of(std::span<const Signal> signals) {
@@ -11,6 +13,21 @@ std::string text_of(std::span<const Signal> signals) {
   return text;
 }
 
+namespace {
+
+bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
+bool is_control(char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }
+
+/// Names end in figures, tables and file formats of other programs: identifiers cannot do harm.
+bool is_identifier(std::string_view text) {
+  return !text.empty() && is_letter(text.front()) &&
+         std::all_of(text.begin(), text.end(), [](char c) {
+           return is_letter(c) || (c >= '0' && c <= '9') || c == '_';
+         });
+}
+
+}  // namespace
+
 std::optional<std::vector<Signal>> parse_signals(std::string_view text) {
   std::vector<Signal> signals;
   while (!text.empty()) {
@@ -18,12 +35,16 @@ std::optional<std::vector<Signal>> parse_signals(std::string_view text) {
     const bool last = entry.size() == text.size();
     text.remove_prefix(last ? entry.size() : entry.size() + 1);
     const std::size_t colon = entry.find(':');
-    if (colon == 0 || colon == std::string_view::npos ||
-        entry.find(':', colon + 1) != std::string_view::npos || (!last && text.empty()) ||
+    if (colon == std::string_view::npos || (!last && text.empty()) ||
         signals.size() == max_signals) {
       return std::nullopt;
     }
-    signals.push_back({entry.substr(0, colon), entry.substr(colon + 1)});
+    const Signal signal{entry.substr(0, colon), entry.substr(colon + 1)};
+    if (!is_identifier(signal.name) || signal.unit.find(':') != std::string_view::npos ||
+        std::any_of(signal.unit.begin(), signal.unit.end(), is_control)) {
+      return std::nullopt;
+    }
+    signals.push_back(signal);
   }
   return signals;
 }

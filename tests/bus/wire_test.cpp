@@ -508,6 +508,26 @@ TEST(ParticipantCodec, RejectsATextWithoutNulAndOneWithNulInside) {
   bytes.at(participant_role + 4 + 3) = std::byte{0};
   EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_text);
 }
+// A line end in a signal's name was a command to gnuplot; one in any name is an order to a terminal.
+TEST(ParticipantCodec, RejectsControlCharactersAndSignalsThatAreNoNames) {
+  Random random;
+  auto message = ParticipantType::message({}, random);
+  message.signals = "error:rad,nu:rad/s\n!touch PWNED\n#";
+  EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
+  message.signals = "er\"ror:rad";
+  EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
+  message.signals = "error:rad";
+  message.law = "\x1b[2J";
+  EXPECT_EQ(verdict<ParticipantType>({}, codec_checks::lcm_bytes(message)), Rejection::bad_text);
+  auto info = RunInfoType::message({}, random);
+  EXPECT_EQ(verdict<RunInfoType>({}, codec_checks::lcm_bytes(info)), Rejection::none);
+  info.scenario = "name: \x1b[2J\n";
+  EXPECT_EQ(verdict<RunInfoType>({}, codec_checks::lcm_bytes(info)), Rejection::bad_text);
+  Codec<loop::Participant> codec({});
+  loop::Participant value;
+  value.signals = "no unit";
+  EXPECT_THROW(codec.encode({}, value), std::logic_error);
+}
 TEST(ParticipantCodec, CarriesTextsOfTheGreatestLengthAndRefusesLongerOnes) {
   Codec<loop::Participant> codec({});
   loop::Participant value;
