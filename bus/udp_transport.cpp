@@ -59,15 +59,10 @@ void UdpTransport::subscribe(const std::string& channel) {
 
 void UdpTransport::subscribe_all() {
   if (all_) return;
-  stamp_arrivals();
+  set(url_, receiver_.get(), SOL_SOCKET, SO_TIMESTAMPNS, 1, "cannot have datagrams stamped");
   set(url_, receiver_.get(), SOL_SOCKET, SO_DETACH_FILTER, 0, "cannot remove the channel filter");
   drops_before_ = socket_drops();
   all_ = true;
-}
-
-void UdpTransport::stamp_arrivals() {
-  set(url_, receiver_.get(), SOL_SOCKET, SO_TIMESTAMPNS, 1, "cannot have datagrams stamped");
-  stamped_ = true;
 }
 
 void UdpTransport::publish(std::string_view channel, std::span<const std::byte> payload) {
@@ -111,7 +106,7 @@ bool UdpTransport::read_batch() {
     header.msg_namelen = sizeof held.from;
     header.msg_iov = &held.part;
     header.msg_iovlen = 1;
-    if (stamped_) {
+    if (all_) {
       header.msg_control = held.control.data();
       header.msg_controllen = held.control.size();
     }

@@ -59,9 +59,6 @@ class UdpTransport final : public Transport {
 
   std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
-  /// From now on the kernel stamps what arrives, as after `subscribe_all`.
-  void stamp_arrivals();
-
   /// From now on a wait for datagrams begins with a pause of this length, so that one wake-up reads
   /// many. For a process whose replies nobody waits for. 0: no pause.
   void read_in_batches(std::chrono::nanoseconds pause) { pause_ = pause; }
@@ -100,7 +97,6 @@ class UdpTransport final : public Transport {
   sockaddr_in own_address_{};
   std::vector<std::string> channels_;
   bool all_ = false;
-  bool stamped_ = false;
   std::uint32_t sequence_ = 0;
   std::vector<std::byte> buffer_;
   std::array<Held, batch> held_{};

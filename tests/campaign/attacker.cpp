@@ -1,7 +1,10 @@
-#include "tests/campaign/hostile_member.h"
+#include "tests/campaign/attacker.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
+
+#include "diagnostics/failure.h"
 
 namespace tachless::campaign {
 
@@ -19,7 +22,7 @@ std::set<std::int64_t> Lies::ticks() const {
   return ticks_;
 }
 
-HostileMember::HostileMember(std::unique_ptr<bus::Transport> endpoint,
+Attacker::Attacker(std::unique_ptr<bus::Transport> endpoint,
                              const std::optional<Hostility>& plan, std::uint64_t seed,
                              const std::vector<Sent>& recording, Lies& lies,
                              std::function<void(std::size_t)> on_heard)
@@ -37,12 +40,12 @@ HostileMember::HostileMember(std::unique_ptr<bus::Transport> endpoint,
   thread_ = std::thread([this] { listen(); });
 }
 
-void HostileMember::stop() {
+void Attacker::stop() {
   stop_ = true;
   if (thread_.joinable()) thread_.join();
 }
 
-void HostileMember::listen() {
+void Attacker::listen() {
   while (!stop_) {
     const auto datagram = endpoint_->receive(Clock::now() + 5ms);
     if (!datagram) continue;
@@ -56,45 +59,76 @@ void HostileMember::listen() {
 }
 
 /// A tick is over when its TRUTH is out.
-void HostileMember::acknowledge() {
+void Attacker::acknowledge() {
   if (heard_.back().channel != "ARM_TRUTH") return;
   const loop::Stamp stamp = bus::stamp_of(heard_.back().payload);
   endpoint_->publish("ARM_LOG_ACK", acks_.encode(stamp, loop::LogAck{}));
   ++num_sent_;
 }
 
-/// Mostly what was said last.
-const Sent& HostileMember::pick() {
+/// Mostly what was sent last.
+const Sent& Attacker::pick() {
   const auto draw = below(10);
   if (draw == 0 && !recording_.empty()) return recording_[below(recording_.size())];
   return draw < 3 ? heard_[below(heard_.size())] : heard_.back();
 }
 
-void HostileMember::act() {
-  const auto say = [this](std::string_view channel, std::span<const std::byte> payload) {
-    endpoint_->publish(channel, payload);
-    ++num_sent_;
-  };
-  const auto lie = [&](const Sent& honest, const std::vector<std::byte>& payload) {
-    lies_.note(payload);
-    say(honest.channel, payload);
-  };
+void Attacker::act() {
   if (plan_->replays) {
     const Sent& old = heard_[below(heard_.size())];
-    for (auto copies = 1 + below(3); copies > 0; --copies) say(old.channel, old.payload);
+    for (auto copies = 1 + below(3); copies > 0; --copies) send(old.channel, old.payload);
   }
   if (plan_->recordings && !recording_.empty()) {
     // Now in the order of the earlier run, now any.
     for (int i = 0; i < 4; ++i) {
       const std::size_t next = below(2) == 0 ? replayed_++ : below(recording_.size());
       const Sent& old = recording_[next % recording_.size()];
-      say(old.channel, old.payload);
+      send(old.channel, old.payload);
     }
   }
   const Sent honest = pick();
   if (plan_->forges) lie(honest, forger_.forge(honest));
   if (plan_->damages) lie(honest, forger_.damage(honest));
   if (plan_->contradicts) lie(honest, forger_.contradict(honest));
+  if (plan_->names) lie(honest, forger_.name(honest));
+  if (plan_->announces) announce();
+  if (plan_->floods) flood();
+}
+
+void Attacker::send(std::string_view channel, std::span<const std::byte> payload) {
+  endpoint_->publish(channel, payload);
+  ++num_sent_;
+}
+
+void Attacker::lie(const Sent& honest, const std::vector<std::byte>& payload) {
+  lies_.note(payload);
+  send(honest.channel, payload);
+}
+
+/// The newest announcement, and one of an earlier session: as they were, and newer with other
+/// contents.
+void Attacker::announce() {
+  const auto is_announcement = [](const Sent& each) { return each.channel == "ARM_PARTICIPANT"; };
+  const auto newest = std::find_if(heard_.rbegin(), heard_.rend(), is_announcement);
+  if (newest != heard_.rend()) {
+    const Sent honest = *newest;
+    send(honest.channel, honest.payload);
+    lie(honest, below(2) == 0 ? forger_.forge(honest) : forger_.contradict(honest));
+  }
+  if (recording_.empty()) return;
+  const auto from = recording_.begin() + static_cast<std::ptrdiff_t>(below(recording_.size()));
+  const auto earlier = std::find_if(from, recording_.end(), is_announcement);
+  if (earlier == recording_.end()) return;
+  send(earlier->channel, earlier->payload);
+  lie(*earlier, forger_.forge(*earlier));
+}
+
+void Attacker::flood() {
+  for (int i = 0; i < 100 && flooded_ < flood_bytes; ++i) {
+    const auto bytes = forger_.garbage();
+    flooded_ += bytes.size();
+    send(heard_[below(heard_.size())].channel, bytes);
+  }
 }
 
 void Raced::publish(std::string_view channel, std::span<const std::byte> payload) {
@@ -118,12 +152,19 @@ void Afflicted::count() {
   if (mishap_.kind == Mishap::Kind::interrupt) interrupt_();
 }
 
+void Afflicted::throw_if_failing() const {
+  if (!happened_ || mishap_.kind != Mishap::Kind::fail) return;
+  throw diagnostics::Failure(diagnostics::ExitCode::peer_lost, "the bus fails");
+}
+
 void Afflicted::publish(std::string_view channel, std::span<const std::byte> payload) {
   count();
+  throw_if_failing();
   if (!dead()) Wrapped::publish(channel, payload);
 }
 
 std::optional<bus::Datagram> Afflicted::receive(Clock::time_point deadline) {
+  throw_if_failing();
   auto datagram = Wrapped::receive(deadline);
   if (datagram) count();
   return dead() ? std::nullopt : datagram;

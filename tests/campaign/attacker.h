@@ -20,8 +20,8 @@
 
 namespace tachless::campaign {
 
-/// Ticks (-1: RUN_INFO) for which somebody has said what no member said: from there on the log of
-/// a run without a key may differ. May be used from several threads.
+/// Ticks (-1: RUN_INFO) for which something false was sent: from there on the log of a run without a
+/// key may differ. May be used from several threads.
 class Lies {
  public:
   void note(std::span<const std::byte> payload);
@@ -32,19 +32,19 @@ class Lies {
   std::set<std::int64_t> ticks_;
 };
 
-/// Someone on the network who hears everything and, at random moments, says what is planned, in a
-/// thread of its own. Without hostility it only records. Has no key.
-class HostileMember {
+/// The attacker: receives everything on the network and, at random moments, does the deeds that are
+/// planned, in a thread of its own. Without hostility it only records. Has no key.
+class Attacker {
  public:
   /// `recording` and `lies` outlive it.
   /// @param endpoint does not hear what it sends itself
   /// @param on_heard called in its thread after each datagram, with how many it has heard
-  HostileMember(std::unique_ptr<bus::Transport> endpoint, const std::optional<Hostility>& plan,
+  Attacker(std::unique_ptr<bus::Transport> endpoint, const std::optional<Hostility>& plan,
                 std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies,
                 std::function<void(std::size_t)> on_heard = {});
-  ~HostileMember() { stop(); }
-  HostileMember(const HostileMember&) = delete;
-  HostileMember& operator=(const HostileMember&) = delete;
+  ~Attacker() { stop(); }
+  Attacker(const Attacker&) = delete;
+  Attacker& operator=(const Attacker&) = delete;
 
   void stop();
   /// Everything it has heard; after `stop`.
@@ -55,6 +55,10 @@ class HostileMember {
   void listen();
   void acknowledge();
   void act();
+  void announce();
+  void flood();
+  void send(std::string_view channel, std::span<const std::byte> payload);
+  void lie(const Sent& honest, const std::vector<std::byte>& payload);
   const Sent& pick();
   std::uint64_t below(std::uint64_t bound) { return random_() % bound; }
   bool chance(double probability) {
@@ -71,6 +75,7 @@ class HostileMember {
   bus::Codec<loop::LogAck> acks_{loop::Layout{}};
   std::vector<Sent> heard_;
   std::size_t replayed_ = 0;  ///< of the recording, in order
+  std::size_t flooded_ = 0;   ///< bytes
   std::int64_t num_sent_ = 0;
   std::atomic<bool> stop_{false};
   std::thread thread_;
@@ -98,8 +103,8 @@ class Raced : public system_test::Wrapped {
   Lies& lies_;
 };
 
-/// A member to which something happens at a certain datagram: its transport stops for ever, or it
-/// stands still for a while, or its user interrupts it.
+/// A member to which something happens at a certain datagram: its transport falls silent or throws
+/// from then on, or it stands still for a while, or its user interrupts it.
 class Afflicted : public system_test::Wrapped {
  public:
   /// @param happened set when it has  @param interrupt what a user's Ctrl-C does
@@ -115,6 +120,7 @@ class Afflicted : public system_test::Wrapped {
  private:
   [[nodiscard]] bool dead() const { return happened_ && mishap_.kind == Mishap::Kind::kill; }
   void count();
+  void throw_if_failing() const;
 
   Mishap mishap_;
   int count_ = 0;

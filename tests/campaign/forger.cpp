@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cstddef>
 #include <limits>
+#include <string>
 #include <type_traits>
 
 #include "bus/codec.h"
@@ -159,6 +161,43 @@ std::vector<std::byte> Forger::contradict(const Sent& honest) {
     break;
   }
   return forged;
+}
+
+std::vector<std::byte> Forger::name(const Sent& honest) {
+  static const std::array<std::string, 8> weapons = {
+      "error:rad,nu:rad/s\n!touch PWNED\n#",
+      "error:rad\n!touch PWNED\n#,nu:rad/s",
+      "error:`touch PWNED`,nu:$(touch PWNED)",
+      "<script>document.title='PWNED'</script>:rad,\"onload=x:rad",
+      "=cmd|' /C touch PWNED'!A0:rad,@nu:rad/s",
+      "\x1b]0;PWNED\x07:rad,\x1b[2J:rad",
+      "../../../../tmp/PWNED:rad,%s%n:rad",
+      std::string(4000, 'n') + ":rad"};
+  auto named = honest.payload;
+  std::vector<FieldAt> texts;
+  for (const FieldAt& field : fields_of(honest.channel, named)) {
+    if (field.name == "counter") {
+      const auto bytes = std::span(named).subspan(field.offset, field.size);
+      put(get(bytes) + 1, bytes);
+    }
+    if (field.kind == Kind::text) texts.push_back(field);
+  }
+  if (texts.empty()) return named;
+  const FieldAt& at = texts[below(texts.size())];
+  const std::string& weapon = weapons.at(below(weapons.size()));
+  const auto begin = named.begin() + static_cast<std::ptrdiff_t>(at.offset);
+  named.erase(begin, begin + static_cast<std::ptrdiff_t>(at.size));
+  const auto bytes = std::as_bytes(std::span(weapon));
+  named.insert(named.begin() + static_cast<std::ptrdiff_t>(at.offset), bytes.begin(), bytes.end());
+  constexpr std::size_t length = sizeof(std::int32_t);  // counts the NUL, and stands before
+  put(weapon.size() + 1, std::span(named).subspan(at.offset - length, length));
+  return named;
+}
+
+std::vector<std::byte> Forger::garbage() {
+  std::vector<std::byte> bytes(below(10) == 0 ? below(60'000) : below(600));
+  for (std::byte& each : bytes) each = static_cast<std::byte>(random_());
+  return bytes;
 }
 
 std::vector<std::byte> Forger::damage(const Sent& honest) {

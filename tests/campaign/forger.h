@@ -42,6 +42,12 @@ class Forger {
   std::vector<std::byte> contradict(const Sent& honest);
   /// Bits flipped, cut off, or made longer.
   std::vector<std::byte> damage(const Sent& honest);
+  /// PARTICIPANT or RUN_INFO with one text (a law, its signals, a host, a fault) that would be a
+  /// command, markup or a path in another program; an announcement is newer than `honest`. Other
+  /// messages have no text: unchanged.
+  std::vector<std::byte> name(const Sent& honest);
+  /// Random bytes, mostly short, at most 60,000.
+  std::vector<std::byte> garbage();
 
  private:
   void change(std::span<std::byte> value, loop::Kind kind);

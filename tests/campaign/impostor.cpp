@@ -1,4 +1,4 @@
-#include "tests/soak/impostor.h"
+#include "tests/campaign/impostor.h"
 
 #include <arpa/inet.h>
 #include <netinet/ip.h>
@@ -16,7 +16,7 @@
 #include "bus/lcm_packet.h"
 #include "node/options.h"
 
-namespace tachless::soak {
+namespace tachless::campaign {
 namespace {
 
 // Sequence numbers by which it knows its own datagrams again; nobody else comes so far.
@@ -44,7 +44,6 @@ void append(std::vector<std::byte>& bytes, const Header& header) {
 }  // namespace
 
 Impostor::Impostor(std::string_view whom) : bus_(node::default_lcm_url), sequence_(first_own) {
-  bus_.stamp_arrivals();
   for (int i = 0; i < loop::num_roles; ++i) {
     const auto role = static_cast<loop::Role>(i);
     if (whom == std::string(loop::name(role)) + "'s endpoint") whom_ = role;
@@ -107,4 +106,4 @@ void Impostor::publish(std::string_view channel, std::span<const std::byte> payl
   }
 }
 
-}  // namespace tachless::soak
+}  // namespace tachless::campaign

@@ -9,15 +9,15 @@
 #include "bus/wire.h"
 #include "process/file_descriptor.h"
 
-namespace tachless::soak {
+namespace tachless::campaign {
 
-/// A stranger's place on the real bus, or, once that has been heard, a member's address: datagrams
-/// then leave with the member's as their source, as the administrator of a host can make them. It
-/// does not hear what it sends. Precondition: the process is in a network namespace of its own,
+/// An outsider's endpoint on the real bus, or, once a member's announcement has been received, that
+/// member's address: datagrams then have it as their source, as the administrator of a host can make
+/// them. It does not receive what it sends. Precondition: the process is in a network namespace of its own,
 /// where all have one host.
 class Impostor final : public bus::Transport {
  public:
-  /// @param whom "controller's endpoint", or anything else: a stranger
+  /// @param whom "controller's endpoint", or anything else: an outsider
   explicit Impostor(std::string_view whom);
 
   void subscribe(const std::string& channel) override { bus_.subscribe(channel); }
@@ -35,4 +35,4 @@ class Impostor final : public bus::Transport {
   std::uint32_t sequence_;
 };
 
-}  // namespace tachless::soak
+}  // namespace tachless::campaign

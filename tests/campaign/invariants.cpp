@@ -8,6 +8,8 @@
 #include <string_view>
 #include <utility>
 
+#include "bus/wire.h"
+
 namespace tachless::campaign {
 namespace {
 
@@ -147,6 +149,37 @@ std::string nothing_moves_unrecorded(const Evidence& evidence) {
   return fmt::format("the robot moves for {} s after the log's end", unrecorded_s);
 }
 
+std::string the_log_is_bounded(const Evidence& evidence) {
+  if (evidence.log_bytes <= evidence.clean_log_bytes + most_foreign_log_bytes) return "";
+  return fmt::format("the log has {} bytes, the clean one {}", evidence.log_bytes,
+                     evidence.clean_log_bytes);
+}
+
+std::string the_log_has_sound_names(const Evidence& evidence) {
+  const auto sound = [](std::string_view text) {
+    return std::ranges::none_of(text, [](unsigned char c) { return c < ' ' || c == 0x7f; });
+  };
+  loop::Stamp stamp;
+  loop::RunInfo run;
+  loop::Participant who;
+  for (const Event& event : evidence.log) {
+    const auto bytes = std::as_bytes(std::span(event.data));
+    if (event.channel == "ARM_RUN_INFO" &&
+        bus::Codec<loop::RunInfo>(loop::Layout{}).decode(bytes, stamp, run) ==
+            bus::Rejection::none &&
+        !(sound(run.law) && sound(run.signals))) {
+      return "the log's RUN_INFO has a name with control characters";
+    }
+    if (event.channel == "ARM_PARTICIPANT" &&
+        bus::Codec<loop::Participant>(loop::Layout{}).decode(bytes, stamp, who) ==
+            bus::Rejection::none &&
+        !(sound(who.law) && sound(who.signals))) {
+      return "the log has an announcement with control characters in a name";
+    }
+  }
+  return "";
+}
+
 std::string the_round_is_bounded(const Evidence& evidence) {
   if (!evidence.hung && evidence.wall_s < longest_round_s) return "";
   return fmt::format("it takes {} s{}", evidence.wall_s, evidence.hung ? ", interrupted" : "");
@@ -157,7 +190,8 @@ std::vector<std::string> violations(const Evidence& evidence) {
   for (const auto& invariant :
        {nobody_ends_well_without_a_whole_log, the_log_is_a_beginning_of_the_clean_one,
         what_cannot_end_a_run_does_not, every_fault_has_a_code_and_one_cause,
-        the_log_ends_with_the_fault, nothing_moves_unrecorded, the_round_is_bounded}) {
+        the_log_ends_with_the_fault, nothing_moves_unrecorded, the_log_is_bounded,
+        the_log_has_sound_names, the_round_is_bounded}) {
     if (auto complaint = invariant(evidence); !complaint.empty()) {
       result.push_back(std::move(complaint));
     }

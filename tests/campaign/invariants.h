@@ -16,19 +16,27 @@ std::string nobody_ends_well_without_a_whole_log(const Evidence& evidence);
 /// Also of a run that fails: in lockstep the log is whole ticks of the clean run, then the fault.
 std::string the_log_is_a_beginning_of_the_clean_one(const Evidence& evidence);
 
-/// With a key nobody without it does anything to a run; nor do copies, loss, or standing still for
-/// less than `give_up_s`.
+/// With a key no attacker without it changes a run; nor do copies, loss, or a pause of less than
+/// `give_up_s`.
 std::string what_cannot_end_a_run_does_not(const Evidence& evidence);
 
-/// Whoever fails says why, with a code that people and scripts know, once.
+/// A process that fails prints why, once, and has a documented exit code.
 std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence);
 
-/// The log of a run that failed tells why: its reader need not ask anybody else.
+/// The log of a run that failed contains the reason.
 std::string the_log_ends_with_the_fault(const Evidence& evidence);
 
-/// A robot that nobody watches stops: `give_up_s` until the logger's loss is noticed, and 0.5 s to
+/// A robot whose motion is not recorded stops: `give_up_s` until the logger's loss is noticed, and 0.5 s to
 /// brake.
 std::string nothing_moves_unrecorded(const Evidence& evidence);
+
+/// An outsider cannot fill the disk: the log is not longer than the clean one by more than
+/// `most_foreign_log_bytes`.
+std::string the_log_is_bounded(const Evidence& evidence);
+inline constexpr std::uintmax_t most_foreign_log_bytes = 1 << 20;
+
+/// What a law and its signals are called in a log could be no command and no markup elsewhere.
+std::string the_log_has_sound_names(const Evidence& evidence);
 
 /// Everything ends.
 std::string the_round_is_bounded(const Evidence& evidence);

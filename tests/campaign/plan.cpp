@@ -10,7 +10,7 @@
 namespace tachless::campaign {
 namespace {
 
-constexpr std::array<std::string_view, 3> mishaps = {"kill", "stop", "interrupt"};
+constexpr std::array<std::string_view, 4> mishaps = {"kill", "stop", "interrupt", "failing bus"};
 constexpr std::array<std::string_view, 3> paces = {"lockstep", "realtime", "long realtime"};
 
 /// A step of the plan's seed. Not std::…_distribution: the same on every machine.
@@ -77,6 +77,15 @@ Plan plan_of(std::uint64_t seed) {
                     .reordering = 0.2 * draw.share(),
                     .seed = seed};
   }
+  // Drawn last, so that the rest of a round is what its seed has always meant.
+  if (plan.hostility) {
+    plan.hostility->announces = draw.chance(0.15);
+    plan.hostility->names = draw.chance(0.1);
+    plan.hostility->floods = draw.chance(0.1);
+  }
+  if (plan.mishap && plan.mishap->kind != Mishap::Kind::stop && draw.chance(0.2)) {
+    plan.mishap->kind = Mishap::Kind::fail;
+  }
   return plan;
 }
 
@@ -106,6 +115,9 @@ std::string describe(const Plan& plan) {
     if (hostile->damages) text += " damages";
     if (hostile->contradicts) text += " contradicts";
     if (hostile->acknowledges) text += " acknowledges";
+    if (hostile->announces) text += " announces";
+    if (hostile->names) text += " names";
+    if (hostile->floods) text += " floods";
     if (hostile->races > 0) text += fmt::format(" races {:.3f}", hostile->races);
     if (hostile->races > 0) text += fmt::format(" drops {:.2f}", hostile->drops);
   }

@@ -9,7 +9,8 @@
 
 namespace tachless::campaign {
 
-/// What a stranger does who hears everything. It acts at some of the datagrams that it hears.
+/// The deeds of the attacker, which receives everything. It acts at some of the datagrams that it
+/// receives.
 struct Hostility {
   bool replays = false;               ///< of this run
   bool recordings = false;            ///< of an earlier run of the same scenario and run id
@@ -17,21 +18,27 @@ struct Hostility {
   bool damages = false;               ///< bits, lengths
   bool contradicts = false;           ///< sound messages with other numbers
   bool acknowledges = false;          ///< in the logger's place, what it may not have
+  bool announces = false;  ///< members' announcements: copies, earlier sessions', newer and altered
+  bool names = false;      ///< texts that would be commands, markup or paths in another program
+  bool floods = false;     ///< garbage of all lengths, `flood_bytes` in all
   double rate = 0;                    ///< probability to act at a datagram
   int from = 0;                       ///< it has heard so many before it begins
   double races = 0;                   ///< probability that it answers before the honest sender does
   double drops = 0;                   ///< … and that the honest answer is lost then
   std::string sender = "a stranger";  ///< address that receivers see
 
-  /// Says what no member has ever said.
+  /// Sends what no member has ever sent and what a receiver may believe.
   [[nodiscard]] bool lies() const {
-    return forges || damages || contradicts || acknowledges || races > 0;
+    return forges || damages || contradicts || acknowledges || announces || names || races > 0;
   }
 };
 
+/// Garbage that one attacker sends in a round [bytes].
+inline constexpr std::size_t flood_bytes = 8 << 20;
+
 /// What happens to one of the four.
 struct Mishap {
-  enum class Kind { kill, stop, interrupt };
+  enum class Kind { kill, stop, interrupt, fail };  ///< fail: its transport throws from then on
   Kind kind = Kind::kill;
   loop::Role role = loop::Role::plant;
   int at = 0;       ///< it has sent and received so many datagrams

@@ -1,4 +1,4 @@
-#include "tests/soak/attack_round.h"
+#include "tests/campaign/programs.h"
 
 #include <fmt/core.h>
 #include <sys/stat.h>
@@ -20,20 +20,16 @@
 #include "bus/udp_transport.h"
 #include "diagnostics/logging.h"
 #include "node/options.h"
-#include "tests/campaign/hostile_member.h"
-#include "tests/soak/impostor.h"
-#include "tests/soak/packet_loss.h"
-#include "tests/soak/spec.h"
+#include "tests/campaign/attacker.h"
+#include "tests/campaign/impostor.h"
+#include "tests/support/packet_loss.h"
 #include "tests/support/program.h"
 
-namespace tachless::soak {
+namespace tachless::campaign {
 namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
-using campaign::Evidence;
-using campaign::Mishap;
-using campaign::Plan;
 using diagnostics::ExitCode;
 using loop::Clock;
 using loop::Role;
@@ -41,7 +37,7 @@ using system_test::all_roles;
 
 constexpr auto hung_after = 30s;
 
-/// What it has told as causes of its end, a line each, without mark and name.
+/// The causes of its end that it printed, a line each, without mark and name.
 std::string causes_in(const std::string& output) {
   std::istringstream lines(output);
   std::string causes;
@@ -73,6 +69,8 @@ class Programs {
         return victim.signal(SIGKILL);
       case Mishap::Kind::interrupt:
         return victim.signal(SIGINT);
+      case Mishap::Kind::fail:  // not on the real bus
+        return;
       case Mishap::Kind::stop:
         victim.signal(SIGSTOP);
         resumed_ = std::async(std::launch::async, [&victim, ms = plan_.mishap->stop_ms] {
@@ -104,7 +102,7 @@ class Programs {
       }
     }
   }
-  /// After the hostile member has stopped.
+  /// After the attacker has stopped.
   [[nodiscard]] bool happened() const { return happened_; }
 
  private:
@@ -113,7 +111,7 @@ class Programs {
   }
 
   void start(Role role) {
-    const campaign::Experiment what = campaign::experiment_of(plan_.pace);
+    const Experiment what = experiment_of(plan_.pace);
     std::vector<std::string> arguments = {
         fmt::format(TACHLESS_SOURCE_DIR "/scenarios/{}.yaml", what.name),
         "--quiet",
@@ -121,7 +119,7 @@ class Programs {
         "--lcm-url",
         node::default_lcm_url,
         "--wait-s",
-        fmt::format("{}", campaign::wait_s),
+        fmt::format("{}", wait_s),
         "--stats",
         statistics_path(role)};
     for (const std::string& value : what.overrides) {
@@ -129,7 +127,7 @@ class Programs {
     }
     if (plan_.keyed) arguments.insert(arguments.end(), {"--key-file", directory_ / "key"});
     if (role == Role::plant) {
-      arguments.insert(arguments.end(), {"--run-id", fmt::format("{}", run_id)});
+      arguments.insert(arguments.end(), {"--run-id", "7"});
     }
     if (role == Role::logger) arguments.insert(arguments.end(), {"--out-log", log_path()});
     programs_[role] = std::make_unique<Program>(node::program_name(role), arguments, directory_);
@@ -154,7 +152,7 @@ class Programs {
 };
 
 void write_key(const fs::path& path) {
-  const bus::Key key = campaign::key();
+  const bus::Key key = key();
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(key.bytes().data()),
              static_cast<std::streamsize>(key.bytes().size()));
@@ -165,32 +163,35 @@ void write_key(const fs::path& path) {
 
 Plan on_the_real_bus(Plan plan) {
   plan.network = {.loss = plan.network.loss, .seed = plan.seed};
+  if (plan.mishap && plan.mishap->kind == Mishap::Kind::fail) {
+    plan.mishap->kind = Mishap::Kind::interrupt;
+  }
   if (plan.hostility) plan.hostility->races = plan.hostility->drops = 0;
   return plan;
 }
 
-Evidence attack(const Plan& plan, const fs::path& directory) {
-  Evidence evidence = campaign::expected(plan);
-  const auto& recording = campaign::recording_for(plan);
+Evidence play_with_programs(const Plan& plan, const fs::path& directory) {
+  Evidence evidence = expected(plan);
+  const auto& recording = recording_for(plan);
   fs::remove_all(directory);
-  make_directory(directory);
+  fs::create_directories(directory);
   if (plan.keyed) write_key(directory / "key");
-  std::optional<PacketLoss> loss;
+  std::optional<support::PacketLoss> loss;
   if (plan.network.loss > 0) loss.emplace(static_cast<int>(std::lround(100 * plan.network.loss)));
-  campaign::Lies lies;
+  Lies lies;
   const auto start = Clock::now();
   Programs programs(plan, directory);
-  campaign::HostileMember hostile(
+  Attacker attacker(
       std::make_unique<Impostor>(plan.hostility ? plan.hostility->sender : ""), plan.hostility,
       plan.seed, recording, lies, [&](std::size_t heard) { programs.on_heard(heard); });
   programs.wait(evidence);
   evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
-  hostile.stop();
-  evidence.num_hostile = plan.hostility ? hostile.num_sent() : 0;
+  attacker.stop();
+  evidence.num_hostile = plan.hostility ? attacker.num_sent() : 0;
   evidence.lies = lies.ticks();
   evidence.mishap_happened = programs.happened();
-  campaign::read_log(programs.log_path(), evidence);
+  read_log(programs.log_path(), evidence);
   return evidence;
 }
 
-}  // namespace tachless::soak
+}  // namespace tachless::campaign

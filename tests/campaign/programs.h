@@ -4,17 +4,17 @@
 
 #include "tests/campaign/round.h"
 
-namespace tachless::soak {
+namespace tachless::campaign {
 
-/// What of a round of the campaign is done on the real bus: there nothing comes before an honest
-/// sender's answer, and the network loses packets, but neither doubles nor reorders them.
-campaign::Plan on_the_real_bus(campaign::Plan plan);
+/// What of a round can be done on the real bus: no message comes before an honest sender's answer,
+/// the network loses packets, but neither doubles nor reorders them, and no transport fails.
+Plan on_the_real_bus(Plan plan);
 
-/// Plays a round of the fault campaign with the four programs on the real bus: the same hostile
-/// member, in a thread of this process, and kills, stops and Ctrl-C by signal when it has heard so
-/// many datagrams. `directory`, emptied before, has log, counters and what the programs wrote.
-/// Judges nothing. Precondition: the process is in a network namespace of its own.
-/// @throw diagnostics::Failure as PacketLoss
-campaign::Evidence attack(const campaign::Plan& plan, const std::filesystem::path& directory);
+/// The second backend of the campaign: plays a round with the four programs on the real bus. The
+/// attacker is the same, in a thread of this process; kills, stops and Ctrl-C are signals, sent when
+/// so many datagrams have been received. `directory`, emptied before, has log, counters and what the
+/// programs wrote. Precondition: the process is in a network namespace of its own.
+/// @throw std::runtime_error where the network cannot be made to lose packets
+Evidence play_with_programs(const Plan& plan, const std::filesystem::path& directory);
 
-}  // namespace tachless::soak
+}  // namespace tachless::campaign

@@ -15,7 +15,7 @@
 
 #include "bus/wire.h"
 #include "logger/log_file.h"
-#include "tests/campaign/hostile_member.h"
+#include "tests/campaign/attacker.h"
 
 namespace tachless::campaign {
 namespace {
@@ -32,6 +32,7 @@ constexpr auto hung_after = 30s;
 struct Clean {
   experiment::Scenario scenario;
   std::vector<Event> log;
+  std::uintmax_t log_bytes = 0;
   std::vector<Sent> recording;
 };
 
@@ -60,17 +61,18 @@ const Clean& clean(Pace pace, bool keyed) {
   static std::array<std::unique_ptr<Clean>, 6> runs;
   const std::size_t index = 2 * static_cast<std::size_t>(pace) + (keyed ? 1 : 0);
   std::call_once(once.at(index), [&] {
-    auto run = std::make_unique<Clean>(Clean{scenario_of(pace), {}, {}});
+    auto run = std::make_unique<Clean>(Clean{scenario_of(pace), {}, 0, {}});
     FourThreads threads(run->scenario);
     if (keyed) threads.give_key(key());
     Evidence evidence;
     Lies none;
-    HostileMember listener(threads.network().connect("a listener"), {}, 0, {}, none);
+    Attacker listener(threads.network().connect("a listener"), {}, 0, {}, none);
     finish(threads, evidence);
     listener.stop();
     if (!evidence.all_done()) throw std::runtime_error(evidence.result.complaints());
     read_log(threads.log_path(), evidence);
     run->log = std::move(evidence.log);
+    run->log_bytes = evidence.log_bytes;
     run->recording = listener.heard();
     runs.at(index) = std::move(run);
   });
@@ -105,6 +107,7 @@ void read_log(const std::filesystem::path& path, Evidence& into) {
   std::error_code absent;
   const auto size = std::filesystem::file_size(path, absent);
   if (absent || size == 0) return;
+  into.log_bytes = size;
   logger::LogReader log(path);
   while (const auto event = log.next()) {
     const bool stamped = event->data.size() >= bus::stamp_end;
@@ -127,7 +130,8 @@ bool Event::is_fault() const {
 }
 
 bool Evidence::lives(Role role) const {
-  return !(mishap_happened && plan.mishap->kind == Mishap::Kind::kill && plan.mishap->role == role);
+  if (!mishap_happened || plan.mishap->role != role) return true;
+  return plan.mishap->kind != Mishap::Kind::kill && plan.mishap->kind != Mishap::Kind::fail;
 }
 
 Evidence expected(const Plan& plan) {
@@ -139,6 +143,7 @@ Evidence expected(const Plan& plan) {
   evidence.period_s = plain.scenario.loop.period_s;
   evidence.give_up_s = plain.scenario.loop.give_up_s;
   evidence.clean_log = plain.log;
+  evidence.clean_log_bytes = plain.log_bytes;
   return evidence;
 }
 
@@ -166,14 +171,14 @@ Evidence play(const Plan& plan) {
     }
     return inner;
   });
-  HostileMember hostile(
+  Attacker attacker(
       threads.network().connect(plan.hostility ? plan.hostility->sender : "a listener"),
       plan.hostility, plan.seed, recording, lies);
   const auto start = Clock::now();
   finish(threads, evidence);
   evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
-  hostile.stop();
-  evidence.num_hostile = plan.hostility ? hostile.num_sent() : 0;
+  attacker.stop();
+  evidence.num_hostile = plan.hostility ? attacker.num_sent() : 0;
   evidence.num_overflowed = threads.network().num_overflowed("logger's endpoint");
   evidence.lies = lies.ticks();
   evidence.mishap_happened = happened;

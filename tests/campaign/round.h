@@ -34,6 +34,7 @@ struct Evidence {
   system_test::RunResult result;
   std::vector<Event> log;
   bool log_damaged = false;
+  std::uintmax_t log_bytes = 0, clean_log_bytes = 0;
   std::vector<Event> clean_log;     ///< lockstep: of the run that nothing happened to
   std::set<std::int64_t> lies;      ///< ticks for which a stranger has said something else
   std::int64_t num_hostile = 0;     ///< datagrams of the hostile member
@@ -68,7 +69,8 @@ const std::vector<Sent>& recording_for(const Plan& plan);
 /// Reads the log of a round, if there is one.
 void read_log(const std::filesystem::path& path, Evidence& into);
 
-/// Plays a round: the four nodes in four threads, beside whom and what the plan says.
+/// Plays a round in this process: the four nodes in four threads, with the plan's attacker, faults
+/// and mishaps.
 Evidence play(const Plan& plan);
 
 }  // namespace tachless::campaign

@@ -48,14 +48,6 @@ void hear(bus::Transport& bus, const std::string& role) {
   throw std::runtime_error("no " + role + " heard in 30 s");
 }
 
-std::string log_of(const std::string& scenario, const std::vector<std::string>& settings) {
-  FourPrograms run(scenario);
-  run.settings = settings;
-  run.start_all();
-  run.expect_all_done();
-  return contents(run.log_path());
-}
-
 TEST(ByHand, AnyOfThe24OrdersOfStartingWorksAndGivesTheSameLog) {
   std::vector<std::string> order(roles.begin(), roles.end());
   std::sort(order.begin(), order.end());
@@ -79,35 +71,6 @@ TEST(ByHand, AnyOfThe24OrdersOfStartingWorksAndGivesTheSameLog) {
   } while (std::next_permutation(order.begin(), order.end()));
   EXPECT_EQ(orders, 24);
 }
-
-class SameLog : public ::testing::TestWithParam<const char*> {};
-
-TEST_P(SameLog, WithThirtyPercentOfAllPacketsLost) {
-  const std::vector<std::string> settings =
-      std::string(GetParam()).find("paper") == 0
-          ? std::vector<std::string>{"--set", "loop.duration_s=0.01"}
-          : std::vector<std::string>{"--set", "loop.duration_s=0.5"};
-  const std::string clean = log_of(GetParam(), settings);
-  ASSERT_FALSE(clean.empty());
-  EXPECT_TRUE(log_of(GetParam(), settings) == clean) << "not even without loss";
-  ASSERT_EQ(
-      std::system("nft add table ip lossy && "
-                  "nft 'add chain ip lossy in { type filter hook input priority 0; }' && "
-                  "nft add rule ip lossy in udp dport 7667 numgen random mod 100 \\< 30 drop"),
-      0);
-  const std::string lossy = log_of(GetParam(), settings);
-  ASSERT_EQ(std::system("nft delete table ip lossy"), 0);
-  EXPECT_TRUE(lossy == clean);
-}
-
-INSTANTIATE_TEST_SUITE_P(Scenarios, SameLog,
-                         ::testing::Values("paper_rigid.yaml", "practical_rigid.yaml",
-                                           "regulation.yaml", "paper_flexible.yaml",
-                                           "practical_flexible.yaml", "flexible_regulation.yaml"),
-                         [](const auto& each) {
-                           const std::string file = each.param;
-                           return file.substr(0, file.find('.'));
-                         });
 
 /// What each program writes to stderr, run with these options.
 std::map<std::string, std::string> errors_with(const std::vector<std::string>& options) {
@@ -187,18 +150,6 @@ TEST(ByHand, InterruptedControllerEndsTheRunAndTheLogStaysReadable) {
     EXPECT_THAT(run[role].errors(), AllOf(HasSubstr("controller"), HasSubstr("interrupted")));
   }
   EXPECT_GT(run.log_size(), 100000U);
-}
-
-TEST(ByHand, AKilledControllerIsNamedAfterTheTimeToGiveUp) {
-  FourPrograms run("paper_rigid.yaml");
-  run.settings = {"--set", "loop.duration_s=200", "--set", "loop.give_up_s=1"};
-  run.start_all();
-  while (run.log_size() < 100000) {
-    ASSERT_EQ(run["plant"].errors().find("lost"), std::string::npos) << run["plant"].errors();
-  }
-  run["controller"].signal(SIGKILL);
-  EXPECT_EQ(run["plant"].wait(), 3);
-  EXPECT_THAT(run["plant"].errors(), AllOf(HasSubstr("controller"), HasSubstr("1 s")));
 }
 
 }  // namespace

@@ -19,7 +19,6 @@
 #include "process/process_tree.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
-#include "tests/system/everyone_else.h"
 #include "tests/system/four_programs.h"
 #include "tests/system/oversleep.h"
 #include "tests/system/small_disk.h"
@@ -147,44 +146,6 @@ TEST(ADirectoryThatCannotBeWritten, IsRefusedAtOnce) {
   EXPECT_EQ(run.wait(), 2);
   EXPECT_THAT(run.errors(),
               AllOf(HasSubstr("--out " + (disk / "out")), HasSubstr("choose another directory")));
-}
-
-TEST(ASmallReceiveBuffer, HoldsABurstOfAThousandMessagesWhileTheLoggerStandsStill) {
-  // What a kernel grants that was never told otherwise; one socket's holds some five hundred.
-  const std::string url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=212992";
-  constexpr std::int64_t bursts = 5;
-  constexpr std::int64_t ticks_in_one = 167;  // six messages each: 1002
-  const std::vector<std::string> overrides = {
-      "loop.mode=realtime", "loop.duration_s=" + std::to_string(1e-3 * bursts * ticks_in_one)};
-  const experiment::Scenario scenario = experiment::load_scenario(practical_rigid, overrides);
-  const TemporaryDirectory directory;
-  const std::string log_path = directory / "lcmlog";
-  Program logger("tachless-logger",
-                 {practical_rigid, "--set", overrides[0], "--set", overrides[1], "--lcm-url", url,
-                  "--out-log", log_path},
-                 directory.path());
-  system_test::EveryoneElse others(scenario, url);
-  others.meet_the_logger();
-  for (std::int64_t burst = 0; burst < bursts; ++burst) {
-    logger.signal(SIGSTOP);
-    others.announce(loop::ParticipantState::running);
-    for (std::int64_t i = 0; i < ticks_in_one; ++i) others.say(burst * ticks_in_one + i);
-    logger.signal(SIGCONT);
-    // Until it has recorded that.
-    const auto wanted = static_cast<std::uintmax_t>(500 * ticks_in_one * (burst + 1));
-    const auto until = Clock::now() + 30s;
-    while (fs::file_size(log_path) < wanted && Clock::now() < until) {
-      std::this_thread::sleep_for(10ms);
-    }
-  }
-  others.announce(loop::ParticipantState::finished);
-  EXPECT_EQ(logger.wait(), 0) << logger.errors();
-  EXPECT_EQ(others.unsent(), 0U);
-  logger::RunLog log = logger::RunLog::open(log_path);
-  logger::TickRecord record;
-  while (log.next(record)) continue;
-  EXPECT_EQ(log.summary().ticks, static_cast<std::uint64_t>(bursts * ticks_in_one));
-  EXPECT_EQ(log.summary().gaps(), 0U);
 }
 
 TEST(AKilledLogger, LosesAtMostTheLastHundredMillisecondsOnTheWallClock) {

@@ -202,59 +202,6 @@ TEST(TheLoop, GivesTheSameLogEachTime) {
   EXPECT_TRUE(again.log == clean_log());
 }
 
-TEST(TheLoop, GivesTheSameLogUnderLossDuplicationAndReordering) {
-  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
-    SCOPED_TRACE(seed);
-    const RunResult result =
-        run(short_run(), {.loss = 0.3, .duplication = 0.1, .reordering = 0.2, .seed = seed});
-    ASSERT_EQ(result.complaints(), "");
-    EXPECT_TRUE(result.log == clean_log());
-    EXPECT_GT(result.of.at(Role::plant).statistics.resends, 0);
-    EXPECT_GT(result.of.at(Role::controller).statistics.resends, 0);
-  }
-}
-
-TEST(TheLoop, MeetsInEveryOrderOfStarting) {
-  const experiment::Scenario scenario =
-      system_test::scenario("paper_rigid", {"loop.duration_s=0.001"});
-  std::vector<Role> order(all_roles.begin(), all_roles.end());
-  std::string first;
-  do {
-    FourThreads threads(scenario);
-    for (const Role role : order) threads.start(role);
-    const RunResult result = threads.finish();
-    ASSERT_EQ(result.complaints(), "");
-    if (first.empty()) first = result.log;
-    EXPECT_TRUE(result.log == first);
-  } while (std::ranges::next_permutation(order).found);
-}
-
-TEST(TheController, CommandsTheSameWhenTruthIsGarbage) {
-  // Whatever is said, garbage is said as truth along with it.
-  class Vandal : public Wrapped {
-   public:
-    using Wrapped::Wrapped;
-    void publish(std::string_view channel, std::span<const std::byte> payload) override {
-      for (std::byte& each : garbage_) each = static_cast<std::byte>(random_());
-      Wrapped::publish("ARM_TRUTH", std::span(garbage_).first(random_() % garbage_.size()));
-      Wrapped::publish(channel, payload);
-    }
-
-   private:
-    std::mt19937_64 random_{1};
-    std::vector<std::byte> garbage_ = std::vector<std::byte>(200);
-  };
-  FourThreads threads(short_run());
-  threads.wrap([](Role, std::unique_ptr<bus::Transport> inner) {
-    return std::unique_ptr<bus::Transport>(new Vandal(std::move(inner)));
-  });
-  const RunResult result = threads.finish();
-  ASSERT_EQ(result.complaints(), "");
-  EXPECT_TRUE(result.log == clean_log());
-  // One before each of the six messages of a tick.
-  EXPECT_GE(result.of.at(Role::logger).statistics.rejected.total(), 6 * 300);
-}
-
 TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
   const experiment::Scenario scenario = short_run();
   // A plant that keeps its truth for itself.
@@ -331,63 +278,19 @@ TEST(TheController, CommandsTheSameWhenThereIsNoTruth) {
   std::filesystem::remove(path);
 }
 
-TEST(TheLoop, IsNotDisturbedByAStormOfBadAndOldMessages) {
-  FourThreads threads(short_run());
-  const auto vandal = threads.network().connect("vandal");
-  for (const auto* suffix : {"TICK", "POSITION", "REFERENCE", "COMMAND", "CONTROLLER_STATE",
-                             "TRUTH", "RUN_INFO", "LOG_ACK", "PARTICIPANT"}) {
-    vandal->subscribe(std::string("ARM_") + suffix);
-  }
-  std::optional<Bystander> storm;
-  storm.emplace([&](const std::atomic<bool>& stop) {
-    std::mt19937_64 random(1);
-    while (!stop) {
-      const auto heard = vandal->receive(Clock::now() + 1ms);
-      if (!heard) continue;
-      const std::string channel(heard->channel);
-      const std::vector<std::byte> original(heard->payload.begin(), heard->payload.end());
-      vandal->publish(channel, original);  // replayed
-      auto changed = original;
-      changed.resize(random() % (original.size() + 20));
-      if (changed.size() != original.size()) vandal->publish(channel, changed);
-      if (channel.ends_with("PARTICIPANT")) continue;
-      changed = original;
-      changed[16 + random() % 8] ^= std::byte{0x10};  // the run's id
-      vandal->publish(channel, changed);
-      if (channel.ends_with("LOG_ACK")) continue;  // a false acknowledgement is a lie, not noise
-      changed = original;
-      changed[24 + random() % 6] ^= std::byte{0x01};  // a tick of the far future or of the past
-      vandal->publish(channel, changed);
-      changed = original;
-      std::fill(changed.end() - 8, changed.end(), std::byte{0xff});  // NaN, or no such value
-      if (!channel.ends_with("CONTROLLER_STATE")) vandal->publish(channel, changed);
-    }
-  });
-  const RunResult result = threads.finish();
-  storm.reset();
-  ASSERT_EQ(result.complaints(), "");
-  EXPECT_TRUE(result.log == clean_log());
-  std::map<std::string_view, std::int64_t> rejected;
-  for (const auto& [role, outcome] : result.of) {
-    for (const auto& entry : outcome.statistics.rejected.entries()) {
-      rejected[entry.reason] += entry.count;
-    }
-  }
-  for (const auto* reason : {"wrong_size", "other_run", "not_asked", "non_finite"}) {
-    EXPECT_GT(rejected[reason], 0) << reason;
-  }
-}
-
-/// Announces for a process that is running what it has announced, with another state.
-void announce_for(bus::Transport& bus, const bus::Datagram& heard, loop::ParticipantState state) {
+/// Repeats the announcement of a running process with another state. @return whether it was one
+bool announce_for(bus::Transport& bus, const bus::Datagram& heard, loop::ParticipantState state) {
   bus::Codec<loop::Participant> codec(loop::Layout{});
   loop::Stamp stamp;
   loop::Participant who;
-  if (codec.decode(heard.payload, stamp, who) != bus::Rejection::none) return;
-  if (who.state != loop::ParticipantState::running) return;
+  if (codec.decode(heard.payload, stamp, who) != bus::Rejection::none ||
+      who.state != loop::ParticipantState::running) {
+    return false;
+  }
   who.state = state;
   ++who.counter;  // or it would be a copy
   bus.publish("ARM_PARTICIPANT", codec.encode(stamp, who));
+  return true;
 }
 
 /// Acknowledges every tick that is over as soon as it hears of the next one.
@@ -530,15 +433,17 @@ TEST(AForgedEnd, IsBelievedBeforeTheLastTickByNobody) {
   FourThreads threads(short_run());
   const auto stranger = threads.network().connect("a stranger");
   stranger->subscribe("ARM_PARTICIPANT");
+  std::atomic<int> forged = 0;
   std::optional<Bystander> forger;
   forger.emplace([&](const std::atomic<bool>& stop) {
     while (!stop) {
       const auto heard = stranger->receive(Clock::now() + 1ms);
-      if (heard) announce_for(*stranger, *heard, loop::ParticipantState::finished);
+      if (heard && announce_for(*stranger, *heard, loop::ParticipantState::finished)) ++forged;
     }
   });
   const RunResult result = threads.finish();
   forger.reset();
+  EXPECT_GT(forged, 0);
   // The forger's counters outrun the real ones, so nobody is heard to contradict it: a run that
   // takes longer than Membership::finish_stands_after ends for that. Said between the last tick and
   // the plant's own end it is plausible, but not what TRUTH was. No run ends well with less than
@@ -642,42 +547,6 @@ TEST(TheLoop, EndsForAllWhenAPlantFailsThatWasBusyForLong) {
   const RunResult result = threads.finish();
   for (const Role role : all_roles) {
     EXPECT_THAT(result.of.at(role).fault, HasSubstr("interrupted")) << loop::name(role);
-  }
-}
-
-TEST(TheLoop, EndsWithExitCode3WhenAPeerDiesWithoutAWord) {
-  /// Falls silent at its 40th message: nothing goes out any more, nothing comes in.
-  class Mortal : public Wrapped {
-   public:
-    using Wrapped::Wrapped;
-    void publish(std::string_view channel, std::span<const std::byte> payload) override {
-      if (++published_ < 40) Wrapped::publish(channel, payload);
-    }
-    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
-      auto datagram = Wrapped::receive(deadline);
-      if (published_ >= 40) return std::nullopt;
-      return datagram;
-    }
-
-   private:
-    int published_ = 0;
-  };
-  for (const Role victim : {Role::plant, Role::reference, Role::controller}) {
-    SCOPED_TRACE(loop::name(victim));
-    // Long against what a busy machine makes a thread wait: who is starved is not dead.
-    FourThreads threads(scenario("paper_rigid", {"loop.give_up_s=3"}));
-    threads.wrap([victim](Role role, std::unique_ptr<bus::Transport> inner) {
-      if (role != victim) return inner;
-      return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
-    });
-    const RunResult result = threads.finish();
-    for (const Role role : all_roles) {
-      const Outcome& outcome = result.of.at(role);
-      EXPECT_EQ(outcome.code, ExitCode::peer_lost) << loop::name(role);
-      if (role == victim) continue;
-      EXPECT_THAT(outcome.fault, HasSubstr(std::string(loop::name(victim))));
-    }
-    EXPECT_THAT(end_of(threads), HasSubstr(std::string(loop::name(victim))));
   }
 }
 

@@ -14,7 +14,6 @@
 #include "logger/run_log.h"
 #include "tests/support/counting_new.h"
 #include "tests/support/private_network.h"
-#include "tests/system/everyone_else.h"
 #include "tests/system/four_threads.h"
 #include "tests/system/wrapped.h"
 
@@ -131,27 +130,11 @@ TEST(RealtimeRun, GoesOnUnderLossAndSaysWhatIsMissing) {
 }
 
 TEST(RealtimeRun, EndsInAProtectiveStopWhenTheControllerDies) {
-  /// Falls silent at its 60th message.
-  class Mortal : public Wrapped {
-   public:
-    using Wrapped::Wrapped;
-    void publish(std::string_view channel, std::span<const std::byte> payload) override {
-      if (++published_ < 60) Wrapped::publish(channel, payload);
-    }
-    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
-      auto datagram = Wrapped::receive(deadline);
-      if (published_ >= 60) return std::nullopt;
-      return datagram;
-    }
-
-   private:
-    int published_ = 0;
-  };
   FourThreads threads(at_rest({"loop.duration_s=60", "loop.max_missed=20", "loop.give_up_s=2",
                                "plant.initial.velocity_rad_per_s=[0.1, 0.1]"}));
   threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
     if (role != Role::controller) return inner;
-    return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
+    return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner), 60));
   });
   const RunResult result = threads.finish();
   for (const Role role : {Role::plant, Role::reference, Role::logger}) {
@@ -241,26 +224,10 @@ TEST(AProtectiveStop, IsInTheLogWhenTheLoggerIsInterrupted) {
 }
 
 TEST(RealtimeRun, EndsWhenTheLoggerDiesThoughSomebodyRepeatsWhatItHasAnnounced) {
-  /// Falls silent at its tenth message.
-  class Mortal : public Wrapped {
-   public:
-    using Wrapped::Wrapped;
-    void publish(std::string_view channel, std::span<const std::byte> payload) override {
-      if (++published_ < 10) Wrapped::publish(channel, payload);
-    }
-    std::optional<bus::Datagram> receive(Clock::time_point deadline) override {
-      auto datagram = Wrapped::receive(deadline);
-      if (published_ >= 10) return std::nullopt;
-      return datagram;
-    }
-
-   private:
-    int published_ = 0;
-  };
   FourThreads threads(at_rest({"loop.duration_s=60", "loop.give_up_s=1"}));
   threads.wrap([](Role role, std::unique_ptr<bus::Transport> inner) {
     if (role != Role::logger) return inner;
-    return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner)));
+    return std::unique_ptr<bus::Transport>(new Mortal(std::move(inner), 10));
   });
   const auto stranger = threads.network().connect("a stranger");
   stranger->subscribe("ARM_PARTICIPANT");
@@ -402,59 +369,6 @@ TEST_P(ARealtimeRun, AllocatesNothingAfterTheFirstTicks) {
 INSTANTIATE_TEST_SUITE_P(OnABus, ARealtimeRun, testing::Bool(), [](const auto& key) {
   return std::string(key.param ? "WithAKey" : "WithoutAKey");
 });
-
-/// Spins on every core, and then some.
-class BusyMachine {
- public:
-  BusyMachine() {
-    for (auto& thread : threads_) {
-      thread = std::thread([this] {
-        while (!stop_) {
-        }
-      });
-    }
-  }
-  ~BusyMachine() {
-    stop_ = true;
-    for (auto& thread : threads_) thread.join();
-  }
-
- private:
-  std::atomic<bool> stop_ = false;
-  std::array<std::thread, 4> threads_;
-};
-
-TEST(TheLoggerUnderPressure, LosesNothingOfBurstsOfAThousandMessages) {
-  constexpr std::int64_t bursts = 10;
-  constexpr std::int64_t ticks_in_one = 167;  // six messages each: 1002
-  const experiment::Scenario scenario =
-      at_rest({"loop.duration_s=" + std::to_string(1e-3 * bursts * ticks_in_one)});
-  ASSERT_EQ(scenario.loop.num_ticks, bursts * ticks_in_one);
-  const std::string url = "udpm://239.255.76.67:7705?ttl=0";
-  FourThreads threads(scenario);
-  threads.wrap(on_the_network(url));
-  threads.start(Role::logger);
-
-  // In the others' place: one who says all they would have said, a thousand messages at once.
-  EveryoneElse others(scenario, url);
-  others.meet_the_logger();
-
-  {
-    const BusyMachine busy;
-    const auto start = Clock::now();
-    for (std::int64_t burst = 0; burst < bursts; ++burst) {
-      std::this_thread::sleep_until(start + burst * ticks_in_one * 1ms);
-      others.announce(loop::ParticipantState::running);
-      for (std::int64_t i = 0; i < ticks_in_one; ++i) others.say(burst * ticks_in_one + i);
-    }
-    others.announce(loop::ParticipantState::finished);
-    threads.wait();
-  }
-  EXPECT_EQ(others.unsent(), 0u);
-  const Recorded log = recorded_by(threads);
-  EXPECT_EQ(log.summary.gaps(), 0u);
-  EXPECT_EQ(log.ticks.size(), static_cast<std::size_t>(bursts * ticks_in_one));
-}
 
 }  // namespace
 }  // namespace tachless::system_test

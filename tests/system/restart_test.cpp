@@ -16,6 +16,7 @@
 
 #include "logger/run_log.h"
 #include "process/process_tree.h"
+#include "tests/support/packet_loss.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
 #include "tests/support/program.h"
@@ -132,16 +133,11 @@ INSTANTIATE_TEST_SUITE_P(Scenarios, ARestartedController,
 TEST(ARestartedController, LeavesTheSameLogWhenPacketsAreLostToo) {
   Launched clean("practical_rigid.yaml", {"--duration", "4"});
   ASSERT_EQ(clean.wait(), 0) << clean.errors();
-  ASSERT_EQ(
-      std::system("nft add table ip lossy && "
-                  "nft 'add chain ip lossy in { type filter hook input priority 0; }' && "
-                  "nft add rule ip lossy in udp dport 7667 numgen random mod 100 \\< 30 drop"),
-      0);
+  const support::PacketLoss loss(30);
   Launched killed("practical_rigid.yaml", {"--duration", "4", "--restart", "controller"});
   EXPECT_TRUE(killed.kill_controller_at(100'000));
   EXPECT_TRUE(killed.kill_controller_at(1'500'000));
   EXPECT_EQ(killed.wait(), 0) << killed.errors();
-  ASSERT_EQ(std::system("nft delete table ip lossy"), 0);
   EXPECT_TRUE(killed.log() == clean.log());
 }
 

@@ -18,6 +18,7 @@
 
 #include "logger/run_log.h"
 #include "process/process_tree.h"
+#include "tests/support/packet_loss.h"
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
@@ -141,12 +142,10 @@ TEST_F(SeveralRobots, LeaveTheSameLogsWhenPacketsAreLostWithAKeyAndInOneProcess)
   std::ofstream(key) << std::string(64, '5');
   chmod(key.c_str(), 0600);
   // Every fifth packet: of the three by which `run` looks whether there is multicast two arrive.
-  ASSERT_EQ(std::system("nft add table ip lossy && "
-                        "nft 'add chain ip lossy in { type filter hook input priority 0; }' && "
-                        "nft add rule ip lossy in udp dport 7667 numgen inc mod 5 0 drop"),
-            0);
-  EXPECT_EQ(run(two_arms(), {"--duration", "0.1", "--key-file", key, "--json"}), 0) << errors_;
-  EXPECT_EQ(std::system("nft delete table ip lossy"), 0);
+  {
+    const support::PacketLoss loss("numgen inc mod 5 0");
+    EXPECT_EQ(run(two_arms(), {"--duration", "0.1", "--key-file", key, "--json"}), 0) << errors_;
+  }
   expect_logs(alone);
   const auto told = nlohmann::json::parse(output_);
   EXPECT_GT(told.at("left").at("resends"), 0);

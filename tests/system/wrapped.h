@@ -27,4 +27,23 @@ class Wrapped : public bus::Transport {
   std::unique_ptr<bus::Transport> inner_;
 };
 
+/// Falls silent at its nth message: nothing is sent any more, nothing is received.
+class Mortal : public Wrapped {
+ public:
+  Mortal(std::unique_ptr<bus::Transport> inner, int last)
+      : Wrapped(std::move(inner)), last_(last) {}
+  void publish(std::string_view channel, std::span<const std::byte> payload) override {
+    if (++published_ < last_) Wrapped::publish(channel, payload);
+  }
+  std::optional<bus::Datagram> receive(loop::Clock::time_point deadline) override {
+    auto datagram = Wrapped::receive(deadline);
+    if (published_ >= last_) return std::nullopt;
+    return datagram;
+  }
+
+ private:
+  int last_;
+  int published_ = 0;
+};
+
 }  // namespace tachless::system_test
