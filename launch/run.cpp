@@ -95,7 +95,7 @@ RunEnd log_in_this_process(const PlannedRun& run, const RunDirectory& out, Scree
 ExitCode in_this_process(const std::vector<PlannedRun>& runs) {
   process::survive_broken_pipes();
   std::deque<RunDirectory> out;
-  for (const PlannedRun& run : runs) out.emplace_back(run.options.directory(run.scenario));
+  for (const PlannedRun& run : runs) out.emplace_back(run);
   Screen screen(runs.front().options.quiet);
   for (const PlannedRun& run : runs) run.say_remarks();
   Conclusions conclusions;

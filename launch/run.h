@@ -27,7 +27,7 @@ namespace tachless::launch {
 struct RunOptions {
   std::filesystem::path scenario;
   std::string robot;          ///< its name where the command line has several; empty: it has one
-  std::filesystem::path out;  ///< empty: out/<the scenario's name>; of several: out
+  std::filesystem::path out;  ///< empty: out/NAME/DATE-TIME; of several robots a folder for each
   std::int64_t run_id = 0;    ///< 0: the time
   std::vector<std::string> overrides;
   std::string mode;
@@ -42,7 +42,7 @@ struct RunOptions {
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
   bool cross_check = false;  ///< compare Simbody's mechanics with the library's own first
-  bool force = false;        ///< run a loop that is unstable when linearised
+  bool force = false;  ///< run a loop that is unstable when linearised; replace results in `out`
   bool quiet = false;
   bool verbose = false;
   bool json = false;
@@ -51,8 +51,6 @@ struct RunOptions {
   [[nodiscard]] std::vector<std::string> all_overrides() const;
   /// `line`, after "<robot>: " where there are several.
   [[nodiscard]] std::string named(std::string_view line) const;
-  /// Where the results go.
-  [[nodiscard]] std::filesystem::path directory(const experiment::Scenario& checked) const;
 };
 
 /// The law that a scenario is run under: its own, or that of `law_program` if there is one.
@@ -90,20 +88,21 @@ std::vector<PlannedRun> plan_runs(RunOptions options,
 inline constexpr std::array roles = {loop::Role::logger, loop::Role::controller,
                                      loop::Role::reference, loop::Role::plant};
 
-/// The run's directory, locked against a second run until destruction. The files of an earlier run
-/// are set aside until this run has begun: if it does not, they are there again afterwards, else
-/// its log is `lcmlog.previous`.
+/// The directory of a run's results, locked against a second run until destruction: --out, or
+/// out/NAME/DATE-TIME with the link out/NAME/latest once the run has begun. That of a run that does
+/// not begin is removed.
 class RunDirectory {
  public:
-  /// @throw diagnostics::Failure(bad_usage) naming --out
-  explicit RunDirectory(std::filesystem::path path);
+  /// @throw diagnostics::Failure(bad_usage) naming the directory: it cannot be used, or, without
+  /// --force, holds results
+  explicit RunDirectory(const PlannedRun& run);
   RunDirectory(const RunDirectory&) = delete;
   RunDirectory& operator=(const RunDirectory&) = delete;
   ~RunDirectory();
 
   /// Whether something of this run was recorded when last looked.
   [[nodiscard]] bool begun() const { return begun_; }
-  /// Looks, and removes what was set aside, but for the log, once something is. Cheap, for a loop.
+  /// Looks, and sets the link once something is. Cheap, for a loop.
   void look();
 
   [[nodiscard]] std::filesystem::path operator/(const std::string& file) const {
@@ -117,11 +116,14 @@ class RunDirectory {
   [[nodiscard]] std::vector<std::filesystem::path> files() const;
 
  private:
-  [[noreturn]] void refuse(const std::string& why) const;
-  [[nodiscard]] std::filesystem::path aside(const std::string& file) const;
-  void restore();
+  [[noreturn]] void refuse(const std::string& why,
+                           const std::string& remedy = "choose another directory") const;
+  void make(const std::filesystem::path& directory);
+  void make_by_time();
+  void clear(bool force);
 
   std::filesystem::path path_;
+  std::filesystem::path runs_;  ///< out/NAME; empty: --out was given
   process::FileDescriptor lock_;
   bool begun_ = false;
 };

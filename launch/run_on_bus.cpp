@@ -310,7 +310,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   if (!isolated) require_free_bus(robots);
   for (OnTheBus& each : robots) {
     if (common.visualize) open_window(each, isolated, screen);
-    each.out.emplace(each.options.directory(each.run.scenario));
+    each.out.emplace(each.run);
   }
   std::vector<Progress> progress;
   std::vector<Supervised> supervised;

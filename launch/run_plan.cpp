@@ -194,11 +194,6 @@ std::string RunOptions::named(std::string_view line) const {
   return robot.empty() ? std::string(line) : fmt::format("{}: {}", robot, line);
 }
 
-fs::path RunOptions::directory(const experiment::Scenario& checked) const {
-  if (robot.empty()) return out.empty() ? fs::path("out") / checked.name : out;
-  return (out.empty() ? fs::path("out") : out) / robot;
-}
-
 void PlannedRun::say_remarks() const {
   for (const auto& [warns, line] : remarks) {
     if (warns) {

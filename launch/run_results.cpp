@@ -1,13 +1,14 @@
 #include "launch/run.h"
 
 #include <fcntl.h>
-#include <fmt/core.h>
+#include <fmt/chrono.h>
 #include <sys/file.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <ctime>
 #include <future>
 #include <iostream>
 #include <stdexcept>
@@ -102,34 +103,68 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
 
 }  // namespace
 
-RunDirectory::RunDirectory(fs::path path) : path_(std::move(path)) {
-  std::error_code error;
-  fs::create_directories(path_, error);
-  if (error || !fs::is_directory(path_)) {
-    refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
+RunDirectory::RunDirectory(const PlannedRun& run) {
+  const RunOptions& options = run.options;
+  if (options.out.empty()) {
+    runs_ = fs::path("out") / (options.robot.empty() ? run.scenario.name : options.robot);
+    make_by_time();
+  } else {
+    path_ = options.robot.empty() ? options.out : options.out / options.robot;
+    make(path_);
   }
   lock_ = process::FileDescriptor(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
   if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
   if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
-  // What a launcher that was killed has left aside: either its run has begun, or its log is empty.
-  look();
-  if (!std::exchange(begun_, false)) restore();
-  for (const char* file : our_files) {
-    if (fs::exists(path_ / file)) fs::rename(path_ / file, aside(file), error);
-    if (!error) continue;
-    restore();
-    refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
-  }
-  for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
+  clear(options.force);
 }
 
 RunDirectory::~RunDirectory() {
   look();
-  if (!begun_) restore();
+  if (begun_) return;
+  std::error_code ignored;
+  fs::remove(path_ / "lcmlog", ignored);  // empty
+  fs::remove(path_, ignored);             // unless it holds other files
 }
 
-fs::path RunDirectory::aside(const std::string& file) const { return path_ / (".earlier-" + file); }
+void RunDirectory::make(const fs::path& directory) {
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (!error && fs::is_directory(directory)) return;
+  path_ = directory;
+  refuse("cannot be made a directory" + (error ? ": " + error.message() : ""));
+}
+
+void RunDirectory::make_by_time() {
+  make(runs_);
+  const std::time_t now = std::time(nullptr);
+  std::tm time{};
+  localtime_r(&now, &time);
+  std::error_code error;
+  for (int number = 1; number < 1000; ++number) {
+    path_ = runs_ / fmt::format("{:%Y-%m-%d-%H%M%S}", time);
+    if (number > 1) path_ += fmt::format(".{}", number);
+    if (fs::create_directory(path_, error) || error) break;
+  }
+  if (error) refuse("cannot be made: " + error.message());
+}
+
+/// Makes room for the results.
+void RunDirectory::clear(bool force) {
+  std::error_code error;
+  if (fs::exists(path_ / "latest", error)) refuse("holds the runs of a scenario");
+  for (const char* file : our_files) {
+    if (fs::is_directory(path_ / file, error)) refuse(fmt::format("{} there is a directory", file));
+    if (!fs::exists(path_ / file, error)) continue;
+    if (!force) {
+      refuse(fmt::format("the {} of an earlier run is there", file),
+             "choose another directory, or replace it with --force");
+    }
+    fs::remove(path_ / file, error);
+    if (error) refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));
+  }
+  for (const loop::Role role : roles) fs::remove(statistics_path(role), error);
+}
 
 void RunDirectory::look() {
   if (begun_) return;
@@ -137,14 +172,10 @@ void RunDirectory::look() {
   const auto size = fs::file_size(path_ / "lcmlog", ignored);
   if (ignored || size == 0) return;
   begun_ = true;
-  fs::rename(aside("lcmlog"), path_ / "lcmlog.previous", ignored);
-  for (const char* file : our_files) fs::remove(aside(file), ignored);
-}
-
-void RunDirectory::restore() {
-  std::error_code ignored;
-  if (fs::is_empty(path_ / "lcmlog", ignored)) fs::remove(path_ / "lcmlog", ignored);
-  for (const char* file : our_files) fs::rename(aside(file), path_ / file, ignored);
+  if (runs_.empty()) return;
+  const fs::path link = runs_ / fmt::format(".latest-{}", getpid());
+  fs::create_symlink(path_.filename(), link, ignored);
+  fs::rename(link, runs_ / "latest", ignored);
 }
 
 fs::path RunDirectory::statistics_path(loop::Role role) const {
@@ -173,8 +204,8 @@ std::vector<fs::path> RunDirectory::files() const {
   return found;
 }
 
-void RunDirectory::refuse(const std::string& why) const {
-  throw diagnostics::bad_usage("--out {}: {}; choose another directory", path_.string(), why);
+void RunDirectory::refuse(const std::string& why, const std::string& remedy) const {
+  throw diagnostics::bad_usage("--out {}: {}; {}", path_.string(), why, remedy);
 }
 
 report::RunFacts planned_facts(const PlannedRun& run) {

@@ -15,6 +15,7 @@
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
+#include "logger/find_log.h"
 #include "logger/table.h"
 #include "plant/run_messages.h"
 #include "python/python_law.h"
@@ -214,7 +215,7 @@ py::array_t<double> times(const Run& run) {
 Run read(const std::filesystem::path& path, std::int64_t id) {
   const py::gil_scoped_release unlocked;
   logger::RunLog log =
-      logger::RunLog::open(std::filesystem::is_directory(path) ? path / "lcmlog" : path,
+      logger::RunLog::open(logger::find_log(path),
                            id == 0 ? std::nullopt : std::optional(id));
   Run run(log.scenario(), {log.info().law, log.info().measurement, log.info().signals});
   run.run = log.run();

@@ -17,6 +17,7 @@
 #include "launch/run.h"
 #include "launch/verb.h"
 #include "logger/export.h"
+#include "logger/find_log.h"
 #include "logger/info.h"
 #include "node/options.h"
 #include "replay/replay.h"
@@ -30,13 +31,11 @@ namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 using Json = nlohmann::ordered_json;
 
-/// LOG: a directory stands for the log in it, `lcmlog`.
+/// LOG, as logger::find_log takes it.
 template <class Logs>
 void add_logs(CLI::App& command, Logs& logs, const std::string& does) {
-  command.add_option("LOG", logs, does)->required()->transform([](const std::string& path) {
-    std::error_code error;
-    return fs::is_directory(path, error) ? (fs::path(path) / "lcmlog").string() : path;
-  });
+  command.add_option("LOG", logs, does)->required()->transform(
+      [](const std::string& path) { return logger::find_log(path).string(); });
 }
 
 /// @param where "the log holds"
@@ -50,7 +49,7 @@ struct Info {
   bool json = false;
 
   void declare(CLI::App& command) {
-    add_logs(command, log, "Any LCM log, or the directory of a run");
+    add_logs(command, log, "Any LCM log, or the directory of a run or of several: then the newest");
     add_json(command, json);
   }
 

@@ -20,9 +20,8 @@ struct Run : RunOptions {
         ->required();
     node::add_overrides(command, overrides);
     command.add_option("--out", out,
-                       "Where log, summary and figure go; default: out/<the scenario's name>; of "
-                       "several robots each into a folder there with its name, default: out. Files "
-                       "of an earlier run are replaced once this one has begun");
+                       "Where log, summary and figure go; default: out/NAME/DATE-TIME, with the link "
+                   "out/NAME/latest; of several robots each into a folder there with its name");
     node::as_run_id(command.add_option(
         "--run-id", run_id, "Positive number in every message of the run; default: the time"));
     command
@@ -49,7 +48,7 @@ struct Run : RunOptions {
         "--any-verdict", any_verdict,
         "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly saturated");
     command.add_flag("--force", force,
-                     "Run a loop too that is unstable at its period, as its linearisation shows");
+                     "Run even if the linearised loop is unstable; replace the results in --out");
     command.add_flag("--cross-check", cross_check,
                      "Before the run: step it in this process with Simbody's mechanics and with "
                      "the library's own, and end with code 1 if they differ");

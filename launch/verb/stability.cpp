@@ -106,7 +106,7 @@ struct Design {
   certificate::DesignGoal goal;
   double period_s = 0;
   fs::path output;
-  bool quiet = false;
+  bool quiet = false, force = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(
@@ -131,6 +131,7 @@ struct Design {
                     "Sampling period [s]; default: the scenario's, 1 ms for a URDF")
         ->check(CLI::PositiveNumber);
     command.add_option("--write", output, "The scenario with these gains, as a file");
+    command.add_flag("--force", force, "Replace that file if it exists");
     add_quiet(command, quiet);
   }
 
@@ -138,6 +139,10 @@ struct Design {
     const experiment::Scenario scenario = load({});
     warn(scenario);
     const std::string_view remedy = "name another file with --write";
+    if (!force && !output.empty() && fs::exists(output)) {
+      throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
+                                   output.string(), remedy);
+    }
     require_writable(output, remedy);
     Screen screen(quiet);
     const certificate::Design design =

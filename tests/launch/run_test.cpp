@@ -2,27 +2,24 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <set>
 #include <sstream>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "logger/run_log.h"
-#include "tests/support/temporary_directory.h"
+#include "tests/support/program.h"
 
 using namespace tachless;
 
@@ -33,94 +30,12 @@ using std::chrono::seconds;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using Clock = std::chrono::steady_clock;
+using Words = std::vector<std::string>;
 
-std::string text_of(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
-
-class Run : public ::testing::Test {
- protected:
-  void TearDown() override {
-    if (launcher_ > 0) {
-      kill(launcher_, SIGKILL);
-      waitpid(launcher_, nullptr, 0);
-    }
-  }
-
-  void start(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {"--isolate", "--out", out().string()});
-    start_on_this_network(std::move(arguments));
-  }
-
-  void start_on_this_network(std::vector<std::string> arguments) {
-    arguments.insert(arguments.begin(), {TACHLESS_BINARY_DIR "/bin/tachless", "run",
-                                         TACHLESS_SOURCE_DIR "/scenarios/" + scenario_ + ".yaml"});
-    std::vector<char*> argv;
-    for (std::string& word : arguments) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    launcher_ = fork();
-    ASSERT_GE(launcher_, 0);
-    if (launcher_ == 0) {
-      [[maybe_unused]] FILE* o = freopen((directory_ / "stdout").c_str(), "w", stdout);
-      [[maybe_unused]] FILE* e = freopen((directory_ / "stderr").c_str(), "w", stderr);
-      execv(argv[0], argv.data());
-      _exit(127);
-    }
-  }
-
-  int finish() {
-    int status = 0;
-    waitpid(launcher_, &status, 0);
-    launcher_ = -1;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
-  }
-
-  /// The process of that program that the launcher started.
-  std::optional<pid_t> child(const std::string& program) const {
-    const fs::path children = fs::path("/proc") / std::to_string(launcher_) / "task" /
-                              std::to_string(launcher_) / "children";
-    std::istringstream pids(text_of(children));
-    for (pid_t pid = 0; pids >> pid;) {
-      if (text_of(fs::path("/proc") / std::to_string(pid) / "cmdline").find(program) !=
-          std::string::npos) {
-        return pid;
-      }
-    }
-    return {};
-  }
-
-  /// Until the log has grown to some thousand ticks.
-  void wait_until_running() const {
-    const auto until = Clock::now() + seconds(30);
-    std::error_code error;
-    while (Clock::now() < until) {
-      const auto size = fs::file_size(out() / "lcmlog", error);
-      if (!error && size > 500'000) return;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    FAIL() << "the run did not get going: " << standard_error();
-  }
-
-  [[nodiscard]] fs::path out() const { return directory_ / "out"; }
-  [[nodiscard]] std::string standard_error() const { return text_of(directory_ / "stderr"); }
-  [[nodiscard]] std::string standard_output() const { return text_of(directory_ / "stdout"); }
-  [[nodiscard]] nlohmann::json summary() const {
-    return nlohmann::json::parse(text_of(out() / "summary.json"));
-  }
-
-  TemporaryDirectory directory_;
-  std::string scenario_ = "paper_rigid";
-  pid_t launcher_ = -1;
-};
-
-std::map<std::string, std::string> files_in(const fs::path& directory) {
-  std::map<std::string, std::string> files;
-  for (const auto& entry : fs::directory_iterator(directory)) {
-    files[entry.path().filename()] = text_of(entry.path());
-  }
-  return files;
+std::size_t count(const std::string& text, const std::string& word) {
+  std::size_t found = 0;
+  for (std::size_t at = 0; (at = text.find(word, at)) != std::string::npos; ++at) ++found;
+  return found;
 }
 
 std::int64_t ticks_of(const fs::path& path) {
@@ -132,9 +47,63 @@ std::int64_t ticks_of(const fs::path& path) {
   return ticks;
 }
 
+class Run : public ::testing::Test {
+ protected:
+  /// In a private network, results in `out()`.
+  void start(Words more) {
+    more.insert(more.begin(), {"--isolate", "--out", out().string()});
+    start_anywhere(more);
+  }
+  void start_anywhere(const Words& more) { run_ = launch(more); }
+  std::unique_ptr<Program> launch(const Words& more) {
+    Words words = {"run", TACHLESS_SOURCE_DIR "/scenarios/" + scenario_ + ".yaml"};
+    words.insert(words.end(), more.begin(), more.end());
+    return std::make_unique<Program>("tachless", words, directory_.path());
+  }
+  int finish() { return run_->wait(); }
+  void stop(int signal) { run_->signal(signal); }
+
+  /// The process of that program that the launcher started; 0: none.
+  [[nodiscard]] pid_t child(const std::string& program) const {
+    const std::string pid = std::to_string(run_->pid());
+    std::istringstream pids(contents("/proc/" + pid + "/task/" + pid + "/children"));
+    for (pid_t each = 0; pids >> each;) {
+      const std::string command = contents("/proc/" + std::to_string(each) + "/cmdline");
+      if (command.find(program) != std::string::npos) return each;
+    }
+    return 0;
+  }
+  void kill_process(const std::string& role) const {
+    const pid_t victim = child("tachless-" + role);
+    ASSERT_GT(victim, 0) << role;
+    kill(victim, SIGKILL);
+  }
+
+  /// Until the log has grown to some thousand ticks.
+  void wait_until_running() {
+    wait_until("the run to get going", [&] {
+      if (!run_->running()) throw std::runtime_error(run_->errors());
+      std::error_code error;
+      const auto size = fs::file_size(out() / "lcmlog", error);
+      return !error && size > 500'000;
+    });
+  }
+
+  [[nodiscard]] fs::path out() const { return directory_ / "out"; }
+  [[nodiscard]] std::string errors() const { return run_->errors(); }
+  [[nodiscard]] std::string output() const { return run_->output(); }
+  [[nodiscard]] nlohmann::json summary() const {
+    return nlohmann::json::parse(contents(out() / "summary.json"));
+  }
+
+  TemporaryDirectory directory_;
+  std::string scenario_ = "paper_rigid";
+  std::unique_ptr<Program> run_;
+};
+
 TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
   start({"--duration", "0.1", "--run-id", "7"});
-  EXPECT_EQ(finish(), 0) << standard_error();
+  EXPECT_EQ(finish(), 0) << errors();
   const nlohmann::json result = summary();
   EXPECT_EQ(result["ticks"], 2000);
   EXPECT_EQ(result["run_id"], 7);
@@ -143,11 +112,11 @@ TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
   EXPECT_TRUE(result["fault"].is_null());
   EXPECT_EQ(result["position_error_rad"]["peak"].size(), 2U);
   EXPECT_EQ(ticks_of(out() / "lcmlog"), 2000);
-  EXPECT_THAT(text_of(out() / "tracking.svg"), HasSubstr("</svg>"));
-  const std::string report = text_of(out() / "report.html");
-  EXPECT_THAT(report, AllOf(HasSubstr("</html>"), HasSubstr("<figure id=\"round-trip\"")));
-  EXPECT_THAT(standard_output(), AllOf(HasSubstr("position error"), HasSubstr("log gaps 0"),
-                                       HasSubstr((out() / "tracking.svg").string())));
+  EXPECT_THAT(contents(out() / "tracking.svg"), HasSubstr("</svg>"));
+  EXPECT_THAT(contents(out() / "report.html"),
+              AllOf(HasSubstr("</html>"), HasSubstr("<figure id=\"round-trip\"")));
+  EXPECT_THAT(output(), AllOf(HasSubstr("position error"), HasSubstr("log gaps 0"),
+                              HasSubstr((out() / "tracking.svg").string())));
   std::set<std::string> files;
   for (const auto& entry : fs::directory_iterator(out())) files.insert(entry.path().filename());
   EXPECT_EQ(files,
@@ -157,28 +126,26 @@ TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
 TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
   for (const char* scenario : {"paper_rigid", "practical_flexible"}) {
     scenario_ = scenario;
-    start({"--duration", "0.1", "--run-id", "7", "--quiet"});
-    EXPECT_EQ(finish(), 0) << standard_error();
-    const std::string log = text_of(out() / "lcmlog");
-    fs::remove_all(out());
-    start_on_this_network(
-        {"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process"});
-    EXPECT_EQ(finish(), 0) << standard_error();
-    EXPECT_TRUE(text_of(out() / "lcmlog") == log) << scenario;
+    start({"--duration", "0.1", "--run-id", "7", "--quiet", "--force"});
+    EXPECT_EQ(finish(), 0) << errors();
+    const std::string log = contents(out() / "lcmlog");
+    start_anywhere({"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process",
+                    "--force"});
+    EXPECT_EQ(finish(), 0) << errors();
+    EXPECT_TRUE(contents(out() / "lcmlog") == log) << scenario;
     EXPECT_EQ(summary()["log"]["gaps"], 0);
-    EXPECT_GT(summary()["ticks"], 0);
     EXPECT_TRUE(fs::exists(out() / "report.html"));
-    EXPECT_THAT(standard_output(), HasSubstr("ticks/s"));
+    EXPECT_THAT(output(), HasSubstr("ticks/s"));
   }
 }
 
 TEST_F(Run, LeavesTheSameLogWhereverItsProcessesExecute) {
   std::set<std::string> logs;
   for (const std::string placement : {"auto", "none"}) {
-    start({"--duration", "0.1", "--run-id", "7", "--placement", placement});
-    ASSERT_EQ(finish(), 0) << standard_error();
-    logs.insert(text_of(out() / "lcmlog"));
-    EXPECT_THAT(standard_output(), HasSubstr(summary()["placement"].get<std::string>()));
+    start({"--duration", "0.1", "--run-id", "7", "--placement", placement, "--force"});
+    ASSERT_EQ(finish(), 0) << errors();
+    logs.insert(contents(out() / "lcmlog"));
+    EXPECT_THAT(output(), HasSubstr(summary()["placement"].get<std::string>()));
   }
   EXPECT_EQ(logs.size(), 1U);
   EXPECT_EQ(summary()["placement"], "spread over CPUs");
@@ -186,54 +153,90 @@ TEST_F(Run, LeavesTheSameLogWhereverItsProcessesExecute) {
 
 TEST_F(Run, InOneProcessEndsAsFourDo) {
   scenario_ = "iiwa_point_to_point";
-  const std::vector<std::string> too_fast = {"--out", out().string(), "--in-process", "--set",
-                                             "reference.point_to_point.duration_s=0.1"};
-  start_on_this_network(too_fast);
+  start_anywhere({"--out", out().string(), "--in-process", "--set",
+                  "reference.point_to_point.duration_s=0.1"});
   EXPECT_EQ(finish(), 5);
-  EXPECT_THAT(standard_error(), HasSubstr("faster than its limit of"));
+  EXPECT_THAT(errors(), HasSubstr("faster than its limit of"));
   EXPECT_THAT(summary()["fault"].get<std::string>(), HasSubstr("faster than its limit of"));
   logger::RunLog log = logger::RunLog::open(out() / "lcmlog");
   logger::TickRecord record;
   while (log.next(record)) continue;
   ASSERT_EQ(log.summary().faults.size(), 1U);
   EXPECT_THAT(log.summary().faults[0].text, HasSubstr("faster than its limit of"));
+  fs::remove_all(out());
 
   scenario_ = "paper_flexible";
-  start_on_this_network({"--out", out().string(), "--in-process"});
+  start_anywhere({"--out", out().string(), "--in-process"});
   wait_until_running();
-  kill(launcher_, SIGINT);
+  stop(SIGINT);
   EXPECT_EQ(finish(), 130);
   EXPECT_EQ(summary()["fault"], "interrupted");
   EXPECT_GT(ticks_of(out() / "lcmlog"), 0);
+  fs::remove_all(out());
 
-  start_on_this_network({"--out", out().string(), "--in-process", "--mode", "realtime"});
+  start_anywhere({"--out", out().string(), "--in-process", "--mode", "realtime"});
   EXPECT_EQ(finish(), 2);
-  EXPECT_THAT(standard_error(), HasSubstr("type --mode lockstep"));
+  EXPECT_THAT(errors(), HasSubstr("type --mode lockstep"));
 }
 
-TEST_F(Run, LeavesOtherFilesInItsDirectoryAlone) {
+TEST_F(Run, WritesIntoADirectoryOfItsTimeAndLinksTheLatest) {
+  const fs::path runs = directory_ / "out/paper_rigid";
+  ASSERT_EQ(chdir(directory_.path().c_str()), 0);
+  const Words words = {"--in-process", "--duration", "0.01", "--quiet"};
+  std::vector<fs::path> found;
+  for (int i = 0; i < 2; ++i) {
+    start_anywhere(words);
+    EXPECT_EQ(finish(), 0) << errors();
+    found.push_back(runs / fs::read_symlink(runs / "latest"));
+    EXPECT_EQ(ticks_of(found.back() / "lcmlog"), 200);
+  }
+  EXPECT_NE(found[0], found[1]);
+  EXPECT_EQ(ticks_of(found[0] / "lcmlog"), 200) << "the first run's results stay";
+  start_anywhere({"--in-process", "--duration", "0.01", "--controller", "false"});
+  EXPECT_NE(finish(), 0);
+  EXPECT_EQ(runs / fs::read_symlink(runs / "latest"), found[1]);
+  EXPECT_EQ(std::distance(fs::directory_iterator(runs), fs::directory_iterator()), 3)
+      << "a run that does not begin leaves nothing";
+  start_anywhere({"--in-process", "--duration", "0.01", "--out", "out/paper_rigid"});
+  EXPECT_EQ(finish(), 2);
+  EXPECT_THAT(errors(), HasSubstr("holds the runs of a scenario"));
+}
+
+TEST_F(Run, ReplacesResultsOnlyWhenForcedAndLeavesOtherFilesAlone) {
   fs::create_directories(out());
   std::ofstream(out() / "notes.txt") << "mine";
   std::ofstream(out() / "lcmlog") << "an earlier run";
-  start({"--duration", "0.01", "--quiet", "--json"});
-  EXPECT_EQ(finish(), 0) << standard_error();
-  EXPECT_EQ(text_of(out() / "notes.txt"), "mine");
+  const Words words = {"--out", out().string(), "--in-process", "--duration", "0.01", "--json"};
+  start_anywhere(words);
+  EXPECT_EQ(finish(), 2);
+  EXPECT_THAT(errors(), AllOf(HasSubstr("lcmlog of an earlier run"), HasSubstr("--force")));
+  EXPECT_EQ(count(errors(), "\n"), 1U);
+  EXPECT_EQ(contents(out() / "lcmlog"), "an earlier run");
+  Words forced = words;
+  forced.emplace_back("--force");
+  start_anywhere(forced);
+  EXPECT_EQ(finish(), 0) << errors();
+  EXPECT_EQ(contents(out() / "notes.txt"), "mine");
   EXPECT_EQ(ticks_of(out() / "lcmlog"), 200);
-  EXPECT_EQ(text_of(out() / "lcmlog.previous"), "an earlier run");
-  EXPECT_EQ(nlohmann::json::parse(standard_output()), summary());
+  EXPECT_EQ(nlohmann::json::parse(output()), summary());
+
+  fs::remove(out() / "report.html");
+  fs::create_directories(out() / "report.html/mine");
+  start_anywhere(forced);
+  EXPECT_EQ(finish(), 2);
+  EXPECT_THAT(errors(), HasSubstr("report.html there is a directory"));
 }
 
 TEST_F(Run, EndsWithinTwoSecondsWhenAProcessIsKilledAndKeepsTheLog) {
   for (const std::string role : {"controller", "reference", "plant"}) {
     start({"--duration", "1000"});
     wait_until_running();
-    const std::optional<pid_t> victim = child("tachless-" + role);
-    ASSERT_TRUE(victim.has_value()) << role;
     const auto killed = Clock::now();
-    kill(*victim, SIGKILL);
-    EXPECT_EQ(finish(), 3) << role << standard_error();
+    kill_process(role);
+    EXPECT_EQ(finish(), 3) << role << errors();
     EXPECT_LT(Clock::now() - killed, seconds(2)) << role;
-    EXPECT_THAT(standard_error(), HasSubstr(role + " was killed by signal 9")) << role;
+    EXPECT_EQ(count(errors(), role + " was killed by signal 9"), 1U) << errors();
+    EXPECT_EQ(count(errors(), "ended because of"), 0U) << errors();
     EXPECT_THAT(summary()["fault"].get<std::string>(), HasSubstr(role + " was killed")) << role;
     EXPECT_GT(ticks_of(out() / "lcmlog"), 100) << role;
     fs::remove_all(out());
@@ -243,42 +246,26 @@ TEST_F(Run, EndsWithinTwoSecondsWhenAProcessIsKilledAndKeepsTheLog) {
 TEST_F(Run, KeepsTheLogUpToItsLastFlushWhenTheLoggerIsKilled) {
   start({"--duration", "1000"});
   wait_until_running();
-  const std::optional<pid_t> victim = child("tachless-logger");
-  ASSERT_TRUE(victim.has_value());
-  kill(*victim, SIGKILL);
-  EXPECT_EQ(finish(), 3) << standard_error();
-  EXPECT_THAT(standard_error(), HasSubstr("logger was killed by signal 9"));
+  kill_process("logger");
+  EXPECT_EQ(finish(), 3) << errors();
+  EXPECT_THAT(errors(), HasSubstr("logger was killed by signal 9"));
   EXPECT_GT(summary()["ticks"].get<int>(), 100);
 }
 
-TEST_F(Run, EndsCleanlyOnCtrlC) {
-  start({"--duration", "1000"});
-  wait_until_running();
-  const auto interrupted = Clock::now();
-  kill(launcher_, SIGINT);
-  EXPECT_EQ(finish(), 130) << standard_error();
-  EXPECT_LT(Clock::now() - interrupted, seconds(2));
-  EXPECT_EQ(summary()["fault"], "interrupted");
-  EXPECT_THAT(standard_output(),
-              HasSubstr(std::to_string(summary()["ticks"].get<int>()) + " of 20000000 ticks"));
-  EXPECT_EQ(summary()["log"]["gaps"], 0);
-  EXPECT_GT(ticks_of(out() / "lcmlog"), 100);
-}
-
-std::size_t count(const std::string& text, const std::string& word) {
-  std::size_t found = 0;
-  for (std::size_t at = 0; (at = text.find(word, at)) != std::string::npos; ++at) ++found;
-  return found;
-}
-
-TEST_F(Run, TellsTheFirstCauseOnceAndWhoElseEnded) {
-  start({"--duration", "1000"});
-  wait_until_running();
-  kill(child("tachless-controller").value_or(0), SIGKILL);
-  EXPECT_EQ(finish(), 3);
-  const std::string errors = standard_error();
-  EXPECT_EQ(count(errors, "controller was killed by signal 9"), 1U) << errors;
-  EXPECT_EQ(count(errors, "ended because of"), 0U) << errors;
+TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
+  for (const int signal : {SIGINT, SIGHUP, SIGQUIT, SIGPIPE, SIGTERM}) {
+    start({"--duration", "1000"});
+    wait_until_running();
+    const auto interrupted = Clock::now();
+    stop(signal);
+    EXPECT_EQ(finish(), 130) << strsignal(signal) << errors();
+    EXPECT_LT(Clock::now() - interrupted, seconds(2));
+    EXPECT_EQ(summary()["fault"], "interrupted") << strsignal(signal);
+    EXPECT_EQ(summary()["log"]["gaps"], 0);
+    EXPECT_THAT(output(),
+                HasSubstr(std::to_string(summary()["ticks"].get<int>()) + " of 20000000 ticks"));
+    fs::remove_all(out());
+  }
 }
 
 TEST_F(Run, EndsWhenItsLogIsRemovedReplacedOrCut) {
@@ -290,12 +277,12 @@ TEST_F(Run, EndsWhenItsLogIsRemovedReplacedOrCut) {
          std::ofstream(log) << "another";
        }},
       {"bytes long and has", [](const fs::path& log) { fs::resize_file(log, 0); }}};
-  for (const auto& [said, act] : acts) {
+  for (const auto& [expected, act] : acts) {
     start({"--duration", "1000", "--quiet"});
     wait_until_running();
     act(out() / "lcmlog");
-    EXPECT_EQ(finish(), 2) << standard_error();
-    EXPECT_EQ(count(standard_error(), said), 1U) << standard_error();
+    EXPECT_EQ(finish(), 2) << errors();
+    EXPECT_EQ(count(errors(), expected), 1U) << errors();
     fs::remove_all(out());
   }
 }
@@ -304,19 +291,16 @@ TEST_F(Run, NeedsNoDirectoryForTemporaryFiles) {
   setenv("TMPDIR", "/missing", 1);
   start({"--duration", "0.01"});
   unsetenv("TMPDIR");
-  EXPECT_EQ(finish(), 0) << standard_error();
-  EXPECT_THAT(text_of(out() / "report.html"), HasSubstr("</html>"));
+  EXPECT_EQ(finish(), 0) << errors();
+  EXPECT_THAT(contents(out() / "report.html"), HasSubstr("</html>"));
 }
 
 /// Loops that are unstable, but stay within torques that a robot has.
 TEST_F(Run, OfAnUnstableLoopIsRefusedAndWhenForcedEndsWithItsVerdict) {
   const struct {
     const char *scenario, *verdict;
-    std::vector<std::string> settings;
+    Words settings;
   } cases[] = {
-      {"practical_rigid",
-       "saturated",
-       {"loop.period_s=4e-3", "plant.drive.torque_limit_Nm=[300, 100]"}},
       {"practical_flexible",
        "saturated",
        {"loop.period_s=5e-3", "plant.drive.torque_limit_Nm=[400, 200]"}},
@@ -330,105 +314,71 @@ TEST_F(Run, OfAnUnstableLoopIsRefusedAndWhenForcedEndsWithItsVerdict) {
   for (const auto& each : cases) {
     SCOPED_TRACE(each.scenario);
     scenario_ = each.scenario;
-    std::vector<std::string> arguments = {"--duration", "1", "--set", "plant.on_limit=warn"};
+    Words words = {"--duration", "1", "--set", "plant.on_limit=warn"};
     for (const std::string& setting : each.settings) {
-      arguments.insert(arguments.end(), {"--set", setting});
+      words.insert(words.end(), {"--set", setting});
     }
-    start(arguments);
+    start(words);
     EXPECT_EQ(finish(), 2);
-    EXPECT_THAT(standard_error(),
-                AllOf(HasSubstr("unstable at"), HasSubstr("largest stable period"),
-                      HasSubstr("type --set loop.period_s="), HasSubstr("--force")));
+    EXPECT_THAT(errors(), AllOf(HasSubstr("unstable at"), HasSubstr("largest stable period"),
+                                HasSubstr("type --set loop.period_s="), HasSubstr("--force")));
     EXPECT_FALSE(fs::exists(out() / "lcmlog"));
-    arguments.emplace_back("--force");
-    start(arguments);
-    EXPECT_EQ(finish(), 1) << standard_error();
+    words.emplace_back("--force");
+    start(words);
+    EXPECT_EQ(finish(), 1) << errors();
     EXPECT_THAT(summary()["verdict"].get<std::string>(), HasSubstr(each.verdict));
-    EXPECT_THAT(standard_output(), HasSubstr(each.verdict));
+    EXPECT_THAT(output(), HasSubstr(each.verdict));
     fs::remove_all(out());
   }
 }
 
 TEST_F(Run, EndsWithCode5AndNoInternalErrorWhenTheSquareOfTheErrorOverflows) {
   start({"--duration", "0.01", "--set", "plant.initial.position_rad=[1e155, 0]"});
-  EXPECT_EQ(finish(), 5) << standard_error();
-  EXPECT_EQ(count(standard_error(), "internal error"), 0U) << standard_error();
+  EXPECT_EQ(finish(), 5) << errors();
+  EXPECT_EQ(count(errors(), "internal error"), 0U) << errors();
 }
 
 TEST_F(Run, BesideAnotherOneIsRefusedNamingIsolateAndTouchesNothing) {
-  const fs::path second = directory_ / "second";
-  fs::create_directories(second);
-  std::ofstream(second / "summary.json") << "earlier";
-  start_on_this_network({"--out", out().string(), "--duration", "1000"});
+  start_anywhere({"--out", out().string(), "--duration", "1000"});
   wait_until_running();
-  const pid_t first = launcher_;
-  start_on_this_network({"--out", second.string(), "--duration", "0.01"});
-  EXPECT_EQ(finish(), 4);
-  EXPECT_THAT(standard_error(), AllOf(HasSubstr("there is already the"), HasSubstr("--isolate")));
-  EXPECT_EQ(count(standard_error(), "\n"), 1U) << standard_error();
-  EXPECT_EQ(standard_output(), "") << "no table of what did not happen";
-  EXPECT_EQ(text_of(second / "summary.json"), "earlier");
-  launcher_ = first;
-  kill(launcher_, SIGINT);
+  const fs::path second = directory_ / "second";
+  const auto other = launch({"--out", second.string(), "--duration", "0.01"});
+  EXPECT_EQ(other->wait(), 4);
+  EXPECT_THAT(other->errors(), AllOf(HasSubstr("there is already the"), HasSubstr("--isolate")));
+  EXPECT_EQ(count(other->errors(), "\n"), 1U) << other->errors();
+  EXPECT_EQ(other->output(), "") << "no table of what did not happen";
+  EXPECT_FALSE(fs::exists(second));
+  const auto there = launch({"--isolate", "--out", out().string(), "--duration", "0.01"});
+  EXPECT_EQ(there->wait(), 2);
+  EXPECT_THAT(there->errors(), HasSubstr("another run is writing there"));
+  stop(SIGINT);
   EXPECT_EQ(finish(), 130);
 }
 
 TEST_F(Run, StartedAtTheSameTimeAsAnotherIsRefusedNamingIsolateToo) {
-  const auto command = [&](const std::string& name) {
-    const std::string out = directory_ / name;
-    return TACHLESS_BINARY_DIR "/bin/tachless run " TACHLESS_SOURCE_DIR
-                               "/scenarios/paper_rigid.yaml --duration 0.5 --quiet --out " +
-           out + " 2> " + out + ".err";
-  };
-  ASSERT_EQ(std::system((command("one") + " & " + command("two") + "; wait").c_str()), 0);
-  const std::string errors = text_of(directory_ / "one.err") + text_of(directory_ / "two.err");
-  EXPECT_THAT(errors, AllOf(HasSubstr("end it first"), HasSubstr("--isolate")));
+  const auto one = launch({"--duration", "0.5", "--quiet", "--out", directory_ / "one"});
+  const auto two = launch({"--duration", "0.5", "--quiet", "--out", directory_ / "two"});
+  one->wait();
+  two->wait();
+  EXPECT_THAT(one->errors() + two->errors(),
+              AllOf(HasSubstr("end it first"), HasSubstr("--isolate")));
 }
 
-TEST_F(Run, ThatDoesNotBeginLeavesTheFilesOfAnEarlierOne) {
+TEST_F(Run, ThatDoesNotBeginLeavesNothing) {
   start({"--duration", "0.01", "--quiet"});
-  ASSERT_EQ(finish(), 0) << standard_error();
-  const auto earlier = files_in(out());
-  ASSERT_EQ(earlier.size(), 4U);
-  start({"--duration", "0.01", "--quiet"});
-  const auto until = Clock::now() + seconds(30);
-  std::optional<pid_t> plant;
-  while (!plant && Clock::now() < until) plant = child("tachless-plant");
-  kill(plant.value_or(0), SIGKILL);
-  EXPECT_EQ(finish(), 3) << standard_error();
-  EXPECT_TRUE(files_in(out()) == earlier) << standard_error();
-  EXPECT_EQ(standard_output(), "");
+  wait_until("the plant to start", [&] { return child("tachless-plant") > 0; });
+  kill_process("plant");
+  EXPECT_EQ(finish(), 3) << errors();
+  EXPECT_FALSE(fs::exists(out())) << errors();
+  EXPECT_EQ(output(), "");
 }
 
 TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
   fs::create_directories(out() / "summary.json.partial");
   start({"--duration", "0.01", "--any-verdict"});
   EXPECT_EQ(finish(), 2);
-  EXPECT_EQ(count(standard_error(), "summary.json: cannot be written"), 1U) << standard_error();
-  EXPECT_THAT(standard_output(), HasSubstr("200 ticks")) << "the run itself is told all the same";
-}
-
-TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
-  for (const int signal : {SIGHUP, SIGQUIT, SIGPIPE, SIGTERM, SIGUSR1, SIGALRM}) {
-    start({"--duration", "1000", "--quiet"});
-    wait_until_running();
-    kill(launcher_, signal);
-    EXPECT_EQ(finish(), 130) << strsignal(signal) << standard_error();
-    EXPECT_EQ(summary()["fault"], "interrupted") << strsignal(signal);
-    fs::remove_all(out());
-  }
-}
-
-TEST_F(Run, RefusesADirectoryThatAnotherRunWritesTo) {
-  start({"--duration", "1000"});
-  wait_until_running();
-  const pid_t first = launcher_;
-  start({"--duration", "0.01"});
-  EXPECT_EQ(finish(), 2);
-  EXPECT_THAT(standard_error(), HasSubstr("another run is writing there"));
-  launcher_ = first;
-  kill(launcher_, SIGINT);
-  EXPECT_EQ(finish(), 130);
+  EXPECT_EQ(count(errors(), "summary.json: cannot be written"), 1U) << errors();
+  EXPECT_THAT(output(), HasSubstr("200 ticks")) << "the table is printed nevertheless";
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <system_error>
+#include <thread>
 
 using std::chrono::steady_clock;
 
@@ -96,4 +97,13 @@ std::string contents(const std::filesystem::path& path) {
   std::ostringstream text;
   text << file.rdbuf();
   return text.str();
+}
+
+void wait_until(const std::string& what, const std::function<bool()>& is_so,
+                std::chrono::seconds limit) {
+  const auto deadline = steady_clock::now() + limit;
+  while (!is_so()) {
+    if (steady_clock::now() > deadline) throw std::runtime_error("timed out waiting for " + what);
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
 }

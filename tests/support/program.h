@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -46,3 +47,7 @@ class Program {
 };
 
 std::string contents(const std::filesystem::path& path);
+
+/// Looks until it is so. @throw std::runtime_error naming what was waited for after `limit`.
+void wait_until(const std::string& what, const std::function<bool()>& is_so,
+                std::chrono::seconds limit = std::chrono::seconds(120));

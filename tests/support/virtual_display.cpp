@@ -129,12 +129,3 @@ void Picture::save(const std::filesystem::path& path) const {
              static_cast<std::streamsize>(pixels.size()));
   if (!file) throw std::runtime_error("cannot write " + path.string());
 }
-
-void wait_until(const std::string& what, const std::function<bool()>& is_so,
-                std::chrono::seconds limit) {
-  const auto deadline = steady_clock::now() + limit;
-  while (!is_so()) {
-    if (steady_clock::now() > deadline) throw std::runtime_error("in vain waited for " + what);
-    std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  }
-}

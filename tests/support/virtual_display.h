@@ -60,7 +60,3 @@ struct Picture {
  private:
   Picture() = default;
 };
-
-/// Looks until it is so. @throw std::runtime_error naming what was waited for after `limit`.
-void wait_until(const std::string& what, const std::function<bool()>& is_so,
-                std::chrono::seconds limit = std::chrono::seconds(120));

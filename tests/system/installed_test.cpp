@@ -48,7 +48,7 @@ TEST_F(Installed, RunsAScenarioThatIsNoFileHereByItsName) {
   for (const std::string name : {"paper_rigid", "scenarios/paper_rigid.yaml"}) {
     const Outcome run = type("tachless run --duration 0.01 " + name);
     EXPECT_EQ(run.exit_code, 0) << run.output;
-    EXPECT_EQ(torques("out/paper_rigid/lcmlog").size(), 200U);
+    EXPECT_EQ(torques("out/paper_rigid/latest/lcmlog").size(), 200U);
   }
   EXPECT_EQ(type("tachless robot robots/two_link.urdf").exit_code, 0);
 }
@@ -80,7 +80,7 @@ TEST_F(Installed, ANewProjectDoesWhatItsReadmeSaysAsTyped) {
     }
   }
   EXPECT_GE(commands, 9);
-  for (const char* file : {"out/arm/report.html", "all.html", "arm.csv"}) {
+  for (const char* file : {"out/arm/latest/report.html", "all.html", "arm.csv"}) {
     EXPECT_TRUE(fs::exists(directory_ / "arm" / file)) << file;
   }
 }

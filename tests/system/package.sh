@@ -27,7 +27,7 @@ mkdir home && cd home
 tachless run paper_rigid --duration 0.05
 tachless replay out/paper_rigid
 tachless report out/paper_rigid
-grep -q THREE out/paper_rigid/report.html
+grep -q THREE out/paper_rigid/latest/report.html
 
 # The tutorial as typed; a line may say the exit code that it is to end with.
 export PYTHONPATH=$ROOT/usr/lib/python3/dist-packages
