@@ -10,7 +10,7 @@
 
 #include "loop/field.h"
 
-/// A fault campaign in the simulated network: docs/operations.md.
+/// The fault campaign: docs/security.md.
 namespace tachless::campaign {
 
 /// A datagram as somebody has sent it.

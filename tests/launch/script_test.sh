@@ -23,7 +23,7 @@ tool ctest 'echo "100% tests passed, 0 tests failed out of 25"'
 tool cmake '[[ $1 == --build ]] || { mkdir -p $ROOT/build/$4; touch $ROOT/build/$4/build.ninja
   printf "%s\n" "${5#-D}" "${6#-D}" | sed s/=/:BOOL=/ >$ROOT/build/$4/CMakeCache.txt; exit; }
 [[ ! -e $ROOT/broken ]] || { echo "a.cpp:1: error: broken"; exit 1; }
-mkdir -p $2/bin; name=tachless; [[ $4 != *soak ]] || name=$4
+mkdir -p $2/bin; name=tachless
 printf "#!/bin/sh\necho \"built command: \$*\"\nexit 7\n" >$2/bin/$name; chmod +x $2/bin/$name'
 
 run() {  # ARGUMENTS…: sets code, output, calls
@@ -65,8 +65,7 @@ tool apt-get 'echo "E: something else"; exit 100'
 run info log; exits 2; prints 'as root, type: apt-get install gnuplot-nox'
 tool dpkg-query 'shift 2; for p in "$@"; do echo -n "installed:$p "; done'
 run info log; exits 7; calls_no apt-get
-case_of 'soak and package'
-run soak --rounds 1; calls '--target tachless-soak'; prints 'built command: --rounds 1'
+case_of 'package'
 run package; exits 0; prints /build/package/a.deb; calls '--target package_files'
 calls "cpack --config $root/build/release/CPackConfig.cmake"
 case_of 'test: three builds, each its tests; the last line is the count'

@@ -1,4 +1,4 @@
-// One program a host, on a switch: what the table in docs/operations.md says of links and hosts.
+// One program a host, on a switch: what the table in docs/faults.md says of links and hosts.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
