@@ -247,8 +247,9 @@ template <class Field>
 std::size_t require(const Field& field, const loop::Layout& /*layout*/, const Text auto& member) {
   const std::string_view text = view(member);
   if (!is_clean(field.name, text)) {
-    throw std::logic_error(fmt::format(
-        "bus::Codec: {} holds a control character, or is not name:unit,…: \"{}\"", field.name, text));
+    throw std::logic_error(
+        fmt::format("bus::Codec: {} holds a control character, or is not name:unit,…: \"{}\"",
+                    field.name, text));
   }
   if (text.size() > field.longest) {
     throw std::length_error(fmt::format("bus::Codec: text {} has {} characters, allowed are {}",

@@ -16,6 +16,7 @@
 #include "experiment/scenario_keys.h"
 #include "experiment/yaml_tree.h"
 #include "loop/measurements.h"
+#include "robot/urdf_xml.h"
 
 namespace tachless::experiment {
 namespace {
@@ -66,6 +67,11 @@ std::int64_t digest_of(std::string_view text, std::string_view urdf_text) {
 /// The tree with overrides applied and no unknown key; where its keys come from goes to `scenario`.
 YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& overrides,
                        Scenario& scenario) {
+  if (const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+      first != std::string_view::npos && text[first] == '<') {
+    throw diagnostics::bad_usage("{}: {}; allowed here: a scenario", scenario.source,
+                                 robot::xml_kind(text, scenario.source));
+  }
   YamlNode root = parse_yaml(text, scenario.source);
   if (root.kind != YamlNode::Kind::map) {
     if (root.kind == YamlNode::Kind::null) {
@@ -102,8 +108,10 @@ robot::Model read_robot(const YamlNode& root, const std::string& key,
   const Place place = Place{scenario, &root, ""}.child("robot");
   const robot::UrdfOptions options = read_urdf_options(place, scenario.robot);
   try {
-    scenario.robot.urdf_text += robot::urdf_mechanics(description.text, description.source);
-    return robot::read_urdf(description.text, description.source, options);
+    robot::UrdfTree tree =
+        robot::read_urdf_xml(description.text, description.source, options.locked);
+    scenario.robot.urdf_text += tree.mechanics;
+    return robot::model_of(std::move(tree), description.source, options);
   } catch (const std::invalid_argument& error) {
     throw scenario.complaint(key, error.what());
   }
@@ -300,7 +308,8 @@ diagnostics::Failure Scenario::complaint(const std::string& key, std::string_vie
 Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = path.string();
-  YamlNode root = surveyed_tree(diagnostics::given_text(path, diagnostics::max_text_bytes), overrides, scenario);
+  YamlNode root = surveyed_tree(diagnostics::given_text(path, diagnostics::max_text_bytes),
+                                overrides, scenario);
   const fs::path directory = path.parent_path();
   const std::string motion = motion_text(root, scenario, directory);
   const Place place{scenario, &root, ""};

@@ -22,7 +22,8 @@ std::string urdf_scenario(const robot::Model& model, const std::string& name,
     const double start = bounded ? std::clamp(0.0, low + room, high - room) : 0;
     const double step = std::min(slides ? 0.1 : 0.3, room);
     from.push_back(start);
-    to.push_back(start + step);
+    // Both ends are a quarter of the range away from its limits: the robot overshoots a little.
+    to.push_back(!bounded || start + step <= high - room ? start + step : start - step);
     // The polynomial of degree 9 peaks at 2.46 times its mean speed.
     if (std::isfinite(model.velocity_limit[i])) {
       duration = std::max(duration, 3 * step / model.velocity_limit[i]);

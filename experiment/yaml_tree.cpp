@@ -146,9 +146,8 @@ class Builder : public YAML::EventHandler {
     }
     const YamlNode* const first = map.node->find(node.scalar);
     const std::string first_line =
-        first != nullptr && of_file_
-            ? "; first in line " + first->where.substr(source_.size() + 1)
-            : "";
+        first != nullptr && of_file_ ? "; first in line " + first->where.substr(source_.size() + 1)
+                                     : "";
     map.node->keys.push_back(node.scalar);
     map.has_key = true;
     map.key_line = line;

@@ -17,13 +17,14 @@ namespace {
 
 class Loader {
  public:
-  Loader(const std::string& text, const std::string& source, const UrdfOptions& options)
-      : source_(source), options_(options), urdf_(read_urdf_xml(text, source, options.locked)) {
+  Loader(UrdfTree tree, const std::string& source, const UrdfOptions& options)
+      : source_(source), options_(options), urdf_(std::move(tree)) {
     model_.warnings = urdf_.warnings;
   }
 
   Model load() {
     check_locked();
+    for (const auto& [name, joint] : urdf_.joints) relations_[name] = resolve_mimic(joint);
     check_joints();
     add_links();
     name_coordinates();
@@ -43,7 +44,7 @@ class Loader {
 
   /// Where a joint is held that is fixed, locked, or mimics one that is; nothing: it moves.
   std::optional<double> held(const UrdfJoint& joint) const {
-    const Drive drive = drive_of(joint);
+    const MimicRelation& drive = relations_.at(joint.name);
     if (const auto lock = options_.locked.find(drive.joint); lock != options_.locked.end()) {
       return drive.multiplier * lock->second + drive.offset;
     }
@@ -82,6 +83,7 @@ class Loader {
   }
 
   void check_joints() {
+    std::vector<const UrdfJoint*> closed;
     for (const auto& [name, joint] : urdf_.joints) {
       const std::string where = "joint '" + name + "'";
       require_near(where + ": origin", joint.p);
@@ -91,13 +93,28 @@ class Loader {
         refuse("{}: axis {} has no direction; give a vector of length 1", where,
                fmt::join(joint.axis, " "));
       }
-      if (!joint.has_range || joint.lower < joint.upper || !independent(joint)) continue;
-      refuse(
-          "{}: limits lower {}, upper {} leave no room; give lower < upper{}, or fix it in the "
-          "scenario: robot.locked: {{{}: {}}}",
-          where, joint.lower, joint.upper,
-          joint.type == JointType::revolute ? ", or type continuous" : "", name, joint.lower);
+      if (joint.has_range && joint.lower >= joint.upper && independent(joint)) {
+        closed.push_back(&joint);
+      }
     }
+    if (!closed.empty()) refuse_closed(closed);
+  }
+
+  /// All in one message, with the line that fixes them.
+  [[noreturn]] void refuse_closed(const std::vector<const UrdfJoint*>& joints) const {
+    std::vector<std::string> limits, locked;
+    bool revolute = false;
+    for (const UrdfJoint* joint : joints) {
+      limits.push_back(
+          fmt::format("'{}' (lower {}, upper {})", joint->name, joint->lower, joint->upper));
+      locked.push_back(fmt::format("{}: {}", joint->name, joint->lower));
+      revolute = revolute || joint->type == JointType::revolute;
+    }
+    refuse(
+        "joint {}: limits leave no room; give lower < upper{}, or fix {} in the scenario: "
+        "robot.locked: {{{}}}",
+        fmt::join(limits, ", "), revolute ? ", or type continuous" : "",
+        joints.size() == 1 ? "it" : "them", fmt::join(locked, ", "));
   }
 
   void warn_of_mimic(const UrdfJoint& joint, const std::string& where) {
@@ -111,16 +128,19 @@ class Loader {
   }
 
   /// Follows a chain of mimics to the independent joint that drives it.
-  Drive drive_of(const UrdfJoint& joint) const {
-    Drive drive{joint.name};
+  MimicRelation resolve_mimic(const UrdfJoint& joint) const {
+    MimicRelation drive{joint.name};
     std::set<std::string> seen;
     const UrdfJoint* at = &joint;
     while (at->mimic && !at->fixed && options_.locked.count(at->name) == 0) {
-      const Drive& mimic = *at->mimic;
+      const MimicRelation& mimic = *at->mimic;
       if (!seen.insert(at->name).second) {
         refuse(
             "joint '{}': mimics itself by way of '{}'; let one joint of the cycle be independent",
             at->name, mimic.joint);
+      }
+      if (seen.size() > max_bodies) {
+        refuse("joint '{}': mimics by way of more than {} joints", joint.name, max_bodies);
       }
       const auto next = urdf_.joints.find(mimic.joint);
       if (next == urdf_.joints.end()) {
@@ -229,7 +249,7 @@ class Loader {
     }
     for (Body& body : model_.bodies) {
       const UrdfJoint& joint = urdf_.joints.at(body.joint);
-      const Drive drive = drive_of(joint);
+      const MimicRelation& drive = relations_.at(joint.name);
       const int j = coordinate_.at(drive.joint);
       body.coordinate = j;
       body.multiplier = drive.multiplier;
@@ -294,6 +314,7 @@ class Loader {
   const std::string& source_;
   const UrdfOptions& options_;
   const UrdfTree urdf_;
+  std::map<std::string, MimicRelation> relations_;  ///< of each joint to the one that drives it
   std::map<std::string, int> coordinate_;
   std::map<int, std::vector<std::string>> impossible_;  ///< by body: what its links have
   Model model_;
@@ -302,7 +323,11 @@ class Loader {
 }  // namespace
 
 Model read_urdf(const std::string& text, const std::string& source, const UrdfOptions& options) {
-  return Loader(text, source, options).load();
+  return model_of(read_urdf_xml(text, source, options.locked), source, options);
+}
+
+Model model_of(UrdfTree tree, const std::string& source, const UrdfOptions& options) {
+  return Loader(std::move(tree), source, options).load();
 }
 
 }  // namespace tachless::robot

@@ -6,13 +6,11 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cctype>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
-
-#include "diagnostics/file_text.h"
 
 namespace tachless::robot {
 namespace {
@@ -26,56 +24,17 @@ std::vector<const char*> read_children(std::string_view element) {
   return {};
 }
 
-/// How deep TinyXML, which recurses and takes quadratic time, would go, and how many attributes an
-/// element has at most. Exact for what it accepts; where it stops at an error, at least as much.
-struct Nesting {
-  int depth = 0, attributes = 0;
-};
-
-Nesting nesting_of(std::string_view text) {
-  Nesting most;
-  int depth = 0;
-  const auto skip_past = [&](std::size_t from, std::string_view end) {
-    const std::size_t found = text.find(end, from);
-    return found == std::string_view::npos ? text.size() : found + end.size();
-  };
-  for (std::size_t at = text.find('<'); at < text.size(); at = text.find('<', at)) {
-    const std::string_view rest = text.substr(at);
-    const unsigned char first = rest.size() > 1 ? static_cast<unsigned char>(rest[1]) : 0;
-    if (rest.starts_with("<!--")) {
-      at = skip_past(at + 4, "-->");
-    } else if (rest.starts_with("<![CDATA[")) {
-      at = skip_past(at, "]]>");
-    } else if (first == '/') {
-      depth = std::max(0, depth - 1);
-      ++at;
-    } else if (std::isalpha(first) != 0 || first == '_' || first >= 127) {
-      int attributes = 0;
-      for (++at; at < text.size() && text[at] != '>'; ++at) {
-        if (text[at] == '=') ++attributes;
-        if (text[at] == '"' || text[at] == '\'') at = skip_past(at + 1, text.substr(at, 1)) - 1;
-      }
-      if (at >= text.size() || text[at - 1] != '/') ++depth;
-      most = {std::max(most.depth, depth), std::max(most.attributes, attributes)};
-    } else {
-      at = skip_past(at, ">");
-    }
-  }
-  return most;
+std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view blanks = " \t\r\n";
+  const std::size_t first = text.find_first_not_of(blanks);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(blanks) + 1 - first);
 }
 
 class Reader {
  public:
   Reader(const std::string& text, const std::string& source) : source_(source) {
-    constexpr int max_depth = 64, max_attributes = 64;
-    if (text.size() > diagnostics::max_text_bytes) {
-      refuse("{} bytes; allowed: at most {}", text.size(), diagnostics::max_text_bytes);
-    }
-    const Nesting nesting = nesting_of(text);
-    if (nesting.depth > max_depth || nesting.attributes > max_attributes) {
-      refuse("elements nested {} deep, {} attributes in one; allowed: {} levels, {} attributes",
-             nesting.depth, nesting.attributes, max_depth, max_attributes);
-    }
+    if (const std::string why = why_too_large(text); !why.empty()) refuse("{}", why);
     document_.Parse(text.c_str(), nullptr, TIXML_ENCODING_UTF8);
     if (document_.Error()) {
       std::string why = document_.ErrorDesc();
@@ -83,16 +42,20 @@ class Reader {
       refuse("line {}: malformed XML: {}; correct the file's XML", document_.ErrorRow(), why);
     }
     robot_ = document_.FirstChildElement("robot");
-    if (robot_ == nullptr) refuse("no <robot> element; give a URDF file");
+    if (robot_ == nullptr) {
+      refuse("no <robot> element: it is {}; give a URDF file", xml_kind(text, source));
+    }
+    for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
+      require_expanded(*e);
+      if (is_link(*e) || is_joint(*e)) require_no_xacro(*e);
+    }
   }
 
-  /// Refuses what xacro has left.
   [[nodiscard]] std::string mechanics() const {
     TiXmlElement kept("robot");
     const char* name = robot_->Attribute("name");
     kept.SetAttribute("name", name == nullptr ? "robot" : name);  // used nowhere
     for (const auto* e = robot_->FirstChildElement(); e; e = e->NextSiblingElement()) {
-      require_no_xacro(*e);
       if (is_link(*e) || is_joint(*e)) kept.InsertEndChild(mechanics_of(*e));
     }
     TiXmlPrinter printer;
@@ -121,6 +84,11 @@ class Reader {
     }
     find_root();
     set_order();
+    tree_.mechanics = mechanics();
+    if (!inert_.empty()) {
+      tree_.warnings.push_back(fmt::format("{}: {} of xacro have no effect and are not read",
+                                           source_, fmt::join(inert_, ", ")));
+    }
     for (const auto& [what, joints] : assumed_) {
       tree_.warnings.push_back(fmt::format("{}: {} {}: no {} is given; none is assumed", source_,
                                            joints.size() == 1 ? "joint" : "joints",
@@ -142,21 +110,35 @@ class Reader {
     refuse("line {}: \"{}\" is for xacro; run `xacro {} > robot.urdf` and give robot.urdf",
            at.Row(), what, source_);
   }
-  void require_no_xacro(const TiXmlElement& e) const {
-    if (e.ValueStr().starts_with("xacro:")) refuse_xacro(e, "<" + e.ValueStr() + ">");
+  /// Refuses an element that xacro would replace; definitions, when nothing uses them any more, are
+  /// inert.
+  void require_expanded(const TiXmlElement& e) {
+    const std::string& name = e.ValueStr();
+    if (!name.starts_with("xacro:")) return;
+    const bool inert = name == "xacro:property" || name == "xacro:macro" || name == "xacro:arg";
+    if (!inert) refuse_xacro(e, "<" + name + ">");
+    inert_.insert("<" + name + ">");
+  }
+  /// The same of what is read of a link or joint, and of its attributes.
+  void require_no_xacro(const TiXmlElement& of) {
+    for (const auto* a = of.FirstAttribute(); a != nullptr; a = a->Next()) {
+      for (const char* mark : {"${", "$("}) {
+        if (a->ValueStr().find(mark) != std::string::npos) refuse_xacro(of, a->ValueStr());
+      }
+    }
+    for (const auto* e = of.FirstChildElement(); e; e = e->NextSiblingElement()) {
+      require_expanded(*e);
+    }
+    for (const char* name : read_children(of.ValueStr())) {
+      if (const auto* e = of.FirstChildElement(name)) require_no_xacro(*e);
+    }
   }
 
   /// The attributes of `from` and those of its elements that are read, the first of each kind.
   [[nodiscard]] TiXmlElement mechanics_of(const TiXmlElement& from) const {
     TiXmlElement kept(from.ValueStr());
     for (const auto* a = from.FirstAttribute(); a != nullptr; a = a->Next()) {
-      for (const char* mark : {"${", "$("}) {
-        if (a->ValueStr().find(mark) != std::string::npos) refuse_xacro(from, a->ValueStr());
-      }
       kept.SetAttribute(a->Name(), a->ValueStr());
-    }
-    for (const auto* e = from.FirstChildElement(); e; e = e->NextSiblingElement()) {
-      require_no_xacro(*e);
     }
     for (const char* name : read_children(from.ValueStr())) {
       if (const auto* e = from.FirstChildElement(name)) kept.InsertEndChild(mechanics_of(*e));
@@ -172,6 +154,13 @@ class Reader {
       refuse("line {}: a {} has no name; give it name=\"...\"", e.Row(), e.ValueStr());
     }
     where_ = fmt::format("{} '{}'", e.ValueStr(), name);
+    if (!is_urdf_name(name)) {
+      refuse(
+          "line {}: {}: not a name; allowed: up to 200 printable characters, a letter, digit, _ . "
+          "or "
+          "/ first, no quotes and none of `\\<>&$;|{{}}[],*?!~^%=",
+          e.Row(), where_);
+    }
     if (known.contains(name)) {
       refuse("line {}: {} is defined twice; rename one", e.Row(), where_);
     }
@@ -197,7 +186,7 @@ class Reader {
 
   double number(const TiXmlElement& of, const char* name) const {
     try {
-      return urdf::strToDouble(attribute(of, name));
+      return urdf::strToDouble(std::string(trimmed(attribute(of, name))).c_str());
     } catch (const std::runtime_error&) {
       refuse_value(of, name, "a finite number");
     }
@@ -209,12 +198,13 @@ class Reader {
                          const Eigen::Vector3d& otherwise = Eigen::Vector3d::Zero()) const {
     if (!gives(of, name)) return otherwise;
     try {
-      urdf::Vector3 v;
-      v.init(of->Attribute(name));
-      return {v.x, v.y, v.z};
-    } catch (const urdf::ParseError&) {
-      refuse_value(*of, name, "three finite numbers");
+      std::vector<double> v;
+      std::istringstream words(of->Attribute(name));
+      for (std::string word; words >> word;) v.push_back(urdf::strToDouble(word.c_str()));
+      if (v.size() == 3) return {v[0], v[1], v[2]};
+    } catch (const std::runtime_error&) {  // as below
     }
+    refuse_value(*of, name, "three finite numbers");
   }
 
   UrdfLink link(const TiXmlElement& e) const {
@@ -245,8 +235,8 @@ class Reader {
     set_type(e, locked, made);
     if (!made.fixed) made.axis = vector(e.FirstChildElement("axis"), "xyz", made.axis);
     if (const TiXmlElement* mimic = e.FirstChildElement("mimic")) {
-      made.mimic = Drive{attribute(*mimic, "joint"), number(mimic, "multiplier", 1),
-                         number(mimic, "offset", 0)};
+      made.mimic = MimicRelation{attribute(*mimic, "joint"), number(mimic, "multiplier", 1),
+                                 number(mimic, "offset", 0)};
     }
     if (const TiXmlElement* dynamics = e.FirstChildElement("dynamics")) {
       if (!gives(dynamics, "friction")) (void)attribute(*dynamics, "damping");
@@ -346,7 +336,8 @@ class Reader {
   const std::string& source_;
   TiXmlDocument document_;
   const TiXmlElement* robot_ = nullptr;
-  std::string where_;  ///< the link or joint that is being read
+  std::set<std::string> inert_;  ///< elements of xacro that have no effect
+  std::string where_;            ///< the link or joint that is being read
   UrdfTree tree_;
   std::map<std::string, std::string> above_;  ///< joint by child link
   std::map<std::string, std::vector<std::string>>
@@ -376,9 +367,7 @@ std::string urdf_mechanics(const std::string& text, const std::string& source) {
 
 UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
                        const std::map<std::string, double>& locked) {
-  Reader reader(text, source);
-  (void)reader.mechanics();
-  return reader.tree(locked);
+  return Reader(text, source).tree(locked);
 }
 
 }  // namespace tachless::robot

@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "robot/model.h"
@@ -25,7 +26,7 @@ struct UrdfLink {
 };
 
 /// The position of a joint as an affine map of another's: multiplier q + offset.
-struct Drive {
+struct MimicRelation {
   std::string joint;
   double multiplier = 1, offset = 0;
 };
@@ -40,7 +41,7 @@ struct UrdfJoint {
   bool has_range = false;
   double lower = 0, upper = 0, effort = 0, velocity = 0;  ///< 0: not given
   double damping = 0, friction = 0;
-  std::optional<Drive> mimic;
+  std::optional<MimicRelation> mimic;
 };
 
 struct UrdfTree {
@@ -49,6 +50,7 @@ struct UrdfTree {
   std::string root;                ///< the link that hangs on no joint
   std::vector<std::string> order;  ///< of the joints, depth-first, siblings as in the file
   std::vector<std::string> warnings;
+  std::string mechanics;  ///< as `urdf_mechanics`
 };
 
 /// @param locked joints that are to be fixed; their type may be any, at position 0
@@ -56,5 +58,21 @@ struct UrdfTree {
 /// unknown names, unsupported types, what is not a finite number, and what is not one tree
 UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
                        const std::map<std::string, double>& locked);
+
+/// The second half of `read_urdf`: `tree` was read with the same source and `options.locked`.
+/// @throw std::invalid_argument as `read_urdf`
+Model model_of(UrdfTree tree, const std::string& source, const UrdfOptions& options);
+
+/// Why a text is not given to the XML parser, which recurses and takes quadratic time; empty when
+/// it is.
+std::string why_too_large(std::string_view text);
+
+/// Whether a link or joint may be called this (not empty). Names end in files, pages and lines of
+/// other programs: printable, short, and none of the characters that one of those would obey.
+bool is_urdf_name(std::string_view text);
+
+/// What an XML text is, for a message where something else is wanted, and what to do: "a URDF; …".
+/// @param source its file's name
+std::string xml_kind(std::string_view text, const std::string& source);
 
 }  // namespace tachless::robot

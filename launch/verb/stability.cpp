@@ -14,6 +14,7 @@
 
 #include "certificate/certify.h"
 #include "certificate/design.h"
+#include "controller/registry.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
@@ -34,7 +35,16 @@ void require_writable(const fs::path& file, std::string_view remedy) {
   if (!file.empty()) diagnostics::UnfinishedFile(file, remedy);
 }
 
+void require_known_law(const experiment::Scenario& scenario) {
+  try {
+    (void)controller::law_facts(scenario.controller.law);
+  } catch (const std::invalid_argument& problem) {
+    throw scenario.complaint("controller.law", problem.what());
+  }
+}
+
 void warn(const experiment::Scenario& scenario) {
+  require_known_law(scenario);
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
 }
 

@@ -508,7 +508,8 @@ TEST(ParticipantCodec, RejectsATextWithoutNulAndOneWithNulInside) {
   bytes.at(participant_role + 4 + 3) = std::byte{0};
   EXPECT_EQ(verdict<ParticipantType>({}, bytes), Rejection::bad_text);
 }
-// A line end in a signal's name was a command to gnuplot; one in any name is an order to a terminal.
+// A line end in a signal's name was a command to gnuplot; one in any name is an order to a
+// terminal.
 TEST(ParticipantCodec, RejectsControlCharactersAndSignalsThatAreNoNames) {
   Random random;
   auto message = ParticipantType::message({}, random);

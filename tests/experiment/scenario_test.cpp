@@ -791,6 +791,32 @@ TEST_F(ScenarioFile, WhoseUrdfIsMissingOrRefusedSaysSo) {
   EXPECT_THAT(refusal_of_file("a.yaml", {"robot.urdf=still.urdf"}), HasSubstr("still.urdf"));
 }
 
+TEST_F(ScenarioFile, ThatIsXmlIsAnsweredByWhatItIs) {
+  EXPECT_THAT(refusal_of_file("two.urdf"), HasSubstr("two.urdf --write SCENARIO.yaml` makes a"));
+  write("a.xacro", "\n<robot xmlns:xacro='http://ros.org/wiki/xacro'/>");
+  EXPECT_THAT(refusal_of_file("a.xacro"), HasSubstr("a.xacro > robot.urdf` and give robot.urdf"));
+  write("a.sdf", "<sdf version='1.6'/>");
+  EXPECT_THAT(refusal_of_file("a.sdf"), HasSubstr("a.sdf: an SDF file"));
+  write("a.xml", "\xef\xbb\xbf<mujoco/>");
+  EXPECT_THAT(refusal_of_file("a.xml"), HasSubstr("a.xml: a model of MuJoCo"));
+}
+
+TEST(UrdfScenario, MovesAQuarterOfTheRangeAwayFromTheLimits) {
+  robot::Model model = robot::model_from_urdf(urdf, "t");
+  for (const auto& [lower, upper] : {std::pair{-1.0, 0.1}, {0.2, 0.9}, {-0.4, 0.4}, {-3.0, -1.0}}) {
+    model.lower = robot::Vector::Constant(2, lower);
+    model.upper = robot::Vector::Constant(2, upper);
+    const Scenario s = parsed(urdf_scenario(model, "bare", "two.urdf", 1e-3));
+    const auto& moves = std::get<reference::trajectory::PointToPoint>(s.reference);
+    const double room = 0.2499 * (upper - lower);  // six digits in the file
+    for (const robot::Vector& q : {moves.from_rad, moves.to_rad}) {
+      EXPECT_GE(q[0], lower + room);
+      EXPECT_LE(q[0], upper - room);
+    }
+    EXPECT_NE(moves.from_rad[0], moves.to_rad[0]);
+  }
+}
+
 TEST_F(ScenarioFile, CarriesOfItsUrdfWhatIsReadWhateverItsVisuals) {
   write("big.urdf", std::string(urdf) + "<!--" + std::string(60'000, ' ') + "-->");
   EXPECT_EQ(load_scenario(directory_ / "a.yaml", {"robot.urdf=big.urdf"}).robot.urdf_text,

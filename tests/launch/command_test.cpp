@@ -172,6 +172,15 @@ TEST_F(Command, RunRefusesABadScenarioBeforeItStartsAnything) {
   }
 }
 
+TEST_F(Command, CertifyAndDesignRefuseAnUnknownLawAsRunDoes) {
+  for (const std::string verb : {"certify ", "certify --json ", "design "}) {
+    const Outcome outcome = tachless(verb + scenario + " --set controller.law=pd");
+    EXPECT_EQ(outcome.exit_code, 2) << verb;
+    EXPECT_THAT(outcome.output, AllOf(HasSubstr("controller.law=pd: controller.law: no law \"pd\""),
+                                      Not(HasSubstr("internal error"))));
+  }
+}
+
 TEST_F(Command, RunRefusesADirectoryItCannotUse) {
   const fs::path file = directory_ / "file";
   std::ofstream(file) << "mine";

@@ -26,9 +26,10 @@ TEST(Signals, NoneAreAnEmptyText) {
 }
 
 TEST(Signals, WhatIsNoListOfNamesAndUnitsIsRefused) {
-  for (const char* text : {",", "error", ":rad", "error:rad,", ",error:rad", "error:rad,,nu:rad",
-                           "a:b:c", "error:rad,nu", "error:rad,nu:rad/s\n!touch PWNED\n#", "e\nx:rad",
-                           "e x:rad", "1e:rad", "_e:rad", "e\"x:rad", "=e:rad", "e:\x7f", "é:rad"}) {
+  for (const char* text :
+       {",", "error", ":rad", "error:rad,", ",error:rad", "error:rad,,nu:rad", "a:b:c",
+        "error:rad,nu", "error:rad,nu:rad/s\n!touch PWNED\n#", "e\nx:rad", "e x:rad", "1e:rad",
+        "_e:rad", "e\"x:rad", "=e:rad", "e:\x7f", "é:rad"}) {
     EXPECT_FALSE(parse_signals(text)) << text;
   }
   std::string many = "s:rad";

@@ -296,11 +296,18 @@ const std::vector<Wrong>& wrong_arms() {
       {"LimitsClosed",
        "lower=\"-2\" upper=\"2\"",
        "lower=\"0\" upper=\"0\"",
-       {"joint 'first'", "lower 0, upper 0", "continuous", "robot.locked: {first: 0}"}},
+       {"joint 'first' (lower 0, upper 0): limits leave no room", "continuous", "fix it",
+        "robot.locked: {first: 0}"}},
       {"LimitsReversed",
        "upper=\"2\"",
        "upper=\"-3\"",
-       {"joint 'first'", "lower -2, upper -3", "lower < upper"}},
+       {"joint 'first' (lower -2, upper -3)", "lower < upper"}},
+      {"NameThatEndsALine",
+       "name=\"mount\"",
+       "name=\"mo&#10;!touch PWNED\"",
+       {"line 31", "joint 'mo !touch PWNED': not a name", "allowed: "}},
+      {"NameThatIsACommand", "name=\"mount\"", "name=\"`reboot`\"", {"not a name"}},
+      {"NameThatIsAFormula", "name=\"mount\"", "name=\"=1+1\"", {"not a name"}},
       {"LimitNotANumber", "effort=\"50\"", "effort=\"fifty\"", {"first", "effort"}},
       {"LimitInfinite", "effort=\"50\"", "effort=\"inf\"", {"first", "effort"}},
       {"ZeroAxis",
@@ -625,6 +632,34 @@ TEST(Urdf, ReadsDampingAndFrictionAndAddsThoseOfMimicsToTheirJoint) {
   EXPECT_THAT(list(model.friction), ElementsAre(4, 0));
 }
 
+TEST(Urdf, NamesAllJointsWithoutRoomAtOnceWithTheLineThatLocksThem) {
+  std::string text = right_arm;
+  text.replace(text.find("upper=\"2\""), 9, "upper=\"-2\"");
+  text.replace(text.find("\"continuous\">"), 13,
+               "\"revolute\"><limit lower='1' upper='1' effort='1'/>");
+  EXPECT_THAT(complaint(text), HasSubstr("joint 'first' (lower -2, upper -2), 'second' (lower 1, "
+                                         "upper 1): limits leave no room"));
+  EXPECT_THAT(complaint(text), HasSubstr("robot.locked: {first: -2, second: 1}"));
+}
+
+TEST(Urdf, TakesNumbersWithBlanksAroundThem) {
+  std::string text = right_arm;
+  text.replace(text.find("\"2\" effort"), 3, "\" 2.5 \"");
+  text.replace(text.find("0 0 1\"/>"), 5, "  0\t0\n 1 ");
+  const Model model = model_from_urdf(text, "t");
+  EXPECT_EQ(model.upper[0], 2.5);
+  EXPECT_EQ(body_of(model, "second").p_PB, Eigen::Vector3d(0, 0, 1));
+}
+
+TEST(Urdf, WarnsOnceOfDefinitionsOfXacroThatNothingUses) {
+  std::string text = right_arm;
+  text.insert(text.find("<link name=\"base\""),
+              "<xacro:property name='a' value='1'/><xacro:property name='b' value='${a}'/>"
+              "<xacro:macro name='m'><link name='${x}'/></xacro:macro>");
+  EXPECT_THAT(warnings(text), ElementsAre("arm.urdf: <xacro:macro>, <xacro:property> of xacro have "
+                                          "no effect and are not read"));
+}
+
 TEST(Urdf, RefusesAMimicCycle) {
   std::string text = right_arm;
   const std::string limit = "velocity=\"3\"/>", axis = "<axis xyz=\"0 1 1\"/>";
@@ -636,7 +671,8 @@ TEST(Urdf, RefusesAMimicCycle) {
 TEST(Urdf, RefusesTextThatIsNoUrdf) {
   EXPECT_THAT(complaint(""), StartsWith("arm.urdf: "));
   EXPECT_THAT(complaint("robot"), StartsWith("arm.urdf: "));
-  EXPECT_THAT(complaint("<sdf/>"), HasSubstr("no <robot> element"));
+  EXPECT_THAT(complaint("<sdf/>"), HasSubstr("no <robot> element: it is an SDF file"));
+  EXPECT_THAT(complaint("<mujoco/>"), HasSubstr("it is a model of MuJoCo"));
   EXPECT_THAT(complaint("<robot name='r'/>"), StartsWith("arm.urdf: "));
   EXPECT_THAT(complaint("<robot name='r'><link name='a'/></robot>"), HasSubstr("no joint moves"));
 }

@@ -33,9 +33,8 @@ const std::vector<Rule> rules = {
     {"schema/", {"schema/", "robot/quantities.h"}, {"fmt/"}},
 
     {"robot/", {"robot/"}, {"Eigen/"}},
-    {"robot/urdf_xml.cpp",
-     {"robot/", "diagnostics/"},
-     {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
+    {"robot/urdf_text.cpp", {"robot/", "diagnostics/"}, {}},
+    {"robot/urdf_xml.cpp", {"robot/"}, {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
 
