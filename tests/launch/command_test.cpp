@@ -22,6 +22,7 @@ using tachless::support::Outcome;
 using tachless::support::shell;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 const std::string binary = TACHLESS_BINARY_DIR "/bin/tachless";
@@ -46,9 +47,8 @@ TEST_F(Command, TellsItsVersion) {
 TEST_F(Command, HelpNamesEveryVerbAndTheirHelpHasExamples) {
   const Outcome help = tachless("--help");
   EXPECT_EQ(help.exit_code, 0);
-  for (const std::string verb :
-       {"init", "run", "certify", "design", "compare", "sweep", "laws", "robot", "info", "replay",
-        "report", "export", "doctor"}) {
+  for (const std::string verb : {"init", "run", "certify", "design", "compare", "sweep", "laws",
+                                 "robot", "info", "replay", "report", "export", "doctor"}) {
     EXPECT_THAT(help.output, HasSubstr("  " + verb + " "));
     const Outcome of_verb = tachless(verb + " --help");
     EXPECT_EQ(of_verb.exit_code, 0);
