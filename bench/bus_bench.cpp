@@ -189,8 +189,8 @@ void ping_pong(const char* name, const MakeSide& make, bool chatter, int round_t
   const auto quantile = [&](double q) {
     return round_trip_us.at(static_cast<std::size_t>(q * double(round_trip_us.size() - 1)));
   };
-  std::printf("%-32s p50 %6.1f us   p99 %6.1f us   p99.9 %7.1f us   lost %d\n", name,
-              quantile(0.5), quantile(0.99), quantile(0.999), lost);
+  std::printf("%-32s p50 %6.1f us   p99 %6.1f us   p99.9 %7.1f us   lost %d\n", name, quantile(0.5),
+              quantile(0.99), quantile(0.999), lost);
   std::fflush(stdout);
 }
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
 #include <exception>
@@ -18,6 +19,12 @@
 #include "process/this_process.h"
 
 namespace tachless::launch {
+
+void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
+void add_quiet(CLI::App& command, bool& quiet) {
+  command.add_flag("-q,--quiet", quiet, "No progress on stderr");
+}
+
 namespace {
 
 /// In the order of --help.

@@ -11,7 +11,7 @@ namespace tachless::launch {
 
 /// On which CPUs the four processes of a run execute.
 struct Placement {
-  std::string words = "spread over CPUs";  ///< for people: "together on CPU 1"
+  std::string words = "spread over CPUs";              ///< for people: "together on CPU 1"
   std::array<std::vector<int>, loop::num_roles> cpus;  ///< by role; empty: all that are allowed
 
   [[nodiscard]] const std::vector<int>& cpus_of(loop::Role role) const {

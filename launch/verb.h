@@ -1,11 +1,14 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <memory>
 #include <string_view>
 
 #include "diagnostics/failure.h"
+
+namespace CLI {
+class App;
+}  // namespace CLI
 
 namespace tachless::launch {
 
@@ -32,11 +35,10 @@ constexpr Verb verb_of(std::string_view name, std::string_view does, std::string
           }};
 }
 
-/// For verbs that print the same either way, and for such that compute for long.
-inline void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
-inline void add_quiet(CLI::App& command, bool& quiet) {
-  command.add_flag("-q,--quiet", quiet, "No progress on stderr");
-}
+/// --json, for verbs that print the same facts either way; --quiet, for verbs that compute for
+/// long.
+void add_json(CLI::App& command, bool& json);
+void add_quiet(CLI::App& command, bool& quiet);
 
 #define TACHLESS_VERB(name) extern const Verb name##_verb;
 #include "launch/verbs.inc"

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/App.hpp>
 #include <cstdint>
 #include <ctime>
 #include <filesystem>
@@ -13,6 +12,11 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "loop/messages.h"
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
 
 /// Options that several programs and verbs have, declared once, so that they are the same
 /// everywhere; and the command line of the four programs.

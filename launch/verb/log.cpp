@@ -2,6 +2,7 @@
 
 #include <fmt/core.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <filesystem>
 #include <iostream>
@@ -34,8 +35,9 @@ using Json = nlohmann::ordered_json;
 /// LOG, as logger::find_log takes it.
 template <class Logs>
 void add_logs(CLI::App& command, Logs& logs, const std::string& does) {
-  command.add_option("LOG", logs, does)->required()->transform(
-      [](const std::string& path) { return logger::find_log(path).string(); });
+  command.add_option("LOG", logs, does)->required()->transform([](const std::string& path) {
+    return logger::find_log(path).string();
+  });
 }
 
 /// @param where "the log holds"

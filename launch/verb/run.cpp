@@ -1,5 +1,6 @@
 #include "launch/run.h"
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <vector>
 
@@ -19,9 +20,10 @@ struct Run : RunOptions {
                            "every option is for all"))
         ->required();
     node::add_overrides(command, overrides);
-    command.add_option("--out", out,
-                       "Where log, summary and figure go; default: out/NAME/DATE-TIME, with the link "
-                   "out/NAME/latest; of several robots each into a folder there with its name");
+    command.add_option(
+        "--out", out,
+        "Where log, summary and figure go; default: out/NAME/DATE-TIME, with the link "
+        "out/NAME/latest; of several robots each into a folder there with its name");
     node::as_run_id(command.add_option(
         "--run-id", run_id, "Positive number in every message of the run; default: the time"));
     command

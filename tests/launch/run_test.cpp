@@ -129,8 +129,8 @@ TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
     start({"--duration", "0.1", "--run-id", "7", "--quiet", "--force"});
     EXPECT_EQ(finish(), 0) << errors();
     const std::string log = contents(out() / "lcmlog");
-    start_anywhere({"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process",
-                    "--force"});
+    start_anywhere(
+        {"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process", "--force"});
     EXPECT_EQ(finish(), 0) << errors();
     EXPECT_TRUE(contents(out() / "lcmlog") == log) << scenario;
     EXPECT_EQ(summary()["log"]["gaps"], 0);

@@ -21,8 +21,8 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 TEST(Spy, ItsJarHoldsAClassForEveryMessageType) {
-  const auto listed = tachless::support::shell(
-      "jar tf " TACHLESS_BINARY_DIR "/share/tachless/tachless_types.jar");
+  const auto listed =
+      tachless::support::shell("jar tf " TACHLESS_BINARY_DIR "/share/tachless/tachless_types.jar");
   ASSERT_EQ(listed.exit_code, 0) << listed.output;
   int types = 0;
   for (const auto& file : fs::directory_iterator(TACHLESS_SOURCE_DIR "/lcmtypes")) {
