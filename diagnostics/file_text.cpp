@@ -1,6 +1,8 @@
 #include "diagnostics/file_text.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -57,8 +59,12 @@ UnfinishedFile::UnfinishedFile(fs::path path, std::string_view remedy)
   direct_ = fs::exists(status) && !fs::is_regular_file(status);
   if (direct_) return;
   partial_ = path_.string() + ".partial";
-  const fs::path directory = path_.has_parent_path() ? path_.parent_path() : ".";
-  if (!fs::is_directory(directory, error)) refuse(std::strerror(ENOENT));
+  // Created here and by this process alone: what has the name already, a link to another file
+  // perhaps, is removed and not written through.
+  ::unlink(partial_.c_str());
+  const int created = ::open(partial_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+  if (created < 0) refuse(std::strerror(errno));
+  ::close(created);
 }
 
 UnfinishedFile::~UnfinishedFile() {

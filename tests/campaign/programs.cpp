@@ -152,7 +152,7 @@ class Programs {
 };
 
 void write_key(const fs::path& path) {
-  const bus::Key key = key();
+  const bus::Key key = campaign::key();
   std::ofstream(path, std::ios::binary)
       .write(reinterpret_cast<const char*>(key.bytes().data()),
              static_cast<std::streamsize>(key.bytes().size()));

@@ -45,6 +45,18 @@ TEST(AnUnfinishedFile, LeavesWhatWasThereUntilItIsWhole) {
   EXPECT_FALSE(std::filesystem::exists(path.string() + ".partial"));
 }
 
+TEST(AnUnfinishedFile, IsNotWrittenThroughALinkThatHasItsName) {
+  const TemporaryDirectory directory;
+  const auto path = directory / "table.csv";
+  const auto other = directory / "other";
+  std::ofstream(other) << "untouched";
+  std::filesystem::create_symlink(other, path.string() + ".partial");
+  UnfinishedFile(path, "name another").write("whole");
+  EXPECT_EQ(file_text(path), "whole");
+  EXPECT_FALSE(std::filesystem::is_symlink(path));
+  EXPECT_EQ(file_text(other), "untouched");
+}
+
 TEST(AnUnfinishedFile, SaysWhyItCannotBeWrittenAndWhatToDo) {
   const TemporaryDirectory directory;
   try {
