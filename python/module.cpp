@@ -215,8 +215,7 @@ py::array_t<double> times(const Run& run) {
 Run read(const std::filesystem::path& path, std::int64_t id) {
   const py::gil_scoped_release unlocked;
   logger::RunLog log =
-      logger::RunLog::open(logger::find_log(path),
-                           id == 0 ? std::nullopt : std::optional(id));
+      logger::RunLog::open(logger::find_log(path), id == 0 ? std::nullopt : std::optional(id));
   Run run(log.scenario(), {log.info().law, log.info().measurement, log.info().signals});
   run.run = log.run();
   loop::TickRecord record;
@@ -296,8 +295,9 @@ true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was m
           },
           "name"_a, "What run[name] is.")
       .def("__repr__", [](const Run& run) {
-        return fmt::format("<tachless.Run {}, {}, {} ticks: {}>", run.scenario, run.law,
-                           run.ticks.size(), diagnostics::joined(run.names()));
+        return diagnostics::printable(fmt::format("<tachless.Run {}, {}, {} ticks: {}>",
+                                                  run.scenario, run.law, run.ticks.size(),
+                                                  diagnostics::joined(run.names())));
       });
   module.def("read", &read);
   module.def("simulate", &simulate);

@@ -197,8 +197,6 @@ class Controllers(Folder):
 
 class Documentation(unittest.TestCase):
     def test_everything_public_has_a_docstring_and_annotations(self):
-        stub = ast.parse((pathlib.Path(tachless.__file__).parent / "_tachless.pyi").read_text())
-        stubs = {node.name: node for node in ast.walk(stub) if isinstance(node, ast.FunctionDef)}
         public = [getattr(tachless, name) for name in tachless.__all__ if name not in ("Measurement", "Reference", "Error")]
         for thing in public:
             self.assertTrue(thing.__doc__, thing)
@@ -209,7 +207,6 @@ class Documentation(unittest.TestCase):
                 if not name.startswith("_"):
                     # Below the line with the signature, which pybind11 writes.
                     self.assertTrue(member.__doc__.split("\n\n", 1)[callable(member)], name)
-                    self.assertTrue(stubs[name].returns, name)
 
     def test_the_examples_run(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -25,7 +25,7 @@ struct Source {
 
 std::vector<Source> sources() {
   const fs::path root = TACHLESS_SOURCE_DIR;
-  const std::set<std::string> written_by_hand = {".cpp", ".h",    ".py",  ".pyi", ".js",   ".css",
+  const std::set<std::string> written_by_hand = {".cpp", ".h",    ".py",  ".js",   ".css",
                                                  ".html", ".lcm", ".inc", ".in",  ".cmake"};
   std::vector<Source> all;
   const auto add = [&](const fs::path& path) {
