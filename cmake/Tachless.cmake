@@ -37,7 +37,7 @@ function(tachless_export name)
 endfunction()
 tachless_export(tachless_options)
 
-# What most sources include, parsed once. A source includes what it uses all the same: the preset `dev`
+# What most sources include, parsed once. A source still includes what it uses: the preset `dev`
 # builds without.
 set(TACHLESS_COMMON_HEADERS <Eigen/Dense> <fmt/format.h> <algorithm> <array> <chrono> <cmath> <filesystem>
   <fstream> <functional> <map> <memory> <optional> <span> <stdexcept> <string> <string_view> <variant> <vector>)

@@ -62,7 +62,7 @@ Finding check_other_publishers(const bus::LcmUrl& url) {
       senders.emplace(std::string(datagram->channel), std::string(datagram->sender));
     }
   }
-  if (senders.empty()) return {"other publishers", "nobody else is on the bus"};
+  if (senders.empty()) return {"other publishers", "no other process is on the bus"};
   std::vector<std::string> list;
   list.reserve(senders.size());
   for (const auto& [channel, sender] : senders) {

@@ -39,8 +39,8 @@ constexpr const char* footer =
     "  tachless run scenarios/paper_rigid.yaml\n"
     "  tachless info out/paper_rigid/lcmlog\n"
     "  tachless doctor\n"
-    "`tachless help VERB` tells more.\n"
-    "Exit codes: 0 done, 1 a check said no, 2 bad usage or scenario, 3 a peer is lost,\n"
+    "`tachless help VERB` explains a verb.\n"
+    "Exit codes: 0 done, 1 a check failed, 2 bad usage or scenario, 3 a peer is lost,\n"
     "4 protocol violated, 5 protective stop, 130 interrupted.";
 
 void require_verb(const std::string& word) {

@@ -37,7 +37,7 @@ void Progress::note(std::int64_t tick, double error_norm, Clock::time_point now)
 }
 
 std::string Progress::line() const {
-  if (tick_ < 0) return before_ + "waiting for the four processes to meet";
+  if (tick_ < 0) return before_ + "waiting for all four processes to join";
   const std::int64_t done = std::min(tick_ + 1, num_ticks_);
   const int filled = static_cast<int>(bar_width * done / num_ticks_);
   std::string bar(static_cast<std::size_t>(filled), '=');

@@ -56,7 +56,7 @@ struct RunOptions {
 /// The law that a scenario is run under: its own, or that of `law_program` if there is one.
 controller::MakeLaw make_law(const std::string& law_program);
 
-/// A line that is said of a run before it starts.
+/// A line printed before the run starts.
 struct Remark {
   bool warns = false;
   std::string line;
@@ -133,17 +133,17 @@ struct RunEnd {
   diagnostics::ExitCode code = diagnostics::ExitCode::done;
   report::RunFacts facts;                      ///< of the log only once it is read back
   std::vector<node::Statistics> statistics;    ///< of the processes that left theirs
-  std::vector<std::string> consequences = {};  ///< of the fault, lines to be said after it
+  std::vector<std::string> consequences = {};  ///< of the fault: lines printed after it
 };
 
 /// What is known of the run before it begins.
 report::RunFacts planned_facts(const PlannedRun& run);
 
-/// Tells of the runs one after another what has become of them, and of several at the end in one
+/// Reports the results of the runs one after another, and of several at the end in one
 /// table; their JSON is one object, by robot.
 class Conclusions {
  public:
-  /// Reads the log back, tells the first cause and what came of it, writes summary, figure and
+  /// Reads the log back, prints the first cause and its consequences, writes summary, figure and
   /// report, and for people the closing table. Of a run that has not begun there are neither files
   /// nor table.
   void add(const PlannedRun& run, RunDirectory& out, RunEnd end);

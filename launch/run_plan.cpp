@@ -102,7 +102,7 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   return scenario;
 }
 
-/// A channel that robots of both prefixes would use; empty: none. Besides of equal ones, of "ARM"
+/// A channel that robots of both prefixes would use; empty: none. Not of equal ones only: of "ARM"
 /// and "ARM_LINK": ARM_LINK_STATE is the link state of the one and the state of the other.
 std::string common_channel(const std::string& one, const std::string& other) {
   std::string common;

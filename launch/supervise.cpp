@@ -44,7 +44,7 @@ bool ended_with(const ProcessEnd& end, ExitCode code) {
   return end.signal == 0 && end.exit_code == static_cast<int>(code);
 }
 
-/// A process that went because of a peer is a victim, and says so.
+/// A process that ended because of a peer, by its exit code.
 bool is_victim(const ProcessEnd& end) {
   return ended_with(end, ExitCode::peer_lost) ||
          (end.signal == 0 && end.cause.starts_with("ended because of "));
@@ -142,7 +142,7 @@ class Run {
   void interrupt() {
     result_.interrupted = true;
     if (sent_ == 0) return send(SIGINT, Clock::now() + options_.interrupt_grace);
-    signal_all(SIGINT);  // who has been told to end already may hear this better
+    signal_all(SIGINT);  // also to processes that ignored SIGTERM
   }
 
   void read_output(std::size_t i) {
@@ -244,7 +244,7 @@ class Run {
   int sent_ = 0;     ///< last signal to the processes: SIGINT, SIGTERM, SIGKILL; 0: none
   bool clean_end_ = false;
   Clock::time_point escalate_at_ = never;    ///< when the next signal follows
-  Clock::time_point stragglers_at_ = never;  ///< when who still runs is late
+  Clock::time_point stragglers_at_ = never;  ///< when a process that still runs is late
 };
 
 }  // namespace
@@ -278,11 +278,11 @@ std::string describe(const ProcessEnd& end) {
   const bool told = end.signal == 0 && !end.overdue && !end.cause.empty();
   std::string text = end.name;
   if (end.overdue) {
-    text += " went on after the others had ended, and was stopped";
+    text += " was still running after the others had ended; stopped";
   } else if (!told) {
     text += " " + process::text(end);
   }
-  if (end.signal != 0 && end.on_order) text += " because it did not end when told to";
+  if (end.signal != 0 && end.on_order) text += " because it did not end on SIGTERM";
   if (end.restarts > 0) {
     text += fmt::format(", after {} restart{}", end.restarts, end.restarts == 1 ? "" : "s");
   }
@@ -310,7 +310,7 @@ ExitCode exit_code(const Supervision& supervision) {
         ExitCode::protective_stop, ExitCode::interrupted}) {
     if (ended_with(supervision.ends[*supervision.culprit], own)) return own;
   }
-  // Whoever was lost, that the robot was stopped matters more.
+  // That the robot was stopped matters more than which process was lost.
   const bool stopped = std::ranges::any_of(supervision.ends, [](const ProcessEnd& each) {
     return ended_with(each, ExitCode::protective_stop);
   });

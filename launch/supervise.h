@@ -29,10 +29,10 @@ struct Process {
 /// How a process ended.
 struct ProcessEnd : process::End {
   std::string name;
-  bool on_order = false;  ///< it ended after it had been told to
-  bool overdue = false;   ///< it went on for long after another had ended well
+  bool on_order = false;  ///< it ended after it was signalled
+  bool overdue = false;   ///< it was still running long after another had ended well
   std::string last_line;  ///< the last line it wrote
-  std::string cause;      ///< why it ended, where it has said so: without mark and program's name
+  std::string cause;      ///< why it ended, from its error line, without mark and program's name
   int restarts = 0;       ///< before this end
 };
 
@@ -66,10 +66,10 @@ struct Supervised {
 
 /// Starts the processes of all runs, each in a process group of its own (so that Ctrl-C reaches
 /// this process alone), and returns when all have ended. SIGINT, SIGTERM, SIGHUP, SIGQUIT and
-/// SIGPIPE are passed on once, as SIGINT (to who has got SIGTERM already, too); a second one kills.
-/// When one process fails, the others of its run get `grace` to end by themselves, then SIGTERM,
-/// then SIGKILL; the other runs are interrupted at once. Should this process die, its children get
-/// SIGTERM.
+/// SIGPIPE are passed on once, as SIGINT (also to processes already sent SIGTERM); a second one
+/// kills. When one process fails, the others of its run get `grace` to end by themselves, then
+/// SIGTERM, then SIGKILL; the other runs are interrupted at once. Should this process die, its
+/// children get SIGTERM.
 /// @return in the order of the runs
 /// @throw diagnostics::Failure(bad_usage) naming the program that cannot be started; what had been
 /// started has then been killed.
@@ -78,7 +78,7 @@ std::vector<Supervision> supervise(const std::vector<Supervised>& runs);
 /// One line: "controller was killed by signal 9 (Killed): …", "plant: protective stop at tick …".
 std::string describe(const ProcessEnd& end);
 
-/// Who else failed, in a few words: "plant (exit code 3), logger (exit code 3)"; empty: nobody.
+/// The other processes that failed: "plant (exit code 3), logger (exit code 3)"; empty: none.
 std::string others_that_failed(const Supervision& supervision);
 
 /// The run's exit code: 130 when interrupted, else the culprit's own; when it was lost (a signal

@@ -4,7 +4,7 @@
 
 #include "study/sweep.h"
 
-/// What `tachless sweep` does with a sweep besides running it: its results, and its tasks on a
+/// What `tachless sweep` does beside running cases: its results, and its tasks on a
 /// cluster under Slurm, where each part is a task of a job array and writes its own file in the
 /// sweep's directory, which all nodes share. Runs and schedules nothing itself.
 namespace tachless::launch {

@@ -172,7 +172,7 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
   ++channel.messages;
   channel.bytes += payload.size();
   channel.now.bytes += payload.size();
-  // A clock that was set back gives an interval that says nothing.
+  // A clock that was set back gives a meaningless interval.
   if (channel.last_ns && received_ns >= *channel.last_ns) {
     channel.now.add(received_ns - *channel.last_ns);
   }
@@ -198,7 +198,7 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
   channel.ticks.see(glance.stamp.tick);
 }
 
-void BusMonitor::end_stretch(double seconds) {
+void BusMonitor::end_interval(double seconds) {
   seconds_ += seconds;
   for (auto& [name, channel] : channels_) {
     channel.shown = channel.now;
@@ -231,15 +231,15 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
     longest_name = std::max(longest_name, channel["channel"].get_ref<const std::string&>().size());
   }
   std::vector<std::string> lines = {fmt::format(
-      "{} messages of {} senders in {:.1f} s; by the senders' own count {} missing; undecodable {}",
+      "{} messages of {} senders in {:.1f} s; {} missing by the senders' counts; undecodable {}",
       messages_, senders_.size(), seconds_, missing, all["undecodable"].dump())};
   const auto note = [&](std::uint64_t count, std::string_view what) {
     if (count != 0) lines.push_back(fmt::format("{} {}", count, what));
   };
   note(transport_.overflowed.value_or(0),
-       "lost here: this program was too slow for the bus, and rates are higher than shown");
+       "lost here: this program was too slow for the bus; the true rates are higher");
   note(transport_.malformed, "datagrams that are not LCM messages");
-  note(transport_.fragmented, "messages in fragments, which are not put together here");
+  note(transport_.fragmented, "messages in fragments, which are not reassembled");
   note(tagged, "messages carry the tag of a key, which is not verified here");
   note(elsewhere_, "messages on further channels");
   note(other_senders_, "messages of further senders");

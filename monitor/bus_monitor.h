@@ -33,7 +33,7 @@ class MessageReader {
  public:
   /// What a message is, at a glance.
   struct Glance {
-    std::string_view type;  ///< "tachless.tick_t"; empty when not ours, and then no more is known
+    std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
     bus::Rejection rejection = bus::Rejection::none;
     loop::Stamp stamp;           ///< when not rejected
     bool tagged = false;         ///< by the holder of a key, or so it seems
@@ -61,9 +61,9 @@ class MessageReader {
   decltype(readers_of(loop::AllMessages())) readers_;
 };
 
-/// What `tachless watch` knows of a bus: counts of everything heard, per channel and per sender.
+/// Counts of everything received on a bus, per channel and per sender.
 /// Datagrams go in, a table or JSON comes out; neither receives nor prints. Memory is bounded,
-/// whatever is on the bus.
+/// whatever the traffic.
 class BusMonitor {
  public:
   static constexpr std::size_t max_channels = 500;
@@ -71,16 +71,16 @@ class BusMonitor {
 
   void take(const bus::Datagram& datagram);
 
-  /// What the transport itself has lost or passed over, as of now.
+  /// What the transport itself has lost or skipped so far.
   void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
 
-  /// Ends the stretch of time over which rate, jitter and bandwidth are taken, and begins a new
+  /// Ends the interval over which rate, jitter and bandwidth are taken, and begins a new
   /// one.
-  /// @param seconds length of the stretch that ends, > 0
-  void end_stretch(double seconds);
+  /// @param seconds length of that interval, > 0
+  void end_interval(double seconds);
 
   /// For people: one row per channel, then the newest values. At most `rows` lines of at most
-  /// `columns` characters; 0: no limit. What does not fit is said to be left out.
+  /// `columns` characters; 0: no limit. The last line counts what does not fit.
   [[nodiscard]] std::vector<std::string> table(std::size_t columns = 0, std::size_t rows = 0);
 
   /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
@@ -88,7 +88,7 @@ class BusMonitor {
   [[nodiscard]] nlohmann::ordered_json to_json();
 
  private:
-  /// Arrivals within one stretch of time.
+  /// Arrivals within one interval of time.
   struct Arrivals {
     std::uint64_t bytes = 0;
     std::uint64_t intervals = 0;

@@ -29,7 +29,7 @@ void Listener::listen(Clock::time_point begin, Clock::time_point end) {
     if (!interrupted_) bus::poll_until({}, std::min(end, Clock::now() + nap_));
   }
   drain_what_came_before_now();
-  monitor_.end_stretch(diagnostics::seconds_of(Clock::now() - begin));
+  monitor_.end_interval(diagnostics::seconds_of(Clock::now() - begin));
   monitor_.set_statistics(transport_.statistics());
 }
 
@@ -47,7 +47,7 @@ double Listener::drain(Clock::time_point end) {
   return static_cast<double>(bytes);
 }
 
-/// What had arrived by now counts, however late this process gets to read it.
+/// Takes everything that has arrived by now, also when this process reads late.
 void Listener::drain_what_came_before_now() {
   const std::chrono::nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
   while (const auto datagram = transport_.receive(Clock::time_point::min())) {

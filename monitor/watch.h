@@ -14,16 +14,16 @@
 /// Between a bus, its monitor and a terminal.
 namespace tachless::monitor {
 
-/// Reads everything that is on the bus. It does not wait on the socket: whoever sends to a socket
-/// that a process waits on pays for waking it. Instead it sleeps for as long as the socket's buffer
-/// surely holds what comes, and then takes it all. Prints nothing.
+/// Reads everything that is on the bus. It does not wait on the socket: a sender to a socket
+/// that a process waits on pays for the wake-up. Instead it sleeps for as long as the socket's
+/// buffer certainly holds the traffic, and then takes it all. Prints nothing.
 class Listener {
  public:
   Listener(bus::UdpTransport& transport, BusMonitor& monitor, const std::atomic<bool>& interrupted)
       : transport_(transport), monitor_(monitor), interrupted_(interrupted) {}
 
   /// Gives to the monitor what comes until `end` or an interruption, and what the transport lost.
-  /// Ends the monitor's stretch of time, which began at `begin`.
+  /// Ends the monitor's interval, which began at `begin`.
   void listen(loop::Clock::time_point begin, loop::Clock::time_point end);
 
  private:

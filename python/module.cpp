@@ -24,7 +24,7 @@
 #include "study/in_process_loop.h"
 
 /// The compiled half of the Python package: a robot's mechanics, runs as arrays, simulation and the
-/// controller's program; what the package says of itself is in tachless/__init__.py.
+/// controller's program; the rest of the package is tachless/__init__.py.
 namespace tachless::python {
 namespace {
 
@@ -261,7 +261,7 @@ void declare_run(py::module_& module) {
       module, "Run",
       R"(A run, simulated or recorded: run["q"] is an array (ticks, joints), run.t its times.
 
-A quantity that a tick lacks (lost in realtime) is NaN. names tells which quantities there are:
+A quantity that a tick lacks (lost in realtime) is NaN. names lists the quantities:
 true state q, v; reference q_ref, v_ref, ...; tau; the law's signals; what was measured, ..._measured.)")
       .def_property_readonly("names", &Run::names, "The quantities of this run.")
       .def_readonly("joints", &Run::joints, "Names of the joints, in the order of the columns.")

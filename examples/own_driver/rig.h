@@ -8,9 +8,9 @@
 namespace tachless::own_driver {
 
 /// Stands for what comes with a robot: the library of its fieldbus, and behind that the robot. An
-/// arm on a bench that moves on the wall clock, whether anybody looks or not, with encoders of 20
-/// bits, and with drives that brake by themselves when no torque has come for `watchdog`: as long
-/// as the program lives or not. Replace it by yours.
+/// arm on a bench that moves on the wall clock, with encoders of 20
+/// bits, and with drives that brake by themselves when no torque has come for `watchdog`,
+/// also when the program has ended. Replace it by yours.
 class Rig {
  public:
   static constexpr std::chrono::milliseconds watchdog{500};

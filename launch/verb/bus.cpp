@@ -1,4 +1,4 @@
-// The verbs that look at this machine and at the bus, whatever runs there: doctor, watch, spy.
+// The verbs that examine this machine and the bus: doctor, watch, spy.
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -69,7 +69,7 @@ struct Watch {
   std::string lcm_url = node::default_lcm_url;
 
   void declare(CLI::App& command) {
-    command.add_flag("--once", once, "Listen, print what was heard, and end");
+    command.add_flag("--once", once, "Listen, print what was received, and end");
     command
         .add_option("--seconds", seconds,
                     "How long to listen [s]; default: --once 2, else until Ctrl-C")
@@ -186,18 +186,18 @@ struct Spy {
 
 }  // namespace
 
-const Verb doctor_verb =
-    verb_of<Doctor>("doctor", "Is this machine fit? Each line says ok, or what to type",
-                    "  tachless doctor\n"
-                    "  tachless doctor --json\n"
-                    "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
-                    "Exit code 0 when all is well, 1 when a line says what to type.");
+const Verb doctor_verb = verb_of<Doctor>(
+    "doctor", "Checks this machine's setup; prints the command that fixes each problem",
+    "  tachless doctor\n"
+    "  tachless doctor --json\n"
+    "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
+    "Exit code 0 when there is no problem, 1 otherwise.");
 
-const Verb watch_verb =
-    verb_of<Watch>("watch", "What is on the bus: channels, rates, jitter, gaps, newest values",
-                   "  tachless watch\n"
-                   "  tachless watch --once --seconds 5\n"
-                   "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
+const Verb watch_verb = verb_of<Watch>(
+    "watch", "Shows the traffic on the bus: channels, rates, jitter, gaps, newest values",
+    "  tachless watch\n"
+    "  tachless watch --once --seconds 5\n"
+    "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
 
 const Verb spy_verb = verb_of<Spy>(
     "spy", "lcm-spy with our message types, in a window; `watch` is the same in a terminal",

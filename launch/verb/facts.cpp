@@ -144,7 +144,8 @@ const Verb laws_verb = verb_of<Laws>(
     "  tachless laws --json");
 
 const Verb robot_verb = verb_of<Robot>(
-    "robot", "What is read of a URDF: joints, limits, masses; torques and inertia at a position",
+    "robot",
+    "What was parsed from a URDF: joints, limits, masses; torques and inertia at a position",
     "  tachless robot robot.urdf\n"
     "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json\n"
     "  tachless robot scenarios/robots/iiwa7.urdf --plot iiwa7.svg");

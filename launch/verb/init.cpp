@@ -51,7 +51,8 @@ struct Init {
 
 }  // namespace
 
-const Verb init_verb = verb_of<Init>(
-    "init", "A project to begin with: a robot, a scenario, what to type", "  tachless init my_arm");
+const Verb init_verb =
+    verb_of<Init>("init", "Creates a project: a robot, a scenario, and a README with commands",
+                  "  tachless init my_arm");
 
 }  // namespace tachless::launch

@@ -231,7 +231,7 @@ const Verb report_verb = verb_of<Report>(
     "  tachless report out/a out/b -o compare.html");
 
 const Verb replay_verb = verb_of<Replay>(
-    "replay", "The controller again, on a log's own inputs: the same commands, bit for bit?",
+    "replay", "Re-runs the controller on logged inputs and compares bit for bit",
     "  tachless replay out/paper_rigid/lcmlog\n"
     "  tachless replay out/paper_rigid/lcmlog --set 'controller.gains.kp=[400, 300]'\n"
     "  tachless replay out/paper_rigid --law numerical_difference --set 'controller.gains={kp: "

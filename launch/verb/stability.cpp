@@ -217,12 +217,12 @@ struct Design {
 
 }  // namespace
 
-const Verb certify_verb =
-    verb_of<Certify>("certify", "Is a scenario's loop stable, why, and how far? Nothing is run",
-                     "  tachless certify scenarios/paper_rigid.yaml\n"
-                     "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
-                     "--json\n"
-                     "  tachless certify scenarios/practical_flexible.yaml --plot certificate.svg");
+const Verb certify_verb = verb_of<Certify>(
+    "certify", "Checks the stability of a scenario's loop, with margins; runs nothing",
+    "  tachless certify scenarios/paper_rigid.yaml\n"
+    "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
+    "--json\n"
+    "  tachless certify scenarios/practical_flexible.yaml --plot certificate.svg");
 
 const Verb design_verb = verb_of<Design>(
     "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",

@@ -149,8 +149,7 @@ struct Sweep {
     command.add_option("--threads", threads, "Runs at once; default: all cores")
         ->check(CLI::Range(1, 4096));
     auto* part = command.add_option(
-        "--shard", shard,
-        "Only part I of N, as I/N: for whatever starts many; --merge puts them together");
+        "--shard", shard, "Only part I of N, as I/N: for job schedulers; --merge joins the parts");
     auto* tasks = command.add_option(
         "--slurm", slurm,
         "Submit it to Slurm as an array of that many tasks, with a last one that merges");
@@ -161,7 +160,7 @@ struct Sweep {
         ->excludes(part)
         ->excludes(tasks)
         ->excludes(only_merge);
-    command.add_flag("--json", json, "The closing words as JSON");
+    command.add_flag("--json", json, "Print the summary as JSON");
     add_quiet(command, quiet);
   }
 

@@ -1,13 +1,13 @@
 """Velocity-free robot control from Python.
 
-The laws, the plant, the protocol and the mechanics are those of the tachless programs: this package is a door to
+The laws, the plant, the protocol and the mechanics are those of the tachless programs; this package calls
 them and computes nothing itself. Angles are in rad, lengths in m, torques in N m (N on prismatic joints).
 
     run_controller(f)        your law as the controller of a run
     simulate(scenario)       the closed loop in this process, as arrays
     read(log)                a recorded run, as arrays
     Robot(urdf)              mechanics: inertia matrix, inverse and forward dynamics, poses
-    Error                    what goes wrong, in the words of the programs; its code is their exit code
+    Error                    an error of the programs: their message; its code is their exit code
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ TEST(CheckUp, FindsAPrivateNetworkFitAndEmpty) {
   EXPECT_EQ(status, 0);
 }
 
-TEST(CheckUp, TellsWhatToTypeExactlyWhereSomethingIsWrong) {
+TEST(CheckUp, NamesACommandExactlyWhereSomethingIsWrong) {
   for (const Finding& finding : examine("udpm://239.255.76.67:7667?ttl=3", ".")) {
     EXPECT_NE(finding.remedy, "") << finding.subject;
     EXPECT_FALSE(finding.what.empty()) << finding.subject;

@@ -1,4 +1,4 @@
-// The scenarios of docs/gallery.md: they run as the page says, with the gains that design finds.
+// The scenarios of docs/gallery.md: they run as documented, with the gains that design finds.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

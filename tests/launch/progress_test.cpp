@@ -11,7 +11,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-TEST(Progress, SaysThatItWaitsBeforeTheFirstTick) {
+TEST(Progress, WaitsBeforeTheFirstTick) {
   Progress progress(1000, 1e-3);
   EXPECT_THAT(progress.line(), HasSubstr("waiting"));
   progress.note(-1, 0, Progress::Clock::time_point{});

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 class Cluster {
  public:
   Cluster() {
-    // Slurm looks up names only where there is an address besides the loopback's.
+    // Slurm looks up names only where there is another address than the loopback's.
     tachless::support::shell("ip address add 10.11.12.13/32 dev lo");
     const std::string d = directory_.path().string();
     std::random_device random;

@@ -99,7 +99,7 @@ TEST_F(Study, EncoderShowsCountsWhenSlowAndLagWhenFast) {
             30 * of("loria_ortega_rigid", 22, 5, "velocity_error"));
   EXPECT_LT(of("loria_ortega_rigid", 22, 5, "settled_error"),
             1.1 * of("wen_bayard", 22, 5, "settled_error"));
-  // Nothing is had for nothing.
+  // The price is a rougher torque.
   for (const double hz : {0.5, 5.0}) {
     EXPECT_GT(of("loria_ortega_rigid", 12, hz, "torque_variation"),
               1.3 * of("numerical_difference", 12, hz, "torque_variation"));

@@ -226,7 +226,7 @@ TEST(Supervise, StopsWhoGoesOnLongAfterTheOthersHaveEnded) {
       watch({shell("plant", "exit 0"), shell("controller", obedient)}, {}, options);
   ASSERT_EQ(result.supervision.culprit, 1U);
   EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
-  EXPECT_THAT(describe(result.supervision.ends[1]), HasSubstr("went on after the others"));
+  EXPECT_THAT(describe(result.supervision.ends[1]), HasSubstr("still running after the others"));
 }
 
 TEST(Supervise, WakesAStoppedProcessToEndIt) {

@@ -69,8 +69,8 @@ TEST_F(SweepVerb, KilledFiveTimesEndsInTheSameTable) {
   ASSERT_TRUE(std::regex_search(table, last_row,
                                 std::regex("\n59,[^,]*,[^,]*,[^,]*,[^,]*,[^,]*,([^,]*),")));
   EXPECT_THAT(dumped.output, HasSubstr(last_row[1].str().substr(0, 12)));
-  const auto said = nlohmann::json::parse(last.output());
-  EXPECT_EQ(said.at("runs"), 60);
+  const auto summary = nlohmann::json::parse(last.output());
+  EXPECT_EQ(summary.at("runs"), 60);
   EXPECT_THAT(contents(temporary_ / "killed" / "index.html"), HasSubstr("<svg"));
   EXPECT_THAT(contents(temporary_ / "killed" / "map.svg"), HasSubstr("diverging"));
 }

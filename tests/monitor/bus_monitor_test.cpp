@@ -32,7 +32,7 @@ std::vector<std::byte> position(std::int64_t tick, std::int64_t run = 1) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// A bus on which one sender speaks on one channel, once per millisecond.
+/// A bus on which one sender publishes on one channel, once per millisecond.
 class Bus {
  public:
   void say(const std::string& channel, const std::vector<std::byte>& payload,
@@ -59,7 +59,7 @@ class Bus {
 TEST(BusMonitor, TellsRateJitterBandwidthAndNewestValues) {
   Bus bus;
   for (int k = 0; k < 101; ++k) bus.say("ARM_POSITION", position(k));
-  bus.monitor.end_stretch(0.1);
+  bus.monitor.end_interval(0.1);
   const auto entry = bus.channel("ARM_POSITION");
   EXPECT_EQ(entry["type"], "tachless.position_measurement_t");
   EXPECT_EQ(entry["messages"], 101);

@@ -25,8 +25,8 @@ struct Source {
 
 std::vector<Source> sources() {
   const fs::path root = TACHLESS_SOURCE_DIR;
-  const std::set<std::string> written_by_hand = {".cpp", ".h",    ".py",  ".js",   ".css",
-                                                 ".html", ".lcm", ".inc", ".in",  ".cmake"};
+  const std::set<std::string> written_by_hand = {".cpp",  ".h",   ".py",  ".js", ".css",
+                                                 ".html", ".lcm", ".inc", ".in", ".cmake"};
   std::vector<Source> all;
   const auto add = [&](const fs::path& path) {
     std::ifstream file(path);
@@ -54,7 +54,8 @@ std::vector<Source> sources() {
 
 TEST(Size, NoFileHasMoreThan400Lines) {
   ASSERT_GT(sources().size(), 100U);
-  for (const Source& source : sources()) EXPECT_LE(source.lines, max_lines_of_a_file) << source.path;
+  for (const Source& source : sources())
+    EXPECT_LE(source.lines, max_lines_of_a_file) << source.path;
 }
 
 TEST(Size, TheProductIsNoLargerThanDecidedAndNoRoomAboveAnEighth) {
