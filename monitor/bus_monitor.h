@@ -11,7 +11,7 @@
 #include <tuple>
 #include <vector>
 
-#include "bus/transport.h"
+#include "bus/udp_transport.h"
 #include "bus/truth/truth_wire.h"
 #include "loop/truth/tick_record.h"
 #include "monitor/sequence_gaps.h"
