@@ -66,7 +66,7 @@ Finding check_other_publishers(const bus::LcmUrl& url) {
   std::vector<std::string> list;
   list.reserve(senders.size());
   for (const auto& [channel, sender] : senders) {
-    list.push_back(fmt::format("{} from {}", channel, sender));
+    list.push_back(fmt::format("{} from {}", diagnostics::printable(channel), sender));
   }
   bus::LcmUrl other = url;
   other.port = static_cast<std::uint16_t>(url.port == 65535 ? url.port - 1 : url.port + 1);

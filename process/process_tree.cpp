@@ -41,7 +41,7 @@ bool has_socket(pid_t pid) {
   });
 }
 
-void step_aside(pid_t pid) {
+void set_idle_priority(pid_t pid) {
   const sched_param none{};
   for (const fs::path& thread : entries_of(directory_of(pid) / "task")) {
     [[maybe_unused]] const int refused =

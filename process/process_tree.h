@@ -13,8 +13,8 @@ std::vector<pid_t> children_of(pid_t pid);
 /// Whether it holds a socket; no when it is gone.
 bool has_socket(pid_t pid);
 
-/// From now on all threads of that process, and every child they start, run only when nobody else
-/// wants the processor. Failure is harmless, and not reported.
-void step_aside(pid_t pid);
+/// Gives all threads of that process, and every child they start from now on, the scheduling class
+/// SCHED_IDLE. Failure is harmless, and not reported.
+void set_idle_priority(pid_t pid);
 
 }  // namespace tachless::process

@@ -242,8 +242,8 @@ diagnostics::ExitCode show(const Options& options) {
     listener.drain([&](double t_s, const robot::Vector& q) {
       // Not before: on a busy machine the window would not open.
       if (!std::exchange(run_has_begun, true)) {
-        process::step_aside(getpid());
-        process::step_aside(viewer.pid());
+        process::set_idle_priority(getpid());
+        process::set_idle_priority(viewer.pid());
       }
       player.add(t_s, q, Clock::now());
     });

@@ -82,7 +82,7 @@ struct Watch {
     const std::atomic<bool>& interrupted = process::catch_interruptions();
     const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
     const auto transport = join(url);
-    process::step_aside(getpid());
+    process::set_idle_priority(getpid());
     transport->subscribe_all();
     monitor::BusMonitor monitor;
     monitor::Listener listener(*transport, monitor, interrupted);

@@ -7,7 +7,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
+#include <string>
+#include <thread>
 
+#include "bus/udp_transport.h"
 #include "process/this_process.h"
 
 namespace tachless::launch {
@@ -78,6 +82,29 @@ TEST(CheckUp, FindsAPrivateNetworkFitAndEmpty) {
       });
     };
     _exit(ok("multicast") && ok("other publishers") && ok("ttl") ? 0 : 1);
+  }
+  int status = 1;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+}
+
+TEST(CheckUp, PrintsNoControlCharacterOfAChannelsName) {
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    process::enter_private_network();
+    const std::jthread other([](const std::stop_token& over) {
+      bus::UdpTransport bus;
+      for (; !over.stop_requested(); std::this_thread::sleep_for(std::chrono::milliseconds(5))) {
+        bus.publish("HOSTILE\x1b[2J\n", {});
+      }
+    });
+    bool named = false, clean = true;
+    for (const Finding& finding : examine("udpm://239.255.76.67:7667?ttl=0", ".")) {
+      named = named || finding.what.find("HOSTILE") != std::string::npos;
+      clean = clean && finding.what.find_first_of("\x1b\n") == std::string::npos;
+    }
+    _exit(named && clean ? 0 : 1);
   }
   int status = 1;
   waitpid(child, &status, 0);

@@ -25,7 +25,7 @@ TEST(ProcessTree, KnowsAChildAndWhatItRunsUntilItIsGone) {
   }
   EXPECT_THAT(children_of(getpid()), Contains(child));
   EXPECT_FALSE(has_socket(child));
-  step_aside(child);
+  set_idle_priority(child);
   EXPECT_EQ(sched_getscheduler(child), SCHED_IDLE);
   EXPECT_EQ(support::program_of(child), "test_process");
   ASSERT_TRUE(support::resident_kib(child).has_value());
@@ -35,7 +35,7 @@ TEST(ProcessTree, KnowsAChildAndWhatItRunsUntilItIsGone) {
   EXPECT_THAT(children_of(getpid()), Not(Contains(child)));
   EXPECT_THAT(children_of(child), IsEmpty());
   EXPECT_FALSE(has_socket(child));
-  step_aside(child);
+  set_idle_priority(child);
   EXPECT_EQ(support::program_of(child), "");
   EXPECT_FALSE(support::resident_kib(child).has_value());
 }
