@@ -43,9 +43,9 @@ Velocity-free control of rigid and flexible-joint robots, as four processes
 on a message bus: a simulated robot, a trajectory generator, a controller
 and a logger; with certificates, studies, reports and replay.")
 # What the programs call or read, beside the libraries that they are linked with.
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "gnuplot-nox | gnuplot, libjs-dygraphs, libjs-three")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_DEPENDS "libjs-dygraphs, libjs-three")
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS
-  "iproute2, default-jre, liblcm-java, libjchart2d-java, libgl1-mesa-dri")
+  "iproute2, default-jre, liblcm-java, libjchart2d-java")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libtachless-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_DESCRIPTION "control laws and robot drivers for tachless, in C++

@@ -48,7 +48,7 @@ for verb in $("$programs/tachless" --help | sed -n '/^Subcommands:/,/^Examples/s
 done >"$verbs"
 man_page tachless "$verbs"
 rm "$verbs"
-for program in plant reference controller logger visualizer; do man_page "tachless-$program"; done
+for program in plant reference controller logger; do man_page "tachless-$program"; done
 
 date=$(date -R -u -r "$tree/CHANGELOG.md")
 printf 'tachless (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \

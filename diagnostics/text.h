@@ -8,7 +8,7 @@
 #include <vector>
 
 /// Text helpers that fmt does not have: lists, numbers, suggestions for a misspelt name. No
-/// escaping for HTML or gnuplot (report/) and no YAML (experiment/).
+/// escaping for HTML (report/) and no YAML (experiment/).
 namespace tachless::diagnostics {
 
 /// The elements as fmt writes them, with `separator` between them: "link, motor".

@@ -126,11 +126,6 @@ Finding check_stolen_time() {
   return judge_stolen_time(diagnostics::file_text("/proc/stat").value_or(""));
 }
 
-Finding check_gnuplot() {
-  if (const auto gnuplot = process::find_program("gnuplot")) return {"gnuplot", gnuplot->string()};
-  return {"gnuplot", "not found; figures need it", "sudo apt-get install gnuplot-nox"};
-}
-
 /// How punctual this machine can be.
 std::vector<Finding> check_punctuality() {
   return {check_real_time(), check_locked_memory(), check_clock(), check_stolen_time()};
@@ -226,7 +221,6 @@ std::vector<Finding> examine(const std::string& lcm_url, const std::filesystem::
   findings.push_back(check_private_network());
   for (Finding& finding : check_punctuality()) findings.push_back(std::move(finding));
   findings.push_back(judge_disk(std::filesystem::space(directory).available, directory));
-  findings.push_back(check_gnuplot());
   return findings;
 }
 

@@ -46,7 +46,6 @@ struct RunOptions {
   bool quiet = false;
   bool verbose = false;
   bool json = false;
-  bool visualize = false;
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
   /// `line`, after "<robot>: " where there are several.

@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
-#include <csignal>
 #include <deque>
 #include <memory>
 #include <numeric>
 #include <optional>
-#include <thread>
 #include <utility>
 
 #include "bus/authenticated.h"
@@ -24,7 +22,6 @@
 #include "node/options.h"
 #include "plant/node.h"
 #include "process/this_process.h"
-#include "viewer/visualizer.h"
 
 namespace tachless::launch {
 namespace {
@@ -105,7 +102,6 @@ struct OnTheBus {
   const RunOptions& options;
   Placement placement;
   Heartbeats heartbeats;
-  std::unique_ptr<process::SideProcess> window;  ///< Simbody's 3D window; the run goes on without
   std::optional<RunDirectory> out;
 };
 
@@ -149,55 +145,6 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
   return all;
 }
 
-/// @throw diagnostics::Failure(bad_usage) when there can be no window
-void open_window(OnTheBus& robot, bool isolated, Screen& screen) {
-  const std::string program = "tachless-visualizer";
-  std::vector<std::string> command = command_of(program, robot.options);
-  command.insert(command.end(), {"--run-id", std::to_string(robot.options.run_id)});
-  try {
-    robot.window = std::make_unique<process::SideProcess>(
-        program, command, viewer::window_is_open, std::chrono::seconds(30),
-        [&](std::string_view line) {
-          screen.pass_on(robot.options.named(""), "visualizer", line);
-        });
-  } catch (const Failure& failure) {
-    std::string_view why = failure.what();
-    if (why.starts_with(program + ": ")) why.remove_prefix(program.size() + 2);
-    throw Failure(
-        failure.code(), "--visualize: {}; or leave out --visualize{}", why,
-        isolated ? " (this run is isolated: it reaches no display over the network)" : "");
-  }
-}
-
-/// Passes on what the window has said, and tells when it is gone.
-void attend_window(const OnTheBus& robot, Screen& screen) {
-  process::SideProcess* window = robot.window.get();
-  if (window == nullptr || !window->running()) return;
-  window->attend();
-  if (window->running()) return;
-  screen.clear();
-  diagnostics::log_warning(robot.options.named(fmt::format(
-      "the window {}; the run goes on",
-      window->trouble().empty() ? "was closed" : fmt::format("is gone: {}", window->trouble()))));
-}
-
-/// Waits until the window has shown everything, is closed, or the user interrupts.
-void finish_window(const OnTheBus& robot) {
-  if (!robot.window) return;
-  process::SideProcess& window = *robot.window;
-  const std::atomic<bool>& interrupted = process::catch_interruptions();
-  window.attend();
-  if (window.running() && !robot.options.quiet) {
-    diagnostics::log_info(robot.options.named(
-        "the window shows the run to its end, at the simulated pace; Ctrl-C closes it"));
-  }
-  while (window.running() && !interrupted) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    window.attend();
-  }
-  window.stop();
-}
-
 /// Listens for longer than a process on the bus is silent: each announces itself every 100 ms.
 /// @throw diagnostics::Failure as Heartbeats::require_free_bus
 void require_free_bus(std::deque<OnTheBus>& robots) {
@@ -233,7 +180,6 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
     robot.heartbeats.read_into(progress[own]);
     screen.show(progress);
     robot.out->look();
-    attend_window(robot, screen);
   };
   return options;
 }
@@ -308,10 +254,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   std::deque<OnTheBus> robots;
   for (const PlannedRun& run : runs) robots.emplace_back(run, key, robots.size());
   if (!isolated) require_free_bus(robots);
-  for (OnTheBus& each : robots) {
-    if (common.visualize) open_window(each, isolated, screen);
-    each.out.emplace(each.run);
-  }
+  for (OnTheBus& each : robots) each.out.emplace(each.run);
   std::vector<Progress> progress;
   std::vector<Supervised> supervised;
   for (OnTheBus& each : robots) {
@@ -325,11 +268,6 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();
   screen.clear();
-  for (std::size_t i = 0; i < ends.size(); ++i) {
-    if (!robots[i].window) continue;
-    // What is left to show will be shown.
-    ends[i].interrupted ? robots[i].window->stop() : robots[i].window->signal(SIGUSR1);
-  }
   std::vector<std::size_t> order(ends.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_partition(order.begin(), order.end(),
@@ -339,7 +277,6 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     const std::string culprit = ends[i].because_of ? robots[*ends[i].because_of].options.robot : "";
     conclude(robots[i], ends[i], culprit, wall_s, conclusions);
   }
-  for (const OnTheBus& each : robots) finish_window(each);
   return conclusions.finish();
 }
 

@@ -9,8 +9,9 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
-#include <future>
 #include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
 #include <system_error>
@@ -21,8 +22,7 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
-#include "logger/run_log.h"
-#include "report/gnuplot.h"
+#include "report/figure.h"
 #include "report/recorded_run.h"
 #include "report/report.h"
 #include "report/report_sections.h"
@@ -36,37 +36,49 @@ using diagnostics::ExitCode;
 
 constexpr std::array our_files = {"lcmlog", "summary.json", "tracking.svg", "report.html"};
 
-/// Reads the log back into `facts`. @return why it cannot be read, or what is wrong with it if
-/// every program says that it ended well; empty: nothing. In realtime ticks may be missing, which
-/// the logger then has said.
-std::string read_back(const PlannedRun& run, report::RunFacts& facts, study::Tracking& tracking) {
+/// Reads the log, once, into `facts` and `recorded`. @return why it cannot be read, or what is
+/// wrong with it if every program ended well; empty: nothing. In realtime ticks may be missing,
+/// which the logger has reported by then.
+std::string read_back(const PlannedRun& run, report::RunFacts& facts,
+                      std::optional<report::RecordedRun>& recorded) {
   const experiment::LoopSpec& loop = run.scenario.loop;
-  bool damaged = false;
   try {
-    logger::RunLog log = logger::RunLog::open(facts.log_path, facts.run_id);
-    tracking = report::track(log);
-    facts.log_ticks = static_cast<std::int64_t>(log.summary().ticks);
-    facts.log_gaps = static_cast<std::int64_t>(log.summary().gaps());
-    facts.law = log.scenario().controller.law_text();
-    damaged = log.damage().any();
+    recorded = report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run);
   } catch (const diagnostics::Failure& failure) {
     return failure.what();
   }
+  facts.log_ticks = static_cast<std::int64_t>(recorded->summary.ticks);
+  facts.log_gaps = static_cast<std::int64_t>(recorded->summary.gaps());
+  facts.law = recorded->scenario.controller.law_text();
+  const bool damaged = recorded->damage.any();
   const bool whole = facts.log_ticks == loop.num_ticks && facts.log_gaps == 0;
   if (!damaged && (whole || loop.mode == experiment::Mode::realtime)) return {};
   return fmt::format(
       "{}: the log was changed after it was written: it has {} of {} ticks and {} gaps{}; run "
-      "again, and leave it alone until the run has ended",
+      "again, and do not change it before the run has ended",
       facts.log_path, facts.log_ticks, loop.num_ticks, facts.log_gaps,
       damaged ? ", and is damaged" : "");
 }
 
-/// Writes the files and then, on stdout, the summary. Tells what cannot be written, and returns its
-/// exit code.
+/// Writes the figure and the page, for people: one that fails is one line, and no fault of the run.
+template <class Write>
+void attempt(const Write& write) {
+  try {
+    write();
+  } catch (const std::exception& failure) {
+    diagnostics::log_error(failure.what());
+  }
+}
+
+/// Writes the files and then, on stdout, the summary.
+/// @return the exit code when summary.json cannot be written, after a line that says why
 ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
-                       const report::RunSummary& summary, const robot::JointLabels& joints) {
+                       const report::RunSummary& summary,
+                       std::optional<report::RecordedRun> recorded,
+                       const robot::JointLabels& joints) {
   const report::RunFacts& facts = summary.facts;
-  const std::string json = diagnostics::json_text(to_json(summary, joints), 2) + "\n";
+  const nlohmann::ordered_json outcome = to_json(summary, joints);
+  const std::string json = diagnostics::json_text(outcome, 2) + "\n";
   const std::string title = fmt::format("{}: {}, h = {}", facts.scenario, facts.law,
                                         report::short_period(facts.period_s));
   const std::string_view remedy = "name another directory with --out";
@@ -74,20 +86,17 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   ExitCode code = ExitCode::done;
   try {
     if (out.begun()) diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
-    if (moved) {
-      // Each waits for a gnuplot of its own.
-      auto reported = std::async(std::launch::async, [&] {
-        report::write_report(
-            {report::read_recorded_run(facts.log_path, facts.run_id, certificate::certified_run)},
-            out / "report.html");
-      });
-      report::draw_file(report::tracking_figure(summary.tracking, title, facts.period_s, joints),
-                        out / "tracking.svg", remedy);
-      reported.get();
-    }
   } catch (const diagnostics::Failure& failure) {
     diagnostics::log_error(failure.what());
     code = failure.code();
+  }
+  if (moved && recorded) {
+    attempt([&] {
+      report::write_figure(report::tracking_figure(summary.tracking, title, facts.period_s, joints),
+                           out / "tracking.svg", remedy);
+    });
+    recorded->outcome = outcome;
+    attempt([&] { report::write_report({*std::move(recorded)}, out / "report.html"); });
   }
   if (run.options.json) {
     std::cout << json;
@@ -228,9 +237,9 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   ++count_;
   out.look();
   const bool done = end.code == ExitCode::done;
-  study::Tracking tracking(run.scenario.num_joints);
+  std::optional<report::RecordedRun> recorded;
   end.facts.log_path = (out / "lcmlog").string();
-  const std::string problem = read_back(run, end.facts, tracking);
+  const std::string problem = read_back(run, end.facts, recorded);
   if (done && !problem.empty()) {
     end.facts.fault = problem;
     end.code = ExitCode::check_said_no;
@@ -239,9 +248,11 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
     diagnostics::log_error(options.named(*end.facts.fault));
     for (const std::string& line : end.consequences) diagnostics::log_info(line);
   }
-  const report::RunSummary summary{end.facts, std::move(tracking), end.statistics};
+  const report::RunSummary summary{
+      end.facts, recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints),
+      end.statistics};
   const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);
-  const ExitCode written = write_results(run, out, summary, joints);
+  const ExitCode written = write_results(run, out, summary, std::move(recorded), joints);
   if (end.code == ExitCode::done) end.code = written;
   if (done && !options.any_verdict && summary.observed.bad()) {
     diagnostics::log_error("{}; --any-verdict makes that no failure",

@@ -23,10 +23,8 @@ namespace tachless::process {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using namespace std::chrono_literals;
 
 constexpr std::size_t longest_line = 4096;
-constexpr auto time_to_end = 1s;  // from SIGTERM to SIGKILL
 
 [[noreturn]] void fail(const char* call) {
   throw std::system_error(errno, std::generic_category(), call);
@@ -168,61 +166,6 @@ Finished run(const std::vector<std::string>& command) {
   }
   static_cast<End&>(result) = take_end(child, true).value_or(End());
   return result;
-}
-
-SideProcess::SideProcess(std::string name, const std::vector<std::string>& command,
-                         std::string_view ready, std::chrono::milliseconds limit, OnLine on_line)
-    : name_(std::move(name)), child_(start(command)) {
-  bool is_ready = false;
-  on_line_ = [&](std::string_view line) {
-    if (is_ready) on_line(line);
-    is_ready = is_ready || line == ready;
-  };
-  const Clock::time_point deadline = Clock::now() + limit;
-  attend();
-  while (!is_ready) {
-    if (!child_.running || Clock::now() >= deadline) {
-      const std::string why = child_.running
-                                  ? fmt::format("{} was not ready within {} s", name_, limit / 1s)
-                              : last_line_.empty() ? trouble_
-                                                   : last_line_;
-      kill_group();
-      throw diagnostics::bad_usage(why);
-    }
-    await_output(child_, 50);
-    attend();
-  }
-  on_line_ = std::move(on_line);
-}
-
-void SideProcess::attend() {
-  const auto pass_on = [&](std::string line) {
-    on_line_(line);
-    last_line_ = std::move(line);
-  };
-  read_lines(child_, pass_on);
-  const auto end = take_end(child_);
-  if (!end) return;
-  kill_group();
-  read_lines(child_, pass_on);
-  if (!end->well()) trouble_ = fmt::format("{} {}", name_, text(*end));
-}
-
-void SideProcess::signal(int number) const {
-  if (child_.running) kill(child_.pid, number);
-}
-
-void SideProcess::stop() {
-  if (!child_.running) return;
-  signal(SIGTERM);
-  const End end = end_within(child_, time_to_end, [&](const std::string& line) { on_line_(line); });
-  if (!end.well()) trouble_ = fmt::format("{} {}", name_, text(end));
-}
-
-// What it has started itself is in its process group, and may outlive it.
-void SideProcess::kill_group() {
-  kill(-child_.pid, SIGKILL);
-  take_end(child_, true);
 }
 
 std::optional<std::filesystem::path> find_program(const std::string& name) {

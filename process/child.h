@@ -2,8 +2,6 @@
 
 #include <sys/types.h>
 
-#include <chrono>
-#include <csignal>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -69,43 +67,6 @@ struct Finished : End {
 /// Runs a program as `start` does, to its end.
 /// @throw diagnostics::Failure as `start`
 Finished run(const std::vector<std::string>& command);
-
-/// A program beside a run, on which the run does not depend: the 3D window. Its end does not stop
-/// the run; the object's end stops it.
-class SideProcess {
- public:
-  using OnLine = std::function<void(std::string_view line)>;
-
-  /// Starts `command`, a path and arguments, and waits until it has written the line `ready`.
-  /// @param name for people  @param on_line is given what it writes from then on
-  /// @throw diagnostics::Failure(bad_usage) with the last line it wrote when it ends instead, or is
-  /// not ready within `limit`
-  SideProcess(std::string name, const std::vector<std::string>& command, std::string_view ready,
-              std::chrono::milliseconds limit, OnLine on_line);
-  SideProcess(const SideProcess&) = delete;
-  SideProcess& operator=(const SideProcess&) = delete;
-  ~SideProcess() { stop(); }
-
-  /// Passes its lines on, and notices its end. To be called regularly; does not wait.
-  void attend();
-  [[nodiscard]] bool running() const { return child_.running; }
-  /// How it ended, in words; empty when it ended well.
-  [[nodiscard]] const std::string& trouble() const { return trouble_; }
-
-  /// Sends a signal, if it is running.
-  void signal(int number) const;
-  /// Ends it, and what it has started itself: SIGTERM, after a second SIGKILL.
-  void stop();
-
- private:
-  void kill_group();
-
-  std::string name_;
-  OnLine on_line_;
-  std::string last_line_;
-  std::string trouble_;
-  Child child_;
-};
 
 /// Where the search path has a program of this name that may be executed.
 std::optional<std::filesystem::path> find_program(const std::string& name);

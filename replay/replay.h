@@ -95,11 +95,11 @@ struct Comparison {
   Replay replay;
   experiment::Scenario scenario;  ///< the log's, changed
   std::string title;
-  std::filesystem::path csv, svg;  ///< there is no figure when no tick was compared
+  std::filesystem::path csv;
 };
 
 /// Replays `log` with the settings `overrides`, under the law that `make_law` makes, and writes
-/// into `out` (empty: beside the log) replay.svg and replay.csv: tick, t_s, then tau_elbow_Nm
+/// into `out` (empty: beside the log) replay.csv: tick, t_s, then tau_elbow_Nm
 /// (recorded) and tau_replayed_elbow_Nm, … .
 /// @throw diagnostics::Failure(bad_usage) for a setting that no command depends on, a scenario that
 /// is not valid, or a file that cannot be written

@@ -13,10 +13,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "logger/table.h"
-#include "report/chart.h"
-#include "report/gnuplot.h"
 #include "report/summary.h"
-#include "study/envelope.h"
 
 namespace tachless::replay {
 namespace {
@@ -37,10 +34,6 @@ void require_of_controller(const std::vector<std::string>& overrides) {
   }
 }
 
-struct Torques {
-  study::Envelope recorded, replayed, difference;
-};
-
 /// The first line of the table.
 std::string head(const robot::JointLabels& labels) {
   std::string line = "tick,t_s";
@@ -55,28 +48,6 @@ std::string head(const robot::JointLabels& labels) {
   return line + "\n";
 }
 
-/// gnuplot commands for the figure: of each joint both torques, and their difference.
-std::string figure(const std::vector<Torques>& torques, const robot::JointLabels& labels,
-                   const std::string& title) {
-  std::vector<report::Chart> charts;
-  for (std::size_t i = 0; i < torques.size(); ++i) {
-    const std::string label =
-        fmt::format("{}  [{}]", report::indexed("τ", i, labels.name[i]), labels.effort[i]);
-    report::Chart torque, difference;
-    torque.wide = difference.wide = true;
-    torque.height_px = 220;
-    torque.y_label = label;
-    torque.curves = {{"recorded", torques[i].recorded.points(), report::palette[5], 3.5, ""},
-                     {"replayed", torques[i].replayed.points(), report::palette[1], 1.2, ""}};
-    difference.height_px = 170;
-    difference.y_label = "Δ" + label;
-    difference.curves = {
-        {"replayed − recorded", torques[i].difference.points(), report::palette[0], 1.2, ""}};
-    charts.insert(charts.end(), {std::move(torque), std::move(difference)});
-  }
-  return report::stacked_chart_commands(charts, title);
-}
-
 }  // namespace
 
 Comparison compare(logger::RunLog& log, const std::vector<std::string>& overrides,
@@ -88,12 +59,10 @@ Comparison compare(logger::RunLog& log, const std::vector<std::string>& override
       experiment::parse_scenario(log.info().scenario, log.info().robot_description,
                                  fmt::format("{} (RUN_INFO)", log.path().string()), overrides),
       "",
-      {},
       {}};
   const std::filesystem::path folder = out.empty() ? log.path().parent_path() : out;
   std::error_code error;
   result.csv = folder / "replay.csv";
-  result.svg = folder / "replay.svg";
   controller::ScenarioLaw law = make_law(result.scenario);  // complains before files are made
   if (result.scenario.controller.law == experiment::external_law) {
     result.scenario.controller.announced = controller::law_info(*law).name;
@@ -108,23 +77,13 @@ Comparison compare(logger::RunLog& log, const std::vector<std::string>& override
   std::ofstream csv(file.name());
   csv << head(labels);
   if (!csv) file.refuse(std::strerror(errno));
-  std::vector<Torques> torques(labels.name.size());
   result.replay =
       replay(log, result.scenario, std::move(law),
              [&](std::int64_t tick, const robot::Vector& recorded, const robot::Vector& replayed) {
                const double t_s = static_cast<double>(tick) * log.info().period_s;
                csv << fmt::format("{},{:.17g},{:.17g},{:.17g}\n", tick, t_s,
                                   fmt::join(recorded, ","), fmt::join(replayed, ","));
-               for (std::size_t i = 0; i < torques.size(); ++i) {
-                 const auto joint = static_cast<Eigen::Index>(i);
-                 torques[i].recorded.add(t_s, recorded[joint]);
-                 torques[i].replayed.add(t_s, replayed[joint]);
-                 torques[i].difference.add(t_s, replayed[joint] - recorded[joint]);
-               }
              });
-  if (result.replay.compared > 0) {
-    report::draw_file(figure(torques, labels, result.title), result.svg, remedy);
-  }
   csv.close();
   if (!csv) file.refuse(std::strerror(errno));
   file.finish();
@@ -149,7 +108,7 @@ std::string comparison_text(const Comparison& comparison, const robot::JointLabe
                         joint.difference.rms(), joint.recorded.peak(), joint.replayed.peak(),
                         labels.effort[i]);
   }
-  return text + fmt::format("\n  {}\n  {}\n", comparison.svg.string(), comparison.csv.string());
+  return text + fmt::format("\n  {}\n", diagnostics::printable(comparison.csv.string()));
 }
 
 }  // namespace tachless::replay

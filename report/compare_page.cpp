@@ -11,7 +11,7 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
 #include "report/chart.h"
-#include "report/gnuplot.h"
+#include "report/figure.h"
 #include "report/html.h"
 
 namespace tachless::report {
@@ -54,13 +54,13 @@ std::string shown(const Column& column, const Compared& compared) {
 
 /// A curve for each law.
 Chart chart_of(const std::vector<ComparedLaw>& laws, study::Envelope study::Compared::*signal,
-               const std::string& label, bool named) {
+               const Label& label, bool named) {
   Chart chart;
   chart.y_label = label;
   chart.wide = true;
   for (const auto& [result, overrides] : laws) {
     const std::size_t i = chart.curves.size();
-    chart.curves.push_back({named ? enhanced(result.law) : "", (result.*signal).points(1000),
+    chart.curves.push_back({words(named ? result.law : ""), (result.*signal).points(1000),
                             colour_of(i), 1.4, dash_of(i)});
   }
   return chart;
@@ -128,11 +128,13 @@ void write_comparison(const experiment::Scenario& scenario, const std::string& r
                       const std::vector<ComparedLaw>& laws,
                       const std::filesystem::path& directory) {
   // Errors above torques, the laws' names once.
-  Chart errors = chart_of(laws, &Compared::error, "|e|  [rad; m]", true);
+  Chart errors = chart_of(laws, &Compared::error, {"e", "", "", "rad; m", true}, true);
   make_logarithmic(errors);
-  const Chart torques = chart_of(laws, &Compared::torque, "|τ|  [N m; N]", false);
-  const Html figure = study_figure(stacked_chart_commands({errors, torques}, scenario.name),
-                                   directory / "compare.svg", "Errors and torques of all laws");
+  const Chart torques = chart_of(laws, &Compared::torque, {"τ", "", "", "N m; N", true}, false);
+  const Figure drawing{scenario.name, {errors, torques}};
+  write_figure(drawing, directory / "compare.svg", study_remedy);
+  const Html figure =
+      html("<figure>{}</figure>\n", inline_svg(drawing, "Errors and torques of all laws"));
   diagnostics::UnfinishedFile(directory / "compare.json", study_remedy)
       .write(diagnostics::json_text(to_json(laws), 1) + "\n");
   const Html gains = each(laws, [](const ComparedLaw& law) {

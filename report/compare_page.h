@@ -23,7 +23,7 @@ std::string comparison_table(const std::vector<ComparedLaw>& laws);
 nlohmann::ordered_json to_json(const std::vector<ComparedLaw>& laws);
 
 /// Writes compare.svg, compare.json and index.html into `directory`.
-/// @throw diagnostics::Failure(bad_usage) when they cannot be written or gnuplot cannot draw
+/// @throw diagnostics::Failure(bad_usage) when they cannot be written
 void write_comparison(const experiment::Scenario& scenario, const std::string& rule,
                       const std::vector<ComparedLaw>& laws, const std::filesystem::path& directory);
 

@@ -10,7 +10,6 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
-#include "report/gnuplot.h"
 #include "report/page_files.h"
 
 namespace tachless::report {
@@ -18,19 +17,6 @@ namespace {
 
 constexpr std::array<std::pair<char, const char*>, 5> entities = {
     {{'&', "&amp;"}, {'<', "&lt;"}, {'>', "&gt;"}, {'"', "&quot;"}, {'\'', "&#39;"}}};
-
-void replace_all(std::string& text, std::string_view from, const std::string& to) {
-  for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size()) {
-    text.replace(at, from.size(), to);
-  }
-}
-
-void erase(std::string& text, std::string_view from, std::string_view to) {
-  const std::size_t begin = text.find(from);
-  if (begin == std::string::npos) return;
-  const std::size_t end = text.find(to, begin + from.size());
-  if (end != std::string::npos) text.erase(begin, end + to.size() - begin);
-}
 
 }  // namespace
 
@@ -105,33 +91,6 @@ Html number(std::string_view printed) {
   std::from_chars(printed.data() + e + 2, printed.data() + printed.size(), exponent);
   if (exponent != 0) result += html("·10<sup>{}{}</sup>", negative ? "−" : "", exponent);
   return result;
-}
-
-Html inline_svg(std::string svg, const std::string& prefix, std::string_view caption) {
-  erase(svg, "<?xml", "?>");
-  erase(svg, "<!DOCTYPE", ">");
-  erase(svg, "<title>", "</title>");
-  erase(svg, "<desc>", "</desc>");
-  erase(svg, " xmlns=\"", "\"");
-  erase(svg, " xmlns:xlink=\"", "\"");
-  for (const char* quote : {"'", "\""}) {
-    replace_all(svg, fmt::format(" id={}", quote), fmt::format(" id={}{}", quote, prefix));
-    replace_all(svg, fmt::format("href={}#", quote), fmt::format("href={}#{}", quote, prefix));
-  }
-  replace_all(svg, "url(#", "url(#" + prefix);
-  const std::size_t open = svg.find("<svg");
-  if (open != std::string::npos) {
-    svg.insert(open + 4, html(" role=\"img\" aria-label=\"{}\"", caption).markup());
-    svg.erase(0, open);
-  }
-  return Html::from_markup(std::move(svg));
-}
-
-Html study_figure(const std::string& commands, const std::filesystem::path& svg,
-                  std::string_view caption) {
-  draw_file(commands, svg, study_remedy);
-  return html("<figure>{}</figure>\n",
-              inline_svg(diagnostics::file_text(svg).value_or(""), "figure-", caption));
 }
 
 void write_study_page(const std::filesystem::path& path, const std::string& title, const Html& body,

@@ -63,18 +63,8 @@ Html filled(std::string_view page, std::map<std::string, Html> parts);
 /// A number as people write it, from what fmt printed: minus sign, powers of ten.
 Html number(std::string_view printed);
 
-/// What gnuplot drew, to stand in a page: without what only a file needs, ids and references
-/// prefixed (they are the page's, and a page has several), with `caption` as alternative text
-/// (screen readers).
-Html inline_svg(std::string svg, const std::string& prefix, std::string_view caption);
-
 /// What to do when a study's file cannot be written.
 inline constexpr std::string_view study_remedy = "name another directory with --out";
-
-/// Has gnuplot draw `svg`, and returns it as it is to stand in a study's page.
-/// @throw diagnostics::Failure(bad_usage) when it cannot be drawn or written
-Html study_figure(const std::string& commands, const std::filesystem::path& svg,
-                  std::string_view caption);
 
 /// Writes the page of a study: title, `body`, the scenario's text; one file that needs nothing
 /// else. @throw diagnostics::Failure(bad_usage) when it cannot be written

@@ -98,7 +98,7 @@ var report = (() => {
   }
 
   function build(chart) {
-    const live = document.querySelector('#' + chart.name + ' .live');
+    const live = document.querySelector('#' + chart.name + ' .panel');
     const label = document.createElement('div');
     label.className = 'unit';
     label.innerHTML = chart.label + (chart.note ? ' · ' + chart.note : '');

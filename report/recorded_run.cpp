@@ -123,16 +123,6 @@ std::vector<std::pair<double, double>> RecordedRun::seconds(
   return result;
 }
 
-study::Tracking track(logger::RunLog& log) {
-  study::Tracking tracking(log.layout().num_joints);
-  log.rewind();
-  logger::TickRecord record;
-  while (log.next(record)) {
-    add_tracking(tracking, record, static_cast<double>(record.tick) * log.info().period_s);
-  }
-  return tracking;
-}
-
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
                               const Certify& certify) {
   logger::RunLog log = logger::RunLog::open(path, wanted);

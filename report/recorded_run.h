@@ -28,7 +28,9 @@ struct LoggedSignal {
   std::vector<study::Envelope> joints;
 };
 
-/// All that a report shows of one run, in memory that does not grow with its length.
+/// All that a report shows of one run, in memory that does not grow with its length. Link angles
+/// are the true ones where the log has them, the measured ones elsewhere; a tick that lacks angle,
+/// reference or torque is left out of the tracking.
 struct RecordedRun : logger::RunDescription {
   std::filesystem::path log;
   std::size_t number = 0;  ///< among the runs of a report
@@ -68,11 +70,6 @@ struct RecordedRun : logger::RunDescription {
   [[nodiscard]] std::vector<std::pair<double, double>> seconds(
       const std::vector<logger::TickRange>& ranges) const;
 };
-
-/// All that a log tells of tracking. Link angles are the plant's true ones where the log has them,
-/// the measured ones elsewhere; a tick that lacks angle, reference or torque is left out. Reads
-/// `log` to its end, so that its summary is final.
-study::Tracking track(logger::RunLog& log);
 
 using Certify =
     std::function<std::optional<certificate::CertifiedRun>(const experiment::Scenario&)>;

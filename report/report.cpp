@@ -4,10 +4,7 @@
 #include <sodium.h>
 
 #include <bit>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
@@ -17,7 +14,6 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/version.h"
-#include "report/gnuplot.h"
 #include "report/page_files.h"
 #include "report/summary.h"
 #include "robot/model.h"
@@ -41,20 +37,6 @@ std::string base64(const std::vector<float>& values) {
   return text;
 }
 
-/// The little of gnuplot's enhanced text that charts use: italics, indices, sizes, escapes.
-std::string html_of(const std::string& enhanced) {
-  static const std::regex italic(R"(\{/:Italic ([^{}]*)\})"), index(R"(_\{([^{}]*)\}|_(\w))"),
-      size(R"(\{/=[0-9]+ ([^{}]*)\})"), escape(R"(\\(.))");
-  std::string text = std::regex_replace(Html(enhanced).markup(), italic, "<i>$1</i>");
-  text = std::regex_replace(std::regex_replace(text, index, "<sub>$1$2</sub>"), size, "$1");
-  return std::regex_replace(text, escape, "$1");
-}
-
-/// "(5,4)" -> [5, 4].
-Json dashes_of(const std::string& dash) {
-  return dash.empty() ? Json::array() : Json::parse("[" + dash.substr(1, dash.size() - 2) + "]");
-}
-
 Json curve_of(const Curve& curve) {
   std::vector<float> values;
   for (const study::Point& point : curve.points) {
@@ -63,12 +45,9 @@ Json curve_of(const Curve& curve) {
     values.insert(values.end(),
                   {static_cast<float>(point.x), drawn ? static_cast<float>(point.y) : NAN});
   }
-  return {{"name", curve.title.empty() ? Html(curve.signal).markup() : html_of(curve.title)},
-          {"signal", curve.signal},
-          {"run", curve.run},
-          {"colour", curve.colour},
-          {"width", curve.width},
-          {"dash", dashes_of(curve.dash)},
+  const Html name = curve.label.empty() ? Html(curve.signal) : html_of(curve.label);
+  return {{"name", name.markup()},   {"signal", curve.signal}, {"run", curve.run},
+          {"colour", curve.colour},  {"width", curve.width},   {"dash", curve.dash},
           {"points", base64(values)}};
 }
 
@@ -80,7 +59,7 @@ Json chart_of(const Chart& chart) {
   }
   for (const Bars& bars : chart.bars) {  // a row of them as a curve of broad pieces
     const double row = -static_cast<double>(curves.size());
-    Curve curve{bars.name, {}, bars.colour, 9, "", chart.run};
+    Curve curve{words(bars.name), {}, bars.colour, 9, {}, chart.run};
     for (const auto& [from, to] : bars.stretches) {
       curve.points.insert(curve.points.end(), {{from, row}, {to, row}, {to, NAN}});
     }
@@ -89,7 +68,7 @@ Json chart_of(const Chart& chart) {
   if (!chart.bars.empty()) range = {0.5 - static_cast<double>(curves.size()), 0.5};
   for (const Mark& mark : chart.marks) marks.push_back({mark.from, mark.to, mark.colour});
   return {{"name", chart.name},
-          {"label", html_of(chart.y_label)},
+          {"label", html_of(chart.y_label).markup()},
           {"note", Html(chart.note).markup()},
           {"logarithmic", chart.logarithmic_y},
           {"y_axis", chart.bars.empty()},
@@ -149,13 +128,19 @@ Html script(const std::string& text) {
   return Html::from_markup("<script>\n" + text + "\n</script>\n");
 }
 
-Html figure(const Chart& chart, const std::string& drawing) {
-  return html("<figure id=\"{}\"{}>{}<div class=\"still\">{}</div>{}</figure>\n", chart.name,
-              Html::from_markup(chart.wide ? " class=\"wide\"" : ""),
-              chart.heading.empty() ? Html() : html("<figcaption>{}</figcaption>", chart.heading),
-              drawing.empty() ? html("<p>{} (not drawn)</p>", chart.caption)
-                              : inline_svg(drawing, chart.name + "-", chart.caption),
-              Html::from_markup(chart.over_time() ? "<div class=\"live\"></div>" : ""));
+/// Over time a place for the script to draw in; else a drawing.
+Html figure(Chart chart) {
+  const Html caption =
+      chart.heading.empty() ? Html() : html("<figcaption>{}</figcaption>", chart.heading);
+  if (chart.over_time) {
+    return html(
+        "<figure id=\"{}\" class=\"live{}\" aria-label=\"{}\">{}<div "
+        "class=\"panel\"></div></figure>\n",
+        chart.name, chart.wide ? " wide" : "", chart.caption, caption);
+  }
+  chart.heading.clear();
+  return html("<figure id=\"{}\">{}{}</figure>\n", chart.name, caption,
+              inline_svg({"", {chart}, 1, 520}, chart.caption));
 }
 
 Html title_of(const std::vector<RecordedRun>& runs) {
@@ -169,44 +154,30 @@ Html title_of(const std::vector<RecordedRun>& runs) {
   return joined(labels, Html(" · "));
 }
 
-/// What gnuplot draws of each chart; a file beside `page` holds it meanwhile.
-std::vector<std::string> drawings_of(const std::vector<Chart>& charts,
-                                     const diagnostics::UnfinishedFile& page) {
-  if (charts.empty()) return {};
-  const diagnostics::UnfinishedFile svg(page.name().string() + ".svg", remedy);  // never finished
-  if (!std::ofstream(svg.name())) page.refuse(std::strerror(errno));
-  draw(chart_commands(charts), svg.name());
-  const std::string all = diagnostics::file_text(svg.name()).value_or("");
-  std::vector<std::string> drawings;
-  for (std::size_t at = 0; at < all.size(); at += drawings.back().size()) {
-    drawings.push_back(all.substr(at, all.find("<?xml", at + 1) - at));
-  }
-  return drawings;
+/// The figure of each run, for a page whose scripts do not run.
+Html tracking_figures(const std::vector<RecordedRun>& runs) {
+  constexpr std::size_t max_points = 500;  // each reader of the page gets them
+  return each(runs, [&](const RecordedRun& run) {
+    if (run.tracking.num_ticks() == 0) return Html();
+    return html("<figure class=\"wide\">{}</figure>\n",
+                inline_svg(tracking_figure(run.tracking, run.label, run.info.period_s, run.joints,
+                                           max_points),
+                           "Positions, errors and torques over time: " + run.label));
+  });
 }
 
 }  // namespace
 
-std::vector<Chart> drawn_charts(const std::vector<ReportSection>& sections) {
-  std::vector<Chart> charts;
-  for (const ReportSection& section : sections) {
-    charts.insert(charts.end(), section.charts.begin(), section.charts.end());
-  }
-  return charts;
-}
-
-std::string report_page(const std::vector<RecordedRun>& runs,
-                        const std::vector<ReportSection>& sections,
-                        const std::vector<std::string>& drawings, const Html& scripts) {
+std::string report_page(const Overlay& all, const std::vector<ReportSection>& sections,
+                        const Html& scripts) {
+  const std::vector<RecordedRun>& runs = all.runs;
   const Html legend = each(runs, [](const RecordedRun& run) {
     return html("<span>{}{}</span> ", swatch(run), run.label);
   });
   Html contents, shown;
-  std::size_t drawn = 0;
   for (const ReportSection& section : sections) {
     contents += html("<a href=\"#{}\">{}</a>", section.name, section.heading);
-    const Html charts = each(section.charts, [&](const Chart& chart) {
-      return figure(chart, drawn < drawings.size() ? drawings[drawn++] : "");
-    });
+    const Html charts = each(section.charts, figure);
     Html before;
     if (charts.empty() && !section.without.empty()) before = html("<p>{}</p>\n", section.without);
     if (!charts.empty() && section.name != "events" && runs.size() > 1) {
@@ -222,7 +193,7 @@ std::string report_page(const std::vector<RecordedRun>& runs,
     return html("<details{}><summary>{}</summary><pre>{}</pre></details>\n",
                 runs.size() == 1 ? " open" : "", run.label, run.info.scenario);
   });
-  const Html title = title_of(runs);
+  const Html title = title_of(runs), figures = tracking_figures(runs);
   return filled(page_html,
                 {{"title", title},
                  {"style", Html::from_markup(page_css)},
@@ -230,10 +201,11 @@ std::string report_page(const std::vector<RecordedRun>& runs,
                  {"runs", Html(runs.size() == 1 ? "one run" : fmt::format("{} runs", runs.size()))},
                  {"alarms", alarms(runs)},
                  {"contents", contents},
-                 {"points", Html(std::to_string(Overlay(runs, Detail::screen).budget))},
+                 {"points", Html(std::to_string(all.budget))},
                  {"scripts", scripts},
                  {"facts", facts_table(runs) + differences(runs)},
                  {"results", results_table(runs)},
+                 {"figures", scripts.empty() ? figures : html("<noscript>{}</noscript>", figures)},
                  {"sections", shown},
                  {"scenarios", scenarios},
                  {"version", Html(diagnostics::version)},
@@ -245,7 +217,7 @@ std::string page_data(const Overlay& all, const std::vector<ReportSection>& sect
   Json charts = Json::array(), runs = Json::array();
   for (const ReportSection& section : sections) {
     for (const Chart& chart : section.charts) {
-      if (chart.over_time()) charts.push_back(chart_of(chart));
+      if (chart.over_time) charts.push_back(chart_of(chart));
     }
   }
   for (const RecordedRun& run : all.runs) runs.push_back(robot_of(all, run));
@@ -269,24 +241,22 @@ Libraries read_libraries(const std::filesystem::path& root) {
 
 void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
                   const Libraries& libraries) {
-  const std::vector<ReportSection> sections = report_sections(runs);
   diagnostics::UnfinishedFile page(html, remedy);
-  const std::vector<std::string> drawings = drawings_of(drawn_charts(sections), page);
+  const Overlay all(runs);
+  const std::vector<ReportSection> sections = report_sections(all);
   Html scripts;
   if (libraries.missing.empty()) {
-    const std::string data =
-        page_data(Overlay(runs, Detail::screen), report_sections(runs, Detail::screen));
-    scripts =
-        libraries.scripts +
-        Html::from_markup("<script type=\"application/json\" id=\"data\">" + data + "</script>\n") +
-        script(page_js) + script(robot_js);
+    scripts = libraries.scripts +
+              Html::from_markup("<script type=\"application/json\" id=\"data\">" +
+                                page_data(all, sections) + "</script>\n") +
+              script(page_js) + script(robot_js);
   } else {
     diagnostics::log_warning(
-        "{} stands still, because {} cannot be read; to have a report that moves, type: apt-get "
-        "install libjs-dygraphs libjs-three",
+        "{} has no charts that move, because {} cannot be read; type: apt-get install "
+        "libjs-dygraphs libjs-three",
         html.string(), libraries.missing);
   }
-  page.write(report_page(runs, sections, drawings, scripts));
+  page.write(report_page(all, sections, scripts));
 }
 
 }  // namespace tachless::report

@@ -6,8 +6,6 @@
 #include <cmath>
 #include <map>
 
-#include "report/gnuplot.h"
-
 namespace tachless::report {
 namespace {
 
@@ -52,7 +50,7 @@ std::string suffix(const std::string& channel, const RecordedRun& run) {
 
 Chart events_chart(const Overlay& all, const RecordedRun& run) {
   Chart chart = all.over_time(fmt::format("events-{}", run.number + 1),
-                              "When torques saturated, commands were missed and records lack");
+                              "Saturated torques, missed commands and missing records");
   chart.heading = all.alone() ? "" : run.label;
   chart.run = run.number;
   chart.wide = true;
@@ -140,7 +138,7 @@ Html lyapunov_text(const RecordedRun& run) {
   if (run.certified) {
     text += certified_text(run);
   } else if (run.scenario.num_joints > certificate::most_joints_of_certified_run) {
-    text += html(" With more than {} joints no report searches a bound: `tachless certify` does.",
+    text += html(" Not computed for more than {} joints: see `tachless certify`.",
                  certificate::most_joints_of_certified_run);
   }
   return text;
@@ -148,11 +146,11 @@ Html lyapunov_text(const RecordedRun& run) {
 
 /// The certified bound from the start to the run's end, down to where V ends.
 Curve bound_of(const Overlay& all, const RecordedRun& run, const std::vector<study::Point>& V) {
-  Curve bound{all.alone() ? "certified bound" : "",
+  Curve bound{words(all.alone() ? "certified bound" : ""),
               {},
               run.above_bound_s ? alarm_colour : palette[6],
               1.4,
-              "(2,3)",
+              {2, 3},
               run.number,
               "certified bound"};
   double least = V.front().y;
@@ -172,13 +170,13 @@ ReportSection lyapunov_section(const Overlay& all) {
                         "There is no V to draw: it takes the true state (TRUTH), the reference and "
                         "the controller's state, of a law whose function is known."};
   Chart chart = all.over_time("lyapunov-v", "Lyapunov function along the run, logarithmic");
-  chart.y_label = "{/:Italic V}  [J]";
+  chart.y_label = {"V", "", "", "J"};
   chart.wide = true;
   std::vector<Curve> fits;
   for (const RecordedRun& run : all.runs) {
     if (run.lyapunov_formula.empty()) continue;
     const std::vector<study::Point> V = run.lyapunov.points(all.budget);
-    chart.curves.push_back(all.curve(run, V, "V", "", 1.4));
+    chart.curves.push_back(all.curve(run, V, "V", {}, 1.4));
     if (run.certified && run.certified->rate >= 0 && V.size() > 1) {
       fits.push_back(bound_of(all, run, V));
       // One far above would flatten the curve.
@@ -208,9 +206,10 @@ ReportSection timing_section(const Overlay& all) {
       "timing", "Timing",
       "No summary.json of this run with times in it lies beside the log; a log itself has none."};
   section.text = html(
-      "<p>From a tick's question to its command; in realtime also from a measurement to its "
-      "command, and from a tick's deadline to the plant's beginning it: how many of all ticks "
-      "(logarithmic) took how long.</p>");
+      "<p>From a tick's request to its command; in realtime also from a measurement to its "
+      "command, "
+      "and from a tick's deadline to its start in the plant: the share of all ticks (logarithmic) "
+      "over the time that they took.</p>");
   struct Kind {
     const char* key;  ///< of summary.json
     const char* name;
@@ -224,15 +223,17 @@ ReportSection timing_section(const Overlay& all) {
     chart.name = name;
     chart.caption = fmt::format("{} times: histogram", heading);
     chart.heading = heading;
-    chart.x_label = "time [µs]";
-    chart.y_label = "ticks  [%]";
+    chart.over_time = false;
+    chart.x_label = words("time", "µs");
+    chart.y_label = words("ticks", "%");
+    chart.height_px = 200;
     chart.logarithmic_x = true;
     chart.logarithmic_y = true;
     double floor = INFINITY;
     for (const RecordedRun& run : all.runs) {
       const nlohmann::json times = run.outcome_of(key);
       if (!times.is_object() || !times.contains("histogram")) continue;
-      chart.curves.push_back(all.curve(run, outline(times["histogram"]), "", "", 1.6));
+      chart.curves.push_back(all.curve(run, outline(times["histogram"]), "", {}, 1.6));
       for (const study::Point& point : chart.curves.back().points) floor = std::min(floor, point.y);
     }
     if (std::isfinite(floor)) chart.y_range = {{floor, INFINITY}};

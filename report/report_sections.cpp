@@ -6,9 +6,9 @@
 #include <cmath>
 #include <map>
 #include <string_view>
+#include <utility>
 
 #include "diagnostics/text.h"
-#include "report/gnuplot.h"
 
 namespace tachless::report {
 namespace {
@@ -24,13 +24,14 @@ std::string units_of(const std::vector<std::string>& per_joint) {
 
 /// One curve per joint.
 Chart overlaid(const study::Tracking& tracking, study::Envelope study::JointTracking::*signal,
-               const std::string& symbol, const std::string& y_label) {
+               const std::string& symbol, Label y_label, std::size_t max_points) {
   Chart chart;
   chart.wide = true;
-  chart.y_label = y_label;
+  chart.y_label = std::move(y_label);
   for (std::size_t joint = 0; joint < tracking.joints().size(); ++joint) {
-    chart.curves.push_back({indexed(symbol, joint), (tracking.joints()[joint].*signal).points(),
-                            colour_of(joint), 1.3, dash_of(joint)});
+    chart.curves.push_back({of_joint(symbol, joint),
+                            (tracking.joints()[joint].*signal).points(max_points), colour_of(joint),
+                            1.3, dash_of(joint)});
   }
   return chart;
 }
@@ -40,15 +41,14 @@ void add_positions(Chart& chart, const study::Tracking& tracking, std::size_t jo
                    const std::string& name, const std::string& unit, std::size_t max_points) {
   const study::JointTracking& signals = tracking.joints()[joint];
   const bool motors = tracking.has_motors();
-  chart.y_label = fmt::format("{}{}  [{}]", motors ? indexed("q", joint) + ", " : "",
-                              indexed(motors ? "θ" : "q", joint, name), unit);
-  chart.curves.push_back({"link", signals.q.points(max_points), palette[5], 4, "", 0, "q"});
+  chart.y_label = of_joint(motors ? "q, θ" : "q", joint, name, unit);
+  chart.curves.push_back({words("link"), signals.q.points(max_points), palette[5], 4, {}, 0, "q"});
   if (motors) {
     chart.curves.push_back(
-        {"motor", signals.theta.points(max_points), palette[1], 1.2, "", 0, "theta"});
+        {words("motor"), signals.theta.points(max_points), palette[1], 1.2, {}, 0, "theta"});
   }
   chart.curves.push_back(
-      {"reference", signals.q_ref.points(max_points), palette[6], 1.3, "(5,4)", 0, "q_ref"});
+      {words("reference"), signals.q_ref.points(max_points), palette[6], 1.3, {5, 4}, 0, "q_ref"});
 }
 
 /// A joint of a report, as the runs that have it agree on it.
@@ -64,9 +64,9 @@ struct Joint {
     }
     effort = length == "m" ? "N" : "N m";
   }
-  /// As gnuplot's enhanced text; with its number where all runs number the joint alike.
-  [[nodiscard]] std::string symbol(std::string_view symbol) const {
-    return all.numbered_alike ? indexed(symbol, number) : fmt::format("{{/:Italic {}}}", symbol);
+  /// With its number where all runs number the joint alike.
+  [[nodiscard]] Label label(const std::string& symbol, const std::string& unit) const {
+    return all.numbered_alike ? of_joint(symbol, number, "", unit) : Label{symbol, "", "", unit};
   }
   [[nodiscard]] std::string heading() const {
     const std::string& name = all.joints[number];
@@ -100,15 +100,19 @@ void add_joints(ReportSection& section, const Overlay& all, fmt::format_string<s
 /// Several runs' positions of a joint over their references; a reference that they share once.
 void overlay_positions(const Overlay& all, const Joint& joint, Chart& chart) {
   std::vector<Curve> references;
-  chart.y_label = fmt::format("{}  [{}]", joint.symbol("q"), joint.length);
+  chart.y_label = joint.label("q", joint.length);
   joint.for_runs([&](const RecordedRun& run, std::size_t own) {
     const study::JointTracking& signals = run.tracking.joints()[own];
-    chart.curves.push_back(all.curve(run, signals.q.points(all.budget), "q", "", 1.6));
+    chart.curves.push_back(all.curve(run, signals.q.points(all.budget), "q", {}, 1.6));
     const auto points = signals.q_ref.points(all.budget);
     const bool first = references.empty();
     if (!first && points == references.front().points) return;
-    references.push_back({first ? "reference" : "", points,
-                          first ? palette[6] : colour_of(run.number), 1.3, "(5,4)", run.number,
+    references.push_back({words(first ? "reference" : ""),
+                          points,
+                          first ? palette[6] : colour_of(run.number),
+                          1.3,
+                          {5, 4},
+                          run.number,
                           "q_ref"});
   });
   chart.curves.insert(chart.curves.end(), references.begin(), references.end());
@@ -141,12 +145,13 @@ ReportSection error_section(const Overlay& all) {
       all.alone() ? "" : " Broad dashes: these exponentials.");
   add_joints(section, all, "Absolute position error of joint {} over time, logarithmic",
              [&](const Joint& joint, Chart& chart) {
-               chart.y_label = fmt::format("|{}|  [{}]", joint.symbol("e"), joint.length);
+               chart.y_label = joint.label("e", joint.length);
+               chart.y_label.magnitude = true;
                std::vector<Curve> fits;
                joint.for_runs([&](const RecordedRun& run, std::size_t own) {
                  chart.curves.push_back(
                      all.curve(run, run.tracking.joints()[own].abs_error.points(all.budget), "|e|",
-                               all.alone() ? "|{/:Italic e}|" : ""));
+                               words(all.alone() ? "error" : "")));
                  if (const auto& decay = run.decay[own]) fits.push_back(fitted(all, *decay, run));
                });
                make_logarithmic(chart);
@@ -172,14 +177,14 @@ ReportSection torque_section(const Overlay& all) {
   bool disturbed = false;
   add_joints(
       section, all, "Torque applied to joint {} over time", [&](const Joint& joint, Chart& chart) {
-        chart.y_label = fmt::format("{}  [{}]", joint.symbol("τ"), joint.effort);
+        chart.y_label = joint.label("τ", joint.effort);
         joint.for_runs([&](const RecordedRun& run, std::size_t own) {
           const study::JointTracking& signals = run.tracking.joints()[own];
           chart.curves.push_back(all.curve(run, signals.tau.points(all.budget), "τ"));
           if (!run.disturbance.empty()) {
-            chart.curves.push_back(
-                all.curve(run, run.disturbance[own].points(all.budget), "", "disturbance", 1.0));
-            chart.curves.back().dash = "(5,4)";
+            chart.curves.push_back(all.curve(run, run.disturbance[own].points(all.budget), "",
+                                             words("disturbance"), 1.0));
+            chart.curves.back().dash = {5, 4};
             if (all.alone()) chart.curves.back().colour = palette[1];
             disturbed = true;
           }
@@ -208,6 +213,13 @@ std::string_view meaning(std::string_view name) {
   return "as the law computed it";
 }
 
+/// What follows an underscore is an index: nu_2.
+Label signal_label(const std::string& name) {
+  const std::size_t bar = name.find('_');
+  if (bar == std::string::npos) return {name, "", "", ""};
+  return {name.substr(0, bar), name.substr(bar + 1), "", ""};
+}
+
 ReportSection signals_section(const Overlay& all) {
   ReportSection section{"controller", "Controller signals",
                         "The log holds no signals of the law: it declares none besides the "
@@ -227,16 +239,16 @@ ReportSection signals_section(const Overlay& all) {
                  for (std::size_t row = 0; own && row < run.signals.size(); ++row) {
                    const LoggedSignal& signal = run.signals[row];
                    Curve curve = all.curve(run, signal.joints[*own].points(all.budget), signal.name,
-                                           "", row == 0 ? 1.2 : 0.7);
+                                           {}, row == 0 ? 1.2 : 0.7);
                    if (all.alone()) {
                      curve.colour = colour_of(row);
-                     curve.title = signal.name;  // nu_2: the 2 becomes an index
+                     curve.label = signal_label(signal.name);
                    }
                    unit = signal.unit == "rad/s" ? joint.length + "/s" : signal.unit;
                    chart.curves.push_back(std::move(curve));
                  }
                }
-               chart.y_label = fmt::format("[{}]", unit);
+               chart.y_label = words("", unit);
                cut_kick(chart, unit);
              });
   return section;
@@ -248,7 +260,7 @@ void ReportSection::add(Chart chart) {
   if (has_something(chart)) charts.push_back(std::move(chart));
 }
 
-Overlay::Overlay(const std::vector<RecordedRun>& labelled, Detail detail) : runs(labelled) {
+Overlay::Overlay(const std::vector<RecordedRun>& labelled) : runs(labelled) {
   std::size_t curves = 0;
   for (const RecordedRun& run : runs) {
     const std::vector<std::string>& names = run.joints.name;
@@ -262,11 +274,8 @@ Overlay::Overlay(const std::vector<RecordedRun>& labelled, Detail detail) : runs
   }
   if (!(end_s > 0)) end_s = 1;
   // 2 MB of points for five curves a joint, whatever the number of runs and joints.
-  constexpr std::size_t on_screen = 40'000;
-  budget = detail == Detail::screen
-               ? std::min(on_screen / std::max<std::size_t>(1, curves), study::Envelope::max_points)
-           : alone() ? 1600
-                     : 1000;
+  constexpr std::size_t most = 40'000;
+  budget = std::min(most / std::max<std::size_t>(1, curves), study::Envelope::max_points);
 }
 
 std::optional<std::size_t> Overlay::joint_of(const RecordedRun& run, std::size_t joint) const {
@@ -285,51 +294,56 @@ Chart Overlay::over_time(const std::string& name, const std::string& caption) co
 }
 
 Curve Overlay::curve(const RecordedRun& run, const std::vector<study::Point>& points,
-                     const std::string& signal, const std::string& title, double width) const {
-  return {title,      points, colour_of(run.number), width, alone() ? "" : dash_of(run.number),
-          run.number, signal};
+                     const std::string& signal, Label label, double width) const {
+  return {std::move(label),
+          points,
+          colour_of(run.number),
+          width,
+          alone() ? std::vector<int>() : dash_of(run.number),
+          run.number,
+          signal};
 }
 
 Curve fitted(const Overlay& all, const Decay& decay, const RecordedRun& run) {
   const double end = decay.amplitude * std::exp(-decay.rate_per_s * (decay.to_s - decay.from_s));
-  return {all.runs.size() <= 3 ? fmt::format("fit: {:.3g} 1/s", decay.rate_per_s) : "",
+  return {words(all.runs.size() <= 3 ? fmt::format("fit: {:.3g} 1/s", decay.rate_per_s) : ""),
           {{decay.from_s, decay.amplitude}, {decay.to_s, end}},
           all.alone() ? palette[1] : colour_of(run.number),
           2.4,
-          "(6,4)",
+          {6, 4},
           run.number,
           "fit"};
 }
 
-std::string tracking_figure(const study::Tracking& tracking, const std::string& title,
-                            double period_s, const robot::JointLabels& joints) {
-  std::vector<Chart> charts;
+Figure tracking_figure(const study::Tracking& tracking, const std::string& title, double period_s,
+                       const robot::JointLabels& joints, std::size_t max_points) {
+  Figure figure{title, {}, tracking.joints().size() > 3 ? 2U : 1U};
+  std::vector<Chart>& charts = figure.charts;
   for (std::size_t joint = 0; joint < tracking.joints().size(); ++joint) {
     add_positions(charts.emplace_back(), tracking, joint, joints.name[joint], joints.length[joint],
-                  study::Envelope::max_points);
+                  max_points);
   }
-  Chart error = overlaid(
-      tracking, &study::JointTracking::abs_error, "e",
-      fmt::format("|{{/:Italic q}} − {{/:Italic q}}_{{ref}}|  [{}]", units_of(joints.length)));
+  Label error_label{"e", "", "", units_of(joints.length), true};
+  Chart error = overlaid(tracking, &study::JointTracking::abs_error, "e", error_label, max_points);
   make_logarithmic(error);
   // A joint without any error has nothing on this axis, nor a place in its key.
-  std::erase_if(error.curves, [](const Curve& curve) {
-    return std::ranges::none_of(curve.points, [](const auto& point) { return point.y > 0; });
+  std::erase_if(error.curves, [&](const Curve& curve) {
+    return std::ranges::none_of(curve.points,
+                                [&](const auto& point) { return shown(error, point); });
   });
   const std::string effort = units_of(joints.effort);
-  Chart torque = overlaid(tracking, &study::JointTracking::tau, "τ",
-                          fmt::format("{{/:Italic τ}}  [{}]", effort));
+  Chart torque =
+      overlaid(tracking, &study::JointTracking::tau, "τ", {"τ", "", "", effort}, max_points);
   cut_kick(torque, effort);
   charts.insert(charts.end(), {std::move(error), std::move(torque)});
   for (Chart& chart : charts) {
-    chart.height_px = 200;
+    chart.height_px = 150;
     chart.x_range = {{0, static_cast<double>(tracking.num_ticks()) * period_s}};
   }
-  return stacked_chart_commands(charts, title);
+  return figure;
 }
 
-std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs, Detail detail) {
-  const Overlay all(runs, detail);
+std::vector<ReportSection> report_sections(const Overlay& all) {
   return {tracking_section(all), error_section(all),  torque_section(all), signals_section(all),
           lyapunov_section(all), timing_section(all), events_section(all)};
 }

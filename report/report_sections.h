@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "report/chart.h"
+#include "report/figure.h"
 #include "report/html.h"
 #include "report/recorded_run.h"
 #include "robot/model.h"
@@ -15,11 +16,12 @@
 /// column or row per run where there are several. Draws nothing and writes no page.
 namespace tachless::report {
 
-/// gnuplot commands and data for the figure of a run: link angle against reference for each joint
-/// (the motor angle too where there is one), position error on a logarithmic axis, torque.
+/// The figure of a run: link angle against reference for each joint (the motor angle too where
+/// there is one), position error on a logarithmic axis, torque.
 /// @param title scenario, law and period
-std::string tracking_figure(const study::Tracking& tracking, const std::string& title,
-                            double period_s, const robot::JointLabels& joints);
+/// @param max_points of a curve: two for each pixel of the figure's width show every peak
+Figure tracking_figure(const study::Tracking& tracking, const std::string& title, double period_s,
+                       const robot::JointLabels& joints, std::size_t max_points = 1600);
 
 /// A heading of a report and the charts under it.
 struct ReportSection {
@@ -33,13 +35,10 @@ struct ReportSection {
   void add(Chart chart);
 };
 
-/// How many points a curve gets: what paper resolves, or what zooming in shows.
-enum class Detail { paper, screen };
-
 /// Several runs on the same axes: what their charts have in common. Joints belong together by name;
 /// they are numbered as they first appear among the runs.
 struct Overlay {
-  Overlay(const std::vector<RecordedRun>& labelled, Detail detail);
+  explicit Overlay(const std::vector<RecordedRun>& labelled);
 
   const std::vector<RecordedRun>& runs;
   std::vector<std::string> joints;  ///< names
@@ -54,14 +53,12 @@ struct Overlay {
   [[nodiscard]] Chart over_time(const std::string& name, const std::string& caption) const;
   /// Where runs are overlaid, a legend beside the charts names them.
   [[nodiscard]] Curve curve(const RecordedRun& run, const std::vector<study::Point>& points,
-                            const std::string& signal, const std::string& title = "",
-                            double width = 1.2) const;
+                            const std::string& signal, Label label = {}, double width = 1.2) const;
 };
 
 /// Tracking, error, torque, controller signals, Lyapunov function, timing, events. `runs` are
 /// labelled.
-std::vector<ReportSection> report_sections(const std::vector<RecordedRun>& runs,
-                                           Detail detail = Detail::paper);
+std::vector<ReportSection> report_sections(const Overlay& all);
 
 /// The last three of them: V along the run and its certified bound; histograms of times, from the
 /// runs' summary.json; saturation, missed commands, missing records and faults, per run.

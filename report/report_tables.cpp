@@ -113,7 +113,7 @@ Html gaps_text(const RecordedRun& run) {
 
 std::string damage_text(const RecordedRun& run) {
   if (!run.damage.any()) return "none";
-  return fmt::format("{} bytes at {} places", run.damage.bytes_skipped, run.damage.stretches);
+  return fmt::format("{} bytes in {} places", run.damage.bytes_skipped, run.damage.stretches);
 }
 
 Html sampling_text(const RecordedRun& run) {
@@ -266,8 +266,8 @@ Html robots_text(const std::vector<RecordedRun>& runs) {
 
 Html swatch(const RecordedRun& run) {
   Html dash;
-  if (const std::string text = dash_of(run.number); !text.empty()) {
-    dash = html(" stroke-dasharray=\"{}\"", text.substr(1, text.size() - 2));
+  if (const std::vector<int> lengths = dash_of(run.number); !lengths.empty()) {
+    dash = html(" stroke-dasharray=\"{}\"", diagnostics::joined(lengths, ","));
   }
   return html(
       "<svg class=\"swatch\" viewBox=\"0 0 28 6\" aria-hidden=\"true\"><line x1=\"0\" y1=\"3\" "
@@ -352,7 +352,7 @@ Html alarms(const std::vector<RecordedRun>& runs) {
     }
     if (run.damage.any()) {
       text += html(
-          "<p class=\"alarm\">{}The log is damaged: {} are no events. What is intact is "
+          "<p class=\"alarm\">{}The log is damaged: {} could not be decoded. What is intact is "
           "shown.</p>\n",
           who, damage_text(run));
     }

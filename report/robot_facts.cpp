@@ -6,14 +6,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
-#include <random>
 #include <utility>
 
 #include "diagnostics/failure.h"
-#include "report/chart.h"
-#include "report/gnuplot.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
 
@@ -58,38 +54,6 @@ std::string table(const std::vector<std::vector<std::string>>& rows) {
 
 std::string number(double value) {
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
-}
-
-/// Adds a value of one joint over its range: with the others at q, and the least and the largest
-/// over the others' `postures`.
-template <class Value>
-void add_curves(Chart& chart, const RobotFacts& facts, int joint,
-                std::vector<robot::Vector> postures, bool named, const Value& exact) {
-  constexpr int points = 40;
-  const auto value = [&](const robot::Vector& q) {
-    const double x = exact(q);
-    return std::abs(x) < 1e-9 ? 0 : x;  // rounding of a torque that is 0 would fill its chart
-  };
-  std::vector<study::Point> at_q, least, largest;
-  const auto [lower, upper] = robot::finite_range(facts.model, joint);
-  for (int k = 0; k <= points; ++k) {
-    const double part = static_cast<double>(k) / points;
-    robot::Vector q = facts.q;
-    q[joint] = lower + part * (upper - lower);
-    const double own = value(q);
-    double low = own, high = own;
-    for (robot::Vector& posture : postures) {
-      posture[joint] = q[joint];
-      low = std::min(low, value(posture));
-      high = std::max(high, value(posture));
-    }
-    at_q.push_back({part, own});
-    least.push_back({part, low});
-    largest.push_back({part, high});
-  }
-  chart.curves = {{named ? "others at the position" : "", at_q, palette[0], 1.6, ""},
-                  {named ? "others anywhere" : "", least, palette[1], 1, "(4,3)"},
-                  {"", largest, palette[1], 1, "(4,3)"}};
 }
 
 /// The numbers of a joint that a model has: their keys, and the headings of their columns.
@@ -178,35 +142,6 @@ nlohmann::ordered_json to_json(const RobotFacts& facts) {
           {"gravity_torque", list(facts.gravity_torque)},
           {"condition_number", limit(facts.condition_number)},
           {"warnings", facts.warnings}};
-}
-
-void draw_robot(const RobotFacts& facts, const std::string& title,
-                const std::filesystem::path& svg) {
-  const robot::JointLabels joints = robot::joint_labels(facts.model);
-  std::mt19937 random(1);  // the same postures for every chart
-  std::vector<robot::Vector> postures(40);
-  for (robot::Vector& each : postures) each = robot::random_posture(facts.model, random);
-  std::vector<Chart> charts;
-  charts.reserve(2 * joints.length.size());
-  for (int j = 0; j < facts.model.num_joints; ++j) {
-    const auto joint = static_cast<std::size_t>(j);
-    const auto [lower, upper] = robot::finite_range(facts.model, j);
-    Chart gravity, inertia;
-    gravity.height_px = inertia.height_px = 170;
-    gravity.x_label = inertia.x_label = "position in the range";
-    gravity.y_label = fmt::format("g  [{}]", joints.effort[joint]);
-    inertia.y_label = joints.length[joint] == "m" ? "M  [kg]" : "M  [kg m^2]";
-    gravity.note = fmt::format("{} [{:.3g}, {:.3g}] {}", joints.name[joint], lower, upper,
-                               joints.length[joint]);
-    inertia.y_range = {0, std::numeric_limits<double>::infinity()};
-    add_curves(gravity, facts, j, postures, j == 0,
-               [&](const robot::Vector& q) { return robot::gravity_torque(facts.model, q)[j]; });
-    add_curves(inertia, facts, j, postures, false,
-               [&](const robot::Vector& q) { return robot::mass_matrix(facts.model, q)(j, j); });
-    charts.push_back(std::move(gravity));
-    charts.push_back(std::move(inertia));
-  }
-  draw_file(stacked_chart_commands(charts, title), svg, "name another file with --plot");
 }
 
 }  // namespace tachless::report

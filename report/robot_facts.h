@@ -1,14 +1,13 @@
 #pragma once
 
-#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 #include "robot/model.h"
 
-/// A robot as it was read from its URDF, and its mechanics at one position: what `tachless robot`
-/// shows. Nothing of a scenario: no rotors, no payload, gravity as in the model.
+/// A robot as parsed from its URDF, and its mechanics at one position: the content of
+/// `tachless robot`. Nothing of a scenario: no rotors, no payload, gravity as in the model.
 namespace tachless::report {
 
 /// @throw diagnostics::Failure(bad_usage) unless `position` is empty (each joint as near to 0 as
@@ -30,11 +29,5 @@ std::string to_text(const RobotFacts& facts);
 
 /// For programs. A limit that there is not is null.
 nlohmann::ordered_json to_json(const RobotFacts& facts);
-
-/// Draws each joint's gravity torque and inertia over its range (without one: a turn; 2 m): with
-/// the others at q, and the least and the largest of 40 postures of the others.
-/// @throw diagnostics::Failure(bad_usage) as `draw`
-void draw_robot(const RobotFacts& facts, const std::string& title,
-                const std::filesystem::path& svg);
 
 }  // namespace tachless::report

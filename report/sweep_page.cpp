@@ -7,14 +7,17 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <optional>
+#include <set>
 #include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "certificate/parallel.h"
 #include "certificate/stability_certificate.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
-#include "report/gnuplot.h"
+#include "report/figure.h"
 #include "report/html.h"
 #include "study/measures.h"
 
@@ -49,10 +52,6 @@ std::size_t severity(std::string_view outcome) {
 }
 
 Mark mark_of(const SweepRow& row) { return outcome_looks.at(severity(row.outcome)).mark; }
-
-std::string scale(const char* axis, bool logarithmic) {
-  return fmt::format("{}set logscale {}\n", logarithmic ? "" : "un", axis);
-}
 
 /// The values of all axes but the first: what a column of curves' diagrams has in common.
 std::vector<double> column_of(const SweepRow& row) {
@@ -98,15 +97,17 @@ struct Ordinate {
   }
 };
 
+constexpr std::array markers = {Marker::dot, Marker::ring, Marker::cross};
+
 /// A measure over the first axis: of each law the line, and the points by their marks.
-Plot diagram(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-             const std::vector<double>& column, std::size_t measure, const Ordinate& ordinate) {
-  constexpr std::array points = {"points pt 7 ps 0.4", "points pt 6 ps 0.9", "points pt 2 ps 0.7"};
+std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
+                             const std::vector<double>& column, std::size_t measure,
+                             const Ordinate& ordinate) {
   constexpr std::array meanings = {"", "limit cycle, saturated", "diverging, stopped"};
-  Plot plot;
+  std::vector<Curve> curves;
   for (std::size_t law = 0; law < plan.laws.size(); ++law) {
-    std::map<double, std::string> line;  // by abscissa
-    std::array<std::string, points.size()> marked;
+    std::map<double, double> line;  // by abscissa
+    std::array<std::vector<study::Point>, markers.size()> marked;
     for (const SweepRow& row : rows) {
       if (row.which.law != plan.laws[law].name || column_of(row) != column) continue;
       const bool broken_off = mark_of(row) == Mark::broken_off;
@@ -114,29 +115,28 @@ Plot diagram(const SweepPlan& plan, const std::vector<SweepRow>& rows,
       const double y = broken_off ? ordinate.at(0.98 - row_of_marks * static_cast<double>(law))
                                   : row.measures[measure];
       if (!std::isfinite(y)) continue;
-      const std::string point = fmt::format("{:.9g} {:.9g}\n", x, y);
-      marked[static_cast<std::size_t>(mark_of(row))] += point;
-      if (!broken_off) line[x] = point;
+      marked[static_cast<std::size_t>(mark_of(row))].push_back({x, y});
+      if (!broken_off) line[x] = y;
     }
-    const std::string colour = palette[law % palette.size()];
-    std::string curve;
-    for (const auto& [x, point] : line) curve += point;
-    plot.add(curve, fmt::format("with lines lw 1.6 dashtype {} lc rgb '{}' {}",
-                                law < palette.size() ? "1" : "(8,4)", colour,
-                                titled(plan.laws[law].name)));
-    for (std::size_t mark = 0; mark < points.size(); ++mark) {
-      plot.add(marked[mark], fmt::format("with {} lc rgb '{}' notitle", points[mark], colour));
+    Curve curve{words(plan.laws[law].name), {}, colour_of(law), 1.6, dash_of(law)};
+    for (const auto& [x, y] : line) curve.points.push_back({x, y});
+    curves.push_back(std::move(curve));
+    for (std::size_t mark = 0; mark < markers.size(); ++mark) {
+      if (marked[mark].empty()) continue;
+      curves.push_back({{}, marked[mark], colour_of(law), 0});
+      curves.back().marker = markers[mark];
     }
   }
   for (const Mark mark : {Mark::bad, Mark::broken_off}) {
     if (std::ranges::find(rows, mark, mark_of) == rows.end()) continue;
     const auto i = static_cast<std::size_t>(mark);
-    plot.add(fmt::format("NaN with {} lc rgb '#444444' title '{}'", points[i], meanings[i]));
+    curves.push_back({words(meanings[i]), {}, "#444444", 0});
+    curves.back().marker = markers[i];
   }
-  return plot;
+  return curves;
 }
 
-/// What --colour asks for.
+/// The value of --colour.
 struct Colour {
   std::vector<std::size_t> measures;  ///< indices into `measure_columns`; empty: outcomes
   bool certified = false;             ///< which initial states are certified, too
@@ -191,14 +191,16 @@ std::pair<double, double> extent(const Axis& axis, double value) {
   return {low, high};
 }
 
-std::string range(const char* axis, const Axis& of) {
-  double low = of.low, high = of.high;
-  for (const double value : of.values) {
-    const auto [from, to] = extent(of, value);
-    low = value == of.values.front() ? from : std::min(low, from);
-    high = value == of.values.front() ? to : std::max(high, to);
+/// All cells of an axis; nothing where that has no width.
+std::optional<std::pair<double, double>> range_of(const Axis& axis) {
+  double low = axis.low, high = axis.high;
+  for (const double value : axis.values) {
+    const auto [from, to] = extent(axis, value);
+    low = value == axis.values.front() ? from : std::min(low, from);
+    high = value == axis.values.front() ? to : std::max(high, to);
   }
-  return low < high ? fmt::format("set {}range [{:.9g}:{:.9g}]\n", axis, low, high) : "";
+  if (!(low < high)) return {};
+  return {{low, high}};
 }
 
 /// What a place on the map shows: of several runs the worst outcome, the largest measure.
@@ -209,92 +211,105 @@ struct Shown {
 };
 using Places = std::map<std::pair<double, double>, Shown>;
 
-/// A law's map: its cells, or points where values are drawn or there is one axis.
-Plot law_map(const SweepPlan& plan, const Places& places, bool by_measure) {
+/// Puts a law's map into `chart`: cells, or points where values are drawn or there is one axis.
+void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
   const bool points = plan.axes.size() == 1 || plan.drawn > 0;
-  std::map<std::size_t, std::string> data;  // by outcome
-  std::string certified;
+  Curve certified{{}, {}, "#ffffff", 0};
+  certified.marker = Marker::dot;
+  std::set<std::size_t> outcomes;
   for (const auto& [at, shown] : places) {
     const auto [x, y] = at;
-    if (shown.certified) certified += fmt::format("{:.9g} {:.9g}\n", x, y);
-    if (by_measure && std::isnan(shown.measure)) continue;
-    std::string place = fmt::format("{:.9g} {:.9g}", x, y);
+    if (shown.certified) certified.points.push_back({x, y});
+    if (chart.scale && std::isnan(shown.measure)) continue;
+    if (!chart.scale) outcomes.insert(shown.outcome);
+    Cell cell{x, x, y, y,
+              chart.scale ? chart.scale->colour(shown.measure)
+                          : std::string(outcome_looks.at(shown.outcome).colour)};
     if (!points) {
-      const auto [left, right] = extent(plan.axes[0], x);
-      const auto [low, high] = extent(plan.axes[1], y);
-      place += fmt::format(" {:.9g} {:.9g} {:.9g} {:.9g}", left, right, low, high);
+      std::tie(cell.left, cell.right) = extent(plan.axes[0], x);
+      std::tie(cell.bottom, cell.top) = extent(plan.axes[1], y);
     }
-    data[by_measure ? 0 : shown.outcome] += fmt::format("{} {:.9g}\n", place, shown.measure);
+    chart.cells.push_back(std::move(cell));
   }
-  Plot plot;
-  for (const auto& [outcome, rows] : data) {
+  for (const std::size_t outcome : outcomes) {
     const OutcomeLook& look = outcome_looks.at(outcome);
-    plot.add(rows, fmt::format(
-                       "using {}{} with {} lc {}", points ? "1:2" : "1:2:3:4:5:6",
-                       !by_measure ? ""
-                       : points    ? ":3"
-                                   : ":7",
-                       points ? "points pt 7 ps 0.6" : "boxxyerror fs solid noborder",
-                       by_measure ? "palette notitle"
-                                  : fmt::format("rgb '{}' {}", look.colour, titled(look.outcome))));
+    chart.curves.push_back({words(std::string(look.outcome)), {}, std::string(look.colour), 0});
+    chart.curves.back().marker = Marker::square;
   }
-  if (!certified.empty()) {
-    plot.add(certified, "with points pt 7 ps 0.4 lc rgb '#ffffff' notitle");
-    plot.add("NaN with points pt 6 ps 0.6 lc rgb '#444444' title 'certified'");
-  }
-  if (plot.empty()) plot.add("[0:1][0:1] NaN notitle");
-  return plot;
+  if (certified.points.empty()) return;
+  chart.curves.push_back({words("certified"), {}, "#444444", 0});
+  chart.curves.back().marker = Marker::ring;
+  chart.curves.push_back(std::move(certified));
 }
 
-/// gnuplot's commands for the maps of all laws.
-std::string sweep_maps(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                       const Colour& colour) {
-  const bool one_axis = plan.axes.size() == 1, by_measure = !colour.measures.empty();
-  const std::size_t measured = by_measure ? colour.measures.front() : usual_measure;
-  const std::vector<char> certified =
-      colour.certified ? certified_rows(plan, rows) : std::vector<char>(rows.size());
+/// The measure of a sweep's rows that a map shows, and its range.
+struct Measured {
+  std::size_t column;
+  double lowest = INFINITY, highest = -INFINITY;  ///< of the positive ones; of all
   bool positive = true;
-  double lowest = INFINITY, highest = -INFINITY;
-  std::map<std::string, Places> places;  // by law
+
+  Measured(const std::vector<SweepRow>& rows, std::size_t measure) : column(measure) {
+    for (const SweepRow& row : rows) {
+      const double value = row.measures[column];
+      if (!std::isfinite(value)) continue;
+      if (value > 0) lowest = std::min(lowest, value);
+      highest = std::max(highest, value);
+      positive = positive && value > 0;
+    }
+  }
+  [[nodiscard]] bool wide() const { return positive && highest > 100 * lowest; }
+  [[nodiscard]] std::string name() const {
+    return std::string(study::measure_columns()[column].name);
+  }
+};
+
+/// The places of all laws' maps.
+std::map<std::string, Places> places_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
+                                        const std::vector<char>& certified, std::size_t measured) {
+  std::map<std::string, Places> places;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const SweepRow& row = rows[i];
     const double measure = row.measures[measured];
-    const double y = one_axis ? measure : row.which.values[1];
+    const double y = plan.axes.size() == 1 ? measure : row.which.values[1];
     if (!std::isfinite(y)) continue;
     Shown& shown = places[row.which.law][{row.which.values[0], y}];
     shown.outcome = std::max(shown.outcome, severity(row.outcome));
     shown.certified = shown.certified && certified[i] != 0;
     shown.measure = std::isnan(shown.measure) ? measure : std::max(shown.measure, measure);
-    if (measure > 0) lowest = std::min(lowest, measure);
-    if (std::isfinite(measure)) highest = std::max(highest, measure);
-    positive = positive && !(measure <= 0);
   }
-  const bool wide = positive && highest > 100 * lowest;
-  const std::string name(study::measure_columns()[measured].name);
-  const std::size_t laws = plan.laws.size(), columns = std::min<std::size_t>(laws, 3);
-  const std::size_t lines = (laws + columns - 1) / columns;
-  std::string text = fmt::format(
-      "set terminal svg size {},{} font 'sans,11' background '#ffffff'\n"
-      "set multiplot layout {},{} title {} font ',14'\nset key below horizontal samplen 1 height "
-      "0.7\nset border 3\nset tics nomirror\n{}{}{}"
-      "set xlabel {}\nset ylabel {}\nset cblabel {}\n{}",
-      columns == 1 ? 720 : 480 * columns, 430 * lines + 30, lines, columns, gnuplot_text(plan.name),
-      scale("x", plan.axes[0].logarithmic), scale("y", one_axis ? wide : plan.axes[1].logarithmic),
-      scale("cb", wide), gnuplot_text(plan.axes[0].name()),
-      gnuplot_text(one_axis ? name : plan.axes[1].name()), gnuplot_text(name),
-      range("x", plan.axes[0]));
-  if (!one_axis) {
-    text += range("y", plan.axes[1]);
-  } else if (lowest < highest) {
-    text += fmt::format("set yrange [{:.9g}:{:.9g}]\n", wide ? 0.8 * lowest : 0.0, 1.1 * highest);
-  }
-  // From blue through white to red, told apart by people with any colour vision.
-  text += "set palette defined (0 '#2166AC', 0.5 '#F7F7F7', 1 '#B2182B')\n";
+  return places;
+}
+
+/// The maps of all laws.
+Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows, const Colour& colour) {
+  const bool one_axis = plan.axes.size() == 1, by_measure = !colour.measures.empty();
+  const Measured measured(rows, by_measure ? colour.measures.front() : usual_measure);
+  std::map<std::string, Places> places = places_of(
+      plan, rows, colour.certified ? certified_rows(plan, rows) : std::vector<char>(rows.size()),
+      measured.column);
+  const std::size_t columns = std::min<std::size_t>(plan.laws.size(), 3);
+  Figure figure{
+      plan.name, {}, columns, columns == 1 ? 720.0 : 460.0 * static_cast<double>(columns)};
   for (const study::SweepLaw& law : plan.laws) {
-    text += law_map(plan, places[law.name], by_measure && !one_axis)
-                .commands(fmt::format("set title {}\n", gnuplot_text(law.name)));
+    Chart& chart = figure.charts.emplace_back();
+    chart.over_time = false;
+    chart.heading = law.name;
+    chart.height_px = 320;
+    chart.x_label = words(plan.axes[0].name());
+    chart.y_label = words(one_axis ? measured.name() : plan.axes[1].name());
+    chart.logarithmic_x = plan.axes[0].logarithmic;
+    chart.logarithmic_y = one_axis ? measured.wide() : plan.axes[1].logarithmic;
+    chart.x_range = range_of(plan.axes[0]);
+    if (!one_axis) chart.y_range = range_of(plan.axes[1]);
+    if (one_axis && measured.lowest < measured.highest) {
+      chart.y_range = {{measured.wide() ? 0.8 * measured.lowest : 0.0, 1.1 * measured.highest}};
+    }
+    if (by_measure && !one_axis) {
+      chart.scale = {words(measured.name()), measured.lowest, measured.highest, measured.wide()};
+    }
+    add_map(chart, plan, places[law.name]);
   }
-  return text + "unset multiplot\n";
+  return figure;
 }
 
 /// How many runs of each law ended how.
@@ -326,48 +341,38 @@ bool shown_by_curves(const SweepPlan& plan) {
   return columns <= 4;
 }
 
-std::string sweep_curves(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                         const std::vector<std::size_t>& measures) {
+Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
+                     const std::vector<std::size_t>& measures) {
   std::vector<std::vector<double>> columns;
   for (const SweepRow& row : rows) {
     if (std::ranges::find(columns, column_of(row)) == columns.end()) {
       columns.push_back(column_of(row));
     }
   }
-  const auto width = static_cast<double>(360 * columns.size() + 300);
-  const auto height = static_cast<double>(270 * measures.size() + 110);
-  std::string text = fmt::format(
-      "set terminal svg size {},{} font 'sans,12' background '#ffffff'\nset encoding utf8\n"
-      "set multiplot layout {},{} title {} font ',14' margins screen "
-      "{:.4f},{:.4f},{:.4f},{:.4f} spacing screen {:.4f},{:.4f}\nset border 3\nset tics nomirror\n"
-      "set grid lc rgb '#dddddd'\nset key at screen {:.4f},{:.4f} left top vertical Left reverse "
-      "samplen 2\n",
-      width, height, measures.size(), columns.size(), gnuplot_text(plan.name), 80 / width,
-      1 - 220 / width, 55 / height, 1 - 70 / height, 55 / width, 45 / height, 1 - 205 / width,
-      1 - 70 / height);
+  if (columns.empty()) columns.emplace_back();
+  const double width_px = columns.size() == 1 ? 760.0 : 430.0 * static_cast<double>(columns.size());
+  Figure figure{plan.name, {}, columns.size(), width_px, true};
   const auto [first, last] = std::ranges::minmax(plan.axes[0].values);
-  if (first < last) text += fmt::format("set xrange [{:.9g}:{:.9g}]\n", first, last);
-  if (plan.axes[0].logarithmic) text += "set logscale x\n";
-  bool key = true;  // of the first diagram alone
   for (const std::size_t measure : measures) {
     const Ordinate ordinate(rows, measure, plan.laws.size());
     const study::MeasureColumn& of = study::measure_columns()[measure];
-    text += scale("y", ordinate.logarithmic) +
-            fmt::format("set format y '{}'\nset yrange [{:.9g}:{:.9g}]\n",
-                        ordinate.logarithmic ? "10^{%T}" : "%g", ordinate.low, ordinate.high);
     for (const std::vector<double>& column : columns) {
-      text +=
-          diagram(plan, rows, column, measure, ordinate)
-              .commands(fmt::format(
-                  "set title {}\nset xlabel {}\nset ylabel {}\n",
-                  gnuplot_text(measure == measures.front() ? title_of(plan, column) : ""),
-                  gnuplot_text(measure == measures.back() ? plan.axes[0].name() : ""),
-                  gnuplot_text(column == columns.front() ? fmt::format("{} [{}]", of.name, of.unit)
-                                                         : "")));
-      if (std::exchange(key, false)) text += "unset key\n";
+      Chart& chart = figure.charts.emplace_back();
+      chart.over_time = false;
+      chart.height_px = 220;
+      if (measure == measures.front()) chart.heading = title_of(plan, column);
+      chart.x_label = words(plan.axes[0].name());
+      if (column == columns.front()) {
+        chart.y_label = words(std::string(of.name), std::string(of.unit));
+      }
+      if (first < last) chart.x_range = {{first, last}};
+      chart.y_range = {{ordinate.low, ordinate.high}};
+      chart.logarithmic_x = plan.axes[0].logarithmic;
+      chart.logarithmic_y = ordinate.logarithmic;
+      chart.curves = curves_of(plan, rows, column, measure, ordinate);
     }
   }
-  return text + "unset multiplot\n";
+  return figure;
 }
 
 void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
@@ -381,11 +386,14 @@ void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
   if (curves && shown.certified) {
     throw diagnostics::bad_usage("--colour {}: needs a map, of two axes", colour);
   }
-  const Html figure = study_figure(
-      !curves ? sweep_maps(plan, rows, shown)
-              : sweep_curves(plan, rows,
-                             shown.measures.empty() ? std::vector{usual_measure} : shown.measures),
-      directory / "map.svg", fmt::format("{} of the sweep: {}", curves ? "Curves" : "Map", colour));
+  const Figure figure =
+      !curves ? maps_figure(plan, rows, shown)
+              : curves_figure(plan, rows,
+                              shown.measures.empty() ? std::vector{usual_measure} : shown.measures);
+  write_figure(figure, directory / "map.svg", study_remedy);
+  const Html drawing = html(
+      "<figure>{}</figure>\n",
+      inline_svg(figure, fmt::format("{} of the sweep: {}", curves ? "Curves" : "Map", colour)));
   const Html axes =
       each(plan.axes, [](const Axis& axis) { return html("<li><code>{}</code></li>", axis.text); });
   const std::string how = plan.drawn > 0 ? fmt::format(", drawn with seed {}", plan.seed) : "";
@@ -393,7 +401,7 @@ void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
       directory / "index.html", "Sweep of " + plan.name,
       html("<p class=\"lead\">{} runs{}. Every run is a row of <a "
            "href=\"results.csv\">results.csv</a>.</p>\n<ul>{}</ul>\n{}<h2>Outcomes</h2>\n{}",
-           rows.size(), how, axes, figure, outcome_table(plan, rows)),
+           rows.size(), how, axes, drawing, outcome_table(plan, rows)),
       plan.text);
 }
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "report/figure.h"
 #include "study/sweep.h"
 
 /// The results of a sweep in figures, curves or maps, and as a page. Runs nothing.
@@ -14,16 +15,17 @@ namespace tachless::report {
 /// diagrams each. Others are shown by a map for each law, over the first two axes.
 bool shown_by_curves(const study::SweepPlan& plan);
 
-/// gnuplot's commands for a row of diagrams for each of `measures`, indices into `measure_columns`.
-/// Runs that were broken off have no value: they are marked at the upper edge.
-std::string sweep_curves(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
-                         const std::vector<std::size_t>& measures);
+/// A row of diagrams for each of `measures`, indices into `measure_columns`. Runs that were stopped
+/// early have no value: they are marked at the upper edge.
+Figure curves_figure(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
+                     const std::vector<std::size_t>& measures);
 
 /// Writes map.svg and index.html into `directory`: curves, or maps; and how many runs ended how.
 /// `colour` is "outcome", the names of measures with commas between (a map shows one), or
 /// "certified": outcomes, and the runs whose initial state is in the certified region marked. Of a
 /// grid with more axes, a cell of a map shows its worst outcome or its largest measure.
-/// @throw diagnostics::Failure(bad_usage) when there is no such measure, or gnuplot cannot draw
+/// @throw diagnostics::Failure(bad_usage) when there is no such measure, or a file cannot be
+/// written
 void write_sweep_page(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
                       const std::string& colour, const std::filesystem::path& directory);
 

@@ -90,7 +90,6 @@ struct Laws {
 struct Robot {
   std::filesystem::path urdf;
   std::vector<double> position;
-  std::filesystem::path plot;
   bool json = false;
 
   void declare(CLI::App& command) {
@@ -101,14 +100,11 @@ struct Robot {
                     "ranges allow")
         ->delimiter(',');
     add_json(command, json);
-    command.add_option("--plot", plot,
-                       "An SVG: gravity torque and inertia over each joint's range");
   }
 
   [[nodiscard]] ExitCode run() const {
     std::optional<std::string> refusal;
     const report::RobotFacts facts(read(refusal), position);
-    if (!plot.empty()) report::draw_robot(facts, urdf.filename().string(), plot);
     std::cout << (json ? diagnostics::json_text(to_json(facts), 2) + "\n"
                        : urdf.string() + ": " + to_text(facts));
     if (!refusal) return ExitCode::done;
@@ -147,7 +143,6 @@ const Verb robot_verb = verb_of<Robot>(
     "robot",
     "What was parsed from a URDF: joints, limits, masses; torques and inertia at a position",
     "  tachless robot robot.urdf\n"
-    "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json\n"
-    "  tachless robot scenarios/robots/iiwa7.urdf --plot iiwa7.svg");
+    "  tachless robot scenarios/robots/two_link.urdf --position 0.5,-1 --json");
 
 }  // namespace tachless::launch

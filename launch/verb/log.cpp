@@ -12,8 +12,10 @@
 #include <vector>
 
 #include "certificate/stability_certificate.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "diagnostics/time.h"
 #include "launch/run.h"
 #include "launch/verb.h"
@@ -89,23 +91,46 @@ struct Report {
   std::vector<fs::path> logs;
   fs::path out;
   std::optional<std::int64_t> run_id;
+  bool force = false;
 
   void declare(CLI::App& command) {
     add_logs(command, logs, "Logs of runs, or their directories; several are overlaid");
-    command.add_option("-o,--output", out, "The page; default: report.html beside the first log");
+    command.add_option("-o,--output", out,
+                       "The page; default: report.html beside a run's lcmlog, LOG.html beside "
+                       "another log; needed for several logs");
+    command.add_flag("--force", force, "Replace the file that -o names if it exists");
     add_run_id(command, run_id, "the logs hold");
   }
 
   [[nodiscard]] ExitCode run() const {
+    const fs::path page = page_path();
     std::vector<report::RecordedRun> runs;
     for (const fs::path& log : logs) {
       runs.push_back(report::read_recorded_run(log, run_id, certificate::certified_run));
     }
     label(runs);
-    const fs::path page = out.empty() ? logs.front().parent_path() / "report.html" : out;
     report::write_report(runs, page);
-    std::cout << page.string() << "\n";
+    std::cout << diagnostics::printable(page.string()) << "\n";
     return ExitCode::done;
+  }
+
+ private:
+  /// Where no name is given, a page replaces that of the same log and no other.
+  [[nodiscard]] fs::path page_path() const {
+    std::error_code error;
+    if (!out.empty()) {
+      if (fs::is_regular_file(out, error) && !force) {
+        throw diagnostics::bad_usage(
+            "{}: exists already; name another file, or overwrite it with --force", out.string());
+      }
+      return out;
+    }
+    const fs::path& log = logs.front();
+    if (logs.size() > 1) {
+      throw diagnostics::bad_usage("a report of several logs: name its page with -o PAGE.html");
+    }
+    return log.filename() == "lcmlog" ? log.parent_path() / "report.html"
+                                      : fs::path(log.string() + ".html");
   }
 };
 
@@ -127,9 +152,8 @@ struct Replay {
         ->excludes(of_name);
     node::add_overrides(command, overrides,
                         "key.path=value: what would have been commanded with it? May be repeated");
-    command.add_option(
-        "--out", out,
-        "With --law or --set: where replay.svg and replay.csv go; default: beside the log");
+    command.add_option("--out", out,
+                       "With --law or --set: where replay.csv goes; default: beside the log");
     add_json(command, json);
   }
 
@@ -202,7 +226,6 @@ struct Replay {
       all["set"] = changed;
       all.update(to_json(result));
       all["csv"] = comparison.csv.string();
-      all["figure"] = compared ? Json(comparison.svg.string()) : Json();
       std::cout << diagnostics::json_text(all, 2) << "\n";
     } else if (compared) {
       std::cout << replay::comparison_text(comparison, joints, recorded.info().period_s);

@@ -23,7 +23,6 @@
 #include "launch/progress.h"
 #include "launch/verb.h"
 #include "node/options.h"
-#include "report/certificate_figure.h"
 
 namespace tachless::launch {
 namespace {
@@ -52,14 +51,10 @@ void warn(const experiment::Scenario& scenario) {
 struct Certify {
   fs::path input;
   std::vector<std::string> overrides;
-  fs::path plot;
   bool json = false, quiet = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
-    command.add_option("--plot", plot,
-                       "An SVG: margin against period, spectral radius along the reference, the "
-                       "certified region against the initial state");
     add_json(command, json);
     add_quiet(command, quiet);
   }
@@ -67,12 +62,10 @@ struct Certify {
   [[nodiscard]] ExitCode run() const {
     const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
     warn(scenario);
-    require_writable(plot, "name another file with --plot");
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
         scenario, [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); });
     screen.clear();
-    if (!plot.empty()) report::draw_certificate(result, scenario, plot);
     if (json) {
       nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
       all.update(to_json(result));
@@ -221,8 +214,7 @@ const Verb certify_verb = verb_of<Certify>(
     "certify", "Checks the stability of a scenario's loop, with margins; runs nothing",
     "  tachless certify scenarios/paper_rigid.yaml\n"
     "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
-    "--json\n"
-    "  tachless certify scenarios/practical_flexible.yaml --plot certificate.svg");
+    "--json");
 
 const Verb design_verb = verb_of<Design>(
     "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",

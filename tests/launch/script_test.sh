@@ -53,16 +53,16 @@ touch -d '-1 hour' "$root/room/page.css"; run info log; calls_no 'cmake -'
 touch -d '1 hour' "$root/room"; run info log; calls --build
 touch -d '-1 hour' "$root/room" "$root/room/"*
 case_of 'missing packages are installed and named'
-tool dpkg-query 'shift 2; for p in "$@"; do [ $p = gnuplot-nox ] || echo -n "installed:$p "; done'
+tool dpkg-query 'shift 2; for p in "$@"; do [ $p = iproute2 ] || echo -n "installed:$p "; done'
 tool apt-get 'case "$*" in *--assume-no*) echo "0 upgraded, 19 newly installed, 0 to remove"
   echo "After this operation, 45.6 MB of additional disk space will be used."; exit 1 ;; esac'
 run info log; exits 7; prints 'installs 19 packages (45.6 MB): about 7 s here'
-calls '--no-install-recommends -o APT::Status-Fd=1 gnuplot-nox'
+calls '--no-install-recommends -o APT::Status-Fd=1 iproute2'
 case_of 'apt-get fails: a remedy'
 tool apt-get 'echo "E: Could not get lock /var/lib/dpkg/lock"; exit 100'
 run info log; exits 2; prints 'Could not get lock'; prints 'another package manager is running'
 tool apt-get 'echo "E: something else"; exit 100'
-run info log; exits 2; prints 'as root, type: apt-get install gnuplot-nox'
+run info log; exits 2; prints 'as root, type: apt-get install iproute2'
 tool dpkg-query 'shift 2; for p in "$@"; do echo -n "installed:$p "; done'
 run info log; exits 7; calls_no apt-get
 case_of 'package'

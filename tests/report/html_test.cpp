@@ -50,20 +50,5 @@ TEST(Html, NumbersHaveMinusSignsAndPowersOfTen) {
   EXPECT_EQ(number("-4").markup(), "−4");
 }
 
-TEST(Html, MakesAFilesDrawingAPartOfAPage) {
-  const std::string svg =
-      inline_svg(
-          "<?xml version=\"1.0\"?>\n<svg \n viewBox=\"0 0 5 3\"\n "
-          "xmlns=\"http://www.w3.org/2000/svg\">"
-          "<title>Gnuplot</title><desc>x</desc><defs><circle id='gpDot'/></defs>"
-          "<use xlink:href='#gpDot'/><g clip-path=\"url(#a)\" id=\"g\"></g></svg>",
-          "p-", "a \"curve\"")
-          .markup();
-  EXPECT_EQ(svg,
-            "<svg role=\"img\" aria-label=\"a &quot;curve&quot;\" \n viewBox=\"0 0 5 3\"\n>"
-            "<defs><circle id='p-gpDot'/></defs><use xlink:href='#p-gpDot'/>"
-            "<g clip-path=\"url(#p-a)\" id=\"p-g\"></g></svg>");
-}
-
 }  // namespace
 }  // namespace tachless::report

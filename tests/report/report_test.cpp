@@ -38,7 +38,8 @@ class Report : public ::testing::Test {
   }
   static std::string page_of(std::vector<RecordedRun> runs) {
     label(runs);
-    return report_page(runs, report_sections(runs), {});
+    const Overlay all(runs);
+    return report_page(all, report_sections(all));
   }
 
   TemporaryDirectory directory_;
@@ -68,10 +69,10 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
         "controller-2", "lyapunov-v", "round-trip", "command-age", "wake-up"}) {
     EXPECT_THAT(page, HasSubstr("<figure id=\"" + figure + "\"")) << figure;
   }
-  EXPECT_EQ(count(page, "<figure"), 12U);
-  EXPECT_EQ(count(page, "role=\"img\""), 12U);
-  EXPECT_EQ(count(page, "class=\"live\"></div>"), 9U) << "those over time";
-  EXPECT_THAT(page, Not(HasSubstr("not drawn")));
+  EXPECT_EQ(count(page, "<figure id"), 12U);
+  EXPECT_EQ(count(page, "class=\"live"), 10U) << "those over time, and a paragraph about them";
+  EXPECT_EQ(count(page, "<svg role=\"img\""), 4U) << "histograms, and what stands in for scripts";
+  EXPECT_EQ(count(page, "<noscript><figure"), 1U);
   // The browser fetches nothing, and outside of the scripts nothing would have it do so.
   EXPECT_THAT(page, HasSubstr("content=\"default-src 'none'; script-src 'unsafe-inline'; "
                               "style-src 'unsafe-inline'; img-src data:\""));
@@ -81,7 +82,7 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   EXPECT_THAT(page, AllOf(HasSubstr("practical_rigid"), HasSubstr("loria_ortega_rigid"),
                           HasSubstr("kp = [40000, 2400]"), HasSubstr("20 bit per revolution")));
   EXPECT_THAT(page, HasSubstr("No torque saturated, no command was missed"));
-  // An id occurs once, whatever gnuplot calls its parts.
+  // An id occurs once.
   static const std::regex id(" id=['\"]([^'\"]+)['\"]");
   std::set<std::string> ids;
   for (std::sregex_iterator match(page.begin(), page.end(), id), end; match != end; ++match) {
@@ -89,7 +90,7 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   }
 }
 
-TEST_F(Report, StandsStillWithoutALibraryAndSaysWhatToInstall) {
+TEST_F(Report, ShowsTheTrackingFigureWithoutALibraryAndNamesThePackages) {
   std::vector<RecordedRun> runs;
   runs.push_back(run("a", support::in_process_log(support::shortened("regulation.yaml", "0.01"))));
   std::filesystem::create_directories(directory_.path() / "dygraphs");
@@ -103,8 +104,8 @@ TEST_F(Report, StandsStillWithoutALibraryAndSaysWhatToInstall) {
   EXPECT_THAT(::testing::internal::GetCapturedStderr(),
               HasSubstr("apt-get install libjs-dygraphs libjs-three"));
   const std::string page = logger::read_file(html);
-  EXPECT_THAT(page, AllOf(HasSubstr("<figure id=\"tracking-1\">"), HasSubstr("role=\"img\""),
-                          Not(HasSubstr("<script"))));
+  EXPECT_THAT(page, AllOf(HasSubstr("<figure class=\"wide\"><svg role=\"img\""),
+                          Not(HasSubstr("<script")), Not(HasSubstr("<noscript"))));
 }
 
 TEST_F(Report, MarksWhatDiffersBetweenScenarios) {
@@ -136,7 +137,7 @@ TEST_F(Report, MatchesJointsByNameAndTellsOfOtherRobots) {
   runs.push_back(run("b", two));
   runs[1].joints.name = {"elbow", "wrist"};
   label(runs);
-  const std::vector<ReportSection> sections = report_sections(runs);
+  const std::vector<ReportSection> sections = report_sections(Overlay(runs));
   ASSERT_EQ(sections[0].charts.size(), 3U);
   // Which is joint 2 of one, joint 1 of the other.
   EXPECT_EQ(sections[0].charts[1].heading, "elbow");
@@ -196,7 +197,7 @@ TEST_F(Report, ShowsWhatWentWrong) {
   EXPECT_THAT(page, HasSubstr("Fault of the controller at tick 17: &lt;encoder&gt; &amp; cable"));
   EXPECT_THAT(page, HasSubstr("The log is damaged"));
   EXPECT_THAT(page, Not(HasSubstr("<encoder>")));
-  EXPECT_THAT(page, HasSubstr("<figure id=\"events-1\" class=\"wide\">"));
+  EXPECT_THAT(page, HasSubstr("<figure id=\"events-1\" class=\"live wide\""));
 }
 
 TEST_F(Report, OverlaysRunsWithALegend) {
@@ -235,8 +236,8 @@ TEST_F(Report, GivesItsScriptsEveryTickOfAShortRun) {
   runs.push_back(
       run("a", support::in_process_log(support::shortened("practical_rigid.yaml", "1"))));
   runs[0].label = "</script><script>alert(1)";
-  const Overlay all(runs, Detail::screen);
-  const std::string text = page_data(all, report_sections(runs, Detail::screen));
+  const Overlay all(runs);
+  const std::string text = page_data(all, report_sections(all));
   EXPECT_THAT(text, Not(HasSubstr("<")));
   const auto data = nlohmann::json::parse(text);
   EXPECT_EQ(data["end_s"], 1.0);
@@ -249,7 +250,7 @@ TEST_F(Report, GivesItsScriptsEveryTickOfAShortRun) {
   const auto& curve = data["charts"][0]["curves"][0];
   EXPECT_EQ(curve["signal"], "q");
   EXPECT_EQ(curve["points"].get<std::string>().size(), 10'668U);
-  EXPECT_EQ(data["charts"][0]["label"], "<i>q</i><sub>1</sub>  [rad]");
+  EXPECT_EQ(data["charts"][0]["label"], "<i>q</i><sub>1</sub> [rad]");
 }
 
 TEST_F(Report, DoesNotTakeAnotherRunsSummary) {

@@ -8,8 +8,6 @@
 
 #include "diagnostics/failure.h"
 #include "tests/robot/robots.h"
-#include "tests/support/damaged_log.h"
-#include "tests/support/temporary_directory.h"
 
 namespace tachless::report {
 namespace {
@@ -60,14 +58,6 @@ TEST(RobotFacts, AreWrittenForPeopleAndPrograms) {
   EXPECT_EQ(json["joints"][1]["upper"], 0.4);
   EXPECT_TRUE(json["joints"][1]["effort"].is_null());
   EXPECT_EQ(json["inertia_matrix"].size(), 4u);
-}
-
-TEST(RobotFacts, AreDrawnOverEachJointsRange) {
-  const TemporaryDirectory directory;
-  draw_robot(RobotFacts(robot::testing::branching(), {}), "it's a robot", directory / "a.svg");
-  EXPECT_THAT(logger::read_file(directory / "a.svg"),
-              AllOf(HasSubstr("it's a robot"), HasSubstr("wrist [-1, 1] rad"),
-                    HasSubstr("lift [-0.4, 0.4] m")));
 }
 
 }  // namespace

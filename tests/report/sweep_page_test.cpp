@@ -17,7 +17,6 @@ namespace {
 using study::SweepPlan;
 using study::SweepRow;
 using testing::HasSubstr;
-using testing::Not;
 
 SweepPlan plan_of(const std::vector<std::string>& axes, const std::string& file = "study_encoder") {
   const experiment::Scenario scenario =
@@ -85,14 +84,21 @@ TEST(SweepCurves, AreOfOneAxisAndOfLists) {
 TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
   SweepPlan plan = plan_of({bits, "reference.sinusoid.frequency_hz=1,5"});
   plan.laws.push_back({"wen_bayard", {}});
-  const std::string commands = sweep_curves(plan, rows_of(plan), {1, 2, 4});
-  EXPECT_EQ(count(commands, "\nplot "), 6U);
-  EXPECT_EQ(count(commands, "with lines"), 12U);
+  const Figure figure = curves_figure(plan, rows_of(plan), {1, 2, 4});
+  ASSERT_EQ(figure.charts.size(), 6U);
+  EXPECT_EQ(figure.columns, 2U);
+  const auto line = [&](std::size_t chart, const std::string& law) {
+    for (const Curve& curve : figure.charts[chart].curves) {
+      if (curve.label.text == law) return curve.points;
+    }
+    return std::vector<study::Point>();
+  };
+  using Points = std::vector<study::Point>;
   // The list's first value and its second, of the first law and of the second.
-  EXPECT_THAT(commands, HasSubstr("$d0 << END\n12 1\n14 3\n16 5\n"));
-  EXPECT_THAT(commands, HasSubstr("$d0 << END\n12 2\n14 4\n16 6\n"));
-  EXPECT_THAT(commands, HasSubstr("$d4 << END\n12 8\n14 10\n16 12\n"));
-  EXPECT_THAT(commands, Not(HasSubstr("limit cycle, saturated")));
+  EXPECT_EQ(line(0, plan.laws[0].name), (Points{{12, 1}, {14, 3}, {16, 5}}));
+  EXPECT_EQ(line(1, plan.laws[0].name), (Points{{12, 2}, {14, 4}, {16, 6}}));
+  EXPECT_EQ(line(1, "wen_bayard"), (Points{{12, 8}, {14, 10}, {16, 12}}));
+  EXPECT_EQ(figure.charts[0].curves.size(), 4U) << "of each law a line and its points";
 }
 
 TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
@@ -101,22 +107,30 @@ TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   rows[1].outcome = "limit_cycle";
   rows[2].outcome = "stopped";
   rows[2].measures.assign(rows[2].measures.size(), 1e9);  // no value to scale an axis by
-  const std::string commands = sweep_curves(plan, rows, {1});
-  EXPECT_THAT(commands, HasSubstr("$d0 << END\n12 1\n14 2\nnan"));
-  EXPECT_THAT(commands, HasSubstr("$d2 << END\n14 2\nnan"));
-  std::smatch broken, range;
-  ASSERT_TRUE(std::regex_search(commands, broken, std::regex("\\$d3 << END\n16 (.*)\n")));
-  ASSERT_TRUE(std::regex_search(commands, range, std::regex("set yrange \\[0:(.*)\\]")));
-  EXPECT_GT(std::stod(broken[1]), 2);
-  EXPECT_LT(std::stod(broken[1]), std::stod(range[1]));
-  EXPECT_LT(std::stod(range[1]), 10);
+  const Chart chart = curves_figure(plan, rows, {1}).charts.at(0);
+  using Points = std::vector<study::Point>;
+  EXPECT_EQ(chart.curves[0].points, (Points{{12, 1}, {14, 2}}));
+  const auto marked = [&](Marker marker) {
+    const auto found = std::ranges::find_if(chart.curves, [&](const Curve& curve) {
+      return curve.marker == marker && !curve.points.empty();
+    });
+    return found == chart.curves.end() ? Points() : found->points;
+  };
+  EXPECT_EQ(marked(Marker::ring), (Points{{14, 2}}));
+  ASSERT_EQ(marked(Marker::cross).size(), 1U);
+  const study::Point broken = marked(Marker::cross)[0];
+  EXPECT_EQ(broken.x, 16);
+  EXPECT_GT(broken.y, 2);
+  EXPECT_LT(broken.y, chart.y_range->second);
+  EXPECT_LT(chart.y_range->second, 10);
+  EXPECT_EQ(chart.curves.back().label.text, "diverging, stopped");
 }
 
 TEST_F(SweepPage, DrawsCurvesOfSeveralMeasures) {
   const SweepPlan plan = plan_of({bits});
   const std::string svg = map(plan, rows_of(plan), "velocity_error,energy");
-  EXPECT_THAT(svg, HasSubstr("velocity_error [rad/s; m/s]"));
-  EXPECT_THAT(svg, HasSubstr("energy [J]"));
+  EXPECT_THAT(svg, HasSubstr("velocity_error\u00a0[rad/s; m/s]"));
+  EXPECT_THAT(svg, HasSubstr("energy\u00a0[J]"));
 }
 
 TEST_F(SweepPage, RefusesWhatItCannotShow) {
@@ -132,7 +146,7 @@ TEST_F(SweepPage, MarksTheStartsThatAreCertified) {
   const auto dots = [&](const std::string& gains) {
     const SweepPlan plan = plan_of(
         {"controller.gains.b=" + gains, "plant.initial.position_rad=0.1:1:2"}, "study_attraction");
-    return count(map(plan, rows_of(plan), "certified"), "<use ");
+    return count(map(plan, rows_of(plan), "certified"), "fill=\"#ffffff\"/>");
   };
   const std::size_t none = dots("1:2:2"), all = dots("100:200:2");
   EXPECT_GE(all, none + 4);

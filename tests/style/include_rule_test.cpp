@@ -123,25 +123,10 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/"}},
     {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
-    {"viewer/",
-     {"viewer/", "plant/plant_model.h", "node/", "bus/", "experiment/", "process/", "robot/",
-      "loop/", "diagnostics/"},
-     {"CLI/"},
-     true},
-    {"viewer/arm_window.h", {"robot/", "viewer/visuals.h"}, {}},
-    {"viewer/arm_window.cpp",
-     {"viewer/arm_window.h", "robot/", "diagnostics/failure.h"},
-     {"Eigen/", "SimTKsimbody.h"},
-     true},
-    {"viewer/visuals.", {"robot/model.h"}, {"Eigen/"}},
-    {"viewer/visuals.cpp",
-     {"viewer/visuals.h", "diagnostics/text.h"},
-     {"Eigen/", "SimTKsimbody.h", "tinyxml.h"}},
-
     {"launch/",
      {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
       "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/",
-      "process/", "robot/", "loop/", "diagnostics/", "viewer/", "study/"},
+      "process/", "robot/", "loop/", "diagnostics/", "study/"},
      {"CLI/", "nlohmann/"},
      true},
 
@@ -157,8 +142,8 @@ const std::vector<Rule> rules = {
 
 // Only these may see the ground truth, directly or through other headers.
 const std::vector<std::string> may_see_truth = {
-    "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/", "replay/",
-    "monitor/",    "viewer/",    "launch/", "python/", "tests/", "bench/",  "examples/"};
+    "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/",  "replay/",
+    "monitor/",    "launch/",    "python/", "tests/",  "bench/", "examples/"};
 
 bool starts_with_one_of(const std::string& text, const std::vector<std::string>& prefixes) {
   return std::any_of(prefixes.begin(), prefixes.end(),
@@ -286,8 +271,7 @@ TEST(IncludeRule, SimbodyUrdfdomAndLcmAreSeenByTheirFilesAlone) {
     }
   }
   const std::map<std::string, std::set<std::string>> expected = {
-      // its mechanics, its window, its reading of meshes
-      {"SimTK", {"plant/simbody_arm.cpp", "viewer/arm_window.cpp", "viewer/visuals.cpp"}},
+      {"SimTK", {"plant/simbody_arm.cpp"}},
       {"urdf_", {"robot/urdf_xml.cpp"}},
       {"lcm/", {"bus/udp_transport.cpp"}}};
   for (const auto& [library, files] : users) EXPECT_EQ(files, expected.at(library)) << library;
@@ -343,9 +327,6 @@ TEST(IncludeRule, ObjectsToWhatTheTableForbids) {
   EXPECT_FALSE(refused("controller/law/a.h", "robot/model.h", false));
   EXPECT_FALSE(refused("controller/node.cpp", "bus/wire.h", false));
   EXPECT_FALSE(refused("plant/simbody_arm.cpp", "SimTKsimbody.h", true));
-  EXPECT_FALSE(refused("viewer/arm_window.cpp", "SimTKsimbody.h", true));
-  EXPECT_TRUE(refused("viewer/arm_window.cpp", "plant/arm.h", false));
-  EXPECT_TRUE(refused("viewer/visualizer.cpp", "SimTKsimbody.h", true));
 }
 
 }  // namespace
