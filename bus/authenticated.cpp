@@ -26,7 +26,7 @@ std::span<const std::byte> bytes_of(std::string_view text) {
   return std::as_bytes(std::span(text));
 }
 
-/// A key for one purpose, from which neither the bus's nor another can be found.
+/// A key for one purpose, from which neither the bus's nor another purpose's can be computed.
 Key derived(const Key& base, std::string_view purpose, std::span<const std::byte> context) {
   Key result;
   Digest digest(Key::size, &base);
@@ -105,7 +105,7 @@ std::optional<Datagram> Authenticated::receive(loop::Clock::time_point deadline)
     ++dropped_;
     note_stranger(*datagram);
   }
-  // A flood must not keep the caller from looking at the clock.
+  // In a flood the caller must still read the clock.
   return std::nullopt;
 }
 
@@ -121,7 +121,7 @@ bool Authenticated::verify(Datagram& datagram) const {
 }
 
 void Authenticated::note_stranger(const Datagram& datagram) {
-  // Only while there is no session: afterwards nobody asks, and nothing may be allocated.
+  // Only before the session: afterwards the answer is not needed, and nothing may be allocated.
   if (entered_ || !is_announcement(datagram.channel)) return;
   loop::Stamp stamp;
   const auto decodes = [&](std::span<const std::byte> payload, loop::Participant& who) {

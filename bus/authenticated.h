@@ -18,30 +18,28 @@ namespace tachless::bus {
 /// Bytes of the tag at the end of every authenticated payload.
 inline constexpr std::size_t tag_size = 16;
 
-/// A participant's announcement that does not verify though it is no garbage: its bus has another
-/// key, or one of the two has none.
+/// An announcement that decodes but does not verify: its sender has another key, or only one of the
+/// two has a key.
 struct Stranger {
   bool tagged = false;
   loop::Participant who;
   std::string sender;
 };
 
-/// A bus on which only holders of the key are heard. Every payload carries a tag of 16 bytes at its
-/// end, keyed BLAKE2b over channel and payload: announcements (…_PARTICIPANT) under a key derived
-/// from the bus's, everything else under one that is derived for the session besides, to which each
-/// of the four has contributed a random number, so that nothing recorded in an earlier session
-/// verifies in a later one, the same run id or not. What does not verify is dropped and counted.
-/// Without a key everything passes as it is.
-/// Does not encrypt, and does not know what is fresh: copies of announcements verify, and
-/// protocol::Membership makes them harmless; so do copies of messages of the same session, and the
-/// tick protocol does.
+/// A transport that appends and checks a message authentication code: 16 bytes of keyed BLAKE2b over
+/// channel and payload. Announcements (…_PARTICIPANT) use a key derived from the bus's; all other
+/// messages use one derived for the session, from the run's id and a random number of each of the
+/// four processes, so that nothing recorded in an earlier session verifies in a later one, with the
+/// same run id or not. What does not verify is dropped and counted. Without a key everything passes.
+/// Does not encrypt and does not check freshness: copies of announcements verify and are made
+/// harmless by protocol::Membership, copies of messages of the session by the tick protocol.
 class Authenticated final : public Transport {
  public:
   Authenticated(Transport& inner, const std::optional<Key>& key);
 
   [[nodiscard]] bool has_key() const { return base_.has_value(); }
 
-  /// From now on the messages of this session verify, and no others'.
+  /// From now on only the messages of this session verify.
   /// @param run its id  @param roster random numbers that its four processes have chosen
   void enter(std::int64_t run, const loop::PerRole& roster);
 

@@ -12,7 +12,7 @@
 #include "bus/wire.h"
 
 /// The members of `Codec`: loops over a message's table of fields. For the two files that
-/// instantiate them (wire.cpp, truth/truth_wire.cpp); nobody else includes this.
+/// instantiate them (wire.cpp, truth/truth_wire.cpp).
 ///
 /// Bytes are those of LCM: the type's fingerprint, then every field in order, big-endian; a text is
 /// an int32 length that counts the NUL, the characters, the NUL; arrays are bare, their lengths

@@ -12,9 +12,9 @@
 /// message.
 namespace tachless::bus {
 
-/// What all participants of a bus share and nobody else knows. Kept in memory of its own, which
-/// copies share, is locked where the system's limit (`ulimit -l`) allows it, is in no core dump,
-/// and is wiped when the last copy goes. Not for the hot path: each key takes some pages.
+/// The secret that all participants of a bus share. Copies share one allocation, which is locked in
+/// memory where the system's limit (`ulimit -l`) allows it, is in no core dump, and is wiped with the
+/// last copy. Not for the hot path: each key takes some pages.
 class Key {
  public:
   static constexpr std::size_t size = 32;
@@ -41,8 +41,8 @@ class Key {
 /// while the variable TACHLESS_KEY_FILE is set.
 std::optional<Key> read_key_file(const std::filesystem::path& path);
 
-/// Of all bytes added so far, in their order (BLAKE2b): nobody finds other bytes that have the same
-/// one. Made with a key, it proves that whoever made it has the key; else it proves no origin.
+/// BLAKE2b of all bytes added so far, in their order. With a key it is a message authentication
+/// code; without one it proves no origin.
 class Digest {
  public:
   /// @param size of the whole digest [bytes], 16 to 64
@@ -50,7 +50,7 @@ class Digest {
   explicit Digest(std::size_t size = 16, const Key* key = nullptr);
   Digest(const Digest&) = default;
   Digest& operator=(const Digest&) = default;
-  ~Digest();  ///< wipes what it knows of the key
+  ~Digest();  ///< wipes its state
 
   void add(std::span<const std::byte> bytes);
   /// The whole, to as many bytes; nothing can be added afterwards.

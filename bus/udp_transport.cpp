@@ -123,7 +123,7 @@ bool UdpTransport::read_batch() {
 /// Reads what waits in the socket, or what comes before the deadline.
 /// @return false if nothing came, or a signal
 bool UdpTransport::fetch(loop::Clock::time_point deadline, bool passed_over) {
-  // A flood of what is passed over must not keep the caller from its deadline.
+  // In a flood of ignored messages the caller's deadline still holds.
   if (passed_over && loop::Clock::now() >= deadline) return false;
   const bool more_may_wait = num_held_ == batch;
   if (more_may_wait && read_batch()) return true;
@@ -181,8 +181,7 @@ std::optional<Datagram> UdpTransport::parse(std::span<const std::byte> bytes,
   }
   const auto length = static_cast<std::size_t>(static_cast<const std::byte*>(nul) - text.data());
   const std::string_view channel(reinterpret_cast<const char*>(text.data()), length);
-  // The kernel has filtered; where it cannot (some containers accept a filter and ignore it), we
-  // do.
+  // Some containers accept the kernel's filter and ignore it.
   if (!all_ && std::ranges::find(channels_, channel) == channels_.end()) return std::nullopt;
   return Datagram{channel, text.subspan(length + 1), name_of(from),
                   lcm_packet::word_at(bytes.data() + 4)};

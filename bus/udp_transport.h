@@ -33,11 +33,10 @@ struct BusStatistics {
   std::optional<std::uint64_t> overflowed;
 };
 
-/// LCM's wire format over UDP multicast, read and written by ourselves: no thread, no copy through
-/// a queue, no allocation per message, what waits read at once, and a filter in the kernel that
-/// wakes the process for its own channels only. Interoperates with liblcm's udpm. Does not put
-/// fragments together: a message must fit one datagram. One transport serves one thread. A signal
-/// that is handled ends a wait.
+/// LCM's wire format over UDP multicast: no thread, no queue, no allocation per message, several
+/// datagrams per system call, and a filter in the kernel that wakes the process for its own channels
+/// only. Interoperates with liblcm's udpm. Does not reassemble fragments: a message must fit one
+/// datagram. One transport serves one thread. A signal that is handled ends a wait.
 class UdpTransport final : public Transport {
  public:
   /// Joins the bus. @param url see `parse_lcm_url`
@@ -60,7 +59,7 @@ class UdpTransport final : public Transport {
   std::optional<Datagram> receive(loop::Clock::time_point deadline) override;
 
   /// From now on a wait for datagrams begins with a pause of this length, so that one wake-up reads
-  /// many. For a process whose replies nobody waits for. 0: no pause.
+  /// many. For a process on whose replies no other waits. 0: no pause.
   void read_in_batches(std::chrono::nanoseconds pause) { pause_ = pause; }
 
   [[nodiscard]] BusStatistics statistics() const;

@@ -49,7 +49,7 @@ Child start(const std::vector<std::string>& command, const sigset_t& mask = bloc
 void read_lines(Child& child, const std::function<void(std::string)>& on_line);
 
 /// How a running child has ended; nothing if it has not, or this has been asked before. Does not
-/// wait unless told to.
+/// wait unless `wait`.
 std::optional<End> take_end(Child& child, bool wait = false);
 
 using OnLine = std::function<void(std::string line)>;

@@ -18,7 +18,7 @@ const std::atomic<bool>& catch_interruptions(int flags = 0);
 /// ending the process.
 void survive_file_size_limit();
 
-/// From now on a write to a pipe that nobody reads fails, instead of ending the process.
+/// From now on a write to a pipe without a reader fails, instead of ending the process.
 void survive_broken_pipes();
 
 /// From now on this process leaves no core dump, and other processes of its user can neither trace
