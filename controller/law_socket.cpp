@@ -9,11 +9,11 @@
 #include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <iostream>
 #include <memory>
 #include <system_error>
 #include <utility>
 
+#include "diagnostics/logging.h"
 #include "diagnostics/version.h"
 #include "process/child.h"
 
@@ -94,27 +94,39 @@ class Program {
 
   void send(std::span<const std::byte> message) { socket_.send(message); }
 
-  /// @param when "at tick 3", for messages
+  /// @throw diagnostics::Failure: peer_lost after `limit`, protective_stop for a number that is not
+  /// finite, protocol_violated for anything else that is no `Value` of this tick
   template <class Value>
   void receive(const bus::Codec<Value>& codec, std::int64_t tick, Value& value,
-               Clock::duration limit, const std::string& when) {
-    wait(limit, when);
+               Clock::duration limit) {
+    wait(limit, tick);
     const auto message = socket_.receive();
-    if (message.empty()) throw ended(when);
+    if (message.empty()) throw ended(tick);
     loop::Stamp stamp;
-    if (const auto why = codec.decode(message, stamp, value); why != bus::Rejection::none) {
+    const bus::Rejection why = codec.decode(message, stamp, value);
+    if (why == bus::Rejection::non_finite) {
+      throw Failure(ExitCode::protective_stop,
+                    "--controller '{}': what it computed {} is not finite: the loop is unstable; "
+                    "shorten loop.period_s or soften the gains",
+                    command_, when(tick));
+    }
+    if (why != bus::Rejection::none) {
       throw Failure(ExitCode::protocol_violated,
-                    "--controller '{}': answered {} with a message that is {}", command_, when,
-                    bus::name(why));
+                    "--controller '{}': answered {} with a message that is {}", command_,
+                    when(tick), bus::name(why));
     }
     if (stamp.tick != tick) {
       throw Failure(ExitCode::protocol_violated,
-                    "--controller '{}': answered {} with a message of tick {}", command_, when,
-                    stamp.tick);
+                    "--controller '{}': answered {} with a message of tick {}", command_,
+                    when(tick), stamp.tick);
     }
   }
 
  private:
+  static std::string when(std::int64_t tick) {
+    return tick == no_tick ? "at the start" : fmt::format("at tick {}", tick);
+  }
+
   /// Waits for one of the descriptors. @return whether there was time left
   static bool poll_until(Clock::time_point until, std::span<pollfd> fds) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now());
@@ -124,7 +136,7 @@ class Program {
   }
 
   /// Until there is something to be received; what the program writes meanwhile goes to stderr.
-  void wait(Clock::duration limit, const std::string& when) {
+  void wait(Clock::duration limit, std::int64_t tick) {
     const auto until = Clock::now() + limit;
     for (;;) {
       std::array<pollfd, 2> fds{pollfd{socket_.descriptor(), POLLIN, 0},
@@ -134,10 +146,10 @@ class Program {
       if (fds[0].revents != 0) return;
     }
     throw Failure(ExitCode::peer_lost, "--controller '{}': no answer {} within {:g} s", command_,
-                  when, std::chrono::duration<double>(limit).count());
+                  when(tick), std::chrono::duration<double>(limit).count());
   }
 
-  static void print_line(const std::string& line) { std::cerr << line << "\n"; }
+  static void print_line(const std::string& line) { diagnostics::pass_on(line); }
 
   /// Closes the socket, which ends the program, and waits for that. @return its exit code
   int end() {
@@ -147,18 +159,18 @@ class Program {
     return end.signal == 0 ? end.exit_code : 128 + end.signal;
   }
 
-  Failure ended(const std::string& when) {
+  Failure ended(std::int64_t tick) {
     const int code = end();
     const bool ours = code >= static_cast<int>(ExitCode::check_said_no) &&
                       code <= static_cast<int>(ExitCode::protective_stop);
     return {ours ? static_cast<ExitCode>(code) : ExitCode::peer_lost,
             "--controller '{}': ended {} with exit code {}{}",
             command_,
-            when,
+            when(tick),
             code,
-            code == 0 ? "; has it a main that calls tachless::run_controller (Python: "
+            code == 0 ? "; does its main call tachless::run_controller (Python: "
                         "tachless.run_controller)?"
-                      : ", and has said above why"};
+                      : "; its own message is above"};
   }
 
   std::string command_;
@@ -191,9 +203,8 @@ class ExternalLaw final : public AnyLaw {
     const loop::Stamp asked{std::llround(time_s * 1e6), 1, tick};
     program_->send(codecs_.measurement.encode(asked, measurement));
     program_->send(codecs_.reference.encode(asked, reference));
-    const std::string when = fmt::format("at tick {}", tick);
-    program_->receive(codecs_.command, tick, command_, limit_, when);
-    program_->receive(codecs_.state, tick, signals_of_step_, limit_, when);
+    program_->receive(codecs_.command, tick, command_, limit_);
+    program_->receive(codecs_.state, tick, signals_of_step_, limit_);
   }
 
   std::unique_ptr<Program> program_;
@@ -258,8 +269,7 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
   program->send(
       bus::Codec<loop::RunInfo>(loop::Layout{}).encode({0, 1, no_tick}, run_info(scenario)));
   loop::Participant self;
-  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit,
-                   "at the start");
+  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit);
   if (!loop::parse_signals(self.signals) ||
       !loop::with_measurement(self.measurement, [](auto) {})) {
     throw Failure(ExitCode::protocol_violated,
@@ -267,8 +277,9 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
                   "which this version does not know",
                   command, self.measurement, self.signals);
   }
-  return std::make_unique<ExternalLaw>(
-      std::move(program), loop::LawInfo{self.law, self.measurement, self.signals}, scenario);
+  loop::LawInfo info{self.law, self.measurement, self.signals};
+  scenario.require_law(info);  // no program gets a measurement that the scenario does not name
+  return std::make_unique<ExternalLaw>(std::move(program), std::move(info), scenario);
 }
 
 std::vector<std::string> shell_command(const std::string& command,

@@ -3,6 +3,7 @@
 #include <spdlog/sinks/ansicolor_sink.h>
 #include <spdlog/spdlog.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <string>
@@ -32,5 +33,10 @@ void log_detail(std::string_view line) { spdlog::debug("{}", printable(line)); }
 void log_info(std::string_view line) { spdlog::info("{}", printable(line)); }
 void log_warning(std::string_view line) { spdlog::warn("{}", printable(line)); }
 void log_error(std::string_view line) { spdlog::error("{}", printable(line)); }
+
+void pass_on(std::string_view line) {
+  const std::string text = fmt::format("{}\n", printable(line));
+  std::fwrite(text.data(), 1, text.size(), stderr);
+}
 
 }  // namespace tachless::diagnostics

@@ -44,4 +44,7 @@ void log_error(fmt::format_string<First, Rest...> line, First&& first, Rest&&...
   log_error(fmt::format(line, std::forward<First>(first), std::forward<Rest>(rest)...));
 }
 
+/// A line that another program has written, under whatever verbosity, without a name before it.
+void pass_on(std::string_view line);
+
 }  // namespace tachless::diagnostics

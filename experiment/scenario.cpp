@@ -292,6 +292,19 @@ std::optional<schema::Refusal> Scenario::refusal() const {
           name)};
 }
 
+void Scenario::require_law(const loop::LawInfo& law) const {
+  const bool external = controller.law == external_law;
+  if (!external && law.name != controller.law) {
+    throw complaint("controller.law",
+                    "{}, but the controller runs the law \"{}\"; for a law of your own, write law: {}",
+                    controller.law, law.name, external_law);
+  }
+  if (external && law.measurement != controller.measurement) {
+    throw complaint("controller.measurement", "{}, but the controller needs \"{}\"",
+                    controller.measurement, law.measurement);
+  }
+}
+
 diagnostics::Failure Scenario::complaint(const std::string& key, std::string_view problem) const {
   std::string_view place = source;
   for (std::string part = key; !part.empty();) {

@@ -23,6 +23,10 @@
 #include "robot/quantities.h"
 #include "schema/schema.h"
 
+namespace tachless::loop {
+struct LawInfo;
+}
+
 /// One experiment = one YAML file, read into typed values. Each value is declared once, beside the
 /// member that it fills; the reader, the check for unknown keys and the table of docs/scenario.md
 /// follow. This header knows the values, not what plant, controller and reference make of them.
@@ -220,6 +224,10 @@ struct Scenario {
     return complaint(key, std::string_view(fmt::format(problem, std::forward<First>(first),
                                                        std::forward<Rest>(rest)...)));
   }
+
+  /// @throw diagnostics::Failure(bad_usage) unless a controller with this law is the one that the
+  /// scenario asks for: of its name, or, if external, with its measurement.
+  void require_law(const loop::LawInfo& law) const;
 
   [[nodiscard]] std::optional<schema::Refusal> refusal() const;
 

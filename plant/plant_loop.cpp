@@ -1,7 +1,5 @@
 #include "plant/plant_loop.h"
 
-#include <fmt/core.h>
-
 #include <cmath>
 
 #include "diagnostics/failure.h"
@@ -14,23 +12,6 @@ namespace {
 
 using diagnostics::ExitCode;
 using diagnostics::Failure;
-
-/// Whether the controller that came is the one that the scenario speaks of.
-void require_the_scenarios(const loop::LawInfo& law, const experiment::Scenario& scenario) {
-  const experiment::ControllerSpec& spec = scenario.controller;
-  const bool external = spec.law == experiment::external_law;
-  if (!external && law.name != spec.law) {
-    throw scenario.complaint("controller.law",
-                             fmt::format("{}, but the controller that came runs the law \"{}\"; "
-                                         "for a law of your own, write law: {}",
-                                         spec.law, law.name, experiment::external_law));
-  }
-  if (external && law.measurement != spec.measurement) {
-    throw scenario.complaint("controller.measurement",
-                             fmt::format("{}, but the controller that came needs \"{}\"",
-                                         spec.measurement, law.measurement));
-  }
-}
 
 }  // namespace
 
@@ -52,7 +33,7 @@ PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, Rob
 
 void PlantLoop::prepare() {
   const loop::LawInfo law = link_.membership().law();
-  require_the_scenarios(law, scenario_);
+  scenario_.require_law(law);
   robot_.feed(law.measurement);
   measurement_port_.emplace(bus::Port<loop::AnyMeasurement>{loop::channel(prefix_, law.measurement),
                                                             {law.measurement, layout_}});

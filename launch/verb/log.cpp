@@ -168,12 +168,13 @@ struct Replay {
  private:
   /// What has to be set for the law that is asked for, in place of the recorded one.
   [[nodiscard]] std::vector<std::string> changes(const logger::RunLog& recorded) const {
-    std::vector<std::string> all = overrides;
+    std::vector<std::string> all;
     if (!law.empty()) all.push_back("controller.law=" + law);
     if (!law_program.empty() && recorded.scenario().controller.law != experiment::external_law) {
       all.push_back(fmt::format("controller.law={}", experiment::external_law));
       all.push_back("controller.measurement=" + recorded.info().measurement);
     }
+    all.insert(all.end(), overrides.begin(), overrides.end());
     return all;
   }
 

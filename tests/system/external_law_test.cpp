@@ -169,6 +169,22 @@ TEST_F(ExternalLaw, HasToBeTheOneOfTheScenario) {
   EXPECT_THAT(errors_, HasSubstr("law loria_ortega_rigid says itself what it is fed with"));
 }
 
+TEST_F(ExternalLaw, GetsNoMeasurementThatTheScenarioDoesNotName) {
+  record();
+  setenv("OWN_LAW", "state", 1);
+  for (const Words& words : {run("no", {"--in-process"}), Words{"replay", log("own")}}) {
+    EXPECT_EQ(tachless(with_program(words)), 2);
+    EXPECT_THAT(errors_, HasSubstr("controller.measurement: POSITION, but the controller needs "
+                                   "\"STATE\""));
+  }
+}
+
+TEST_F(ExternalLaw, StopsTheRunByATorqueThatIsNotFinite) {
+  setenv("OWN_LAW", "nan message", 1);
+  EXPECT_EQ(tachless(with_program(run("no", {"--in-process"}))), 5);
+  EXPECT_THAT(errors_, HasSubstr("what it computed at tick 0 is not finite"));
+}
+
 TEST_F(ExternalLaw, HasToTakePart) {
   EXPECT_EQ(tachless(run("no", {"--controller", "true"})), 3);
   EXPECT_THAT(errors_, HasSubstr("--controller 'true': ended without having taken part"));

@@ -49,8 +49,9 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
   mutable int steps_ = 0;
 };
 
-/// Answers every tick with the next one's number.
-int answer_other_ticks() {
+/// Speaks the protocol by hand: announces STATE ("state"), sends NaN ("nan message"), or answers
+/// every tick with the next one's number ("other tick").
+int answer_by_hand(std::string_view how) {
   controller::LawSocket socket{process::FileDescriptor(3)};
   loop::Stamp stamp;
   loop::RunInfo run;
@@ -58,7 +59,7 @@ int answer_other_ticks() {
   loop::Participant self;
   self.role = loop::Role::controller;
   self.law = OwnLaw::name;
-  self.measurement = "POSITION";
+  self.measurement = how == "state" ? "STATE" : "POSITION";
   socket.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self));
   const int num_joints =
       experiment::parse_scenario(run.scenario, run.robot_description, "own_law").num_joints;
@@ -66,10 +67,10 @@ int answer_other_ticks() {
   loop::PositionMeasurement measurement;
   loop::ReferencePoint reference;
   loop::TorqueCommand command;
-  command.tau = robot::Vector::Zero(num_joints);
+  command.tau = robot::Vector::Constant(num_joints, how == "nan message" ? NAN : 0);
   while (socket.receive(bus::Codec<loop::PositionMeasurement>(layout), stamp, measurement) &&
          socket.receive(bus::Codec<loop::ReferencePoint>(layout), stamp, reference)) {
-    ++stamp.tick;
+    if (how == "other tick") ++stamp.tick;
     socket.send(bus::Codec<loop::TorqueCommand>(layout).encode(stamp, command));
     socket.send(bus::Codec<loop::LawSignals>(layout).encode(stamp, {}));
   }
@@ -79,9 +80,8 @@ int answer_other_ticks() {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const char* how = std::getenv("OWN_LAW");
-  if (how != nullptr && std::string_view(how) == "other tick") {
-    return answer_other_ticks();
-  }
+  const char* variable = std::getenv("OWN_LAW");
+  const std::string_view how = variable == nullptr ? "" : variable;
+  if (how == "other tick" || how == "state" || how == "nan message") return answer_by_hand(how);
   return run_controller<OwnLaw>(argc, argv);
 }
