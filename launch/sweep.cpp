@@ -13,10 +13,8 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/text.h"
-#include "logger/export.h"
 #include "process/child.h"
 #include "report/sweep_page.h"
-#include "study/measures.h"
 
 namespace tachless::launch {
 namespace {
@@ -25,34 +23,6 @@ namespace fs = std::filesystem;
 using Outcomes = std::map<std::string, std::int64_t>;  // how many runs ended how
 
 constexpr const char* remedy = "make room there";
-
-/// The results as columns of numbers.
-void write_hdf5(const study::Sweep& sweep, const std::vector<study::SweepRow>& rows,
-                const Outcomes& outcomes) {
-  std::vector<logger::NumberColumn> columns = {{"law", "", {}, {}}};
-  for (const study::SweepLaw& law : sweep.plan().laws) columns[0].choices.push_back(law.name);
-  for (const study::Axis& axis : sweep.plan().axes) columns.push_back({axis.name(), "", {}, {}});
-  columns.push_back({"outcome", "", {}, {}});
-  for (const auto& [outcome, count] : outcomes) columns.back().choices.push_back(outcome);
-  for (const study::MeasureColumn& measure : study::measure_columns()) {
-    columns.push_back({std::string(measure.name), std::string(measure.unit), {}, {}});
-  }
-  for (const study::SweepRow& row : rows) {
-    auto column = columns.begin();
-    const auto add = [&](double value) { (column++)->values.push_back(value); };
-    const auto add_choice = [&](const std::string& name) {
-      const auto found = std::ranges::find(column->choices, name);
-      add(static_cast<double>(found - column->choices.begin()));
-    };
-    add_choice(row.which.law);
-    std::ranges::for_each(row.which.values, add);
-    add_choice(row.outcome);
-    std::ranges::for_each(row.measures, add);
-  }
-  diagnostics::UnfinishedFile file(sweep.directory() / "results.h5", remedy);
-  logger::write_hdf5_columns(file.name(), columns, {{"plan", sweep.plan().json()}});
-  file.finish();
-}
 
 fs::path job_file(const study::Sweep& sweep) { return sweep.directory() / "slurm-job"; }
 
@@ -89,7 +59,6 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   Outcomes outcomes;
   for (const study::SweepRow& row : rows) ++outcomes[row.outcome];
   diagnostics::UnfinishedFile(directory / "results.csv", remedy).write(sweep.table(rows));
-  write_hdf5(sweep, rows, outcomes);
   report::write_sweep_page(sweep.plan(), rows, colour, directory);
   if (json) {
     const nlohmann::ordered_json all = {

@@ -9,7 +9,7 @@
 /// sweep's directory, which all nodes share. Runs and schedules nothing itself.
 namespace tachless::launch {
 
-/// Writes results.csv, results.h5, map.svg and index.html of a finished sweep into its directory.
+/// Writes results.csv, map.svg and index.html of a finished sweep into its directory.
 /// @param colour as for `report::write_sweep_page`
 /// @return how many runs ended how, over all laws: lines for people, or JSON
 /// @throw diagnostics::Failure as `study::Sweep::rows` and `report::write_sweep_page`

@@ -71,16 +71,14 @@ struct Export {
 
   void declare(CLI::App& command) {
     add_logs(command, log, "The log of a run, or its directory");
-    command.add_option("-o,--output", out, "F.csv, or F.h5 (HDF5); -: CSV to standard output")
-        ->required();
+    command.add_option("-o,--output", out, "F.csv; -: to standard output")->required();
     add_run_id(command, run_id, "the log holds");
     command.add_flag("--force", force, "Replace the file if it exists");
   }
 
   [[nodiscard]] ExitCode run() const {
-    const logger::ExportFormat format = logger::export_format_of(out);
     logger::RunLog opened = logger::RunLog::open(log, run_id);
-    const logger::ExportResult result = logger::export_run(opened, out, format, force);
+    const logger::ExportResult result = logger::export_run(opened, out, force);
     // Standard output has the table.
     (out == "-" ? std::cerr : std::cout) << out.string() << ": " << result.text() << "\n";
     return ExitCode::done;
@@ -247,7 +245,7 @@ const Verb export_verb =
     verb_of<Export>("export", "A run as a table for other programs: one row per tick",
                     "  tachless export out/paper_rigid -o run.csv\n"
                     "  tachless export out/paper_rigid -o - | cut -d, -f 2-4\n"
-                    "  tachless export out/paper_rigid/lcmlog -o run.h5 --force");
+                    "  tachless export out/paper_rigid/lcmlog -o run.csv --force");
 
 const Verb report_verb = verb_of<Report>(
     "report", "One HTML page with plots and the moving robot; several logs are overlaid",

@@ -4,10 +4,8 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <array>
 #include <cmath>
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
 #include <sstream>
 
@@ -47,30 +45,6 @@ std::vector<std::string> split(const std::string& line, char separator) {
   return cells;
 }
 
-std::string output_of(const std::string& command) {
-  std::string text;
-  std::FILE* pipe = popen(command.c_str(), "r");
-  std::array<char, 4096> piece;
-  while (const std::size_t n = std::fread(piece.data(), 1, piece.size(), pipe)) {
-    text.append(piece.data(), n);
-  }
-  EXPECT_EQ(pclose(pipe), 0) << command;
-  return text;
-}
-
-/// The numbers of one dataset, as h5dump reads them.
-std::vector<std::string> dataset(const std::filesystem::path& file, const std::string& name) {
-  const auto text = output_of("h5dump -y -w 0 -m %.17g -d /" + name + " " + file.string());
-  const auto begin = text.find("DATA {") + 6;
-  std::vector<std::string> values;
-  std::istringstream words(text.substr(begin, text.find("\n   }", begin) - begin));
-  for (std::string word; words >> word;) {
-    if (word.back() == ',') word.pop_back();
-    if (!word.empty()) values.push_back(word);
-  }
-  return values;
-}
-
 /// The same run of a robot whose URDF has `after` wherever it had `before`.
 void change_urdf(RecordedRun& recorded, const std::string& before, const std::string& after) {
   std::string urdf = recorded.scenario.robot.urdf_text;
@@ -91,7 +65,7 @@ class Export : public testing::Test {
                    bool force = false) {
     write_file(log_, log_bytes);
     auto log = RunLog::open(log_);
-    return export_run(log, to, export_format_of(to), force);
+    return export_run(log, to, force);
   }
 
   Table table(const std::filesystem::path& path) {
@@ -121,7 +95,6 @@ class Export : public testing::Test {
   TemporaryDirectory directory_;
   std::filesystem::path log_ = directory_.path() / "lcmlog";
   std::filesystem::path csv_ = directory_.path() / "run.csv";
-  std::filesystem::path h5_ = directory_.path() / "run.h5";
 };
 
 TEST_F(Export, RigidColumnsAreTheDocumentedOnes) {
@@ -225,102 +198,47 @@ TEST_F(Export, PrismaticJointsAreInMetresAndNewtons) {
                                      "q_measured_elbow_m", "error_elbow_m"}));
 }
 
-TEST_F(Export, Hdf5HoldsTheNumbersOfTheCsv) {
-  auto recorded = short_flexible_run();
-  std::erase_if(recorded.messages, [](const Recorded& message) {
-    return message.channel == "ARM_COMMAND" && message.utime == 30;
-  });
-  run(recorded.bytes(), csv_);
-  const auto result = run(recorded.bytes(), h5_);
-  EXPECT_EQ(result.missing_values, 2u);
-  const auto csv = table(csv_);
-  const std::map<std::string, std::string> units = {
-      {"q", "rad"},          {"v", "rad_per_s"},
-      {"theta", "rad"},      {"thetadot", "rad_per_s"},
-      {"q_ref", "rad"},      {"tau", "Nm"},
-      {"nu_1", "rad_per_s"}, {"error_2", "rad"},
-      {"q_measured", "rad"}, {"tau_applied", "Nm"},
-      {"saturated", ""},
-  };
-  for (const auto& [name, unit] : units) {
-    const auto values = dataset(h5_, name);
-    ASSERT_EQ(values.size(), 80u) << name;
-    const std::string suffix = unit.empty() ? "" : "_" + unit;
-    for (std::size_t joint = 0; joint < 2; ++joint) {
-      const auto cells = csv.column(name + (joint == 0 ? "_shoulder" : "_elbow") + suffix);
-      for (std::size_t i = 0; i < cells.size(); ++i) {
-        const std::string expected = cells[i].empty() ? "0" : cells[i];
-        EXPECT_EQ(std::stod(values[2 * i + joint]), std::stod(expected)) << name << " " << i;
-      }
-    }
-  }
-  const auto mask = dataset(h5_, "present/command");
-  for (std::size_t i = 0; i < 40; ++i) EXPECT_EQ(mask.at(i), i == 3 ? "0" : "1");
-  EXPECT_EQ(dataset(h5_, "tick"), csv.column("tick"));
-  EXPECT_EQ(dataset(h5_, "t_s").at(39), csv.column("t_s").at(39));
-  const auto head = output_of("h5dump -A " + h5_.string());
-  EXPECT_THAT(head, AllOf(HasSubstr("\"unit\""), HasSubstr("\"Nm\""), HasSubstr("\"rad_per_s\""),
-                          HasSubstr("\"/present/command\""), HasSubstr("\"run_id\""),
-                          HasSubstr("name: paper_flexible"), HasSubstr("<robot"),
-                          HasSubstr("\"link position, true\"")));
-}
-
-TEST_F(Export, Hdf5OfManyTicksIsWhole) {
-  // More than one chunk of 4096, and not a multiple.
-  const auto recorded = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION");
-  EXPECT_EQ(run(recorded.bytes(), h5_).summary.ticks, 5000u);
-  const auto values = dataset(h5_, "tau");
-  ASSERT_EQ(values.size(), 10'000u);
-  for (std::size_t i = 0; i < 5000; ++i) {
-    EXPECT_EQ(std::stod(values[2 * i]), recorded.ticks[i].command->tau(0));
-  }
-}
-
 TEST_F(Export, KeepsAnExistingFileUnlessForced) {
   const auto bytes = short_rigid_run().bytes();
-  for (const auto& path : {csv_, h5_}) {
-    write_file(path, "precious");
-    EXPECT_THAT(failure_of([&] { run(bytes, path); }),
-                AllOf(HasSubstr(path.string()), HasSubstr("--force")));
-    EXPECT_EQ(read_file(path), "precious");
-    run(bytes, path, true);
-    EXPECT_NE(read_file(path), "precious");
-  }
+  write_file(csv_, "precious");
+  EXPECT_THAT(failure_of([&] { run(bytes, csv_); }),
+              AllOf(HasSubstr(csv_.string()), HasSubstr("--force")));
+  EXPECT_EQ(read_file(csv_), "precious");
+  run(bytes, csv_, true);
+  EXPECT_NE(read_file(csv_), "precious");
 }
 
 TEST_F(Export, RefusesWhatItCannotWrite) {
   const auto bytes = short_rigid_run().bytes();
-  EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / "run.xls"); }), HasSubstr(".csv"));
-  for (const auto* name : {"absent/run.csv", "absent/run.h5"}) {
-    EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / name); }), HasSubstr(name));
+  for (const auto& [name, problem] :
+       {std::pair{"run.xls", "end its name in .csv"}, {"absent/run.csv", "absent/run.csv"}}) {
+    EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / name); }), HasSubstr(problem));
   }
 }
 
 TEST_F(Export, LeavesNothingBehindWhenTheDiskIsFull) {
-  const auto bytes = recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION").bytes();
-  for (const auto& path : {csv_, h5_}) {
-    write_file(log_, bytes);
-    auto log = RunLog::open(log_);
-    struct rlimit old {};
-    ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &old), 0);
-    const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
-    const rlimit small{200'000, old.rlim_max};
-    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
-    const auto failure = failure_of([&] { export_run(log, path, export_format_of(path)); });
-    setrlimit(RLIMIT_FSIZE, &old);
-    std::signal(SIGXFSZ, old_handler);
-    EXPECT_THAT(failure, HasSubstr(path.string() + ".partial: cannot write"));
-    EXPECT_FALSE(std::filesystem::exists(path));
-    EXPECT_FALSE(std::filesystem::exists(path.string() + ".partial"));
-  }
+  write_file(log_, recorded_run("paper_rigid.yaml", {"loop.duration_s=0.25"}, "POSITION").bytes());
+  auto log = RunLog::open(log_);
+  struct rlimit old {};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &old), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{200'000, old.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+  const auto failure = failure_of([&] { export_run(log, csv_); });
+  setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_THAT(failure, HasSubstr("cannot write"));
+  EXPECT_FALSE(std::filesystem::exists(csv_));
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(directory_.path()), {}), 1)
+      << "beside the log";
 }
 
 TEST_F(Export, CsvGoesToAPipeAsItIs) {
   write_file(log_, short_rigid_run().bytes());
   auto log = RunLog::open(log_);
-  EXPECT_THAT(failure_of([&] { export_run(log, "/dev/full", ExportFormat::csv); }),
-              HasSubstr("No space left"));
-  export_run(log, "/dev/null", ExportFormat::csv);
+  const auto pipe = directory_.path() / "full.csv";
+  std::filesystem::create_symlink("/dev/full", pipe);
+  EXPECT_THAT(failure_of([&] { export_run(log, pipe, true); }), HasSubstr("No space left"));
 }
 
 }  // namespace

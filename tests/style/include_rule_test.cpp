@@ -92,7 +92,7 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/", "fmt/"},
      true},
-    {"logger/export.cpp", {"logger/", "diagnostics/"}, {"hdf5.h", "hdf5_hl.h", "fmt/"}, true},
+    {"logger/export.cpp", {"logger/", "diagnostics/"}, {"fmt/"}, true},
 
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
