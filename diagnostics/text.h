@@ -33,7 +33,9 @@ std::size_t utf8_length(std::string_view text);
 /// line for people passes through it.
 std::string printable(std::string_view text);
 
-/// A field of a CSV file (RFC 4180): in quotes where its characters ask for them.
+/// A field of a CSV file (RFC 4180): in quotes where its characters ask for them. Text that a
+/// spreadsheet would take for a formula, since it begins with = + - @ and is not a number, gets a '
+/// before it.
 std::string csv_field(std::string_view text);
 
 /// Which candidate was probably meant by a misspelt or shortened `word`; nothing when none is

@@ -30,8 +30,8 @@ struct fmt::formatter<nlohmann::json> : fmt::formatter<std::string> {
 namespace tachless::logger {
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DamagedStretch, offset, bytes)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Damage, bytes_skipped, stretches, missing_numbers, wrong_numbers,
-                                   numbers_restarted, suspect_messages, listed)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Damage, bytes_skipped, stretches, missing_numbers, numbers_restarted,
+                                   suspect_messages, listed)
 
 namespace {
 
@@ -280,10 +280,10 @@ std::string damage_text(const json& damage) {
   std::string text = "damage    none\n";
   if (damage["any"]) {
     text = fmt::format(
-        "damage    {} bytes in {} places hold no message; {} message numbers missing, {} wrong; {} "
-        "messages beside damage\n",
+        "damage    {} bytes in {} places hold no message; {} message numbers missing; {} messages "
+        "beside damage\n",
         damage["bytes_skipped"], damage["stretches"], damage["missing_numbers"],
-        damage["wrong_numbers"], damage["suspect_messages"]);
+        damage["suspect_messages"]);
     constexpr std::size_t shown = 10;
     const json& listed = damage["listed"];
     for (std::size_t i = 0; i < std::min(shown, listed.size()); ++i) {

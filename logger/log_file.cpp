@@ -52,6 +52,7 @@ std::string text_of(int error) { return std::generic_category().message(error); 
 std::string remedy_for_creating(int error, const std::string& directory) {
   switch (error) {
     case EEXIST:
+    case ELOOP:
       return "move it away, or name another file";
     case ENOENT:
       return "create the directory " + directory;
@@ -66,19 +67,12 @@ std::string remedy_for_creating(int error, const std::string& directory) {
   }
 }
 
-/// Whether `event` can come after `earlier` with nothing but events between them: each takes room.
-bool could_follow(const LogEvent& event, const LogEvent& earlier) {
-  return event.number > earlier.number &&
-         static_cast<std::uint64_t>(event.number - earlier.number) <=
-             1 + (event.offset - earlier.offset) / smallest_event_bytes;
-}
-
 }  // namespace
 
 LogWriter::LogWriter(std::filesystem::path path, Existing existing)
     : path_(std::move(path)), last_flush_(std::chrono::steady_clock::now()) {
   const int policy = existing == Existing::refuse ? O_EXCL : O_TRUNC;
-  file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | policy, 0644);
+  file_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | policy, 0644);
   if (file_ < 0) {
     const int error = errno;
     throw diagnostics::bad_usage(
@@ -94,7 +88,7 @@ LogWriter::~LogWriter() {
   try {
     flush();
   } catch (const std::exception&) {
-    // The error was thrown before, or its time to be heard, close(), was let pass.
+    // The error was thrown before, or the caller has not called close(), which would throw it.
   }
   if (file_ >= 0) ::close(file_);
 }
@@ -133,7 +127,6 @@ void LogWriter::append(std::int64_t utime, std::string_view channel,
 
 void LogWriter::flush() {
   require_usable();
-  require_own_file();
   write_out({buffer_.data(), filled_});
   whole_ = written_;
   filled_ = 0;
@@ -155,26 +148,22 @@ void LogWriter::sync() {
 void LogWriter::close() {
   if (failure_.empty() && file_ < 0) return;
   sync();
+  require_own_file();
   if (::close(std::exchange(file_, -1)) != 0) fail(errno);
 }
 
+/// A log that was removed or replaced meanwhile would be missed only when it is looked for.
 void LogWriter::require_own_file() {
   struct stat open {};
   if (fstat(file_, &open) != 0) fail(errno);
   if (!S_ISREG(open.st_mode)) return;
   struct stat named {};
   const bool exists = stat(path_.c_str(), &named) == 0;
-  const bool same = exists && named.st_dev == open.st_dev && named.st_ino == open.st_ino;
-  const auto size = static_cast<std::uint64_t>(open.st_size);
-  if (same && size == written_) return;
-  const std::string what = !exists ? "was removed or moved away"
-                           : !same ? "was replaced by another file"
-                                   : "was " + std::to_string(written_) + " bytes long and has " +
-                                         std::to_string(size) + " now";
-  filled_ = 0;
+  if (exists && named.st_dev == open.st_dev && named.st_ino == open.st_ino) return;
   ::close(std::exchange(file_, -1));
-  failure_ = path_.string() + ": the log " + what +
-             " while it was being written; leave it alone until the run has ended";
+  failure_ = fmt::format(
+      "{}: the log was {} while it was being written; leave it alone until the run has ended",
+      path_.string(), exists ? "replaced by another file" : "removed or moved away");
   throw diagnostics::bad_usage(failure_);
 }
 
@@ -244,34 +233,29 @@ LogReader::LogReader(const std::filesystem::path& path) : path_(path) {
 void LogReader::rewind() {
   position_ = 0;
   released_ = 0;
-  // Damage by accident needs one look per damaged event; a log made to be slow gets no more than
-  // this, so that reading stays linear in the file's length.
-  look_ahead_left_ = 8 * size_ + (1 << 20);
   skipping_ = false;
-  last_ = {};
-  last_.number = -1;
+  number_ = -1;
   damage_ = {};
 }
 
 std::optional<LogEvent> LogReader::next() {
   while (position_ < size_) {
     auto event = event_at(position_);
-    if (event && (skipping_ || !number_follows(event->end(), event->number + 1))) {
-      // Damage comes before or after, or the numbers jump, or the file ends: does this length
-      // span more than its own event?
-      if (swallows_others(*event)) {
-        event.reset();
-      } else {
-        event->suspect = event->end() != size_ && !event_at(event->end());
+    if (event && !is_followed(*event)) {
+      // Damage follows, or its own length is damaged: then it spans the events after it.
+      const std::uint64_t inner = find_event(position_ + 1, event->end());
+      if (inner < event->end()) {
+        skip(inner);
+        continue;
       }
+      event->suspect = !event_at(event->end());
     }
     if (!event) {
-      const auto next_event = find_event(position_ + 1, size_);
-      skip(next_event ? next_event->offset : size_);
+      skip(find_event(position_ + 1, size_));
       continue;
     }
     skipping_ = false;
-    note_number(*event);
+    note_number(event->number);
     if (event->suspect) ++damage_.suspect_messages;
     position_ = event->end();
     release_behind();
@@ -304,54 +288,32 @@ std::optional<LogEvent> LogReader::event_at(std::uint64_t offset) const {
   return printable ? std::optional(event) : std::nullopt;
 }
 
-/// The first plausible event that begins in [from, before).
-std::optional<LogEvent> LogReader::find_event(std::uint64_t from, std::uint64_t before) const {
+/// Where the first plausible event begins in [from, before); `before` when there is none.
+std::uint64_t LogReader::find_event(std::uint64_t from, std::uint64_t before) const {
   const std::uint32_t sync = big_endian(sync_word);
   while (from < before) {
-    const void* found =
-        memmem(&bytes_[from], std::min(before + 3, size_) - from, &sync, sizeof sync);
-    if (found == nullptr) return std::nullopt;
+    // In pieces, each given back: the search may go over gigabytes.
+    const std::uint64_t end = std::min(before, from + release_bytes);
+    const void* found = memmem(&bytes_[from], std::min(end + 3, size_) - from, &sync, sizeof sync);
+    if (found == nullptr) {
+      release(from, end);
+      from = end;
+      continue;
+    }
     const auto offset =
         static_cast<std::uint64_t>(static_cast<const std::byte*>(found) - &bytes_[0]);
-    if (const auto event = event_at(offset)) return event;
+    if (event_at(offset)) return offset;
     from = offset + 1;
   }
-  return std::nullopt;
+  return before;
 }
 
-/// Whether an event `number` begins at `offset`, be it whole or not.
-bool LogReader::number_follows(std::uint64_t offset, std::int64_t number) const {
-  return size_ - offset >= 12 && get<std::uint32_t>(&bytes_[offset]) == sync_word &&
-         get<std::uint64_t>(&bytes_[offset + 4]) == static_cast<std::uint64_t>(number);
-}
-
-/// Whether `event`, which has damage beside it, spans events of its own log: then its lengths are
-/// damaged. A log within a message is not taken for that as long as its numbers do not fit and it
-/// ends with the message.
-bool LogReader::swallows_others(const LogEvent& event) {
+/// Whether the file ends after `event`, or the next one begins there, be it whole or not.
+bool LogReader::is_followed(const LogEvent& event) const {
   const std::uint64_t end = event.end();
-  const bool aligned = end == size_ || event_at(end);
-  const bool fits = could_follow(event, last_);
-  std::uint64_t from = event.offset + 1;
-  while (from < end && look_ahead_left_ != 0) {
-    const auto inner = find_event(from, end);
-    const std::uint64_t looked = (inner ? inner->offset + 1 : end) - from;
-    look_ahead_left_ -= std::min(look_ahead_left_, looked);
-    if (!inner) return false;
-    if (could_follow(*inner, event) || (!fits && could_follow(*inner, last_))) return true;
-    LogEvent link = *inner;
-    bool is_chain = false;
-    while (link.end() < end && number_follows(link.end(), link.number + 1)) {
-      const auto successor = event_at(link.end());
-      if (!successor) break;
-      link = *successor;
-      is_chain = true;
-    }
-    if (link.end() == end && number_follows(end, link.number + 1)) return true;
-    if (link.end() != end && (!aligned || (is_chain && link.end() > end))) return true;
-    from = link.offset + 1;
-  }
-  return false;
+  if (end == size_) return true;
+  return size_ - end >= 12 && get<std::uint32_t>(&bytes_[end]) == sync_word &&
+         get<std::uint64_t>(&bytes_[end + 4]) == static_cast<std::uint64_t>(event.number) + 1;
 }
 
 void LogReader::skip(std::uint64_t to) {
@@ -367,29 +329,26 @@ void LogReader::skip(std::uint64_t to) {
   release_behind();
 }
 
-void LogReader::note_number(const LogEvent& event) {
-  const std::int64_t expected = last_.number + 1;
-  std::int64_t number = event.number;
-  if (number != expected) {
-    const bool chained = number_follows(event.end(), number + 1);
-    if (number_follows(event.end(), expected + 1) ||
-        (!chained && !could_follow(event, last_) && number != 0)) {
-      ++damage_.wrong_numbers;
-      number = expected;
-    } else if (number > expected) {
-      damage_.missing_numbers += static_cast<std::uint64_t>(number - expected);
-    } else {
-      ++damage_.numbers_restarted;
-    }
+void LogReader::note_number(std::int64_t number) {
+  if (number <= number_) {
+    ++damage_.numbers_restarted;
+  } else {  // -1 stands before the first
+    damage_.missing_numbers += static_cast<std::uint64_t>(number) -
+                               static_cast<std::uint64_t>(number_) - 1;
   }
-  last_.number = number;
-  last_.offset = event.offset;
+  number_ = number;
+}
+
+/// Pages that have been read may go; they come back from the file should they be read again.
+void LogReader::release(std::uint64_t from, std::uint64_t to) const {
+  constexpr std::uint64_t page = 4096;
+  const std::uint64_t begin = (from + page - 1) / page * page, end = to / page * page;
+  if (begin < end) madvise(const_cast<std::byte*>(&bytes_[begin]), end - begin, MADV_DONTNEED);
 }
 
 void LogReader::release_behind() {
-  // Pages already read may go; they come back from the file should somebody look again.
   while (position_ - released_ >= 2 * release_bytes) {
-    madvise(const_cast<std::byte*>(&bytes_[released_]), release_bytes, MADV_DONTNEED);
+    release(released_, released_ + release_bytes);
     released_ += release_bytes;
   }
 }

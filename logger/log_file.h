@@ -31,12 +31,12 @@ class LogWriter {
   /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
   static constexpr std::chrono::milliseconds flush_interval{50};
 
-  /// @throw diagnostics::Failure(bad_usage) when the file exists (and `existing` is `refuse`), or
-  /// the directory is missing or not writable.
+  /// Does not follow a symbolic link. @throw diagnostics::Failure(bad_usage) when the file exists
+  /// (and `existing` is `refuse`), or the directory is missing or not writable.
   explicit LogWriter(std::filesystem::path path, Existing existing = Existing::refuse);
   LogWriter(const LogWriter&) = delete;
   LogWriter& operator=(const LogWriter&) = delete;
-  /// Flushes, silently; call `close` to hear of errors.
+  /// Flushes, silently; call `close` to have errors thrown.
   ~LogWriter();
 
   /// @param utime time stamp [us]
@@ -53,7 +53,8 @@ class LogWriter {
   /// Flushes, and waits until the disk has it.
   void sync();
 
-  /// The same, and closes.
+  /// The same, and closes. @throw diagnostics::Failure(bad_usage) also when the file was removed or
+  /// replaced meanwhile
   void close();
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
@@ -65,7 +66,6 @@ class LogWriter {
   void write_out(std::span<const std::byte> data);
   [[noreturn]] void fail(int error);
   void require_usable() const;
-  /// @throw diagnostics::Failure(bad_usage) when others have removed, replaced or cut the file
   void require_own_file();
 
   std::filesystem::path path_;
@@ -86,7 +86,7 @@ struct LogEvent {
   std::string_view channel;
   std::span<const std::byte> data;
   std::uint64_t offset = 0;  ///< of its first byte in the file
-  /// Damage follows: should the damage be in this event's own lengths, its data is not whole.
+  /// No event follows: should the damage be in this event's own lengths, its data is not whole.
   bool suspect = false;
 
   /// The offset of the byte after it.
@@ -110,21 +110,21 @@ struct Damage {
   std::vector<DamagedStretch> listed;   ///< the first `max_listed` of them
   std::uint64_t missing_numbers = 0;    ///< event numbers passed over
   std::uint64_t numbers_restarted = 0;  ///< event number went back (lcm-logger appending does that)
-  std::uint64_t wrong_numbers = 0;      ///< events whose number fits neither neighbour
   std::uint64_t suspect_messages = 0;   ///< delivered although damage follows them
 
   [[nodiscard]] bool any() const {
-    return stretches != 0 || missing_numbers != 0 || wrong_numbers != 0 || suspect_messages != 0;
+    return stretches != 0 || missing_numbers != 0 || suspect_messages != 0;
   }
 };
 
-/// Reads any LCM log, front to back, damaged or not. Each event whose bytes are undamaged is
-/// delivered, whatever surrounds it, short of a forgery; what is not an event is skipped and
-/// counted. The format has no checksum: damage inside a channel name, a time stamp or the data goes
-/// unnoticed here.
+/// Reads any LCM log, front to back, damaged or not: what is not an event is skipped, up to the next
+/// sync word with lengths and a channel name that can be, and counted. An event that is not followed
+/// by the next one, but holds the beginning of another, is not believed: its lengths are damaged.
+/// The format has no checksum: damage inside a channel name, a time stamp or the data goes unnoticed
+/// here.
 ///
-/// The file is mapped, not loaded. It must not be cut short by others meanwhile; growth is not
-/// followed.
+/// The file is mapped, not loaded: memory stays bounded, whatever its size. It must not be cut short
+/// by others meanwhile; growth is not followed.
 class LogReader {
  public:
   /// @throw diagnostics::Failure(bad_usage) when `path` is not a readable regular file.
@@ -145,11 +145,11 @@ class LogReader {
     void operator()(const std::byte* bytes) const;
   };
   [[nodiscard]] std::optional<LogEvent> event_at(std::uint64_t offset) const;
-  [[nodiscard]] std::optional<LogEvent> find_event(std::uint64_t from, std::uint64_t before) const;
-  [[nodiscard]] bool number_follows(std::uint64_t offset, std::int64_t number) const;
-  [[nodiscard]] bool swallows_others(const LogEvent& event);
+  [[nodiscard]] std::uint64_t find_event(std::uint64_t from, std::uint64_t before) const;
+  [[nodiscard]] bool is_followed(const LogEvent& event) const;
   void skip(std::uint64_t to);
-  void note_number(const LogEvent& event);
+  void note_number(std::int64_t number);
+  void release(std::uint64_t from, std::uint64_t to) const;
   void release_behind();
 
   std::filesystem::path path_;
@@ -157,9 +157,8 @@ class LogReader {
   std::uint64_t size_ = 0;
   std::uint64_t position_ = 0;
   std::uint64_t released_ = 0;
-  std::uint64_t look_ahead_left_ = 0;  // [bytes]
-  bool skipping_ = false;              // the last stretch is still growing
-  LogEvent last_;                      // number and offset alone
+  bool skipping_ = false;       // the last stretch is still growing
+  std::int64_t number_ = -1;    // of the last event
   Damage damage_;
 };
 

@@ -21,9 +21,6 @@ namespace {
 
 // Ticks held at once: those waited for, and as many ahead of them.
 constexpr std::int64_t num_held = 2 * RunLog::window;
-// Messages farther ahead that are kept until another one bears them out: a damaged tick number
-// must not make the window run away from the ticks that follow.
-constexpr std::size_t max_ahead = 64;
 
 std::int64_t tick_of(const LogEvent& event) { return bus::stamp_of(event.data).tick; }
 
@@ -180,12 +177,9 @@ class RunLog::Window {
         take(*event);
       } else if (at_end_ = true; newest_ >= base_) {
         release_below_ = newest_ + 1;
-      } else if (!ahead_.empty()) {
-        // Nothing comes before what is ahead any more.
-        release_below_ = tick_of(std::ranges::min(ahead_, {}, tick_of));
-        admit_ahead();
       } else {
         if (!std::exchange(finished_, true)) {
+          if (ahead_) ++summary_.wrong_tick;
           for (const Slot slot : loop::all_slots) count_missing(slot, summary_.last_tick + 1);
         }
         return false;
@@ -220,7 +214,7 @@ class RunLog::Window {
   /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
   [[nodiscard]] bool has_begun(const HeldTick& held) const {
     const std::int64_t tick = held.record.tick;
-    return !at_end_ || !ready_.empty() || !ahead_.empty() || tick != newest_ ||
+    return !at_end_ || !ready_.empty() || tick != newest_ ||
            summary_.last_tick < 0 || summary_.last_tick != tick - 1 || held.num_messages != 1 ||
            !held.record.reference;
   }
@@ -307,32 +301,20 @@ class RunLog::Window {
     return std::abs(static_cast<double>(stamp.utime) - t_us) <= 1;
   }
 
+  /// A message farther ahead than the window reaches. A damaged tick number must not make the window
+  /// run away from the ticks that follow: unless its time bears it out, it takes two that agree.
   void keep_ahead(const LogEvent& event) {
     const std::int64_t tick = tick_of(event);
-    for (const LogEvent& other : ahead_) {
-      const std::int64_t other_tick = tick_of(other);
-      if (std::abs(other_tick - tick) < window &&
-          (other_tick != tick || other.channel != event.channel)) {
-        // Two agree: the log does go on there.
-        release_below_ = std::max(release_below_, std::max(other_tick, tick) - window);
-        ahead_.push_back(event);
-        admit_ahead();
-        return;
-      }
+    const bool agree = ahead_ && std::abs(tick_of(*ahead_) - tick) < window &&
+        (tick_of(*ahead_) != tick || ahead_->channel != event.channel);
+    if (!agree && described_.scenario.loop.mode != experiment::Mode::lockstep) {
+      if (ahead_) ++summary_.wrong_tick;
+      ahead_ = event;
+      return;
     }
-    if (ahead_.size() == max_ahead) {
-      ahead_.pop_front();
-      ++summary_.wrong_tick;
-    }
-    ahead_.push_back(event);
-  }
-
-  /// Looks at the messages ahead again, once what is below `release_below_` is handed out.
-  void admit_ahead() {
-    std::stable_sort(ahead_.begin(), ahead_.end(),
-                     [](const LogEvent& a, const LogEvent& b) { return tick_of(a) < tick_of(b); });
-    ready_.insert(ready_.end(), ahead_.begin(), ahead_.end());
-    ahead_.clear();
+    release_below_ = std::max(release_below_, tick - window);
+    if (agree) ready_.push_back(*std::exchange(ahead_, std::nullopt));
+    ready_.push_back(event);
   }
 
   void note_fault(const loop::Stamp& stamp, const loop::Participant& who) {
@@ -374,7 +356,8 @@ class RunLog::Window {
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
   std::int64_t newest_ = -1;        // highest tick that is held
-  std::deque<LogEvent> ahead_, ready_;
+  std::optional<LogEvent> ahead_;  // a message beyond the window, until another one agrees
+  std::deque<LogEvent> ready_;     // to be taken once what is below `release_below_` is handed out
   bool at_end_ = false;  // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, loop::num_slots> last_seen_{};

@@ -68,6 +68,14 @@ TEST(Text, CsvFieldIsQuotedOnlyWhereItHasToBe) {
   EXPECT_EQ(csv_field("say \"a\"\n"), "\"say \"\"a\"\"\n\"");
 }
 
+TEST(Text, CsvFieldIsNoFormula) {
+  EXPECT_EQ(csv_field("=HYPERLINK(1)"), "'=HYPERLINK(1)");
+  EXPECT_EQ(csv_field("+a,b"), "\"'+a,b\"");
+  EXPECT_EQ(csv_field("@a"), "'@a");
+  EXPECT_EQ(csv_field("-a"), "'-a");
+  for (const char* number : {"-1", "-0.5e-3", "-inf"}) EXPECT_EQ(csv_field(number), number);
+}
+
 TEST(Text, PrintableKeepsUtf8AndReplacesTheRest) {
   EXPECT_EQ(printable("plain"), "plain");
   EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");
