@@ -210,9 +210,8 @@ TEST_F(Export, KeepsAnExistingFileUnlessForced) {
 
 TEST_F(Export, RefusesWhatItCannotWrite) {
   const auto bytes = short_rigid_run().bytes();
-  for (const auto& [name, problem] :
-       {std::pair{"run.xls", "end its name in .csv"}, {"absent/run.csv", "absent/run.csv"}}) {
-    EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / name); }), HasSubstr(problem));
+  for (const auto* name : {"run.xls", "absent/run.csv"}) {
+    EXPECT_THAT(failure_of([&] { run(bytes, directory_.path() / name); }), HasSubstr(name));
   }
 }
 
