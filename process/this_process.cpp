@@ -65,11 +65,10 @@ sockaddr ipv4(const char* text) {
 
 }  // namespace
 
-const std::atomic<bool>& catch_interruptions(int flags) {
+const std::atomic<bool>& catch_interruptions() {
   struct sigaction action {};
   action.sa_handler = [](int /*signal*/) { interrupted = true; };
   sigemptyset(&action.sa_mask);
-  action.sa_flags = flags;
   const auto handle = [&](int signal) {
     if (sigaction(signal, &action, nullptr) != 0) throw std::logic_error("sigaction failed");
   };
@@ -80,6 +79,11 @@ const std::atomic<bool>& catch_interruptions(int flags) {
   }
   for (int signal = SIGRTMIN; signal <= SIGRTMAX; ++signal) handle(signal);
   return interrupted;
+}
+
+void set_idle_priority() {
+  const sched_param none{};
+  [[maybe_unused]] const int refused = sched_setscheduler(0, SCHED_IDLE, &none);
 }
 
 void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }

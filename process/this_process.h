@@ -9,10 +9,12 @@ namespace tachless::process {
 
 /// From now on every signal that would end the process, can be handled and is not the report of an
 /// error in the program (SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGUSR1, … and the
-/// real-time signals) sets the flag that is returned. A waiting system call ends early, or with
-/// `flags` SA_RESTART continues where it can (poll ends in any case): for libraries that do not
-/// handle an interrupted write.
-const std::atomic<bool>& catch_interruptions(int flags = 0);
+/// real-time signals) sets the flag that is returned. A waiting system call ends early.
+const std::atomic<bool>& catch_interruptions();
+
+/// Gives this thread, and every one that it starts from now on, the scheduling class SCHED_IDLE: it
+/// runs where no other process wants the processor. Failure is harmless, and not reported.
+void set_idle_priority();
 
 /// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG instead of
 /// ending the process.

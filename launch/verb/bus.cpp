@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -25,8 +26,6 @@
 #include "monitor/watch.h"
 #include "node/options.h"
 #include "process/child.h"
-#include "process/display.h"
-#include "process/process_tree.h"
 #include "process/this_process.h"
 
 namespace tachless::launch {
@@ -82,7 +81,7 @@ struct Watch {
     const std::atomic<bool>& interrupted = process::catch_interruptions();
     const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
     const auto transport = join(url);
-    process::set_idle_priority(getpid());
+    process::set_idle_priority();
     transport->subscribe_all();
     monitor::BusMonitor monitor;
     monitor::Listener listener(*transport, monitor, interrupted);
@@ -138,8 +137,10 @@ struct Spy {
 
   [[nodiscard]] ExitCode run() const {
     const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
-    if (const auto problem = process::display_problem()) {
-      refuse(fmt::format("{}, or see the same in a terminal: tachless watch", *problem));
+    const char* const display = std::getenv("DISPLAY");
+    if (display == nullptr || *display == '\0') {
+      refuse("no display: DISPLAY is not set; log in at a desktop or with ssh -X, or use a terminal: "
+             "tachless watch");
     }
     if (const auto problem = bus::check_network(url)) {
       refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));

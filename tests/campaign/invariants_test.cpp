@@ -132,6 +132,28 @@ TEST(Invariants, SayThatTheLogDoesNotEndWithTheFaultThoughTheLoggerLives) {
   EXPECT_THAT(violations(evidence), IsEmpty());
 }
 
+TEST(Invariants, SayThatAnOutsiderFillsTheDiskOrNamesSomethingInTheLog) {
+  Evidence evidence = good();
+  evidence.clean_log_bytes = 1000;
+  evidence.log_bytes = 1000 + most_foreign_log_bytes;
+  EXPECT_THAT(violations(evidence), IsEmpty());
+  ++evidence.log_bytes;
+  EXPECT_THAT(violations(evidence),
+              ElementsAre("the log has 1049577 bytes, the clean one 1000"));
+  evidence = failed();
+  // No codec encodes such a name: a space in its place becomes an escape afterwards.
+  bus::Codec<loop::Participant> codec(loop::Layout{});
+  loop::Participant who;
+  who.law = "a law";
+  const auto bytes = codec.encode({0, 7, 1}, who);
+  std::string data(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  evidence.log.insert(evidence.log.end() - 1, {"ARM_PARTICIPANT", 1, data});
+  EXPECT_EQ(the_log_has_sound_names(evidence), "");
+  data[data.find("a law") + 1] = '\x1b';
+  evidence.log[evidence.log.size() - 2].data = data;
+  EXPECT_THAT(the_log_has_sound_names(evidence), HasSubstr("control characters"));
+}
+
 TEST(Invariants, SayThatTheRobotMovesUnrecordedOrThatARoundTakesTooLong) {
   Evidence evidence = failed();
   evidence.plan.pace = Pace::realtime;

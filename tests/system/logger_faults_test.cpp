@@ -16,7 +16,6 @@
 #include "bus/truth/truth_wire.h"
 #include "bus/udp_transport.h"
 #include "logger/run_log.h"
-#include "process/process_tree.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
 #include "tests/system/four_programs.h"
@@ -106,7 +105,7 @@ TEST_P(AFullDisk, EndsTachlessRunWithinTwoSecondsAndKeepsWhatHasRoom) {
   const auto told = Clock::now();
   // The four programs; the log's figures are drawn after them.
   const auto are_there = [&] {
-    return std::ranges::any_of(process::children_of(run.pid()), [](pid_t pid) {
+    return std::ranges::any_of(support::children_of(run.pid()), [](pid_t pid) {
       return support::program_of(pid).starts_with("tachless-");
     });
   };

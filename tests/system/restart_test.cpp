@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "logger/run_log.h"
-#include "process/process_tree.h"
 #include "tests/support/packet_loss.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
@@ -79,7 +78,7 @@ class Launched {
 
   /// The launcher's child that runs this program; 0: none.
   [[nodiscard]] pid_t find(const std::string& program) const {
-    for (const pid_t pid : process::children_of(run_.pid())) {
+    for (const pid_t pid : support::children_of(run_.pid())) {
       if (support::program_of(pid) == program) return pid;
     }
     return 0;

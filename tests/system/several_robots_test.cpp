@@ -17,9 +17,9 @@
 #include <vector>
 
 #include "logger/run_log.h"
-#include "process/process_tree.h"
 #include "tests/support/packet_loss.h"
 #include "tests/support/private_network.h"
+#include "tests/support/process_facts.h"
 #include "tests/support/program.h"
 #include "tests/system/four_programs.h"
 
@@ -99,7 +99,7 @@ class SeveralRobots : public ::testing::Test {
   /// Kills the robot's process of that program: it was given the robot's scenario.
   static void kill_process(const Program& launcher, const std::string& program,
                            const std::string& robot) {
-    for (const pid_t pid : process::children_of(launcher.pid())) {
+    for (const pid_t pid : support::children_of(launcher.pid())) {
       const std::string command = contents(fs::path("/proc") / std::to_string(pid) / "cmdline");
       if (command.find(program) == std::string::npos ||
           command.find("/" + robot + ".yaml") == std::string::npos) {
