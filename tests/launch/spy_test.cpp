@@ -12,13 +12,28 @@
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
 #include "tests/support/shell.h"
-#include "tests/support/virtual_display.h"
 
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+
+/// An X server without a screen, DISPLAY of this process and its children.
+class VirtualDisplay {
+ public:
+  explicit VirtualDisplay(const TemporaryDirectory& directory)
+      : server_("Xvfb", {"-displayfd", "1", "-nolisten", "tcp", "-noreset"}, directory.path()) {
+    wait_until("the X server", [&] {
+      if (!server_.running()) throw std::runtime_error("Xvfb: " + server_.errors());
+      return server_.output().find('\n') != std::string::npos;
+    });
+    setenv("DISPLAY", (":" + std::to_string(std::stoi(server_.output()))).c_str(), 1);
+  }
+
+ private:
+  Program server_;
+};
 
 TEST(Spy, ItsJarHoldsAClassForEveryMessageType) {
   const auto listed =

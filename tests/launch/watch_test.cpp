@@ -21,7 +21,6 @@
 #include "tests/launch/endless_run.h"
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
-#include "tests/support/virtual_display.h"
 
 using namespace tachless;
 

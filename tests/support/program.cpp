@@ -107,3 +107,10 @@ void wait_until(const std::string& what, const std::function<bool()>& is_so,
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
 }
+
+std::string output_of(const std::string& program, const std::vector<std::string>& arguments,
+                      const TemporaryDirectory& directory) {
+  Program tool(program, arguments, directory.path());
+  if (tool.wait() != 0) throw std::runtime_error(program + ": " + tool.errors());
+  return tool.output();
+}

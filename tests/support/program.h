@@ -48,6 +48,10 @@ class Program {
 
 std::string contents(const std::filesystem::path& path);
 
+/// The stdout of a program. @throw std::runtime_error with its stderr when it fails.
+std::string output_of(const std::string& program, const std::vector<std::string>& arguments,
+                      const TemporaryDirectory& directory);
+
 /// Looks until it is so. @throw std::runtime_error naming what was waited for after `limit`.
 void wait_until(const std::string& what, const std::function<bool()>& is_so,
                 std::chrono::seconds limit = std::chrono::seconds(120));

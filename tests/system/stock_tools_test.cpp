@@ -21,7 +21,6 @@
 #include "logger/log_file.h"
 #include "tests/support/private_network.h"
 #include "tests/support/program.h"
-#include "tests/support/virtual_display.h"
 
 using namespace tachless;
 
