@@ -58,7 +58,7 @@ void Peer(benchmark::State& bench) {
   plant::ArmOptions options;
   if (bench.range(0) == 2) options.mechanics = plant::Mechanics::native;
   plant::Arm arm(robot, options, start(robot.num_joints));
-  BareSimbody bare(robot, 0.3, 0.5, options.integrator.accuracy);
+  BareSimbody bare(robot, 0.3, 0.5, options.accuracy);
   // They compute the same: two integrators of accuracy 1e-9, ten ticks.
   std::int64_t k = 0;
   const auto advance = [&](bool mine, bool other) {

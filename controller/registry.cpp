@@ -65,22 +65,6 @@ void require_known_gains(const experiment::Scenario& scenario, const LawFacts& f
   }
 }
 
-void require_encoders(const experiment::Scenario& scenario, const LawFacts& law) {
-  if (!scenario.robot.flexible) {
-    return;  // a rigid robot has one angle per joint, whatever side it is read on
-  }
-  const plant::EncoderSide side = scenario.plant.encoder.side;
-  if ((law.reads_links && side == plant::EncoderSide::motor) ||
-      (law.reads_motors && side == plant::EncoderSide::link)) {
-    std::string allowed = "both";
-    if (!law.reads_links) allowed += " or motor";
-    if (!law.reads_motors) allowed += " or link";
-    throw scenario.complaint(
-        "plant.encoder.side",
-        fmt::format("{}; allowed with law {}: {}", schema::name_of(side), law.name, allowed));
-  }
-}
-
 /// The robot that the law takes the plant for; in the plant's gravity.
 robot::Model known_model(const experiment::Scenario& scenario) {
   robot::Model model = scenario.believed_model ? *scenario.believed_model : *scenario.model;
@@ -166,7 +150,9 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
                     "need derivatives beyond snap; allowed: none",
                     law.name));
   }
-  require_encoders(scenario, law);
+  if (scenario.robot.flexible) {
+    experiment::require_encoders(scenario, law.reads_links, law.reads_motors);
+  }
   require_known_gains(scenario, law);
 }
 

@@ -138,22 +138,16 @@ void require_positive_inertia(const Scenario& scenario, const std::string& key, 
   }
 }
 
-/// Simbody refuses inertias that no body can have, and its integrators do not find where a joint
-/// begins to stick: without a choice the native mechanics take over.
+/// Simbody refuses inertias that no body can have: without a choice the native mechanics take over.
 void require_mechanics_for(robot::Model& model, Scenario& scenario) {
-  const bool possible = robot::is_possible(model);
-  if (possible && !scenario.plant.drive.dry_friction()) return;
-  const std::string why = possible ? "does not model plant.drive.coulomb_friction_Nm"
-                                   : "refuses the inertias that robot.check_inertia lets pass";
-  if (scenario.gives("plant.mechanics") && scenario.plant.mechanics == plant::Mechanics::simbody) {
-    throw scenario.complaint("plant.mechanics", "simbody: it {}; allowed: native", why);
+  if (robot::is_possible(model)) return;
+  const std::string why = "refuses the inertias that robot.check_inertia lets pass";
+  const bool chosen = scenario.gives("plant.mechanics");
+  if (chosen && scenario.plant.mechanics == plant::Mechanics::simbody) {
+    throw scenario.complaint("plant.mechanics", "simbody: it " + why + "; allowed: native");
   }
   scenario.plant.mechanics = plant::Mechanics::native;
-  if (const auto refused = scenario.plant.refusal()) {
-    throw scenario.complaint("plant." + refused->key, refused->problem);
-  }
-  if (scenario.gives("plant.mechanics")) return;
-  model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
+  if (!chosen) model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
 }
 
 Scenario read_scenario(const YamlNode& root, const Description& plant, const Description& believed,

@@ -274,4 +274,8 @@ robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides);
 /// @throw Failure(bad_usage) when a prismatic joint has a resolution but no range.
 robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model);
 
+/// Checks that the robot has the encoders of a law that measures links, motors or both.
+/// @throw Failure(bad_usage) naming the key and what is allowed.
+void require_encoders(const Scenario& scenario, bool on_links, bool on_motors);
+
 }  // namespace tachless::experiment

@@ -129,4 +129,20 @@ robot::Vector encoder_count(const Scenario& scenario, const robot::Model& model)
   return count;
 }
 
+void require_encoders(const Scenario& scenario, bool on_links, bool on_motors) {
+  const std::string& law = scenario.controller.law;
+  if (!scenario.robot.flexible) {  // one position per joint, whichever side its encoder is on
+    if (!on_motors) return;
+    throw scenario.complaint("robot.joints",
+                             "rigid, but law {} measures motor positions; allowed: flexible", law);
+  }
+  const plant::EncoderSide side = scenario.plant.encoder.side;
+  const bool missing = (on_links && side == plant::EncoderSide::motor) ||
+                       (on_motors && side == plant::EncoderSide::link);
+  if (!missing) return;
+  throw scenario.complaint("plant.encoder.side", "{}; allowed with law {}: both{}{}",
+                           schema::name_of(side), law, on_links ? "" : " or motor",
+                           on_motors ? "" : " or link");
+}
+
 }  // namespace tachless::experiment

@@ -87,17 +87,12 @@ experiment::Scenario checked_scenario(const RunOptions& options) {
   plant::initial_state(scenario, model);
   plant::make_drive(scenario, model);
   require_fitting_mode(options, scenario);
-  const double steps = plant::integrator_steps_per_tick(scenario, model);
-  if (steps > many_integrator_steps && !options.quiet) {
-    const auto joint = plant::stiff_friction(scenario, model, many_integrator_steps);
+  const plant::StiffestJoint stiffest = plant::stiffest_joint(scenario, model);
+  if (stiffest.steps > many_integrator_steps && !options.quiet) {
     diagnostics::log_warning(
-        "{}: the joints are stiff for this period: about {} integrator steps a tick; expect a slow "
-        "run{}",
-        scenario.source, std::llround(steps),
-        joint ? fmt::format("; the viscous friction of {} is out of proportion to its inertia: "
-                            "plant.drive.viscous_friction_Nms_per_rad gives it another",
-                            robot::joint_labels(model).joint(*joint))
-              : "");
+        "{}: {}: {} is stiff for this period: about {} integrator steps a tick; expect a slow run",
+        scenario.source, stiffest.key, robot::joint_labels(model).joint(stiffest.joint),
+        std::llround(stiffest.steps));
   }
   return scenario;
 }

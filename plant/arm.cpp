@@ -4,201 +4,141 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numbers>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 
 #include "diagnostics/text.h"
-#include "plant/arm_mechanics.h"
-#include "plant/encoder.h"
-#include "robot/kinematics.h"
 
 namespace tachless::plant {
 namespace {
 
-constexpr double never = std::numeric_limits<double>::infinity();
-/// Of the encoders' noise, other channels.
-constexpr std::uint32_t noise_channel = 16;
+/// Merson's method with its error estimate (Hairer, Norsett, Wanner, Solving ODEs I, II.4):
+/// k_i = f(y + h sum_j a_ij k_j), y+ = y + h sum_i b_i k_i, error = h sum_i e_i k_i = O(h^5).
+constexpr int error_order = 5;
+constexpr double a[5][4] = {
+    {}, {1. / 3}, {1. / 6, 1. / 6}, {1. / 8, 0, 3. / 8}, {1. / 2, 0, -3. / 2, 2}};
+constexpr double b[5] = {1. / 6, 0, 0, 4. / 6, 1. / 6};
+// A fifth of the difference to the last stage's argument.
+constexpr double e[5] = {(1. / 6 - 1. / 2) / 5, 0, (3. / 2) / 5, (4. / 6 - 2) / 5, (1. / 6) / 5};
+
+/// From one step to the next.
+constexpr double max_growth = 5;
+/// Steps of one `advance` beyond which it gives up.
+constexpr int max_steps = 20000;
 
 void require_size(const robot::Vector& x, Eigen::Index num_joints) {
   if (x.size() != num_joints) throw std::logic_error("plant::Arm: wrong number of joints");
 }
 
-Coordinates joined(const robot::Vector& of_links, const robot::Vector& of_motors) {
-  Coordinates all(of_links.size() + of_motors.size());
-  all << of_links, of_motors;
-  return all;
+DryFriction friction_of(const DriveSpec& drive) {
+  if (!drive.dry_friction()) return {};
+  return {drive.coulomb_friction_Nm, drive.static_friction_Nm.value_or(drive.coulomb_friction_Nm),
+          drive.stribeck_velocity_rad_per_s};
 }
 
 }  // namespace
 
-Disturbances::Disturbances(const std::vector<DisturbanceSpec>& specs, double period_s,
-                           const robot::Model& model)
-    : model_(model), period_s_(period_s) {
-  for (const DisturbanceSpec& spec : specs) {
-    const auto& names = model.joint_names;
-    const auto joint = std::find(names.begin(), names.end(), spec.joint) - names.begin();
-    sources_.push_back({&spec, spec.joint.empty() ? -1 : static_cast<int>(joint)});
-  }
-}
-
-double Disturbances::next_jump(double from_s, double until_s) const {
-  // Start and end are sums of decimals as ticks are: what is nearer than that is the same.
-  const double same_s = 1e-9 * period_s_;
-  double next_s = until_s;
-  for (const Source& source : sources_) {
-    for (const double jump_s : {source.spec->start_s, source.spec->end_s.value_or(never)}) {
-      if (jump_s > from_s + same_s && jump_s < next_s - same_s) next_s = jump_s;
-    }
-  }
-  return next_s;
-}
-
-void Disturbances::choose(double from_s, double until_s) {
-  const double middle_s = from_s + (until_s - from_s) / 2;
-  const auto tick = static_cast<std::int64_t>(middle_s / period_s_);
-  for (std::size_t i = 0; i < sources_.size(); ++i) {
-    Source& source = sources_[i];
-    const DisturbanceSpec& spec = *source.spec;
-    source.active = spec.start_s <= middle_s && middle_s < spec.end_s.value_or(never);
-    if (!source.active || spec.shape != DisturbanceShape::noise) continue;
-    source.noise = standard_normal(spec.seed, tick, noise_channel, static_cast<std::uint32_t>(i));
-  }
-}
-
-void Disturbances::add(double time_s, const double* q, robot::Vector& tau) const {
-  using std::numbers::pi;
-  for (const Source& source : sources_) {
-    if (!source.active) continue;
-    const DisturbanceSpec& spec = *source.spec;
-    const double since_s = time_s - spec.start_s;
-    double value = 1;
-    switch (spec.shape) {
-      case DisturbanceShape::constant:
-        break;
-      case DisturbanceShape::pulse:
-        value = std::sin(pi * since_s / (*spec.end_s - spec.start_s));
-        break;
-      case DisturbanceShape::sinusoid:
-        value = std::sin(2 * pi * spec.frequency_hz * since_s + spec.phase_rad);
-        break;
-      case DisturbanceShape::noise:
-        value = source.noise;
-        break;
-    }
-    if (source.joint >= 0) {
-      tau[source.joint] += value * *spec.torque_Nm;
-      continue;
-    }
-    const Eigen::Vector3d point(spec.point_m.data()), force(spec.force_N->data());
-    tau += robot::force_torque(model_, model_.frames.at(spec.link), point, value * force,
-                               Eigen::Map<const robot::Vector>(q, model_.num_joints));
-  }
-}
-
-robot::Vector Disturbances::at(double time_s, const robot::Vector& q) {
-  choose(time_s, next_jump(time_s, time_s + period_s_));
-  robot::Vector tau = robot::Vector::Zero(model_.num_joints);
-  add(time_s, q.data(), tau);
-  return tau;
-}
-
-ArmMechanics::ArmMechanics(const robot::Model& model, const ArmOptions& options,
-                           const ArmState& initial)
-    : tau(robot::Vector::Zero(model.num_joints)),
-      x(joined(initial.q, initial.theta)),
-      xdot(joined(initial.v, initial.thetadot)),
-      now_s(options.start_s),
+Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
+    : num_joints_(model.num_joints),
+      accuracy_(options.accuracy),
       flexible_(options.flexible != nullptr),
-      disturbances_(options.disturbances) {
-  const int n = model.num_joints;
-  const auto or_zero = [&](const robot::Vector& given) { return given.size() == 0 ? tau : given; };
+      dry_friction_(friction_of(options.drive)),
+      disturbances_(options.disturbances),
+      tau_(robot::Vector::Zero(model.num_joints)),
+      now_s_(options.start_s) {
+  const Eigen::Index n = num_joints_, num_motors = flexible_ ? n : 0;
+  require_size(initial.q, n);
+  require_size(initial.v, n);
+  require_size(initial.theta, num_motors);
+  require_size(initial.thetadot, num_motors);
+  const auto or_zero = [&](const robot::Vector& given) { return given.size() == 0 ? tau_ : given; };
   rigid_rotor_inertia_ = or_zero(model.rotor_inertia);
-  friction_ = or_zero(options.drive.viscous_friction_Nms_per_rad);
+  viscous_friction_ = or_zero(options.drive.viscous_friction_Nms_per_rad);
   require_size(rigid_rotor_inertia_, n);
-  require_size(friction_, n);
-  if (!flexible_) return;
-  K_ = options.flexible->stiffness;
-  J_ = options.flexible->rotor_inertia;
-  motor_damping_ = or_zero(options.flexible->motor_damping);
-  if (K_.size() != n || J_.size() != n || motor_damping_.size() != n || !(J_.array() > 0).all()) {
-    throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
+  require_size(viscous_friction_, n);
+  if (flexible_) {
+    K_ = options.flexible->stiffness;
+    J_ = options.flexible->rotor_inertia;
+    motor_damping_ = or_zero(options.flexible->motor_damping);
+    if (K_.size() != n || J_.size() != n || motor_damping_.size() != n || !(J_.array() > 0).all()) {
+      throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
+    }
   }
+  x_.resize(n + num_motors);
+  x_ << initial.q, initial.theta;
+  xdot_.resize(x_.size());
+  xdot_ << initial.v, initial.thetadot;
+  xddot_.resize(x_.size());
+  rate_.fill(xddot_);
+  acceleration_.fill(xddot_);
+  links_ = options.mechanics == Mechanics::native ? native_multibody(model)
+                                                  : simbody_multibody(model);
 }
 
-void ArmMechanics::accelerate(double time_s, const double* at_x, const double* at_xdot,
-                              double* xddot) {
-  const Eigen::Index n = tau.size();
-  const Links links = evaluate(at_x, at_xdot);
-  rhs_ = -links.bias;
+ArmState Arm::state() const {
+  const Eigen::Index num_motors = x_.size() - num_joints_;
+  return {x_.head(num_joints_), xdot_.head(num_joints_), x_.tail(num_motors),
+          xdot_.tail(num_motors)};
+}
+
+/// The right-hand side: accelerations of (q, theta) at a time, a position and a velocity.
+void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdot,
+                     Coordinates& xddot) {
+  const Eigen::Index n = num_joints_;
+  q_ = x.head(n);
+  v_ = xdot.head(n);
+  const Multibody::Terms links = links_->evaluate(q_, v_);
+  load_ = -links.bias;
   for (Eigen::Index i = 0; i < n; ++i) {
     links.M(i, i) += rigid_rotor_inertia_[i];
-    rhs_[i] -= friction_[i] * at_xdot[i];
+    load_[i] -= viscous_friction_[i] * v_[i];
     if (flexible_) {
-      const double spring = K_[i] * (at_x[n + i] - at_x[i]);
-      rhs_[i] += spring;
-      xddot[n + i] = (tau[i] - spring - motor_damping_[i] * at_xdot[n + i]) / J_[i];
+      const double spring = K_[i] * (x[n + i] - q_[i]);
+      load_[i] += spring;
+      xddot[n + i] = (tau_[i] - spring - motor_damping_[i] * xdot[n + i]) / J_[i];
     } else {
-      rhs_[i] += tau[i];
+      load_[i] += tau_[i];
     }
   }
-  if (disturbances_ != nullptr) disturbances_->add(time_s, at_x, rhs_);
-  solve(at_xdot, rhs_);
-  for (Eigen::Index i = 0; i < n; ++i) xddot[i] = rhs_[i];
+  if (disturbances_ != nullptr) disturbances_->add(time_s, q_, load_);
+  dry_friction_.solve(links.M, v_.data(), load_);
+  xddot.head(n) = load_;
 }
 
-Coordinates ArmMechanics::acceleration() {
-  Coordinates xddot(x.size());
-  accelerate(now_s, x.data(), xdot.data(), xddot.data());
-  return xddot;
+/// Which joints stick from now on.
+void Arm::choose_sticking() {
+  if (!dry_friction_.present()) return;
+  dry_friction_.stick(xdot_.data());
+  accelerate(now_s_, x_, xdot_, xddot_);
+  dry_friction_.release();
 }
 
-Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial)
-    : state_(initial), disturbances_(options.disturbances) {
-  const int num_motors = options.flexible != nullptr ? model.num_joints : 0;
-  if (initial.q.size() != model.num_joints || initial.v.size() != model.num_joints ||
-      initial.theta.size() != num_motors || initial.thetadot.size() != num_motors) {
-    throw std::logic_error("plant::Arm: initial state has the wrong number of joints");
-  }
-  mechanics_ = options.mechanics == Mechanics::native ? native_arm(model, options, initial)
-                                                      : simbody_arm(model, options, initial);
-}
-Arm::~Arm() = default;
-Arm::Arm(Arm&&) noexcept = default;
-Arm& Arm::operator=(Arm&&) noexcept = default;
-
-std::int64_t Arm::integrator_steps() const { return mechanics_->steps(); }
-
-ArmAcceleration Arm::acceleration(const robot::Vector& tau) const {
-  require_size(tau, state_.q.size());
-  const robot::Vector held = std::exchange(mechanics_->tau, tau);
-  const Coordinates xddot = mechanics_->acceleration();
-  mechanics_->tau = held;
-  return {xddot.head(state_.q.size()), xddot.tail(state_.theta.size())};
+ArmAcceleration Arm::acceleration(const robot::Vector& tau) {
+  require_size(tau, num_joints_);
+  const DryFriction friction = dry_friction_;
+  const robot::Vector held = std::exchange(tau_, tau);
+  choose_sticking();
+  accelerate(now_s_, x_, xdot_, xddot_);
+  tau_ = held;
+  dry_friction_ = friction;
+  return {xddot_.head(num_joints_), xddot_.tail(x_.size() - num_joints_)};
 }
 
 void Arm::advance(const robot::Vector& tau, double time_s) {
-  require_size(tau, state_.q.size());
-  const double from_s = mechanics_->now_s;
+  require_size(tau, num_joints_);
+  const double from_s = now_s_;
   if (!(time_s > from_s)) throw std::logic_error("plant::Arm: time must move forward");
-  mechanics_->tau = tau;
+  tau_ = tau;
   try {
-    while (mechanics_->now_s < time_s) {
+    while (now_s_ < time_s) {
       double end_s = time_s;
       if (disturbances_ != nullptr) {
-        end_s = disturbances_->next_jump(mechanics_->now_s, time_s);
-        disturbances_->choose(mechanics_->now_s, end_s);
+        end_s = disturbances_->next_jump(now_s_, time_s);
+        disturbances_->choose(now_s_, end_s);
       }
-      mechanics_->advance(end_s);
+      integrate(end_s);
     }
-    const auto& [x, xdot] = std::tie(mechanics_->x, mechanics_->xdot);
-    state_.q = x.head(state_.q.size());
-    state_.v = xdot.head(state_.q.size());
-    state_.theta = x.tail(state_.theta.size());
-    state_.thetadot = xdot.tail(state_.theta.size());
-    if (!(x.allFinite() && xdot.allFinite())) throw std::runtime_error("the state is not finite");
+    if (!(x_.allFinite() && xdot_.allFinite())) throw std::runtime_error("the state is not finite");
   } catch (const std::logic_error&) {
     throw;
   } catch (const std::exception& error) {
@@ -211,9 +151,120 @@ void Arm::advance(const robot::Vector& tau, double time_s) {
   }
 }
 
+/// To an instant before which no torque jumps.
+void Arm::integrate(double end_s) {
+  if (step_s_ == 0) step_s_ = end_s - now_s_;
+  choose_sticking();
+  for (int taken = 0; now_s_ < end_s; ++taken) {
+    if (taken >= max_steps) {
+      throw std::runtime_error(fmt::format("more than {} integrator steps", max_steps));
+    }
+    take_step(end_s);
+  }
+}
+
+/// One accepted or refused step, to `end_s` at most.
+void Arm::take_step(double end_s) {
+  // The end of the interval cuts a step short; what was found about its length stays.
+  const bool last = now_s_ + step_s_ * (1 + 1e-12) >= end_s;
+  const double h = last ? end_s - now_s_ : step_s_;
+  if (!(now_s_ + h > now_s_)) {
+    throw std::runtime_error("the accuracy cannot be reached with any step");
+  }
+  const double error = try_step(h);
+  // A step whose error is not a number is refused like one that is too long.
+  const bool accepted = error <= accuracy_;
+  const double factor = error > 0 || !std::isfinite(error)
+                            ? 0.9 * std::pow(accuracy_ / error, 1.0 / error_order)
+                            : max_growth;
+  const double wanted = h * (std::isfinite(factor) ? std::clamp(factor, 0.1, max_growth) : 0.1);
+  if (!accepted) {
+    step_s_ = wanted;
+    return;
+  }
+  if (!last || wanted > step_s_ || wanted < h) step_s_ = wanted;
+  const std::optional<double> change_s = shorten_to_change(h);
+  const double taken = change_s.value_or(h);
+  x_ = next_x_;
+  xdot_ = next_xdot_;
+  now_s_ = last && taken == h ? end_s : now_s_ + taken;
+  if (!change_s) return;
+  dry_friction_.stop(xdot_.data());
+  choose_sticking();
+}
+
+/// Of the step of length h, which is in next_x_ and next_xdot_: where a joint begins to stick or to
+/// slide, or rather the first instant found beyond; shortens the step to that. Nothing when none
+/// does. The bracket is halved every third time at least, so it closes whatever the function.
+std::optional<double> Arm::shorten_to_change(double h) {
+  if (!dry_friction_.present()) return {};
+  const auto violation = [this](double step_s) {
+    if (dry_friction_.sticks()) accelerate(now_s_ + step_s, next_x_, next_xdot_, xddot_);
+    return dry_friction_.violation(next_xdot_.data());
+  };
+  double high = violation(h);
+  if (!(high > 0)) return {};
+  const double close_s = 1e-12 * h;
+  double low = 0, low_s = 0, high_s = h;
+  bool was_beyond = true;
+  for (int k = 0; high_s - low_s > close_s; ++k) {
+    // Regula falsi, Illinois variant (an end that stays is counted half), no nearer to an end than
+    // half of what is close enough.
+    const double share = k % 3 == 0 || !(low < 0) ? 0.5 : low / (low - high);
+    const double middle_s = std::clamp(low_s + share * (high_s - low_s), low_s + close_s / 2,
+                                       high_s - close_s / 2);
+    try_step(middle_s);
+    const double middle = violation(middle_s);
+    const bool beyond = middle > 0;
+    if (beyond == was_beyond) (beyond ? low : high) /= 2;
+    (beyond ? high : low) = middle;
+    (beyond ? high_s : low_s) = middle_s;
+    was_beyond = beyond;
+  }
+  try_step(high_s);
+  return high_s;
+}
+
+/// The step of length h, into next_x_ and next_xdot_.
+/// @return the largest estimated error, of each value relative to the larger of it and 1.
+double Arm::try_step(double h) {
+  for (std::size_t i = 0; i < num_stages; ++i) {
+    double time_s = now_s_;
+    next_x_ = x_;
+    next_xdot_ = xdot_;
+    for (std::size_t j = 0; j < i; ++j) {
+      const double weight = h * a[i][j];
+      time_s += weight;
+      if (weight == 0) continue;
+      next_x_ += weight * rate_[j];
+      next_xdot_ += weight * acceleration_[j];
+    }
+    rate_[i] = next_xdot_;
+    accelerate(time_s, next_x_, next_xdot_, acceleration_[i]);
+  }
+  next_x_ = x_;
+  next_xdot_ = xdot_;
+  error_x_.setZero(x_.size());
+  error_xdot_.setZero(x_.size());
+  for (std::size_t i = 0; i < num_stages; ++i) {
+    next_x_ += (h * b[i]) * rate_[i];
+    next_xdot_ += (h * b[i]) * acceleration_[i];
+    error_x_ += (h * e[i]) * rate_[i];
+    error_xdot_ += (h * e[i]) * acceleration_[i];
+  }
+  double largest = 0;
+  for (Eigen::Index i = 0; i < x_.size(); ++i) {
+    const double of_x = std::abs(error_x_[i]) / std::max(1.0, std::abs(x_[i]));
+    const double of_xdot = std::abs(error_xdot_[i]) / std::max(1.0, std::abs(xdot_[i]));
+    if (!(of_x <= largest)) largest = of_x;
+    if (!(of_xdot <= largest)) largest = of_xdot;
+  }
+  return largest;
+}
+
 void Arm::brake(const robot::Vector& damping) {
-  require_size(damping, state_.q.size());
-  mechanics_->brake(damping);
+  require_size(damping, num_joints_);
+  (flexible_ ? motor_damping_ : viscous_friction_) += damping;
 }
 
 }  // namespace tachless::plant

@@ -1,94 +1,49 @@
 #pragma once
 
-#include <cstdint>
+#include <array>
 #include <memory>
-#include <vector>
+#include <optional>
 
+#include "plant/arm_state.h"
+#include "plant/disturbances.h"
+#include "plant/dry_friction.h"
+#include "plant/multibody.h"
 #include "plant/spec.h"
 #include "robot/model.h"
 #include "robot/quantities.h"
 
-/// The emulated arm: mechanics and integrator behind one interface, no SimTK type here,
-/// C++17-clean.
 namespace tachless::plant {
-
-struct ArmState {
-  robot::Vector q;         ///< link position [rad; m if prismatic]
-  robot::Vector v;         ///< link velocity [rad/s]
-  robot::Vector theta;     ///< motor position [rad]; empty on a rigid robot
-  robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
-  /// Torque on the links that no drive gives [N m; N]; empty: none. For the log alone.
-  robot::Vector disturbance{};
-};
 
 struct ArmAcceleration {
   robot::Vector vdot;       ///< of the links [rad/s^2; m/s^2 if prismatic]
   robot::Vector thetaddot;  ///< of the motors [rad/s^2]; empty on a rigid robot
 };
 
-/// The scenario's `plant.disturbances` (docs/plant.md) as torques on the links' joints that no
-/// drive gives. A function of the specs, the time and the links' position alone, with jumps: noise
-/// is drawn by seed, tick and the number of the disturbance.
-class Disturbances {
- public:
-  /// @param specs, model of which the joints and links are: both outlive this.
-  Disturbances(const std::vector<DisturbanceSpec>& specs, double period_s,
-               const robot::Model& model);
-
-  /// The first jump after `from_s`, at `until_s` at the latest.
-  [[nodiscard]] double next_jump(double from_s, double until_s) const;
-  /// What is added from now on is of the time from `from_s` to `until_s`, inside which is no jump.
-  void choose(double from_s, double until_s);
-  /// Adds the torque at `time_s` and link position `q` to `tau` [N m].
-  void add(double time_s, const double* q, robot::Vector& tau) const;
-
-  /// The torque at `time_s`, the beginning of a tick [N m; N].
-  [[nodiscard]] robot::Vector at(double time_s, const robot::Vector& q);
-
- private:
-  struct Source {
-    const DisturbanceSpec* spec;
-    int joint;  ///< -1: a force on a link
-    bool active = false;
-    double noise = 0;
-  };
-
-  const robot::Model& model_;
-  double period_s_;
-  std::vector<Source> sources_;
-};
-
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
-  IntegratorSpec integrator;
+  double accuracy = 1e-9;                   ///< of an integrator's step, relative
   DriveSpec drive;                          ///< of which the friction; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   Disturbances* disturbances = nullptr;     ///< outlive the arm; none when null
   double start_s = 0;                       ///< time of the initial state
 };
 
-class ArmMechanics;
-
-/// A multibody arm whose motor torque is held over each call of `advance`.
+/// A multibody arm whose motor torque is held over each call of `advance`: the paper's eq. 1
+/// (flexible joints) or eq. 2 (rigid ones) with friction and disturbances, integrated by Merson's
+/// Runge-Kutta method. Rotors of flexible joints are pinned to the ground (Spong's simplification),
+/// so each is a scalar equation.
 class Arm {
  public:
   /// The arm of `model` (gravity, added rotor inertia and payload included).
-  /// @throw std::invalid_argument when the native mechanics have no such integrator, or Simbody's
-  /// are to have Coulomb's friction.
+  /// @throw std::logic_error when a size is wrong.
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
-  ~Arm();
-  Arm(Arm&&) noexcept;
-  Arm& operator=(Arm&&) noexcept;
 
-  [[nodiscard]] const ArmState& state() const { return state_; }
+  [[nodiscard]] ArmState state() const;
 
   /// What the arm would do now under motor torque `tau` [N m]: the right-hand side that `advance`
   /// integrates.
   /// @throw std::runtime_error if the inertia matrix is not positive definite.
-  [[nodiscard]] ArmAcceleration acceleration(const robot::Vector& tau) const;
-
-  /// Steps that the integrator has taken since the start.
-  [[nodiscard]] std::int64_t integrator_steps() const;
+  [[nodiscard]] ArmAcceleration acceleration(const robot::Vector& tau);
 
   /// Integrates to absolute time `time_s` with motor torque `tau` [N m] held from now to then.
   /// @throw std::runtime_error with time and cause when the integrator gives up.
@@ -99,9 +54,37 @@ class Arm {
   void brake(const robot::Vector& damping);
 
  private:
-  ArmState state_;
+  /// (q, theta), or their rates: one vector of up to twice the joints, in place.
+  using Coordinates =
+      Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * robot::max_joints, 1>;
+  static constexpr std::size_t num_stages = 5;
+
+  void accelerate(double time_s, const Coordinates& x, const Coordinates& xdot,
+                  Coordinates& xddot);
+  void choose_sticking();
+  void integrate(double end_s);
+  void take_step(double end_s);
+  double try_step(double h);
+  std::optional<double> shorten_to_change(double h);
+
+  Eigen::Index num_joints_;
+  std::unique_ptr<Multibody> links_;
+  double accuracy_;
+  bool flexible_;
+  robot::Vector K_, J_, motor_damping_, rigid_rotor_inertia_, viscous_friction_;
+  DryFriction dry_friction_;
   Disturbances* disturbances_;
-  std::unique_ptr<ArmMechanics> mechanics_;
+
+  robot::Vector tau_;     ///< held
+  Coordinates x_, xdot_;  ///< at now_s_
+  double now_s_;
+  double step_s_ = 0;  ///< the length that the next step is tried with
+
+  // Of the evaluation and of the step that is tried.
+  robot::Vector q_, v_, load_;
+  Coordinates xddot_;
+  std::array<Coordinates, num_stages> rate_, acceleration_;
+  Coordinates next_x_, next_xdot_, error_x_, error_xdot_;
 };
 
 }  // namespace tachless::plant

@@ -1,7 +1,5 @@
 #include "plant/encoder.h"
 
-#include <fmt/core.h>
-
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -62,24 +60,6 @@ robot::Vector Encoder::read(const robot::Vector& exact, Channel channel, std::in
     if (position && count_[i] > 0) measured[i] = std::round(measured[i] / count_[i]) * count_[i];
   }
   return measured;
-}
-
-void require_encoders(const experiment::Scenario& scenario, bool on_links, bool on_motors) {
-  const bool flexible = scenario.robot.flexible.has_value();
-  const auto missing = [&](const char* key, const char* given, const char* measured,
-                           const char* allowed) {
-    return scenario.complaint(key, fmt::format("{}, but law {} measures {} positions; allowed: {}",
-                                               given, scenario.controller.law, measured, allowed));
-  };
-  const EncoderSide side = scenario.plant.encoder.side;
-  // A rigid joint has one position, whichever side its encoder sits on.
-  if (on_links && flexible && side == EncoderSide::motor) {
-    throw missing("plant.encoder.side", "motor", "link", "link, both");
-  }
-  if (on_motors && !flexible) throw missing("robot.joints", "rigid", "motor", "flexible");
-  if (on_motors && side == EncoderSide::link) {
-    throw missing("plant.encoder.side", "link", "motor", "motor, both");
-  }
 }
 
 }  // namespace tachless::plant

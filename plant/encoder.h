@@ -5,7 +5,7 @@
 
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
-#include "plant/arm.h"
+#include "plant/arm_state.h"
 #include "robot/model.h"
 
 namespace tachless::plant {
@@ -17,7 +17,7 @@ namespace tachless::plant {
 ///
 /// Position: noise is added first, then the sum is rounded to the nearest count. A revolute joint
 /// has 2^bits counts a revolution, a prismatic joint 2^bits counts over its URDF range. Velocity:
-/// noise only. On a rigid robot a motor encoder reads the link's position.
+/// noise only.
 class Encoder {
  public:
   /// @throw diagnostics::Failure(bad_usage) when a prismatic joint has a resolution but no range.
@@ -53,13 +53,11 @@ class Encoder {
   std::uint64_t seed_;
 };
 
-/// Checks that the scenario's robot has the encoders that its law needs.
-/// @throw diagnostics::Failure(bad_usage) naming the key and the missing encoder.
-void require_encoders(const experiment::Scenario& scenario, bool on_links, bool on_motors);
+/// `experiment::require_encoders` for a law that is fed with that measurement.
 template <class Measurement>
 void require_encoders(const experiment::Scenario& scenario) {
   // The full state of a rigid robot holds no motors.
-  require_encoders(
+  experiment::require_encoders(
       scenario, loop::holds_links<Measurement>,
       loop::holds_motors<Measurement> &&
           (scenario.robot.flexible || !std::is_same_v<Measurement, loop::StateMeasurement>));

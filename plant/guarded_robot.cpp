@@ -66,9 +66,8 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
   const Spec& spec = scenario.plant;
   diagnostics::log_detail(driver != nullptr
                               ? "mechanics: the driver's robot"
-                              : fmt::format("mechanics {}, integrator {} with accuracy {}",
+                              : fmt::format("mechanics {}, integrated with accuracy {}",
                                             schema::name_of(spec.mechanics),
-                                            schema::name_of(spec.integrator.method),
                                             diagnostics::shortest(spec.integrator.accuracy)));
 }
 

@@ -11,7 +11,7 @@
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
-#include "plant/arm.h"
+#include "plant/arm_state.h"
 #include "plant/drive.h"
 #include "plant/encoder.h"
 #include "plant/robot_driver.h"

@@ -1,11 +1,7 @@
 #include "plant/plant_model.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "robot/cholesky.h"
 #include "robot/dynamics.h"
@@ -66,8 +62,8 @@ Arm make_arm(const experiment::Scenario& scenario, const robot::Model& model, co
              double start_s, Disturbances* disturbances) {
   const Spec& spec = scenario.plant;
   return Arm(model,
-             {spec.mechanics, spec.integrator, spec.drive, flexible_drive(scenario), disturbances,
-              start_s},
+             {spec.mechanics, spec.integrator.accuracy, spec.drive, flexible_drive(scenario),
+              disturbances, start_s},
              start);
 }
 
@@ -137,69 +133,33 @@ void EmulatedRobot::rest(double until_s) {
   advance(robot::Vector::Zero(model_->num_joints), until_s);
 }
 
-double fastest_rate(const robot::Matrix& M, const FlexibleDrive* flexible,
-                    const robot::Vector& viscous_friction) {
-  const Eigen::Index n = M.rows();
-  const Eigen::Index coordinates = flexible != nullptr ? 2 * n : n;
-  Eigen::MatrixXd inertia = Eigen::MatrixXd::Zero(coordinates, coordinates);
-  Eigen::MatrixXd stiffness = inertia;
-  Eigen::MatrixXd damping = inertia;
-  inertia.topLeftCorner(n, n) = M;
-  if (viscous_friction.size() > 0) damping.diagonal().head(n) = viscous_friction;
-  if (flexible != nullptr) {
-    inertia.diagonal().tail(n) = flexible->rotor_inertia;
-    if (flexible->motor_damping.size() > 0) damping.diagonal().tail(n) = flexible->motor_damping;
-    const Eigen::MatrixXd K = Eigen::VectorXd(flexible->stiffness).asDiagonal();
-    stiffness << K, -K, -K, K;
-  }
-  const Eigen::LLT<Eigen::MatrixXd> llt(inertia);
-  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(2 * coordinates, 2 * coordinates);
-  A.topRightCorner(coordinates, coordinates).setIdentity();
-  A.bottomLeftCorner(coordinates, coordinates) = -llt.solve(stiffness);
-  A.bottomRightCorner(coordinates, coordinates) = -llt.solve(damping);
-  return Eigen::EigenSolver<Eigen::MatrixXd>(A, false).eigenvalues().cwiseAbs().maxCoeff();
-}
-
-double integrator_steps(Integrator method, double rate, double interval_s) {
-  const auto steps = [&](double stable) {
-    return std::max(1.0, std::ceil(rate * interval_s / stable));
-  };
-  // Largest y for which the method is stable on i y.
-  switch (method) {
-    case Integrator::runge_kutta_merson:
-      return steps(3.4);
-    case Integrator::runge_kutta_3:
-      return steps(1.7);
-    case Integrator::runge_kutta_feldberg:
-      return steps(1.0);  // slightly unstable all along the axis: error control holds it here
-    case Integrator::semi_explicit_euler_2:
-    case Integrator::verlet:
-      return steps(2.0);
-    case Integrator::cpodes:
-      return 1;
-  }
-  throw std::logic_error("plant: unknown integrator");
-}
-
-double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model) {
-  const double rate =
-      fastest_rate(robot::mass_matrix(model, initial_state(scenario, model).q),
-                   flexible_drive(scenario), scenario.plant.drive.viscous_friction_Nms_per_rad);
-  return integrator_steps(scenario.plant.integrator.method, rate, scenario.loop.period_s);
-}
-
-std::optional<std::size_t> stiff_friction(const experiment::Scenario& scenario,
-                                          const robot::Model& model, double steps) {
+StiffestJoint stiffest_joint(const experiment::Scenario& scenario, const robot::Model& model) {
+  // Merson's method is stable on the imaginary axis up to 3.4 i, on the real one further.
+  constexpr double stable = 3.4;
+  robot::Matrix LD = robot::mass_matrix(model, initial_state(scenario, model).q);
+  robot::factorise(LD);
   const robot::Vector& friction = scenario.plant.drive.viscous_friction_Nms_per_rad;
-  if (friction.size() == 0) return {};
-  const robot::Matrix inverse =
-      robot::mass_matrix(model, initial_state(scenario, model).q).inverse();
-  Eigen::Index joint = 0;
-  const double rate = friction.cwiseProduct(inverse.diagonal()).maxCoeff(&joint);
-  if (integrator_steps(scenario.plant.integrator.method, rate, scenario.loop.period_s) <= steps) {
-    return {};
+  StiffestJoint stiffest;
+  for (Eigen::Index i = 0; i < LD.rows(); ++i) {
+    robot::Vector column = robot::Vector::Unit(LD.rows(), i);
+    robot::solve_in_place(LD, column);
+    const auto compare = [&](double rate, const char* key) {
+      const double steps = rate * scenario.loop.period_s / stable;
+      if (steps > stiffest.steps) stiffest = {static_cast<std::size_t>(i), steps, key};
+    };
+    if (friction.size() > 0) {
+      compare(friction[i] * column[i], "plant.drive.viscous_friction_Nms_per_rad");
+    }
+    const FlexibleDrive* drive = flexible_drive(scenario);
+    if (drive == nullptr) continue;
+    compare(std::sqrt(drive->stiffness[i] * (column[i] + 1 / drive->rotor_inertia[i])),
+            "robot.joints.flexible.stiffness_Nm_per_rad");
+    if (drive->motor_damping.size() > 0) {
+      compare(drive->motor_damping[i] / drive->rotor_inertia[i],
+              "robot.joints.flexible.motor_damping_Nms_per_rad");
+    }
   }
-  return static_cast<std::size_t>(joint);
+  return stiffest;
 }
 
 }  // namespace tachless::plant

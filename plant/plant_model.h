@@ -1,11 +1,11 @@
 #pragma once
 
 #include <cstddef>
-#include <optional>
 #include <vector>
 
 #include "experiment/scenario.h"
 #include "plant/arm.h"
+#include "plant/disturbances.h"
 #include "plant/drive.h"
 #include "plant/robot_driver.h"
 #include "robot/model.h"
@@ -73,25 +73,12 @@ class EmulatedRobot final : public RobotDriver {
   Arm arm_;
 };
 
-/// Magnitude of the fastest eigenvalue [rad/s] of the arm linearised about rest, gravity left out:
-/// springs, rotors and viscous friction. `M` is the links' inertia matrix (rotors of rigid joints
-/// included); `flexible` is null for rigid joints.
-double fastest_rate(const robot::Matrix& M, const FlexibleDrive* flexible,
-                    const robot::Vector& viscous_friction);
-
-/// Fewest steps in which `method` can cross `interval_s` without being unstable on that eigenvalue:
-/// interval times rate over the extent of the method's stability region along the imaginary axis.
-/// Accuracy may ask for more. 1 for cpodes, whose implicit formulas have no such bound.
-double integrator_steps(Integrator method, double rate, double interval_s);
-
-/// Integrator steps that one tick of this scenario takes for stability alone, from its fastest
-/// mode at the initial state. Worth a warning from about 100 on: "stiffness … at period … needs
-/// about N integrator steps a tick".
-double integrator_steps_per_tick(const experiment::Scenario& scenario, const robot::Model& model);
-
-/// The joint whose viscous friction decays fastest against its inertia at the initial state, if the
-/// integrator takes more than `steps` steps a tick for that alone.
-std::optional<std::size_t> stiff_friction(const experiment::Scenario& scenario,
-                                          const robot::Model& model, double steps);
+/// The joint whose spring or viscous friction is fastest at the initial state, the others held.
+struct StiffestJoint {
+  std::size_t joint = 0;
+  double steps = 0;  ///< of the integrator, which one tick takes for stability alone
+  const char* key = "";  ///< what makes it so
+};
+StiffestJoint stiffest_joint(const experiment::Scenario& scenario, const robot::Model& model);
 
 }  // namespace tachless::plant

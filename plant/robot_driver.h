@@ -1,6 +1,6 @@
 #pragma once
 
-#include "plant/arm.h"
+#include "plant/arm_state.h"
 #include "robot/quantities.h"
 
 namespace tachless::plant {

@@ -7,7 +7,7 @@
 #include "experiment/scenario.h"
 #include "loop/messages.h"
 #include "loop/truth/plant_truth.h"
-#include "plant/arm.h"
+#include "plant/arm_state.h"
 #include "plant/drive.h"
 
 /// What is told of a run, on the bus or in one process. Publishes nothing.

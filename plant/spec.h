@@ -11,8 +11,7 @@
 #include "schema/schema.h"
 
 /// What a scenario says about the plant (the models: docs/plant.md), each value declared once with
-/// its key. Values only: no mechanics and no reading. C++17-clean: the Simbody translation unit
-/// includes it.
+/// its key. Values only: no mechanics and no reading.
 namespace tachless::plant {
 
 /// Longest command delay and encoder latency [ticks].
@@ -71,37 +70,21 @@ struct InitialState {
           .by_default("at rest")};
 };
 
-/// Whose multibody code computes the links' inertia matrix and bias, and integrates.
+/// What computes the links' inertia matrix and bias.
 enum class Mechanics {
   simbody,  ///< the reference
-  native,   ///< robot/'s recursions with explicit Runge-Kutta methods; allocates nothing
+  native,   ///< robot/'s recursions; allocates nothing
 };
 constexpr std::array<std::string_view, 2> names(Mechanics /*type*/) {
   return {"simbody", "native"};
 }
 
-/// Simbody's integrators; the native mechanics have the three Runge-Kutta methods.
-enum class Integrator {
-  runge_kutta_merson,
-  runge_kutta_3,
-  runge_kutta_feldberg,
-  semi_explicit_euler_2,
-  verlet,
-  cpodes
-};
-constexpr std::array<std::string_view, 6> names(Integrator /*type*/) {
-  return {"runge_kutta_merson",    "runge_kutta_3", "runge_kutta_feldberg",
-          "semi_explicit_euler_2", "verlet",        "cpodes"};
-}
-
 struct IntegratorSpec {
-  Integrator method = Integrator::runge_kutta_merson;
   double accuracy = 1e-9;
 
   static constexpr std::tuple keys{
-      schema::Key{"method", &IntegratorSpec::method, "", "How the plant is integrated over a tick"}
-          .by_default(),
-      schema::Key{"accuracy", &IntegratorSpec::accuracy, "", "Relative accuracy of the integrator"}
+      schema::Key{"accuracy", &IntegratorSpec::accuracy, "",
+                  "Relative accuracy of one step of Merson's Runge-Kutta method"}
           .in({1e-14, 1e-1})
           .by_default()};
 };
@@ -179,7 +162,7 @@ struct DriveSpec {
           .or_null(),
       schema::Key{"coulomb_friction_Nm", &DriveSpec::coulomb_friction_Nm, "N m (N)",
                   "Against the motion of a link's joint, whatever its speed; holds a joint at "
-                  "rest. Needs `plant.mechanics: native`"}
+                  "rest"}
           .in(schema::not_negative)
           .by_default("`<dynamics friction>` of the URDF"),
       schema::Key{"static_friction_Nm", &DriveSpec::static_friction_Nm, "N m (N)",
@@ -339,8 +322,8 @@ struct Spec {
   static constexpr std::tuple keys{
       schema::Key{"initial", &Spec::initial},
       schema::Key{"mechanics", &Spec::mechanics, "",
-                  "Whose multibody code moves the robot: Simbody's, or our own recursions, which "
-                  "are some ten times as fast"}
+                  "What computes the robot's mechanics: Simbody, or this program's own recursions, "
+                  "which are some ten times as fast"}
           .by_default(),
       schema::Key{"integrator", &Spec::integrator},
       schema::Key{"encoder", &Spec::encoder},
@@ -354,15 +337,6 @@ struct Spec {
                   "When a joint leaves the URDF's range or exceeds its velocity: `stop` ends the "
                   "run with exit code 5, `warn` says so once per joint and counts the ticks"}
           .by_default()};
-
-  [[nodiscard]] std::optional<schema::Refusal> refusal() const {
-    const bool explicit_runge_kutta = integrator.method <= Integrator::runge_kutta_feldberg;
-    if (mechanics == Mechanics::simbody || explicit_runge_kutta) return {};
-    return schema::Refusal{
-        "mechanics",
-        "native; allowed with this plant.integrator.method: simbody. The native mechanics have "
-        "runge_kutta_merson, runge_kutta_3, runge_kutta_feldberg"};
-  }
 };
 
 }  // namespace tachless::plant

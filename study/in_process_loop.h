@@ -7,7 +7,7 @@
 #include "controller/registry.h"
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
-#include "plant/arm.h"
+#include "plant/arm_state.h"
 #include "plant/drive.h"
 
 namespace tachless::study {

@@ -1,7 +1,10 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <Eigen/Geometry>
 #include <random>
+#include <string>
 
 #include "plant/arm.h"
 #include "robot/dynamics.h"
@@ -9,6 +12,11 @@
 
 /// Robots, states and an independent integration that the tests of this room share.
 namespace tachless::plant::testing {
+
+/// For tests of both.
+inline std::string name_of_mechanics(const ::testing::TestParamInfo<Mechanics>& info) {
+  return info.param == Mechanics::native ? "native" : "simbody";
+}
 
 class Random {
  public:

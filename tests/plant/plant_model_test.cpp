@@ -52,7 +52,7 @@ TEST(InitialState, PutsMotorsInStaticBalance) {
   const experiment::Scenario s = scenario(
       "paper_flexible", {"plant.initial.position_rad=[0.8, -0.3]", "plant.payload.mass_kg=0.5"});
   const robot::Model model = plant_model(s);
-  const Arm arm = make_arm(s, model);
+  Arm arm = make_arm(s, model);
   EXPECT_EQ(arm.state().thetadot, Vector(Vector::Zero(2)));
   // Held by its own gravity torque, nothing moves.
   const ArmAcceleration rest = arm.acceleration(robot::gravity_torque(model, arm.state().q));
@@ -92,28 +92,35 @@ TEST(ProtectiveStop, BringsARobotToRest) {
   }
 }
 
-TEST(IntegratorStepsPerTick, WarnOfAnAbsurdStiffness) {
-  const std::vector<std::string> ordinary = {"loop.period_s=1e-3"};
-  EXPECT_EQ(integrator_steps_per_tick(scenario("paper_flexible", ordinary),
-                                      plant_model(scenario("paper_flexible", ordinary))),
-            1);
-  const experiment::Scenario stiff =
-      scenario("paper_flexible",
-               {"loop.period_s=1e-3", "robot.joints.flexible.stiffness_Nm_per_rad=[1e12, 1e12]"});
-  // sqrt(1e12 (1/J + largest eigenvalue of M^-1, 2.2)) = 3.5e6 rad/s, 3.4 of them a step.
-  EXPECT_NEAR(integrator_steps_per_tick(stiff, plant_model(stiff)), 1030, 30);
-  EXPECT_EQ(stiff_friction(stiff, plant_model(stiff), 100), std::nullopt) << "the springs are";
-}
+struct Stiff {
+  const char* scenario;
+  std::vector<std::string> overrides;
+  std::size_t joint;
+  double steps;
+  const char* key;
+};
 
-TEST(StiffFriction, NamesTheJointThatIsOutOfProportion) {
-  const auto joint = [](const std::string& friction) {
-    const experiment::Scenario s =
-        scenario("practical_rigid", {"plant.drive.viscous_friction_Nms_per_rad=" + friction});
-    return stiff_friction(s, plant_model(s), 100);
-  };
-  EXPECT_EQ(joint("[1, 1]"), std::nullopt);
-  EXPECT_EQ(joint("[1, 1e6]"), 1U);
-  EXPECT_EQ(joint("[1e9, 1e3]"), 0U);
+TEST(StiffestJoint, HasTheFastestSpringOrFriction) {
+  // The two-link arm at rest at 0: M^-1 has the diagonal 0.4, 1.8 or so; a tick of 1 ms.
+  const std::string friction = "plant.drive.viscous_friction_Nms_per_rad",
+                    spring = "robot.joints.flexible.stiffness_Nm_per_rad",
+                    damping = "robot.joints.flexible.motor_damping_Nms_per_rad";
+  for (const Stiff& each : std::vector<Stiff>{
+           {"practical_rigid", {friction + "=[1, 1e6]"}, 1, 1e6, friction.c_str()},
+           {"practical_rigid", {friction + "=[1e9, 1e3]"}, 0, 1e9, friction.c_str()},
+           {"practical_flexible", {spring + "=[1e3, 1e12]"}, 1, 1e6, spring.c_str()},
+           {"practical_flexible", {damping + "=[1e8, 0]"}, 0, 1e9, damping.c_str()}}) {
+    const experiment::Scenario s = scenario(each.scenario, each.overrides);
+    const StiffestJoint stiffest = stiffest_joint(s, plant_model(s));
+    EXPECT_EQ(stiffest.joint, each.joint) << each.overrides[0];
+    EXPECT_STREQ(stiffest.key, each.key);
+    // Its rate is the key's value times an inverse inertia between 0.1 and 30.
+    const double unit = s.loop.period_s / 3.4 * each.steps;
+    EXPECT_GT(stiffest.steps, 0.1 * unit);
+    EXPECT_LT(stiffest.steps, 30 * unit);
+  }
+  const experiment::Scenario ordinary = scenario("practical_flexible");
+  EXPECT_LT(stiffest_joint(ordinary, plant_model(ordinary)).steps, 1);
 }
 
 /// Moving without gravity, with a payload.
@@ -190,62 +197,6 @@ TEST(PayloadWithInertia, AddsItAboutEveryJointThatTurnsIt) {
   const robot::Matrix out = M({"plant.payload.center_of_mass_m=[0, 0, -0.5]"}) - M({});
   EXPECT_NEAR(out(1, 1), 0.5 * (1.5 * 1.5 - 1), 1e-14);
 }
-
-TEST(FastestRate, IsTheModeOfTwoMassesAndASpring) {
-  robot::Matrix M(1, 1);
-  M(0, 0) = 2;
-  FlexibleDrive drive;
-  drive.stiffness = Vector::Constant(1, 1e4);
-  drive.rotor_inertia = Vector::Constant(1, 0.5);
-  // sqrt(K (1/M + 1/J)); eigenvalues to rounding of a 4 x 4 problem.
-  EXPECT_NEAR(fastest_rate(M, &drive, {}), std::sqrt(1e4 * 2.5), 1e-9);
-}
-
-TEST(FastestRate, IsFrictionOverInertiaOfARigidJoint) {
-  robot::Matrix M(1, 1);
-  M(0, 0) = 2;
-  EXPECT_NEAR(fastest_rate(M, nullptr, Vector::Constant(1, 30)), 15, 1e-12);  // rounding
-  EXPECT_EQ(fastest_rate(M, nullptr, {}), 0);
-}
-
-TEST(IntegratorSteps, AreAtLeastOne) {
-  EXPECT_EQ(integrator_steps(Integrator::runge_kutta_merson, 0, 1e-3), 1);
-  EXPECT_EQ(integrator_steps(Integrator::cpodes, 1e9, 1), 1);
-}
-
-class StiffArm : public ::testing::TestWithParam<Integrator> {};
-
-// What an integrator does at a modest accuracy is stability alone: between the estimate and three
-// times it.
-TEST_P(StiffArm, TakesAsManyStepsAsEstimated) {
-  const robot::Model model = robot::testing::two_link();
-  FlexibleDrive drive;
-  drive.stiffness = Vector::Constant(2, 1e9);
-  drive.rotor_inertia = Vector::Constant(2, 0.1);
-  ArmOptions options;
-  options.flexible = &drive;
-  options.integrator.method = GetParam();
-  options.integrator.accuracy = 1e-3;
-  ArmState initial;
-  initial.q = initial.theta = Eigen::Vector2d(0.1, 0.2);
-  initial.v = initial.thetadot = Vector::Zero(2);
-  const double rate = fastest_rate(robot::mass_matrix<double>(model, initial.q), &drive, {});
-  const double estimate = integrator_steps(GetParam(), rate, 1e-2);
-  ASSERT_GT(estimate, 100);
-  Arm arm(model, options, initial);
-  arm.advance(Eigen::Vector2d(20, 3), 1e-2);
-  const auto before = arm.integrator_steps();
-  arm.advance(Eigen::Vector2d(-20, 3), 2e-2);
-  const auto taken = static_cast<double>(arm.integrator_steps() - before);
-  EXPECT_GT(taken, 0.9 * estimate);
-  EXPECT_LT(taken, 3 * estimate);
-}
-
-INSTANTIATE_TEST_SUITE_P(, StiffArm,
-                         ::testing::Values(Integrator::runge_kutta_merson,
-                                           Integrator::runge_kutta_3,
-                                           Integrator::runge_kutta_feldberg,
-                                           Integrator::semi_explicit_euler_2, Integrator::verlet));
 
 }  // namespace
 }  // namespace tachless::plant

@@ -76,7 +76,7 @@ inline experiment::Scenario golden_scenario(const std::string& name, double h_s,
     yaml << "  joints: {flexible: {stiffness_Nm_per_rad: [10000, 10000], "
             "rotor_inertia_kgm2: [0.1, 0.1]}}\n";
   }
-  yaml << "plant:\n  integrator: {method: runge_kutta_merson, accuracy: 1.0e-11}\n  initial: {";
+  yaml << "plant:\n  integrator: {accuracy: 1.0e-11}\n  initial: {";
   if (contains(name, "offset")) yaml << "position_rad: [0.5, -0.5]";
   if (contains(name, "rest")) yaml << "position_rad: [0, 0]";
   if (contains(name, "on_reference")) yaml << "velocity_rad_per_s: [1, 1]";

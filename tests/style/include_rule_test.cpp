@@ -66,7 +66,7 @@ const std::vector<Rule> rules = {
      {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
      {"Eigen/"}},
     {"plant/spec.h", {"schema/", "robot/quantities.h"}, {}},
-    {"plant/simbody_arm.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h", "SimTKcommon/"}},
+    {"plant/simbody_multibody.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h"}},
 
     {"reference/",
      {"reference/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
@@ -271,7 +271,7 @@ TEST(IncludeRule, SimbodyUrdfdomAndLcmAreSeenByTheirFilesAlone) {
     }
   }
   const std::map<std::string, std::set<std::string>> expected = {
-      {"SimTK", {"plant/simbody_arm.cpp"}},
+      {"SimTK", {"plant/simbody_multibody.cpp"}},
       {"urdf_", {"robot/urdf_xml.cpp"}},
       {"lcm/", {"bus/udp_transport.cpp"}}};
   for (const auto& [library, files] : users) EXPECT_EQ(files, expected.at(library)) << library;
@@ -326,7 +326,7 @@ TEST(IncludeRule, ObjectsToWhatTheTableForbids) {
   EXPECT_TRUE(refused("elsewhere/a.h", "robot/model.h", false));
   EXPECT_FALSE(refused("controller/law/a.h", "robot/model.h", false));
   EXPECT_FALSE(refused("controller/node.cpp", "bus/wire.h", false));
-  EXPECT_FALSE(refused("plant/simbody_arm.cpp", "SimTKsimbody.h", true));
+  EXPECT_FALSE(refused("plant/simbody_multibody.cpp", "SimTKsimbody.h", true));
 }
 
 }  // namespace

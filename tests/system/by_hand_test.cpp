@@ -88,7 +88,7 @@ TEST(ByHand, VerboseSaysWhatEachProgramWorksWith) {
   const auto verbose = errors_with({"--verbose"});
   const std::map<std::string, std::vector<std::string>> expected = {
       {"plant",
-       {"receives ARM_COMMAND\n", "mechanics simbody, integrator runge_kutta_merson with accuracy ",
+       {"receives ARM_COMMAND\n", "mechanics simbody, integrated with accuracy ",
         "the law measures POSITION\n"}},
       {"reference", {"receives ARM_TICK\n"}},
       {"controller",

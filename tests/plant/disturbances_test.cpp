@@ -1,10 +1,11 @@
-#include "plant/arm.h"
+#include "plant/disturbances.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
+#include "plant/arm.h"
 #include "plant/encoder.h"
 #include "tests/plant/arms.h"
 
@@ -34,7 +35,7 @@ class Disturbed : public ::testing::TestWithParam<Mechanics> {
     Disturbances disturbances(specs, h, model_);
     ArmOptions options;
     options.mechanics = GetParam();
-    options.integrator.accuracy = 1e-10;
+    options.accuracy = 1e-10;
     options.disturbances = &disturbances;
     Arm arm(model_, options, testing::rigid_state(Vector::Zero(1), Vector::Zero(1)));
     for (int k = 1; k * h < end_s + h / 2; ++k) arm.advance(Vector::Zero(1), k * h);
@@ -83,7 +84,8 @@ TEST_P(Disturbed, ByNoiseIsPushedAnewEachTick) {
   EXPECT_NEAR(after(spec, 1).v[0], T / I * h * sum, accuracy);
 }
 
-INSTANTIATE_TEST_SUITE_P(, Disturbed, ::testing::Values(Mechanics::simbody, Mechanics::native));
+INSTANTIATE_TEST_SUITE_P(, Disturbed, ::testing::Values(Mechanics::simbody, Mechanics::native),
+                         testing::name_of_mechanics);
 
 TEST(Disturbances, TellTheSumOfThoseThatActAtTheBeginningOfATick) {
   const robot::Model model = testing::turntable(I);

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <memory>
+
+#include "robot/model.h"
+#include "robot/quantities.h"
+
+namespace tachless::plant {
+
+/// The mechanics of an arm's links, without rotors, springs and friction. C++17-clean: Simbody's
+/// translation unit includes it.
+class Multibody {
+ public:
+  Multibody() = default;
+  Multibody(const Multibody&) = delete;
+  Multibody& operator=(const Multibody&) = delete;
+  virtual ~Multibody() = default;
+
+  struct Terms {
+    robot::Matrix& M;           ///< inertia matrix; may be overwritten
+    const robot::Vector& bias;  ///< C(q,v) v + g(q) [N m; N]
+  };
+  /// At link position `q` [rad; m] and velocity `v`. Valid until the next call.
+  virtual Terms evaluate(const robot::Vector& q, const robot::Vector& v) = 0;
+};
+
+/// By Simbody's realization of a tree of pins and sliders.
+/// @throw std::exception when Simbody refuses a body's inertia
+std::unique_ptr<Multibody> simbody_multibody(const robot::Model& model);
+
+/// By the recursions of robot/, which control laws use too. Allocates nothing once constructed.
+std::unique_ptr<Multibody> native_multibody(const robot::Model& model);
+
+}  // namespace tachless::plant

@@ -1,0 +1,33 @@
+#include <utility>
+
+#include "plant/multibody.h"
+#include "robot/dynamics.h"
+
+namespace tachless::plant {
+namespace {
+
+robot::Model without_rotors(robot::Model model) {
+  model.rotor_inertia.resize(0);  // `Arm` adds it
+  return model;
+}
+
+class NativeMultibody final : public Multibody {
+ public:
+  explicit NativeMultibody(const robot::Model& model) : equations_(without_rotors(model)) {}
+
+  Terms evaluate(const robot::Vector& q, const robot::Vector& v) override {
+    equations_.evaluate(q, v);
+    return {equations_.M, equations_.bias};
+  }
+
+ private:
+  robot::EquationsOfMotion equations_;
+};
+
+}  // namespace
+
+std::unique_ptr<Multibody> native_multibody(const robot::Model& model) {
+  return std::make_unique<NativeMultibody>(model);
+}
+
+}  // namespace tachless::plant
