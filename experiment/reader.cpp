@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 
 #include "diagnostics/text.h"
@@ -84,6 +85,19 @@ void read_value(const Written& written, robot::Vector& to) {
 void read_value(const Written& written, std::vector<double>& to) { read_list(written, to); }
 void read_value(const Written& written, std::vector<robot::Vector>& to) { read_list(written, to); }
 
+void require_known(const Place& place, const std::vector<std::string_view>& names) {
+  if (place.node == nullptr || place.node->kind != YamlNode::Kind::map) return;
+  for (const std::string& key : place.node->keys) {
+    if (std::ranges::find(names, key) != names.end()) continue;
+    const auto near = diagnostics::nearest(key, names);
+    const std::string of = place.path.empty() ? "a scenario" : place.path;
+    throw place.child(key).complaint(
+        near ? fmt::format("unknown; nearest known key is {}{}{}", place.path,
+                           place.path.empty() ? "" : ".", *near)
+             : fmt::format("unknown; known keys of {}: {}", of, diagnostics::joined(names)));
+  }
+}
+
 std::string_view read_alternative(const Place& place, const std::vector<std::string_view>& names,
                                   bool first_by_name) {
   const YamlNode* const node = place.node;
@@ -92,6 +106,7 @@ std::string_view read_alternative(const Place& place, const std::vector<std::str
     return names.front();
   }
   if (node != nullptr && node->kind != YamlNode::Kind::map) throw Refused{emit_line(*node)};
+  require_known(place, names);
   std::string_view found;
   for (const std::string_view name : names) {
     if (node == nullptr || node->find(name) == nullptr) continue;

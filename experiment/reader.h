@@ -14,8 +14,8 @@
 #include "experiment/yaml_tree.h"
 #include "schema/schema.h"
 
-/// From a tree of YAML to any struct with keys (schema/schema.h). Does not look for keys that are
-/// not declared (scenario_keys.h does) and knows no rule between structs (scenario.cpp).
+/// From a tree of YAML to any struct with keys (schema/schema.h); a key that the struct does not
+/// declare is refused. Knows no rule between structs (scenario_rules.cpp).
 namespace tachless::experiment {
 
 /// A value, or the lack of it, and where it stands in the scenario.
@@ -64,6 +64,18 @@ void read_value(const Written& written, Value& to) {
   } else {
     to = static_cast<Value>(value);
   }
+}
+
+/// @throw Failure(bad_usage) when the map at `place`, if one is given, has a key that is not among
+/// `names`: with the nearest one, or all of them.
+void require_known(const Place& place, const std::vector<std::string_view>& names);
+
+/// The same for the keys of `Struct`.
+template <class Struct>
+void require_known_keys(const Place& place) {
+  std::vector<std::string_view> names;
+  schema::for_each_key<Struct>([&](const auto& key) { names.push_back(key.name); });
+  require_known(place, names);
 }
 
 /// The only one of `names` that the map at `place` has; or, if `first_by_name`, the first of them,
@@ -167,6 +179,7 @@ void read_key(const Place& place, const schema::Key<Struct, Member>& key, Struct
 /// @throw Failure(bad_usage) as `read_key`.
 template <class Struct>
 void read(const Place& place, Struct& to) {
+  require_known_keys<Struct>(place);
   schema::for_each_key<Struct>(
       [&](const auto& key) { read_key(place.child(key.name), key, static_cast<Struct&>(to)); });
   if constexpr (requires { to.refusal(); }) {

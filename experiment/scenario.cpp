@@ -13,7 +13,6 @@
 #include "diagnostics/text.h"
 #include "experiment/motion_file.h"
 #include "experiment/reader.h"
-#include "experiment/scenario_keys.h"
 #include "experiment/yaml_tree.h"
 #include "loop/measurements.h"
 #include "robot/urdf_xml.h"
@@ -35,23 +34,16 @@ bool consists_of(std::string_view text, std::string_view extra, bool capitals = 
   });
 }
 
-/// Remembers where every key was written and refuses the ones that do not exist.
-void survey(const YamlNode& root, const YamlNode& node, const std::string& path,
-            Scenario& scenario) {
+/// Remembers where every key was written.
+void locate(const YamlNode& node, const std::string& path, Scenario& scenario) {
   for (std::size_t i = 0; i < node.children.size(); ++i) {
     const YamlNode& child = node.children[i];
     const bool map = node.kind == YamlNode::Kind::map;
+    if (!map && child.kind != YamlNode::Kind::map) continue;
     const std::string child_path =
         map ? (path.empty() ? "" : path + ".") + node.keys[i] : fmt::format("{}[{}]", path, i);
     scenario.where[child_path] = child.where;
-    if (!is_scenario_key(child_path)) {
-      const YamlNode* const controller = root.find("controller");
-      const YamlNode* const gains = controller == nullptr ? nullptr : controller->find("gains");
-      throw scenario.complaint(
-          child_path, "unknown; {}",
-          known_keys_hint(child_path, gains == nullptr ? std::vector<std::string>{} : gains->keys));
-    }
-    if (has_keys_below(child_path)) survey(root, child, child_path, scenario);
+    locate(child, child_path, scenario);
   }
 }
 
@@ -64,9 +56,9 @@ std::int64_t digest_of(std::string_view text, std::string_view urdf_text) {
   return std::bit_cast<std::int64_t>(fnv(urdf_text, fnv(std::string_view("\0", 1), fnv(text))));
 }
 
-/// The tree with overrides applied and no unknown key; where its keys come from goes to `scenario`.
-YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& overrides,
-                       Scenario& scenario) {
+/// The tree with overrides applied; where its keys come from goes to `scenario`.
+YamlNode located_tree(std::string_view text, const std::vector<std::string>& overrides,
+                      Scenario& scenario) {
   if (const std::size_t first = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
       first != std::string_view::npos && text[first] == '<') {
     throw diagnostics::bad_usage("{}: {}; allowed here: a scenario", scenario.source,
@@ -80,7 +72,12 @@ YamlNode surveyed_tree(std::string_view text, const std::vector<std::string>& ov
     throw diagnostics::bad_usage("{}: {}; allowed: a map of keys", root.where, emit_line(root));
   }
   for (const std::string& assignment : overrides) apply_override(root, assignment);
-  survey(root, root, "", scenario);
+  locate(root, "", scenario);
+  // Some keys of these maps are read before the others.
+  const Place place{scenario, &root, ""};
+  require_known_keys<Scenario>(place);
+  require_known_keys<RobotSpec>(place.child("robot"));
+  require_known_keys<ControllerSpec>(place.child("controller"));
   return root;
 }
 
@@ -315,8 +312,8 @@ diagnostics::Failure Scenario::complaint(const std::string& key, std::string_vie
 Scenario load_scenario(const fs::path& path, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = path.string();
-  YamlNode root = surveyed_tree(diagnostics::given_text(path, diagnostics::max_text_bytes),
-                                overrides, scenario);
+  YamlNode root =
+      located_tree(diagnostics::given_text(path, diagnostics::max_text_bytes), overrides, scenario);
   const fs::path directory = path.parent_path();
   const std::string motion = motion_text(root, scenario, directory);
   const Place place{scenario, &root, ""};
@@ -342,7 +339,7 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = source;
-  const YamlNode root = surveyed_tree(text, overrides, scenario);
+  const YamlNode root = located_tree(text, overrides, scenario);
   const std::string urdf_source = source + " (URDF)";
   Description plant{std::string(urdf_text), urdf_source}, believed;
   if (scenario.gives("controller.urdf")) {
@@ -365,7 +362,7 @@ robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {
   std::copy_if(overrides.begin(), overrides.end(), std::back_inserter(of_robot),
                [](const std::string& each) { return each.rfind("robot", 0) == 0; });
   Scenario scenario;
-  const YamlNode root = surveyed_tree("robot: {}", of_robot, scenario);
+  const YamlNode root = located_tree("robot: {}", of_robot, scenario);
   return read_urdf_options(Place{scenario, &root, ""}.child("robot"), scenario.robot);
 }
 

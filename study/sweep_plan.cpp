@@ -10,7 +10,6 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "experiment/motion_file.h"
-#include "experiment/scenario_keys.h"
 #include "experiment/yaml_tree.h"
 
 namespace tachless::study {
@@ -152,11 +151,6 @@ Axis parse_axis(const std::string& text, bool drawn) {
     }
     axis.entry = static_cast<int>(*entry);
     axis.key.resize(open);
-  }
-  if (!axis.key.starts_with("controller.gains.") &&
-      (!experiment::is_scenario_key(axis.key) || experiment::has_keys_below(axis.key))) {
-    throw refused(
-        text, fmt::format("no number of a scenario; {}", experiment::known_keys_hint(axis.key)));
   }
   const std::string range = text.substr(equals + 1);
   if (range.find(',') == std::string::npos) {

@@ -193,6 +193,8 @@ struct Sweep {
       plan.laws.push_back({law, certificate::rule_of_thumb(scenario, law, bandwidth_hz)});
     }
     if (plan.laws.empty()) plan.laws.push_back({scenario.controller.law, {}});
+    (void)plan.scenario(
+        plan.at(0));  // an axis that is no key is refused before anything is written
     return plan;
   }
 

@@ -79,6 +79,11 @@ TEST(Reader, RefusesWithKeyValueAndWhatIsAllowed) {
             "f.yaml: tuning.cutoff_hz: null; allowed: a finite number in [1, 100]");
   EXPECT_EQ(refusal("{kp: 1, raw: true, order: 3}"),
             "f.yaml: tuning.order: 3; allowed: only without raw");
+  EXPECT_EQ(refusal("{kp: 1, kpp: 2}"),
+            "f.yaml: tuning.kpp: unknown; nearest known key is tuning.kp");
+  EXPECT_EQ(
+      refusal("{quux: 1}"),
+      "f.yaml: tuning.quux: unknown; known keys of tuning: kp, ki, cutoff_hz, order, raw, limit");
   EXPECT_EQ(refusal("[1]"), "f.yaml: tuning: [1]; allowed: a map");
 }
 

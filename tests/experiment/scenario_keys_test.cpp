@@ -1,5 +1,3 @@
-#include "experiment/scenario_keys.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -11,11 +9,47 @@
 #include <variant>
 
 #include "experiment/scenario.h"
+#include "schema/schema.h"
 
 namespace tachless::experiment {
 namespace {
 
 using ::testing::HasSubstr;
+
+/// Calls `visit(path, key)` for each key of `Struct` and for each below, and `visit(path)` for what
+/// only has others below. Entries of a list go without index; "<name>" stands for the user's
+/// choice.
+template <class Struct, class Visit>
+void for_each_path(const std::string& prefix, const Visit& visit) {
+  schema::for_each_key<Struct>(
+      [&]<class Owner, class Member>(const schema::Key<Owner, Member>& key) {
+        using Value = typename schema::ValueOf<Member>::Type;
+        constexpr schema::Shape shape = schema::shape_of<Member>;
+        const std::string path = prefix + std::string(key.name);
+        if constexpr (schema::has_names_of_choice<Value>) {
+          visit(path);
+          visit(path + ".<name>", key);
+        } else if constexpr (shape == schema::Shape::map) {
+          visit(path);
+          for_each_path<Value>(path + ".", visit);
+        } else {
+          visit(path, key);
+        }
+        if constexpr (shape == schema::Shape::one_of) {
+          const auto add = [&]<class Alternative>(const Alternative* /*type*/) {
+            const std::string name = path + "." + std::string(Alternative::name);
+            visit(name);
+            for_each_path<Alternative>(name + ".", visit);
+          };
+          [&]<class... T>(const std::variant<T...>* /*type*/) {
+            (add(static_cast<const T*>(nullptr)), ...);
+          }(static_cast<const Value*>(nullptr));
+        }
+        if constexpr (shape == schema::Shape::list_of_maps) {
+          for_each_path<typename Value::value_type>(path + ".", visit);
+        }
+      });
+}
 
 template <class T>
 std::string text_of(const T& value) {
@@ -84,44 +118,6 @@ TEST(ScenarioKeys, AreAllInTheDocumentationWithUnitDefaultAndRange) {
   EXPECT_THAT(page.str(), HasSubstr(scenario_key_table()))
       << "put this table into docs/scenario.md:\n"
       << scenario_key_table();
-}
-
-TEST(ScenarioKeys, AreKnownWithTheirMapsAndTheGainsOfTheUsersChoice) {
-  for (const char* path : {"name", "plant.initial", "loop.period_s", "controller.gains.anything",
-                           "robot.joints.flexible", "reference.multi_sine.terms[3].phase_rad"}) {
-    EXPECT_TRUE(is_scenario_key(path)) << path;
-  }
-  for (const char* path :
-       {"", "loop.period", "controller.gains.kp.x", "plant.<name>", "loop.name"}) {
-    EXPECT_FALSE(is_scenario_key(path)) << path;
-  }
-  EXPECT_TRUE(has_keys_below("reference.multi_sine.terms[0]"));
-  EXPECT_TRUE(has_keys_below("controller.gains"));
-  EXPECT_FALSE(has_keys_below("reference.waypoints.position_rad"));
-}
-
-TEST(ScenarioKeys, TheNearestOneIsFoundUnderItsOwnMapFirst) {
-  const auto nearest = [](const std::string& path) {
-    const std::string hint = known_keys_hint(path, {"kp", "kd"});
-    const std::string before = "nearest known key is ";
-    return hint.rfind(before, 0) == 0 ? hint.substr(before.size()) : hint;
-  };
-  EXPECT_EQ(nearest("loop.perod_s"), "loop.period_s");
-  EXPECT_EQ(nearest("reference.hold.position"), "reference.hold.position_rad");
-  EXPECT_EQ(nearest("plant.initial.position"), "plant.initial.position_rad");
-  EXPECT_EQ(nearest("stiffness_Nm_per_rad"), "robot.joints.flexible.stiffness_Nm_per_rad");
-  EXPECT_EQ(nearest("contoller"), "controller");
-  EXPECT_EQ(nearest("kp"), "controller.gains.kp");
-  EXPECT_EQ(nearest("controller.kd"), "controller.gains.kd");
-  EXPECT_EQ(nearest("plant.period_s"), "loop.period_s");
-}
-
-TEST(ScenarioKeys, AreListedWhenNoneIsNear) {
-  EXPECT_EQ(known_keys_hint("robot.joints.flexible.backlash"),
-            "known keys of robot.joints.flexible: stiffness_Nm_per_rad, rotor_inertia_kgm2, "
-            "motor_damping_Nms_per_rad");
-  EXPECT_EQ(known_keys_hint("quux"),
-            "known keys of a scenario: name, robot, plant, reference, controller, loop");
 }
 
 }  // namespace

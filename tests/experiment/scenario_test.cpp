@@ -361,7 +361,9 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
       {"  filter: tustin",
        "  fitler: tustin",
        {"f.yaml:37: controller.fitler: unknown", "controller.filter"}},
-      {"name: test", "name: test\nperiod_s: 1", {"f.yaml:2: period_s: unknown", "loop.period_s"}},
+      {"name: test",
+       "name: test\nperiod_s: 1",
+       {"f.yaml:2: period_s: unknown; known keys of a scenario: name, robot, "}},
       {"  joints: rigid",
        "  joints: {rigid: {rotor_inertia: 1}}",
        {"f.yaml:6: robot.joints.rigid.rotor_inertia: unknown",
@@ -577,7 +579,7 @@ TEST(Scenario, MalformedReferencesAreRefused) {
               HasSubstr("reference.multi_sine.terms[1].frequency_hz: -1; allowed:"));
   EXPECT_THAT(with("{multi_sine: {terms: [{amplitude: 1}]}}"),
               HasSubstr("reference.multi_sine.terms[0].amplitude: unknown; nearest known key is "
-                        "reference.multi_sine.terms.amplitude_rad"));
+                        "reference.multi_sine.terms[0].amplitude_rad"));
   EXPECT_THAT(with("{point_to_point: {from_rad: 0, to_rad: 1, duration_s: 0}}"),
               AllOf(HasSubstr("reference.point_to_point.duration_s: 0"), HasSubstr("> 0")));
   EXPECT_THAT(with("{waypoints: {time_s: [0], position_rad: [0]}}"),

@@ -53,9 +53,6 @@ TEST(Axis, SaysWhatIsWrongWithIt) {
     return problem_of([&] { parse_axis(text, drawn); });
   };
   EXPECT_EQ(problem("loop.period_s"), "--vary loop.period_s: no '='; write KEY=from:to:number");
-  EXPECT_NE(problem("loop.period=1:2:3").find("nearest known key is loop.period_s"),
-            std::string::npos);
-  EXPECT_NE(problem("plant=1:2:3").find("no number of a scenario"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1:2").find("KEY=from:to:number"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=2:1:3").find("KEY=from:to:number"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1:2:2.5").find("must be whole"), std::string::npos);
@@ -64,6 +61,15 @@ TEST(Axis, SaysWhatIsWrongWithIt) {
   EXPECT_NE(problem("plant.initial.position_rad[x]=0:1:2").find("whole number"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1:2:3", true).find("with --random"), std::string::npos);
   EXPECT_NE(problem("loop.period_s=1,2", true).find("cannot be drawn"), std::string::npos);
+}
+
+TEST(SweepPlan, RefusesAnAxisThatIsNoNumberOfAScenario) {
+  for (const auto& [axis, answer] :
+       {std::pair{"loop.period=1:2:3", "nearest known key is loop.period_s"},
+        {"plant=1:2:3", "plant: 1; allowed: a map"}}) {
+    const SweepPlan plan = plan_of({axis});
+    EXPECT_NE(problem_of([&] { (void)plan.scenario(plan.at(0)); }).find(answer), std::string::npos);
+  }
 }
 
 TEST(SweepPlan, NumbersTheCasesLawsOutermostLastAxisInnermost) {
