@@ -1,36 +1,37 @@
 #pragma once
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "certificate/feasibility.h"
-#include "certificate/sampled_certificate.h"
+#include "certificate/prediction.h"
 #include "certificate/stability_certificate.h"
 
-/// `tachless certify`: all that is known of a scenario before it is run, for people and as JSON.
+/// `tachless certify`: what is known of a scenario before it is run, for people and as JSON.
 namespace tachless::certificate {
 
 struct Certificate {
+  Prediction loop;
   Feasibility feasibility;
-  RobotConstants constants;
   std::optional<StabilityCertificate> stability;
-  std::string no_stability;  ///< why not
-  std::optional<SampledCertificate> sampled;
-  std::string no_sampled;  ///< why not
+  std::optional<PaperConditions> paper;  ///< where it was asked for
+  std::string no_stability;              ///< why there is none
 };
 
+/// @param paper with the conditions that Loria and Ortega (1995) print
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
-Certificate certify(const experiment::Scenario& scenario, const OnProgress& tell = in_silence);
+Certificate certify(const experiment::Scenario& scenario, bool paper,
+                    const OnProgress& tell = no_progress);
 
 /// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
 /// Empty when nothing stands against it.
 std::vector<std::string> objections(const Certificate& certificate);
 
-/// A page for people.
+/// The same numbers in the same order: a page for people, and JSON in which null stands for what is
+/// infinite or missing.
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario);
-
 nlohmann::ordered_json to_json(const Certificate& certificate);
 
 }  // namespace tachless::certificate

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -13,11 +11,12 @@
 
 #include "certificate/feasibility.h"
 #include "certificate/linear_loop.h"
-#include "certificate/parallel.h"
 #include "certificate/postures.h"
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
+#include "process/parallel.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
 
@@ -28,10 +27,11 @@ using controller::law::Tuning;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
 using loop::ReferencePoint;
+using process::parallel_map;
 using robot::Vector;
 
 constexpr double pi = std::numbers::pi;
-constexpr int coarse_reference_postures = 5, other_postures = 16;
+constexpr int other_postures = 16;
 constexpr double default_bandwidth_by_rate = 0.005;  // w / 2 pi over 1 / h
 // The filter is never faster than 1 / h, which the last ratio stands for.
 constexpr std::array filter_ratios = {4.0, 10.0, 1e9};
@@ -62,7 +62,7 @@ Vector balanced_inertia(const std::vector<Eigen::MatrixXd>& inverse_M, const Vec
     double least = infinity, largest = 0;
     for (const auto& inverse : inverse_M) {
       const Eigen::MatrixXd scaled = root.asDiagonal() * inverse * root.asDiagonal();
-      const Eigen::VectorXd mu = scaled.selfadjointView<Eigen::Lower>().eigenvalues();
+      const Eigen::VectorXd mu = robot::symmetric_eigenvalues(scaled);
       least = std::min(least, mu.minCoeff());
       largest = std::max(largest, mu.maxCoeff());
     }
@@ -104,11 +104,12 @@ class Search {
       mean_.stiffness = drive->stiffness;
       mean_.rotor = drive->rotor_inertia;
     }
-    rests_ = loop_of(1, plain_rule()).rests(coarse_reference_postures);
+    rests_ = loop_of(1, plain_rule()).rest_points(reference_postures);
     num_reference_ = rests_.size();
-    for (int k = 1; k <= other_postures; ++k) rests_.push_back(held_at(posture_in_range(model, k)));
+    for (int k = 1; k <= other_postures; ++k)
+      rests_.push_back(constant_reference(posture_in_range(model, k)));
     inverse_M_ = parallel_map(rests_.size(), [&](std::size_t i) -> Eigen::MatrixXd {
-      return robot::mass_matrix(links, rests_[i].q_ref).inverse();
+      return robot::inverse(robot::mass_matrix(links, rests_[i].q_ref));
     });
     mean_.inertia = mean_inertia(inverse_M_);
     mean_.period_s = scenario.loop.period_s;
@@ -155,7 +156,7 @@ class Search {
     std::optional<Region> largest;
     for (const Candidate& each : candidates) {
       tell("design: certified regions");
-      const auto region = region_to_compare(scenario_with(each.w, each.rule));
+      const auto region = largest_region(scenario_with(each.w, each.rule));
       if (!region || (largest && size_of(*region) <= size_of(*largest))) continue;
       best = &each;
       largest = region;
@@ -269,7 +270,7 @@ class Search {
     if (all.empty()) {
       throw Failure(
           ExitCode::check_said_no,
-          "no bandwidth up to {:.3g} Hz keeps what is asked for: {} binds; allow a shorter "
+          "no bandwidth up to {:.3g} Hz meets the requirements (limited by {}); allow a shorter "
           "period, less delay, a finer encoder or a smaller --margin",
           highest / (2 * pi), last_reason);
     }
@@ -279,26 +280,23 @@ class Search {
 
   /// All of it, but for what is certified.
   [[nodiscard]] Design result(const Candidate& candidate) const {
-    const ScenarioLoop loop = loop_of(candidate.w, candidate.rule);
-    const std::vector<Margins> each_margin = parallel_map(rests_.size(), [&](std::size_t i) {
-      return margins(loop.at(rests_[i]), loop.settings().period_s);
+    const experiment::Scenario scenario = scenario_with(candidate.w, candidate.rule);
+    const ScenarioLoop loop(scenario);
+    const std::size_t others = rests_.size() - num_reference_;
+    const std::vector<double> modulus = parallel_map(others, [&](std::size_t i) {
+      return margins(loop.at(rests_[num_reference_ + i]), loop.settings().period_s).modulus;
     });
     Design design;
-    design.gains = gains(candidate.w, candidate.rule);
+    design.gains = scenario.controller.gains;
     design.w = candidate.w;
     design.damping = candidate.rule.tuning.damping;
     for (const auto& [name, value] : design.gains) {
       if (name == "a" || name == "a1") design.filter_ratio = value[0] / candidate.w;
     }
-    design.postures = static_cast<int>(rests_.size());
-    design.modulus = design.gain_margin = design.phase_margin_deg = infinity;
-    for (const Margins& each : each_margin) {
-      design.modulus = std::min(design.modulus, each.modulus);
-      design.gain_margin = std::min(design.gain_margin, each.gain);
-      design.phase_margin_deg = std::min(design.phase_margin_deg, each.phase_deg);
-    }
-    design.settling_s = candidate.settling_s;
     design.binds = candidate.binds;
+    design.loop = analyse(scenario, Effort::full);
+    design.modulus_in_range = *std::ranges::min_element(modulus);
+    design.postures_in_range = static_cast<int>(others);
     return design;
   }
 
@@ -323,7 +321,7 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
   if (!law.no_linearisation.empty()) {
     throw Failure(ExitCode::check_said_no,
                   "{} cannot be linearised ({}): tune it by hand, or by the rule of thumb of "
-                  "tachless compare",
+                  "tachless sweep --laws",
                   law.name, law.no_linearisation);
   }
   Search search(scenario, goal);
@@ -337,11 +335,12 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
   double highest = 7 / wanted;
   auto [best, rule] = search.best_up_to(highest, search.rules(), tell);
   for (int i = 0; i < 4 && best.binds == bandwidth_asked_for; ++i) {
-    if (std::abs(best.settling_s - wanted) < 0.03 * wanted) break;
-    highest *= best.settling_s / wanted;
+    const double settling_s = best.loop.modes.settling_s;
+    if (std::abs(settling_s - wanted) < 0.03 * wanted) break;
+    highest *= settling_s / wanted;
     best = search.best_up_to(highest, {rule}, tell).first;
   }
-  if (best.settling_s > 1.05 * wanted) best.missed = wanted;
+  if (best.loop.modes.settling_s > 1.05 * wanted) best.missed = wanted;
   return best;
 }
 

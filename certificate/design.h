@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "certificate/sampled_certificate.h"
+#include "certificate/prediction.h"
 #include "experiment/scenario.h"
 
 /// Gains for a scenario's law, by the sampled loop. They start from a rule of thumb: with
@@ -33,12 +33,12 @@ struct Design {
   double w = 0;             ///< [rad/s]
   double damping = 0;       ///< kd / (2 w m_j)
   double filter_ratio = 0;  ///< a / w; 0 for a law without filter
-  double modulus = 0;       ///< the least at the postures looked at
-  double gain_margin = 0;
-  double phase_margin_deg = 0;
-  double settling_s = 0;  ///< at the reference's slowest posture
-  int postures = 0;
-  std::string binds;  ///< what keeps w from being larger
+  std::string binds;        ///< what keeps w from being larger
+  Prediction loop;          ///< with these gains, as `certify` prints it
+  /// The least modulus margin at postures spread over the range of the joints, beside those of the
+  /// reference that `loop` is about.
+  double modulus_in_range = 0;
+  int postures_in_range = 0;
   /// Errors at rest that the matrix condition certifies, one joint at a time [rad; m]; empty where
   /// it certifies none, or all of them, as at a constant reference.
   robot::Vector certified_error;
@@ -49,7 +49,7 @@ struct Design {
 /// @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque limit below
 /// gravity, a motion that is too fast, margins that no bandwidth has.
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
-              const OnProgress& tell = in_silence);
+              const OnProgress& tell = no_progress);
 
 /// The gains as overrides of a scenario: "controller.gains.kp=[…]".
 std::vector<std::string> overrides_of(const Design& design);

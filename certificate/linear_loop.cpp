@@ -1,11 +1,10 @@
 #include "certificate/linear_loop.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <unsupported/Eigen/MatrixFunctions>
 
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 #include "robot/jet.h"
 
@@ -29,7 +28,7 @@ MatrixXd selection(const LinearPlant& plant, const LinearLaw& law) {
 
 }  // namespace
 
-loop::ReferencePoint held_at(const Vector& q) {
+loop::ReferencePoint constant_reference(const Vector& q) {
   const Vector zero = Vector::Zero(q.size());
   return {q, zero, zero, zero, zero};
 }
@@ -110,7 +109,7 @@ LinearPlant held(const LinearPlant& plant, double period_s) {
   MatrixXd joined = MatrixXd::Zero(m + n, m + n);
   joined.topLeftCorner(m, m) = plant.A * period_s;
   joined.topRightCorner(m, n) = plant.B * period_s;
-  const MatrixXd exponential = joined.exp();
+  const MatrixXd exponential = robot::exponential(joined);
   return {exponential.topLeftCorner(m, m), exponential.topRightCorner(m, n), plant.num_joints};
 }
 

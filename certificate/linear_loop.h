@@ -26,7 +26,7 @@ struct LinearPlant {
 };
 
 /// At rest in `q`.
-loop::ReferencePoint held_at(const robot::Vector& q);
+loop::ReferencePoint constant_reference(const robot::Vector& q);
 
 /// The gradient of inverse dynamics M(q) a + C(q, v) v + g(q) by q, at a point of a motion
 /// [N m/rad].

@@ -1,13 +1,13 @@
 #include "certificate/matrix_condition.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <utility>
 
 #include "certificate/linear_loop.h"
+#include "robot/decompositions.h"
 
 namespace tachless::certificate {
 namespace {
@@ -26,9 +26,8 @@ MatrixXd symmetric_part(const MatrixXd& A) { return (A + A.transpose()) / 2; }
 MatrixXd root_of_squares(const std::vector<MatrixXd>& A) {
   MatrixXd sum = MatrixXd::Zero(A[0].rows(), A[0].cols());
   for (const MatrixXd& a : A) sum.noalias() += a * a;
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(sum);
-  return solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal() *
-         solver.eigenvectors().transpose();
+  const auto [values, vectors] = robot::symmetric_eigen(sum);
+  return vectors * values.cwiseMax(0).cwiseSqrt().asDiagonal() * vectors.transpose();
 }
 
 /// The same after a congruence by the diagonal matrix `scale`, undone afterwards.
@@ -211,26 +210,18 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& w
 /// x = (log eps_2, log(eps_1 / eps_2)).
 Weights weights_of(const VectorXd& x) {
   const double eps_2 = std::exp(x[0]);
-  return {x.size() > 1 ? eps_2 * std::exp(x[1]) : eps_2, eps_2};
-}
-
-VectorXd point(double log_eps_2, double log_ratio) {
-  VectorXd x(2);
-  x << log_eps_2, log_ratio;
-  return x;
+  return {eps_2 * std::exp(x[1]), eps_2};
 }
 
 /// From the best two points of a coarse grid; infinite where nothing is found. Mm's second block is
 /// positive only for eps_2 below a_i / b_i, and its third only for eps_1 / eps_2 below b_i.
-Minimum search(const ErrorSystem& system, const std::function<double(const VectorXd&)>& f,
-               bool two) {
+Minimum search(const ErrorSystem& system, const std::function<double(const VectorXd&)>& f) {
   const double top = std::log(system.a.cwiseQuotient(system.b).minCoeff());
   const double ratio_top = std::log(system.b.minCoeff());
   std::vector<Minimum> starts;
-  for (double below = 0.7; below < 14; below += two ? 1.1 : 0.5) {
-    for (double ratio_below = 0.7; ratio_below < (two ? 12.0 : 1.0); ratio_below += 1.1) {
-      const VectorXd x = two ? point(top - below, ratio_top - ratio_below)
-                             : VectorXd(VectorXd::Constant(1, top - below));
+  for (double below = 0.7; below < 14; below += 1.1) {
+    for (double ratio_below = 0.7; ratio_below < 12; ratio_below += 1.1) {
+      const VectorXd x = Eigen::Vector2d(top - below, ratio_top - ratio_below);
       starts.push_back({x, f(x)});
     }
   }
@@ -242,12 +233,6 @@ Minimum search(const ErrorSystem& system, const std::function<double(const Vecto
     if (refined.value < best.value) best = refined;
   }
   return best;
-}
-
-/// The rate where the ball of this radius is certified [1/s].
-double rate_in_ball(const MatrixCondition& condition, const Weights& weights, double ball) {
-  const auto V = shape_of(condition, weights, slack_of(condition, weights));
-  return V ? condition.rate(weights, ball * std::sqrt(2 * V->w * V->alpha_2)) : -infinity;
 }
 
 }  // namespace
@@ -291,7 +276,7 @@ std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondit
   const auto merit = [&](const Certified& c) {
     return goal == Goal::rate ? c.rate : std::log(c.region.ball);
   };
-  Minimum best = search(coarse.system, f, goal != Goal::ball_by_one_weight);
+  Minimum best = search(coarse.system, f);
   std::optional<Certified> result;
   for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
     const Weights weights = weights_of(best.x);
@@ -309,28 +294,6 @@ std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondit
     VectorXd start = best.x;
     for (int i = 0; i < 12 && std::isinf(f(start)); ++i) start[0] -= 0.2;
     best = minimise(f, start, 0.3, 80);
-  }
-  return result;
-}
-
-std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondition& fine,
-                                const Certified& fastest, const Certified& largest,
-                                const std::vector<double>& parts) {
-  std::vector<TradeOff> result;
-  const auto x_of = [](const Weights& w) {
-    return point(std::log(w.eps_2), std::log(w.eps_1 / w.eps_2));
-  };
-  for (const double part : parts) {
-    const double ball = part * largest.region.ball;
-    const auto f = [&](const VectorXd& x) { return -rate_in_ball(coarse, weights_of(x), ball); };
-    // Both ends and the result before: the best of them is certified at least.
-    std::vector<VectorXd> starts = {x_of(fastest.weights), x_of(largest.weights)};
-    if (!result.empty()) starts.push_back(x_of(result.back().weights));
-    const VectorXd start =
-        *std::min_element(starts.begin(), starts.end(),
-                          [&](const VectorXd& a, const VectorXd& b) { return f(a) < f(b); });
-    const Weights weights = weights_of(minimise(f, start, 0.3, 50).x);
-    result.push_back({ball, weights, rate_in_ball(fine, weights, ball)});
   }
   return result;
 }

@@ -54,30 +54,15 @@ struct Certified {
   Weights weights;
   Region region;
   double rate = 0;  ///< of V in the limit of small errors, mu [1/s]; the error decays at mu/2
-  double V0 = 0;    ///< of the initial state, where one was asked about [J]
-
-  [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level; }
 };
 
-/// What weights are chosen for: with one, eps_1 = eps_2, or two the largest ball; or, with two, the
-/// fastest rate in the limit of small errors, whose region is where V decreases at all.
-enum class Goal { ball_by_one_weight, ball, rate };
+/// What weights are chosen for: the largest ball, or the fastest rate in the limit of small errors,
+/// whose region is where V decreases at all.
+enum class Goal { ball, rate };
 
 /// The search is on `coarse`, which may have few postures and no refinement; the answer is what
 /// `fine` certifies at the weights found. Nothing when none are certified.
 std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
                                       Goal goal);
-
-/// The fastest rate that is certified in the whole of a ball.
-struct TradeOff {
-  double ball = 0;
-  Weights weights;
-  double rate = 0;  ///< [1/s], within the ball
-};
-
-/// Trade-off at these parts of the largest ball, from fastest weights to the largest ball's.
-std::vector<TradeOff> trade_off(const MatrixCondition& coarse, const MatrixCondition& fine,
-                                const Certified& fastest, const Certified& largest,
-                                const std::vector<double>& parts);
 
 }  // namespace tachless::certificate

@@ -1,13 +1,11 @@
 #include "certificate/norm_conditions.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <numbers>
 
 #include "certificate/linear_loop.h"
-#include "robot/dynamics.h"
 
 namespace tachless::certificate {
 namespace {
@@ -42,14 +40,6 @@ double largest_over_directions(const std::vector<MatrixXd>& C) {
     best = std::max(best, value);
   }
   return best;
-}
-
-/// What a constant takes of C(q, x), from each C(q, e_j).
-using PartOfC = MatrixXd (*)(const MatrixXd&);
-std::vector<MatrixXd> parts(const Inertia& inertia, PartOfC part) {
-  std::vector<MatrixXd> result;
-  for (const MatrixXd& C : inertia.C) result.push_back(part(C));
-  return result;
 }
 
 double joint_norm(const std::vector<MatrixXd>& C) {
@@ -93,15 +83,14 @@ Constant constant(const robot::Model& model, const Postures& postures, int sampl
   return result;
 }
 
-Constant coriolis_constant(const robot::Model& model, const Postures& postures, PartOfC part) {
+Constant coriolis_constant(const robot::Model& model, const Postures& postures) {
   OfInertia by_polygon;
   if (postures.kind == Postures::Kind::circle) {
-    by_polygon = [&](const Inertia& at) { return polygon_bound(parts(at, part)); };
+    by_polygon = [](const Inertia& at) { return polygon_bound(at.C); };
   }
   return constant(
-      model, postures, 256,
-      [&](const Inertia& at) { return largest_over_directions(parts(at, part)); }, by_polygon,
-      [&](const Inertia& h) { return joint_norm(parts(h, part)); });
+      model, postures, 256, [](const Inertia& at) { return largest_over_directions(at.C); },
+      by_polygon, [](const Inertia& h) { return joint_norm(h.C); });
 }
 
 Constant inertia_constant(const robot::Model& model, const Postures& postures, double sign) {
@@ -111,12 +100,6 @@ Constant inertia_constant(const robot::Model& model, const Postures& postures, d
   result.value *= sign;
   result.bound *= sign;
   return result;
-}
-
-Constant gravity_constant(const robot::Model& model,
-                          const std::function<double(const Vector&)>& value) {
-  const Extreme found = largest(model, value, 1024);
-  return {found, found.value, false};
 }
 
 /// Smallest and largest eigenvalue, the paper's lambda and Lambda.
@@ -189,20 +172,17 @@ RobotConstants robot_constants(const robot::Model& model, const Postures& postur
   RobotConstants c;
   c.lambda_min_M = inertia_constant(model, postures, -1);
   c.lambda_max_M = inertia_constant(model, postures, +1);
-  c.k_c = coriolis_constant(model, postures, [](const MatrixXd& C) { return C; });
-  c.k_s = coriolis_constant(model, postures,
-                            [](const MatrixXd& C) -> MatrixXd { return C.transpose() - C; });
-  c.k_y = coriolis_constant(model, postures,
-                            [](const MatrixXd& C) -> MatrixXd { return (C + C.transpose()) / 2; });
-  c.sup_g = gravity_constant(
-      model, [&](const Vector& q) { return robot::gravity_torque(model, q).norm(); });
-  c.k_g = gravity_constant(
-      model, [&](const Vector& q) { return spectral_norm(gradient_by_q(model, held_at(q))); });
+  c.k_c = coriolis_constant(model, postures);
+  const Extreme found = largest(
+      model,
+      [&](const Vector& q) { return spectral_norm(gradient_by_q(model, constant_reference(q))); },
+      1024);
+  c.k_g = {found, found.value, false};
   return c;
 }
 
 PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
-                                     double B_d, bool gamma_2_free) {
+                                     double B_d) {
   const Spreads s(system, constants);
   const double k_c = constants.k_c.value;
   const double kd_a_b = system.kd.cwiseProduct(system.a).cwiseProduct(system.b).minCoeff();
@@ -217,14 +197,10 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
   c.eq25 = k_c * B_d / (s.b.min * s.M.min);
   c.eq27 = 0.5 * (kd_a / kd_b);
 
-  // With eps given, the smallest beta_3 and beta_1 leave the most for beta_2; gamma_1 as large as
-  // gamma_2 lets it.
+  // With eps given, the smallest beta_3 and beta_1 leave the most for beta_2.
   const auto beta_2 = [&](double eps) {
-    const double gamma_1 = gamma_2_free ? 1 - eps / (2 * c.eq27) : 0.5;
-    if (gamma_1 <= 0 ||
-        eps >= std::min({c.eq19, c.eq20, c.eq27 * (gamma_2_free ? 2 : 1), c.eq23 * gamma_1})) {
-      return -1.0;
-    }
+    constexpr double gamma_1 = 0.5;  // as gamma_2 is printed in (27)
+    if (eps >= std::min({c.eq19, c.eq20, c.eq27, c.eq23 * gamma_1})) return -1.0;
     return 1 - eps / (c.eq24 * gamma_1) - c.eq25 / eps;
   };
   const auto R = [&](double eps) {
@@ -236,7 +212,7 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
                                      (eps * s.M.max + s.kd_by_b.max) / 2});
     return R(eps) * std::sqrt(alpha_1 / alpha_2);
   };
-  const double high = std::min({c.eq19, c.eq20, c.eq23, c.eq24, 2 * c.eq27});
+  const double high = std::min({c.eq19, c.eq20, c.eq23, c.eq24, c.eq27});
   if (!(c.eq25 < high)) return c;
   const Positive best = positive_range(c1, c.eq25, high);
   c.feasible = best.value > 0;
@@ -245,71 +221,6 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
   c.c1 = best.value;
   c.eq26 = R(best.best);
   return c;
-}
-
-ScalarCondition::ScalarCondition(const ErrorSystem& system, const RobotConstants& constants,
-                                 const Postures& postures, double B_d)
-    : B_d_(B_d), k_s_(constants.k_s.bound), k_y_(constants.k_y.bound) {
-  const Spreads s(system, constants);
-  kp_min_ = s.kp.min;
-  MatrixXd difference = system.kp;
-  difference.diagonal() -= system.kd;
-  kp_kd_ = spectral_norm(difference);
-  damping_min_ = s.kd_by_b_a.min;
-  kd_max_ = s.kd.max;
-  // Between the postures of a circle both are within these gaps of the chord.
-  double gap = 0;
-  for (const Postures::Harmonic& h : postures.harmonics) {
-    gap += postures.chord_factor * h.order * h.order *
-           std::hypot(spectral_norm(h.cosine.M), spectral_norm(h.sine.M));
-  }
-  a_inertia_ = gap * system.a.maxCoeff() -
-               postures
-                   .smallest(
-                       [&](const Inertia& at) {
-                         return -spectral_norm(system.a.asDiagonal() * system.inertia(at.M));
-                       },
-                       true)
-                   .value;
-  b_inertia_ = postures
-                   .smallest(
-                       [&](const Inertia& at) {
-                         const VectorXd b_1 = system.b.array() - 1;
-                         const MatrixXd BM = b_1.asDiagonal() * system.inertia(at.M);
-                         return smallest_eigenvalue((BM + BM.transpose()) / 2);
-                       },
-                       true)
-                   .value -
-               gap * (system.b.array() - 1).abs().maxCoeff();
-}
-
-Eigen::Matrix3d ScalarCondition::Q(double epsilon, double rho) const {
-  const double half = epsilon / 2;
-  const double q12 = -half * kp_kd_, q13 = -half * k_s_ * B_d_;
-  const double q23 = -half * (a_inertia_ + k_s_ * B_d_);
-  Eigen::Matrix3d result;
-  result << epsilon * kp_min_, q12, q13,           //
-      q12, damping_min_ - epsilon * kd_max_, q23,  //
-      q13, q23, epsilon * b_inertia_ - k_y_ * (B_d_ + epsilon * rho);
-  return result;
-}
-
-double ScalarCondition::rho(double epsilon) const {
-  const Eigen::Matrix3d at_0 = Q(epsilon, 0);
-  const Eigen::Matrix2d corner = at_0.topLeftCorner<2, 2>();
-  if (!(corner.determinant() > 0) || !(corner(0, 0) > 0)) return -1;
-  const Eigen::Vector2d column = at_0.topRightCorner<2, 1>();
-  const double left = at_0(2, 2) - column.dot(corner.inverse() * column);
-  if (k_y_ == 0) return left > 0 ? infinity : -1;
-  return left / (k_y_ * epsilon);
-}
-
-ScalarCondition::Result ScalarCondition::solve() const {
-  // Q22 > 0 bounds eps from above; six decades below, Q33 > 0 asks for more damping than there is.
-  const double high = damping_min_ / kd_max_;
-  const Positive best = positive_range([&](double eps) { return rho(eps); }, 1e-7 * high, high);
-  if (!(best.value > 0)) return {};
-  return {true, best.interval, best.best, best.value};
 }
 
 }  // namespace tachless::certificate

@@ -5,9 +5,10 @@
 #include "certificate/error_system.h"
 #include "certificate/postures.h"
 
-/// The constants of a robot, and the conditions of stability that are made of such norms: those of
-/// Loria and Ortega (1995) as printed, and the completed one. One weight eps = eps_1 = eps_2;
-/// continuous time. They are sufficient and very conservative: lead with matrix_condition.h.
+/// The constants of a robot, and the conditions of stability that Loria and Ortega (1995) print,
+/// which are made of such norms. One weight eps = eps_1 = eps_2; continuous time. They are very
+/// conservative and their proof has a gap (docs/certificate.md): matrix_condition.h has neither
+/// fault.
 namespace tachless::certificate {
 
 /// Its value is refined locally.
@@ -23,9 +24,6 @@ struct Constant : Extreme {
 struct RobotConstants {
   Constant lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
   Constant k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
-  Constant k_s;                         ///< sup |C(q,x)' - C(q,x)| [kg m2]
-  Constant k_y;                         ///< sup |sym C(q,x)| [kg m2]
-  Constant sup_g;                       ///< sup |g(q)| [N m]
   Constant k_g;                         ///< sup |dg/dq| [N m/rad]
 };
 
@@ -36,7 +34,8 @@ struct Interval {
 };
 
 /// The paper's conditions: some eps with (25) < eps < (19), (20), (23), (24), (27), and (7), for
-/// some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0. The bounds are given for
+/// some beta_1 + beta_2 + beta_3 = 1 and gamma_1 + gamma_2 = 1, all > 0; gamma_2 = 1/2 as (27)
+/// prints it. The bounds are given for
 /// gamma_1 = beta_1 = beta_3 = 1 (upper ones to be multiplied by the share, the lower one divided).
 struct PrintedConditions {
   double eq7 = 0;  ///< b_i > eq7 / beta_2; of flexible joints, eq. 12
@@ -52,34 +51,7 @@ struct PrintedConditions {
   double eq26 = 0;  ///< R = (beta_2 lambda(B) lambda(M) - Lambda(M)) / (2 k_c) [rad; rad/s]
 };
 
-/// @param gamma_2_free (27) with gamma_2 free in place of the printed 1/2
 PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConstants& constants,
-                                     double B_d, bool gamma_2_free = false);
-
-/// The completed scalar condition: Vdot <= -z' Q z, z = (|e|, |nu|, |edot|), where
-/// |e - nu| <= rho.
-class ScalarCondition {
- public:
-  ScalarCondition(const ErrorSystem& system, const RobotConstants& constants,
-                  const Postures& postures, double B_d);
-
-  [[nodiscard]] Eigen::Matrix3d Q(double epsilon, double rho) const;
-
-  struct Result {
-    bool feasible = false;
-    Interval epsilon;  ///< with Q > 0 for some rho > 0
-    double best_epsilon = 0;
-    double rho = 0;  ///< the largest of them
-  };
-  [[nodiscard]] Result solve() const;
-
- private:
-  [[nodiscard]] double rho(double epsilon) const;
-
-  double B_d_, k_s_, k_y_;
-  double kp_min_, kp_kd_, damping_min_, kd_max_;  // lmin Kp, |Kp - Kd|, lmin Kd B^-1 A, lmax Kd
-  double a_inertia_ = 0;                          // sup |A M|
-  double b_inertia_ = 0;                          // inf lmin sym((B - I) M)
-};
+                                     double B_d);
 
 }  // namespace tachless::certificate

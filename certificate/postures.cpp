@@ -2,7 +2,6 @@
 
 #include <nlopt.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <exception>
@@ -12,7 +11,8 @@
 #include <numeric>
 #include <utility>
 
-#include "certificate/parallel.h"
+#include "process/parallel.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
 namespace tachless::certificate {
@@ -116,7 +116,7 @@ Extreme smallest_of(const robot::Model& model, const std::function<double(const 
   std::partial_sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(starts), order.end(),
                     [&](std::size_t a, std::size_t b) { return value[a] < value[b]; });
   if (max_evaluations == 0) return {value[order[0]], q[order[0]]};
-  const std::vector<Minimum> refined = parallel_map(starts, [&](std::size_t i) {
+  const std::vector<Minimum> refined = process::parallel_map(starts, [&](std::size_t i) {
     const auto objective = [&](const Eigen::VectorXd& x) {
       return in_range(model, x) ? f(x) : std::numeric_limits<double>::infinity();
     };
@@ -183,8 +183,7 @@ double spectral_norm(const Eigen::MatrixXd& A) {
 }
 
 double smallest_eigenvalue(const Eigen::MatrixXd& symmetric) {
-  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(symmetric, Eigen::EigenvaluesOnly)
-      .eigenvalues()[0];
+  return robot::symmetric_eigenvalues(symmetric)[0];
 }
 
 double largest_eigenvalue(const Eigen::MatrixXd& symmetric) {
@@ -219,7 +218,7 @@ Vector spread_posture(const robot::Model& model, int k) {
 Extreme largest(const robot::Model& model, const std::function<double(const Vector&)>& f,
                 int samples) {
   std::vector<Vector> q(static_cast<std::size_t>(samples));
-  const std::vector<double> value = parallel_map(q.size(), [&](std::size_t i) {
+  const std::vector<double> value = process::parallel_map(q.size(), [&](std::size_t i) {
     q[i] = spread_posture(model, static_cast<int>(i));
     return -f(q[i]);
   });
@@ -254,7 +253,7 @@ Postures::Postures(robot::Model of, const PostureOptions& options) : model(std::
   } else {
     for (int k = 0; k < options.samples; ++k) q.push_back(spread_posture(model, k));
   }
-  inertia = parallel_map(q.size(), [&](std::size_t i) { return inertia_at(model, q[i]); });
+  inertia = process::parallel_map(q.size(), [&](std::size_t i) { return inertia_at(model, q[i]); });
 }
 
 void Postures::add(const Vector& posture) {
@@ -264,7 +263,7 @@ void Postures::add(const Vector& posture) {
 
 Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool refine) const {
   const std::vector<double> value =
-      parallel_map(q.size(), [&](std::size_t i) { return f(inertia[i]); });
+      process::parallel_map(q.size(), [&](std::size_t i) { return f(inertia[i]); });
   return smallest_of(
       model, [&](const Vector& at) { return f(inertia_at(model, at)); }, q, value, 3,
       refine && kind == Kind::sampled ? 300 : 0);

@@ -1,13 +1,12 @@
 #include "certificate/sampled_limit.h"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <numbers>
 #include <vector>
+
+#include "robot/decompositions.h"
 
 namespace tachless::certificate {
 namespace {
@@ -34,7 +33,7 @@ VectorXcd balanced_eigenvalues(MatrixXd map) {
       done = false;
     }
   }
-  return Eigen::EigenSolver<MatrixXd>(map, false).eigenvalues();
+  return robot::eigenvalues(map);
 }
 
 /// The last stable value before `outside`, which is not, by bisection.
@@ -51,13 +50,12 @@ double edge(double inside, double outside, double precision, const Stable& stabl
 /// feedback terms that come back, negated: 1 + L is singular where the loop is on the edge.
 class Response {
  public:
-  Response(const CutLoop& open, double period_s)
-      : period_s_(period_s), num_torques_(open.B.cols()) {
+  Response(const CutLoop& open, double period_s) : period_s_(period_s) {
     // Triangular, so that a frequency costs a substitution.
-    const Eigen::ComplexSchur<MatrixXd> schur(open.A);
-    A_ = schur.matrixT();
-    B_ = schur.matrixU().adjoint() * open.B;
-    C_ = open.C * schur.matrixU();
+    const auto [T, U] = robot::complex_schur(open.A);
+    A_ = T;
+    B_ = U.adjoint() * open.B;
+    C_ = open.C * U;
     poles_ = balanced_eigenvalues(open.closed());
   }
 
@@ -68,16 +66,14 @@ class Response {
     const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(B_);
     return -(C_ * state);
   }
-  [[nodiscard]] VectorXcd eigenvalues(double w) const {
-    return Eigen::ComplexEigenSolver<MatrixXcd>(at(w), false).eigenvalues();
-  }
+  [[nodiscard]] VectorXcd eigenvalues(double w) const { return robot::eigenvalues(at(w)); }
   [[nodiscard]] double modulus(double w) const {
     return (eigenvalues(w).array() + 1).abs().minCoeff();
   }
   [[nodiscard]] double smallest_singular_value(double w) const {
     MatrixXcd one_plus = at(w);
     one_plus.diagonal().array() += 1;
-    return Eigen::JacobiSVD<MatrixXcd>(one_plus).singularValues()[num_torques_ - 1];
+    return robot::smallest_singular_value(one_plus);
   }
   /// From well below the slowest mode to half the sampling rate.
   [[nodiscard]] std::vector<double> frequencies(int num_points) const {
@@ -96,7 +92,6 @@ class Response {
 
  private:
   double period_s_;
-  Index num_torques_;
   MatrixXcd A_, B_, C_;  ///< in Schur's coordinates
   VectorXcd poles_;      ///< of the closed loop
 };
@@ -141,12 +136,10 @@ Eigen::VectorXd displaced(const SampledLoop& loop, const MatrixXd& map) {
   Eigen::VectorXd state = Eigen::VectorXd::Zero(map.rows());
   state.head(n).setOnes();
   if (plant == 4 * n) state.segment(2 * n, n).setOnes();
-  const Eigen::FullPivLU<MatrixXd> to_rest(MatrixXd::Identity(memory, memory) -
-                                           map.block(plant, plant, memory, memory));
-  if (to_rest.isInvertible()) {
-    state.segment(plant, memory) =
-        to_rest.solve(map.block(plant, 0, memory, plant) * state.head(plant));
-  }
+  const auto at_rest =
+      robot::solution(MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory),
+                      map.block(plant, 0, memory, plant) * state.head(plant));
+  if (at_rest) state.segment(plant, memory) = *at_rest;
   return state;
 }
 
@@ -174,8 +167,8 @@ double settling_time(const SampledLoop& loop, const MatrixXd& map, double period
 
 /// Phase and delay margin: where an eigenvalue of L crosses the unit circle, turned by its
 /// distance from -1 it makes 1 + L singular.
-void crossings(const Response& response, const std::vector<double>& w, int halvings,
-               Margins& margins) {
+void crossings(const Response& response, const std::vector<double>& w, Margins& margins) {
+  constexpr int halvings = 40;
   margins.phase_deg = 180;
   margins.delay_s = infinity;
   VectorXcd before = response.eigenvalues(w[0]);
@@ -235,21 +228,18 @@ Modes modes(const SampledLoop& loop, double period_s) {
   Modes result;
   result.radius = z.cwiseAbs().maxCoeff();
   result.stable = result.radius < 1;
-  std::vector<double> decay;
+  double decay = infinity;
   for (const std::complex<double>& value : z) {
     if (std::abs(value) < 1e-12) continue;  // gone after some periods
     const std::complex<double> s = std::log(value) / period_s;
-    decay.push_back(-s.real());
+    decay = std::min(decay, -s.real());
     const double damping = -s.real() / std::abs(s);
     if (s.imag() != 0 && damping < result.least_damping) {
       result.least_damping = damping;
       result.least_damped_hz = std::abs(s.imag()) / (2 * std::numbers::pi);
     }
   }
-  std::sort(decay.begin(), decay.end());
-  const Index num_slow = std::min<Index>(loop.plant.num_joints, static_cast<Index>(decay.size()));
-  result.slow_per_s = Eigen::Map<const Eigen::VectorXd>(decay.data(), num_slow);
-  result.decay_per_s = decay.empty() ? infinity : decay.front();
+  result.decay_per_s = decay;
   result.settling_s =
       result.stable ? settling_time(loop, map, period_s, result.decay_per_s) : infinity;
   return result;
@@ -272,15 +262,8 @@ Margins margins(const SampledLoop& loop, double period_s) {
   result.modulus = least_over(w, [&](double x) { return response.modulus(x); });
   result.modulus_independent =
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
-  crossings(response, w, 40, result);
+  crossings(response, w, result);
   return result;
-}
-
-double phase_margin_deg(const SampledLoop& loop, double period_s) {
-  const Response response(cut(loop, period_s), period_s);
-  Margins result;
-  crossings(response, response.frequencies(60), 5, result);
-  return result.phase_deg;
 }
 
 bool has_modulus(const CutLoop& loop, double period_s, double least) {

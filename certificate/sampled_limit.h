@@ -44,8 +44,7 @@ struct Modes {
   /// its peak [s].
   double settling_s = 0;
   double least_damped_hz = 0;
-  double least_damping = 1;    ///< 1: no mode oscillates
-  Eigen::VectorXd slow_per_s;  ///< decay of the slowest modes, as many as joints, slowest first
+  double least_damping = 1;  ///< 1: no mode oscillates
 };
 Modes modes(const SampledLoop& loop, double period_s);
 
@@ -65,11 +64,8 @@ struct Margins {
 /// Of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
 
-/// The phase margin alone, of a stable loop, on a coarse grid of frequencies [deg]: to a degree or
-/// two, in some milliseconds.
-double phase_margin_deg(const SampledLoop& loop, double period_s);
-
-/// Whether the modulus margin of a stable loop is at least `least`, on a grid of that coarseness.
+/// Whether the modulus margin of a stable loop is at least `least`, on a coarse grid of
+/// frequencies.
 bool has_modulus(const CutLoop& loop, double period_s, double least);
 
 /// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that

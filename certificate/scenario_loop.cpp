@@ -117,12 +117,32 @@ MatrixXd gravity_part(const LinearLaw& law, const experiment::Scenario& scenario
   return law.D - linear_law(weightless, reference, state_on(reference, model, weightless)).D;
 }
 
-double span_of(const experiment::Scenario& scenario) {
+/// The period of a sinusoid whose joints all move at one frequency [s]; nothing for other motions
+/// and where the run is shorter.
+std::optional<double> period_of(const experiment::Scenario& scenario) {
   const auto* sine = std::get_if<reference::trajectory::Sinusoid>(&scenario.reference);
-  if (sine == nullptr || sine->frequency_hz.size() == 0) return scenario.loop.duration_s;
+  if (sine == nullptr || sine->frequency_hz.size() == 0) return {};
   const double f = sine->frequency_hz[0];
   const bool common = f > 0 && (sine->frequency_hz.array() == f).all();
-  return common ? std::min(1 / f, scenario.loop.duration_s) : scenario.loop.duration_s;
+  return common && 1 / f < scenario.loop.duration_s ? std::optional(1 / f) : std::nullopt;
+}
+
+/// Instants between which |v_ref| > 0, to a thousandth of the run.
+ScenarioLoop::Motion motion_of(const experiment::Scenario& scenario,
+                               const reference::Trajectory& trajectory) {
+  constexpr int instants = 1000;
+  const auto period_s = period_of(scenario);
+  const double span_s = period_s.value_or(scenario.loop.duration_s);
+  int first = instants, last = 0;
+  for (int k = 0; k <= instants; ++k) {
+    if (trajectory.at(span_s * k / instants).v_ref.isZero(0)) continue;
+    first = std::min(first, k);
+    last = k;
+  }
+  if (first > last) return {};
+  if (period_s) return {0, span_s, true};
+  return {span_s * std::max(first - 1, 0) / instants,
+          span_s * std::min(last + 1, instants) / instants, false};
 }
 
 }  // namespace
@@ -137,13 +157,9 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario)
     : scenario_(std::make_shared<const experiment::Scenario>(scenario)),
       model_(plant_of(scenario)),
       trajectory_(reference::make_trajectory(scenario)),
-      span_s_(span_of(scenario)) {
+      motion_(motion_of(scenario, trajectory_)) {
   controller::scenario_law(scenario);  // refuses what it cannot work with
   settings_ = controller::law_settings(scenario);
-  constexpr int instants = 200;
-  for (int k = 0; k <= instants && !moves_; ++k) {
-    moves_ = !trajectory_.at(span_s_ * k / instants).v_ref.isZero(0);
-  }
 }
 
 LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
@@ -182,12 +198,14 @@ MatrixXd ScenarioLoop::map_at(double t_s) const {
   return cut(plant(trajectory_.at(t_s + h / 2)), law, h, settings_.command_delay).closed();
 }
 
-std::vector<ReferencePoint> ScenarioLoop::rests(int count) const {
-  if (!moves_ || count < 2) return {held_at(trajectory_.at(0).q_ref)};
+std::vector<ReferencePoint> ScenarioLoop::rest_points(int count) const {
+  if (!moves() || count < 2) return {constant_reference(trajectory_.at(0).q_ref)};
+  const auto& [begin_s, end_s, repeats] = motion_;
   std::vector<ReferencePoint> result;
   result.reserve(static_cast<std::size_t>(count));
   for (int k = 0; k < count; ++k) {
-    result.push_back(held_at(trajectory_.at(span_s_ * k / (count - 1)).q_ref));
+    const double t_s = begin_s + (end_s - begin_s) * k / (count - 1);
+    result.push_back(constant_reference(trajectory_.at(t_s).q_ref));
   }
   return result;
 }

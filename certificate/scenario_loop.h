@@ -16,7 +16,7 @@
 
 /// A scenario's closed loop, linearised: its plant (payload and friction included) about its
 /// reference, and its law, whichever of the catalogue. Saturation, quantisation and noise are not
-/// in it. Besides, the Lyapunov function that its law declares.
+/// in it. Also the Lyapunov function that its law declares.
 namespace tachless::certificate {
 
 class ScenarioLoop {
@@ -38,12 +38,17 @@ class ScenarioLoop {
   /// period later.
   [[nodiscard]] Eigen::MatrixXd map_at(double t_s) const;
 
-  /// What repeats of the reference: one period of a sinusoid, otherwise the whole run [s].
-  [[nodiscard]] double span_s() const { return span_s_; }
-  [[nodiscard]] bool moves() const { return moves_; }
-  /// At rest at postures of the reference: the first, the last and evenly between; one when it does
-  /// not move.
-  [[nodiscard]] std::vector<loop::ReferencePoint> rests(int count) const;
+  /// When the reference moves [s]: one period of a sinusoid, otherwise from its first motion to its
+  /// last, pauses between them included. Of length 0 where it is constant.
+  struct Motion {
+    double begin_s = 0, end_s = 0;
+    bool repeats = false;  ///< within the run
+  };
+  [[nodiscard]] const Motion& motion() const { return motion_; }
+  [[nodiscard]] bool moves() const { return motion_.end_s > motion_.begin_s; }
+  /// At rest at postures of the reference, evenly over its motion, the first and the last included;
+  /// one when it does not move.
+  [[nodiscard]] std::vector<loop::ReferencePoint> rest_points(int count) const;
 
   [[nodiscard]] const controller::law::Settings& settings() const { return settings_; }
 
@@ -54,8 +59,7 @@ class ScenarioLoop {
   controller::law::Settings settings_;
   robot::Model model_;  ///< of the plant
   reference::Trajectory trajectory_;
-  double span_s_ = 0;
-  bool moves_ = false;
+  Motion motion_;
 };
 
 /// The robot as the plant has it: rotors of rigid joints and payload included.

@@ -81,15 +81,15 @@ std::string refusal(const experiment::Scenario& scenario) {
   const std::string& law = scenario.controller.law;
   if (law != LoriaOrtegaRigid::name && law != LoriaOrtegaFlexible::name &&
       law != KellyRegulation::name) {
-    return fmt::format("{} has no certificate here", law);
+    return fmt::format("no stability certificate is available for {}", law);
   }
   const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
   if (file != nullptr && file->motion == nullptr) {
-    return fmt::format("the table {} of the reference is not at hand", file->path);
+    return fmt::format("the table {} of the reference was not loaded", file->path);
   }
   if (law != LoriaOrtegaFlexible::name && scenario.robot.flexible) {
     return fmt::format(
-        "{} takes the joints for rigid, and they are flexible: its proof does not hold", law);
+        "{} assumes rigid joints, but this robot's are flexible: its proof does not hold", law);
   }
   return {};
 }
@@ -121,36 +121,59 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
   return result;
 }
 
-/// The loop in error coordinates, and where it starts.
-struct ErrorLoop {
-  const robot::Model model;
-  const ErrorSystem system;
-  const double B_d;  ///< sup |v_ref|
-  const Vector& q;
-  const VectorXd initial;
-
+/// The loop in error coordinates, where it starts, and the search for weights of V.
+class ErrorLoop {
+ public:
   explicit ErrorLoop(const experiment::Scenario& scenario)
-      : model(error_model(scenario)),
-        system(system_of(scenario)),
-        B_d(velocity_bound(scenario)),
-        q(scenario.plant.initial.position_rad),
-        initial(initial_error(scenario)) {}
+      : model_(error_model(scenario)),
+        system_(system_of(scenario)),
+        B_d_(velocity_bound(scenario)),
+        q_(scenario.plant.initial.position_rad),
+        initial_(initial_error(scenario)) {}
 
-  /// Of V at the start [J].
+  [[nodiscard]] const ErrorSystem& system() const { return system_; }
+  [[nodiscard]] const robot::Model& model() const { return model_; }
+  [[nodiscard]] double B_d() const { return B_d_; }
   [[nodiscard]] double V0(const Weights& weights) const {
-    return lyapunov_value(system, weights, model, q, initial);
+    return lyapunov_value(system_, weights, model_, q_, initial_);
+  }
+  /// Whether what is certified holds for all postures.
+  [[nodiscard]] bool proved() { return fine().postures.proved; }
+
+  /// The search is over few postures, to which those that bind are added, and then what is found is
+  /// certified over many.
+  std::optional<CertifiedRegion> best(Goal goal) {
+    const MatrixCondition coarse{
+        system_, Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}),
+        B_d_, false};
+    const MatrixCondition middle =
+        proved() ? MatrixCondition{fine().system, fine().postures, B_d_, false}
+                 : MatrixCondition{system_, Postures(model_, {.samples = 128}), B_d_, false};
+    const auto found = best_weights(coarse, middle, goal);
+    if (!found) return {};
+    const auto region = fine().region(found->weights);
+    if (!region) return {};
+    CertifiedRegion result{{found->weights, *region, fine().rate(found->weights, 0)}};
+    result.V0 = V0(found->weights);
+    // From V0 on, |delta| stays below sqrt(2 w V0).
+    if (result.holds_initial_state()) {
+      result.rate_from_start = fine().rate(found->weights, std::sqrt(2 * region->w * result.V0));
+    }
+    return result;
   }
 
-  /// To certify. @param samples where postures are sampled
-  [[nodiscard]] MatrixCondition condition(int samples) const {
-    return {system, Postures(model, {.samples = samples}), B_d};
+ private:
+  const MatrixCondition& fine() {
+    if (!fine_) fine_ = {system_, Postures(model_, {.samples = 1024}), B_d_};
+    return *fine_;
   }
-  /// The same over few postures, to search: no proof, what is found is proved by the other.
-  [[nodiscard]] MatrixCondition coarse_condition(int samples) const {
-    return {system,
-            Postures(model, {.circle_points = 24, .bound_between = false, .samples = samples}), B_d,
-            false};
-  }
+
+  robot::Model model_;
+  ErrorSystem system_;
+  double B_d_;  ///< sup |v_ref|
+  Vector q_;    ///< at the start
+  VectorXd initial_;
+  std::optional<MatrixCondition> fine_;
 };
 
 }  // namespace
@@ -166,85 +189,59 @@ double lyapunov_value(const ErrorSystem& system, const Weights& weights, const r
 }
 
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
-                                                          const RobotConstants& constants,
-                                                          std::string& why_not,
+                                                          Effort effort, std::string& why_not,
                                                           const OnProgress& tell) {
   why_not = refusal(scenario);
   if (!why_not.empty()) return {};
-  const ErrorLoop loop(scenario);
+  ErrorLoop loop(scenario);
   StabilityCertificate result;
-  result.system = loop.system;
-  result.B_d = loop.B_d;
-  result.held = loop.B_d == 0;
-  result.initial = loop.initial;
-  result.printed = printed_conditions(loop.system, constants, loop.B_d);
-  result.printed_gamma_free = printed_conditions(loop.system, constants, loop.B_d, true);
-  tell("matrix condition: postures");
-  const MatrixCondition coarse = loop.coarse_condition(128);
-  const MatrixCondition fine = loop.condition(PostureOptions().samples);
-  result.proved = fine.postures.proved;
-  result.completed = ScalarCondition(loop.system, constants, fine.postures, loop.B_d).solve();
-  const auto best = [&](Goal goal) {
-    auto found = best_weights(coarse, fine, goal);
-    if (found) found->V0 = loop.V0(found->weights);
-    return found;
-  };
-  tell("matrix condition: fastest rate");
-  result.fastest = best(Goal::rate);
-  if (!result.held) {  // at a constant reference the ball has no limit: the weights would go to 0
-    tell("matrix condition: largest ball");
-    result.largest = best(Goal::ball);
-    tell("matrix condition: one weight");
-    result.one_weight = best(Goal::ball_by_one_weight);
+  result.B_d = loop.B_d();
+  result.constant = result.B_d == 0;
+  const bool few = !result.constant && scenario.num_joints <= most_joints_of_certified_run;
+  if (few || effort == Effort::full) {
+    tell("certified region: fastest rate");
+    result.proved = loop.proved();
+    result.fastest = loop.best(Goal::rate);
   }
-  if (result.fastest && result.largest) {
-    tell("matrix condition: trade-off");
-    result.trade_off = trade_off(coarse, fine, *result.fastest, *result.largest,
-                                 result.proved ? std::vector<double>{0.03, 0.1, 0.3, 0.5, 0.7, 0.9}
-                                               : std::vector<double>{0.03, 0.1, 0.3});
-    std::erase_if(result.trade_off, [](const TradeOff& t) { return !(t.rate > 0); });
+  if (!result.constant && (result.proved || effort == Effort::full)) {
+    tell("certified region: largest ball");
+    result.largest = loop.best(Goal::ball);
   }
   const auto& choice = result.largest ? result.largest : result.fastest;
   result.provisos = provisos(scenario, choice ? &choice->region : nullptr);
   return result;
 }
 
-std::optional<Region> region_to_compare(const experiment::Scenario& scenario) {
+std::optional<Region> largest_region(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
-  const ErrorLoop loop(scenario);
-  if (loop.B_d == 0) return {};
-  const MatrixCondition condition = loop.coarse_condition(12);
-  const auto found = best_weights(condition, condition, Goal::ball_by_one_weight);
+  ErrorLoop loop(scenario);
+  if (loop.B_d() == 0) return {};
+  const auto found = loop.best(Goal::ball);
   return found ? std::optional(found->region) : std::nullopt;
 }
 
-std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) {
-  if (!refusal(scenario).empty()) return {};
+std::optional<PaperConditions> paper_conditions(const experiment::Scenario& scenario,
+                                                std::string& why_not) {
+  why_not = refusal(scenario);
+  if (!why_not.empty()) return {};
   const ErrorLoop loop(scenario);
-  if (loop.B_d == 0) {
-    return CertifiedRun{{}, loop.V0({}), infinity, 0, true, provisos(scenario, nullptr)};
+  const RobotConstants constants = robot_constants(loop.model(), Postures(loop.model()));
+  return PaperConditions{constants, printed_conditions(loop.system(), constants, loop.B_d())};
+}
+
+std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) {
+  std::string why_not;
+  const auto all = stability_certificate(scenario, Effort::quick, why_not);
+  if (!all) return {};
+  if (all->constant) {
+    return CertifiedRun{{}, ErrorLoop(scenario).V0({}), infinity, 0, true, all->provisos};
   }
-  if (loop.model.num_joints > most_joints_of_certified_run) return {};
-  const MatrixCondition coarse = loop.coarse_condition(12), fine = loop.condition(128);
-  const bool proved = fine.postures.proved;
   std::optional<CertifiedRun> best;
-  const auto consider = [&](const std::optional<Certified>& found) {
-    if (!found) return;
-    const auto region = fine.region(found->weights);
-    if (!region) return;
-    const double V = loop.V0(found->weights);
-    // From V on, |delta| stays below sqrt(2 w V).
-    const double rate =
-        V <= region->level ? fine.rate(found->weights, std::sqrt(2 * region->w * V)) : -1;
-    if (best && rate <= best->rate) return;
-    best =
-        CertifiedRun{found->weights, V, region->level, rate, proved, provisos(scenario, &*region)};
-  };
-  // To search, the worst of the sampled postures do.
-  const MatrixCondition unrefined{fine.system, fine.postures, fine.B_d, false};
-  consider(best_weights(coarse, unrefined, Goal::rate));
-  // With more joints that search takes long.
-  if (proved) consider(best_weights(coarse, unrefined, Goal::ball));
+  for (const auto& found : {all->fastest, all->largest}) {
+    if (!found || (best && found->rate_from_start <= best->rate)) continue;
+    best = CertifiedRun{found->weights,         found->V0,   found->region.level,
+                        found->rate_from_start, all->proved, all->provisos};
+  }
   return best;
 }
 

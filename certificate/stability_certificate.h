@@ -7,33 +7,54 @@
 
 #include "certificate/matrix_condition.h"
 #include "certificate/norm_conditions.h"
-#include "certificate/sampled_certificate.h"
+#include "certificate/prediction.h"
 
 /// The Lyapunov certificate of a scenario under the laws of Loria and Ortega: continuous time, an
 /// exact model, no saturation, quantisation, delay or feed-forward lead.
 namespace tachless::certificate {
 
+/// What one choice of the weights certifies, and what of it holds from the scenario's start.
+struct CertifiedRegion : Certified {
+  double V0 = 0;  ///< at the start [J]
+  /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
+  double rate_from_start = -1;
+
+  [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level; }
+};
+
 struct StabilityCertificate {
-  ErrorSystem system;
-  bool proved = false;  ///< of all postures; otherwise of the sampled ones
-  double B_d = 0;       ///< sup |v_ref| [rad/s; m/s]
-  bool held = false;    ///< the reference is constant: proved with both weights 0, by LaSalle
-  PrintedConditions printed, printed_gamma_free;
-  ScalarCondition::Result completed;
-  std::optional<Certified> one_weight, fastest, largest;  ///< with V0 of the initial state
-  std::vector<TradeOff> trade_off;
-  Eigen::VectorXd initial;  ///< (e, nu, edot) at t = 0
+  bool proved = false;    ///< of all postures; otherwise of the sampled ones
+  double B_d = 0;         ///< sup |v_ref| [rad/s; m/s]
+  bool constant = false;  ///< of the reference: proved with both weights 0, by LaSalle
+  /// By weights of the fastest rate and of the largest ball; nothing: no weights are certified. At
+  /// a constant reference the ball has no limit and there is no largest one.
+  std::optional<CertifiedRegion> fastest, largest;
   /// Why the certificate is not of this very scenario: payload, friction, a prismatic joint's
   /// range.
   std::vector<std::string> provisos;
 };
 
-/// Nothing, with the reason in `why_not`, for other laws and where a rigid law drives flexible
-/// joints. @throw diagnostics::Failure(bad_usage)
+inline constexpr int most_joints_of_certified_run = 16;
+
+/// @param effort quick leaves the largest ball out where postures are sampled (7 joints take 1 s),
+/// and all regions with more joints than `most_joints_of_certified_run` (28 would take a minute)
+/// @param why_not receives the reason where nothing is returned: for other laws, and where a rigid
+/// law drives flexible joints
+/// @throw diagnostics::Failure(bad_usage)
 std::optional<StabilityCertificate> stability_certificate(const experiment::Scenario& scenario,
-                                                          const RobotConstants& constants,
-                                                          std::string& why_not,
-                                                          const OnProgress& tell = in_silence);
+                                                          Effort effort, std::string& why_not,
+                                                          const OnProgress& tell = no_progress);
+
+/// The region with the largest ball, alone; nothing where there is none.
+std::optional<Region> largest_region(const experiment::Scenario& scenario);
+
+/// What the paper prints of the scenario's loop. Errors and reason as above.
+struct PaperConditions {
+  RobotConstants constants;
+  PrintedConditions printed;
+};
+std::optional<PaperConditions> paper_conditions(const experiment::Scenario& scenario,
+                                                std::string& why_not);
 
 /// What is certified of V along the scenario's own run.
 struct CertifiedRun {
@@ -50,18 +71,10 @@ struct CertifiedRun {
   }
 };
 
-inline constexpr int most_joints_of_certified_run = 16;
-
-/// With those weights, of the fastest rate and (two joints) of the largest ball, that certify the
-/// faster decay from the scenario's start; without cross terms at a constant reference, where V
-/// does not rise. Nothing as above, where no weights are certified at all, and with more joints
-/// than `most_joints_of_certified_run`: 7 take 1 s, 14 take 6 s and 28 a minute.
+/// By `stability_certificate` with quick effort: of its weights those that certify the faster decay
+/// from the scenario's start; without cross terms at a constant reference, where V does not rise.
+/// Nothing where no weights are certified.
 std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario);
-
-/// What the matrix condition certifies with the one weight of the largest ball, to compare gains
-/// by: over few postures, unrefined. Nothing where `stability_certificate` has nothing, at a
-/// constant reference, where the region has no limit, and when no weight is certified.
-std::optional<Region> region_to_compare(const experiment::Scenario& scenario);
 
 /// V [J] of the error state x at posture q.
 double lyapunov_value(const ErrorSystem& system, const Weights& weights, const robot::Model& links,

@@ -54,6 +54,12 @@ std::string shortest(double value) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr};
 }
 
+std::string period_text(double seconds) {
+  if (seconds >= 0.99995) return fmt::format("{:.4g} s", seconds);
+  if (seconds >= 0.99995e-3) return fmt::format("{:.4g} ms", 1e3 * seconds);
+  return fmt::format("{:.4g} µs", 1e6 * seconds);
+}
+
 std::string one_line(std::string_view text) {
   std::string line;
   std::string gap;  // white space that may still be dropped

@@ -20,6 +20,9 @@ std::string joined(const Range& range, std::string_view separator = ", ") {
 /// The fewest significant digits that give `value` back when they are read: "0.1", "1e-06", "nan".
 std::string shortest(double value);
 
+/// A period for people, to four digits: "50 µs", "3.63 ms", "1.2 s".
+std::string period_text(double seconds);
+
 /// `text` on one line: line ends and other control characters become one space, together with the
 /// white space around them; white space at both ends goes.
 std::string one_line(std::string_view text);

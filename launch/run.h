@@ -40,8 +40,7 @@ struct RunOptions {
   std::string restart;      ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
-  bool any_verdict = false;  ///< a limit cycle, divergence or saturation is no failure
-  bool cross_check = false;  ///< compare Simbody's mechanics with the library's own first
+  bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure
   bool force = false;  ///< run a loop that is unstable when linearised; replace results in `out`
   bool quiet = false;
   bool verbose = false;
@@ -74,12 +73,12 @@ struct PlannedRun {
 };
 
 /// The runs of `scenarios`. What a process would refuse later is refused here: a scenario, limits
-/// of the machine, channels that two robots would share, an unstable loop without --force, with
-/// --cross-check mechanics that differ. The remarks are whether the linearised loop is stable,
-/// where the plant has its friction from, what the URDF has that is not as it should be, and what
-/// the reference asks in vain of drives and joints.
+/// of the machine, channels that two robots would share, an unstable loop without --force. The
+/// remarks are whether the linearised loop is stable, where the plant has its friction from, what
+/// the URDF has that is not as it should be, and what the reference asks in vain of drives and
+/// joints.
 /// @param options as of `run`
-/// @throw diagnostics::Failure(bad_usage), or (check_said_no) of the cross-check
+/// @throw diagnostics::Failure(bad_usage)
 std::vector<PlannedRun> plan_runs(RunOptions options,
                                   const std::vector<std::filesystem::path>& scenarios);
 

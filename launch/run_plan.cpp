@@ -12,7 +12,7 @@
 
 #include "bus/network_check.h"
 #include "certificate/feasibility.h"
-#include "certificate/sampled_certificate.h"
+#include "certificate/prediction.h"
 #include "controller/law_socket.h"
 #include "diagnostics/logging.h"
 #include "node/options.h"
@@ -20,7 +20,6 @@
 #include "process/this_process.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
-#include "study/in_process_loop.h"
 
 namespace tachless::launch {
 namespace {
@@ -133,13 +132,13 @@ std::string friction_text(const experiment::Scenario& scenario) {
 }
 
 std::vector<Remark> judge(const experiment::Scenario& scenario, const RunOptions& options) {
-  const certificate::Verdict loop = certificate::verdict(scenario);
+  const certificate::Prediction loop = certificate::analyse(scenario, certificate::Effort::quick);
   const bool unstable = loop.unknown.empty() && !loop.stable;
   if (unstable && !options.force) {
     throw diagnostics::bad_usage(certificate::refusal(loop, options.scenario.string()));
   }
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
-  std::vector<Remark> remarks = {{unstable, certificate::text(loop)}};
+  std::vector<Remark> remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
   if (const std::string friction = friction_text(scenario); !friction.empty()) {
     remarks.push_back({false, friction});
   }
@@ -148,21 +147,6 @@ std::vector<Remark> judge(const experiment::Scenario& scenario, const RunOptions
     for (const std::string& line : *lines) remarks.push_back({true, line});
   }
   return remarks;
-}
-
-void cross_check(const PlannedRun& run) {
-  constexpr double most = 1e-8;  // the integrators' 1e-12 a step, and what a loop makes of it
-  const study::CrossCheck check = study::cross_check(run.scenario);
-  const std::string found =
-      run.options.named(fmt::format("cross-check: Simbody and the native mechanics differ by "
-                                    "{:.2g} rad at tick {} of {}, and nowhere by more",
-                                    check.position, check.tick, check.ticks));
-  if (!(check.position <= most)) {
-    throw diagnostics::Failure(
-        diagnostics::ExitCode::check_said_no,
-        "{}; allowed: {:g}. The loop magnifies differences, or one of them is wrong", found, most);
-  }
-  if (!run.options.quiet) diagnostics::log_info(found);
 }
 
 }  // namespace
@@ -220,9 +204,6 @@ std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path
     runs.push_back({options, std::move(scenario)});
   }
   for (PlannedRun& run : runs) run.remarks = judge(run.scenario, run.options);
-  for (const PlannedRun& run : runs) {
-    if (options.cross_check) cross_check(run);
-  }
   return runs;
 }
 

@@ -80,7 +80,7 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   const nlohmann::ordered_json outcome = to_json(summary, joints);
   const std::string json = diagnostics::json_text(outcome, 2) + "\n";
   const std::string title = fmt::format("{}: {}, h = {}", facts.scenario, facts.law,
-                                        report::short_period(facts.period_s));
+                                        diagnostics::period_text(facts.period_s));
   const std::string_view remedy = "name another directory with --out";
   const bool moved = summary.tracking.num_ticks() > 0;
   ExitCode code = ExitCode::done;
@@ -254,8 +254,8 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);
   const ExitCode written = write_results(run, out, summary, std::move(recorded), joints);
   if (end.code == ExitCode::done) end.code = written;
-  if (done && !options.any_verdict && summary.observed.bad()) {
-    diagnostics::log_error("{}; --any-verdict makes that no failure",
+  if (done && !options.any_outcome && summary.observed.bad()) {
+    diagnostics::log_error("{}; --any-outcome makes that no failure",
                            options.named(text(summary.observed, joints)));
     end.code = ExitCode::check_said_no;
   }

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <vector>
 
 #include "diagnostics/failure.h"
@@ -23,6 +25,50 @@ namespace fs = std::filesystem;
 using Outcomes = std::map<std::string, std::int64_t>;  // how many runs ended how
 
 constexpr const char* remedy = "make room there";
+constexpr std::size_t column_width = 10;
+
+/// A comparison's row of measures for each law, for people.
+std::string comparison_table(const std::vector<study::SweepRow>& rows) {
+  std::size_t width = 3;
+  for (const study::SweepRow& row : rows) width = std::max(width, row.which.law.size());
+  std::string names = fmt::format("  {:<{}}  {:<12}", "law", width, "outcome");
+  std::string units(names.size(), ' ');
+  for (const study::MeasureColumn& column : study::measure_columns(true)) {
+    names += fmt::format(" {:>{}}", column.name, column_width);
+    units += fmt::format(" {:>{}}", column.unit, std::max(column_width, column.name.size()));
+  }
+  std::string table = names + "\n" + units + "\n";
+  for (const study::SweepRow& row : rows) {
+    table += fmt::format("  {:<{}}  {:<12}", row.which.law, width, row.outcome);
+    for (std::size_t i = 0; i < row.measures.size(); ++i) {
+      const double value = row.measures[i];
+      table += fmt::format(" {:>{}}", std::isfinite(value) ? fmt::format("{:.3g}", value) : "-",
+                           std::max(column_width, study::measure_columns(true)[i].name.size()));
+    }
+    table += "\n";
+  }
+  return table;
+}
+
+/// The same as JSON; null: there is no such number.
+nlohmann::ordered_json comparison_json(const study::SweepPlan& plan,
+                                       const std::vector<study::SweepRow>& rows) {
+  auto json = nlohmann::ordered_json::array();
+  for (const study::SweepRow& row : rows) {
+    nlohmann::ordered_json law = {
+        {"law", row.which.law},
+        {"set", plan.laws[static_cast<std::size_t>(row.which.index)].overrides},
+        {"outcome", row.outcome}};
+    for (std::size_t i = 0; i < row.measures.size(); ++i) {
+      const double value = row.measures[i];
+      law[std::string(study::measure_columns(true)[i].name)] =
+          std::isfinite(value) ? nlohmann::ordered_json(value) : nullptr;
+    }
+    if (!row.stopped.empty()) law["stopped"] = row.stopped;
+    json.push_back(law);
+  }
+  return json;
+}
 
 fs::path job_file(const study::Sweep& sweep) { return sweep.directory() / "slurm-job"; }
 
@@ -60,16 +106,19 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   for (const study::SweepRow& row : rows) ++outcomes[row.outcome];
   diagnostics::UnfinishedFile(directory / "results.csv", remedy).write(sweep.table(rows));
   report::write_sweep_page(sweep.plan(), rows, colour, directory);
+  const bool comparison = sweep.plan().is_comparison();
   if (json) {
-    const nlohmann::ordered_json all = {
+    nlohmann::ordered_json all = {
         {"directory", directory.string()}, {"runs", rows.size()}, {"outcomes", outcomes}};
+    if (comparison) all["laws"] = comparison_json(sweep.plan(), rows);
     return diagnostics::json_text(all, 2) + "\n";
   }
   std::vector<std::string> parts;
   for (const auto& [outcome, count] : outcomes)
     parts.push_back(fmt::format("{} {}", count, outcome));
-  return fmt::format("{} runs: {}\n  {}\n  {}\n", rows.size(), diagnostics::joined(parts),
-                     (directory / "results.csv").string(), (directory / "index.html").string());
+  return fmt::format("{}{} runs: {}\n  {}\n  {}\n", comparison ? comparison_table(rows) : "",
+                     rows.size(), diagnostics::joined(parts), (directory / "results.csv").string(),
+                     (directory / "index.html").string());
 }
 
 std::string submit_to_slurm(const study::Sweep& sweep, int tasks) {

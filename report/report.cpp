@@ -13,6 +13,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "report/page_files.h"
 #include "report/summary.h"
@@ -146,7 +147,7 @@ Html figure(Chart chart) {
 Html title_of(const std::vector<RecordedRun>& runs) {
   if (runs.size() == 1) {
     return html("{}: {}, h = {}", runs[0].scenario.name, runs[0].scenario.controller.law_text(),
-                short_period(runs[0].info.period_s));
+                diagnostics::period_text(runs[0].info.period_s));
   }
   std::vector<Html> labels;
   labels.reserve(runs.size());

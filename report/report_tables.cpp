@@ -119,7 +119,7 @@ std::string damage_text(const RecordedRun& run) {
 Html sampling_text(const RecordedRun& run) {
   const int delay = run.scenario.loop.command_delay;
   return html(
-      "{}, {}, {}", short_period(run.info.period_s),
+      "{}, {}, {}", diagnostics::period_text(run.info.period_s),
       delay == 0 ? "no delay" : fmt::format("delay of {} tick{}", delay, delay == 1 ? "" : "s"),
       run.scenario.loop.mode == experiment::Mode::lockstep ? "lockstep" : "realtime");
 }

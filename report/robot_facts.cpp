@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
 
@@ -74,8 +74,7 @@ RobotFacts::RobotFacts(Model read, const std::vector<double>& position)
       gravity_torque(robot::gravity_torque(model, q)),
       warnings(model.warnings) {
   for (const robot::Body& body : model.bodies) mass_kg += body.mass;
-  const robot::Vector moments =
-      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(inertia, Eigen::EigenvaluesOnly).eigenvalues();
+  const robot::Vector moments = robot::symmetric_eigenvalues(inertia);
   condition_number = moments[moments.size() - 1] / moments[0];
   for (int j = 0; j < model.num_joints; ++j) {
     if (q[j] >= model.lower[j] && q[j] <= model.upper[j]) continue;

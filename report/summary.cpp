@@ -177,7 +177,7 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
   const std::int64_t planned = summary.facts.planned_ticks;
   text += fmt::format("\n  {}{} ticks of {}, {}, in {:.3g} s", summary.ticks(),
                       summary.ticks() < planned ? fmt::format(" of {}", planned) : "",
-                      short_period(summary.facts.period_s), summary.facts.mode, wall_s);
+                      diagnostics::period_text(summary.facts.period_s), summary.facts.mode, wall_s);
   if (wall_s > 0) {
     text += fmt::format(": {} ticks/s, {:.3g} x real time", short_rate(ticks / wall_s),
                         summary.duration_s() / wall_s);
@@ -214,11 +214,6 @@ std::string overview_row(const std::string& robot, const RunSummary& summary,
       "  {:<16} {:>9} {:>9} {:>9}  {}\n", robot, summary.ticks(),
       wall_s > 0 ? short_rate(ticks / wall_s) : "-", summary.facts.log_gaps,
       summary.facts.fault ? "did not end well" : study::text(summary.observed, joints));
-}
-
-std::string short_period(double period_s) {
-  return period_s < 0.9995e-3 ? fmt::format("{:.6g} µs", period_s * 1e6)
-                              : fmt::format("{:.6g} ms", period_s * 1e3);
 }
 
 std::string short_rate(double per_s) {

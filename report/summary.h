@@ -62,9 +62,6 @@ std::string overview_row(const std::string& robot, const RunSummary& summary,
 /// The first column of a table with a row per joint, all of one width: "1 shoulder", "2 elbow   ".
 std::vector<std::string> joint_column(const std::vector<std::string>& names);
 
-/// "50 µs", "1 ms": a period for people.
-std::string short_period(double period_s);
-
 /// "9.3 k", "412": a rate for people.
 std::string short_rate(double per_s);
 

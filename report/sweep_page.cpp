@@ -13,8 +13,6 @@
 #include <tuple>
 #include <utility>
 
-#include "certificate/parallel.h"
-#include "certificate/stability_certificate.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "report/figure.h"
@@ -136,39 +134,25 @@ std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>&
   return curves;
 }
 
-/// The value of --colour.
-struct Colour {
-  std::vector<std::size_t> measures;  ///< indices into `measure_columns`; empty: outcomes
-  bool certified = false;             ///< which initial states are certified, too
-};
-
+/// The measures that --colour names, as indices into `measure_columns`; empty: outcomes.
 /// @throw diagnostics::Failure(bad_usage) when there is no such measure
-Colour parse_colour(const std::string& text) {
-  Colour colour{{}, text == "certified"};
-  if (text == "outcome" || colour.certified) return colour;
-  std::vector<std::string_view> names(study::measure_columns().size());
-  std::ranges::transform(study::measure_columns(), names.begin(), &study::MeasureColumn::name);
+std::vector<std::size_t> parse_colour(const std::string& text) {
+  if (text == "outcome") return {};
+  const auto columns = study::measure_columns();
+  std::vector<std::string_view> names(columns.size());
+  std::ranges::transform(columns, names.begin(), &study::MeasureColumn::name);
+  std::vector<std::size_t> measures;
   for (std::size_t from = 0; from <= text.size();) {
     const std::size_t to = std::min(text.find(',', from), text.size());
     const auto found = std::find(names.begin(), names.end(), text.substr(from, to - from));
     if (found == names.end()) {
-      throw diagnostics::bad_usage("--colour {}: no measure; allowed: outcome, certified, {}", text,
+      throw diagnostics::bad_usage("--colour {}: no measure; allowed: outcome, {}", text,
                                    diagnostics::joined(names));
     }
-    colour.measures.push_back(static_cast<std::size_t>(found - names.begin()));
+    measures.push_back(static_cast<std::size_t>(found - names.begin()));
     from = to + 1;
   }
-  return colour;
-}
-
-/// Of each row, whether the initial state of its run is certified (certificate/).
-std::vector<char> certified_rows(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
-  std::vector<char> certified(rows.size());
-  certificate::parallel_for(rows.size(), [&](std::size_t i) {
-    const auto run = certificate::certified_run(plan.scenario(rows[i].which));
-    certified[i] = run && run->rate >= 0 ? 1 : 0;
-  });
-  return certified;
+  return measures;
 }
 
 /// Half-way to the neighbours, so that the cells of a grid touch.
@@ -207,19 +191,15 @@ std::optional<std::pair<double, double>> range_of(const Axis& axis) {
 struct Shown {
   std::size_t outcome = 0;
   double measure = NAN;
-  bool certified = true;
 };
 using Places = std::map<std::pair<double, double>, Shown>;
 
 /// Puts a law's map into `chart`: cells, or points where values are drawn or there is one axis.
 void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
   const bool points = plan.axes.size() == 1 || plan.drawn > 0;
-  Curve certified{{}, {}, "#ffffff", 0};
-  certified.marker = Marker::dot;
   std::set<std::size_t> outcomes;
   for (const auto& [at, shown] : places) {
     const auto [x, y] = at;
-    if (shown.certified) certified.points.push_back({x, y});
     if (chart.scale && std::isnan(shown.measure)) continue;
     if (!chart.scale) outcomes.insert(shown.outcome);
     Cell cell{x, x, y, y,
@@ -236,10 +216,6 @@ void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
     chart.curves.push_back({words(std::string(look.outcome)), {}, std::string(look.colour), 0});
     chart.curves.back().marker = Marker::square;
   }
-  if (certified.points.empty()) return;
-  chart.curves.push_back({words("certified"), {}, "#444444", 0});
-  chart.curves.back().marker = Marker::ring;
-  chart.curves.push_back(std::move(certified));
 }
 
 /// The measure of a sweep's rows that a map shows, and its range.
@@ -265,28 +241,25 @@ struct Measured {
 
 /// The places of all laws' maps.
 std::map<std::string, Places> places_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                                        const std::vector<char>& certified, std::size_t measured) {
+                                        std::size_t measured) {
   std::map<std::string, Places> places;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const SweepRow& row = rows[i];
+  for (const SweepRow& row : rows) {
     const double measure = row.measures[measured];
     const double y = plan.axes.size() == 1 ? measure : row.which.values[1];
     if (!std::isfinite(y)) continue;
     Shown& shown = places[row.which.law][{row.which.values[0], y}];
     shown.outcome = std::max(shown.outcome, severity(row.outcome));
-    shown.certified = shown.certified && certified[i] != 0;
     shown.measure = std::isnan(shown.measure) ? measure : std::max(shown.measure, measure);
   }
   return places;
 }
 
 /// The maps of all laws.
-Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows, const Colour& colour) {
-  const bool one_axis = plan.axes.size() == 1, by_measure = !colour.measures.empty();
-  const Measured measured(rows, by_measure ? colour.measures.front() : usual_measure);
-  std::map<std::string, Places> places = places_of(
-      plan, rows, colour.certified ? certified_rows(plan, rows) : std::vector<char>(rows.size()),
-      measured.column);
+Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
+                   const std::vector<std::size_t>& colour) {
+  const bool one_axis = plan.axes.size() == 1, by_measure = !colour.empty();
+  const Measured measured(rows, by_measure ? colour.front() : usual_measure);
+  std::map<std::string, Places> places = places_of(plan, rows, measured.column);
   const std::size_t columns = std::min<std::size_t>(plan.laws.size(), 3);
   Figure figure{
       plan.name, {}, columns, columns == 1 ? 720.0 : 460.0 * static_cast<double>(columns)};
@@ -327,6 +300,34 @@ Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   };
   return html("<table><tr><th>law</th>{}<th>set</th></tr>\n{}</table>\n", each(outcome_looks, head),
               each(plan.laws, body));
+}
+
+/// Of a comparison: a row of all measures for each law, and what was set for it.
+void write_comparison_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
+                           const std::filesystem::path& directory) {
+  const auto head = [](const study::MeasureColumn& column) {
+    return html("<th class=\"number\">{}<br>{}</th>", column.name, column.unit);
+  };
+  const auto cell = [](double value) {
+    return html("<td class=\"number\">{}</td>",
+                std::isfinite(value) ? fmt::format("{:.3g}", value) : "-");
+  };
+  const auto body = [&](const SweepRow& row) {
+    return html("<tr><th>{}</th><td>{}</td>{}</tr>\n", row.which.law, row.outcome,
+                each(row.measures, cell));
+  };
+  const auto gains = [](const study::SweepLaw& law) {
+    return html(
+        "<li>{}: <code>{}</code></li>\n", law.name,
+        law.overrides.empty() ? "as in the scenario" : diagnostics::joined(law.overrides, "; "));
+  };
+  write_study_page(
+      directory / "index.html", "Laws compared: " + plan.name,
+      html("<p class=\"lead\">Every run is a row of <a href=\"results.csv\">results.csv</a>.</p>\n"
+           "<div class=\"table\"><table><tr><th>law</th><th>outcome</th>{}</tr>\n{}</table></div>\n"
+           "<h2>Gains</h2>\n<ul>{}</ul>\n",
+           each(study::measure_columns(true), head), each(rows, body), each(plan.laws, gains)),
+      plan.text);
 }
 
 }  // namespace
@@ -377,19 +378,16 @@ Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
 
 void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                       const std::string& colour, const std::filesystem::path& directory) {
-  const Colour shown = parse_colour(colour);
+  if (plan.is_comparison()) return write_comparison_page(plan, rows, directory);
+  const std::vector<std::size_t> shown = parse_colour(colour);
   const bool curves = shown_by_curves(plan);
-  if (!curves && shown.measures.size() > 1) {
+  if (!curves && shown.size() > 1) {
     throw diagnostics::bad_usage(
         "--colour {}: a map shows one measure; curves, over one axis, show many", colour);
   }
-  if (curves && shown.certified) {
-    throw diagnostics::bad_usage("--colour {}: needs a map, of two axes", colour);
-  }
   const Figure figure =
       !curves ? maps_figure(plan, rows, shown)
-              : curves_figure(plan, rows,
-                              shown.measures.empty() ? std::vector{usual_measure} : shown.measures);
+              : curves_figure(plan, rows, shown.empty() ? std::vector{usual_measure} : shown);
   write_figure(figure, directory / "map.svg", study_remedy);
   const Html drawing = html(
       "<figure>{}</figure>\n",

@@ -21,9 +21,9 @@ Figure curves_figure(const study::SweepPlan& plan, const std::vector<study::Swee
                      const std::vector<std::size_t>& measures);
 
 /// Writes map.svg and index.html into `directory`: curves, or maps; and how many runs ended how.
-/// `colour` is "outcome", the names of measures with commas between (a map shows one), or
-/// "certified": outcomes, and the runs whose initial state is in the certified region marked. Of a
-/// grid with more axes, a cell of a map shows its worst outcome or its largest measure.
+/// `colour` is "outcome" or the names of measures with commas between (a map shows one). Of a grid
+/// with more axes, a cell of a map shows its worst outcome or its largest measure. Of a comparison
+/// it writes index.html alone, with a table.
 /// @throw diagnostics::Failure(bad_usage) when there is no such measure, or a file cannot be
 /// written
 void write_sweep_page(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,

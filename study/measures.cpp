@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
+#include <vector>
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
@@ -46,8 +48,8 @@ std::string_view Measures::outcome() const {
   return stopped.empty() ? schema::name_of(observed.outcome) : "stopped";
 }
 
-const std::vector<MeasureColumn>& measure_columns() {
-  static const std::vector<MeasureColumn> columns = {
+std::span<const MeasureColumn> measure_columns(bool comparison) {
+  static constexpr MeasureColumn columns[] = {
       {"peak_error", "rad; m", [](const Measures& m) { return m.peak_error; }},
       {"rms_error", "rad; m", [](const Measures& m) { return m.rms_error; }},
       {"settled_error", "rad; m", [](const Measures& m) { return m.settled_error; }},
@@ -59,8 +61,12 @@ const std::vector<MeasureColumn>& measure_columns() {
       {"torque_variation", "N m/s; N/s", [](const Measures& m) { return m.torque_variation; }},
       {"energy", "J", [](const Measures& m) { return m.energy; }},
       {"velocity_error", "rad/s; m/s", [](const Measures& m) { return m.velocity_error; }},
-      {"ticks", "", [](const Measures& m) { return static_cast<double>(m.ticks); }}};
-  return columns;
+      {"ticks", "", [](const Measures& m) { return static_cast<double>(m.ticks); }},
+      {"noise_amplification", "N m/rad; N/m",
+       [](const Measures& m) { return m.noise_amplification; }},
+      {"largest_period_s", "s", [](const Measures& m) { return m.largest_period_s; }}};
+  constexpr std::size_t of_comparison = 2;
+  return std::span(columns).first(std::size(columns) - (comparison ? 0 : of_comparison));
 }
 
 std::optional<Measures> measure(const experiment::Scenario& scenario,
@@ -96,7 +102,7 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
     run_in_process(scenario, [&](const TickRecord& record) {
       if (on_tick) whole = on_tick(record);
       if (whole) add(record);
-      return whole && measures.peak_error <= gone;
+      return whole && measures.peak_error <= diverged_error;
     });
   } catch (const diagnostics::Failure& failure) {
     if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
@@ -105,7 +111,7 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
   if (!whole) return {};
   const std::int64_t ticks = measures.ticks = tracking.num_ticks();
   measures.observed = observe(tracking, saturated);
-  if (measures.peak_error > gone) measures.observed.outcome = Outcome::diverging;
+  if (measures.peak_error > diverged_error) measures.observed.outcome = Outcome::diverging;
   const auto root_mean = [](double& sum, std::int64_t count) {
     sum = count > 0 ? std::sqrt(sum / static_cast<double>(count)) : NAN;
   };
@@ -115,6 +121,31 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
   root_mean(measures.velocity_error, ticks - settled_from);
   if (ticks > 0) measures.torque_variation /= static_cast<double>(ticks) * h;
   return measures;
+}
+
+double noise_amplification(const experiment::Scenario& scenario) {
+  const robot::Vector count = experiment::encoder_count(scenario, *scenario.model);
+  const double noise = scenario.plant.encoder.noise_std_rad;
+  const double joints = scenario.num_joints, ticks = static_cast<double>(scenario.loop.num_ticks);
+  const double error = std::sqrt(count.squaredNorm() / (12 * joints) + noise * noise);
+  if (error == 0) return NAN;
+  std::vector<robot::Vector> torques;
+  measure(scenario, [&](const TickRecord& tick) {
+    torques.push_back(tick.command.tau);
+    return true;
+  });
+  if (static_cast<std::int64_t>(torques.size()) != scenario.loop.num_ticks) return NAN;
+  experiment::Scenario exact = scenario;
+  exact.plant.encoder.resolution_bits.reset();
+  exact.plant.encoder.noise_std_rad = 0;
+  exact.plant.encoder.velocity_noise_std_rad_per_s = 0;
+  double sum = 0;
+  const auto run = measure(exact, [&](const TickRecord& tick) {
+    sum += (torques[static_cast<std::size_t>(tick.tick)] - tick.command.tau).squaredNorm();
+    return true;
+  });
+  if (run->ticks != scenario.loop.num_ticks) return NAN;
+  return std::sqrt(sum / (ticks * joints)) / error;
 }
 
 }  // namespace tachless::study

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,8 +17,8 @@
 /// file.
 namespace tachless::study {
 
-/// An error from which no loop comes back [rad; m].
-inline constexpr double gone = 100;
+/// A run whose error exceeds it is broken off as diverging [rad; m].
+inline constexpr double diverged_error = 100;
 
 /// Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
 struct Measures {
@@ -33,6 +35,12 @@ struct Measures {
   /// of the run [rad/s; m/s]: of a law's v_hat, or v_ref + nu; NaN for a law that has neither.
   double velocity_error = 0;
 
+  // Of a comparison of laws; NaN where they were not computed.
+  /// Root mean square of what encoders and their noise add to the torque, over that of their errors
+  /// [N m/rad]; NaN with exact encoders, and when the run was broken off.
+  double noise_amplification = NAN;
+  double largest_period_s = NAN;  ///< at which the linearised loop is stable [s]
+
   /// "converged", …, "stopped".
   [[nodiscard]] std::string_view outcome() const;
 };
@@ -42,7 +50,12 @@ struct MeasureColumn {
   std::string_view name, unit;
   double (*value)(const Measures&);
 };
-const std::vector<MeasureColumn>& measure_columns();
+/// @param comparison with those of a comparison of laws, which are the last ones
+std::span<const MeasureColumn> measure_columns(bool comparison = false);
+
+/// `Measures::noise_amplification` of the scenario: two runs, with its encoders and with exact
+/// ones.
+double noise_amplification(const experiment::Scenario& scenario);
 
 /// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
 /// m, at which the run is broken off as diverging.

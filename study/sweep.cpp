@@ -10,12 +10,14 @@
 #include <cmath>
 #include <fstream>
 #include <mutex>
+#include <optional>
 #include <system_error>
+#include <utility>
 
-#include "certificate/parallel.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
+#include "process/parallel.h"
 #include "study/measures.h"
 
 namespace tachless::study {
@@ -29,12 +31,52 @@ constexpr std::int64_t ticks_between_looks = 256;  // whether to go on
 
 std::string field(double value) { return std::isnan(value) ? "" : diagnostics::shortest(value); }
 
-std::string row_text(const SweepCase& which, const Measures& measures) {
+/// NaN where there is none.
+double value_of(const std::string& text) {
+  double value = NAN;
+  std::from_chars(text.data(), text.data() + text.size(), value);
+  return value;
+}
+
+std::string head_of(const SweepPlan& plan) {
+  std::string head = "case,law";
+  for (const Axis& axis : plan.axes) head += "," + axis.name();
+  head += ",outcome";
+  for (const MeasureColumn& column : measure_columns(plan.is_comparison())) {
+    head += fmt::format(",{}", column.name);
+  }
+  return head + ",stopped\n";
+}
+
+/// A row as text: the fields of `head_of`.
+std::string row_text(const SweepPlan& plan, const SweepCase& which, const Measures& measures) {
   std::string row = fmt::format("{},{}", which.index, which.law);
   for (const double value : which.values) row += "," + field(value);
   row += fmt::format(",{}", measures.outcome());
-  for (const MeasureColumn& column : measure_columns()) row += "," + field(column.value(measures));
+  for (const MeasureColumn& column : measure_columns(plan.is_comparison())) {
+    row += "," + field(column.value(measures));
+  }
   return row + "," + diagnostics::csv_field(diagnostics::one_line(measures.stopped)) + "\n";
+}
+
+/// Such a text, without its line end, as a row; nothing when it is none of this plan.
+std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
+  const std::size_t values = plan.axes.size();
+  const std::size_t columns = measure_columns(plan.is_comparison()).size();
+  const std::size_t num_fields = 4 + values + columns;
+  const std::vector<std::string> fields = split(line, ',', num_fields);  // the last may be quoted
+  std::int64_t index = -1;
+  const char* end = fields[0].data() + fields[0].size();
+  const auto [read_to, error] = std::from_chars(fields[0].data(), end, index);
+  if (fields.size() != num_fields || error != std::errc() || read_to != end || index < 0 ||
+      index >= plan.num_cases()) {
+    return {};
+  }
+  SweepRow row{line, plan.at(index), fields[2 + values], {}, fields.back()};
+  for (std::size_t i = 0; i < columns; ++i) {
+    row.measures.push_back(value_of(fields[3 + values + i]));
+  }
+  return row;
 }
 
 /// The file that a shard's rows are added to, held against other processes.
@@ -75,13 +117,6 @@ class RowFile {
   int file_ = -1;
 };
 
-/// NaN where there is none.
-double value_of(const std::string& text) {
-  double value = NAN;
-  std::from_chars(text.data(), text.data() + text.size(), value);
-  return value;
-}
-
 }  // namespace
 
 Sweep Sweep::begin(const fs::path& directory, const SweepPlan& plan) {
@@ -113,8 +148,6 @@ Sweep Sweep::open(const fs::path& directory) {
 
 template <class F>
 void Sweep::for_each_row(const F& f) const {
-  // The last field may be quoted.
-  const std::size_t num_fields = 4 + plan_.axes.size() + measure_columns().size();
   for (const fs::directory_entry& entry : fs::directory_iterator(directory_)) {
     const std::string name = entry.path().filename().string();
     if (!name.starts_with("rows-") || !name.ends_with(".csv")) continue;
@@ -122,38 +155,33 @@ void Sweep::for_each_row(const F& f) const {
     std::string line;
     for (int number = 1; std::getline(file, line); ++number) {
       if (file.eof()) break;  // broken off: no line end
-      const std::vector<std::string> fields = split(line, ',', num_fields);
-      const char* end = fields[0].data() + fields[0].size();
-      std::int64_t index = -1;
-      const auto [read_to, error] = std::from_chars(fields[0].data(), end, index);
-      if (fields.size() != num_fields || error != std::errc() || read_to != end || index < 0 ||
-          index >= plan_.num_cases()) {
+      auto row = row_of(plan_, line);
+      if (!row) {
         throw diagnostics::bad_usage(
             "{}:{}: no row of this sweep; remove the line, and its run is made again",
             entry.path().string(), number);
       }
-      f(index, line, fields, name);
+      f(std::move(*row), name);
     }
   }
 }
 
 std::vector<bool> Sweep::finished() const {
   std::vector<bool> result(static_cast<std::size_t>(plan_.num_cases()));
-  for_each_row([&](std::int64_t index, const auto&... /*row*/) {
-    result[static_cast<std::size_t>(index)] = true;
+  for_each_row([&](const SweepRow& row, const std::string& /*file*/) {
+    result[static_cast<std::size_t>(row.which.index)] = true;
   });
   return result;
 }
 
 std::map<std::string, std::int64_t> Sweep::counts() const {
   std::map<std::string, std::int64_t> result;
-  for_each_row([&](std::int64_t /*index*/, const auto& /*line*/, const auto& /*fields*/,
-                   const std::string& file) { ++result[file]; });
+  for_each_row([&](const SweepRow& /*row*/, const std::string& file) { ++result[file]; });
   return result;
 }
 
 bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go_on,
-                const OnProgress& on_progress) const {
+                const OnProgress& on_progress, const Complete& complete) const {
   const RowFile file(directory_ / fmt::format("rows-{}-of-{}.csv", shard.index, shard.count));
   const std::vector<bool> before = finished();
   std::vector<std::int64_t> todo;
@@ -165,16 +193,18 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
   }
   const std::int64_t all = done + static_cast<std::int64_t>(todo.size());
   std::mutex mutex;
-  certificate::parallel_for(
+  process::parallel_for(
       todo.size(),
       [&](std::size_t k) {
         if (!go_on()) return;
         const SweepCase which = plan_.at(todo[k]);
-        const auto measures = measure(plan_.scenario(which), [&](const TickRecord& tick) {
+        const experiment::Scenario scenario = plan_.scenario(which);
+        auto measures = measure(scenario, [&](const TickRecord& tick) {
           return tick.tick % ticks_between_looks != 0 || go_on();
         });
         if (!measures) return;
-        const std::string row = row_text(which, *measures);
+        if (complete) complete(scenario, *measures);
+        const std::string row = row_text(plan_, which, *measures);
         const std::lock_guard lock(mutex);
         file.append(row);
         on_progress(++done, all);
@@ -184,32 +214,22 @@ bool Sweep::run(const Shard& shard, int threads, const std::function<bool()>& go
 }
 
 std::vector<SweepRow> Sweep::rows() const {
-  const std::size_t columns = measure_columns().size(), axes = plan_.axes.size();
   std::vector<SweepRow> rows(static_cast<std::size_t>(plan_.num_cases()));
-  for_each_row([&](std::int64_t index, const std::string& line,
-                   const std::vector<std::string>& fields, const auto& /*file*/) {
-    SweepRow row{line, plan_.at(index), fields[2 + axes], {}, fields.back()};
-    for (std::size_t i = 0; i < columns; ++i) {
-      row.measures.push_back(value_of(fields[3 + axes + i]));
-    }
-    rows[static_cast<std::size_t>(index)] = std::move(row);
+  for_each_row([&](SweepRow row, const std::string& /*file*/) {
+    rows[static_cast<std::size_t>(row.which.index)] = std::move(row);
   });
   const auto missing =
       std::ranges::count_if(rows, [](const SweepRow& row) { return row.line.empty(); });
   if (missing > 0) {
     throw Failure(ExitCode::check_said_no,
-                  "{}: {} of {} runs are not finished; go on with: tachless sweep {}",
+                  "{}: {} of {} runs are not finished; to resume: tachless sweep {}",
                   directory_.string(), missing, rows.size(), directory_.string());
   }
   return rows;
 }
 
 std::string Sweep::table(const std::vector<SweepRow>& rows) const {
-  std::string table = "case,law";
-  for (const Axis& axis : plan_.axes) table += "," + axis.name();
-  table += ",outcome";
-  for (const MeasureColumn& column : measure_columns()) table += fmt::format(",{}", column.name);
-  table += ",stopped\n";
+  std::string table = head_of(plan_);
   for (const SweepRow& row : rows) table += row.line + "\n";
   return table;
 }

@@ -7,10 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "study/measures.h"
 #include "study/sweep_plan.h"
 
-/// Carrying out a sweep, over all cores, so that it can be broken off at any instant and gone on
-/// with: each finished run is a line in a file of its shard, and the result depends on the plan
+/// Carrying out a sweep, over all cores, so that it can be interrupted and resumed at any time:
+/// each finished run is a line in a file of its shard, and the result depends on the plan
 /// alone. A directory holds plan.json, rows-I-of-N.csv, and in the end results.csv.
 namespace tachless::study {
 
@@ -46,21 +47,24 @@ class Sweep {
   /// Finished runs by file.
   [[nodiscard]] std::map<std::string, std::int64_t> counts() const;
 
-  /// What is told while it runs: how many of the shard's cases are finished.
+  /// Called while it runs with the number of the shard's cases that are finished.
   using OnProgress = std::function<void(std::int64_t done, std::int64_t all)>;
+  /// Fills in what a comparison measures besides the run itself.
+  using Complete = std::function<void(const experiment::Scenario&, Measures&)>;
   /// Runs the cases of the shard that are not finished yet.
   /// @param threads at once, at least 1
-  /// @param go_on asked now and then from all threads; once it says no the runs under way are given
-  /// up
+  /// @param go_on asked now and then from all threads; once it returns false the runs under way are
+  /// given up
   /// @param on_progress called by one thread at a time
+  /// @param complete of a comparison (`SweepPlan::is_comparison`); called from all threads
   /// @return whether the shard is finished.
   /// @throw diagnostics::Failure(bad_usage) naming the case when the scenario does not take its
   /// values, or when another process runs the same shard.
   bool run(const Shard& shard, int threads, const std::function<bool()>& go_on,
-           const OnProgress& on_progress) const;
+           const OnProgress& on_progress, const Complete& complete = {}) const;
 
   /// All rows, in the order of their cases.
-  /// @throw diagnostics::Failure(check_said_no) telling how many are missing.
+  /// @throw diagnostics::Failure(check_said_no) with the number of those missing.
   [[nodiscard]] std::vector<SweepRow> rows() const;
   /// The table of all rows that results.csv holds, the same to the last byte however the sweep was
   /// run.

@@ -59,6 +59,8 @@ struct SweepPlan {
   std::int64_t drawn = 0;  ///< cases that are drawn; 0: the grid of all axes
   std::uint64_t seed = 1;
 
+  /// Without axes it compares laws: a run of each.
+  [[nodiscard]] bool is_comparison() const { return axes.empty(); }
   [[nodiscard]] std::int64_t cases_per_law() const;
   [[nodiscard]] std::int64_t num_cases() const {
     return cases_per_law() * static_cast<std::int64_t>(laws.size());

@@ -48,13 +48,10 @@ struct Run : RunOptions {
                     "none (the kernel's choice)")
         ->capture_default_str();
     command.add_flag(
-        "--any-verdict", any_verdict,
+        "--any-outcome", any_outcome,
         "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly saturated");
     command.add_flag("--force", force,
                      "Run even if the linearised loop is unstable; replace the results in --out");
-    command.add_flag("--cross-check", cross_check,
-                     "Before the run: step it in this process with Simbody's mechanics and with "
-                     "the library's own, and end with code 1 if they differ");
     command.add_flag("--isolate", isolate,
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
     auto* alone = command.add_flag(

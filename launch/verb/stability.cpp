@@ -19,6 +19,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "experiment/scenario.h"
 #include "launch/progress.h"
 #include "launch/verb.h"
@@ -51,10 +52,13 @@ void warn(const experiment::Scenario& scenario) {
 struct Certify {
   fs::path input;
   std::vector<std::string> overrides;
-  bool json = false, quiet = false;
+  bool paper = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    command.add_flag(
+        "--paper", paper,
+        "Also the conditions that Loria and Ortega (1995) print, with their constants");
     add_json(command, json);
     add_quiet(command, quiet);
   }
@@ -64,7 +68,8 @@ struct Certify {
     warn(scenario);
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
-        scenario, [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); });
+        scenario, paper,
+        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); });
     screen.clear();
     if (json) {
       nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
@@ -85,23 +90,25 @@ struct Certify {
 std::string text(const certificate::Design& design, const experiment::Scenario& scenario) {
   std::string text =
       fmt::format("{}: gains of {} at h = {}, delay {}\n", scenario.name, scenario.controller.law,
-                  certificate::period_text(scenario.loop.period_s), scenario.loop.command_delay);
+                  diagnostics::period_text(scenario.loop.period_s), scenario.loop.command_delay);
   for (const std::string& gain : certificate::overrides_of(design)) {
     text += fmt::format("  --set '{}'\n", gain);
   }
-  text += fmt::format(
-      "  bandwidth {:.3g} Hz, damping {:g}{}; what binds: {}\n"
-      "  at {} postures: modulus margin {:.2g}, gain margin {:.2g}, phase margin {:.0f} deg\n"
-      "  settles to 1 % in {:.2g} s\n",
-      design.w / (2 * std::numbers::pi), design.damping,
-      design.filter_ratio > 0 ? fmt::format(", filters {:.3g} times as fast", design.filter_ratio)
-                              : "",
-      design.binds, design.postures, design.modulus, design.gain_margin, design.phase_margin_deg,
-      design.settling_s);
+  text += fmt::format("  bandwidth {:.3g} Hz, damping {:g}{}; limited by {}\n  {}\n",
+                      design.w / (2 * std::numbers::pi), design.damping,
+                      design.filter_ratio > 0
+                          ? fmt::format(", filters {:.3g} times as fast", design.filter_ratio)
+                          : "",
+                      design.binds, certificate::text(design.loop));
+  if (const auto& margins = design.loop.margins) {
+    text += fmt::format("  margins: {}; modulus {}\n", certificate::margins_text(*margins),
+                        certificate::modulus_text(*margins));
+  }
+  text += fmt::format("  modulus margin at {} postures in the joints' range: {:.2g}\n",
+                      design.postures_in_range, design.modulus_in_range);
   if (design.certified_error.size() == 0) return text;
-  return text +
-         fmt::format("  certified (sampled) from rest up to |e_i| = [{:.3g}], one at a time\n",
-                     fmt::join(design.certified_error, ", "));
+  return text + fmt::format("  certified from rest up to |e_i| = {}, one at a time\n",
+                            certificate::list_text(design.certified_error));
 }
 
 struct Design {
@@ -158,8 +165,9 @@ struct Design {
       std::cout << fmt::format("  {}\n", output.string());
     }
     if (!design.missed) return ExitCode::done;
-    diagnostics::log_error("{}: settling in {:g} s is not reached, but in {:.2g} s: {} binds",
-                           input.string(), *design.missed, design.settling_s, design.binds);
+    diagnostics::log_error("{}: settles in {}, not in {:g} s: limited by {}", input.string(),
+                           certificate::settling_text(design.loop.modes.settling_s), *design.missed,
+                           design.binds);
     return ExitCode::check_said_no;
   }
 
@@ -197,7 +205,7 @@ struct Design {
     if (bare_urdf()) {
       // It goes on for 3 s after its motion: as long as the slowest error needs to vanish.
       const double h = scenario.loop.period_s;
-      const double longer = std::max(0.0, 1.5 * design.settling_s - 3);
+      const double longer = std::max(0.0, 1.5 * design.loop.modes.settling_s - 3);
       const double ticks = std::ceil((scenario.loop.duration_s + longer) / h);
       gains.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
     } else {
@@ -214,7 +222,8 @@ const Verb certify_verb = verb_of<Certify>(
     "certify", "Checks the stability of a scenario's loop, with margins; runs nothing",
     "  tachless certify scenarios/paper_rigid.yaml\n"
     "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
-    "--json");
+    "--json\n"
+    "  tachless certify scenarios/paper_rigid.yaml --paper");
 
 const Verb design_verb = verb_of<Design>(
     "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",

@@ -4,26 +4,25 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <vector>
 
 #include "certificate/design.h"
-#include "certificate/parallel.h"
+#include "certificate/prediction.h"
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
-#include "diagnostics/json_text.h"
 #include "launch/progress.h"
 #include "launch/sweep.h"
 #include "launch/verb.h"
 #include "node/options.h"
+#include "process/parallel.h"
 #include "process/this_process.h"
-#include "report/compare_page.h"
-#include "study/compare.h"
+#include "study/measures.h"
 
 namespace tachless::launch {
 namespace {
@@ -56,59 +55,12 @@ std::vector<std::string> laws_of(const experiment::Scenario& scenario,
   return result;
 }
 
-struct Compare {
-  fs::path input, out;
-  std::vector<std::string> overrides, laws = {"all"};
-  double bandwidth_hz = 5;
-  int seeds = 1;
-  bool json = false, quiet = false;
-
-  void declare(CLI::App& command) {
-    node::with_installed_scenarios(node::add_scenario(command, input, overrides));
-    command
-        .add_option("--laws", laws,
-                    "Names, with commas between; default: all, every law for these joints")
-        ->delimiter(',');
-    command.add_option("--bandwidth", bandwidth_hz, "To which every law is tuned [Hz]; default: 5")
-        ->check(CLI::PositiveNumber);
-    command.add_option("--seeds", seeds, "Of the encoders' noise; default: 1")
-        ->check(CLI::Range(1, 1000));
-    command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
-    add_json(command, json);
-    add_quiet(command, quiet);
-  }
-
-  [[nodiscard]] ExitCode run() const {
-    const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
-    const fs::path directory = out.empty() ? fs::path("out") / ("compare-" + scenario.name) : out;
-    std::error_code error;
-    fs::create_directories(directory, error);
-    if (error) {
-      throw diagnostics::bad_usage("{}: cannot be made: {}; name another one with --out",
-                                   directory.string(), error.message());
-    }
-    std::vector<report::ComparedLaw> compared;
-    Screen screen(quiet);
-    for (const std::string& law : laws_of(scenario, laws)) {
-      screen.show(fmt::format("compare: {}", law));
-      const std::vector<std::string> tuned =
-          certificate::rule_of_thumb(scenario, law, bandwidth_hz);
-      std::vector<std::string> all = overrides;
-      all.insert(all.end(), tuned.begin(), tuned.end());
-      compared.push_back({study::compare(experiment::load_scenario(input, all), seeds), tuned});
-    }
-    screen.clear();
-    const std::string rule = fmt::format(
-        "Each law tuned by its rule of thumb to two real poles at {:g} Hz, filters and observers "
-        "ten times as fast; {} seed{} of the encoders' noise.",
-        bandwidth_hz, seeds, seeds == 1 ? "" : "s");
-    report::write_comparison(scenario, rule, compared, directory);
-    std::cout << (json ? diagnostics::json_text(report::to_json(compared), 2) + "\n"
-                       : fmt::format("{}\n{}  {}\n", rule, comparison_table(compared),
-                                     (directory / "index.html").string()));
-    return ExitCode::done;
-  }
-};
+/// What a comparison of laws adds to a run's measures.
+void complete_comparison(const experiment::Scenario& scenario, study::Measures& measures) {
+  measures.noise_amplification = study::noise_amplification(scenario);
+  measures.largest_period_s =
+      certificate::analyse(scenario, certificate::Effort::quick).limit_s.value_or(NAN);
+}
 
 struct Sweep {
   fs::path input, out;
@@ -116,7 +68,7 @@ struct Sweep {
   double bandwidth_hz = 5;
   std::int64_t random = 0;
   std::uint64_t seed = 1;
-  int threads = static_cast<int>(certificate::all_cores());
+  int threads = static_cast<int>(process::all_cores());
   std::string shard, colour = "outcome";
   int slurm = 0;
   bool status = false, merge = false, json = false, quiet = false;
@@ -124,7 +76,7 @@ struct Sweep {
   void declare(CLI::App& command) {
     node::with_installed_scenarios(
         command.add_option("SCENARIO", input,
-                           "A scenario's file, or the directory of a sweep to go on with"))
+                           "A scenario's file, or the directory of a sweep to resume"))
         ->required();
     command
         .add_option("--vary", vary,
@@ -141,8 +93,7 @@ struct Sweep {
                     "Laws in place of the scenario's, each tuned to the bandwidth; all: every law "
                     "for these joints")
         ->delimiter(',');
-    command.add_option("--bandwidth", bandwidth_hz, "Of the laws of --laws [Hz]; default: 5")
-        ->check(CLI::PositiveNumber);
+    add_bandwidth(command);
     command.add_option("--colour", colour,
                        "What the map shows: outcome, or a measure by its name in results.csv");
     command.add_option("--out", out, "Default: out/sweep-<the scenario's name>");
@@ -156,11 +107,25 @@ struct Sweep {
     tasks->check(CLI::Range(1, 100000))->excludes(part);
     auto* only_merge = command.add_flag("--merge", merge, "Check that all is there, and write it");
     only_merge->excludes(part)->excludes(tasks);
-    command.add_flag("--status", status, "How many runs of each part are finished")
+    command.add_flag("--status", status, "Print how many runs of each part are finished")
         ->excludes(part)
         ->excludes(tasks)
         ->excludes(only_merge);
     command.add_flag("--json", json, "Print the summary as JSON");
+    add_quiet(command, quiet);
+  }
+
+  /// Without axes: a run of each law.
+  void declare_comparison(CLI::App& command) {
+    laws = {"all"};
+    node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    command
+        .add_option("--laws", laws,
+                    "Names, with commas between; default: all, every law for these joints")
+        ->delimiter(',');
+    add_bandwidth(command);
+    command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
+    add_json(command, json);
     add_quiet(command, quiet);
   }
 
@@ -178,6 +143,13 @@ struct Sweep {
   }
 
  private:
+  void add_bandwidth(CLI::App& command) {
+    command
+        .add_option("--bandwidth", bandwidth_hz,
+                    "To which each law of --laws is tuned [Hz]; default: 5")
+        ->check(CLI::PositiveNumber);
+  }
+
   [[nodiscard]] study::SweepPlan plan() const {
     const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
     study::SweepPlan plan;
@@ -202,17 +174,19 @@ struct Sweep {
     if (fs::is_directory(input)) {
       if (!vary.empty() || !overrides.empty() || !laws.empty()) {
         throw diagnostics::bad_usage(
-            "{}: this sweep has its plan; --vary, --set and --laws go with a scenario",
+            "{}: this sweep has its plan; --vary, --set and --laws belong to a scenario",
             input.string());
       }
       return study::Sweep::open(input);
     }
-    if (vary.empty()) {
-      throw diagnostics::bad_usage("nothing to vary: name it with --vary KEY=from:to:number");
+    if (vary.empty() && (laws.empty() || random > 0)) {
+      throw diagnostics::bad_usage(
+          "nothing to vary: name it with --vary KEY=from:to:number, or laws to compare with "
+          "--laws");
     }
     const study::SweepPlan planned = plan();
-    return study::Sweep::begin(out.empty() ? fs::path("out") / ("sweep-" + planned.name) : out,
-                               planned);
+    const std::string name = (planned.is_comparison() ? "compare-" : "sweep-") + planned.name;
+    return study::Sweep::begin(out.empty() ? fs::path("out") / name : out, planned);
   }
 
   [[nodiscard]] study::Shard part() const {
@@ -244,21 +218,25 @@ struct Sweep {
       screen.show(fmt::format("sweep: {} of {} runs, {:.0f} {} left", done, all,
                               left_s < 90 ? left_s : left_s / 60, left_s < 90 ? "s" : "min"));
     };
-    if (!sweep.run(
-            part(), threads, [&] { return !interrupted; }, show)) {
+    const bool finished = sweep.run(
+        part(), threads, [&] { return !interrupted; }, show,
+        sweep.plan().is_comparison() ? complete_comparison : study::Sweep::Complete());
+    if (!finished) {
       throw diagnostics::Failure(ExitCode::interrupted,
-                                 "interrupted; go on with: tachless sweep {}",
+                                 "interrupted; to resume it: tachless sweep {}",
                                  sweep.directory().string());
     }
   }
 };
 
+struct Compare : Sweep {
+  void declare(CLI::App& command) { declare_comparison(command); }
+};
+
 }  // namespace
 
 const Verb compare_verb = verb_of<Compare>(
-    "compare",
-    "One scenario under several laws, tuned alike: a table, a figure, "
-    "a page",
+    "compare", "Run a scenario under several laws, tuned alike: sweep --laws without --vary",
     "  tachless compare scenarios/practical_rigid.yaml\n"
     "  tachless compare scenarios/practical_rigid.yaml --laws loria_ortega_rigid,wen_bayard "
     "--bandwidth 8 --set plant.encoder.resolution_bits=16");

@@ -67,7 +67,7 @@ void expect_limit(const experiment::Scenario& scenario, const std::string& what)
   SCOPED_TRACE(what);
   const ScenarioLoop loop(scenario);
   std::vector<SampledLoop> loops;
-  for (const auto& rest : loop.rests(5)) loops.push_back(loop.at(rest));
+  for (const auto& rest : loop.rest_points(5)) loops.push_back(loop.at(rest));
   double limit = std::numeric_limits<double>::infinity();
   for (const SampledLoop& each : loops) {
     limit = std::min(limit, largest_stable_period(each).value());

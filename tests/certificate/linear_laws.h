@@ -58,7 +58,7 @@ inline LinearLaw linear_flexible_law(const robot::Model& links, const robot::Vec
                                      const Sampling& sampling) {
   const Index n = links.num_joints;
   const Filters filter_1(link, sampling), filter_2(motor, sampling);
-  const MatrixXd of_q = gradient_by_q(links, held_at(q));
+  const MatrixXd of_q = gradient_by_q(links, constant_reference(q));
   const MatrixXd M = robot::mass_matrix(links, q);
   const MatrixXd inverse_M = M.ldlt().solve(MatrixXd::Identity(n, n));
   // Every quantity is a row of blocks over (s_1, s_2, q, v, theta).

@@ -51,8 +51,8 @@ TEST(LinearLoop, RigidPlantIsTheGradientOfForwardDynamics) {
 }
 
 TEST(LinearLoop, HeldPlantSolvesTheEquationOfMotion) {
-  const LinearPlant plant =
-      flexible_plant(robot::testing::two_link(), held_at(both(0.3, 0.5)), stiffness(), rotors());
+  const LinearPlant plant = flexible_plant(
+      robot::testing::two_link(), constant_reference(both(0.3, 0.5)), stiffness(), rotors());
   const double h = 2e-3;
   const LinearPlant step = held(plant, h);
   VectorXd x = VectorXd::LinSpaced(8, -1, 1);
@@ -136,17 +136,17 @@ TEST(LinearLoop, LawTwoIsTheGradientOfTheLawItselfAtRest) {
       {model, stiffness(), rotors()}, {l.kp, l.kd, l.a, l.b, m.kp, m.kd, m.a, m.b}, settings);
   VectorXd y(6);
   y << q, 0, 0, q + robot::gravity_torque(model, q).cwiseQuotient(stiffness());
-  expect_same_response(
-      linear_flexible_law(model, q, stiffness(), rotors(), l, m,
-                          {settings.filter, settings.period_s}),
-      linearised(as_step(law, held_at(q)), VectorXd::Zero(8), y, {Part::q, Part::v, Part::theta}));
+  expect_same_response(linear_flexible_law(model, q, stiffness(), rotors(), l, m,
+                                           {settings.filter, settings.period_s}),
+                       linearised(as_step(law, constant_reference(q)), VectorXd::Zero(8), y,
+                                  {Part::q, Part::v, Part::theta}));
 }
 
 TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
   const robot::Model model = robot::testing::two_link();
-  const LinearPlant plant = rigid_plant(model, held_at(both(0)));
+  const LinearPlant plant = rigid_plant(model, constant_reference(both(0)));
   const FilterGains g = practical_rigid();
-  const LinearLaw law = linear_rigid_law(g, gradient_by_q(model, held_at(both(0))), {});
+  const LinearLaw law = linear_rigid_law(g, gradient_by_q(model, constant_reference(both(0))), {});
   const double h = 1e-3;
   const LinearPlant step = held(plant, h);
   for (int delay = 0; delay <= 3; ++delay) {
@@ -167,7 +167,7 @@ TEST(LinearLoop, PeriodMapDelaysTheTorqueByWholePeriods) {
 
 TEST(LinearLoop, GainMultipliesTheFeedbackTermsAlone) {
   const robot::Model model = robot::testing::iiwa7();
-  const loop::ReferencePoint rest = held_at(robot::testing::Random(5).vector(7, 1));
+  const loop::ReferencePoint rest = constant_reference(robot::testing::Random(5).vector(7, 1));
   const LinearPlant plant = rigid_plant(model, rest);
   const MatrixXd gravity = gradient_by_q(model, rest);
   const Sampling sampling{Discretisation::tustin, 1e-3};

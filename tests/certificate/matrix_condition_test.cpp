@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "certificate/parallel.h"
+#include "process/parallel.h"
 #include "tests/certificate/decrease.h"
 #include "tests/certificate/loops.h"
 
@@ -63,21 +63,6 @@ TEST_F(MatrixOfTwoLinks, OneWeightOfGainsThatRunAtOneKilohertz) {
   expect(rigid(practical_rigid()), {0.0106, 0.0106}, 8.95, paper_B_d);
   expect(flexible(practical_link(), practical_motor()), {0.0044, 0.0044}, 2.86, paper_B_d);
 }
-/// With B_d = 44.4 the ball is largest at another eps than without.
-TEST_F(MatrixOfTwoLinks, OneWeightOfAFastReference) {
-  const MatrixCondition squares{rigid(paper_rigid()), coarse, 44.43, false};
-  const auto best = best_weights(squares, squares, Goal::ball_by_one_weight);
-  ASSERT_TRUE(best);
-  const PolygonCondition condition = quoted_condition(rigid(paper_rigid()), 44.43);
-  const auto negative_ball = [&](const VectorXd& x) {
-    const auto region = condition.region({std::exp(x[0]), std::exp(x[0])});
-    return region ? -region->ball : 0;
-  };
-  const VectorXd start = VectorXd::Constant(1, std::log(best->weights.eps_1));
-  EXPECT_NEAR(-minimise(negative_ball, start, 0.3, 60).value, 241.7, figures * 241.7);
-  EXPECT_GT(best->region.ball, 241.7);
-}
-
 TEST_F(MatrixOfTwoLinks, TwoWeightsMakeTheRateThatOfTheLoop) {
   const PolygonCondition paper = quoted_condition(rigid(paper_rigid()));
   // eps_1 / eps_2 is quoted as 26.3 and 26.25 gives the ball.
@@ -152,7 +137,7 @@ void expect_positive_inside(const robot::Model& model, const MatrixCondition& co
     return z.dot((Mm - mu / 2 * P) * z) + 1e-12 * z.squaredNorm() * P.norm();
   };
   std::atomic<int> not_positive = 0, not_fast = 0, outside = 0;
-  parallel_for(static_cast<std::size_t>(states), [&](std::size_t i) {
+  process::parallel_for(static_cast<std::size_t>(states), [&](std::size_t i) {
     not_positive += least(i, region->rho, 0) > 0 ? 0 : 1;
     not_fast += rate > 0 && least(i, 0.5 * region->rho, rate) < 0 ? 1 : 0;
     if (tight && i < 2000) outside += least(i, 1.1 * region->rho, 0) > 0 ? 0 : 1;
@@ -210,20 +195,10 @@ TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
   const MatrixCondition full = proved_condition(system);
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::ball);
-  const auto one = best_weights(search, full, Goal::ball_by_one_weight);
-  ASSERT_TRUE(fastest && largest && one);
+  ASSERT_TRUE(fastest && largest);
   EXPECT_GT(fastest->rate, 39.3);
   EXPECT_LE(fastest->rate, 71.5);  // twice the loop's own 35.7
   EXPECT_GT(largest->region.ball, 8.95);
-  EXPECT_GT(one->region.ball, 8.95);
-  EXPECT_GE(largest->region.ball, one->region.ball * (1 - 1e-4));
-  const auto curve = trade_off(search, full, *fastest, *largest, {0.03, 0.1, 0.3, 0.6, 0.9});
-  for (std::size_t i = 0; i < curve.size(); ++i) {
-    EXPECT_GT(curve[i].rate, 0) << i;
-    if (i > 0) {
-      EXPECT_LT(curve[i].rate, curve[i - 1].rate * 1.01);
-    }
-  }
 }
 
 class MatrixOfSevenJoints : public ::testing::Test {

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "certificate/matrix_condition.h"
-#include "certificate/parallel.h"
 #include "certificate/scenario_loop.h"
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
+#include "process/parallel.h"
 #include "reference/make_trajectory.h"
 #include "robot/dynamics.h"
 #include "study/in_process_loop.h"
@@ -138,7 +138,7 @@ void expect_descents(const std::string& name, const ErrorSystem& system) {
       system);
   ASSERT_GT(from.rate(), 0);
   std::vector<Descent> descents(runs);
-  parallel_for(runs, [&](std::size_t i) { descents[i] = from.run(i + 1); });
+  process::parallel_for(runs, [&](std::size_t i) { descents[i] = from.run(i + 1); });
   for (std::size_t i = 0; i < runs; ++i) {
     EXPECT_NEAR(descents[i].V0, from.level(), 1e-6 * from.level()) << i;
     // No margin: V decreases by more than what a torque that is held over a tick leaves of it.

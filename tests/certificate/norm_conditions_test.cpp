@@ -29,15 +29,8 @@ TEST(Constants, AreThoseOfTheTwoLinkArm) {
     EXPECT_NEAR(c.lambda_min_M.value, row.lambda_min, 1e-6);
     EXPECT_NEAR(c.lambda_max_M.value, row.lambda_max, 1e-6);
     EXPECT_NEAR(c.k_c.value, row.k_c, 1e-6);
-    // C' - C = h sin q2 [0, 2 x1 + x2; -(2 x1 + x2), 0], whose norm is at most sqrt(5) h.
-    const double h = 0.51 + row.payload;
-    EXPECT_NEAR(c.k_s.value, std::sqrt(5.0) * h, 1e-8);
-    EXPECT_NEAR(c.k_y.value, 0.6156 * h / 0.51, 1e-4);
     EXPECT_NEAR(std::abs(c.k_c.q[1]), std::numbers::pi / 2, 1e-3);
     EXPECT_NEAR(c.lambda_max_M.q[1], 0, 1e-3);
-    // Both links along the horizontal.
-    const double g1 = 7.6 + row.payload, g2 = 0.63 + row.payload;
-    EXPECT_NEAR(c.sup_g.value, 9.81 * std::hypot(g1 + g2, g2), 1e-6);
   }
 }
 
@@ -49,7 +42,7 @@ TEST(Constants, GradientOfGravityIsThatOfTheLiterature) {
 TEST(Constants, OfTwoJointsAreBoundedBetweenThePostures) {
   const robot::Model model = robot::testing::two_link();
   const RobotConstants c = robot_constants(model, Postures(model));
-  for (const Constant* up : {&c.lambda_max_M, &c.k_c, &c.k_s, &c.k_y}) {
+  for (const Constant* up : {&c.lambda_max_M, &c.k_c}) {
     EXPECT_TRUE(up->proved);
     EXPECT_GE(up->bound, up->value);
     EXPECT_LT(up->bound, up->value * (1 + 2e-4));  // 360 postures, 360 directions
@@ -74,10 +67,7 @@ TEST(Constants, OfSevenJointsAreNotExceededByRandomPostures) {
     ASSERT_LE(largest_eigenvalue(at.M), c.lambda_max_M.value);
     ASSERT_GE(smallest_eigenvalue(at.M), c.lambda_min_M.value);
     ASSERT_LE(spectral_norm(C), c.k_c.value);
-    ASSERT_LE(spectral_norm(C.transpose() - C), c.k_s.value);
-    ASSERT_LE(spectral_norm((C + C.transpose()) / 2), c.k_y.value);
-    ASSERT_LE(robot::gravity_torque(model, q).norm(), c.sup_g.value);
-    ASSERT_LE(spectral_norm(gradient_by_q(model, held_at(q))), c.k_g.value);
+    ASSERT_LE(spectral_norm(gradient_by_q(model, constant_reference(q))), c.k_g.value);
   }
 }
 
@@ -130,10 +120,6 @@ TEST_F(NormConditions, PrintedBoundsOfThePapersGains) {
   EXPECT_NEAR(c.eq27, 0.39773, 5e-6);
   EXPECT_TRUE(c.feasible);
   EXPECT_NEAR(c.c1, 0.648, 5e-4);
-}
-
-TEST_F(NormConditions, BestBallWithGamma2Free) {
-  EXPECT_NEAR(printed_conditions(rigid(paper_rigid()), constants, paper_B_d, true).c1, 0.919, 5e-4);
 }
 
 TEST_F(NormConditions, AreInfeasibleForFastReferencesFlexibleJointsAndDeployableGains) {
@@ -194,27 +180,13 @@ TEST_F(NormConditions, VGrowsThoughEveryPrintedConditionHolds) {
   // The smallest eigenvalue of sym(B M) is not lambda(B) lambda(M).
   const Eigen::MatrixXd BM = Eigen::VectorXd(both(100, 4000)).asDiagonal() * postures.inertia[0].M;
   EXPECT_NEAR(smallest_eigenvalue((BM + BM.transpose()) / 2), -980, 1);
-  // The completed condition and the matrix's own refuse these gains.
-  EXPECT_FALSE(ScalarCondition(system, constants, postures, paper_B_d).solve().feasible);
+  // The matrix condition refuses these gains: MatrixOfTwoLinks.GainsOfTheWrongSignAreRefused.
 }
 
-TEST_F(NormConditions, CompletedScalarConditionOfThePapersGains) {
-  const ScalarCondition condition(rigid(paper_rigid()), constants, postures, paper_B_d);
-  const ScalarCondition::Result result = condition.solve();
-  EXPECT_TRUE(result.feasible);
-  EXPECT_NEAR(result.epsilon.low, 0.00198, 2e-6);
-  EXPECT_NEAR(result.epsilon.high, 0.1064, 1e-4);
-  EXPECT_NEAR(result.rho, 543.6, 0.5436);
-  const double eps = result.best_epsilon;
-  EXPECT_GT(smallest_eigenvalue(condition.Q(eps, 0.999 * result.rho)), 0);
-  EXPECT_LT(smallest_eigenvalue(condition.Q(eps, 1.001 * result.rho)), 0);
-}
-
-/// 100,000 random states: where |e - nu| <= rho, Vdot is below -z' Q z, and below the completed
-/// (22) everywhere; the printed (22) is violated.
-TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundsAtRandomStates) {
+/// 100,000 random states: Vdot is below the completed (22) everywhere; the printed (22) is
+/// violated.
+TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundAtRandomStates) {
   const ErrorSystem system = rigid(paper_rigid());
-  const ScalarCondition condition(system, constants, postures, paper_B_d);
   const double eps = 0.01;
   robot::testing::Random random(11);
   int printed_violated = 0;
@@ -239,10 +211,8 @@ TEST_F(NormConditions, VdotNeverExceedsTheCompletedBoundsAtRandomStates) {
     const double exact = -z.dot(Mm * z);
     const StateNorms norms{z.head(2).norm(), z.segment(2, 2).norm(), z.tail(2).norm(),
                            difference.norm()};
-    const Eigen::Vector3d s(norms.e, norms.nu, norms.edot);
     // Rounding of terms that cancel.
-    const double rounding = 1e-12 * s.dot(condition.Q(eps, 0).cwiseAbs() * s);
-    ASSERT_LE(exact, -s.dot(condition.Q(eps, norms.e_minus_nu) * s) + rounding) << i;
+    const double rounding = 1e-12 * z.cwiseAbs().dot(Mm.cwiseAbs() * z.cwiseAbs());
     ASSERT_LE(exact,
               printed_decrease_bound(system, constants, paper_B_d, eps, norms, true) + rounding);
     printed_violated +=

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 
@@ -26,8 +25,8 @@ constexpr Discretisation zoh = Discretisation::zero_order_hold, tustin = Discret
 
 SampledLoop rigid_loop(const FilterGains& gains, Discretisation kind, int delay,
                        const robot::Model& model, const Vector& q) {
-  const Eigen::MatrixXd gradient = gradient_by_q(model, held_at(q));
-  return {rigid_plant(model, held_at(q)),
+  const Eigen::MatrixXd gradient = gradient_by_q(model, constant_reference(q));
+  return {rigid_plant(model, constant_reference(q)),
           [=](double h) {
             return linear_rigid_law(gains, gradient, {kind, h});
           },
@@ -35,7 +34,7 @@ SampledLoop rigid_loop(const FilterGains& gains, Discretisation kind, int delay,
 }
 SampledLoop flexible_loop(const FilterGains& link, const FilterGains& motor, Discretisation kind,
                           int delay, const robot::Model& model, const Vector& q) {
-  return {flexible_plant(model, held_at(q), stiffness(), rotors()),
+  return {flexible_plant(model, constant_reference(q), stiffness(), rotors()),
           [=](double h) {
             return linear_flexible_law(model, q, stiffness(), rotors(), link, motor, {kind, h});
           },
@@ -204,25 +203,14 @@ TEST_F(SampledLimit, AlongThePapersReference) {
   EXPECT_NEAR(-std::log(radius) / h, 37.0, 2);
 }
 
-TEST(SampledLimitOfSevenJoints, VerdictTakesLessThanATenthOfASecond) {
+TEST(SampledLimitOfSevenJoints, IsFoundWithModesAndMargins) {
   const robot::Model model = robot::testing::iiwa7();
   Vector q(7);
   q << 0, 0.3, 0, -1.0, 0, 0.8, 0;
-  const auto begin = std::chrono::steady_clock::now();
   const SampledLoop loop = rigid_loop(iiwa_gains(), tustin, 0, model, q);
-  const auto limit = largest_stable_period(loop, {1e-3, 1e-1, 1.25});
-  const Modes at = modes(loop, 1e-3);
-  const double verdict =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  const Margins margin = margins(loop, 1e-3);
-  const double all =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  RecordProperty("verdict_s", std::to_string(verdict));
-  RecordProperty("with_margins_s", std::to_string(all));
-  ASSERT_TRUE(limit);
-  EXPECT_GT(*limit, 4e-3);
-  EXPECT_TRUE(at.stable);
-  EXPECT_GT(margin.phase_deg, 20);
+  EXPECT_GT(largest_stable_period(loop, {1e-3, 1e-1, 1.25}).value(), 4e-3);
+  EXPECT_TRUE(modes(loop, 1e-3).stable);
+  EXPECT_GT(margins(loop, 1e-3).phase_deg, 20);
 }
 
 }  // namespace

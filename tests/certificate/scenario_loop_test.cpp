@@ -7,7 +7,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
-#include "certificate/sampled_certificate.h"
+#include "certificate/prediction.h"
 #include "controller/registry.h"
 #include "robot/dynamics.h"
 #include "tests/certificate/linear_laws.h"
@@ -26,16 +26,16 @@ TEST(ScenarioLoop, IsTheRigidLawWrittenOut) {
   const ScenarioLoop loop(shipped("practical_rigid"));
   const robot::Model model = robot::testing::two_link();
   const robot::Vector q = both(0);
-  const Eigen::MatrixXd gradient = gradient_by_q(model, held_at(q));
+  const Eigen::MatrixXd gradient = gradient_by_q(model, constant_reference(q));
   for (const double h : {1e-4, 1e-3, 3e-3}) {
     const SampledLoop own{
-        rigid_plant(model, held_at(q)),
+        rigid_plant(model, constant_reference(q)),
         [&](double period_s) {
           return linear_rigid_law(practical_rigid(), gradient, {Discretisation::tustin, period_s});
         },
         1};
     // Central differences: gains of 1e6 with an error of 1e-10 of them.
-    EXPECT_NEAR(radius_at(loop.at(held_at(q)), h), radius_at(own, h), 1e-7) << h;
+    EXPECT_NEAR(radius_at(loop.at(constant_reference(q)), h), radius_at(own, h), 1e-7) << h;
   }
 }
 
@@ -44,14 +44,14 @@ TEST(ScenarioLoop, IsTheFlexibleLawWrittenOut) {
   const robot::Model model = robot::testing::two_link();
   const robot::Vector q = both(0.3, -0.4);
   for (const double h : {1e-4, 1e-3, 3e-3}) {
-    const SampledLoop own{flexible_plant(model, held_at(q), stiffness(), rotors()),
+    const SampledLoop own{flexible_plant(model, constant_reference(q), stiffness(), rotors()),
                           [&](double period_s) {
                             return linear_flexible_law(model, q, stiffness(), rotors(),
                                                        practical_link(), practical_motor(),
                                                        {Discretisation::tustin, period_s});
                           },
                           0};
-    EXPECT_NEAR(radius_at(loop.at(held_at(q)), h), radius_at(own, h), 1e-6) << h;
+    EXPECT_NEAR(radius_at(loop.at(constant_reference(q)), h), radius_at(own, h), 1e-6) << h;
   }
 }
 
@@ -67,10 +67,12 @@ TEST(ScenarioLoop, GainMarginIsThatOfKpAndKd) {
         shipped("regulation", {"loop.command_delay=1", "controller.gains.kp" + gains(10, 2),
                                "controller.gains.kd" + gains(300, 20)}));
   };
-  const auto at = [](const ScenarioLoop& loop) { return loop.at(held_at(both(0.1, 0.3))); };
+  const auto at = [](const ScenarioLoop& loop) {
+    return loop.at(constant_reference(both(0.1, 0.3)));
+  };
   const ScenarioLoop loop = loop_of(1);
   const robot::Model model = robot::testing::two_link();
-  const Eigen::MatrixXd gravity = gradient_by_q(model, held_at(both(0.1, 0.3)));
+  const Eigen::MatrixXd gravity = gradient_by_q(model, constant_reference(both(0.1, 0.3)));
   // Central differences of torques of 1e5 N m/rad times a step of 1e-6: 1e-10 of 1e5.
   EXPECT_LT((at(loop).law(h).compensation - gravity).cwiseAbs().maxCoeff(), 1e-4);
   const double margin = margins(at(loop), h).gain;
@@ -78,8 +80,9 @@ TEST(ScenarioLoop, GainMarginIsThatOfKpAndKd) {
   EXPECT_GT(radius_at(at(loop_of(1.001 * margin)), h), 1);
   // A law that compensates gravity at the reference has no such part.
   const ScenarioLoop at_reference(shipped("flexible_regulation"));
-  EXPECT_LT(at_reference.at(at_reference.rests(1)[0]).law(h).compensation.cwiseAbs().maxCoeff(),
-            1e-4);
+  EXPECT_LT(
+      at_reference.at(at_reference.rest_points(1)[0]).law(h).compensation.cwiseAbs().maxCoeff(),
+      1e-4);
 }
 
 TEST(ScenarioLoop, LinearisesEveryLawButThoseThatSayWhyNot) {
@@ -88,10 +91,10 @@ TEST(ScenarioLoop, LinearisesEveryLawButThoseThatSayWhyNot) {
     if (!controller::law_facts(example.law).no_linearisation.empty()) continue;
     const ScenarioLoop loop(shipped(example.scenario, example.overrides()));
     linear.push_back(example.law);
-    const double at_one_kilohertz = radius_at(loop.at(loop.rests(1)[0]), 1e-3);
+    const double at_one_kilohertz = radius_at(loop.at(loop.rest_points(1)[0]), 1e-3);
     EXPECT_LT(at_one_kilohertz, 1) << example.law;
     EXPECT_GT(at_one_kilohertz, 0.9) << example.law;
-    EXPECT_GT(radius_at(loop.at(loop.rests(1)[0]), 0.2), 1) << example.law;
+    EXPECT_GT(radius_at(loop.at(loop.rest_points(1)[0]), 0.2), 1) << example.law;
   }
   linear.push_back("robust_differentiator");
   EXPECT_THAT(linear, ::testing::UnorderedElementsAreArray(controller::law_names()));
@@ -107,7 +110,7 @@ TEST(ScenarioLoop, CountsAnEncodersLatencyOnce) {
       overrides.push_back(fmt::format("loop.command_delay={}", delay));
       overrides.push_back(fmt::format("plant.encoder.latency_ticks={}", latency));
       const ScenarioLoop loop(shipped(example.scenario, overrides));
-      return radius_at(loop.at(loop.rests(1)[0]), 1e-3);
+      return radius_at(loop.at(loop.rest_points(1)[0]), 1e-3);
     };
     EXPECT_EQ(radius(1, 2), radius(3, 0)) << example.law;
   }
@@ -119,7 +122,7 @@ TEST(ScenarioLoop, LinearisesAKalmanFilterOfEitherOrder) {
                             "controller.gains={kp: [40000, 2400], kd: [1000, 60], order: 3, "
                             "process_noise: 1.0e+8}"}) {
     const ScenarioLoop loop(shipped("practical_rigid", {"controller.law=kalman_velocity", gains}));
-    EXPECT_LT(radius_at(loop.at(loop.rests(1)[0]), 1e-3), 1) << gains;
+    EXPECT_LT(radius_at(loop.at(loop.rest_points(1)[0]), 1e-3), 1) << gains;
   }
 }
 
@@ -134,29 +137,33 @@ TEST(ScenarioLoop, HasTheLimitOfADifferenceOverOnePeriod) {
   const Eigen::MatrixXd M = robot::mass_matrix(robot::testing::two_link(), q);
   const Eigen::MatrixXd kv = M.inverse() * Eigen::Vector2d(100, 60).asDiagonal();
   const double limit = 2 / kv.eigenvalues().real().maxCoeff();
-  EXPECT_LT(radius_at(loop.at(held_at(q)), 0.97 * limit), 1.001);
-  EXPECT_GT(radius_at(loop.at(held_at(q)), 1.03 * limit), 1.01);
+  EXPECT_LT(radius_at(loop.at(constant_reference(q)), 0.97 * limit), 1.001);
+  EXPECT_GT(radius_at(loop.at(constant_reference(q)), 1.03 * limit), 1.01);
 }
 
 TEST(ScenarioLoop, SaysWhyALawCannotBeLinearised) {
   const experiment::Scenario scenario =
       shipped("practical_rigid",
               {"controller.law=robust_differentiator", "controller.gains.lipschitz=4000"});
-  EXPECT_THAT(text(verdict(scenario)),
+  EXPECT_THAT(text(analyse(scenario, Effort::quick)),
               ::testing::AllOf(::testing::HasSubstr("cannot be linearised (the differentiator"),
                                ::testing::HasSubstr("cube root"),
                                ::testing::HasSubstr("not known before the run")));
 }
 
 TEST(ScenarioLoop, KnowsWhetherAndHowLongTheReferenceMoves) {
-  EXPECT_DOUBLE_EQ(ScenarioLoop(shipped("paper_rigid")).span_s(), 0.2);  // of 5 Hz
+  EXPECT_DOUBLE_EQ(ScenarioLoop(shipped("paper_rigid")).motion().end_s, 0.2);  // of 5 Hz
+  EXPECT_TRUE(ScenarioLoop(shipped("paper_rigid")).motion().repeats);
   EXPECT_TRUE(ScenarioLoop(shipped("paper_rigid")).moves());
   const ScenarioLoop held(shipped("regulation"));
   EXPECT_FALSE(held.moves());
-  EXPECT_EQ(held.rests(9).size(), 1U);
+  EXPECT_EQ(held.rest_points(9).size(), 1U);
   const ScenarioLoop points(shipped("iiwa_point_to_point"));
-  EXPECT_DOUBLE_EQ(points.span_s(), 4);
-  EXPECT_DOUBLE_EQ(points.rests(5).back().q_ref[0], 0.6);
+  // It starts at 0.2 s, and the run is of 4 s.
+  EXPECT_NEAR(points.motion().begin_s, 0.2, 0.005);
+  EXPECT_NEAR(points.motion().end_s, 3.2, 0.005);
+  EXPECT_FALSE(points.motion().repeats);
+  EXPECT_DOUBLE_EQ(points.rest_points(5).back().q_ref[0], 0.6);
 }
 
 }  // namespace

@@ -26,6 +26,14 @@ TEST(Text, ShortestNumberGivesTheValueBack) {
   EXPECT_EQ(std::stod(shortest(awkward)), awkward);
 }
 
+TEST(Text, PeriodsHaveTheUnitPeopleUse) {
+  EXPECT_EQ(period_text(5e-5), "50 µs");
+  EXPECT_EQ(period_text(1.25e-4), "125 µs");
+  EXPECT_EQ(period_text(0.999999e-3), "1 ms");
+  EXPECT_EQ(period_text(0.02), "20 ms");
+  EXPECT_EQ(period_text(1.5), "1.5 s");
+}
+
 TEST(Text, OneLineHasNoControlCharactersAndKeepsOrdinarySpaces) {
   EXPECT_EQ(one_line("a  file.yaml: bad\n\n   value\r\n"), "a  file.yaml: bad value");
   EXPECT_EQ(one_line("\t a\x1B[2Jb\x7F "), "a [2Jb");

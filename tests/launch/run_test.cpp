@@ -375,7 +375,7 @@ TEST_F(Run, ThatDoesNotBeginLeavesNothing) {
 
 TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
   fs::create_directories(out() / "summary.json.partial");
-  start({"--duration", "0.01", "--any-verdict"});
+  start({"--duration", "0.01", "--any-outcome"});
   EXPECT_EQ(finish(), 2);
   EXPECT_EQ(count(errors(), "summary.json: cannot be written"), 1U) << errors();
   EXPECT_THAT(output(), HasSubstr("200 ticks")) << "the table is printed nevertheless";

@@ -189,7 +189,7 @@ class Controllers(Folder):
         law = self.script("class Law:\n    def reset(self): self.n = 0\n"
                           "    def __call__(self, k, t, m, r):\n        self.n += 1\n        return m.q * 0 + 1e-6 * self.n\n"
                           "tachless.run_controller(Law())\n")
-        self.run_paper(law, "--any-verdict")
+        self.run_paper(law, "--any-outcome")
         run = tachless.read(self.folder / "run")
         self.assertEqual(run.law, "Law (external)")
         np.testing.assert_array_equal(run["tau"][:, 0], 1e-6 * np.arange(1, 2001))

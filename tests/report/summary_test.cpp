@@ -165,12 +165,5 @@ TEST(Summary, TableOfARealtimeRunShowsMissedDeadlines) {
   EXPECT_THAT(table, HasSubstr("joint 1 (shoulder) beyond its range or its speed in 3 ticks"));
 }
 
-TEST(Summary, GivesPeriodsInTheUnitPeopleUse) {
-  EXPECT_EQ(short_period(5e-5), "50 µs");
-  EXPECT_EQ(short_period(1.25e-4), "125 µs");
-  EXPECT_EQ(short_period(1e-3), "1 ms");
-  EXPECT_EQ(short_period(0.02), "20 ms");
-}
-
 }  // namespace
 }  // namespace tachless::report

@@ -65,7 +65,6 @@ class SweepPage : public testing::Test {
     return "drawn";
   }
 
- private:
   TemporaryDirectory directory_;
 };
 
@@ -134,22 +133,25 @@ TEST_F(SweepPage, DrawsCurvesOfSeveralMeasures) {
 }
 
 TEST_F(SweepPage, RefusesWhatItCannotShow) {
-  const SweepPlan curves = plan_of({bits});
   const SweepPlan map = plan_of({bits, "reference.sinusoid.frequency_hz=1:5:2"});
   EXPECT_THAT(refusal(map, "energy,rms_error"), HasSubstr("a map shows one measure"));
-  EXPECT_THAT(refusal(map, "energy,"), HasSubstr("no measure; allowed: outcome, certified, "));
-  EXPECT_THAT(refusal(curves, "certified"), HasSubstr("needs a map"));
+  EXPECT_THAT(refusal(map, "energy,"), HasSubstr("no measure; allowed: outcome, peak_error"));
   EXPECT_EQ(refusal(map, "energy"), "drawn");
 }
 
-TEST_F(SweepPage, MarksTheStartsThatAreCertified) {
-  const auto dots = [&](const std::string& gains) {
-    const SweepPlan plan = plan_of(
-        {"controller.gains.b=" + gains, "plant.initial.position_rad=0.1:1:2"}, "study_attraction");
-    return count(map(plan, rows_of(plan), "certified"), "fill=\"#ffffff\"/>");
-  };
-  const std::size_t none = dots("1:2:2"), all = dots("100:200:2");
-  EXPECT_GE(all, none + 4);
+TEST_F(SweepPage, OfAComparisonIsATable) {
+  SweepPlan plan = plan_of({});
+  plan.laws.push_back({"slotine_li", {"controller.law=slotine_li"}});
+  std::vector<SweepRow> rows = rows_of(plan);
+  rows[1].measures = std::vector<double>(study::measure_columns(true).size(), 0.125);
+  rows[1].measures.back() = NAN;
+  EXPECT_EQ(map(plan, rows, "outcome"), "");
+  std::ifstream file(directory_ / "index.html");
+  const std::string page(std::istreambuf_iterator<char>(file), {});
+  EXPECT_THAT(page,
+              HasSubstr("<th>slotine_li</th><td>converged</td><td class=\"number\">0.125</td>"));
+  EXPECT_THAT(page, HasSubstr("<td class=\"number\">-</td></tr>"));
+  EXPECT_THAT(page, HasSubstr("slotine_li: <code>controller.law=slotine_li</code>"));
 }
 
 }  // namespace

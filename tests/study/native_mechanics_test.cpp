@@ -3,14 +3,70 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "experiment/scenario.h"
 #include "study/in_process_loop.h"
 
 namespace tachless::study {
 namespace {
+
+constexpr double finest_accuracy = 1e-12;
+
+/// Largest difference, of values above 1 relative to them; 0 of what a rigid robot has not.
+double distance(const robot::Vector& got, const robot::Vector& expected) {
+  if (got.size() == 0) return 0;
+  const robot::Vector scale = expected.cwiseAbs().cwiseMax(1.0);
+  return (got - expected).cwiseQuotient(scale).cwiseAbs().maxCoeff();
+}
+
+/// The scenario with that mechanics.
+experiment::Scenario moved_by(std::string_view mechanics, const experiment::Scenario& scenario) {
+  const double accuracy = std::min(scenario.plant.integrator.accuracy, finest_accuracy);
+  return experiment::parse_scenario(
+      scenario.text, scenario.robot.urdf_text, scenario.source,
+      {fmt::format("plant.mechanics={}", mechanics), "plant.encoder.resolution_bits=null",
+       fmt::format("plant.integrator.accuracy={}", accuracy)});
+}
+
+/// How far Simbody and the library's own mechanics are apart over a run.
+struct CrossCheck {
+  std::int64_t ticks = 0;  ///< compared
+  // Largest difference of a true value, of links and motors; of values above 1 relative to them.
+  double position = 0;    ///< [rad; m]
+  double velocity = 0;    ///< [rad/s; m/s]
+  std::int64_t tick = 0;  ///< of the largest in position
+};
+
+/// The closed loop of the scenario stepped twice in this process, with plant.mechanics simbody and
+/// native, compared tick by tick. Both with ideal encoders (a difference of rounding would turn
+/// into one of a count) and at an accuracy of 1e-12 or the scenario's, whichever is finer.
+CrossCheck cross_check(const experiment::Scenario& scenario) {
+  std::vector<plant::ArmState> expected;
+  run_in_process(moved_by("simbody", scenario), [&](const TickRecord& record) {
+    expected.push_back(record.truth);
+    return true;
+  });
+  CrossCheck result;
+  run_in_process(moved_by("native", scenario), [&](const TickRecord& record) {
+    const plant::ArmState& got = record.truth;
+    const plant::ArmState& other = expected.at(static_cast<std::size_t>(record.tick));
+    const double position = std::max(distance(got.q, other.q), distance(got.theta, other.theta));
+    if (position > result.position) {
+      result.position = position;
+      result.tick = record.tick;
+    }
+    result.velocity = std::max(
+        {result.velocity, distance(got.v, other.v), distance(got.thetadot, other.thetadot)});
+    ++result.ticks;
+    return true;
+  });
+  return result;
+}
 
 // The loops are stable and integrated to a local error of 1e-12, so the difference of the two
 // mechanics does not grow: some ticks' worth of it at most. Velocities are off by that times the

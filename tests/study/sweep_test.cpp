@@ -157,5 +157,52 @@ TEST_F(ASweep, SaysWhichValuesTheScenarioDoesNotTake) {
               HasSubstr("--set plant.encoder.resolution_bits=20.5"));
 }
 
+// The torque's answer to a count: -(Kp + Kd beta) on its joint alone but for what the model's
+// gravity and the feedback around it add. Kp + Kd beta with Tustin's beta = 2 b / (2 + a h) = 667
+// 1/s is (707e3, 42.4e3); the filter's decay gives the answer back: over white errors the variance
+// is (Kp + Kd beta)^2 + (Kd beta (1 - phi))^2 / (1 - phi^2), with phi = (2 - a h) / (2 + a h) =
+// 1/3.
+TEST(Measures, NoiseAmplificationIsTheLawsOwn) {
+  const auto scenario = [](std::vector<std::string> overrides) {
+    overrides.insert(overrides.begin(), {"plant.mechanics=native", "loop.duration_s=0.5"});
+    return experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+                                     overrides);
+  };
+  double sum = 0;
+  for (const auto& [kp, kd] : {std::pair(40000.0, 1000.0), std::pair(2400.0, 60.0)}) {
+    const double beta = 2 * 1000.0 / 3, phi = 1.0 / 3;
+    const double at_once = kp + kd * beta, later = kd * beta * (1 - phi);
+    sum += at_once * at_once + later * later / (1 - phi * phi);
+  }
+  // Quantisation of a motion is not quite white, and the loop answers: 10 %.
+  EXPECT_NEAR(noise_amplification(scenario({})) / std::sqrt(sum / 2), 1, 0.1);
+  EXPECT_TRUE(std::isnan(noise_amplification(scenario({"plant.encoder.resolution_bits=null"}))));
+  // Of a run that diverges there is none.
+  EXPECT_TRUE(std::isnan(noise_amplification(
+      scenario({"controller.gains.kd=[20000, 1200]", "plant.integrator.accuracy=1e-5"}))));
+}
+
+/// `compare`: a row for each law, with the measures that a comparison adds.
+TEST_F(ASweep, WithoutAxesComparesLaws) {
+  SweepPlan plan = small_plan();
+  plan.axes.clear();
+  plan.laws.push_back({"computed_torque",
+                       {"controller.law=computed_torque", "controller.gains={kp: 900, kd: 60}"}});
+  const TemporaryDirectory directory;
+  const Sweep sweep = Sweep::begin(directory.path(), plan);
+  EXPECT_TRUE(sweep.run({}, 2, always, unseen, [](const auto& scenario, Measures& measures) {
+    measures.largest_period_s = scenario.controller.law == "computed_torque" ? 2 : 1;
+  }));
+  const std::vector<SweepRow> rows = sweep.rows();
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[1].which.law, "computed_torque");
+  EXPECT_EQ(measure_columns(true).back().name, "largest_period_s");
+  EXPECT_EQ(rows[0].measures.back(), 1);
+  EXPECT_EQ(rows[1].measures.back(), 2);
+  EXPECT_THAT(sweep.table(rows), HasSubstr("case,law,outcome,peak_error,"));
+  EXPECT_THAT(sweep.table(rows), HasSubstr(",noise_amplification,largest_period_s,stopped\n"));
+  EXPECT_EQ(measure_columns().back().name, "ticks");
+}
+
 }  // namespace
 }  // namespace tachless::study

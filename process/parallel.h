@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-namespace tachless::certificate {
+namespace tachless::process {
 
 inline unsigned all_cores() { return std::max(1U, std::thread::hardware_concurrency()); }
 
@@ -53,4 +53,4 @@ auto parallel_map(std::size_t count, const F& f) {
   return result;
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::process

@@ -1,4 +1,4 @@
-#include "certificate/parallel.h"
+#include "process/parallel.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-namespace tachless::certificate {
+namespace tachless::process {
 namespace {
 
 TEST(ParallelFor, CallsForEachIndexOnce) {
@@ -37,4 +37,4 @@ TEST(ParallelFor, ThrowsWhatWasThrownAndCallsNoFurther) {
 }
 
 }  // namespace
-}  // namespace tachless::certificate
+}  // namespace tachless::process

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "certificate/sampled_limit.h"
+#include "certificate/scenario_loop.h"
+
+/// What is predicted of a scenario's sampled loop: of its linearisation about rest at postures of
+/// the reference, and along the reference where it moves. Every number is of sampled postures. It
+/// covers no large errors, saturation or quantisation. `certify`, `design`, `run` and the report
+/// all take their numbers from here.
+namespace tachless::certificate {
+
+/// Called with what is being computed; from one thread.
+using OnProgress = std::function<void(std::string_view what)>;
+inline void no_progress(std::string_view /*what*/) {}
+
+/// How much is computed. Less effort leaves numbers out and gives no other ones.
+enum class Effort {
+  quick,  ///< without margins: well under 0.1 s for two joints, for every run
+  full,
+};
+
+/// Postures of the reference at which the loop is linearised.
+inline constexpr int reference_postures = 17;
+
+struct Prediction {
+  std::string unknown;  ///< why the law cannot be linearised; empty: it can, and the rest holds
+  controller::law::Settings settings;
+
+  /// The errors of the linearised loop decay at the scenario's period: over the motion, and at rest
+  /// where a motion that does not repeat ends. A posture on the way may be unstable at rest:
+  /// eigenvalues at frozen postures are neither necessary nor sufficient for a moving reference.
+  bool stable = false;
+  /// Per period: the root of the spectral radius of the product of the one-period maps over the
+  /// motion, or where it is larger the radius at rest at its end.
+  double radius = 0;
+  robot::Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
+  /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
+  std::optional<double> limit_s;
+  robot::Vector limit_q;                    ///< the posture that binds it
+  Modes modes;                              ///< at the posture with the largest radius
+  Eigen::VectorXd gain_Nm_per_rad;          ///< torque per measured angle, each joint's own
+  std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
+  /// Of each the least over the postures; nothing with quick effort or where one is unstable.
+  std::optional<Margins> margins;
+  robot::Vector margin_q;  ///< the posture with the least modulus margin
+
+  /// Of an unstable loop: errors grow by e in 1 / that time [1/s].
+  [[nodiscard]] double growth_per_s() const;
+};
+
+/// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
+Prediction analyse(const experiment::Scenario& scenario, Effort effort,
+                   const OnProgress& on_progress = no_progress);
+
+/// Torque per measured angle of each joint's own position [N m/rad]; the larger one where link and
+/// motor are both measured.
+Eigen::VectorXd own_gain(const LinearLaw& law);
+
+/// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
+std::string text(const Prediction& prediction);
+
+/// Why a run is refused, and what to type: limit, a stable period nearby. Of an unstable loop.
+std::string refusal(const Prediction& prediction, const std::string& scenario_file);
+
+// ---- the numbers as text: one way of each, wherever they are printed ----------------------------
+
+std::string limit_text(const std::optional<double>& limit_s);
+std::string settling_text(double seconds);
+/// "gain 3.5, phase 50 deg, delay 4.1 ms".
+std::string margins_text(const Margins& margins);
+/// "0.61 (common to all torques), 0.45 (independent)".
+std::string modulus_text(const Margins& margins);
+/// "[1.2, 3]".
+std::string list_text(const Eigen::VectorXd& values);
+
+}  // namespace tachless::certificate

@@ -1,0 +1,35 @@
+#include "robot/decompositions.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <unsupported/Eigen/MatrixFunctions>
+
+namespace tachless::robot {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+Eigen::VectorXcd eigenvalues(const MatrixXd& A) {
+  return Eigen::EigenSolver<MatrixXd>(A, false).eigenvalues();
+}
+
+VectorXd symmetric_eigenvalues(const MatrixXd& A) {
+  return Eigen::SelfAdjointEigenSolver<MatrixXd>(A, Eigen::EigenvaluesOnly).eigenvalues();
+}
+
+SymmetricEigen symmetric_eigen(const MatrixXd& A) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(A);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
+
+MatrixXd exponential(const MatrixXd& A) { return A.exp(); }
+
+MatrixXd inverse(const MatrixXd& A) { return A.inverse(); }
+
+std::optional<VectorXd> solution(const MatrixXd& A, const VectorXd& b) {
+  const Eigen::FullPivLU<MatrixXd> lu(A);
+  if (!lu.isInvertible()) return {};
+  return lu.solve(b);
+}
+
+}  // namespace tachless::robot

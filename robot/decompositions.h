@@ -1,0 +1,41 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+/// Eigen's decompositions of matrices of any size, compiled once: their templates take seconds in
+/// each source that instantiates them. The matrices are finite.
+namespace tachless::robot {
+
+/// Of a square matrix, in no particular order.
+Eigen::VectorXcd eigenvalues(const Eigen::MatrixXd& A);
+Eigen::VectorXcd eigenvalues(const Eigen::MatrixXcd& A);
+
+/// Of a symmetric matrix, of which the lower triangle is read; the smallest first.
+Eigen::VectorXd symmetric_eigenvalues(const Eigen::MatrixXd& A);
+
+/// A = vectors diag(values) vectors', the smallest value first.
+struct SymmetricEigen {
+  Eigen::VectorXd values;
+  Eigen::MatrixXd vectors;
+};
+SymmetricEigen symmetric_eigen(const Eigen::MatrixXd& A);
+
+double smallest_singular_value(const Eigen::MatrixXcd& A);
+
+/// A = U T U*, U unitary and T upper triangular.
+struct Schur {
+  Eigen::MatrixXcd T, U;
+};
+Schur complex_schur(const Eigen::MatrixXd& A);
+
+/// exp(A).
+Eigen::MatrixXd exponential(const Eigen::MatrixXd& A);
+
+/// Of an invertible matrix.
+Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
+
+/// x of A x = b; nothing when A is singular to rounding.
+std::optional<Eigen::VectorXd> solution(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+
+}  // namespace tachless::robot

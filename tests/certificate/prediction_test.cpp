@@ -1,0 +1,90 @@
+#include "certificate/prediction.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/certificate/scenarios.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+constexpr const char* shipped_scenarios[] = {
+    "flexible_regulation", "iiwa_point_to_point", "paper_flexible",  "paper_rigid",
+    "paper_rigid_offset",  "practical_flexible",  "practical_rigid", "regulation"};
+
+/// `run` prints the one, `certify` and `design` the other.
+TEST(Prediction, WithLessEffortHasFewerNumbersAndNoOtherOnes) {
+  for (const char* name : shipped_scenarios) {
+    SCOPED_TRACE(name);
+    const experiment::Scenario scenario = shipped(name);
+    const Prediction quick = analyse(scenario, Effort::quick);
+    const Prediction full = analyse(scenario, Effort::full);
+    EXPECT_TRUE(quick.stable);
+    EXPECT_EQ(text(quick), text(full));
+    EXPECT_EQ(quick.stable, full.stable);
+    EXPECT_EQ(quick.radius, full.radius);
+    EXPECT_EQ(quick.limit_s, full.limit_s);
+    EXPECT_EQ(quick.limit_q, full.limit_q);
+    EXPECT_EQ(quick.modes.settling_s, full.modes.settling_s);
+    EXPECT_EQ(quick.count_Nm, full.count_Nm);
+    ASSERT_TRUE(quick.limit_s);
+    EXPECT_GT(*quick.limit_s, quick.settings.period_s);
+    EXPECT_FALSE(quick.margins);
+    ASSERT_TRUE(full.margins);
+    EXPECT_GT(full.margins->phase_deg, 1);
+  }
+}
+
+/// The limits are those that an independent program found
+/// (tests/certificate/sampled_limit_test.cpp).
+TEST(Prediction, LimitIsTheSampledLoops) {
+  const struct {
+    const char* scenario;
+    std::vector<std::string> set;
+    double limit_s;
+  } rows[] = {{"paper_rigid", {}, 1.0191e-4},
+              {"paper_rigid", {"loop.command_delay=1"}, 3.4224e-5},
+              {"paper_rigid", {"loop.period_s=1e-3"}, 1.0191e-4},
+              {"paper_flexible", {}, 1.7679e-5},
+              {"practical_rigid", {"loop.command_delay=0"}, 8.93e-3},
+              {"practical_rigid", {}, 3.6e-3}};
+  for (const auto& row : rows) {
+    const Prediction result = analyse(shipped(row.scenario, row.set), Effort::quick);
+    ASSERT_TRUE(result.limit_s) << row.scenario;
+    EXPECT_NEAR(*result.limit_s, row.limit_s, 0.01 * row.limit_s) << row.scenario;
+    EXPECT_EQ(result.stable, result.settings.period_s < row.limit_s) << row.scenario;
+  }
+}
+
+/// A run is longer than its motion: the postures are the motion's.
+TEST(Prediction, DoesNotDependOnHowLongTheRunRestsAfterItsMotion) {
+  const auto with = [](const char* duration) {
+    return analyse(shipped("iiwa_point_to_point", {duration}), Effort::quick);
+  };
+  const Prediction once = with("loop.duration_s=4"), longer = with("loop.duration_s=40");
+  EXPECT_NEAR(*longer.limit_s, *once.limit_s, 1e-3 * *once.limit_s);
+  EXPECT_NEAR(longer.modes.settling_s, once.modes.settling_s, 0.01 * once.modes.settling_s);
+}
+
+TEST(Prediction, TextHasLimitAndSettlingTime) {
+  const std::string line = text(analyse(shipped("practical_rigid"), Effort::quick));
+  EXPECT_THAT(line, StartsWith("stable at 1 kHz with 1 tick of delay: limit 3."));
+  EXPECT_THAT(line, HasSubstr(" ms, settles in 0.1"));
+}
+
+TEST(Prediction, RefusalNamesLimitPeriodAndWhatToType) {
+  const Prediction result =
+      analyse(shipped("paper_rigid", {"loop.command_delay=1"}), Effort::quick);
+  EXPECT_FALSE(result.stable);
+  const std::string line = refusal(result, "s.yaml");
+  EXPECT_THAT(line, StartsWith("s.yaml: unstable at 20 kHz with 1 tick of delay: largest stable "
+                               "period 34."));
+  EXPECT_THAT(line, HasSubstr("type --set loop.period_s=2e-05 or --force"));
+}
+
+}  // namespace
+}  // namespace tachless::certificate
