@@ -31,7 +31,7 @@ Failure::Failure(ExitCode code, std::string_view what)
 Failure bad_usage(std::string_view what) { return {ExitCode::bad_usage, what}; }
 
 Failure system_failure(const std::system_error& error) {
-  return bad_usage("the system refuses: {}; {}", error.what(), remedy(error.code()));
+  return bad_usage("system error: {}; {}", error.what(), remedy(error.code()));
 }
 
 Failure current_failure() {

@@ -21,21 +21,21 @@ void read_number(const Written& written, Number& to) {
   const auto [stop, error] = std::from_chars(begin, end, to);
   if (!is_plain(node) || error != std::errc{} || stop != end ||
       !written.range.contains(static_cast<double>(to))) {
-    throw Refused{emit_line(node)};
+    throw InvalidValue{emit_line(node)};
   }
 }
 
 template <class Entry>
 void read_list(const Written& written, std::vector<Entry>& to) {
   const YamlNode& list = written.node;
-  if (list.kind != YamlNode::Kind::list) throw Refused{emit_line(list)};
+  if (list.kind != YamlNode::Kind::list) throw InvalidValue{emit_line(list)};
   for (const YamlNode& entry : list.children) {
     try {
       read_value({entry, written.range, written.num_joints}, to.emplace_back());
-    } catch (const Refused& refused) {
+    } catch (const InvalidValue& refused) {
       const std::string value = emit_line(entry);
-      throw Refused{fmt::format("entry {} of {} is {}", to.size(), emit_line(list), value) +
-                    (refused.value == value ? "" : ": " + refused.value)};
+      throw InvalidValue{fmt::format("entry {} of {} is {}", to.size(), emit_line(list), value) +
+                         (refused.value == value ? "" : ": " + refused.value)};
     }
   }
 }
@@ -52,13 +52,13 @@ Place Place::child(std::string_view name) const {
 
 void read_value(const Written& written, std::string& to) {
   to = written.node.scalar;
-  if (to.empty()) throw Refused{emit_line(written.node)};
+  if (to.empty()) throw InvalidValue{emit_line(written.node)};
 }
 
 void read_value(const Written& written, bool& to) {
   to = written.node.scalar == "true";
   if (!is_plain(written.node) || (!to && written.node.scalar != "false")) {
-    throw Refused{emit_line(written.node)};
+    throw InvalidValue{emit_line(written.node)};
   }
 }
 
@@ -74,8 +74,8 @@ void read_value(const Written& written, robot::Vector& to) {
     return;
   }
   if (static_cast<int>(node.children.size()) != written.num_joints) {
-    throw Refused{fmt::format("{} has length {}, the robot has {} joints", emit_line(node),
-                              node.children.size(), written.num_joints)};
+    throw InvalidValue{fmt::format("{} has length {}, the robot has {} joints", emit_line(node),
+                                   node.children.size(), written.num_joints)};
   }
   std::vector<double> numbers;
   read_value(written, numbers);
@@ -105,7 +105,7 @@ std::string_view read_alternative(const Place& place, const std::vector<std::str
                         (node->kind == YamlNode::Kind::scalar && node->scalar == names.front()))) {
     return names.front();
   }
-  if (node != nullptr && node->kind != YamlNode::Kind::map) throw Refused{emit_line(*node)};
+  if (node != nullptr && node->kind != YamlNode::Kind::map) throw InvalidValue{emit_line(*node)};
   require_known(place, names);
   std::string_view found;
   for (const std::string_view name : names) {

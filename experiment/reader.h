@@ -31,9 +31,9 @@ struct Place {
   }
 };
 
-/// A value that is not what it must be: its text, for the message. Made only when it is needed: a
-/// message about an entry of a list shows the list, which may be long.
-struct Refused {
+/// Thrown for an invalid value; holds its text. Made only when it is needed: a message about an
+/// entry of a list shows the list, which may be long.
+struct InvalidValue {
   std::string value;
 };
 
@@ -44,7 +44,7 @@ struct Written {
   int num_joints;
 };
 
-/// @throw Refused.
+/// @throw InvalidValue.
 void read_value(const Written& written, std::string& to);
 void read_value(const Written& written, bool& to);
 void read_value(const Written& written, double& to);
@@ -59,7 +59,7 @@ void read_value(const Written& written, Value& to) {
   read_value(written, value);
   if constexpr (std::is_enum_v<Value>) {
     const std::optional<Value> chosen = schema::value_of<Value>(value);
-    if (!chosen) throw Refused{value};
+    if (!chosen) throw InvalidValue{value};
     to = *chosen;
   } else {
     to = static_cast<Value>(value);
@@ -80,7 +80,7 @@ void require_known_keys(const Place& place) {
 
 /// The only one of `names` that the map at `place` has; or, if `first_by_name`, the first of them,
 /// which may be given by its name alone, or not at all.
-/// @throw Refused; Failure(bad_usage) when the map has none of them or several.
+/// @throw InvalidValue; Failure(bad_usage) when the map has none of them or several.
 std::string_view read_alternative(const Place& place, const std::vector<std::string_view>& names,
                                   bool first_by_name);
 
@@ -88,7 +88,8 @@ template <class Struct>
 void read(const Place& place, Struct& to);
 
 /// Reads a value into `to`, from `place`, which has one (but for alternatives).
-/// @throw Refused when it is not what `key` allows, Failure(bad_usage) for what is inside of it.
+/// @throw InvalidValue when it is not what `key` allows, Failure(bad_usage) for what is inside of
+/// it.
 template <class Key, class Value>
 void read_place(const Place& place, const Key& key, Value& to) {
   read_value({*place.node, key.range, place.scenario.num_joints}, to);
@@ -97,12 +98,12 @@ void read_place(const Place& place, const Key& key, Value& to) {
 /// A map whose keys are names of the user's choice.
 template <class Key, class Entry>
 void read_place(const Place& place, const Key& key, std::map<std::string, Entry>& to) {
-  if (place.node->kind != YamlNode::Kind::map) throw Refused{emit_line(*place.node)};
+  if (place.node->kind != YamlNode::Kind::map) throw InvalidValue{emit_line(*place.node)};
   for (const std::string& name : place.node->keys) {
     const Place entry = place.child(name);
     try {
       read_place(entry, key, to[name]);
-    } catch (const Refused& refused) {
+    } catch (const InvalidValue& refused) {
       throw entry.complaint(
           refused.value + "; allowed: " +
           schema::allowed_text(schema::Key<Key, Entry>(name, nullptr).in(key.range)));
@@ -115,7 +116,8 @@ template <class Key, class Struct>
 requires schema::has_keys<Struct>
 void read_place(const Place& place, const Key& /*key*/, std::vector<Struct>& to) {
   const YamlNode& list = *place.node;
-  if (list.kind != YamlNode::Kind::list || list.children.empty()) throw Refused{emit_line(list)};
+  if (list.kind != YamlNode::Kind::list || list.children.empty())
+    throw InvalidValue{emit_line(list)};
   for (const YamlNode& entry : list.children) {
     const std::string index = "[" + std::to_string(to.size()) + "]";
     read(Place{place.scenario, &entry, place.path + index}, to.emplace_back());
@@ -164,7 +166,7 @@ void read_key(const Place& place, const schema::Key<Struct, Member>& key, Struct
     typename schema::ValueOf<Member>::Type value{};
     try {
       read_place(place, key, value);
-    } catch (const Refused& refused) {
+    } catch (const InvalidValue& refused) {
       throw place.complaint(refused.value + "; allowed: " + schema::allowed_text(key));
     }
     if constexpr (std::is_function_v<Member>) {

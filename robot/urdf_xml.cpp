@@ -243,8 +243,8 @@ class Reader {
       made.damping = number(dynamics, "damping", 0);
       made.friction = number(dynamics, "friction", 0);
     }
-    const bool told = !made.fixed && !made.mimic && locked.count(name) == 0;
-    set_limits(e.FirstChildElement("limit"), told, made);
+    const bool warns = !made.fixed && !made.mimic && locked.count(name) == 0;
+    set_limits(e.FirstChildElement("limit"), warns, made);
     return made;
   }
 
@@ -270,8 +270,8 @@ class Reader {
       refuse("{}; it can be locked at 0 only, not at {}", problem, lock->second);
   }
 
-  /// @param told whether something is said of a limit that is not given
-  void set_limits(const TiXmlElement* limit, bool told, UrdfJoint& made) {
+  /// @param warns of limits that are not given
+  void set_limits(const TiXmlElement* limit, bool warns, UrdfJoint& made) {
     for (const auto& [name, value] : {std::pair{"lower", &made.lower},
                                       {"upper", &made.upper},
                                       {"effort", &made.effort},
@@ -280,14 +280,15 @@ class Reader {
     }
     if (limit == nullptr && !made.has_range) return;
     for (const char* what : {"effort", "velocity"}) {
-      if (told && !gives(limit, what)) assumed_[fmt::format("{} limit", what)].push_back(made.name);
+      if (warns && !gives(limit, what))
+        assumed_[fmt::format("{} limit", what)].push_back(made.name);
     }
     if (!made.has_range) return;
-    // Exporters who know no limits write four zeros.
+    // Exporters without limits write four zeros.
     const bool lower = gives(limit, "lower"), upper = gives(limit, "upper");
     const bool zeros = made.lower == 0 && made.upper == 0 && made.effort == 0 && made.velocity == 0;
     made.has_range = lower && upper ? !zeros : lower || upper;
-    if (told && !made.has_range) assumed_["range (lower, upper)"].push_back(made.name);
+    if (warns && !made.has_range) assumed_["range (lower, upper)"].push_back(made.name);
   }
 
   void find_root() {

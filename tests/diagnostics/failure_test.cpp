@@ -24,7 +24,7 @@ TEST(SystemFailure, NamesCallCauseAndRemedy) {
   EXPECT_EQ(refused(EMFILE, "pipe2").code(), ExitCode::bad_usage);
   EXPECT_STREQ(
       refused(EMFILE, "pipe2").what(),
-      "the system refuses: pipe2: Too many open files; allow more open files, for example: "
+      "system error: pipe2: Too many open files; allow more open files, for example: "
       "ulimit -n 1024");
   EXPECT_THAT(refused(EAGAIN, "fork").what(), HasSubstr("ulimit -u"));
   EXPECT_THAT(refused(EIO, "signalfd").what(), HasSubstr("tachless doctor"));
