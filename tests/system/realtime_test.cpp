@@ -258,38 +258,6 @@ Wrapper on_the_network(const std::string& url) {
   };
 }
 
-void run_both(FourThreads& one, FourThreads& other) {
-  for (const Role role : all_roles) {
-    one.start(role);
-    other.start(role);
-  }
-  EXPECT_EQ(one.finish().complaints(), "");
-  EXPECT_EQ(other.finish().complaints(), "");
-  for (const FourThreads* each : {&one, &other}) {
-    const Recorded log = recorded_by(*each);
-    EXPECT_EQ(log.ticks.size(), 300u);
-    EXPECT_EQ(log.summary.foreign_messages, 0u);
-    EXPECT_EQ(log.summary.other_messages, 0u);
-  }
-}
-
-TEST(TwoRealtimeSystems, DoNotDisturbEachOtherOnTwoPorts) {
-  FourThreads one(at_rest({}));
-  FourThreads other(at_rest({}));
-  one.wrap(on_the_network("udpm://239.255.76.67:7701?ttl=0"));
-  other.wrap(on_the_network("udpm://239.255.76.67:7702?ttl=0"));
-  run_both(one, other);
-}
-
-TEST(TwoRealtimeSystems, DoNotDisturbEachOtherOnOnePortWithTwoRobots) {
-  FourThreads one(at_rest({"robot.name=left"}));
-  FourThreads other(at_rest({"robot.name=right"}));
-  for (FourThreads* each : {&one, &other}) {
-    each->wrap(on_the_network("udpm://239.255.76.67:7703?ttl=0"));
-  }
-  run_both(one, other);
-}
-
 constexpr auto counting_url = "udpm://239.255.76.67:7704?ttl=0";
 
 /// Counts what a node allocates from its fifth message on `channel` to its last, but for what it
