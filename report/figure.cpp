@@ -20,12 +20,11 @@ constexpr const char *grid_colour = "#e2e2e2", *axis_colour = "#444444";
 Html svg_of(const Label& label) {
   Html rest;
   for (const std::string& part : {label.text, label.unit.empty() ? "" : "[" + label.unit + "]"}) {
-    // A space that begins an element would collapse.
-    if (!part.empty()) {
-      rest += html("{}{}", rest.empty() && label.symbol.empty() ? "" : "\u00a0", part);
-    }
+    if (!part.empty()) rest += html("{}{}", rest.empty() ? "" : " ", part);
   }
   if (label.symbol.empty()) return rest;
+  // A space at the beginning of an element would collapse.
+  if (!rest.empty()) rest = html("<tspan dx=\"4\">{}</tspan>", rest);
   const Html bar(label.magnitude ? "|" : "");
   const Html symbol = html("{}<tspan font-style=\"italic\">{}</tspan>", bar, label.symbol);
   if (label.index.empty()) return symbol + bar + rest;

@@ -84,8 +84,8 @@ var report = (() => {
     chart.curves.forEach((curve, i) => {
       const key = document.createElement('button');
       const shared = curve.signal === 'q_ref' && chart.curves.filter(each => each.signal === 'q_ref').length === 1;
-      const whose = several && !shared ? ' · ' + data.runs[curve.run].label : '';
-      key.innerHTML = '<b></b> ' + curve.name + whose + ' <output></output>';
+      const suffix = several && !shared ? ' · ' + data.runs[curve.run].label : '';
+      key.innerHTML = '<b></b> ' + curve.name + suffix + ' <output></output>';
       key.setAttribute('aria-pressed', 'true');
       key.onclick = () => {
         curve.shown = !curve.shown;

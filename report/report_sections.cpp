@@ -222,7 +222,7 @@ Label signal_label(const std::string& name) {
 
 ReportSection signals_section(const Overlay& all) {
   ReportSection section{"controller", "Controller signals",
-                        "The log holds no signals of the law: it declares none besides the "
+                        "The log holds no signals of the law: it declares none but the "
                         "position error, or they were not recorded."};
   std::map<std::string, std::string> units;
   for (const RecordedRun& run : all.runs) {

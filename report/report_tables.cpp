@@ -324,9 +324,10 @@ Html results_table(const std::vector<RecordedRun>& runs) {
   Html rows;
   for (const RecordedRun& run : runs) {
     if (run.tracking.num_ticks() == 0) continue;
-    const Html who = several ? html("<td class=\"run\">{}{}</td>", swatch(run), run.label) : Html();
+    const Html of_run =
+        several ? html("<td class=\"run\">{}{}</td>", swatch(run), run.label) : Html();
     for (std::size_t joint = 0; joint < run.tracking.joints().size(); ++joint) {
-      rows += html("<tr>{}{}</tr>\n", who, results_row(run, joint));
+      rows += html("<tr>{}{}</tr>\n", of_run, results_row(run, joint));
     }
   }
   constexpr std::array columns = {"peak |e|", "rms e", "final e",  "decay",
@@ -346,15 +347,15 @@ Html results_table(const std::vector<RecordedRun>& runs) {
 Html alarms(const std::vector<RecordedRun>& runs) {
   Html text;
   for (const RecordedRun& run : runs) {
-    const Html who = runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html();
+    const Html of_run = runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html();
     if (run.outcome_of("fault").is_string() || run.summary.last_tick + 1 != run.info.num_ticks) {
-      text += html("<p class=\"alarm\">{}The run ended {}.</p>\n", who, ended_text(run));
+      text += html("<p class=\"alarm\">{}The run ended {}.</p>\n", of_run, ended_text(run));
     }
     if (run.damage.any()) {
       text += html(
           "<p class=\"alarm\">{}The log is damaged: {} could not be decoded. What is intact is "
           "shown.</p>\n",
-          who, damage_text(run));
+          of_run, damage_text(run));
     }
   }
   return text;

@@ -19,7 +19,7 @@ const Statistics* of_role(const RunSummary& summary, loop::Role role) {
   return found == summary.statistics.end() ? nullptr : &*found;
 }
 
-/// What `role` counted besides the common head; zeros when it has left nothing.
+/// What `role` counted beyond the common head; zeros without its statistics.
 template <class Own>
 Own own(const RunSummary& summary, loop::Role role) {
   const Statistics* found = of_role(summary, role);

@@ -35,9 +35,9 @@ struct RunSummary {
   /// What the processes counted; a process that was killed has left none.
   std::vector<node::Statistics> statistics;
 
-  /// From the start of the run to its end, by the plant's clock where it has told.
+  /// From the start of the run to its end, by the plant's clock where that is known.
   [[nodiscard]] double wall_s() const;
-  /// Ticks of the run, by the plant's count where it has told: of these the log may lack some.
+  /// Ticks of the run, by the plant's count where that is known: the log may lack some of them.
   [[nodiscard]] std::int64_t ticks() const;
   [[nodiscard]] double duration_s() const;  ///< of the motion
 

@@ -381,4 +381,15 @@ TEST_F(Run, IsNotEndedByCode0WhenAResultCannotBeWritten) {
   EXPECT_THAT(output(), HasSubstr("200 ticks")) << "the table is printed nevertheless";
 }
 
+TEST_F(Run, IsNotEndedByItsFigureOrItsPage) {
+  for (const char* file : {"tracking.svg", "report.html"}) {
+    fs::create_directories(out() / (std::string(file) + ".partial"));
+  }
+  start({"--duration", "0.01", "--any-verdict"});
+  EXPECT_EQ(finish(), 0) << errors();
+  EXPECT_EQ(count(errors(), "tracking.svg: cannot be written"), 1U) << errors();
+  EXPECT_EQ(count(errors(), "report.html: cannot be written"), 1U) << errors();
+  EXPECT_TRUE(fs::exists(out() / "summary.json"));
+}
+
 }  // namespace

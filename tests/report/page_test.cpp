@@ -1,6 +1,6 @@
 // The report in a real browser, Chromium without a window: charts and robot are drawn and follow
-// one cursor, nothing that a log says acts as markup or script, and the page says nothing to the
-// console. A picture stays in the build directory's artefacts/report.
+// one cursor, no text of a log acts as markup or script, and the console stays empty. A picture
+// stays in the build directory's artefacts/report.
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -24,13 +24,13 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 struct Browsed {
-  std::string said;     ///< by the script
+  std::string output;   ///< of the script
   std::string console;  ///< lines of the page
 };
 
 class Page : public ::testing::Test {
  protected:
-  /// What `script` (JavaScript; page: the window of the report, say: a function) says of the page,
+  /// What `script` (JavaScript; page: the window of the report, say: prints) prints about the page,
   /// in a frame of that width.
   Browsed tried(const fs::path& page, const std::string& script, int width = 1280) {
     const fs::path frame = page.parent_path() / "tried.html";
@@ -121,7 +121,7 @@ TEST_F(Page, DrawsChartsAndRobotOnDesktopAndPhone) {
     const Browsed browsed = tried(page, look, width);
     EXPECT_EQ(browsed.console, "");
     // Two joints' tracking, error, torque, controller signals; V; round trip; saturation.
-    EXPECT_EQ(browsed.said, "figures 11, seen 11, robot true, overflow 0; ") << width;
+    EXPECT_EQ(browsed.output, "figures 11, seen 11, robot true, overflow 0; ") << width;
   }
   const fs::path artefacts = fs::path(TACHLESS_BINARY_DIR) / "artefacts" / "report";
   fs::create_directories(artefacts);
@@ -167,9 +167,9 @@ TEST_F(Page, MovesTheRobotWithTheCursor) {
   say('theme ' + page.document.documentElement.dataset.theme);
   say('fetched ' + page.performance.getEntriesByType('resource').length);
 )");
-  SCOPED_TRACE(browsed.said);
+  SCOPED_TRACE(browsed.output);
   EXPECT_EQ(browsed.console, "");
-  EXPECT_NEAR(number_after(browsed.said, "time"), 1.0 / 3, 0.01) << "a pixel is 2 ms";
+  EXPECT_NEAR(number_after(browsed.output, "time"), 1.0 / 3, 0.01) << "a pixel is 2 ms";
   // Tick 50 is in the page as a 32-bit float: the robot is where our kinematics have it.
   const auto ticks = runs[0].tracking.joints()[0].q.points();
   ASSERT_EQ(ticks[50].x, 0.05);
@@ -179,11 +179,11 @@ TEST_F(Page, MovesTheRobotWithTheCursor) {
       robot::frame_pose<double>(*scenario.model, robot::farthest_leaves(*scenario.model).front(), q)
           .p;
   EXPECT_GT(q.norm(), 0.01) << "no posture that shows little";
-  EXPECT_NEAR(number_after(browsed.said, "x"), tool.x(), 1e-6);
-  EXPECT_NEAR(number_after(browsed.said, "y"), tool.y(), 1e-6);
-  EXPECT_NEAR(number_after(browsed.said, "z"), tool.z(), 1e-6);
-  EXPECT_THAT(browsed.said, AllOf(HasSubstr("together true"), HasSubstr("visible false,true"),
-                                  HasSubstr("zoomed 0.20,0.40; theme dark; fetched 0; ")));
+  EXPECT_NEAR(number_after(browsed.output, "x"), tool.x(), 1e-6);
+  EXPECT_NEAR(number_after(browsed.output, "y"), tool.y(), 1e-6);
+  EXPECT_NEAR(number_after(browsed.output, "z"), tool.z(), 1e-6);
+  EXPECT_THAT(browsed.output, AllOf(HasSubstr("together true"), HasSubstr("visible false,true"),
+                                    HasSubstr("zoomed 0.20,0.40; theme dark; fetched 0; ")));
 }
 
 TEST_F(Page, ShowsWildNumbersAndRobotsSideBySide) {
@@ -212,7 +212,7 @@ TEST_F(Page, ShowsWildNumbersAndRobotsSideBySide) {
   say('alarm ' + find('#facts .alarm').textContent);
 )");
   EXPECT_EQ(browsed.console, "");
-  EXPECT_THAT(browsed.said,
+  EXPECT_THAT(browsed.output,
               HasSubstr("bodies 4,7; apart true; alarm The robots have other joints"));
 }
 
@@ -243,7 +243,7 @@ TEST_F(Page, RunsNothingThatALogSays) {
       ', scripts ' + page.document.querySelectorAll('script').length + ', robot ' + report_robot.drawn);
 )");
   EXPECT_EQ(browsed.console, "");
-  EXPECT_EQ(browsed.said, "hit undefined, images 0, scripts 6, robot true; ");
+  EXPECT_EQ(browsed.output, "hit undefined, images 0, scripts 6, robot true; ");
   EXPECT_FALSE(fs::exists("canary"));
 }
 

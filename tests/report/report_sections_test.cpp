@@ -45,8 +45,7 @@ std::string drawn(const study::Tracking& tracking, const std::string& title) {
 
 TEST(TrackingFigure, ShowsLinkReferenceErrorAndTorqueWithUnits) {
   const std::string svg = drawn(run(2, false), "paper_rigid: loria_ortega_rigid, h = 50 µs");
-  for (const char* text :
-       {"paper_rigid", "wrist_1", "time\u00a0[s]", "[rad]", "[N m]", ">reference<"}) {
+  for (const char* text : {"paper_rigid", "wrist_1", "time [s]", "[rad]", "[N m]", ">reference<"}) {
     EXPECT_THAT(svg, HasSubstr(text));
   }
   EXPECT_THAT(svg, Not(HasSubstr("motor")));

@@ -128,8 +128,8 @@ TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
 TEST_F(SweepPage, DrawsCurvesOfSeveralMeasures) {
   const SweepPlan plan = plan_of({bits});
   const std::string svg = map(plan, rows_of(plan), "velocity_error,energy");
-  EXPECT_THAT(svg, HasSubstr("velocity_error\u00a0[rad/s; m/s]"));
-  EXPECT_THAT(svg, HasSubstr("energy\u00a0[J]"));
+  EXPECT_THAT(svg, HasSubstr("velocity_error [rad/s; m/s]"));
+  EXPECT_THAT(svg, HasSubstr("energy [J]"));
 }
 
 TEST_F(SweepPage, RefusesWhatItCannotShow) {
