@@ -10,7 +10,7 @@ endforeach()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/cmake/rooms.txt)
 
 # Sources of a target are compiled in batches: most of the time goes into the headers that they share.
-option(TACHLESS_UNITY "Compile the sources of a target in batches" OFF)
+option(TACHLESS_UNITY "Compile the sources of a target in batches" ON)
 
 include(GNUInstallDirs)
 set(TACHLESS_LIBDIR ${CMAKE_INSTALL_LIBDIR}/tachless)
@@ -101,17 +101,21 @@ function(tachless_test_options name)
     TACHLESS_BINARY_DIR="${PROJECT_BINARY_DIR}")
 endfunction()
 
-# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW] [THREADS]): one GoogleTest
+# tachless_test(name SOURCES … LIBS … [LABELS …] [TIMEOUT s] [SLOW] [THREADS] [APART]): one GoogleTest
 # program, one CTest entry. SLOW: starts whole programs, or computes for longer than some seconds; these
-# get the label `slow` and belong to the target `slow_tests`; all others get the label `fast`, belong to
-# the target `fast_tests`, and are run under the address and undefined-behaviour sanitizers. THREADS: more than one thread runs our code; these get the label
-# `threads`, belong to the target `thread_tests`, and are run under the thread sanitizer.
+# get the label `slow` and belong to the target `slow_tests`. All others get the label `fast`, belong to
+# the target `fast_tests`, and are run under the address and undefined-behaviour sanitizers. THREADS: more
+# than one thread runs our code; these get the label `threads`, belong to the target `thread_tests`, and
+# are run under the thread sanitizer. APART: its sources have equal names, and are compiled one by one.
 function(tachless_test name)
-  cmake_parse_arguments(arg "SLOW;THREADS" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(arg "SLOW;THREADS;APART" "TIMEOUT" "SOURCES;LIBS;LABELS" ${ARGN})
   add_executable(${name} ${arg_SOURCES})
   tachless_test_options(${name})
   target_link_libraries(${name} PRIVATE ${arg_LIBS})
   tachless_compile_fast(${name} test_headers)
+  if(arg_APART)
+    set_target_properties(${name} PROPERTIES UNITY_BUILD OFF)
+  endif()
   add_test(NAME ${name} COMMAND ${name})
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 300)
