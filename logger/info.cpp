@@ -92,7 +92,7 @@ class ChannelTally {
           1e-6 * static_cast<double>(difference(channel.last_utime, channel.first_utime));
       const bool has_rate = channel.messages >= 2 && span_s > 0;
       channels.push_back(
-          {{"channel", name},
+          {{"channel", printable(name)},
            {"messages", channel.messages},
            {"bytes", channel.bytes},
            {"type", channel.type.empty() ? json(nullptr) : json(channel.type)},
