@@ -26,13 +26,13 @@ struct Stranger {
   std::string sender;
 };
 
-/// A transport that appends and checks a message authentication code: 16 bytes of keyed BLAKE2b over
-/// channel and payload. Announcements (…_PARTICIPANT) use a key derived from the bus's; all other
-/// messages use one derived for the session, from the run's id and a random number of each of the
-/// four processes, so that nothing recorded in an earlier session verifies in a later one, with the
-/// same run id or not. What does not verify is dropped and counted. Without a key everything passes.
-/// Does not encrypt and does not check freshness: copies of announcements verify and are made
-/// harmless by protocol::Membership, copies of messages of the session by the tick protocol.
+/// A transport that appends and checks a message authentication code: 16 bytes of keyed BLAKE2b
+/// over channel and payload. Announcements (…_PARTICIPANT) use a key derived from the bus's; all
+/// other messages use one derived for the session, from the run's id and a random number of each of
+/// the four processes, so that nothing recorded in an earlier session verifies in a later one, with
+/// the same run id or not. What does not verify is dropped and counted. Without a key everything
+/// passes. Does not encrypt and does not check freshness: copies of announcements verify and are
+/// made harmless by protocol::Membership, copies of messages of the session by the tick protocol.
 class Authenticated final : public Transport {
  public:
   Authenticated(Transport& inner, const std::optional<Key>& key);

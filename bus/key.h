@@ -13,8 +13,8 @@
 namespace tachless::bus {
 
 /// The secret that all participants of a bus share. Copies share one allocation, which is locked in
-/// memory where the system's limit (`ulimit -l`) allows it, is in no core dump, and is wiped with the
-/// last copy. Not for the hot path: each key takes some pages.
+/// memory where the system's limit (`ulimit -l`) allows it, is in no core dump, and is wiped with
+/// the last copy. Not for the hot path: each key takes some pages.
 class Key {
  public:
   static constexpr std::size_t size = 32;
@@ -37,8 +37,8 @@ class Key {
 /// where the path is empty. With a key this process's memory is private from then on
 /// (process/this_process.h).
 /// @throw Failure(bad_usage) naming the path, never its content: not a readable regular file,
-/// another length, readable by others than its owner, nothing but zeros; and where the path is empty
-/// while the variable TACHLESS_KEY_FILE is set.
+/// another length, readable by others than its owner, nothing but zeros; and where the path is
+/// empty while the variable TACHLESS_KEY_FILE is set.
 std::optional<Key> read_key_file(const std::filesystem::path& path);
 
 /// BLAKE2b of all bytes added so far, in their order. With a key it is a message authentication

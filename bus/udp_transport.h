@@ -34,9 +34,9 @@ struct BusStatistics {
 };
 
 /// LCM's wire format over UDP multicast: no thread, no queue, no allocation per message, several
-/// datagrams per system call, and a filter in the kernel that wakes the process for its own channels
-/// only. Interoperates with liblcm's udpm. Does not reassemble fragments: a message must fit one
-/// datagram. One transport serves one thread. A signal that is handled ends a wait.
+/// datagrams per system call, and a filter in the kernel that wakes the process for its own
+/// channels only. Interoperates with liblcm's udpm. Does not reassemble fragments: a message must
+/// fit one datagram. One transport serves one thread. A signal that is handled ends a wait.
 class UdpTransport final : public Transport {
  public:
   /// Joins the bus. @param url see `parse_lcm_url`

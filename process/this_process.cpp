@@ -72,9 +72,8 @@ const std::atomic<bool>& catch_interruptions() {
   const auto handle = [&](int signal) {
     if (sigaction(signal, &action, nullptr) != 0) throw std::logic_error("sigaction failed");
   };
-  for (const int signal :
-       {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGVTALRM, SIGPROF, SIGUSR1, SIGUSR2,
-        SIGIO, SIGPWR, SIGXCPU, SIGSTKFLT}) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGALRM, SIGVTALRM, SIGPROF,
+                           SIGUSR1, SIGUSR2, SIGIO, SIGPWR, SIGXCPU, SIGSTKFLT}) {
     handle(signal);
   }
   for (int signal = SIGRTMIN; signal <= SIGRTMAX; ++signal) handle(signal);

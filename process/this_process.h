@@ -3,8 +3,8 @@
 #include <atomic>
 #include <filesystem>
 
-/// This process: signal handling, core dumps, network namespace, installation paths. What is changed
-/// here stays so until the process ends.
+/// This process: signal handling, core dumps, network namespace, installation paths. What is
+/// changed here stays so until the process ends.
 namespace tachless::process {
 
 /// From now on every signal that would end the process, can be handled and is not the report of an

@@ -155,7 +155,8 @@ TEST(ADigest, HasItsValueInNetworkOrder) {
   };
   // BLAKE2b with 16 bytes of "abc", by Python: hashlib.blake2b(b"abc", digest_size=16)
   EXPECT_EQ(digest_of("abc").value(), static_cast<std::int64_t>(0xcf4ab791c62b8d2bULL));
-  EXPECT_NE(digest_of("abc").value(), static_cast<std::int64_t>(0x2b8d2bc691b74acfULL)) << "a host's own order";
+  EXPECT_NE(digest_of("abc").value(), static_cast<std::int64_t>(0x2b8d2bc691b74acfULL))
+      << "a host's own order";
 }
 
 TEST_F(AKeyFile, IsNoDirectoryAndNoPipe) {

@@ -463,7 +463,6 @@ TEST(AllFinite, LooksAtEveryMemberOfEveryValue) {
   EXPECT_FALSE(all_finite(info));
 }
 
-
 // Offsets inside participant_t.
 constexpr std::size_t participant_role = body;  // length of the text; it is "controller"
 constexpr std::size_t participant_state = participant_role + 4 + 11;

@@ -22,17 +22,16 @@ std::set<std::int64_t> Lies::ticks() const {
   return ticks_;
 }
 
-Attacker::Attacker(std::unique_ptr<bus::Transport> endpoint,
-                             const std::optional<Hostility>& plan, std::uint64_t seed,
-                             const std::vector<Sent>& recording, Lies& lies,
-                             std::function<void(std::size_t)> on_heard)
+Attacker::Attacker(std::unique_ptr<bus::Transport> endpoint, const std::optional<Hostility>& plan,
+                   std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies,
+                   std::function<void(std::size_t)> on_received)
     : endpoint_(std::move(endpoint)),
       plan_(plan),
       random_(seed),
       forger_(seed),
       recording_(recording),
       lies_(lies),
-      on_heard_(std::move(on_heard)) {
+      on_received_(std::move(on_received)) {
   for (const auto* suffix : {"TICK", "POSITION", "REFERENCE", "COMMAND", "CONTROLLER_STATE",
                              "TRUTH", "RUN_INFO", "LOG_ACK", "PARTICIPANT"}) {
     endpoint_->subscribe(std::string("ARM_") + suffix);
@@ -49,19 +48,19 @@ void Attacker::listen() {
   while (!stop_) {
     const auto datagram = endpoint_->receive(Clock::now() + 5ms);
     if (!datagram) continue;
-    heard_.push_back(
+    received_.push_back(
         {std::string(datagram->channel), {datagram->payload.begin(), datagram->payload.end()}});
-    if (on_heard_) on_heard_(heard_.size());
+    if (on_received_) on_received_(received_.size());
     if (plan_ && plan_->acknowledges) acknowledge();
-    if (!plan_ || heard_.size() <= static_cast<std::size_t>(plan_->from)) continue;
+    if (!plan_ || received_.size() <= static_cast<std::size_t>(plan_->from)) continue;
     if (chance(plan_->rate)) act();
   }
 }
 
 /// A tick is over when its TRUTH is out.
 void Attacker::acknowledge() {
-  if (heard_.back().channel != "ARM_TRUTH") return;
-  const loop::Stamp stamp = bus::stamp_of(heard_.back().payload);
+  if (received_.back().channel != "ARM_TRUTH") return;
+  const loop::Stamp stamp = bus::stamp_of(received_.back().payload);
   endpoint_->publish("ARM_LOG_ACK", acks_.encode(stamp, loop::LogAck{}));
   ++num_sent_;
 }
@@ -70,12 +69,12 @@ void Attacker::acknowledge() {
 const Sent& Attacker::pick() {
   const auto draw = below(10);
   if (draw == 0 && !recording_.empty()) return recording_[below(recording_.size())];
-  return draw < 3 ? heard_[below(heard_.size())] : heard_.back();
+  return draw < 3 ? received_[below(received_.size())] : received_.back();
 }
 
 void Attacker::act() {
   if (plan_->replays) {
-    const Sent& old = heard_[below(heard_.size())];
+    const Sent& old = received_[below(received_.size())];
     for (auto copies = 1 + below(3); copies > 0; --copies) send(old.channel, old.payload);
   }
   if (plan_->recordings && !recording_.empty()) {
@@ -109,8 +108,8 @@ void Attacker::lie(const Sent& honest, const std::vector<std::byte>& payload) {
 /// contents.
 void Attacker::announce() {
   const auto is_announcement = [](const Sent& each) { return each.channel == "ARM_PARTICIPANT"; };
-  const auto newest = std::find_if(heard_.rbegin(), heard_.rend(), is_announcement);
-  if (newest != heard_.rend()) {
+  const auto newest = std::find_if(received_.rbegin(), received_.rend(), is_announcement);
+  if (newest != received_.rend()) {
     const Sent honest = *newest;
     send(honest.channel, honest.payload);
     lie(honest, below(2) == 0 ? forger_.forge(honest) : forger_.contradict(honest));
@@ -127,7 +126,7 @@ void Attacker::flood() {
   for (int i = 0; i < 100 && flooded_ < flood_bytes; ++i) {
     const auto bytes = forger_.garbage();
     flooded_ += bytes.size();
-    send(heard_[below(heard_.size())].channel, bytes);
+    send(received_[below(received_.size())].channel, bytes);
   }
 }
 

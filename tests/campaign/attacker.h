@@ -20,8 +20,8 @@
 
 namespace tachless::campaign {
 
-/// Ticks (-1: RUN_INFO) for which something false was sent: from there on the log of a run without a
-/// key may differ. May be used from several threads.
+/// Ticks (-1: RUN_INFO) for which something false was sent: from there on the log of a run without
+/// a key may differ. May be used from several threads.
 class Lies {
  public:
   void note(std::span<const std::byte> payload);
@@ -38,17 +38,17 @@ class Attacker {
  public:
   /// `recording` and `lies` outlive it.
   /// @param endpoint does not hear what it sends itself
-  /// @param on_heard called in its thread after each datagram, with how many it has heard
+  /// @param on_received called in its thread after each datagram, with how many it has received
   Attacker(std::unique_ptr<bus::Transport> endpoint, const std::optional<Hostility>& plan,
-                std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies,
-                std::function<void(std::size_t)> on_heard = {});
+           std::uint64_t seed, const std::vector<Sent>& recording, Lies& lies,
+           std::function<void(std::size_t)> on_received = {});
   ~Attacker() { stop(); }
   Attacker(const Attacker&) = delete;
   Attacker& operator=(const Attacker&) = delete;
 
   void stop();
-  /// Everything it has heard; after `stop`.
-  [[nodiscard]] const std::vector<Sent>& heard() const { return heard_; }
+  /// Everything it has received; after `stop`.
+  [[nodiscard]] const std::vector<Sent>& received() const { return received_; }
   [[nodiscard]] std::int64_t num_sent() const { return num_sent_; }
 
  private:
@@ -71,9 +71,9 @@ class Attacker {
   Forger forger_;
   const std::vector<Sent>& recording_;
   Lies& lies_;
-  std::function<void(std::size_t)> on_heard_;
+  std::function<void(std::size_t)> on_received_;
   bus::Codec<loop::LogAck> acks_{loop::Layout{}};
-  std::vector<Sent> heard_;
+  std::vector<Sent> received_;
   std::size_t replayed_ = 0;  ///< of the recording, in order
   std::size_t flooded_ = 0;   ///< bytes
   std::int64_t num_sent_ = 0;

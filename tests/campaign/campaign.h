@@ -19,8 +19,8 @@
 
 namespace tachless::campaign {
 
-/// Rounds of the campaign: TACHLESS_CAMPAIGN_ROUNDS of them from seed TACHLESS_CAMPAIGN_SEED (1) on,
-/// each judged by the invariants; a table by kind of round on stdout.
+/// Rounds of the campaign: TACHLESS_CAMPAIGN_ROUNDS of them from seed TACHLESS_CAMPAIGN_SEED (1)
+/// on, each judged by the invariants; a table by kind of round on stdout.
 class Campaign {
  public:
   using Play = std::function<Evidence(std::uint64_t seed)>;
@@ -38,8 +38,9 @@ class Campaign {
     }
     for (std::thread& thread : threads) thread.join();
     for (const auto& [kind, of] : campaign.kinds_) {
-      fmt::print("{}: {} rounds, {} ended well, {} broken, {} hostile datagrams, longest {:.2f} s\n",
-                 kind, of.rounds, of.ended_well, of.broken, of.hostile, of.longest_s);
+      fmt::print(
+          "{}: {} rounds, {} ended well, {} broken, {} hostile datagrams, longest {:.2f} s\n", kind,
+          of.rounds, of.ended_well, of.broken, of.hostile, of.longest_s);
     }
   }
 

@@ -13,7 +13,7 @@
 /// The fault campaign: docs/security.md.
 namespace tachless::campaign {
 
-/// A datagram as somebody has sent it.
+/// A datagram as it was sent.
 struct Sent {
   std::string channel;
   std::vector<std::byte> payload;

@@ -19,7 +19,7 @@
 namespace tachless::campaign {
 namespace {
 
-// Sequence numbers by which it knows its own datagrams again; nobody else comes so far.
+// Sequence numbers by which it recognises its own datagrams; no other sender gets so far.
 constexpr std::uint32_t first_own = 0x80000000;
 
 process::FileDescriptor raw_socket() {

@@ -12,9 +12,9 @@
 namespace tachless::campaign {
 
 /// An outsider's endpoint on the real bus, or, once a member's announcement has been received, that
-/// member's address: datagrams then have it as their source, as the administrator of a host can make
-/// them. It does not receive what it sends. Precondition: the process is in a network namespace of its own,
-/// where all have one host.
+/// member's address: datagrams then have it as their source, as the administrator of a host can
+/// make them. It does not receive what it sends. Precondition: the process is in a network
+/// namespace of its own, where all have one host.
 class Impostor final : public bus::Transport {
  public:
   /// @param whom "controller's endpoint", or anything else: an outsider

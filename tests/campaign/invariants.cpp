@@ -72,7 +72,7 @@ std::string missing_in_realtime(const Evidence& evidence) {
 
 }  // namespace
 
-std::string nobody_ends_well_without_a_whole_log(const Evidence& evidence) {
+std::string a_good_end_has_a_whole_log(const Evidence& evidence) {
   for (const Role role : {Role::plant, Role::logger}) {
     if (evidence.of(role).code != ExitCode::done) continue;
     const auto missing =
@@ -177,7 +177,7 @@ std::string the_round_is_bounded(const Evidence& evidence) {
 std::vector<std::string> violations(const Evidence& evidence) {
   std::vector<std::string> result;
   for (const auto& invariant :
-       {nobody_ends_well_without_a_whole_log, the_log_is_a_beginning_of_the_clean_one,
+       {a_good_end_has_a_whole_log, the_log_is_a_beginning_of_the_clean_one,
         what_cannot_end_a_run_does_not, every_fault_has_a_code_and_one_cause,
         the_log_ends_with_the_fault, nothing_moves_unrecorded, the_log_is_bounded,
         the_log_has_sound_names, the_round_is_bounded}) {

@@ -9,9 +9,9 @@
 namespace tachless::campaign {
 
 /// A 0 of plant or logger is a promise that the log has the run: in lockstep every message of every
-/// tick, equal to the clean run's up to a tick for which a stranger without a key has said
+/// tick, equal to the clean run's up to a tick for which an outsider without a key has said
 /// something else; in realtime what the plant says of every tick.
-std::string nobody_ends_well_without_a_whole_log(const Evidence& evidence);
+std::string a_good_end_has_a_whole_log(const Evidence& evidence);
 
 /// Also of a run that fails: in lockstep the log is whole ticks of the clean run, then the fault.
 std::string the_log_is_a_beginning_of_the_clean_one(const Evidence& evidence);
@@ -26,8 +26,8 @@ std::string every_fault_has_a_code_and_one_cause(const Evidence& evidence);
 /// The log of a run that failed contains the reason.
 std::string the_log_ends_with_the_fault(const Evidence& evidence);
 
-/// A robot whose motion is not recorded stops: `give_up_s` until the logger's loss is noticed, and 0.5 s to
-/// brake.
+/// A robot whose motion is not recorded stops: `give_up_s` until the logger's loss is noticed, and
+/// 0.5 s to brake.
 std::string nothing_moves_unrecorded(const Evidence& evidence);
 
 /// An outsider cannot fill the disk: the log is not longer than the clean one by more than

@@ -44,7 +44,7 @@ Evidence good() {
   return evidence;
 }
 
-/// The same without a key and with a stranger, in which all fail after the first tick.
+/// The same without a key and with an outsider, in which all fail after the first tick.
 Evidence failed() {
   Evidence evidence = good();
   evidence.plan.hostility = Hostility();
@@ -69,9 +69,9 @@ TEST(Invariants, SayThatSomebodyEndsWellWithoutAWholeLog) {
   EXPECT_THAT(violations(evidence),
               ElementsAre("the plant ends with 0: the log has 7 of 13 events"));
   evidence.plan.pace = Pace::realtime;
-  EXPECT_THAT(nobody_ends_well_without_a_whole_log(evidence), HasSubstr("lacks ARM_TICK of 1"));
-  evidence.num_overflowed = 3;  // the logger stood still, and lost what nobody repeats
-  EXPECT_EQ(nobody_ends_well_without_a_whole_log(evidence), "");
+  EXPECT_THAT(a_good_end_has_a_whole_log(evidence), HasSubstr("lacks ARM_TICK of 1"));
+  evidence.num_overflowed = 3;  // the logger was suspended and lost what is not repeated
+  EXPECT_EQ(a_good_end_has_a_whole_log(evidence), "");
 }
 
 TEST(Invariants, SayThatTheLogIsNotTheCleanOneUnlessAStrangerHasLiedWithoutAKey) {
@@ -79,7 +79,7 @@ TEST(Invariants, SayThatTheLogIsNotTheCleanOneUnlessAStrangerHasLiedWithoutAKey)
   evidence.log[10].data = "other";
   const std::string complaint = "ARM_COMMAND of tick 1 is not the clean run's";
   EXPECT_EQ(the_log_is_a_beginning_of_the_clean_one(evidence), complaint);
-  EXPECT_EQ(nobody_ends_well_without_a_whole_log(evidence), "the plant ends with 0: " + complaint);
+  EXPECT_EQ(a_good_end_has_a_whole_log(evidence), "the plant ends with 0: " + complaint);
   evidence.lies = {1};
   EXPECT_THAT(violations(evidence), IsEmpty());
   evidence.plan.keyed = true;
@@ -138,8 +138,7 @@ TEST(Invariants, SayThatAnOutsiderFillsTheDiskOrNamesSomethingInTheLog) {
   evidence.log_bytes = 1000 + most_foreign_log_bytes;
   EXPECT_THAT(violations(evidence), IsEmpty());
   ++evidence.log_bytes;
-  EXPECT_THAT(violations(evidence),
-              ElementsAre("the log has 1049577 bytes, the clean one 1000"));
+  EXPECT_THAT(violations(evidence), ElementsAre("the log has 1049577 bytes, the clean one 1000"));
   evidence = failed();
   // No codec encodes such a name: a space in its place becomes an escape afterwards.
   bus::Codec<loop::Participant> codec(loop::Layout{});

@@ -38,7 +38,7 @@ Hostility hostility_of(Draw& draw) {
   if (draw.chance(0.2)) plan.races = std::pow(10, -3 * draw.share());
   if (draw.chance(0.5)) plan.drops = 0.3 * draw.share();
   const auto role = static_cast<loop::Role>(draw.below(loop::num_roles));
-  plan.sender = draw.chance(0.7) ? "a stranger" : std::string(loop::name(role)) + "'s endpoint";
+  plan.sender = draw.chance(0.7) ? "an outsider" : std::string(loop::name(role)) + "'s endpoint";
   if (plan.acknowledges) plan.sender = "logger's endpoint";
   return plan;
 }
@@ -51,7 +51,7 @@ bool Plan::must_end_well() const {
   // Without a key, copies of what was said in this run change nothing, unless the address is false
   // or, the original being lost, is taken for the member's.
   return network.loss == 0 && !hostility->lies() && !hostility->recordings &&
-         hostility->sender == "a stranger";
+         hostility->sender == "an outsider";
 }
 
 Plan plan_of(std::uint64_t seed) {

@@ -12,20 +12,20 @@ namespace tachless::campaign {
 /// The deeds of the attacker, which receives everything. It acts at some of the datagrams that it
 /// receives.
 struct Hostility {
-  bool replays = false;               ///< of this run
-  bool recordings = false;            ///< of an earlier run of the same scenario and run id
-  bool forges = false;                ///< fields at extremes
-  bool damages = false;               ///< bits, lengths
-  bool contradicts = false;           ///< sound messages with other numbers
-  bool acknowledges = false;          ///< in the logger's place, what it may not have
+  bool replays = false;       ///< of this run
+  bool recordings = false;    ///< of an earlier run of the same scenario and run id
+  bool forges = false;        ///< fields at extremes
+  bool damages = false;       ///< bits, lengths
+  bool contradicts = false;   ///< sound messages with other numbers
+  bool acknowledges = false;  ///< in the logger's place, what it may not have
   bool announces = false;  ///< members' announcements: copies, earlier sessions', newer and altered
   bool names = false;      ///< texts that would be commands, markup or paths in another program
   bool floods = false;     ///< garbage of all lengths, `flood_bytes` in all
-  double rate = 0;                    ///< probability to act at a datagram
-  int from = 0;                       ///< it has heard so many before it begins
-  double races = 0;                   ///< probability that it answers before the honest sender does
-  double drops = 0;                   ///< … and that the honest answer is lost then
-  std::string sender = "a stranger";  ///< address that receivers see
+  double rate = 0;         ///< probability to act at a datagram
+  int from = 0;            ///< it has received so many before it begins
+  double races = 0;        ///< probability that it answers before the honest sender does
+  double drops = 0;        ///< … and that the honest answer is lost then
+  std::string sender = "an outsider";  ///< address that receivers see
 
   /// Sends what no member has ever sent and what a receiver may believe.
   [[nodiscard]] bool lies() const {

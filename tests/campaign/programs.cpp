@@ -59,9 +59,10 @@ class Programs {
 
   [[nodiscard]] fs::path log_path() const { return directory_ / "lcmlog"; }
 
-  /// @param heard so many datagrams have been on the bus
-  void on_heard(std::size_t heard) {
-    if (!plan_.mishap || happened_ || heard <= static_cast<std::size_t>(plan_.mishap->at)) return;
+  /// @param received so many datagrams have been on the bus
+  void on_received(std::size_t received) {
+    if (!plan_.mishap || happened_ || received <= static_cast<std::size_t>(plan_.mishap->at))
+      return;
     happened_ = true;
     const Program& victim = *programs_.at(plan_.mishap->role);
     switch (plan_.mishap->kind) {
@@ -181,9 +182,9 @@ Evidence play_with_programs(const Plan& plan, const fs::path& directory) {
   Lies lies;
   const auto start = Clock::now();
   Programs programs(plan, directory);
-  Attacker attacker(
-      std::make_unique<Impostor>(plan.hostility ? plan.hostility->sender : ""), plan.hostility,
-      plan.seed, recording, lies, [&](std::size_t heard) { programs.on_heard(heard); });
+  Attacker attacker(std::make_unique<Impostor>(plan.hostility ? plan.hostility->sender : ""),
+                    plan.hostility, plan.seed, recording, lies,
+                    [&](std::size_t received) { programs.on_received(received); });
   programs.wait(evidence);
   evidence.wall_s = std::chrono::duration<double>(Clock::now() - start).count();
   attacker.stop();

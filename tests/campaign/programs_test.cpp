@@ -57,13 +57,13 @@ TEST(AFlood, OfGarbageAndCopiesChangesNeitherTheLogNorTheMemory) {
   Lies lies;
   const std::vector<Sent> nothing;
   {
-    std::atomic<std::size_t> heard = 0;
+    std::atomic<std::size_t> received = 0;
     Attacker attacker(std::make_unique<Impostor>(""), plan, 5, nothing, lies,
-                      [&](std::size_t count) { heard = count; });
+                      [&](std::size_t count) { received = count; });
     run.start_all();
     const auto until = loop::Clock::now() + std::chrono::seconds(120);
     const auto wait_for = [&](std::size_t count) {
-      while (heard < count && loop::Clock::now() < until && run["plant"].running()) {
+      while (received < count && loop::Clock::now() < until && run["plant"].running()) {
         std::this_thread::sleep_for(std::chrono::milliseconds(1));
       }
     };

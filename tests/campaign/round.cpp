@@ -25,7 +25,7 @@ using loop::Clock;
 using loop::Role;
 using system_test::FourThreads;
 
-// No round needs longer than waiting and noticing that somebody is lost.
+// No round needs longer: waiting for members, then noticing that one is lost.
 constexpr auto hung_after = 30s;
 
 /// The run of this experiment that nothing happens to, and everything that is said in it.
@@ -73,7 +73,7 @@ const Clean& clean(Pace pace, bool keyed) {
     read_log(threads.log_path(), evidence);
     run->log = std::move(evidence.log);
     run->log_bytes = evidence.log_bytes;
-    run->recording = listener.heard();
+    run->recording = listener.received();
     runs.at(index) = std::move(run);
   });
   return *runs.at(index);

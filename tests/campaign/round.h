@@ -36,8 +36,8 @@ struct Evidence {
   bool log_damaged = false;
   std::uintmax_t log_bytes = 0, clean_log_bytes = 0;
   std::vector<Event> clean_log;     ///< lockstep: of the run that nothing happened to
-  std::set<std::int64_t> lies;      ///< ticks for which a stranger has said something else
-  std::int64_t num_hostile = 0;     ///< datagrams of the hostile member
+  std::set<std::int64_t> lies;      ///< ticks for which an outsider has said something else
+  std::int64_t num_hostile = 0;     ///< datagrams of the attacker
   std::int64_t num_overflowed = 0;  ///< messages that the logger had no room for
   bool mishap_happened = false;
   bool hung = false;  ///< had to be interrupted
@@ -63,7 +63,7 @@ inline constexpr double wait_s = 10;
 /// A round's evidence before it is played: what it is compared with. Plays, when first asked, the
 /// run that nothing happens to.
 Evidence expected(const Plan& plan);
-/// Everything that was said in that run, tagged as in `plan`: what a stranger may have recorded.
+/// Everything that was said in that run, tagged as in `plan`: what an outsider may have recorded.
 const std::vector<Sent>& recording_for(const Plan& plan);
 
 /// Reads the log of a round, if there is one.

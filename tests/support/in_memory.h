@@ -31,7 +31,7 @@ struct NetworkFaults {
 class InMemoryNetwork {
  public:
   /// Messages that wait for a receiver; what comes beyond is lost to it, as at a full socket.
-  /// Without a bound, who is flooded faster than it reads would hear everything ever later.
+  /// Without a bound, a receiver flooded faster than it reads would fall behind for ever.
   static constexpr std::size_t receive_buffer = 2048;
 
   explicit InMemoryNetwork(const NetworkFaults& faults = {});

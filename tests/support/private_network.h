@@ -5,7 +5,7 @@
 #include "process/this_process.h"
 
 /// A test program that includes this runs in a network namespace of its own from its first test
-/// on, with a loopback interface and a multicast route: its traffic meets nobody's.
+/// on, with a loopback interface and a multicast route: its traffic meets no other.
 class PrivateNetwork : public testing::Environment {
  public:
   void SetUp() override { tachless::process::enter_private_network(); }
