@@ -7,16 +7,14 @@
 #include <cmath>
 #include <iterator>
 #include <map>
-#include <optional>
-#include <set>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "report/figure.h"
 #include "report/html.h"
+#include "report/sweep_map.h"
 #include "study/measures.h"
 
 namespace tachless::report {
@@ -26,30 +24,7 @@ using study::Axis;
 using study::SweepPlan;
 using study::SweepRow;
 
-constexpr std::size_t usual_measure = 1;  // rms_error
-
-/// How a run is marked among curves.
-enum class Mark { good, bad, broken_off };
-
-struct OutcomeLook {
-  std::string_view outcome, colour;
-  Mark mark;
-};
-/// From the best to the worst.
-constexpr std::array outcome_looks = {OutcomeLook{"converged", "#009E73", Mark::good},
-                                      OutcomeLook{"followed", "#56B4E9", Mark::good},
-                                      OutcomeLook{"not_judged", "#BBBBBB", Mark::good},
-                                      OutcomeLook{"saturated", "#E69F00", Mark::bad},
-                                      OutcomeLook{"limit_cycle", "#CC79A7", Mark::bad},
-                                      OutcomeLook{"diverging", "#D55E00", Mark::broken_off},
-                                      OutcomeLook{"stopped", "#000000", Mark::broken_off}};
-
-std::size_t severity(std::string_view outcome) {
-  const auto found = std::ranges::find(outcome_looks, outcome, &OutcomeLook::outcome);
-  return static_cast<std::size_t>(found - outcome_looks.begin());
-}
-
-Mark mark_of(const SweepRow& row) { return outcome_looks.at(severity(row.outcome)).mark; }
+RunMark mark_of(const SweepRow& row) { return outcome_looks.at(severity(row.outcome)).mark; }
 
 /// The values of all axes but the first: what a column of curves' diagrams has in common.
 std::vector<double> column_of(const SweepRow& row) {
@@ -76,8 +51,8 @@ struct Ordinate {
     bool positive = true, broken_off = false;
     for (const SweepRow& row : rows) {
       const double value = row.measures[measure];
-      broken_off = broken_off || mark_of(row) == Mark::broken_off;
-      if (!std::isfinite(value) || mark_of(row) == Mark::broken_off) continue;
+      broken_off = broken_off || mark_of(row) == RunMark::broken_off;
+      if (!std::isfinite(value) || mark_of(row) == RunMark::broken_off) continue;
       positive = positive && value > 0;
       low = std::min(low, value);
       high = std::max(high, value);
@@ -108,7 +83,7 @@ std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>&
     std::array<std::vector<study::Point>, markers.size()> marked;
     for (const SweepRow& row : rows) {
       if (row.which.law != plan.laws[law].name || column_of(row) != column) continue;
-      const bool broken_off = mark_of(row) == Mark::broken_off;
+      const bool broken_off = mark_of(row) == RunMark::broken_off;
       const double x = row.which.values[0];
       const double y = broken_off ? ordinate.at(0.98 - row_of_marks * static_cast<double>(law))
                                   : row.measures[measure];
@@ -125,7 +100,7 @@ std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>&
       curves.back().marker = markers[mark];
     }
   }
-  for (const Mark mark : {Mark::bad, Mark::broken_off}) {
+  for (const RunMark mark : {RunMark::bad, RunMark::broken_off}) {
     if (std::ranges::find(rows, mark, mark_of) == rows.end()) continue;
     const auto i = static_cast<std::size_t>(mark);
     curves.push_back({words(meanings[i]), {}, "#444444", 0});
@@ -153,136 +128,6 @@ std::vector<std::size_t> parse_colour(const std::string& text) {
     from = to + 1;
   }
   return measures;
-}
-
-/// Half-way to the neighbours, so that the cells of a grid touch.
-std::pair<double, double> extent(const Axis& axis, double value) {
-  std::vector<double> values = axis.values;
-  std::ranges::sort(values);
-  const auto at = std::ranges::lower_bound(values, value);
-  const auto half = [&](double from, double to) {
-    return axis.logarithmic ? std::sqrt(from * to) : (from + to) / 2;
-  };
-  const bool first = at == values.begin(), last = std::next(at) == values.end();
-  if (first && last) return {value * 0.9 - 0.05, value * 1.1 + 0.05};
-  const auto beyond = [&](double edge) {
-    return axis.logarithmic ? value * value / edge : 2 * value - edge;
-  };
-  double low = first ? 0 : half(*std::prev(at), value);
-  double high = last ? 0 : half(value, *std::next(at));
-  if (first) low = beyond(high);
-  if (last) high = beyond(low);
-  return {low, high};
-}
-
-/// All cells of an axis; nothing where that has no width.
-std::optional<std::pair<double, double>> range_of(const Axis& axis) {
-  double low = axis.low, high = axis.high;
-  for (const double value : axis.values) {
-    const auto [from, to] = extent(axis, value);
-    low = value == axis.values.front() ? from : std::min(low, from);
-    high = value == axis.values.front() ? to : std::max(high, to);
-  }
-  if (!(low < high)) return {};
-  return {{low, high}};
-}
-
-/// What a place on the map shows: of several runs the worst outcome, the largest measure.
-struct Shown {
-  std::size_t outcome = 0;
-  double measure = NAN;
-};
-using Places = std::map<std::pair<double, double>, Shown>;
-
-/// Puts a law's map into `chart`: cells, or points where values are drawn or there is one axis.
-void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
-  const bool points = plan.axes.size() == 1 || plan.drawn > 0;
-  std::set<std::size_t> outcomes;
-  for (const auto& [at, shown] : places) {
-    const auto [x, y] = at;
-    if (chart.scale && std::isnan(shown.measure)) continue;
-    if (!chart.scale) outcomes.insert(shown.outcome);
-    Cell cell{x, x, y, y,
-              chart.scale ? chart.scale->colour(shown.measure)
-                          : std::string(outcome_looks.at(shown.outcome).colour)};
-    if (!points) {
-      std::tie(cell.left, cell.right) = extent(plan.axes[0], x);
-      std::tie(cell.bottom, cell.top) = extent(plan.axes[1], y);
-    }
-    chart.cells.push_back(std::move(cell));
-  }
-  for (const std::size_t outcome : outcomes) {
-    const OutcomeLook& look = outcome_looks.at(outcome);
-    chart.curves.push_back({words(std::string(look.outcome)), {}, std::string(look.colour), 0});
-    chart.curves.back().marker = Marker::square;
-  }
-}
-
-/// The measure of a sweep's rows that a map shows, and its range.
-struct Measured {
-  std::size_t column;
-  double lowest = INFINITY, highest = -INFINITY;  ///< of the positive ones; of all
-  bool positive = true;
-
-  Measured(const std::vector<SweepRow>& rows, std::size_t measure) : column(measure) {
-    for (const SweepRow& row : rows) {
-      const double value = row.measures[column];
-      if (!std::isfinite(value)) continue;
-      if (value > 0) lowest = std::min(lowest, value);
-      highest = std::max(highest, value);
-      positive = positive && value > 0;
-    }
-  }
-  [[nodiscard]] bool wide() const { return positive && highest > 100 * lowest; }
-  [[nodiscard]] std::string name() const {
-    return std::string(study::measure_columns()[column].name);
-  }
-};
-
-/// The places of all laws' maps.
-std::map<std::string, Places> places_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                                        std::size_t measured) {
-  std::map<std::string, Places> places;
-  for (const SweepRow& row : rows) {
-    const double measure = row.measures[measured];
-    const double y = plan.axes.size() == 1 ? measure : row.which.values[1];
-    if (!std::isfinite(y)) continue;
-    Shown& shown = places[row.which.law][{row.which.values[0], y}];
-    shown.outcome = std::max(shown.outcome, severity(row.outcome));
-    shown.measure = std::isnan(shown.measure) ? measure : std::max(shown.measure, measure);
-  }
-  return places;
-}
-
-/// The maps of all laws.
-Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                   const std::vector<std::size_t>& colour) {
-  const bool one_axis = plan.axes.size() == 1, by_measure = !colour.empty();
-  const Measured measured(rows, by_measure ? colour.front() : usual_measure);
-  std::map<std::string, Places> places = places_of(plan, rows, measured.column);
-  const std::size_t columns = std::min<std::size_t>(plan.laws.size(), 3);
-  Figure figure{
-      plan.name, {}, columns, columns == 1 ? 720.0 : 460.0 * static_cast<double>(columns)};
-  for (const study::SweepLaw& law : plan.laws) {
-    Chart& chart = figure.charts.emplace_back();
-    chart.over_time = false;
-    chart.heading = law.name;
-    chart.height_px = 320;
-    chart.x_label = words(plan.axes[0].name());
-    chart.y_label = words(one_axis ? measured.name() : plan.axes[1].name());
-    chart.logarithmic_x = plan.axes[0].logarithmic;
-    chart.logarithmic_y = one_axis ? measured.wide() : plan.axes[1].logarithmic;
-    chart.x_range = range_of(plan.axes[0]);
-    if (!one_axis) chart.y_range = range_of(plan.axes[1]);
-    if (one_axis && measured.lowest < measured.highest) {
-      chart.y_range = {{measured.wide() ? 0.8 * measured.lowest : 0.0, 1.1 * measured.highest}};
-    }
-    if (by_measure && !one_axis) {
-      chart.scale = {words(measured.name()), measured.lowest, measured.highest, measured.wide()};
-    }
-    add_map(chart, plan, places[law.name]);
-  }
-  return figure;
 }
 
 /// How many runs of each law ended how.
