@@ -21,7 +21,7 @@ using robot::Vector;
 
 constexpr double fastest_cycles_per_tick = 0.1;
 
-/// What says how fast a reference moves.
+/// How fast a reference moves.
 struct Pace {
   std::string key;
   std::string_view question;  ///< the likely mistake in its value

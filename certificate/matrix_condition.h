@@ -9,7 +9,7 @@
 
 /// The full matrix condition: where the matrix Mm of error_system.h is positive definite, V
 /// decreases. No norm is bounded on the way, but for the balls of v_ref and delta. Like the error
-/// system it is about continuous time. Besides, the choice of the weights of V.
+/// system it is about continuous time. Also the choice of the weights of V.
 namespace tachless::certificate {
 
 /// A region of attraction, certified.

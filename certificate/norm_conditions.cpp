@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numbers>
 
 #include "certificate/linear_loop.h"
+#include "robot/dynamics.h"
 
 namespace tachless::certificate {
 namespace {
@@ -40,66 +40,6 @@ double largest_over_directions(const std::vector<MatrixXd>& C) {
     best = std::max(best, value);
   }
   return best;
-}
-
-double joint_norm(const std::vector<MatrixXd>& C) {
-  double sum = 0;
-  for (const MatrixXd& c : C) sum += std::pow(spectral_norm(c), 2);
-  return std::sqrt(sum);
-}
-
-/// Over the unit circle of directions x by a polygon around it, for two joints.
-double polygon_bound(const std::vector<MatrixXd>& C) {
-  constexpr int half_sides = 180;
-  double largest = 0;
-  for (int k = 0; k < half_sides; ++k) {
-    const double angle = std::numbers::pi * k / half_sides;
-    largest = std::max(largest, spectral_norm(std::cos(angle) * C[0] + std::sin(angle) * C[1]));
-  }
-  return largest / std::cos(std::numbers::pi / (2 * half_sides));
-}
-
-using OfInertia = std::function<double(const Inertia&)>;
-
-/// The largest value over the postures, by so many samples where nothing is known of M and C.
-/// @param between of its harmonics, which bound how far it may leave the chord between grid points
-/// @param at_posture its bound there; empty: there is none but the value
-Constant constant(const robot::Model& model, const Postures& postures, int samples,
-                  const OfInertia& value, const OfInertia& at_posture, const OfInertia& between) {
-  const bool sampled = postures.kind == Postures::Kind::sampled;
-  const Extreme found = largest(
-      model, [&](const Vector& q) { return value(inertia_at(model, q)); }, sampled ? samples : 64);
-  Constant result{found, found.value, postures.proved};
-  if (!postures.proved || !at_posture) return result;
-  result.bound = -infinity;
-  for (const Inertia& at : postures.inertia) {
-    result.bound = std::max(result.bound, at_posture(at));
-  }
-  double sum = 0;
-  for (const auto& h : postures.harmonics) {
-    sum += h.order * h.order * std::hypot(between(h.cosine), between(h.sine));
-  }
-  result.bound += postures.chord_factor * sum;
-  return result;
-}
-
-Constant coriolis_constant(const robot::Model& model, const Postures& postures) {
-  OfInertia by_polygon;
-  if (postures.kind == Postures::Kind::circle) {
-    by_polygon = [](const Inertia& at) { return polygon_bound(at.C); };
-  }
-  return constant(
-      model, postures, 256, [](const Inertia& at) { return largest_over_directions(at.C); },
-      by_polygon, [](const Inertia& h) { return joint_norm(h.C); });
-}
-
-Constant inertia_constant(const robot::Model& model, const Postures& postures, double sign) {
-  const auto value = [&](const Inertia& at) { return largest_eigenvalue(sign * at.M); };
-  Constant result = constant(model, postures, 2048, value, value,
-                             [](const Inertia& h) { return spectral_norm(h.M); });
-  result.value *= sign;
-  result.bound *= sign;
-  return result;
 }
 
 /// Smallest and largest eigenvalue, the paper's lambda and Lambda.
@@ -168,16 +108,22 @@ Positive positive_range(const std::function<double(double)>& f, double low, doub
 
 }  // namespace
 
-RobotConstants robot_constants(const robot::Model& model, const Postures& postures) {
+RobotConstants robot_constants(const robot::Model& model) {
+  const auto over_postures = [&](int samples, const auto& value) {
+    return largest(
+        model, [&](const Vector& q) { return value(q); }, samples);
+  };
   RobotConstants c;
-  c.lambda_min_M = inertia_constant(model, postures, -1);
-  c.lambda_max_M = inertia_constant(model, postures, +1);
-  c.k_c = coriolis_constant(model, postures);
-  const Extreme found = largest(
-      model,
-      [&](const Vector& q) { return spectral_norm(gradient_by_q(model, constant_reference(q))); },
-      1024);
-  c.k_g = {found, found.value, false};
+  c.lambda_max_M = over_postures(
+      2048, [&](const Vector& q) { return largest_eigenvalue(robot::mass_matrix(model, q)); });
+  c.lambda_min_M = over_postures(
+      2048, [&](const Vector& q) { return -smallest_eigenvalue(robot::mass_matrix(model, q)); });
+  c.lambda_min_M.value *= -1;
+  c.k_c = over_postures(
+      256, [&](const Vector& q) { return largest_over_directions(inertia_at(model, q).C); });
+  c.k_g = over_postures(1024, [&](const Vector& q) {
+    return spectral_norm(gradient_by_q(model, constant_reference(q)));
+  });
   return c;
 }
 

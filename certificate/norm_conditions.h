@@ -11,23 +11,16 @@
 /// fault.
 namespace tachless::certificate {
 
-/// Its value is refined locally.
-struct Constant : Extreme {
-  /// For a two-joint arm's M and C: what no posture exceeds (or, of a minimum, falls below).
-  /// Otherwise `value`.
-  double bound = 0;
-  bool proved = false;  ///< whether `bound` is one
-};
-
 /// Norms are Euclidean, of matrices the spectral one; sup and inf are over the postures and, where
-/// there is an x, over |x| = 1. They know no gains.
+/// there is an x, over |x| = 1. Of sampled postures, the best of which are refined locally: no
+/// bounds. They know no gains.
 struct RobotConstants {
-  Constant lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
-  Constant k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
-  Constant k_g;                         ///< sup |dg/dq| [N m/rad]
+  Extreme lambda_min_M, lambda_max_M;  ///< eigenvalues of M [kg m2]
+  Extreme k_c;                         ///< sup |C(q,x)|, the paper's property P2 [kg m2]
+  Extreme k_g;                         ///< sup |dg/dq| [N m/rad]
 };
 
-RobotConstants robot_constants(const robot::Model& model, const Postures& postures);
+RobotConstants robot_constants(const robot::Model& model);
 
 struct Interval {
   double low = 0, high = 0;

@@ -173,7 +173,7 @@ Minimum minimise(const std::function<double(const Eigen::VectorXd&)>& f,
   nlopt_set_ftol_rel(opt.get(), 1e-8);
   Eigen::VectorXd x = start;
   double value = 0;
-  nlopt_optimize(opt.get(), x.data(), &value);  // its result says why it stopped: all are fine
+  nlopt_optimize(opt.get(), x.data(), &value);  // why it stopped does not matter
   if (search.failure) std::rethrow_exception(search.failure);
   return search.best;
 }

@@ -68,7 +68,7 @@ struct Postures {
   void add(const robot::Vector& posture);
 
   /// The smallest f over the set. Of a sampled set the three smallest are refined locally when
-  /// `refine` says so.
+  /// `refine` is set.
   [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
 
   robot::Model model;

@@ -230,7 +230,7 @@ Modes modes(const SampledLoop& loop, double period_s) {
   result.stable = result.radius < 1;
   double decay = infinity;
   for (const std::complex<double>& value : z) {
-    if (std::abs(value) < 1e-12) continue;  // gone after some periods
+    if (std::abs(value) < 1e-12) continue;  // decayed after some periods
     const std::complex<double> s = std::log(value) / period_s;
     decay = std::min(decay, -s.real());
     const double damping = -s.real() / std::abs(s);

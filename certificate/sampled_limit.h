@@ -7,7 +7,7 @@
 #include "certificate/linear_loop.h"
 
 /// Whether the loop of a law that runs at a fixed period is stable, how far from the limit, and
-/// how it moves: of its linearisation, exactly over one period. It says nothing of large errors,
+/// how it moves: of its linearisation, exactly over one period. It does not cover large errors,
 /// saturation or quantisation; that of a moving reference needs `radius_along`, since the
 /// eigenvalues at frozen postures are neither necessary nor sufficient.
 namespace tachless::certificate {

@@ -225,7 +225,7 @@ std::optional<PaperConditions> paper_conditions(const experiment::Scenario& scen
   why_not = refusal(scenario);
   if (!why_not.empty()) return {};
   const ErrorLoop loop(scenario);
-  const RobotConstants constants = robot_constants(loop.model(), Postures(loop.model()));
+  const RobotConstants constants = robot_constants(loop.model());
   return PaperConditions{constants, printed_conditions(loop.system(), constants, loop.B_d())};
 }
 

@@ -59,7 +59,7 @@ double noise_amplification(const experiment::Scenario& scenario);
 
 /// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
 /// m, at which the run is broken off as diverging.
-/// @param on_tick called with each tick; nothing is returned once it says no
+/// @param on_tick called with each tick; nothing is returned once it returns false
 /// @throw diagnostics::Failure(bad_usage) for a scenario that makes no sense.
 std::optional<Measures> measure(const experiment::Scenario& scenario,
                                 const std::function<bool(const TickRecord&)>& on_tick = {});
