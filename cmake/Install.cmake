@@ -3,11 +3,9 @@
 # out the same, by links to the tree.
 set(shared share/tachless)
 file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/${shared})
-file(CREATE_LINK ${PROJECT_SOURCE_DIR}/tachless ${PROJECT_BINARY_DIR}/${shared}/tachless SYMBOLIC)
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/scenarios ${PROJECT_BINARY_DIR}/${shared}/scenarios SYMBOLIC)
 file(CREATE_LINK ${PROJECT_SOURCE_DIR}/examples/project ${PROJECT_BINARY_DIR}/${shared}/project SYMBOLIC)
 install(DIRECTORY scenarios examples/project DESTINATION ${shared} COMPONENT program)
-install(DIRECTORY ${PROJECT_BINARY_DIR}/${shared}/simbody DESTINATION ${shared} COMPONENT program)
 install(FILES ${PROJECT_BINARY_DIR}/${shared}/tachless_types.jar DESTINATION ${shared}
   COMPONENT program OPTIONAL)
 install(DIRECTORY docs DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT program)
