@@ -71,8 +71,8 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
   xddot_.resize(x_.size());
   rate_.fill(xddot_);
   acceleration_.fill(xddot_);
-  links_ = options.mechanics == Mechanics::native ? native_multibody(model)
-                                                  : simbody_multibody(model);
+  links_ =
+      options.mechanics == Mechanics::native ? native_multibody(model) : simbody_multibody(model);
 }
 
 ArmState Arm::state() const {
@@ -211,8 +211,8 @@ std::optional<double> Arm::shorten_to_change(double h) {
     // Regula falsi, Illinois variant (an end that stays is counted half), no nearer to an end than
     // half of what is close enough.
     const double share = k % 3 == 0 || !(low < 0) ? 0.5 : low / (low - high);
-    const double middle_s = std::clamp(low_s + share * (high_s - low_s), low_s + close_s / 2,
-                                       high_s - close_s / 2);
+    const double middle_s =
+        std::clamp(low_s + share * (high_s - low_s), low_s + close_s / 2, high_s - close_s / 2);
     try_step(middle_s);
     const double middle = violation(middle_s);
     const bool beyond = middle > 0;

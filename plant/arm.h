@@ -59,8 +59,7 @@ class Arm {
       Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, 2 * robot::max_joints, 1>;
   static constexpr std::size_t num_stages = 5;
 
-  void accelerate(double time_s, const Coordinates& x, const Coordinates& xdot,
-                  Coordinates& xddot);
+  void accelerate(double time_s, const Coordinates& x, const Coordinates& xdot, Coordinates& xddot);
   void choose_sticking();
   void integrate(double end_s);
   void take_step(double end_s);

@@ -28,7 +28,7 @@ std::string when(std::int64_t tick) {
   return tick < 0 ? "before the start" : fmt::format("at tick {}", tick);
 }
 
-/// What the emulator adds to its readings, a real robot's have already.
+/// A real robot's readings have noise, latency and resolution already.
 experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
   const EncoderSide side = scenario.plant.encoder.side;
   scenario.plant.encoder = {};
@@ -170,7 +170,7 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
   if (emulated()) {
     remedy = scenario_.plant.on_limit == OnLimit::warn
                  ? "; the run goes on (plant.on_limit: warn), further ticks are only counted"
-                 : "; slow the reference or soften the gains, or go on all the same with "
+                 : "; slow the reference or soften the gains, or continue with "
                    "plant.on_limit: warn";
   }
   return fmt::format("{} {} in {}{}", robot::joint_labels(model_).joint(j), what,

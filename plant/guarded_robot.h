@@ -23,15 +23,14 @@ bool all_finite(const ArmState& state);
 /// What to throw when the state at `tick` is not.
 diagnostics::Failure not_finite(std::int64_t tick);
 
-/// A robot (the emulator, or a real one's driver) with what must hold before anything is believed
-/// of it or given to it: readings finite, joints within their ranges and (the emulator's) speeds,
-/// the start where the scenario begins, torques finite and within the drives' limits; and its
-/// encoders. Knows no bus and not when a tick is.
+/// A robot (the emulator, or a real one's driver) behind the checks of its readings and torques:
+/// readings finite, joints within their ranges and (the emulator's) speeds, the start where the
+/// scenario begins, torques finite and within the drives' limits; and its encoders. Knows neither
+/// the bus nor the clock.
 class GuardedRobot {
  public:
-  /// @param driver a real robot's, which outlives this; the scenario is emulated when null. What
-  /// the scenario says of the emulator (plant.integrator, plant.payload, friction) is not used
-  /// then.
+  /// @param driver a real robot's, which outlives this; the scenario is emulated when null. With a
+  /// driver the emulator's keys (plant.integrator, plant.payload, friction) are not used.
   /// @throw diagnostics::Failure(bad_usage) when a joint of a real robot has no torque limit.
   explicit GuardedRobot(const experiment::Scenario& scenario, RobotDriver* driver = nullptr);
   GuardedRobot(const GuardedRobot&) = delete;
@@ -59,8 +58,8 @@ class GuardedRobot {
   /// when it has other joints than the scenario.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
-  /// What encoders tell then of what `feed` asked for; of an emulated robot's state some ticks ago
-  /// (plant.encoder.latency_ticks). Valid until the next call.
+  /// The encoders' readings of the measurement that `feed` chose; of an emulated robot's state some
+  /// ticks ago (plant.encoder.latency_ticks). Valid until the next call.
   /// @throw diagnostics::Failure(protective_stop) when it is not finite.
   const loop::AnyMeasurement& measure(std::int64_t tick);
   /// The joints that were outside of range or too fast when last read, where that is no stop.

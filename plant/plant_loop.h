@@ -19,8 +19,8 @@
 
 namespace tachless::plant {
 
-/// What the plant's two loops have in common: the robot, and the messages that are published and
-/// taken of it. Does not know when a tick is.
+/// What the plant's two loops have in common: the robot, and the messages about it. Does not know
+/// when a tick begins.
 class PlantLoop {
  protected:
   using Time = loop::Clock::time_point;
@@ -38,13 +38,13 @@ class PlantLoop {
   [[nodiscard]] loop::Stamp stamp(std::int64_t tick) const;
 
   void publish_run_info() { link_.transport().publish(run_info_channel_, run_info_); }
-  /// Reads the robot, and publishes what its encoders tell and TICK, with that stamp. The bytes
-  /// are valid until the next call.
-  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
   struct Question {
     Time asked;
     Bytes measurement, tick;
   };
+  /// Reads the robot and publishes its measurement and TICK with that stamp. The bytes are valid
+  /// until the next call.
+  /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
   Question publish_question(const loop::Stamp& tick_stamp);
   /// Publishes the robot's state at the beginning of the tick and the torque over it. Counts
   /// saturation, so once a tick. @return the bytes, valid until the next call

@@ -76,7 +76,7 @@ class EmulatedRobot final : public RobotDriver {
 /// The joint whose spring or viscous friction is fastest at the initial state, the others held.
 struct StiffestJoint {
   std::size_t joint = 0;
-  double steps = 0;  ///< of the integrator, which one tick takes for stability alone
+  double steps = 0;      ///< of the integrator, which one tick takes for stability alone
   const char* key = "";  ///< what makes it so
 };
 StiffestJoint stiffest_joint(const experiment::Scenario& scenario, const robot::Model& model);

@@ -80,7 +80,7 @@ class RealtimeLoop : PlantLoop {
     return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds_of(scenario_.loop.period_s / 2));
   }
 
-  /// The run is whole and stays so; whether it was one in real time is another question.
+  /// The run and its log are whole, whatever this says about its real time.
   void judge_deadlines() {
     const auto missed = link_.statistics().plant().missed_deadlines;
     const double share =
@@ -95,7 +95,7 @@ class RealtimeLoop : PlantLoop {
         diagnostics::shortest(scenario_.loop.max_missed_share), 1e3 * scenario_.loop.period_s);
   }
 
-  /// When the bytes on the command channel have the shape of a command, of whatever run.
+  /// Throws when the bytes on the command channel have the shape of a command, of any run.
   void refuse_early(const bus::Datagram& datagram) {
     loop::Stamp stamp;
     loop::TorqueCommand command;
@@ -238,7 +238,7 @@ class RealtimeLoop : PlantLoop {
     statistics.longest_command_miss = commands_.longest_miss();
     completed(tick_);
     if (!commands_.too_many()) return;
-    // Or it need not be the others who are to blame.
+    // The others are not to blame if the plant itself was late.
     const std::string remedy =
         longest_delay_ <= nanoseconds_of(scenario_.loop.period_s)
             ? "; mend that and start a new run"
@@ -260,7 +260,8 @@ class RealtimeLoop : PlantLoop {
                        link_.silent_among({Role::controller, Role::reference}));
   }
 
-  /// Announces the failure, and measures the robot, which is stopped already, until it stands still.
+  /// Announces the failure, and measures the robot, which is stopped already, until it stands
+  /// still.
   void come_to_rest(const Failure& failure) {
     try {
       link_.stopping(failure, Clock::now());

@@ -9,9 +9,9 @@ namespace tachless::plant {
 /// Called from one thread, in this order: `start` once; then, tick by tick, `read` and `hold`;
 /// `stop` once, at the end of every run, good or bad, that came as far as `start`.
 ///
-/// What a driver cannot do it says by an diagnostics::Failure(protective_stop), whose text the user
-/// reads; anything it throws brings the robot to rest. No call but `start` may take long: it is the
-/// loop's time, and `read` and `hold` allocate nothing.
+/// A driver reports a fault by throwing diagnostics::Failure(protective_stop), whose text the user
+/// reads; anything it throws stops the robot. No call but `start` may take long: it is the loop's
+/// time, and `read` and `hold` allocate nothing.
 class RobotDriver {
  public:
   virtual ~RobotDriver() = default;

@@ -10,7 +10,7 @@
 #include "plant/arm_state.h"
 #include "plant/drive.h"
 
-/// What is told of a run, on the bus or in one process. Publishes nothing.
+/// The messages that describe a run, on the bus or in one process. Publishes nothing.
 namespace tachless::plant {
 
 /// RUN_INFO of a run, as it is published and logged.

@@ -65,9 +65,9 @@ class SimbodyMultibody final : public Multibody {
       const robot::Body& body = model.bodies[i];
       const SimTK::MobilizedBodyIndex index(static_cast<int>(i) + 1);
       const SimTK::MobilizedBody& mobilized = matter_.getMobilizedBody(index);
-      links_.push_back({index, mobilized.getFirstQIndex(state_),
-                        mobilized.getFirstUIndex(state_), body.parent, body.coordinate,
-                        body.multiplier, body.offset, vec3(body.p_Bcm), body.mass * gravity_});
+      links_.push_back({index, mobilized.getFirstQIndex(state_), mobilized.getFirstUIndex(state_),
+                        body.parent, body.coordinate, body.multiplier, body.offset,
+                        vec3(body.p_Bcm), body.mass * gravity_});
     }
     M_.resize(num_joints_, num_joints_);
     bias_.resize(num_joints_);
@@ -127,8 +127,7 @@ class SimbodyMultibody final : public Multibody {
   /// The row and column of `link` in M: what its unit acceleration asks of itself and of those
   /// that carry it.
   void add_inertia(const Link& link) {
-    SimTK::SpatialVec force =
-        matter_.getCompositeBodyInertia(state_, link.index) * link.hinge;
+    SimTK::SpatialVec force = matter_.getCompositeBodyInertia(state_, link.index) * link.hinge;
     M_(link.coordinate, link.coordinate) +=
         link.multiplier * link.multiplier * (~link.hinge * force);
     for (const Link* child = &link; child->parent >= 0;) {

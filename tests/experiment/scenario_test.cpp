@@ -856,8 +856,9 @@ TEST(Scenario, LetsImpossibleInertiasPassWhenToldTo) {
   EXPECT_EQ(s.plant.mechanics, plant::Mechanics::native);
   EXPECT_THAT(s.model->warnings,
               ElementsAre(HasSubstr("link 'upper'"), HasSubstr("plant.mechanics is native")));
-  EXPECT_THROW((void)parse_scenario(minimal, impossible, "f.yaml", {warn, "plant.mechanics=simbody"}),
-               diagnostics::Failure);
+  EXPECT_THROW(
+      (void)parse_scenario(minimal, impossible, "f.yaml", {warn, "plant.mechanics=simbody"}),
+      diagnostics::Failure);
 }
 
 TEST(Scenario, RotorsAreInertiaEnoughForALinkWithoutAny) {

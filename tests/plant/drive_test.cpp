@@ -18,33 +18,16 @@ TorqueCommand command(double first, double second) { return {Eigen::Vector2d(fir
 
 Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
 
-TEST(Drive, AppliesACommandOverItsOwnTickWithoutDelay) {
-  Drive d = drive(0);
-  ASSERT_TRUE(d.accept(command(1, 2)));
-  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
-}
-
-TEST(Drive, AppliesNothingAndThenTheCommandBeforeWithDelayOne) {
-  Drive d = drive(1);
-  EXPECT_EQ(d.applied().tau, command(0, 0).tau);
-  ASSERT_TRUE(d.accept(command(1, 2)));
-  EXPECT_EQ(d.applied().tau, command(0, 0).tau);
-  d.end_tick();
-  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
-  ASSERT_TRUE(d.accept(command(3, 4)));
-  EXPECT_EQ(d.applied().tau, command(1, 2).tau);
-}
-
-TEST(Drive, AppliesEachCommandAsManyTicksLaterAsItIsDelayed) {
+TEST(Drive, AppliesEachCommandAfterItsDelayAndHoldsTheLastWhenOneIsMissed) {
   for (const int delay : {0, 1, 2, 7, max_delay_ticks}) {
     Drive d = drive(delay);
     for (int k = 0; k < 60; ++k) {
-      // None comes in every fifth tick: its predecessor counts for it.
-      const auto told = [](int tick) { return tick % 5 == 4 ? tick - 1 : tick; };
-      if (told(k) == k) {
+      // Every fifth command is missed: the one before it is held.
+      const auto source = [](int tick) { return tick % 5 == 4 ? tick - 1 : tick; };
+      if (source(k) == k) {
         ASSERT_TRUE(d.accept(command(0.1 * (k + 1), -k - 1)));
       }
-      const int tick = k < delay ? -1 : told(k - delay);
+      const int tick = k < delay ? -1 : source(k - delay);
       EXPECT_EQ(d.applied().tau, command(0.1 * (tick + 1), -tick - 1).tau) << delay << ", " << k;
       EXPECT_EQ(d.applied().saturated[1], false);
       d.end_tick();
@@ -70,17 +53,6 @@ TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
     EXPECT_EQ(d.applied().tau, command(0, 0).tau);
     d.end_tick();
     EXPECT_EQ(d.applied().tau, command(0, 0).tau);
-  }
-}
-
-TEST(Drive, HoldsTheLastTorqueWhenACommandIsMissed) {
-  for (const int delay : {0, 1}) {
-    Drive d = drive(delay);
-    ASSERT_TRUE(d.accept(command(1, 2)));
-    d.end_tick();
-    d.end_tick();
-    d.end_tick();
-    EXPECT_EQ(d.applied().tau, command(1, 2).tau);
   }
 }
 

@@ -189,9 +189,10 @@ TEST_F(AFailingRobot, IsReportedAsNotStoppedWhenItsStopKeepsFailing) {
     robot.fault = [] { throw diagnostics::Failure(ExitCode::peer_lost, "too hot"); };
     const Outcome outcome = drive(s, robot);
     EXPECT_EQ(outcome.code, at_the_end ? ExitCode::protective_stop : ExitCode::peer_lost);
-    EXPECT_THAT(outcome.fault, AllOf(HasSubstr(at_the_end ? "" : "too hot; "),
-                                     HasSubstr("the driver's stop failed, attempts: "),
-                                     HasSubstr("the brake's line is open: use the emergency stop")));
+    EXPECT_THAT(outcome.fault,
+                AllOf(HasSubstr(at_the_end ? "" : "too hot; "),
+                      HasSubstr("the driver's stop failed, attempts: "),
+                      HasSubstr("the brake's line is open: use the emergency stop")));
   }
 }
 

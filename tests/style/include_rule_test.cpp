@@ -67,7 +67,7 @@ const std::vector<Rule> rules = {
      {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
      {"Eigen/"}},
     {"plant/spec.h", {"schema/", "robot/quantities.h"}, {}},
-    {"plant/simbody_multibody.cpp", {"plant/", "robot/"}, {"Eigen/", "SimTKsimbody.h"}},
+    {"plant/simbody_multibody.cpp", {"plant/multibody.h"}, {"Eigen/", "SimTKsimbody.h"}},
 
     {"reference/",
      {"reference/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
