@@ -268,17 +268,16 @@ TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
   }
 }
 
-TEST_F(Run, EndsWhenItsLogIsRemovedReplacedOrCut) {
+TEST_F(Run, EndsWithCode2WhenItsLogWasRemovedOrReplaced) {
   const std::vector<std::pair<std::string, void (*)(const fs::path&)>> acts = {
       {"was removed", [](const fs::path& log) { fs::remove(log); }},
       {"was replaced",
        [](const fs::path& log) {
          fs::remove(log);
          std::ofstream(log) << "another";
-       }},
-      {"bytes long and has", [](const fs::path& log) { fs::resize_file(log, 0); }}};
+       }}};
   for (const auto& [expected, act] : acts) {
-    start({"--duration", "1000", "--quiet"});
+    start({"--duration", "2", "--quiet"});
     wait_until_running();
     act(out() / "lcmlog");
     EXPECT_EQ(finish(), 2) << errors();
