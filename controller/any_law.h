@@ -31,9 +31,10 @@ struct Outcome {
 /// to do. The law itself is given its own type of measurement and no other. Knows no bus.
 ///
 /// In realtime ticks may be passed over, and a filter that took two periods for one would see twice
-/// the velocity: the step after a gap of m ticks is told m (exact for the first-order hold, which
-/// takes the error for a ramp between samples). After more than `longest_gap` ticks the memory is
-/// of no use any more and starts anew.
+/// the velocity: after a gap of m ticks a law steps m times, along a straight line from the last
+/// measurement and reference to the new ones (exact for the first-order hold, which takes the error
+/// for a ramp between samples). After more than `longest_gap` ticks the memory is of no use any more
+/// and starts anew.
 class AnyLaw {
  public:
   /// Bound of `longest_gap`, however many missed commands the plant tolerates.
@@ -118,16 +119,30 @@ class LawWithMemory final : public AnyLaw {
   void compute(std::int64_t /*tick*/, const loop::AnyMeasurement& any,
                const loop::ReferencePoint& reference, int ticks) override {
     const auto& measurement = std::get<typename L::Measurement>(any);
-    auto step = ticks == 0 ? law_.step(law_.start(measurement, reference), measurement, reference)
-                           : law_.step(memory_, measurement, reference, ticks);
+    next_ = ticks == 0 ? law_.start(measurement, reference) : memory_;
+    for (int i = 1; i < ticks; ++i) {
+      const double share = static_cast<double>(i) / ticks;
+      next_ = law_.step(next_, loop::between(measurement_, measurement, share),
+                        loop::between(reference_, reference, share))
+                  .memory;
+    }
+    auto step = law_.step(next_, measurement, reference);
     next_ = step.memory;
     command_ = step.command;
     signals_of_step_ = step.signals;
+    next_measurement_ = measurement;
+    next_reference_ = reference;
   }
-  void keep_memory() override { memory_ = next_; }
+  void keep_memory() override {
+    memory_ = next_;
+    measurement_ = next_measurement_;
+    reference_ = next_reference_;
+  }
 
   L law_;
   typename L::Memory memory_, next_;
+  typename L::Measurement measurement_, next_measurement_;
+  loop::ReferencePoint reference_, next_reference_;
 };
 
 }  // namespace tachless::controller

@@ -69,11 +69,10 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector& lambda = gains_.lambda;
     const Vector e = measured.q - reference.q_ref;
-    const Memory next = ticks == 1 ? every_period_.step(memory, e)
-                                   : Observer(gains_, ticks * settings_.period_s).step(memory, e);
+    const Memory next = observer_.step(memory, e);
     const Vector& delta = next.delta;
     const Vector v_hat_error =
         next.rho + gains_.observer_ld * delta + 2 * lambda.cwiseProduct(delta);  // q_hatdot - v_ref
@@ -137,7 +136,7 @@ class BerghuisNijmeijer : public RigidLaw<BerghuisNijmeijerGains> {
   };
 
   /// Of the usual step, one period after the last.
-  Observer every_period_{gains_, settings_.period_s};
+  Observer observer_{gains_, settings_.period_s};
 };
 
 static_assert(OutputFeedbackLaw<BerghuisNijmeijer>);

@@ -38,7 +38,7 @@ class ComputedTorque : public RigidLaw<ComputedTorqueGains>, public FullState {
   static Gains tuned(const Tuning& t) { return {t.each(t.w * t.w), t.each(2 * t.damping * t.w)}; }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
-                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
     const Vector edot = measured.v - reference.v_ref;
     const Vector wanted =

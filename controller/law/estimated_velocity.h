@@ -13,9 +13,9 @@ namespace tachless::controller::law {
 template <class E>
 concept VelocityEstimator = std::constructible_from<E, const typename E::Gains&, const Settings&> &&
     requires(const E& estimator, const typename E::Memory& memory, const Vector& q,
-             const ReferencePoint& reference, int ticks) {
+             const ReferencePoint& reference) {
   { estimator.start(q, reference) } -> std::same_as<typename E::Memory>;
-  { estimator.step(memory, q, ticks) } -> std::same_as<typename E::Memory>;
+  { estimator.step(memory, q) } -> std::same_as<typename E::Memory>;
   { estimator.velocity(memory) } -> std::convertible_to<Vector>;
 };
 
@@ -43,8 +43,8 @@ class EstimatedVelocity : public RigidLaw<typename Estimator::Gains> {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
-    const Memory next = estimator_.step(memory, measured.q, ticks);
+                                  const ReferencePoint& reference) const {
+    const Memory next = estimator_.step(memory, measured.q);
     const Vector e = measured.q - reference.q_ref;
     const Vector v_hat = estimator_.velocity(next);
     const auto [v_ref, a_ref] = this->ahead(reference);

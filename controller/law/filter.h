@@ -75,11 +75,15 @@ class Filter {
   /// @throw std::invalid_argument when one of them is not positive or the lengths differ.
   Filter(const robot::Vector& a, const robot::Vector& b, Discretisation kind, FilterStart start,
          double period_s)
-      : a_(a), b_(b), kind_(kind), start_(start), period_s_(period_s) {
+      : a_(a), b_(b), start_(start), phi_(a), beta_(a) {
     if (a.size() != b.size()) {
       throw std::invalid_argument("filter: a and b must have one entry per joint");
     }
-    every_period_ = coefficients(1);
+    for (Eigen::Index i = 0; i < a.size(); ++i) {
+      const FilterCoefficients joint = filter_coefficients(kind, a[i], b[i], period_s);
+      phi_[i] = joint.phi;
+      beta_[i] = joint.beta;
+    }
   }
 
   /// Memory before the first sample e(0) [rad] is given to `step`, which then returns the nu(0)
@@ -88,16 +92,14 @@ class Filter {
     Memory memory{robot::Vector::Zero(e.size()), e};
     if (start_ == FilterStart::zero) {
       // So that beta (e - e_previous) = B e.
-      memory.e_previous -= b_.cwiseQuotient(every_period_.beta).cwiseProduct(e);
+      memory.e_previous -= b_.cwiseQuotient(beta_).cwiseProduct(e);
     }
     return memory;
   }
 
-  /// The memory after the sample e [rad], `ticks` >= 1 periods after the sample before; its `nu` is
-  /// the output that belongs to that sample. Over a gap it is the filter sampled every `ticks`
-  /// periods.
-  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e, int ticks = 1) const {
-    return ticks == 1 ? every_period_.step(memory, e) : coefficients(ticks).step(memory, e);
+  /// The memory after the next sample e [rad]; its `nu` is the output that belongs to that sample.
+  [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
+    return {phi_.cwiseProduct(memory.nu) + beta_.cwiseProduct(e - memory.e_previous), e};
   }
 
   /// nudot = -A nu + B edot, the continuous filter's own equation [rad/s^2].
@@ -106,30 +108,9 @@ class Filter {
   }
 
  private:
-  /// Of all joints.
-  struct Coefficients {
-    robot::Vector phi, beta;
-
-    [[nodiscard]] Memory step(const Memory& memory, const robot::Vector& e) const {
-      return {phi.cwiseProduct(memory.nu) + beta.cwiseProduct(e - memory.e_previous), e};
-    }
-  };
-
-  [[nodiscard]] Coefficients coefficients(int ticks) const {
-    Coefficients all{a_, b_};
-    for (Eigen::Index i = 0; i < a_.size(); ++i) {
-      const auto joint = filter_coefficients(kind_, a_[i], b_[i], ticks * period_s_);
-      all.phi[i] = joint.phi;
-      all.beta[i] = joint.beta;
-    }
-    return all;
-  }
-
   robot::Vector a_, b_;
-  Discretisation kind_;
   FilterStart start_;
-  double period_s_;
-  Coefficients every_period_;  ///< of the usual step, one period after the last
+  robot::Vector phi_, beta_;
 };
 
 }  // namespace tachless::controller::law

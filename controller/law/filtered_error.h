@@ -38,9 +38,9 @@ class FilteredError : public RigidLaw<FilterGains> {
 
  protected:
   /// The step to tau = feedforward - Kp e - Kd nu.
-  [[nodiscard]] Step<Memory> step_from(const Memory& memory, const Vector& e, int ticks,
+  [[nodiscard]] Step<Memory> step_from(const Memory& memory, const Vector& e,
                                        const Vector& feedforward) const {
-    const Memory next = filter_.step(memory, e, ticks);
+    const Memory next = filter_.step(memory, e);
     const Vector tau = feedforward - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(next.nu);
     return {next, {tau}, {signals.size(), {e, next.nu}}};
   }

@@ -59,14 +59,13 @@ class KalmanChain {
           "measurement_noise is missing, and the encoder is ideal: a Kalman filter needs to know "
           "how far measured positions are off; give it, or plant.encoder.resolution_bits");
     }
-    joints_.reserve(static_cast<std::size_t>(noise.size()));
+    gains_.reserve(static_cast<std::size_t>(noise.size()));
     for (Eigen::Index i = 0; i < noise.size(); ++i) {
       // Time in periods and angles in standard deviations: one number is left of Q, R and h.
       const double h = period_s_;
       const double h_to_2_order_less_1 = order_ == 2 ? h * h * h : h * h * h * h * h;
       const double Q = gains.process_noise[i] * h_to_2_order_less_1 / (noise[i] * noise[i]);
-      joints_.push_back({Q, corrected(steady_prediction(Q)), Small::Zero(order_, 1)});
-      joints_.back().gain = gain_over(joints_.back(), 1);
+      gains_.push_back(steady_gain(Q));
     }
   }
 
@@ -75,11 +74,10 @@ class KalmanChain {
     return predicted({q, reference.v_ref, a}, -period_s_);
   }
 
-  [[nodiscard]] Memory step(const Memory& memory, const Vector& q, int ticks) const {
-    Memory next = predicted(memory, ticks * period_s_);
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& q) const {
+    Memory next = predicted(memory, period_s_);
     for (Eigen::Index i = 0; i < q.size(); ++i) {
-      const Joint& joint = joints_[static_cast<std::size_t>(i)];
-      const Small gain = ticks == 1 ? joint.gain : gain_over(joint, ticks);
+      const Small& gain = gains_[static_cast<std::size_t>(i)];
       const double surprise = q[i] - next.q[i];
       next.q[i] += gain(0) * surprise;
       next.v[i] += gain(1) / period_s_ * surprise;
@@ -92,13 +90,6 @@ class KalmanChain {
 
  private:
   using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 3, 3>;
-
-  /// In units of the period and of the measurement's standard deviation.
-  struct Joint {
-    double Q = 0;
-    Small covariance;  ///< steady, of the estimate after a sample
-    Small gain;        ///< steady
-  };
 
   [[nodiscard]] Memory predicted(const Memory& from, double time_s) const {
     if (order_ == 2) return {from.q + time_s * from.v, from.v, {}};
@@ -150,15 +141,16 @@ class KalmanChain {
     return P - P.col(0) * P.row(0) / (P(0, 0) + 1);
   }
 
-  [[nodiscard]] Small gain_over(const Joint& joint, int periods) const {
-    const Small F = transition(periods);
-    const Small P = F * joint.covariance * F.transpose() + grown(joint.Q, periods);
+  [[nodiscard]] Small steady_gain(double Q) const {
+    const Small F = transition(1);
+    const Small P = F * corrected(steady_prediction(Q)) * F.transpose() + grown(Q, 1);
     return P.col(0) / (P(0, 0) + 1);
   }
 
   int order_;
   double period_s_;
-  std::vector<Joint> joints_;
+  /// Of each joint, in units of the period and of the measurement's standard deviation.
+  std::vector<Small> gains_;
 };
 
 /// `EstimatedVelocity` by a Kalman filter, `source`, in the form implemented here. Counts of width

@@ -46,10 +46,10 @@ class KellyFlexible : public FlexibleLaw<FilterGains> {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector g = gravity(reference);
     const Vector e = error(measured.theta, reference, g);
-    const Memory next = filter_.step(memory, e, ticks);
+    const Memory next = filter_.step(memory, e);
     const Vector tau = g - gains_.kp.cwiseProduct(e) - gains_.kd.cwiseProduct(next.nu);
     return {next, {tau}, {signals.size(), {e, next.nu}}};
   }

@@ -26,8 +26,8 @@ class KellyRegulation : public FilteredError {
   using FilteredError::FilteredError;
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
-    return step_from(memory, measured.q - reference.q_ref, ticks,
+                                  const ReferencePoint& reference) const {
+    return step_from(memory, measured.q - reference.q_ref,
                      robot::gravity_torque(robot_, measured.q));
   }
 };

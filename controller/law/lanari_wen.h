@@ -46,7 +46,7 @@ class LanariWen : public FlexibleLaw<LanariWenGains>, public FullState {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
-                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+                                  const ReferencePoint& reference) const {
     // Of the links on the reference, with two derivatives: K (theta_ref - q_ref).
     const robot::JetVector torque = feedforward_torque(robot_.links, reference);
     const robot::JetVector theta_ref =

@@ -114,16 +114,14 @@ concept Declared = schema::has_keys<typename L::Gains> && requires {
 
 /// A law is a value: parameters and model are constants, its memory is a value that the caller
 /// keeps. `start` gives the memory before the first step from the first measurement; `step` is then
-/// called once per tick, the first included. `ticks`: sampling periods since the step that gave
-/// `memory`; more than one after measurements were lost.
+/// called once per period, the first included; of periods whose measurement was lost the caller
+/// interpolates one (`AnyLaw`).
 template <class L>
 concept Law = Declared<L> && DeclaredMemory<typename L::Memory> &&
     requires(const L& law, const typename L::Memory& memory,
-             const typename L::Measurement& measurement, const ReferencePoint& reference,
-             int ticks) {
+             const typename L::Measurement& measurement, const ReferencePoint& reference) {
   { law.start(measurement, reference) } -> std::same_as<typename L::Memory>;
   { law.step(memory, measurement, reference) } -> std::same_as<Step<typename L::Memory>>;
-  { law.step(memory, measurement, reference, ticks) } -> std::same_as<Step<typename L::Memory>>;
 };
 
 /// Lock on velocity: the measurement is exactly a type that holds positions and nothing else.

@@ -76,12 +76,12 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e1 = measured.q - reference.q_ref;
-    const Filter::Memory link = link_filter_.step(memory.link, e1, ticks);
+    const Filter::Memory link = link_filter_.step(memory.link, e1);
     const auto [torque, theta_ref] = motor_reference(measured, reference, link.nu);
     const Vector e2 = measured.theta - robot::value(theta_ref);
-    const Filter::Memory motor = motor_filter_.step(memory.motor, e2, ticks);
+    const Filter::Memory motor = motor_filter_.step(memory.motor, e2);
     const Vector tau = robot_.rotor_inertia.cwiseProduct(robot::second_derivative(theta_ref)) +
                        robot::value(torque) - gains_.kp2.cwiseProduct(e2) -
                        gains_.kd2.cwiseProduct(motor.nu);

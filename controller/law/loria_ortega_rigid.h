@@ -34,9 +34,9 @@ class LoriaOrtegaRigid : public FilteredError {
   using FilteredError::FilteredError;
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
+                                  const ReferencePoint& reference) const {
     const auto [v_ref, a_ref] = ahead(reference);
-    return step_from(memory, measured.q - reference.q_ref, ticks,
+    return step_from(memory, measured.q - reference.q_ref,
                      robot::inverse_dynamics(robot_, measured.q, v_ref, a_ref));
   }
 };

@@ -82,12 +82,12 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
 
   /// @throw std::logic_error when M(q) is not positive definite (see robot::forward_dynamics).
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
     Step<Memory> result{memory, {}, {}};
     Memory& next = result.memory;
     const bool first_step = memory.tau[0].size() == 0;
-    if (!first_step) observe(next, measured.q, ticks);
+    if (!first_step) observe(next, measured.q);
     const Vector v_hat = next.x2 + gains_.observer_kd * next.delta;
 
     const auto [v_ref, a_ref] = ahead(reference);
@@ -95,45 +95,40 @@ class NicosiaTomei : public RigidLaw<NicosiaTomeiGains> {
                          gains_.kp.cwiseProduct(e) -
                          gains_.kv.cwiseProduct(v_hat - reference.v_ref);
     next.q_previous = measured.q;
-    // Ticks whose command was lost held the one before; those before the first command, that one.
+    // Before the first command that one is taken to have acted.
     for (std::size_t j = 0; j <= delay_; ++j) {
-      const auto lost = static_cast<std::size_t>(ticks) - 1;
-      next.tau[j] =
-          j == 0 || first_step ? result.command.tau : memory.tau[j > lost ? j - 1 - lost : 0];
+      next.tau[j] = j == 0 || first_step ? result.command.tau : memory.tau[j - 1];
     }
     result.signals = {signals.size(), {e, v_hat}};
     return result;
   }
 
  private:
-  /// delta and x2 after `ticks` periods in which q goes straight from `q_previous` to `q` under the
-  /// torques that acted, period by period by the implicit midpoint rule,
+  /// delta and x2 after a period in which q goes straight from `q_previous` to `q` under the torque
+  /// that acted, by the implicit midpoint rule,
   ///   d = delta + h/2 (qdot - x - k_D d),   x = x2 + h/2 M^-1 [tau - C v_hat - g + KO d],
   /// (d, x) the middle of (delta, x2), M, C and g at the middle of q; v_hat in the slow term C
   /// v_hat is the period's first. Without x that is linear in d, with a positive definite matrix.
-  void observe(Memory& memory, const Vector& q, int ticks) const {
+  void observe(Memory& memory, const Vector& q) const {
     const double h = settings_.period_s, kd = gains_.observer_kd;
-    const Vector advance = (q - memory.q_previous) / ticks;  // of one period
+    const Vector advance = q - memory.q_previous;
     const Vector qdot = advance / h;
     const Vector zero = Vector::Zero(q.size());
-    for (int i = 0; i < ticks; ++i) {
-      const auto passed = static_cast<std::size_t>(i);
-      const Vector& tau = memory.tau[passed < delay_ ? delay_ - passed : 0];
-      const Vector q_middle = memory.q_previous + (i + 0.5) * advance;
-      const Vector v_hat = memory.x2 + kd * memory.delta;
-      const robot::Matrix M = robot::mass_matrix(robot_, q_middle);
-      robot::Matrix matrix = (1 + h * kd / 2) * M;
-      matrix.diagonal() += h * h / 4 * gains_.observer_ko;
-      if (robot::factorise(matrix) >= 0) {
-        throw std::logic_error("nicosia_tomei: the inertia matrix is not positive definite");
-      }
-      Vector middle = M * (memory.delta + h / 2 * (qdot - memory.x2)) +
-                      h * h / 4 * (robot::inverse_dynamics(robot_, q_middle, v_hat, zero) - tau);
-      robot::solve_in_place(matrix, middle);
-      const Vector x2_middle = qdot - kd * middle - 2 / h * (middle - memory.delta);
-      memory.x2 = 2 * x2_middle - memory.x2;
-      memory.delta = 2 * middle - memory.delta;
+    const Vector& tau = memory.tau[delay_];
+    const Vector q_middle = memory.q_previous + 0.5 * advance;
+    const Vector v_hat = memory.x2 + kd * memory.delta;
+    const robot::Matrix M = robot::mass_matrix(robot_, q_middle);
+    robot::Matrix matrix = (1 + h * kd / 2) * M;
+    matrix.diagonal() += h * h / 4 * gains_.observer_ko;
+    if (robot::factorise(matrix) >= 0) {
+      throw std::logic_error("nicosia_tomei: the inertia matrix is not positive definite");
     }
+    Vector middle = M * (memory.delta + h / 2 * (qdot - memory.x2)) +
+                    h * h / 4 * (robot::inverse_dynamics(robot_, q_middle, v_hat, zero) - tau);
+    robot::solve_in_place(matrix, middle);
+    const Vector x2_middle = qdot - kd * middle - 2 / h * (middle - memory.delta);
+    memory.x2 = 2 * x2_middle - memory.x2;
+    memory.delta = 2 * middle - memory.delta;
   }
 
   std::size_t delay_;

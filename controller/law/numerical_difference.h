@@ -52,13 +52,10 @@ class PositionDifference {
     return memory;
   }
 
-  [[nodiscard]] Memory step(const Memory& memory, const Vector& q, int ticks) const {
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& q) const {
     Memory next;
-    const auto gap = static_cast<std::size_t>(ticks);
-    for (std::size_t j = 0; j <= m_; ++j) {
-      next.q[j] = j < gap ? Vector(q + (memory.q[0] - q) * (static_cast<double>(j) / ticks))
-                          : memory.q[j - gap];
-    }
+    next.q[0] = q;
+    for (std::size_t j = 1; j <= m_; ++j) next.q[j] = memory.q[j - 1];
     return next;
   }
 

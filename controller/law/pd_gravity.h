@@ -38,7 +38,7 @@ class PdGravity : public RigidLaw<PdGravityGains>, public FullState {
   static Gains tuned(const Tuning& t) { return {t.kp(), t.kd()}; }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
-                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
     const Vector tau = robot::gravity_torque(robot_, measured.q) - gains_.kp.cwiseProduct(e) -
                        gains_.kd.cwiseProduct(measured.v);

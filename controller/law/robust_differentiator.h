@@ -47,15 +47,14 @@ class LevantDifferentiator {
     return moved({q, reference.v_ref, reference.a_ref}, -period_s_);
   }
 
-  [[nodiscard]] Memory step(const Memory& memory, const Vector& q, int ticks) const {
-    const double time_s = ticks * period_s_;
-    Memory next = moved(memory, time_s);
+  [[nodiscard]] Memory step(const Memory& memory, const Vector& q) const {
+    Memory next = moved(memory, period_s_);
     for (Eigen::Index i = 0; i < q.size(); ++i) {
       const double sigma = next.z0[i] - q[i];
       if (sigma == 0) continue;
       const double c0 = 2 * std::cbrt(lipschitz_[i] * sigma * sigma);  // |z1 - v0|
       const double c1 = 1.5 * std::sqrt(lipschitz_[i] * c0);           // |z2 - v1|
-      const double towards_q = std::copysign(time_s, -sigma);
+      const double towards_q = std::copysign(period_s_, -sigma);
       next.z0[i] += towards_q * c0;
       next.z1[i] += towards_q * c1;
       next.z2[i] += towards_q * 1.1 * lipschitz_[i];

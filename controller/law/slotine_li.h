@@ -40,7 +40,7 @@ class SlotineLi : public RigidLaw<SlotineLiGains>, public FullState {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
-                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
     const Vector edot = measured.v - reference.v_ref;
     const Vector s = edot + gains_.lambda.cwiseProduct(e);

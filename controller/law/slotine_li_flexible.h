@@ -49,7 +49,7 @@ class SlotineLiFlexible : public FlexibleLaw<SlotineLiFlexibleGains>, public Ful
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
-                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+                                  const ReferencePoint& reference) const {
     const robot::JetVector theta_ref = motor_reference(measured, reference);
     const Vector e2 = measured.theta - robot::value(theta_ref);
     const Vector e2dot = measured.thetadot - robot::first_derivative(theta_ref);

@@ -40,7 +40,7 @@ class WenBayard : public RigidLaw<WenBayardGains>, public FullState {
   static Gains tuned(const Tuning& t) { return {t.kp(), t.kd()}; }
 
   [[nodiscard]] Step<Memory> step(const Memory& /*memory*/, const Measurement& measured,
-                                  const ReferencePoint& reference, int /*ticks*/ = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
     const Vector edot = measured.v - reference.v_ref;
     const auto [v_ref, a_ref] = ahead(reference);

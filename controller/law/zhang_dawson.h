@@ -60,12 +60,12 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
   }
 
   [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference, int ticks = 1) const {
+                                  const ReferencePoint& reference) const {
     const Vector e = measured.q - reference.q_ref;
     Vector y = memory.y;
     if (memory.e_previous.size() > 0) {
       for (Eigen::Index i = 0; i < y.size(); ++i) {
-        y[i] = filtered(y[i], gains_.k[i], memory.e_previous[i], e[i], ticks);
+        y[i] = filtered(y[i], gains_.k[i], memory.e_previous[i], e[i]);
       }
     }
     const auto [v_ref, a_ref] = ahead(reference);
@@ -78,24 +78,19 @@ class ZhangDawson : public RigidLaw<ZhangDawsonGains> {
   }
 
  private:
-  /// y after `ticks` periods in which e goes straight from `e_from` to `e_to`:
+  /// y after a period in which e goes straight from `e_from` to `e_to`:
   ///   ydot = k (edot + tanh e - y) - (1 - y^2)(y + tanh e),
-  /// period by period by the exponential midpoint rule: exact for the terms in k, of order two for
-  /// the rest.
-  [[nodiscard]] double filtered(double y, double k, double e_from, double e_to, int ticks) const {
+  /// by the exponential midpoint rule: exact for the terms in k, of order two for the rest.
+  [[nodiscard]] double filtered(double y, double k, double e_from, double e_to) const {
     const double h = settings_.period_s;
-    const double slope = (e_to - e_from) / ticks;  // of a period
+    const double slope = e_to - e_from;  // of a period
     const auto after = [&](double time_s, double at_y, double e) {
       const double t = std::tanh(e);
       const double target = slope / h + t - (1 - at_y * at_y) * (at_y + t) / k;
       return target + std::exp(-k * time_s) * (y - target);
     };
-    for (int i = 0; i < ticks; ++i) {
-      const double e_now = e_from + i * slope;
-      const double middle = after(h / 2, y, e_now);
-      y = after(h, middle, e_now + slope / 2);
-    }
-    return y;
+    const double middle = after(h / 2, y, e_from);
+    return after(h, middle, e_from + slope / 2);
   }
 };
 

@@ -68,13 +68,12 @@ class MyLaw {
     return {Vector::Zero(e.size()), e};
   }
 
-  /// `ticks`: periods since the step that gave `memory`; in realtime some may have been missed.
+  /// Once per period; after lost measurements the caller interpolates those in between.
   [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
                                                    const Measurement& measurement,
-                                                   const loop::ReferencePoint& reference,
-                                                   int ticks = 1) const {
+                                                   const loop::ReferencePoint& reference) const {
     const Vector e = measurement.q - reference.q_ref;
-    const Vector shrinks = (1 + gains_.a.array() * (ticks * period_s_)).inverse();
+    const Vector shrinks = (1 + gains_.a.array() * period_s_).inverse();
     const Vector nu =
         shrinks.cwiseProduct(memory.nu + gains_.b.cwiseProduct(e - memory.e_previous));
     controller::law::Step<Memory> result{{nu, e}, {}, {}};

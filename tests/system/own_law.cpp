@@ -23,9 +23,8 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
 
   [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
                                                    const Measurement& measurement,
-                                                   const loop::ReferencePoint& reference,
-                                                   int ticks = 1) const {
-    auto result = LoriaOrtegaRigid::step(memory, measurement, reference, ticks);
+                                                   const loop::ReferencePoint& reference) const {
+    auto result = LoriaOrtegaRigid::step(memory, measurement, reference);
     misbehave(result.command.tau);
     return result;
   }

@@ -33,8 +33,7 @@ struct Claiming {
   }
   [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
                                                    const Measurement& measured,
-                                                   const loop::ReferencePoint& /*reference*/,
-                                                   int /*ticks*/ = 1) const {
+                                                   const loop::ReferencePoint& /*reference*/) const {
     return {memory, {-measured.q}, {}};
   }
 };

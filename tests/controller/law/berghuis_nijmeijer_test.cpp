@@ -75,37 +75,5 @@ TEST(BerghuisNijmeijer, StartsAtTheMeasuredPositionWithTheReferencesVelocity) {
   }
 }
 
-TEST(BerghuisNijmeijer, TakesAGapAsASlopeOfTheError) {
-  const BerghuisNijmeijer law(two_link_model(), gains, {1e-3});
-  Random random(2);
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
-  for (const int ticks : {2, 7, 64}) {
-    const BerghuisNijmeijer::Memory before{random.pair(0.1), random.pair(1), random.pair(1)};
-    const robot::Vector e = random.pair(1);
-    BerghuisNijmeijer::Memory stepped = before;
-    for (int k = 1; k <= ticks; ++k) {
-      const robot::Vector on_the_way =
-          before.e_previous + static_cast<double>(k) / ticks * (e - before.e_previous);
-      stepped = law.step(stepped, {on_the_way}, at_zero).memory;
-    }
-    const auto at_once = law.step(before, {e}, at_zero, ticks).memory;
-    // Roundings of up to 64 steps: measured 1.1e-16 and 2.3e-15, allow ten times that.
-    EXPECT_LT((at_once.delta - stepped.delta).norm(), 1.1e-15);
-    EXPECT_LT((at_once.rho - stepped.rho).norm(), 2.3e-14);
-  }
-}
-
-TEST(BerghuisNijmeijer, ConvergesThoughMeasurementsAreLost) {
-  const Sine reference;
-  const BerghuisNijmeijer law(model_with(0), gains, {1e-3});
-  const auto lost = [](int k) { return k % 5 == 1 || k % 5 == 2; };
-  const auto sampled =
-      sampled_loop(law, beside, RigidArm{}, RigidArm::position, reference, 1e-3, 3000, lost);
-  // The torque is held up to three times as long: three times the bound without losses; measured
-  // 6.7e-6.
-  EXPECT_LT(final_error(sampled, reference, 1e-3, 500), 3e-5);
-}
-
 }  // namespace
 }  // namespace tachless::controller::law

@@ -49,36 +49,22 @@ struct Sine {
 };
 
 /// The states at the ticks of a loop whose torque is held between them, over `ticks` periods.
-/// `rate(x, tau)` is the robot, `measure(x)` what the law gets; `lost(k)`: the law does not see
-/// tick k > 0, and its torque stays.
-template <class L, class X, class Rate, class Measure, class Lost>
+/// `rate(x, tau)` is the robot, `measure(x)` what the law gets.
+template <class L, class X, class Rate, class Measure>
 std::vector<X> sampled_loop(const L& law, X x, const Rate& rate, const Measure& measure,
-                            const Sine& reference, double h, int ticks, const Lost& lost) {
+                            const Sine& reference, double h, int ticks) {
   std::vector<X> at = {x};
   at.reserve(static_cast<std::size_t>(ticks) + 1);
   auto memory = law.start(measure(x), reference.at(0));
-  Pair tau;
-  int gap = 1;
   for (int k = 0; k < ticks; ++k) {
-    if (k > 0 && lost(k)) {
-      ++gap;
-    } else {
-      const auto step = law.step(memory, measure(x), reference.at(k * h), gap);
-      memory = step.memory;
-      tau = step.command.tau;
-      gap = 1;
-    }
+    const auto step = law.step(memory, measure(x), reference.at(k * h));
+    memory = step.memory;
+    const Pair tau = step.command.tau;
     // The robot alone: its fastest mode, the springs', is some 350 rad/s.
     x = solution([&](double /*t*/, const X& y) -> X { return rate(y, tau); }, x, h, 1, 1e-4).back();
     at.push_back(x);
   }
   return at;
-}
-
-template <class L, class X, class Rate, class Measure>
-std::vector<X> sampled_loop(const L& law, const X& x, const Rate& rate, const Measure& measure,
-                            const Sine& reference, double h, int ticks) {
-  return sampled_loop(law, x, rate, measure, reference, h, ticks, [](int /*k*/) { return false; });
 }
 
 /// The rigid arm as `sampled_loop` wants it: x = (q, v).

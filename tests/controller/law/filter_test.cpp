@@ -152,18 +152,6 @@ TEST(Filter, TakesJointsOneByOne) {
   }
 }
 
-TEST(Filter, OverAGapIsTheFilterOfTheLongerPeriodBitForBit) {
-  const double h = 1e-3;
-  for (const Discretisation kind : all_kinds) {
-    for (const int ticks : {1, 2, 7, 64}) {
-      const Filter usual(one(60), one(40), kind, FilterStart::at_error, h);
-      const Filter longer(one(60), one(40), kind, FilterStart::at_error, ticks * h);
-      const Filter::Memory memory{one(0.3), one(-0.2)};
-      EXPECT_EQ(usual.step(memory, one(0.7), ticks).nu[0], longer.step(memory, one(0.7)).nu[0]);
-    }
-  }
-}
-
 TEST(Filter, DerivativeIsTheContinuousEquation) {
   const Filter filter(one(10), one(20), Discretisation::tustin, FilterStart::at_error, 1e-3);
   EXPECT_EQ(filter.derivative(one(3), one(-2))[0], -10 * 3 + 20 * -2);
@@ -188,9 +176,8 @@ struct DirtyDerivative {
                                      const loop::ReferencePoint& /*reference*/) const {
     return filter.start(q);
   }
-  [[nodiscard]] Filter::Memory step(const Filter::Memory& memory, const robot::Vector& q,
-                                    int ticks) const {
-    return filter.step(memory, q, ticks);
+  [[nodiscard]] Filter::Memory step(const Filter::Memory& memory, const robot::Vector& q) const {
+    return filter.step(memory, q);
   }
   [[nodiscard]] static robot::Vector velocity(const Filter::Memory& memory) { return memory.nu; }
 };

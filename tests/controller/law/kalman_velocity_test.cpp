@@ -63,19 +63,13 @@ TEST(KalmanVelocity, IsTheTimeVaryingFilterInItsSteadyState) {
     const KalmanChain estimator(chain(row.order, row.Q, noise), at_1_khz);
     TimeVarying full(row.order, row.Q, noise);
     KalmanChain::Memory memory = estimator.start(vector(0, 0), Sine{{0, 0}}.at(0));
-    int k = 0;
-    for (; k < 500; ++k) {
+    for (int k = 0; k < 500; ++k) {
       full.step(1e-3, position(k));
-      memory = estimator.step(memory, vector(position(k), 0), 1);
+      memory = estimator.step(memory, vector(position(k), 0));
     }
     // Both forgot their start in 0.5 s, the slowest filter (order 3 with 1e2: 220 1/s) too.
     EXPECT_NEAR(memory.v[0], full.x[1], 1e-9) << row.order << " " << row.Q;
-    // The first sample after a gap: the covariance has grown meanwhile.
-    k += 6;
-    full.step(7e-3, position(k));
-    memory = estimator.step(memory, vector(position(k), 0), 7);
     EXPECT_NEAR(memory.q[0], full.x[0], 1e-10);
-    EXPECT_NEAR(memory.v[0], full.x[1], 1e-8);
     if (row.order == 3) {
       EXPECT_NEAR(memory.a[0], full.x[2], 1e-5);
     }
@@ -152,7 +146,7 @@ TEST(KalmanVelocity, TakesTheEncodersNoiseAndSaysWhatIsMissingWithoutIt) {
   given.measurement_noise = settings.position_std;
   const robot::Vector q = vector(0.1, 0.1);
   const auto first = [&](const KalmanChain& chain) {
-    return chain.velocity(chain.step(chain.start(vector(0, 0), rest), q, 1));
+    return chain.velocity(chain.step(chain.start(vector(0, 0), rest), q));
   };
   EXPECT_EQ(first(KalmanChain(gains, settings)), first(KalmanChain(given, at_1_khz)));
   try {

@@ -101,13 +101,13 @@ TEST(NicosiaTomei, ObserverHasSecondOrderUnderATorqueThatIsHeld) {
   const auto states = solution(rate, start, 2.5e-4, 80, 1e-5);  // 20 ms, six time constants
   const robot::Vector zero = vector(0, 0);
   const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
-  const auto error_at = [&](int every, int ticks) {
-    const NicosiaTomei law(model_with(0), gains, {2.5e-4 * every / ticks});
+  const auto error_at = [&](int every) {
+    const NicosiaTomei law(model_with(0), gains, {2.5e-4 * every});
     NicosiaTomei::Memory memory{zero, start.tail<2>(), start.head<2>(), {tau}};
     double error = 0;
     for (std::size_t k = static_cast<std::size_t>(every); k < states.size();
          k += static_cast<std::size_t>(every)) {
-      memory = law.step(memory, {states[k].head<2>()}, at_zero, ticks).memory;
+      memory = law.step(memory, {states[k].head<2>()}, at_zero).memory;
       memory.tau[0] = tau;
       const Pair delta = states[k].segment<2>(0) - states[k].segment<2>(4);
       error = std::max({error, (memory.delta - delta).norm() * 300,
@@ -115,43 +115,21 @@ TEST(NicosiaTomei, ObserverHasSecondOrderUnderATorqueThatIsHeld) {
     }
     return error;
   };
-  const double coarse = error_at(4, 1), middle = error_at(2, 1), fine = error_at(1, 1);
+  const double coarse = error_at(4), middle = error_at(2), fine = error_at(1);
   // Measured 4.034 and 4.072.
   EXPECT_NEAR(coarse / middle, 4, 0.2) << coarse;
   EXPECT_NEAR(middle / fine, 4, 0.2) << middle;
-  // Over gaps too it is only the straight line between measured positions that costs.
-  EXPECT_LT(error_at(4, 4), coarse);
 }
 
-TEST(NicosiaTomei, TakesAGapAsASlopeOfThePositionUnderTheTorqueHeld) {
-  const NicosiaTomei law(two_link_model(), gains, {1e-3});
-  Random random(2);
-  const loop::ReferencePoint ref = random.reference();
-  for (const int ticks : {2, 7, 64}) {
-    const robot::Vector from = random.pair(1), to = from + random.pair(1e-3 * ticks);
-    const NicosiaTomei::Memory before{random.pair(1e-4), random.pair(1), from, {random.pair(50)}};
-    NicosiaTomei::Memory stepped = before;
-    for (int k = 1; k <= ticks; ++k) {
-      stepped =
-          law.step(stepped, {from + static_cast<double>(k) / ticks * (to - from)}, ref).memory;
-      stepped.tau = before.tau;
-    }
-    const auto at_once = law.step(before, {to}, ref, ticks).memory;
-    // Roundings of up to 64 steps: measured 2.1e-17 and 6.6e-15, allow ten times that.
-    EXPECT_LT((at_once.delta - stepped.delta).norm(), 2.1e-16);
-    EXPECT_LT((at_once.x2 - stepped.x2).norm(), 6.6e-14);
-  }
-}
-
-/// An arm under a torque that changes with every tick and acts `delay` ticks after its command,
-/// every `gap`-th of which arrives. @return the largest error of v_hat [rad/s]
-double observer_error(int delay, int told, int gap) {
+/// An arm under a torque that changes with every tick and acts `delay` ticks after its command.
+/// @return the largest error of v_hat [rad/s]
+double observer_error(int delay, int told) {
   constexpr double h = 1e-4;  // short, for a straight line between measured positions
   Settings settings{h};
   settings.command_delay = told;
   const NicosiaTomei law(model_with(0), gains, settings);
   const auto command = [&](int tick) {
-    const double t = 0.05 * (tick - tick % gap);  // held over ticks that are lost
+    const double t = 0.05 * tick;
     return vector(80 * std::sin(t), -9 * std::cos(t));
   };
   const robot::Vector zero = vector(0, 0);
@@ -165,8 +143,7 @@ double observer_error(int delay, int told, int gap) {
     x = solution([&](double /*t*/, const State<4>& y) -> State<4> { return RigidArm{}(y, acting); },
                  x, h, 1, h)
             .back();
-    if (k % gap != 0) continue;
-    const auto step = law.step(memory, {x.head<2>()}, at_zero, gap);
+    const auto step = law.step(memory, {x.head<2>()}, at_zero);
     memory = step.memory;
     memory.tau[0] = command(k);  // in place of the law's own
     if (k > 1200) largest = std::max(largest, (step.signals.value[1] - x.tail<2>()).norm());
@@ -176,26 +153,12 @@ double observer_error(int delay, int told, int gap) {
 
 TEST(NicosiaTomei, ObserverIsToldTheTorqueThatActs) {
   for (const int delay : {0, 1, 3}) {
-    for (const int gap : {1, 2, 4}) {
-      const double told = observer_error(delay, delay, gap);
-      EXPECT_LT(told, observer_error(delay, delay + 1, gap) / 5)
-          << delay << " " << gap << " " << told;
-      if (delay > 0) {
-        EXPECT_LT(told, observer_error(delay, delay - 1, gap) / 5) << delay << " " << gap;
-      }
+    const double told = observer_error(delay, delay);
+    EXPECT_LT(told, observer_error(delay, delay + 1) / 5) << delay << " " << told;
+    if (delay > 0) {
+      EXPECT_LT(told, observer_error(delay, delay - 1) / 5) << delay;
     }
   }
-}
-
-TEST(NicosiaTomei, ConvergesThoughMeasurementsAreLost) {
-  const Sine reference;
-  const NicosiaTomei law(model_with(0), gains, {1e-3});
-  const auto lost = [](int k) { return k % 5 == 1 || k % 5 == 2; };
-  const auto sampled =
-      sampled_loop(law, beside, RigidArm{}, RigidArm::position, reference, 1e-3, 3000, lost);
-  // The torque is held up to three times as long: three times the bound without losses; measured
-  // 8.6e-6.
-  EXPECT_LT(final_error(sampled, reference, 1e-3, 500), 3e-5);
 }
 
 }  // namespace

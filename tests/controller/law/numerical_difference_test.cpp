@@ -33,24 +33,9 @@ TEST(NumericalDifference, OfAParabolaIsTheSlopeHalfwayBack) {
   const PositionDifference estimator({vector(1, 1), vector(1, 1), 4}, {1e-3});
   const auto q = [](int k) { return vector(3e-6 * k * k, 5e-3 * k); };
   PositionDifference::Memory memory = estimator.start(q(0), Sine{{0, 0}}.at(0));
-  for (int k = 0; k <= 10; ++k) memory = estimator.step(memory, q(k), 1);
+  for (int k = 0; k <= 10; ++k) memory = estimator.step(memory, q(k));
   // Slopes at k = 8, per second; differences of 1e-4 over 4e-3, rounded.
   EXPECT_LT((estimator.velocity(memory) - vector(3e-6 * 16 * 1e3, 5)).norm(), 1e-12);
-}
-
-TEST(NumericalDifference, FillsLostTicksAlongAStraightLine) {
-  const PositionDifference estimator({vector(1, 1), vector(1, 1), 4}, {1e-3});
-  const auto q = [](int k) { return vector(2e-3 * k, k < 6 ? 0 : 4e-3 * (k - 5)); };
-  PositionDifference::Memory memory = estimator.start(q(0), Sine{{0, 0}}.at(0));
-  for (int k = 0; k <= 5; ++k) memory = estimator.step(memory, q(k), 1);
-  memory = estimator.step(memory, q(8), 3);  // 6 and 7 were lost
-  EXPECT_LT((estimator.velocity(memory) - vector(2, 3)).norm(), 1e-12);
-  memory = estimator.step(memory, q(9), 1);  // its q_{k-4} is that of tick 5
-  EXPECT_LT((estimator.velocity(memory) - vector(2, 4)).norm(), 1e-12);
-  memory = estimator.step(memory, q(11), 2);  // its q_{k-4} is on the line between 5 and 8
-  EXPECT_LT((estimator.velocity(memory) - vector(2, 4)).norm(), 1e-12);
-  memory = estimator.step(memory, q(31), 20);  // longer than the difference
-  EXPECT_LT((estimator.velocity(memory) - vector(2, 4)).norm(), 1e-12);
 }
 
 TEST(NumericalDifference, IsOverOnePeriodOrMore) {

@@ -32,7 +32,7 @@ double velocity_error(const Estimator& estimator) {
   auto memory = estimator.start(read(0), paper_reference(0));
   double sum = 0;
   for (int k = 0; k < ticks; ++k) {
-    memory = estimator.step(memory, read(k), 1);
+    memory = estimator.step(memory, read(k));
     const double error = estimator.velocity(memory)[0] - paper_reference(k * h).v_ref[0];
     if (k >= settled) sum += error * error;
   }

@@ -109,36 +109,6 @@ TEST(ZhangDawson, FilterHasSecondOrder) {
   EXPECT_NEAR(coarse / fine, 4, 0.4) << coarse << " " << fine;
 }
 
-TEST(ZhangDawson, TakesAGapAsASlopeOfTheError) {
-  const ZhangDawson law(two_link_model(), gains, {1e-3});
-  Random random(2);
-  const robot::Vector zero = vector(0, 0);
-  const loop::ReferencePoint at_zero{zero, zero, zero, zero, zero};
-  for (const int ticks : {2, 7, 64}) {
-    const robot::Vector from = random.pair(0.1), to = from + random.pair(1e-4 * ticks);
-    const ZhangDawson::Memory before{random.pair(0.5), from};
-    ZhangDawson::Memory stepped = before;
-    for (int k = 1; k <= ticks; ++k) {
-      const robot::Vector on_the_way = from + static_cast<double>(k) / ticks * (to - from);
-      stepped = law.step(stepped, {on_the_way}, at_zero).memory;
-    }
-    const auto at_once = law.step(before, {to}, at_zero, ticks).memory;
-    // Roundings of up to 64 steps: measured 2.0e-16, allow ten times that.
-    EXPECT_LT((at_once.y - stepped.y).norm(), 2e-15);
-    EXPECT_EQ(at_once.e_previous, to);
-  }
-}
-
-TEST(ZhangDawson, ConvergesThoughMeasurementsAreLost) {
-  const Sine reference;
-  const ZhangDawson law(model_with(0), gains, {1e-3});
-  const auto lost = [](int k) { return k % 5 == 1; };
-  const auto sampled =
-      sampled_loop(law, beside, RigidArm{}, RigidArm::position, reference, 1e-3, 15000, lost);
-  // The torque is held up to twice as long: twice the bound without losses; measured 2.3e-5.
-  EXPECT_LT(final_error(sampled, reference, 1e-3, 500), 2.4e-4);
-}
-
 TEST(ZhangDawson, HasNoFiniteTorqueWhereItIsNotDefined) {
   const ZhangDawson law(two_link_model(), gains, {1e-3});
   const robot::Vector zero = vector(0, 0);
