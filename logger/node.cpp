@@ -30,8 +30,8 @@ using loop::Clock;
 using loop::Slot;
 using protocol::lockstep::Verdict;
 
-// What has to pass in realtime without a message before the log is closed, in waits of their own: a
-// machine that stands still makes one of them longer, and is no silence. After the plant's last
+// In realtime the log is closed after this many consecutive waits without a message. Waits are
+// counted, not time, so that a stalled machine is not taken for silence. After the plant's last
 // message others may still be on their way.
 constexpr auto silent_wait = 10ms;
 constexpr int silence = 5;

@@ -15,8 +15,7 @@ struct TickRange {
   std::int64_t last = 0;
 };
 
-/// Ticks at which something was the case, as ranges: all are counted, the first `max_listed` ranges
-/// are listed. Does not know what was the case.
+/// A set of ticks as ranges: all are counted, the first `max_listed` ranges are listed.
 template <std::size_t max_listed>
 struct TickRanges {
   static constexpr std::size_t most_listed = max_listed;
