@@ -364,8 +364,10 @@ Rejection Codec<Value>::decode(std::span<const std::byte> payload, loop::Stamp& 
   });
   if (result != Rejection::none) return result;
   if (from.left() != 0) return Rejection::wrong_size;
+  const loop::Stamp read = stamp_of(payload);
+  if (read.utime < 0 || read.utime > loop::Stamp::max_utime) return Rejection::bad_value;
   if constexpr (requires { value.num; }) scratch_->num = layout_.num_signals;
-  stamp = stamp_of(payload);
+  stamp = read;
   value = *scratch_;
   return Rejection::none;
 }

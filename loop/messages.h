@@ -15,8 +15,11 @@
 /// all. Knows no bytes and no transport (bus/), and no ground truth (loop/truth).
 namespace tachless::loop {
 
-/// What every message starts with.
+/// The common header of all messages.
 struct Stamp {
+  /// Greatest `utime` of a message [us], some 285 years: in nanoseconds it still is an int64.
+  static constexpr std::int64_t max_utime = 9'000'000'000'000'000;
+
   std::int64_t utime = 0;  ///< [us] simulation time of the tick (realtime: since the start)
   std::int64_t run = 0;    ///< id of the run
   std::int64_t tick = 0;

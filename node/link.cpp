@@ -101,7 +101,7 @@ void Link::join(const loop::LawInfo& law, const Handler& other) {
   while (!membership_->joined()) {
     poll(Clock::now());
     const auto datagram = transport_.receive(next_poll());
-    if (datagram && !handle(*datagram) && other) other(*datagram);
+    if (datagram && handle(*datagram) == Handled::no && other) other(*datagram);
     const auto now = Clock::now();
     if (const auto stranger = transport_.take_stranger()) key_check_.foreign(*stranger, now);
     key_check_.poll(now);
@@ -141,20 +141,20 @@ void Link::poll(Clock::time_point now) {
   if (membership_->failure()) throw Failure(*membership_->failure());
 }
 
-bool Link::handle(const bus::Datagram& datagram) {
-  if (datagram.channel != channel_) return false;
+Link::Handled Link::handle(const bus::Datagram& datagram) {
+  if (datagram.channel != channel_) return Handled::no;
   const bus::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
   if (rejection != bus::Rejection::none) {
     statistics().rejected.add(rejection);
-    return true;
+    return Handled::dropped;
   }
-  membership_->handle(stamp_, peer_, datagram.sender, Clock::now());
+  const bool believed = membership_->handle(stamp_, peer_, datagram.sender, Clock::now());
   key_check_.accepted();
   if (membership_->joined() && membership_->roster() != entered_) {
     entered_ = membership_->roster();
     transport_.enter(run(), entered_);
   }
-  return true;
+  return believed ? Handled::believed : Handled::dropped;
 }
 
 std::span<const std::byte> Link::announce(Clock::time_point now) {

@@ -68,7 +68,7 @@ class Link final : public Session {
   [[nodiscard]] loop::Clock::time_point next_poll() const override {
     return membership_->next_announcement();
   }
-  bool handle(const bus::Datagram& datagram) override;
+  Handled handle(const bus::Datagram& datagram) override;
   void handle_pending() override;
   void progressed(std::int64_t tick, double error_norm = 0) override {
     membership_->progressed(tick, error_norm);

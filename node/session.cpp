@@ -88,10 +88,9 @@ void Session::run_until_finished(const std::function<bool(Time)>& all_there, con
 bool Session::receive(Time deadline) {
   const auto datagram = transport_.receive(deadline);
   if (!datagram) return false;
-  if (handle(*datagram)) {
-    if (session_handler_) session_handler_(*datagram);
-    return true;
-  }
+  const Handled handled = handle(*datagram);
+  if (handled == Handled::believed && session_handler_) session_handler_(*datagram);
+  if (handled != Handled::no) return true;
   for (const auto& [channel, handler] : handlers_) {
     if (channel != datagram->channel) continue;
     handler(*datagram);

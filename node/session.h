@@ -40,7 +40,8 @@ class Session {
   /// Subscribes to `channel`; its messages go to `handler` from now on, by `receive` and
   /// `run_until` alone.
   void on(const std::string& channel, Handler handler);
-  /// The session's own messages go to `handler`, too, after the session has seen them.
+  /// Announcements that are a member's own (protocol::Membership::handle) go to `handler`, too,
+  /// after the session has handled them.
   void on_session(Handler handler) { session_handler_ = std::move(handler); }
 
   /// Runs `main` (the node's whole life). A Failure that leaves it, or any other exception, is
@@ -73,8 +74,13 @@ class Session {
   /// Handles one datagram, if one comes before the deadline. @return whether one did
   bool receive(Time deadline);
 
-  /// Whether the datagram was the session's own.
-  virtual bool handle(const bus::Datagram& datagram) = 0;
+  enum class Handled {
+    no,        ///< it is not on the session's channel
+    dropped,   ///< it is, but is not a member's own announcement
+    believed,  ///< a member's own announcement
+  };
+  /// Handles the datagram if it is on the session's channel.
+  virtual Handled handle(const bus::Datagram& datagram) = 0;
   /// Handles what has come already, and polls: for a process that computes for long. Messages on
   /// other channels are lost.
   virtual void handle_pending() = 0;
@@ -164,7 +170,7 @@ class Playback final : public Session {
   }
   void poll(Time now) override;
   [[nodiscard]] Time next_poll() const override { return next_poll_; }
-  bool handle(const bus::Datagram& /*datagram*/) override { return false; }
+  Handled handle(const bus::Datagram& /*datagram*/) override { return Handled::no; }
   void handle_pending() override { poll(loop::Clock::now()); }
   void progressed(std::int64_t tick, double error_norm) override;
   void complete() override {}  // the last tick is the end

@@ -125,17 +125,22 @@ Event Membership::event_of_roster(const loop::Participant& peer) const {
   return with_self ? Event::roster : Event::other_roster;
 }
 
-void Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
+bool Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
                         std::string_view sender, Time now) {
-  if (peer.instance == self_.who.instance || !peers_.is_new(peer)) return;
+  if (peer.instance == self_.who.instance || !peers_.is_new(peer)) return false;
   const auto lived = peers_.answered(peer);
-  if (!lived && is_over(peer.state)) return;  // nobody is there to be asked
+  if (!lived && is_over(peer.state)) return false;  // nobody is there to be asked
   const Event event = lived ? event_of(stamp, peer, now) : Event::unproven;
   if (lived && holder(peer.role) == peer.instance) {  // it is still there, and not over
     if (!is_over(state_) && peer.role == Role::controller) failed_successor_.reset();
     if (!is_over(peer.state)) early_finish_[index(peer.role)].reset();
   }
-  const Reaction what = reaction(event, state_);
+  react(reaction(event, state_), stamp, peer, sender, lived, now);
+  return lived && peer.instance == holder(peer.role);
+}
+
+void Membership::react(Reaction what, const loop::Stamp& stamp, const loop::Participant& peer,
+                       std::string_view sender, std::optional<Time> lived, Time now) {
   switch (what) {
     case Reaction::ignore:
       return;
@@ -276,7 +281,9 @@ void Membership::dissolve(Time now) {
 }
 
 bool Membership::precedes(const loop::Stamp& stamp, const Peer& rival, Time now) const {
-  // A member of a run never yields to who is not in it.
+  // Once joined, the roster names the process of this role; what a rival claims counts nothing.
+  if (joined_ && roster_[index(own_role())] == self_.who.instance) return false;
+  // A member of a run never yields to a process that is not in it.
   const auto rank = [](ParticipantState state, bool in_roster) {
     return state == ParticipantState::running ? 2 : in_roster ? 1 : 0;
   };

@@ -71,7 +71,10 @@ class Membership {
   Membership(const Self& self, Time now);
 
   /// Another process's announcement.
-  void handle(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
+  /// @return whether it is a member's own: newer than what that member announced before, an answer
+  /// to one of the last announcements of this process, and from the holder of a role. Nothing else
+  /// may be recorded.
+  bool handle(const loop::Stamp& stamp, const loop::Participant& peer, std::string_view sender,
               Time now);
 
   /// Checks for peers that have fallen silent and for the end of the wait. To be called every
@@ -166,6 +169,8 @@ class Membership {
  private:
   [[nodiscard]] MembershipEvent event_of(const loop::Stamp& stamp, const loop::Participant& peer,
                                          Time now) const;
+  void react(MembershipReaction what, const loop::Stamp& stamp, const loop::Participant& peer,
+             std::string_view sender, std::optional<Time> lived, Time now);
   [[nodiscard]] bool in_own_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
   [[nodiscard]] MembershipEvent event_of_roster(const loop::Participant& peer) const;
   [[nodiscard]] bool may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const;

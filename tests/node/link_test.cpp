@@ -4,8 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <vector>
 
 #include "diagnostics/failure.h"
+#include "tests/support/in_memory.h"
 
 namespace tachless::node {
 namespace {
@@ -59,6 +64,71 @@ TEST(KeyCheck, IsContentOnceAnAnnouncementHasVerified) {
   KeyCheck check(loop::Role::controller, true);
   check.accepted();
   EXPECT_EQ(said(check, true, 100, start + 1h), "");
+}
+
+/// A link that waits for the others, and another process on its channel.
+class ALink : public testing::Test {
+ protected:
+  ALink() {
+    link_.on_session([this](const bus::Datagram&) { ++recorded_; });
+    other_->subscribe("ARM_PARTICIPANT");
+  }
+
+  static experiment::Scenario scenario() {
+    experiment::Scenario scenario;
+    scenario.robot.channel_prefix = "ARM";
+    scenario.loop.give_up_s = 5;
+    return scenario;
+  }
+  static Link::Config config() {
+    Link::Config config;
+    config.role = loop::Role::logger;
+    config.instance = 4;
+    return config;
+  }
+  void send(std::span<const std::byte> payload) {
+    other_->publish("ARM_PARTICIPANT", payload);
+    EXPECT_TRUE(link_.receive(Time()));
+  }
+
+  bus::InMemoryNetwork network_;
+  std::unique_ptr<bus::Transport> own_ = network_.connect("own");
+  std::unique_ptr<bus::Transport> other_ = network_.connect("other");
+  experiment::Scenario scenario_ = scenario();
+  Link link_{scenario_, *own_, config()};
+  bus::Codec<loop::Participant> codec_{loop::Layout{}};
+  int recorded_ = 0;
+};
+
+TEST_F(ALink, ShowsNothingThatDoesNotDecodeToTheHandlerOfAnnouncements) {
+  send(std::vector<std::byte>(60'000, std::byte{0x5a}));
+  send({});
+  EXPECT_EQ(recorded_, 0);
+  EXPECT_EQ(link_.statistics().rejected.total(), 2);
+}
+
+TEST_F(ALink, ShowsNothingThatAnswersNoneOfItsAnnouncements) {
+  loop::Participant old = the_plant();
+  old.instance = 11;
+  for (old.counter = 1; old.counter <= 100; ++old.counter) send(codec_.encode({0, 7, -1}, old));
+  EXPECT_EQ(recorded_, 0);
+}
+
+TEST_F(ALink, ShowsTheAnnouncementsOfThePlantThatItHasJoined) {
+  link_.poll(loop::Clock::now());
+  const auto asked = other_->receive(Time());
+  ASSERT_TRUE(asked);
+  loop::Stamp stamp;
+  loop::Participant logger;
+  ASSERT_EQ(codec_.decode(asked->payload, stamp, logger), bus::Rejection::none);
+  loop::Participant plant = the_plant();
+  plant.instance = 1;
+  plant.counter = 1;
+  plant.heard_instance = {0, 0, 0, logger.instance};
+  plant.heard_counter = {0, 0, 0, logger.counter};
+  send(codec_.encode({0, 7, -1}, plant));
+  EXPECT_EQ(recorded_, 1);
+  EXPECT_EQ(link_.run(), 7);
 }
 
 }  // namespace

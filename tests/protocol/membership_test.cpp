@@ -380,6 +380,39 @@ TEST_F(ARunningMembership, YieldsToNobodyOutsideItsRun) {
   EXPECT_EQ(text(plant), "");
 }
 
+TEST_F(ARunningMembership, YieldsToNoRivalThatOnlyClaimsARoster) {
+  auto said = plant.announce(network.now());
+  said.participant.instance = 0x5eed;
+  said.participant.roster = {0x5eed, 2, 3, 4};
+  for (const std::int64_t utime : {std::int64_t{0}, loop::Stamp::max_utime}) {
+    said.stamp.utime = utime;
+    answer(said, plant, network.now());
+    EXPECT_FALSE(plant.handle(said.stamp, said.participant, "somebody", network.now()));
+    EXPECT_EQ(text(plant), "") << utime;
+  }
+}
+
+TEST_F(ARunningMembership, BelievesOnlyMembersThatAnswerWithSomethingNew) {
+  const auto believed = [&](const Membership::Announcement& said) {
+    return logger.handle(said.stamp, said.participant, "controller3", network.now());
+  };
+  auto said = controller.announce(network.now());
+  answer(said, logger, network.now());
+  EXPECT_TRUE(believed(said));
+  EXPECT_FALSE(believed(said)) << "a copy";
+  ++said.participant.counter;
+  said.participant.heard_instance = {11, 12, 13, 14};
+  EXPECT_FALSE(believed(said)) << "it answers a logger of an earlier session";
+  said.participant.state = ParticipantState::fault;
+  ++said.participant.counter;
+  EXPECT_FALSE(believed(said)) << "a recorded end";
+  EXPECT_EQ(text(logger), "");
+  said.participant.state = ParticipantState::running;
+  said.participant.instance = 0x5eed;
+  answer(said, logger, network.now());
+  EXPECT_FALSE(believed(said)) << "no member";
+}
+
 TEST_F(ARunningMembership, EndsWhenAllHaveFinished) {
   for (auto* each : {&reference, &controller, &logger}) each->complete();
   plant.finished(network.now());
@@ -703,6 +736,20 @@ TEST(AMembership, DoesNotCountItsOwnSuspensionAsSilence) {
   for (auto now = awake; now < awake + 6s; now += 100ms) plant.poll(now);
   ASSERT_TRUE(plant.failure());
   EXPECT_EQ(plant.failure()->code(), diagnostics::ExitCode::peer_lost);
+}
+
+TEST(AMembership, AnswersNewcomersAtMostOnceInTenMilliseconds) {
+  Network network;
+  auto& plant = network.start(Role::plant, 1);
+  plant.announce(network.now());
+  Membership::Announcement outsider;
+  outsider.participant.role = Role::logger;
+  outsider.participant.scenario_digest = 5;
+  for (int i = 0; i < 1000; ++i) {
+    outsider.participant.instance = 1000 + i;
+    plant.handle(outsider.stamp, outsider.participant, "flood", network.now());
+  }
+  EXPECT_EQ(plant.next_announcement(), network.now() + 10ms);
 }
 
 TEST(AMembership, RemembersABoundedNumberOfProcesses) {
