@@ -12,9 +12,8 @@
 #include <vector>
 
 #include "bus/wire.h"
-#include "controller/recorded_inputs.h"
 #include "diagnostics/logging.h"
-#include "node/session.h"
+#include "node/link.h"
 #include "protocol/lockstep/responders.h"
 #include "protocol/realtime/realtime.h"
 
@@ -28,7 +27,7 @@ using protocol::lockstep::Verdict;
 using protocol::realtime::CommandPicker;
 
 /// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
-/// tick, in step with the bytes that protocol/ keeps. Preallocated.
+/// tick. Preallocated.
 template <class Value>
 struct Input : bus::Port<Value> {
   struct Message {
@@ -41,9 +40,6 @@ struct Input : bus::Port<Value> {
   explicit Input(bus::Port<Value> port) : bus::Port<Value>(std::move(port)) {}
 
   Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
-  bool decode(std::span<const std::byte> bytes) {
-    return this->codec.decode(bytes, newest.stamp, newest.value) == bus::Rejection::none;
-  }
 };
 
 protocol::lockstep::LawInput input_of(Role from) {
@@ -52,7 +48,7 @@ protocol::lockstep::LawInput input_of(Role from) {
 }
 
 /// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
-/// and state. Knows not which tick is due.
+/// and state. Does not know which tick is due.
 class Node {
  public:
   Node(const Node&) = delete;
@@ -60,8 +56,8 @@ class Node {
   virtual ~Node() = default;
 
  protected:
-  Node(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
-      : session_(session),
+  Node(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link)
+      : link_(link),
         law_(std::move(law)),
         info_(law_info(*law_)),
         prefix_(scenario.robot.channel_prefix),
@@ -76,15 +72,13 @@ class Node {
 
   /// What becomes of a sound message of this run, before it is counted and kept.
   virtual Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) = 0;
-  /// Who sent the input that is kept for `tick`.
-  [[nodiscard]] virtual std::string_view sender_of(Role from, std::int64_t tick) const = 0;
   /// Does what follows from it.
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
 
   void join() {
     diagnostics::log_detail("law {}, measures {}, publishes its signals {}", info_.name,
                             info_.measurement, info_.signals);
-    session_.join(info_, {});
+    link_.join(info_, {});
   }
 
   /// Steps the law over `tick`, whose inputs have been kept, and publishes command and state.
@@ -92,23 +86,23 @@ class Node {
   Outcome compute(std::int64_t tick) {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
-    const loop::Stamp stamp{asked.utime, session_.run(), tick};
+    const loop::Stamp stamp{asked.utime, link_.run(), tick};
     const Outcome outcome = law_->advance(tick, measurement, reference_.at(tick).value);
     command_bytes_ = command_.codec.encode(stamp, outcome.command);
-    session_.transport().publish(command_.channel, command_bytes_);
+    link_.transport().publish(command_.channel, command_bytes_);
     state_bytes_ = state_.codec.encode(stamp, outcome.signals);
-    session_.transport().publish(state_.channel, state_bytes_);
+    link_.transport().publish(state_.channel, state_bytes_);
 
     // stableNorm: the squares of a finite error may overflow. So may its norm, of several joints.
     const auto& signals = outcome.signals;
     const double error_norm = signals.num > 0 ? signals.value[0].stableNorm() : 0;
-    session_.progressed(tick, std::min(error_norm, std::numeric_limits<double>::max()));
-    session_.statistics().ticks = tick + 1;
-    session_.statistics().work_us.add(Clock::now() - begin);
+    link_.progressed(tick, std::min(error_norm, std::numeric_limits<double>::max()));
+    link_.statistics().ticks = tick + 1;
+    link_.statistics().work_us.add(Clock::now() - begin);
     return outcome;
   }
 
-  node::Session& session_;
+  node::Link& link_;
   ScenarioLaw law_;
   loop::LawInfo info_;
   std::string prefix_;  ///< of the robot's channels
@@ -122,12 +116,12 @@ class Node {
  private:
   template <class Value>
   void receive(Input<Value>& input, Role from) {
-    session_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
+    link_.on(input.channel, [this, &input, from](const bus::Datagram& datagram) {
       auto& newest = input.newest;
-      if (!session_.accept(input.codec, datagram, newest.stamp, newest.value)) return;
+      if (!link_.accept(input.codec, datagram, newest.stamp, newest.value)) return;
       const std::int64_t tick = newest.stamp.tick;
       const Verdict verdict = judge(from, tick, datagram);
-      session_.count(verdict, from, datagram, tick, [&] { return sender_of(from, tick); });
+      link_.count(verdict, from, datagram, tick);
       if (verdict == Verdict::fresh) input.at(tick) = newest;
       act(from, tick, verdict);
     });
@@ -137,72 +131,35 @@ class Node {
 /// Lockstep: every tick once, in order.
 class LockstepNode final : public Node {
  public:
-  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
-      : Node(scenario, std::move(law), session),
-        responder_(scenario.loop.num_ticks,
-                   {measurement_.codec.longest(), reference_.codec.longest(),
-                    command_.codec.longest(), state_.codec.longest()}) {}
+  LockstepNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link)
+      : Node(scenario, std::move(law), link),
+        responder_(scenario.loop.num_ticks, command_.codec.longest(), state_.codec.longest()) {}
 
-  /// `log`: of a run under way, to be resumed.
-  void run(const std::optional<std::filesystem::path>& log) {
+  void run() {
     join();
-    if (log) resume(*log);
-    session_.run_until_finished([this](auto) { return responder_.all_computed(); });
-    session_.leave();
+    link_.run_until_finished([this](auto) { return responder_.all_computed(); });
+    link_.leave();
   }
 
  private:
   using Action = CommandResponder::Action;
 
-  /// Rebuilds the law's memory from the run's inputs in the log; what came after them the plant
-  /// asks again.
-  void resume(const std::filesystem::path& log) {
-    constexpr std::int64_t ticks_alone = 256;  // between two looks at the bus
-    RecordedInputs inputs(log, measurement_.channel, reference_.channel, session_.run());
-    while (const auto tick = inputs.next()) {
-      if (!measurement_.decode(tick->measurement) || !reference_.decode(tick->reference)) {
-        throw inputs.unusable(fmt::format("tick {} is damaged", tick->tick));
-      }
-      law_->advance(tick->tick, measurement_.newest.value, reference_.newest.value);
-      session_.progressed(tick->tick);
-      session_.statistics().ticks = tick->tick + 1;
-      if (tick->tick % ticks_alone == 0) session_.handle_pending();
-    }
-    session_.handle_pending();
-    const std::int64_t begun = session_.tick_of(Role::plant) + 1;
-    if (begun >= inputs.next_tick() + CommandResponder::reach) {
-      throw inputs.unusable(
-          fmt::format("it ends before tick {}, the run is at tick {}, and no more than {} ticks "
-                      "can be asked again",
-                      inputs.next_tick(), begun, CommandResponder::reach));
-    }
-    responder_.resume(inputs.next_tick());
-    diagnostics::log_info("resumed run {} at tick {}", session_.run(), inputs.next_tick());
-  }
-
   Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
-    const auto answer =
-        responder_.on_input(input_of(from), tick, datagram.payload, datagram.sender);
+    const auto answer = responder_.on_input(input_of(from), tick, datagram.payload);
     action_ = answer.action;
     return answer.verdict;
   }
 
-  [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
-    return responder_.sender_of(input_of(from), tick);
-  }
-
   void act(Role from, std::int64_t tick, Verdict verdict) override {
     const bool asked = verdict == Verdict::fresh || verdict == Verdict::repeated;
-    if (from == Role::plant && asked) session_.started(Clock::now());
+    if (from == Role::plant && asked) link_.started(Clock::now());
     if (action_ == Action::compute) {
-      do {
-        compute(responder_.next());
-        responder_.computed(command_bytes_, state_bytes_);
-      } while (responder_.ready());
+      compute(responder_.next());
+      responder_.computed(command_bytes_, state_bytes_);
     } else if (action_ == Action::repeat) {
-      session_.transport().publish(command_.channel, responder_.command(tick));
-      session_.transport().publish(state_.channel, responder_.state(tick));
-      session_.statistics().resends += 2;
+      link_.transport().publish(command_.channel, responder_.command(tick));
+      link_.transport().publish(state_.channel, responder_.state(tick));
+      link_.statistics().resends += 2;
     }
   }
 
@@ -211,46 +168,42 @@ class LockstepNode final : public Node {
 };
 
 /// Realtime: acts on the newest measurement whose reference is there. What was lost is passed over,
-/// and the law told so (`AnyLaw`); never silently: gaps are counted, and reported at the end.
+/// by the law too (`AnyLaw`); never silently: gaps are counted, and reported at the end.
 class RealtimeNode final : public Node {
  public:
-  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session)
-      : Node(scenario, std::move(law), session),
-        picker_(scenario.loop.num_ticks, measurement_.codec.longest(), reference_.codec.longest()),
+  RealtimeNode(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link)
+      : Node(scenario, std::move(law), link),
+        picker_(scenario.loop.num_ticks),
         pace_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1) {}
 
   void run() {
     join();
     try {
-      session_.run_until_finished(
+      link_.run_until_finished(
           [this](Clock::time_point now) { return pace_.over(acted_, last_tick_, now); });
     } catch (const diagnostics::Failure&) {
-      tell_gaps();
+      report_gaps();
       throw;
     }
-    session_.leave();
+    link_.leave();
     count_gap(last_tick_ - acted_);  // the ticks that it never got to, since the run is over
-    tell_gaps();
+    report_gaps();
   }
 
  private:
   Verdict judge(Role from, std::int64_t tick, const bus::Datagram& datagram) override {
     // A reference is a tick ahead.
     const std::int64_t begun = from == Role::plant ? tick : std::max<std::int64_t>(tick - 1, 0);
-    if (!pace_.possible(begun, Clock::now()) && !session_.knows(datagram.sender)) {
+    if (!pace_.possible(begun, Clock::now()) && !link_.membership().knows(datagram.sender)) {
       return Verdict::not_asked;
     }
-    return picker_.on_input(input_of(from), tick, datagram.payload, datagram.sender);
-  }
-
-  [[nodiscard]] std::string_view sender_of(Role from, std::int64_t tick) const override {
-    return picker_.sender_of(input_of(from), tick);
+    return picker_.on_input(input_of(from), tick, datagram.payload);
   }
 
   void act(Role from, std::int64_t /*tick*/, Verdict verdict) override {
     if (verdict != Verdict::fresh) return;
-    if (from == Role::plant) session_.started(Clock::now());
+    if (from == Role::plant) link_.started(Clock::now());
     const auto due = picker_.due();
     if (!due) return;
     const auto outcome = compute(*due);
@@ -260,14 +213,14 @@ class RealtimeNode final : public Node {
     statistics().restarts += outcome.restarted ? 1 : 0;
   }
 
-  node::ControllerStatistics& statistics() { return session_.statistics().controller(); }
+  node::ControllerStatistics& statistics() { return link_.statistics().controller(); }
 
   void count_gap(std::int64_t ticks) {
     statistics().gaps += ticks > 0 ? 1 : 0;
     statistics().skipped_ticks += ticks;
   }
 
-  void tell_gaps() {
+  void report_gaps() {
     const node::ControllerStatistics& counted = statistics();
     if (counted.gaps == 0) return;
     const std::string restarts =
@@ -288,12 +241,11 @@ class RealtimeNode final : public Node {
 
 }  // namespace
 
-void run_node(const experiment::Scenario& scenario, ScenarioLaw law, node::Session& session,
-              const std::optional<std::filesystem::path>& resume) {
+void run_node(const experiment::Scenario& scenario, ScenarioLaw law, node::Link& link) {
   if (scenario.loop.mode == experiment::Mode::realtime) {
-    RealtimeNode(scenario, std::move(law), session).run();
+    RealtimeNode(scenario, std::move(law), link).run();
   } else {
-    LockstepNode(scenario, std::move(law), session).run(resume);
+    LockstepNode(scenario, std::move(law), link).run();
   }
 }
 

@@ -44,10 +44,10 @@ int controller::run_program(int argc, const char* const* argv, const MakeLaw& ma
       serve_law(*options.serve, make_law);
       return diagnostics::ExitCode::done;
     }
-    const auto run = [&](const experiment::Scenario& scenario, node::Session& session) {
-      run_node(scenario, make_law(scenario), session, options.resume);
-    };
-    return node::run_role(role, options, run, run);
+    return node::run_role(role, options,
+                          [&](const experiment::Scenario& scenario, node::Link& link) {
+                            run_node(scenario, make_law(scenario), link);
+                          });
   });
 }
 

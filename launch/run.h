@@ -37,7 +37,6 @@ struct RunOptions {
   std::string placement = "auto";  ///< see choose_placement
   std::string law_program;  ///< shell command of the program with the law; empty: none of its own
   std::string measurement;  ///< that `law_program` is fed with, where the scenario does not say
-  std::string restart;      ///< the process to start again when a signal kills it; empty: none
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure

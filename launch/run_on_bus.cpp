@@ -134,13 +134,8 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
           controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
-    Process process{
-        std::string(loop::name(role)), std::move(command), {}, robot.placement.cpus_of(role)};
-    if (process.name == options.restart) {
-      process.restart = process.command;
-      process.restart.insert(process.restart.end(), {"--resume", log});
-    }
-    all.push_back(std::move(process));
+    all.push_back(
+        {std::string(loop::name(role)), std::move(command), robot.placement.cpus_of(role)});
   }
   return all;
 }
@@ -170,11 +165,6 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
   }
   options.on_line = [&](std::string_view name, std::string_view line) {
     screen.pass_on(robot.options.named(""), name, line);
-  };
-  options.on_restart = [&](std::string_view name, const std::string& how) {
-    screen.clear();
-    diagnostics::log_warning(robot.options.named(
-        fmt::format("{}; another {} has been started in its place", how, name)));
   };
   options.on_wake = [&, own] {
     robot.heartbeats.read_into(progress[own]);

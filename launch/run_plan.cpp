@@ -28,7 +28,6 @@ namespace fs = std::filesystem;
 
 constexpr double many_integrator_steps = 100;
 // From a controller's death until another one has taken its place, on a busy machine.
-constexpr double takeover_s = 2;
 
 /// Whether the four programs of each of `runs` can open what they need.
 void require_open_files(std::size_t runs) {
@@ -57,18 +56,6 @@ std::string measurement_wanted(const RunOptions& options) {
 
 void require_fitting_mode(const RunOptions& options, const experiment::Scenario& scenario) {
   const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
-  if (!options.restart.empty() && !lockstep) {
-    throw diagnostics::bad_usage(
-        "{}: --restart {}: a realtime run does not wait for another controller: the robot is "
-        "stopped; leave --restart out, or take --mode lockstep",
-        scenario.source, options.restart);
-  }
-  if (!options.restart.empty() && scenario.loop.give_up_s < takeover_s) {
-    throw diagnostics::bad_usage(
-        "{}: --restart {}: loop.give_up_s is {:g} s; allowed: {:g} s and more, for so long may it "
-        "take until another one has taken its place",
-        scenario.source, options.restart, scenario.loop.give_up_s, takeover_s);
-  }
   if (options.in_process && !lockstep) {
     throw diagnostics::bad_usage(
         "{}: --in-process: loop.mode is realtime, and in one process there is no clock to keep; "

@@ -167,21 +167,7 @@ class Run {
     ProcessEnd& end = result_.ends[i];
     static_cast<process::End&>(end) = *how;
     end.on_order = sent_ != 0;
-    const bool may_restart = !processes_[i].restart.empty() &&
-                             end.restarts < Process::most_restarts && sent_ == 0 && !clean_end_ &&
-                             !result_.culprit;
-    end.signal != 0 && may_restart ? restart(i) : note_end(i);
-  }
-
-  void restart(std::size_t i) {
-    ProcessEnd& end = result_.ends[i];
-    const std::string how = describe(end);
-    ProcessEnd fresh;
-    fresh.name = end.name;
-    fresh.restarts = end.restarts + 1;
-    end = std::move(fresh);
-    children_[i] = process::start(processes_[i].restart, mask_, processes_[i].cpus);
-    if (options_.on_restart) options_.on_restart(end.name, how);
+    note_end(i);
   }
 
   /// The first that fails is to blame, but of a victim and another one the other.
@@ -283,9 +269,6 @@ std::string describe(const ProcessEnd& end) {
     text += " " + process::text(end);
   }
   if (end.signal != 0 && end.on_order) text += " because it did not end on SIGTERM";
-  if (end.restarts > 0) {
-    text += fmt::format(", after {} restart{}", end.restarts, end.restarts == 1 ? "" : "s");
-  }
   const std::string& words = told ? end.cause : end.last_line;
   if (!words.empty()) text += (end.well() ? ", saying: " : ": ") + words;
   return text;

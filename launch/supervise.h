@@ -19,11 +19,7 @@ namespace tachless::launch {
 struct Process {
   std::string name;                  ///< for people: "controller"
   std::vector<std::string> command;  ///< program (a path) and arguments
-  /// What to start in its place when a signal kills it (not when it ends by itself: then it has
-  /// said why), `most_restarts` times at most; empty: its death ends the run.
-  std::vector<std::string> restart = {};
-  std::vector<int> cpus = {};  ///< on which it may execute; empty: as this process
-  static constexpr int most_restarts = 5;
+  std::vector<int> cpus = {};        ///< on which it may execute; empty: as this process
 };
 
 /// How a process ended.
@@ -33,14 +29,11 @@ struct ProcessEnd : process::End {
   bool overdue = false;   ///< it was still running long after another had ended well
   std::string last_line;  ///< the last line it wrote
   std::string cause;      ///< why it ended, from its error line, without mark and program's name
-  int restarts = 0;       ///< before this end
 };
 
 /// How to supervise: callbacks, and how long to wait before ending what does not end by itself.
 struct SuperviseOptions {
   std::function<void(std::string_view name, std::string_view line)> on_line;
-  /// A process was killed, as `how` says, and another has been started in its place.
-  std::function<void(std::string_view name, const std::string& how)> on_restart;
   std::function<void()> on_wake;             ///< called at least every 50 ms
   std::chrono::milliseconds grace{300};      ///< from the first failure to SIGTERM for the others
   std::chrono::milliseconds patience{1000};  ///< from SIGTERM to SIGKILL

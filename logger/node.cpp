@@ -18,7 +18,8 @@
 #include "logger/log_file.h"
 #include "logger/run_messages.h"
 #include "logger/tick_tally.h"
-#include "node/session.h"
+#include "node/link.h"
+#include "node/run_info.h"
 #include "protocol/lockstep/log_window.h"
 #include "protocol/realtime/realtime.h"
 
@@ -39,7 +40,7 @@ constexpr int silence = 5;
 constexpr int silence_of_a_failing_plant = 15;
 constexpr auto longest_conclusion = 1500ms;
 
-/// Who publishes the messages of a slot.
+/// The role that publishes the messages of a slot.
 loop::Role role_of(Slot slot) {
   switch (slot) {
     case Slot::reference:
@@ -53,26 +54,22 @@ loop::Role role_of(Slot slot) {
 }
 
 /// What recording has in common in both modes: joins, checks every message of the run before it
-/// goes on, takes RUN_INFO, closes the log in every case. The log of a run that has failed ends
-/// with the announcement of the fault that ended it: a member's, or this process's own. Does not
-/// know which message is due.
+/// goes on, writes RUN_INFO before the first of them, closes the log in every case. The log of a
+/// run that has failed ends with the announcement of the fault that ended it: a member's, or this
+/// process's own. Does not know which message is due.
 class Recorder {
  public:
   Recorder(const experiment::Scenario& scenario, node::Link& link,
            const std::filesystem::path& log_path)
-      : link_(link),
+      : scenario_(scenario),
+        link_(link),
         messages_(scenario),
         file_(log_path),
         ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)) {
-    link_.on_session([this](const bus::Datagram& datagram) {
+    link_.on_announcement([this](const bus::Datagram& datagram) {
       keep_fault(datagram);
       on_participant(datagram);
     });
-    link_.on(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix),
-             [this](const bus::Datagram& datagram) {
-               on_run_info(datagram);
-               after_message();
-             });
     for (const Slot slot : loop::all_slots) {
       if (!messages_.channel(slot).empty()) record(slot);
     }
@@ -86,6 +83,10 @@ class Recorder {
   void run() {
     try {
       link_.join({}, {});
+      // An unknown measurement is refused by the plant. Before this process confirms the roster, so
+      // before the first measurement.
+      law_ = link_.membership().law();
+      if (messages_.select_measurement(law_.measurement)) record(Slot::measurement);
       link_.run_until_finished([this](Clock::time_point now) { return complete(now); },
                                [this](Clock::time_point now) {
                                  file_.flush_if_due(now);
@@ -104,8 +105,6 @@ class Recorder {
   }
 
  protected:
-  /// Another copy of RUN_INFO, or the first.
-  virtual Verdict take_run_info(bool same) = 0;
   virtual void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
   /// A participant's announcement.
   virtual void on_participant(const bus::Datagram& /*datagram*/) {}
@@ -118,12 +117,10 @@ class Recorder {
   /// The time of an event that belongs to no tick.
   [[nodiscard]] virtual std::int64_t utime() const = 0;
 
-  /// As Session::count; but once the run has failed a conflict is no news: what comes is recorded.
-  template <class FirstSender>
-  void count(Verdict verdict, loop::Role from, const bus::Datagram& datagram, std::int64_t tick,
-             FirstSender first_sender) {
+  /// As Link::count; but once the run has failed a conflict is no news: what comes is recorded.
+  void count(Verdict verdict, loop::Role from, const bus::Datagram& datagram, std::int64_t tick) {
     if (concluding_) return link_.count(verdict);
-    link_.count(verdict, from, datagram, tick, first_sender);
+    link_.count(verdict, from, datagram, tick);
   }
   void append(std::int64_t utime, std::string_view channel, std::span<const std::byte> data) {
     file_.append(utime, channel, data);
@@ -134,9 +131,11 @@ class Recorder {
                               ack_codec_.encode({0, link_.run(), tick}, loop::LogAck{missing}));
   }
 
+  const experiment::Scenario& scenario_;
   node::Link& link_;
   RunMessages messages_;
   LogWriter file_;
+  bool introduced_ = false;  ///< the log has RUN_INFO
   bool concluding_ = false;  ///< the run has failed
 
  private:
@@ -144,36 +143,19 @@ class Recorder {
     link_.on(messages_.channel(slot), [this, slot](const bus::Datagram& datagram) {
       loop::Stamp stamp;
       const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
-      if (link_.accept(rejection, stamp)) on_message(slot, stamp, datagram);
+      if (!link_.accept(rejection, stamp)) return;
+      introduce();
+      on_message(slot, stamp, datagram);
       after_message();
     });
   }
 
-  void on_run_info(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
-    loop::RunInfo info;
-    node::Statistics& statistics = link_.statistics();
-    if (!link_.accept(run_info_codec_, datagram, stamp, info)) return;
-    if (stamp.tick != -1) return statistics.rejected.add(node::Discard::not_asked);
-    const bool first = run_info_.empty();
-    if (first && !messages_.select_measurement(info.measurement)) {
-      return statistics.rejected.add(bus::Rejection::bad_value);
-    }
-    const bool same = std::ranges::equal(run_info_, datagram.payload);
-    const Verdict verdict = take_run_info(first || same);
-    if (verdict == Verdict::conflicting) {
-      count(verdict, loop::Role::plant, datagram, stamp.tick, [this] { return run_info_sender_; });
-    }
-    if (!first) {
-      ++statistics.duplicates;
-      return;
-    }
-    run_info_.assign(datagram.payload.begin(), datagram.payload.end());
-    run_info_sender_ = datagram.sender;
-    // Before the acknowledgement, and so before the first measurement.
-    record(Slot::measurement);
+  /// Before the first message of the run.
+  void introduce() {
+    if (std::exchange(introduced_, true)) return;
     link_.started(Clock::now());
-    append(stamp.utime, datagram.channel, run_info_);
+    append(0, loop::channel<loop::RunInfo>(scenario_.robot.channel_prefix),
+           node::run_info(scenario_, link_.run(), law_));
   }
 
   /// The first announcement of a fault after which this process has to end is the cause.
@@ -197,7 +179,7 @@ class Recorder {
         concluding_ = true;
         conclude(false);
       }
-      if (!run_info_.empty()) append(utime(), link_.channel(), fault_);
+      if (introduced_) append(utime(), link_.channel(), fault_);
     } catch (const diagnostics::Failure&) {
       // The first failure is the one to tell.
     }
@@ -211,11 +193,9 @@ class Recorder {
   }
 
   std::string ack_channel_;
-  bus::Codec<loop::RunInfo> run_info_codec_{loop::Layout{}};
   bus::Codec<loop::LogAck> ack_codec_{loop::Layout{}};
   bus::Codec<loop::Participant> participant_codec_{loop::Layout{}};
-  std::vector<std::byte> run_info_;
-  std::string run_info_sender_;
+  loop::LawInfo law_;             ///< the controller's
   bool whole_ = false;            ///< every tick is on the disk
   std::vector<std::byte> fault_;  ///< announcement of the member's fault that has ended it, if any
 };
@@ -230,11 +210,9 @@ class LockstepRecorder final : public Recorder {
       : Recorder(scenario, link, log_path), window_(scenario.loop.num_ticks, messages_.longest()) {}
 
  private:
-  Verdict take_run_info(bool same) override { return window_.on_run_info(same); }
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
-    const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload, datagram.sender);
-    count(verdict, role_of(slot), datagram, stamp.tick,
-          [&] { return window_.sender(stamp.tick, slot); });
+    const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload);
+    count(verdict, role_of(slot), datagram, stamp.tick);
   }
   void after_message() override {
     write_complete_ticks();
@@ -254,16 +232,11 @@ class LockstepRecorder final : public Recorder {
   void write_complete_ticks() {
     while (const auto tick = window_.complete_tick()) {
       const auto begin = Clock::now();
-      loop::Stamp stamp;
-      if (messages_.check(Slot::tick, window_.bytes(*tick, Slot::tick), stamp) !=
-          bus::Rejection::none) {
-        throw std::logic_error("a kept message has changed");
-      }
+      utime_ = bus::stamp_of(window_.bytes(*tick, Slot::tick)).utime;
       for (const Slot slot : loop::all_slots) {
-        append(stamp.utime, messages_.channel(slot), window_.bytes(*tick, slot));
+        append(utime_, messages_.channel(slot), window_.bytes(*tick, slot));
       }
       truth_digest_.add(window_.bytes(*tick, Slot::truth));
-      utime_ = stamp.utime;
       window_.written();
       link_.progressed(*tick);
       link_.statistics().ticks = *tick + 1;
@@ -272,13 +245,12 @@ class LockstepRecorder final : public Recorder {
     }
   }
 
-  /// A stranger's TRUTH contradicts the plant's own, and is noticed by that, unless that one is
-  /// lost.
+  /// A forged TRUTH contradicts the plant's own, and is noticed by that, unless that one is lost.
   void compare_truth() {
     if (link_.membership().truth_digest() == truth_digest_.value()) return;
     throw diagnostics::Failure(
         diagnostics::ExitCode::protocol_violated,
-        "what is recorded on {} is not what {} has published: somebody else has published there "
+        "what is recorded on {} is not what {} has published: another process has published there "
         "too; find it with `tachless watch`, or use a key (--key-file)",
         messages_.channel(Slot::truth), link_.describe(loop::Role::plant));
   }
@@ -301,17 +273,10 @@ class RealtimeRecorder final : public Recorder {
         tally_(scenario.loop.num_ticks) {}
 
  private:
-  Verdict take_run_info(bool same) override {
-    if (!same) return Verdict::conflicting;
-    introduced_ = true;
-    acknowledgement_due_ = true;
-    return Verdict::fresh;
-  }
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
     const auto begin = Clock::now();
     const std::int64_t ahead = slot == Slot::reference && stamp.tick > 0 ? 1 : 0;
-    if (!introduced_ ||
-        (!pace_.possible(stamp.tick - ahead, begin) && !link_.knows(datagram.sender))) {
+    if (!pace_.possible(stamp.tick - ahead, begin) && !link_.membership().knows(datagram.sender)) {
       return link_.count(Verdict::not_asked);
     }
     const Verdict verdict = tally_.on_message(slot, stamp.tick, datagram.payload);
@@ -320,8 +285,7 @@ class RealtimeRecorder final : public Recorder {
       append(since_start(begin), datagram.channel, datagram.payload);
     }
     if (verdict != Verdict::fresh) {
-      return count(verdict, role_of(slot), datagram, stamp.tick,
-                   [] { return "an earlier sender"; });
+      return count(verdict, role_of(slot), datagram, stamp.tick);
     }
     if (!start_) start_ = begin - std::chrono::microseconds(stamp.utime);
     append(since_start(begin), datagram.channel, datagram.payload);
@@ -334,10 +298,7 @@ class RealtimeRecorder final : public Recorder {
     // RUN_INFO comes first, so that a log begins with what explains it.
     if (introduced_) append(utime(), datagram.channel, datagram.payload);
   }
-  void after_message() override {
-    // Not before the measurement is subscribed to: the plant starts at once.
-    if (std::exchange(acknowledgement_due_, false)) acknowledge(-1, 0);
-  }
+  void after_message() override {}
   [[nodiscard]] bool complete(Clock::time_point now) const override {
     return pace_.over(tally_.newest(), num_ticks_ - 1, now);
   }
@@ -370,8 +331,6 @@ class RealtimeRecorder final : public Recorder {
   }
 
   std::int64_t num_ticks_;
-  bool introduced_ = false;
-  bool acknowledgement_due_ = false;
   protocol::realtime::Pace pace_;
   TickTally tally_;
   std::optional<Clock::time_point> start_;  ///< of tick 0, as seen from here

@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "diagnostics/fnv.h"
 #include "logger/tick_ranges.h"
 #include "loop/slot.h"
 #include "protocol/lockstep/message_ring.h"
@@ -40,8 +39,7 @@ class TickTally {
       entry = Entry();
       entry.tick = tick;
     }
-    const std::uint64_t digest =
-        diagnostics::fnv({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    const std::uint64_t digest = protocol::lockstep::digest_of(bytes);
     if (entry.has[index(slot)]) {
       return entry.digest[index(slot)] == digest ? Verdict::repeated : Verdict::conflicting;
     }

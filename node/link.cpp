@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <exception>
 #include <random>
 #include <vector>
 
+#include "diagnostics/current_failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "diagnostics/time.h"
@@ -17,17 +19,20 @@ namespace tachless::node {
 namespace {
 
 using namespace std::chrono_literals;
+using diagnostics::ExitCode;
 using diagnostics::Failure;
 using loop::Clock;
 using loop::Role;
 using protocol::Membership;
+using protocol::lockstep::Verdict;
 
 constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;
 constexpr auto leaving_period = 20ms;
 constexpr auto longest_leaving = 1s;
-// A last announcement that nobody waits for is repeated, some time apart: packets are lost in
-// bursts.
+// What the logger may take at the end beyond the time to give up: it records what is on its way.
+constexpr auto longest_conclusion = 2s;
+// Final announcements are not acknowledged, so several are sent, spaced out: loss is bursty.
 constexpr int last_announcements = 5;
 constexpr auto last_announcements_period = 5ms;
 
@@ -54,41 +59,63 @@ Membership::Self self_of(const experiment::Scenario& scenario, const Link::Confi
   if (config.role == Role::plant) self.run = config.run_id.value_or(since_1970 / 1us);
   if (config.wait_s > 0) self.wait_limit = diagnostics::nanoseconds_of(config.wait_s);
   self.give_up = diagnostics::nanoseconds_of(scenario.loop.give_up_s);
-  self.takeover = scenario.loop.mode == experiment::Mode::lockstep;
-  self.resumes = config.resume;
+  self.handshake = config.key.has_value();
   return self;
 }
 
 }  // namespace
 
-void KeyCheck::foreign(const bus::Stranger& stranger, Clock::time_point now) {
-  if (num_foreign_++ > 0) return;
-  since_ = now;
-  const std::string_view own = loop::name(own_role_);
-  std::string difference = fmt::format("has no key, this {}", own);
-  if (stranger.tagged) {
-    difference = fmt::format("has {} key{} this {}", has_key_ ? "another" : "a",
-                             has_key_ ? " than" : ",", own);
-  }
-  first_ = fmt::format("{} {}{}", protocol::describe(stranger.who, stranger.sender), difference,
-                       has_key_ ? "" : " has none");
-}
-
-void KeyCheck::poll(Clock::time_point now) const {
-  // No announcement that verifies among so many for so long: the keys differ.
-  if (accepted_ || num_foreign_ < 5 || now - since_ < 1500ms) return;
-  throw Failure(diagnostics::ExitCode::protocol_violated,
-                "{}; give all four programs the same --key-file (or TACHLESS_KEY_FILE)", first_);
-}
-
 Link::Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config)
-    : Session(config.role, transport, config.key, config.interrupted),
+    : transport_(transport, config.key),
+      statistics_(config.role),
+      interrupted_(config.interrupted),
       channel_(loop::channel<loop::Participant>(scenario.robot.channel_prefix)),
       self_(self_of(scenario, config)),
       codec_(loop::Layout{}),
       key_check_(config.role, config.key.has_value()) {
   membership_.emplace(self_, Clock::now());
   transport_.subscribe(channel_);
+}
+
+void Link::guard(const std::function<void()>& main) {
+  try {
+    main();
+  } catch (const std::exception&) {
+    fail(diagnostics::current_failure());
+    throw;
+  } catch (...) {  // a main catches std::exception only
+    const Failure failure = diagnostics::current_failure();
+    fail(failure);
+    throw Failure(failure);
+  }
+}
+
+void Link::fail(const Failure& failure) {
+  const auto now = Clock::now();
+  statistics_.exit_code = failure.code();
+  statistics_.fault = failure.what();
+  note_end(now);
+  try {
+    membership_->failed(failure, now);
+    announce_repeatedly();
+  } catch (const std::exception& problem) {
+    // `failure` came first and is the one to report.
+    diagnostics::log_warning("the others cannot be informed of it: {}", problem.what());
+  }
+}
+
+void Link::note_end(Time now) {
+  if (started_at_ != Time()) statistics_.wall_s = diagnostics::seconds_of(now - started_at_);
+}
+
+void Link::throw_if_interrupted() const {
+  if (interrupted_ != nullptr && *interrupted_) throw Failure(ExitCode::interrupted, "interrupted");
+}
+
+void Link::on(const std::string& channel, Handler handler) {
+  transport_.subscribe(channel);
+  diagnostics::log_detail("receives {}", channel);
+  handlers_.emplace_back(channel, std::move(handler));
 }
 
 void Link::join(const loop::LawInfo& law, const Handler& other) {
@@ -106,13 +133,7 @@ void Link::join(const loop::LawInfo& law, const Handler& other) {
     if (const auto stranger = transport_.take_stranger()) key_check_.foreign(*stranger, now);
     key_check_.poll(now);
   }
-  // Membership fails when the predecessor is heard: it is still there.
-  const auto until = Clock::now() + (self_.resumes ? Membership::takeover_after : 0ms);
-  for (auto now = Clock::now(); now < until; now = Clock::now()) {
-    poll(now);
-    if (const auto datagram = transport_.receive(std::min(until, next_poll()))) handle(*datagram);
-  }
-  statistics().run_id = run();
+  statistics_.run_id = run();
   std::vector<std::string> others;
   for (const Role role : {Role::plant, Role::reference, Role::controller, Role::logger}) {
     if (role != self_.who.role) others.push_back(describe(role));
@@ -120,32 +141,83 @@ void Link::join(const loop::LawInfo& law, const Handler& other) {
   diagnostics::log_detail("run {} on {}, with {}", run(), channel_, diagnostics::joined(others));
 }
 
-void Link::handle_pending() {
-  while (const auto datagram = transport_.receive(Clock::time_point())) handle(*datagram);
-  poll(Clock::now());
-}
-
-void Link::started(Clock::time_point now) {
+void Link::started(Time now) {
   if (membership_->running()) return;
   membership_->started(now);
-  note_start(now);
+  started_at_ = now;
 }
 
-void Link::poll(Clock::time_point now) {
+void Link::poll(Time now) {
   throw_if_interrupted();
   if (now >= next_poll()) {
     membership_->poll(now);
     if (!membership_->failure()) announce(now);
-    if (!membership_->running() && now >= next_notice_) tell_who_is_missing(now);
+    if (!membership_->running() && now >= next_notice_) name_missing(now);
   }
   if (membership_->failure()) throw Failure(*membership_->failure());
+}
+
+void Link::run_until(const std::function<bool()>& done, const Turn& turn) {
+  while (!done()) {
+    const Time now = Clock::now();
+    poll(now);
+    const Time due = turn ? turn(now) : Time::max();
+    receive(std::min(due, next_poll()));
+  }
+}
+
+void Link::run_until_finished(const std::function<bool(Time)>& all_there, const Turn& turn) {
+  run_until([this] { return membership_->plant_finished(); },
+            [&](Time now) {
+              if (all_there(now)) membership_->complete();
+              return turn ? turn(now) : Time::max();
+            });
+}
+
+bool Link::receive(Time deadline) {
+  const auto datagram = transport_.receive(deadline);
+  if (!datagram) return false;
+  const Handled handled = handle(*datagram);
+  if (handled == Handled::believed && announcement_handler_) announcement_handler_(*datagram);
+  if (handled != Handled::no) return true;
+  for (const auto& [channel, handler] : handlers_) {
+    if (channel != datagram->channel) continue;
+    handler(*datagram);
+    break;
+  }
+  return true;
+}
+
+bool Link::accept(bus::Rejection rejection, const loop::Stamp& stamp) {
+  if (rejection != bus::Rejection::none) {
+    statistics_.rejected.add(rejection);
+  } else if (stamp.run != run()) {
+    statistics_.rejected.add(Discard::other_run);
+  } else {
+    return true;
+  }
+  return false;
+}
+
+void Link::count(Verdict verdict) {
+  if (verdict == Verdict::repeated) ++statistics_.duplicates;
+  if (verdict == Verdict::not_asked) statistics_.rejected.add(Discard::not_asked);
+  if (verdict == Verdict::too_old) statistics_.rejected.add(Discard::too_old);
+}
+
+void Link::count(Verdict verdict, Role from, const bus::Datagram& datagram, std::int64_t tick) {
+  if (verdict != Verdict::conflicting) return count(verdict);
+  throw Failure(ExitCode::protocol_violated,
+                "two processes are the {} of run {}: a second, different message for tick {} came "
+                "on {} from {}; the run's own is {}, end the other",
+                loop::name(from), run(), tick, datagram.channel, datagram.sender, describe(from));
 }
 
 Link::Handled Link::handle(const bus::Datagram& datagram) {
   if (datagram.channel != channel_) return Handled::no;
   const bus::Rejection rejection = codec_.decode(datagram.payload, stamp_, peer_);
   if (rejection != bus::Rejection::none) {
-    statistics().rejected.add(rejection);
+    statistics_.rejected.add(rejection);
     return Handled::dropped;
   }
   const bool believed = membership_->handle(stamp_, peer_, datagram.sender, Clock::now());
@@ -157,7 +229,7 @@ Link::Handled Link::handle(const bus::Datagram& datagram) {
   return believed ? Handled::believed : Handled::dropped;
 }
 
-std::span<const std::byte> Link::announce(Clock::time_point now) {
+std::span<const std::byte> Link::announce(Time now) {
   const auto& announcement = membership_->announce(now);
   const auto bytes = codec_.encode(announcement.stamp, announcement.participant);
   transport_.publish(channel_, bytes);
@@ -170,22 +242,22 @@ std::span<const std::byte> Link::ending(const Failure& failure) {
   return announce(now);
 }
 
-void Link::stopping(const Failure& failure, Clock::time_point now) {
+void Link::stopping(const Failure& failure, Time now) {
   membership_->stopping(failure, now);
   announce(now);
 }
 
 void Link::announce_repeatedly() {
-  // Who was busy for long has answered announcements that are too old to count: first what waits.
+  // After a long computation the queue holds acknowledgements that are too old to count: they are
+  // handled first.
   announce(Clock::now());
-  const auto until_heard = Clock::now() + longest_leaving;
-  while (Clock::now() < until_heard) {
+  const auto until_empty = Clock::now() + longest_leaving;
+  while (Clock::now() < until_empty) {
     const auto datagram = transport_.receive(Clock::time_point());
     if (!datagram) break;
     handle(*datagram);
   }
-  // Before a run, so long that who was started at the same time can meet this process, and hear
-  // why.
+  // Before a run, long enough for a process started at the same time to learn the reason.
   const auto until = Clock::now() + (membership_->joined() ? 0ms : Membership::simultaneous);
   for (int i = 0; i < last_announcements || Clock::now() < until; ++i) {
     announce(Clock::now());
@@ -193,27 +265,29 @@ void Link::announce_repeatedly() {
   }
 }
 
-void Link::announce_fault(const Failure& failure) {
-  membership_->failed(failure, Clock::now());
-  announce_repeatedly();
-}
-
 void Link::leave() {
   const auto begin = Clock::now();
   note_end(begin);
   membership_->finished(begin);
-  // The plant ends well only when all have: it waits for who is not silent for give_up_s. The
-  // others wait until it knows of their end, which is not theirs any more; and for that of the
-  // others: the logger, which alone knows whether the log is whole, may still fail.
+  // The plant succeeds only after the others have. The others wait until it has acknowledged their
+  // end, and for the end of all: the logger, which alone knows whether the log is whole, may still
+  // fail.
   const auto over = [&] {
     if (membership_->failure()) return true;
     if (self_.who.role == Role::plant) return membership_->all_finished();
-    return (membership_->end_is_known() && membership_->all_finished()) ||
+    return (membership_->finish_acknowledged() && membership_->all_finished()) ||
            Clock::now() - begin >= longest_leaving;
   };
   while (!over()) {
     throw_if_interrupted();
     const auto now = Clock::now();
+    if (now - begin >= self_.give_up + longest_conclusion) {
+      throw Failure(ExitCode::protocol_violated,
+                    "the run is over, but {} has not finished: ticks are missing there. If another "
+                    "process has acknowledged them, find it with `tachless watch`, or use a key "
+                    "(--key-file)",
+                    membership_->unfinished());
+    }
     membership_->poll(now);
     announce(now);
     handle_until(now + leaving_period, over);
@@ -222,13 +296,13 @@ void Link::leave() {
   if (membership_->failure()) throw Failure(*membership_->failure());
 }
 
-void Link::handle_until(Clock::time_point deadline, const std::function<bool()>& over) {
+void Link::handle_until(Time deadline, const std::function<bool()>& over) {
   while (!over() && Clock::now() < deadline) {
     if (const auto datagram = transport_.receive(deadline)) handle(*datagram);
   }
 }
 
-void Link::tell_who_is_missing(Clock::time_point now) {
+void Link::name_missing(Time now) {
   next_notice_ = now + notice_period;
   const auto roles = membership_->missing();
   if (roles.empty()) return;

@@ -1,49 +1,41 @@
 #pragma once
 
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <deque>
 #include <functional>
 #include <initializer_list>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "bus/authenticated.h"
+#include "bus/wire.h"
+#include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "loop/clock.h"
 #include "loop/messages.h"
-#include "node/session.h"
+#include "node/key_check.h"
+#include "node/statistics.h"
+#include "protocol/lockstep/message_ring.h"
 #include "protocol/membership.h"
 
 namespace tachless::node {
 
-/// Notices, while a process waits for the others, that it is on a bus with another key than theirs
-/// (or that only one side has one): announcements come, and none of them verifies. Verifies nothing
-/// itself.
-class KeyCheck {
+/// One process's part in a run, with the loop that waits for messages: `on` for each channel,
+/// `join`, `run_until_finished`, then `leave`. Carries out over a transport what
+/// protocol::Membership decides: sends and decodes announcements, authenticates the bus if there is
+/// a key, names missing processes to the user. A datagram is an announcement or goes to the handler
+/// of its channel, which has it `accept`ed and passes to `count` what became of it. Knows no
+/// message but the announcements, and no tick.
+class Link {
  public:
-  KeyCheck(loop::Role own_role, bool has_key) : own_role_(own_role), has_key_(has_key) {}
+  using Time = loop::Clock::time_point;
+  using Handler = std::function<void(const bus::Datagram&)>;
 
-  /// An announcement that verified: the keys agree.
-  void accepted() { accepted_ = true; }
-  /// One that did not, though it is an announcement.
-  void foreign(const bus::Stranger& stranger, loop::Clock::time_point now);
-  /// @throw Failure(protocol_violated) when only foreign ones have been heard for 1.5 s.
-  void poll(loop::Clock::time_point now) const;
-
- private:
-  loop::Role own_role_;
-  bool has_key_;
-  bool accepted_ = false;
-  int num_foreign_ = 0;
-  std::string first_;  ///< the first foreign one, in words
-  loop::Clock::time_point since_;
-};
-
-/// One process's part in a run under way: carries out over a transport what protocol::Membership
-/// decides. Sends and decodes announcements, authenticates the bus if there is a key, tells the
-/// user who is missing. Decides nothing about who takes part.
-class Link final : public Session {
- public:
   struct Config {
     loop::Role role = loop::Role::plant;
     std::optional<std::int64_t> run_id = {};  ///< plant only; default: microseconds since 1970
@@ -52,84 +44,142 @@ class Link final : public Session {
     const std::atomic<bool>* interrupted = nullptr;
     std::int64_t instance = 0;         ///< tells two processes of one role apart; 0: a random one
     std::optional<bus::Key> key = {};  ///< of the bus
-    bool resume = false;               ///< controller only: join a run under way, to take over
   };
 
   /// Subscribes to the participants' channel.
   Link(const experiment::Scenario& scenario, bus::Transport& transport, const Config& config);
+  Link(const Link&) = delete;
+  Link& operator=(const Link&) = delete;
 
   /// What is known of the four.
   protocol::Membership& membership() { return *membership_; }
+  [[nodiscard]] std::int64_t run() const { return membership_->run(); }
+  /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"
+  [[nodiscard]] std::string describe(loop::Role role) const { return membership_->describe(role); }
+  Statistics& statistics() { return statistics_; }
 
-  void join(const loop::LawInfo& law, const Handler& other) override;
-  [[nodiscard]] std::int64_t run() const override { return membership_->run(); }
-  void started(loop::Clock::time_point now) override;
-  void poll(loop::Clock::time_point now) override;
-  [[nodiscard]] loop::Clock::time_point next_poll() const override {
-    return membership_->next_announcement();
+  /// For the node's own messages.
+  bus::Transport& transport() { return transport_; }
+  /// Channel of the announcements.
+  [[nodiscard]] const std::string& channel() const { return channel_; }
+  /// Subscribes to `channel`; its messages go to `handler` from now on, by `receive` and
+  /// `run_until` alone.
+  void on(const std::string& channel, Handler handler);
+  /// Announcements that are a member's own (protocol::Membership::handle) go to `handler`, too,
+  /// after they have been handled.
+  void on_announcement(Handler handler) { announcement_handler_ = std::move(handler); }
+
+  /// Runs `main` (the node's whole life). An exception that leaves it is noted in the statistics
+  /// and announced before it goes on.
+  void guard(const std::function<void()>& main);
+
+  /// Waits until the run is known (plant: until all are ready). `law`: controller only. `other` is
+  /// given what comes on the node's own channels meanwhile.
+  /// @throw Failure: see `poll`; refused by or refusing another; some role is missing at the end of
+  /// the wait.
+  void join(const loop::LawInfo& law, const Handler& other);
+  /// The first message of the run has been sent or accepted.
+  void started(Time now);
+
+  /// To be called at the latest at `next_poll`: announcements, faults, silence, interruption.
+  /// @throw Failure(interrupted), Failure(peer_lost, protocol_violated or protective_stop) for
+  /// another's fault, naming it.
+  void poll(Time now);
+  [[nodiscard]] Time next_poll() const { return membership_->next_announcement(); }
+
+  /// Done once each turn; returns when the next turn is due at the latest.
+  using Turn = std::function<Time(Time now)>;
+  /// Polls and handles what comes until `done`.
+  void run_until(const std::function<bool()>& done, const Turn& turn = {});
+  /// The same until the plant has finished.
+  /// @param all_there whether all ticks of this process are; before that no end is believed
+  void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
+  /// Handles one datagram, if one comes before the deadline. @return whether one did
+  bool receive(Time deadline);
+
+  enum class Handled {
+    no,        ///< another channel
+    dropped,   ///< on the announcements' channel, but no member's own announcement
+    believed,  ///< a member's own announcement
+  };
+  /// Handles the datagram if it is on the announcements' channel.
+  Handled handle(const bus::Datagram& datagram);
+
+  /// Whether the message is sound and of this run; counts it if not, and leaves `stamp` and `value`
+  /// as they are or (another run's) as they came.
+  template <class Value>
+  bool accept(const bus::Codec<Value>& codec, const bus::Datagram& datagram, loop::Stamp& stamp,
+              Value& value) {
+    return accept(codec.decode(datagram.payload, stamp, value), stamp);
   }
-  Handled handle(const bus::Datagram& datagram) override;
-  void handle_pending() override;
-  void progressed(std::int64_t tick, double error_norm = 0) override {
+  /// The same for a message that has been decoded already.
+  bool accept(bus::Rejection rejection, const loop::Stamp& stamp);
+  /// Counts what became of a message for `tick`.
+  /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
+  void count(protocol::lockstep::Verdict verdict, loop::Role from, const bus::Datagram& datagram,
+             std::int64_t tick);
+  /// The same where a conflict does not matter.
+  void count(protocol::lockstep::Verdict verdict);
+
+  /// Newest tick handled, and (controller) the norm of its position error.
+  void progressed(std::int64_t tick, double error_norm = 0) {
     membership_->progressed(tick, error_norm);
   }
-  void complete() override { membership_->complete(); }
-  [[nodiscard]] bool finished() const override { return membership_->plant_finished(); }
-  /// The plant waits until the others have finished too, or have been silent for too long; the
-  /// others until all have and the plant knows of their own end, a second at most.
-  /// @throw Failure when one of them has failed at the last moment
-  void leave() override;
+  /// This process's part is done. The plant waits until the others have finished too, for the time
+  /// to give up at most; the others until all have and the plant has acknowledged their own end, a
+  /// second at most.
+  /// @throw Failure when one of them has failed at the last moment, (protocol_violated) when the
+  /// plant waited in vain
+  void leave();
 
-  /// This process will end with `failure`, and tells the others at once, but has to bring the robot
-  /// to rest before it does.
-  void stopping(const diagnostics::Failure& failure, loop::Clock::time_point now);
-  /// This process ends with `failure`: tells the others now, though it still has to conclude, and
-  /// returns what it tells; valid until the next announcement.
+  /// This process will end with `failure`, and announces it, but first has to bring the robot to
+  /// rest.
+  void stopping(const diagnostics::Failure& failure, Time now);
+  /// This process ends with `failure`: announces it now, though it still has to conclude, and
+  /// returns the announcement; valid until the next one.
   std::span<const std::byte> ending(const diagnostics::Failure& failure);
-  /// That announcements travel on.
-  [[nodiscard]] const std::string& channel() const { return channel_; }
   /// The announcement alone, if it is due: for a process that is ending.
-  void announce_if_due(loop::Clock::time_point now) {
+  void announce_if_due(Time now) {
     if (now >= next_poll()) announce(now);
   }
 
-  [[nodiscard]] std::int64_t tick_of(loop::Role role) const override {
-    return membership_->tick_of(role);
-  }
   /// Which of these roles have been silent for a second, in words; all of them, if none has.
   [[nodiscard]] std::string silent_among(std::initializer_list<loop::Role> roles) const;
-  [[nodiscard]] std::string describe(loop::Role role) const override {
-    return membership_->describe(role);
-  }
   /// Whether a message may be the role's holder's: on a bus with a key it is one of the four's,
   /// from wherever it comes (their announcements may have been passed on by others); without one it
   /// is when it comes from the holder's address.
   [[nodiscard]] bool is_from(loop::Role role, std::string_view sender) const {
     return transport_.has_key() || membership_->is_from(role, sender);
   }
-  [[nodiscard]] bool knows(std::string_view sender) const override {
-    return membership_->knows(sender);
-  }
   /// Datagrams dropped because they did not verify under the key.
   [[nodiscard]] std::int64_t unauthenticated() const { return transport_.dropped(); }
 
  private:
-  void announce_fault(const diagnostics::Failure& failure) override;
-  std::span<const std::byte> announce(loop::Clock::time_point now);
+  void fail(const diagnostics::Failure& failure);
+  void note_end(Time now);
+  void throw_if_interrupted() const;
+  std::span<const std::byte> announce(Time now);
   void announce_repeatedly();
   /// Or until it is `over`.
-  void handle_until(loop::Clock::time_point deadline, const std::function<bool()>& over);
-  void tell_who_is_missing(loop::Clock::time_point now);
+  void handle_until(Time deadline, const std::function<bool()>& over);
+  void name_missing(Time now);
 
+  bus::Authenticated transport_;
+  Statistics statistics_;
+  const std::atomic<bool>* interrupted_;
+  Time started_at_;
+  Handler announcement_handler_;
+  // A deque: a handler may add another one while it runs.
+  std::deque<std::pair<std::string, Handler>> handlers_;
   std::string channel_;
   protocol::Membership::Self self_;
   std::optional<protocol::Membership> membership_;
   bus::Codec<loop::Participant> codec_;
-  loop::Stamp stamp_;       ///< of the last announcement heard
+  loop::Stamp stamp_;       ///< of the last announcement received
   loop::Participant peer_;  ///< its content
   KeyCheck key_check_;
   loop::PerRole entered_{};  ///< roster of the session that the bus has entered
-  loop::Clock::time_point next_notice_;
+  Time next_notice_;
 };
 
 }  // namespace tachless::node

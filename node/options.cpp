@@ -24,7 +24,7 @@ using loop::Role;
 struct Program {
   const char* name;
   const char* task;
-  const char* examples;  ///< besides those that all have; {0} is the program
+  const char* examples;  ///< in addition to those of all; {0} is the program
 };
 
 const Program& program_of(Role role) {
@@ -33,8 +33,7 @@ const Program& program_of(Role role) {
               "  {0} scenarios/practical_rigid.yaml --run-id 7 --wait-s 10\n"},
       Program{"tachless-reference", "Generates the reference of a scenario, one tick ahead.", ""},
       Program{"tachless-controller", "Runs the control law of a scenario.",
-              "  {0} scenarios/practical_rigid.yaml --follow 7\n"
-              "  {0} scenarios/paper_rigid.yaml --resume out/paper_rigid/lcmlog\n"},
+              "  {0} scenarios/practical_rigid.yaml --wait-s 10\n"},
       Program{"tachless-logger", "Records the run of a scenario without a gap.",
               "  {0} scenarios/practical_rigid.yaml --out-log out/lcmlog\n"}};
   return programs.at(static_cast<std::size_t>(role));
@@ -60,14 +59,6 @@ void add_role_options(CLI::App& cli, Role role, ProcessOptions& options) {
                              "Positive number in every message of the run; default: the time"));
   }
   if (role == Role::controller) {
-    CLI::Option* follow = as_run_id(
-        cli.add_option("--follow", options.follow,
-                       "Join nobody: answer the measurements and references of this run, which "
-                       "lcm-logplayer plays back; end with the run's last tick"));
-    cli.add_option("--resume", options.resume,
-                   "Take the place of the lockstep run's controller, which has died: go through "
-                   "the run's log, as far as it is, and on from there")
-        ->excludes(follow);
     // For `tachless replay` and `tachless run --in-process`; not in --help.
     cli.add_option("--serve", options.serve)->group("");
   }
@@ -168,7 +159,7 @@ void add_key_file(CLI::App& command, std::string& path) {
   command
       .add_option("--key-file", path,
                   "Key of the bus, the same for all: 32 random bytes or 64 hexadecimal digits; "
-                  "only who has it is heard")
+                  "messages without it are ignored")
       ->envname("TACHLESS_KEY_FILE")
       ->check([](const std::string& value) {
         return value.empty() ? "empty; name the key's file, or leave --key-file out"
@@ -200,12 +191,6 @@ std::optional<ProcessOptions> parse_process_options(Role role, int argc, const c
   }
   if (!std::isfinite(options.wait_s)) {  // CLI::Range lets NaN through
     throw bad_usage("--wait-s: not a number; allowed: 0 (unlimited) to 1e6 s");
-  }
-  if (options.resume && options.resume->empty()) options.resume.reset();
-  if (options.follow && !options.key_path.empty()) {
-    throw bad_usage(
-        "--follow: what is played back does not verify under a key; unset --key-file and "
-        "TACHLESS_KEY_FILE");
   }
   if (role == Role::logger && options.log_path.empty()) options.log_path = default_log_path();
   return options;

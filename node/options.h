@@ -55,7 +55,7 @@ void add_key_file(CLI::App& command, std::string& path);
 /// For an option that is a run's id: a positive number. @return the same option
 CLI::Option* as_run_id(CLI::Option* option);
 
-/// What the four programs are told; what only one of them has says which.
+/// Options of the four programs; options of one program name it.
 struct ProcessOptions {
   std::filesystem::path scenario_path;
   std::vector<std::string> overrides;  ///< of --set, in order; for load_scenario
@@ -66,8 +66,6 @@ struct ProcessOptions {
   diagnostics::Verbosity verbosity = diagnostics::Verbosity::normal;
   diagnostics::Marks marks = diagnostics::Marks::none;  ///< --mark-levels, for who reads the lines
   std::optional<std::int64_t> run_id;                   ///< plant: > 0
-  std::optional<std::int64_t> follow;                   ///< controller: the run that is played back
-  std::optional<std::filesystem::path> resume;  ///< controller: log of the run to take over in
   std::optional<int> serve;  ///< controller: descriptor of the socket to answer on, without a bus
   std::filesystem::path log_path;  ///< logger: --out-log, else the next free default name
 };

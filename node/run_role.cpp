@@ -88,23 +88,18 @@ Link::Config link_config(loop::Role role, const ProcessOptions& options,
   diagnostics::log_detail(
       config.key ? fmt::format("messages have the tag of the key in {}", options.key_path)
                  : "messages have no tag: no --key-file");
-  config.resume = options.resume.has_value();
   return config;
 }
 
 }  // namespace
 
-ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain& main,
-                  const PlaybackMain& playback) {
+ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain& main) {
   const std::atomic<bool>& interrupted = process::catch_interruptions();
   process::survive_file_size_limit();
   std::optional<bus::UdpTransport> bus;
   std::optional<Link> link;
-  std::optional<Playback> played;
   Statistics early(role);  // of a process that does not get as far as a session
-  const auto statistics = [&]() -> Statistics& {
-    return link ? link->statistics() : played ? played->statistics() : early;
-  };
+  const auto statistics = [&]() -> Statistics& { return link ? link->statistics() : early; };
   const auto report = [&] {
     report_unsent(bus);
     if (link) statistics().rejected.add(Discard::unauthenticated, link->unauthenticated());
@@ -113,24 +108,10 @@ ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain
   try {
     const experiment::Scenario scenario =
         experiment::load_scenario(find_scenario(options.scenario_path), options.overrides);
-    const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
-    if (options.resume && realtime) {
-      throw diagnostics::bad_usage(
-          "--resume: a realtime run does not wait for another controller: the robot is stopped; "
-          "start a new run");
-    }
     open_bus(bus, options, role, scenario);
-    if (options.follow) {
-      played.emplace(scenario, *bus, *options.follow, options.wait_s, &interrupted);
-    } else {
-      link.emplace(scenario, *bus, link_config(role, options, interrupted));
-    }
-    if (realtime) request_real_time(role);
-    if (played) {
-      played->guard([&] { playback(scenario, *played); });
-    } else {
-      link->guard([&] { main(scenario, *link); });
-    }
+    link.emplace(scenario, *bus, link_config(role, options, interrupted));
+    if (scenario.loop.mode == experiment::Mode::realtime) request_real_time(role);
+    link->guard([&] { main(scenario, *link); });
   } catch (const Failure& failure) {
     statistics().exit_code = failure.code();
     statistics().fault = failure.what();

@@ -9,16 +9,14 @@
 
 namespace tachless::node {
 
-/// What one role does in a run under way, and (controller) in one that is played back.
+/// What one role does in a run.
 using RoleMain = std::function<void(const experiment::Scenario&, Link&)>;
-using PlaybackMain = std::function<void(const experiment::Scenario&, Playback&)>;
 
 /// The life of one of the four processes: loads the scenario, catches interruptions, opens the bus,
 /// runs the role, writes the statistics (in every case, when asked for). Knows no role's work.
-/// @param playback in place of `main` with --follow; only a controller has that option
 /// @throw Failure for everything that ends the role early, and for the fault that the role has
 /// noted in its statistics though it came to its end.
-diagnostics::ExitCode run_role(loop::Role role, const ProcessOptions& options, const RoleMain& main,
-                               const PlaybackMain& playback = {});
+diagnostics::ExitCode run_role(loop::Role role, const ProcessOptions& options,
+                               const RoleMain& main);
 
 }  // namespace tachless::node

@@ -16,7 +16,7 @@
 #include "loop/messages.h"
 
 /// What each of the four programs counts during a run, and its file (--stats): written and read
-/// here, so that nobody else knows the keys. The counters mean nothing for the loop itself.
+/// here, so that the keys stand in one place. The counters mean nothing for the loop itself.
 namespace tachless::node {
 
 /// Durations in buckets of a fixed relative width (16 an octave, so 6 %): constant memory, `add`
@@ -84,7 +84,7 @@ class RejectionTally {
 };
 
 struct PlantStatistics {
-  LatencyHistogram round_trip_us;  ///< lockstep: from a tick's first question to its command
+  LatencyHistogram round_trip_us;  ///< lockstep: from a tick's first request to its command
   /// Realtime: from a tick's deadline to the begin of its work, from the measurement to its
   /// command.
   LatencyHistogram wake_up_jitter_us, command_age_us;
@@ -93,7 +93,6 @@ struct PlantStatistics {
   /// Realtime: ticks that ended without their command, most in a row, and commands that came after
   /// their tick.
   std::int64_t missed_commands = 0, longest_command_miss = 0, late_commands = 0;
-  std::int64_t takeovers = 0;                 ///< lockstep: controllers that replaced one that died
   std::vector<std::int64_t> saturated_ticks;  ///< per joint
   /// Per joint: ticks outside of its range or faster than its limit, with plant.on_limit: warn.
   std::vector<std::int64_t> beyond_limit_ticks;
@@ -117,7 +116,7 @@ struct LoggerStatistics {
   Log log;
 };
 
-/// Head: what every program counts; `own`: what its role counts besides.
+/// Head: what every program counts; `own`: what its role counts in addition.
 struct Statistics {
   explicit Statistics(loop::Role of = loop::Role::plant) : role(of) {
     if (of == loop::Role::reference) own.emplace<ReferenceStatistics>();

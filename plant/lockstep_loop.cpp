@@ -33,7 +33,8 @@ class LockstepLoop : PlantLoop {
  public:
   LockstepLoop(const experiment::Scenario& scenario, node::Link& link)
       : PlantLoop(scenario, link),
-        tick_master_(tick_master_config(scenario), command_port_.codec.longest()) {
+        ack_port_(bus::port<loop::LogAck>(prefix_, layout_)),
+        tick_master_(tick_master_config(scenario)) {
     link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
     link_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
   }
@@ -43,10 +44,9 @@ class LockstepLoop : PlantLoop {
     prepare();
     sent_.emplace(std::array{tick_port_.codec.longest(), measurement_port_->codec.longest(),
                              truth_port_.codec.longest()});
-    introduce();
+    link_.started(Clock::now());
     link_.run_until([this] { return tick_master_.finished(); },
                     [this](Time now) {
-                      help_successor(now);
                       repeat(now);
                       if (tick_master_.may_begin()) begin_tick();
                       give_up_if_lost(now);
@@ -57,43 +57,19 @@ class LockstepLoop : PlantLoop {
   }
 
  private:
-  void introduce() {
-    const auto now = Clock::now();
-    link_.started(now);
-    link_.poll(now);
-    publish_run_info();
-    tick_master_.introduced(now);
-  }
-
-  /// Another controller may take over from one that has died. It rebuilds the law's memory and is
-  /// asked again what the log does not hold yet.
-  void help_successor(Time now) {
-    std::int64_t& takeovers = link_.statistics().plant().takeovers;
-    if (link_.membership().takeovers() > takeovers) {
-      takeovers = link_.membership().takeovers();
-      tick_master_.replaced(now);
-      diagnostics::log_warning(
-          "{} has taken the place of one that is silent, before the command for tick {}",
-          link_.describe(Role::controller), tick_master_.next_tick());
-    }
-    if (tick_master_.catching_up()) tick_master_.successor_at(link_.tick_of(Role::controller), now);
-  }
-
   void begin_tick() {
     const std::int64_t k = tick_master_.next_tick();
-    const Question question = publish_question(stamp(k));
-    tick_master_.asked(question.asked);
-    sent_->put(k, measurement_kind, question.measurement);
-    sent_->put(k, tick_kind, question.tick);
+    const Request request = publish_request(stamp(k));
+    tick_master_.asked(request.sent);
+    sent_->put(k, measurement_kind, request.measurement);
+    sent_->put(k, tick_kind, request.tick);
   }
 
   void on_command(const bus::Datagram& datagram) {
     loop::Stamp stamp;
     if (!accept_command(datagram, stamp)) return;
-    const Verdict verdict =
-        tick_master_.on_command(stamp.tick, datagram.payload, datagram.sender, Clock::now());
-    link_.count(verdict, Role::controller, datagram, stamp.tick,
-                [&] { return tick_master_.sender_of(stamp.tick); });
+    const Verdict verdict = tick_master_.on_command(stamp.tick, datagram.payload, Clock::now());
+    link_.count(verdict, Role::controller, datagram, stamp.tick);
     if (verdict != Verdict::fresh) return;
     link_.statistics().plant().round_trip_us.add(tick_master_.round_trip());
     end_tick();
@@ -102,7 +78,10 @@ class LockstepLoop : PlantLoop {
   void on_ack(const bus::Datagram& datagram) {
     loop::Stamp stamp;
     loop::LogAck ack;
-    if (!accept_ack(datagram, stamp, ack)) return;
+    if (!link_.accept(ack_port_.codec, datagram, stamp, ack)) return;
+    if (!link_.is_from(Role::logger, datagram.sender)) {
+      return link_.statistics().rejected.add(node::Discard::other_sender);
+    }
     link_.count(tick_master_.on_ack(stamp.tick, ack.missing, Clock::now()));
   }
 
@@ -121,11 +100,6 @@ class LockstepLoop : PlantLoop {
   void repeat(Time now) {
     std::int64_t& resends = link_.statistics().resends;
     while (const auto repeat = tick_master_.next_repeat(now)) {
-      if (repeat->what == Repeated::run_info) {
-        publish_run_info();
-        ++resends;
-        continue;
-      }
       const std::int64_t k = repeat->tick;
       link_.transport().publish(tick_port_.channel, sent_->bytes(k, tick_kind));
       link_.transport().publish(measurement_port_->channel, sent_->bytes(k, measurement_kind));
@@ -139,32 +113,29 @@ class LockstepLoop : PlantLoop {
 
   void give_up_if_lost(Time now) const {
     if (!tick_master_.given_up(now)) return;
-    std::string who;
+    std::string missing;
     std::string what;
     switch (tick_master_.waiting()) {
-      case TickMaster::Waiting::nobody:
+      case TickMaster::Waiting::nothing:
         return;
       case TickMaster::Waiting::command:
-        who = link_.silent_among({Role::controller, Role::reference});
+        missing = link_.silent_among({Role::controller, Role::reference});
         what = fmt::format("no command for tick {}", tick_master_.next_tick());
-        break;
-      case TickMaster::Waiting::logger_for_run_info:
-        who = link_.describe(Role::logger);
-        what = "RUN_INFO is not acknowledged";
         break;
       case TickMaster::Waiting::logger_for_window:
       case TickMaster::Waiting::logger_for_end:
-        who = tick_master_.logger_heard()
-                  ? link_.silent_among({Role::controller, Role::reference, Role::logger})
-                  : link_.describe(Role::logger);
+        missing = tick_master_.logger_heard()
+                      ? link_.silent_among({Role::controller, Role::reference, Role::logger})
+                      : link_.describe(Role::logger);
         what = fmt::format("tick {} is not recorded", tick_master_.acknowledged() + 1);
         break;
     }
     throw diagnostics::Failure(diagnostics::ExitCode::peer_lost,
                                "{} for {:.3g} s: lost is {}; see its output (loop.give_up_s)", what,
-                               scenario_.loop.give_up_s, who);
+                               scenario_.loop.give_up_s, missing);
   }
 
+  bus::Port<loop::LogAck> ack_port_;
   TickMaster tick_master_;
   bus::Digest truth_digest_;
   std::optional<protocol::lockstep::MessageRing> sent_;  // sized when the measurement is known

@@ -4,6 +4,7 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
+#include "node/run_info.h"
 #include "plant/node.h"
 #include "plant/run_messages.h"
 
@@ -23,9 +24,7 @@ PlantLoop::PlantLoop(const experiment::Scenario& scenario, node::Link& link, Rob
       layout_(loop::layout(scenario.num_joints, scenario.robot.flexible.has_value())),
       tick_port_(bus::port<loop::Tick>(prefix_, layout_)),
       command_port_(bus::port<loop::TorqueCommand>(prefix_, layout_)),
-      truth_port_(bus::port<loop::truth::PlantTruth>(prefix_, layout_)),
-      ack_port_(bus::port<loop::LogAck>(prefix_, layout_)),
-      run_info_channel_(loop::channel<loop::RunInfo>(prefix_)) {
+      truth_port_(bus::port<loop::truth::PlantTruth>(prefix_, layout_)) {
   const auto num_joints = static_cast<std::size_t>(scenario.num_joints);
   link_.statistics().plant().saturated_ticks.assign(num_joints, 0);
   link_.statistics().plant().beyond_limit_ticks.assign(num_joints, 0);
@@ -38,7 +37,8 @@ void PlantLoop::prepare() {
   measurement_port_.emplace(bus::Port<loop::AnyMeasurement>{loop::channel(prefix_, law.measurement),
                                                             {law.measurement, layout_}});
   diagnostics::log_detail("the law measures {}", law.measurement);
-  run_info_ = plant::run_info(scenario_, link_.run(), law);
+  link_.transport().publish(loop::channel<loop::RunInfo>(prefix_),
+                            node::run_info(scenario_, link_.run(), law));
 }
 
 loop::Stamp PlantLoop::stamp(std::int64_t tick) const {
@@ -46,17 +46,17 @@ loop::Stamp PlantLoop::stamp(std::int64_t tick) const {
   return {std::llround(time_s * 1e6), link_.run(), tick};
 }
 
-PlantLoop::Question PlantLoop::publish_question(const loop::Stamp& tick_stamp) {
+PlantLoop::Request PlantLoop::publish_request(const loop::Stamp& tick_stamp) {
   const std::int64_t k = tick_stamp.tick;
   robot_.read(k);
-  Question question;
-  question.measurement = measurement_port_->codec.encode(stamp(k), robot_.measure(k));
-  question.asked = loop::Clock::now();
+  Request request;
+  request.measurement = measurement_port_->codec.encode(stamp(k), robot_.measure(k));
+  request.sent = loop::Clock::now();
   // First: the command waits for it.
-  link_.transport().publish(measurement_port_->channel, question.measurement);
-  question.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
-  link_.transport().publish(tick_port_.channel, question.tick);
-  return question;
+  link_.transport().publish(measurement_port_->channel, request.measurement);
+  request.tick = tick_port_.codec.encode(tick_stamp, {.last = k + 1 == scenario_.loop.num_ticks});
+  link_.transport().publish(tick_port_.channel, request.tick);
+  return request;
 }
 
 PlantLoop::Bytes PlantLoop::publish_truth(std::int64_t tick, loop::truth::DriveFault fault) {
@@ -92,13 +92,6 @@ bool PlantLoop::accept_command(const bus::Datagram& datagram, loop::Stamp& stamp
     }
   }
   return link_.accept(rejection, stamp);
-}
-
-bool PlantLoop::accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack) {
-  if (!link_.accept(ack_port_.codec, datagram, stamp, ack)) return false;
-  if (link_.is_from(loop::Role::logger, datagram.sender)) return true;
-  link_.statistics().rejected.add(node::Discard::other_sender);
-  return false;
 }
 
 void run_node(const experiment::Scenario& scenario, node::Link& link) {

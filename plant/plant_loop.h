@@ -5,7 +5,6 @@
 #include <optional>
 #include <span>
 #include <string>
-#include <vector>
 
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
@@ -13,7 +12,6 @@
 #include "loop/clock.h"
 #include "loop/messages.h"
 #include "node/link.h"
-#include "node/session.h"
 #include "plant/guarded_robot.h"
 #include "plant/robot_driver.h"
 
@@ -29,23 +27,23 @@ class PlantLoop {
   /// @param driver a real robot's, which outlives this; the scenario is emulated when null
   PlantLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver = nullptr);
 
-  /// Once the others have joined: chooses the measurement, writes RUN_INFO.
-  /// @throw diagnostics::Failure(bad_usage) when the robot does not measure what the law needs or
-  /// RUN_INFO is too long, (protocol_violated) when there is no such measurement.
+  /// Once the others have joined: chooses the measurement, publishes RUN_INFO, once: the logger
+  /// writes its own, this one is for lcm-logger.
+  /// @throw diagnostics::Failure(bad_usage) when the robot does not measure what the law needs,
+  /// (protocol_violated) when there is no such measurement.
   void prepare();
 
   /// The moment t_k = k h of this run, not accumulated.
   [[nodiscard]] loop::Stamp stamp(std::int64_t tick) const;
 
-  void publish_run_info() { link_.transport().publish(run_info_channel_, run_info_); }
-  struct Question {
-    Time asked;
+  struct Request {
+    Time sent;
     Bytes measurement, tick;
   };
   /// Reads the robot and publishes its measurement and TICK with that stamp. The bytes are valid
   /// until the next call.
   /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
-  Question publish_question(const loop::Stamp& tick_stamp);
+  Request publish_request(const loop::Stamp& tick_stamp);
   /// Publishes the robot's state at the beginning of the tick and the torque over it. Counts
   /// saturation, so once a tick. @return the bytes, valid until the next call
   /// @throw diagnostics::Failure(protective_stop) when the state is not finite.
@@ -57,9 +55,6 @@ class PlantLoop {
   /// @throw diagnostics::Failure(protective_stop) when this run's controller commands a torque that
   /// is not finite. (Anybody else's is dropped.)
   bool accept_command(const bus::Datagram& datagram, loop::Stamp& stamp);
-  /// Whether it is an acknowledgement of this run, from the address of the logger that has joined;
-  /// counts it if not.
-  bool accept_ack(const bus::Datagram& datagram, loop::Stamp& stamp, loop::LogAck& ack);
 
   const experiment::Scenario& scenario_;
   node::Link& link_;
@@ -69,13 +64,8 @@ class PlantLoop {
   bus::Port<loop::Tick> tick_port_;
   bus::Port<loop::TorqueCommand> command_port_;
   bus::Port<loop::truth::PlantTruth> truth_port_;
-  bus::Port<loop::LogAck> ack_port_;
   std::optional<bus::Port<loop::AnyMeasurement>> measurement_port_;  ///< prepared
   loop::TorqueCommand command_;
-
- private:
-  std::string run_info_channel_;
-  std::vector<std::byte> run_info_;
 };
 
 /// In simulation time: the plant advances only with the command for this tick. Joins, runs all

@@ -25,8 +25,7 @@ using loop::Role;
 using loop::truth::DriveFault;
 using protocol::lockstep::Verdict;
 
-constexpr auto introduction_period = 20ms;
-// From the logger's acknowledgement to the first tick.
+// From the last confirmation of the roster to the first tick.
 constexpr auto lead_in = 5ms;
 // A flood of datagrams must not delay the next tick.
 constexpr int most_at_once = 64;
@@ -38,10 +37,8 @@ double milliseconds(std::chrono::nanoseconds duration) {
 class RealtimeLoop : PlantLoop {
  public:
   RealtimeLoop(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver)
-      : PlantLoop(scenario, link, driver),
-        commands_(scenario.loop.max_missed, command_port_.codec.longest()) {
+      : PlantLoop(scenario, link, driver), commands_(scenario.loop.max_missed) {
     link_.on(command_port_.channel, [this](const auto& each) { on_command(each); });
-    link_.on(ack_port_.channel, [this](const auto& each) { on_ack(each); });
   }
 
   void run() {
@@ -49,7 +46,7 @@ class RealtimeLoop : PlantLoop {
       if (datagram.channel == command_port_.channel) refuse_early(datagram);
     });
     prepare();
-    introduce();
+    link_.started(Clock::now());
     try {
       robot_.start();
       start();
@@ -107,34 +104,6 @@ class RealtimeLoop : PlantLoop {
                   datagram.channel, datagram.sender, bus::stamp_of(datagram.payload).run);
   }
 
-  void introduce() {
-    const auto begin = Clock::now();
-    const auto give_up_at = begin + nanoseconds_of(scenario_.loop.give_up_s);
-    auto repeat_at = begin;
-    link_.started(begin);
-    link_.run_until([this] { return acknowledged_; },
-                    [&](Time now) {
-                      if (now >= give_up_at) {
-                        throw Failure(
-                            ExitCode::peer_lost,
-                            "{} does not acknowledge RUN_INFO; see its output (loop.give_up_s)",
-                            link_.describe(Role::logger));
-                      }
-                      if (now >= repeat_at) {
-                        publish_run_info();
-                        if (repeat_at != begin) ++link_.statistics().resends;
-                        repeat_at = now + introduction_period;
-                      }
-                      return repeat_at;
-                    });
-  }
-
-  void on_ack(const bus::Datagram& datagram) {
-    loop::Stamp stamp;
-    loop::LogAck ack;
-    acknowledged_ = acknowledged_ || accept_ack(datagram, stamp, ack);
-  }
-
   void start() {
     start_ = Clock::now() + lead_in;
     commanded_at_ = start_;
@@ -169,7 +138,7 @@ class RealtimeLoop : PlantLoop {
     commands_.begin(tick_);
     loop::Stamp tick_stamp = stamp(tick_);
     tick_stamp.utime = (now - start_) / 1us;
-    asked_ = publish_question(tick_stamp).asked;
+    asked_ = publish_request(tick_stamp).sent;
   }
 
   void act(DriveFault fault) {
@@ -212,13 +181,12 @@ class RealtimeLoop : PlantLoop {
     loop::Stamp stamp;
     if (!accept_command(datagram, stamp)) return;
     node::PlantStatistics& statistics = link_.statistics().plant();
-    const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload, datagram.sender);
+    const Verdict verdict = commands_.on_command(stamp.tick, datagram.payload);
     if (verdict == Verdict::too_old) {
       ++statistics.late_commands;
       return;
     }
-    link_.count(verdict, Role::controller, datagram, stamp.tick,
-                [&] { return commands_.sender_of(stamp.tick); });
+    link_.count(verdict, Role::controller, datagram, stamp.tick);
     if (verdict != Verdict::fresh) return;
     statistics.command_age_us.add(Clock::now() - asked_);
     robot_.accept(command_);
@@ -288,13 +256,12 @@ class RealtimeLoop : PlantLoop {
   }
 
   protocol::realtime::MissedCommandMonitor commands_;
-  bool acknowledged_ = false;  ///< RUN_INFO, by the logger
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
   Time asked_;         ///< when the measurement of tick_ was published
   Time commanded_at_;  ///< when the drives last got a torque that had come
   std::int64_t tick_ = -1;
-  bool begun_ = false;  ///< the question of tick_ has been published
+  bool begun_ = false;  ///< the request of tick_ has been published
   bool acted_ = false;  ///< the torque over tick_ is decided, and its TRUTH published
   bool held_ = false;   ///< the command of the last tick is missing
   std::int64_t late_in_a_row_ = 0;

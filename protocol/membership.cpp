@@ -47,7 +47,7 @@ Failure consequence_of(const Peers::Peer& failed) {
   }
   const std::string& fault = failed.participant.fault;
   return {code, "ended because of {}: {}", describe(failed),
-          fault.empty() ? "it does not say why" : fault};
+          fault.empty() ? "no reason given" : fault};
 }
 
 Failure other_scenario(const Peers::Peer& other, const loop::Participant& own) {
@@ -71,10 +71,10 @@ Membership::Membership(const Self& self, Time now)
       announced_(now - period),
       polled_(now),
       run_(self.run),
-      peers_(self.who.role, self.who.instance),
+      peers_(self.who.role, self.who.instance, self.handshake),
       announcement_{{}, self.who} {
   if ((own_role() == Role::plant) != (self.run > 0)) {
-    throw std::logic_error("a run is chosen by the plant and by nobody else");
+    throw std::logic_error("the plant, and no other role, chooses the run");
   }
 }
 
@@ -84,33 +84,22 @@ bool Membership::in_own_run(const loop::Stamp& stamp, const loop::Participant& p
   return in_run && stamp.run == run_ && (known == 0 || known == peer.instance);
 }
 
-bool Membership::may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const {
-  return self_.takeover && peer.role == Role::controller && stamp.run == run_ &&
-         peer.scenario_digest == self_.who.scenario_digest && holder(peer.role) != peer.instance;
-}
-
-Event Membership::event_of(const loop::Stamp& stamp, const loop::Participant& peer,
-                           Time now) const {
+Event Membership::event_of(const loop::Stamp& stamp, const loop::Participant& peer) const {
   const bool same_role = peer.role == own_role();
-  const bool own_scenario = peer.scenario_digest == self_.who.scenario_digest;
+  const bool foreign = !same_role && peer.scenario_digest != self_.who.scenario_digest;
+  const std::int64_t known = holder(peer.role);
   if (is_over(peer.state)) {
     if (!same_role && in_own_run(stamp, peer)) {
       if (peer.state == ParticipantState::fault) return Event::member_failed;
-      if (complete_) return Event::member_finished;
-      return watches(peer.role) ? Event::early_finish : Event::departure;
+      // It is not over while ticks are missing here: it may be that another process announces it.
+      return complete_ ? Event::member_finished : Event::peer;
     }
-    if (!joined_ && holder(peer.role) == peer.instance) return Event::holder_gone;
-    if (is_bad_usage(peer) && !same_role && !own_scenario) return Event::refusal;
-    const bool successor = own_role() == Role::plant && may_take_over(stamp, peer);
-    return is_bad_usage(peer) && successor ? Event::failed_successor : Event::departure;
+    if (!joined_ && known == peer.instance) return Event::holder_gone;
+    return is_bad_usage(peer) && foreign ? Event::foreign_scenario : Event::departure;
   }
-  if (same_role) return stamp.run == run_ ? Event::rival : Event::rival_elsewhere;
-  if (!own_scenario) return Event::foreign_scenario;
-  const std::int64_t known = holder(peer.role);
-  if (known == 0 || known == peer.instance) return event_of_roster(peer);
-  const auto silent = silence(peer.role, now);
-  const bool free = !silent || *silent >= takeover_after;
-  return may_take_over(stamp, peer) && free ? Event::successor : Event::newcomer;
+  if (same_role) return Event::rival;
+  if (foreign) return Event::foreign_scenario;
+  return known == 0 || known == peer.instance ? event_of_roster(peer) : Event::peer;
 }
 
 Event Membership::event_of_roster(const loop::Participant& peer) const {
@@ -120,21 +109,16 @@ Event Membership::event_of_roster(const loop::Participant& peer) const {
   if (peer.role != Role::plant || !names_roster(peer)) return Event::peer;
   // Before the run begins the plant may choose anew.
   const bool with_self =
-      running() ? peer.roster == roster_
-                : self_.resumes || peer.roster[index(own_role())] == self_.who.instance;
+      running() ? peer.roster == roster_ : peer.roster[index(own_role())] == self_.who.instance;
   return with_self ? Event::roster : Event::other_roster;
 }
 
 bool Membership::handle(const loop::Stamp& stamp, const loop::Participant& peer,
                         std::string_view sender, Time now) {
   if (peer.instance == self_.who.instance || !peers_.is_new(peer)) return false;
-  const auto lived = peers_.answered(peer);
-  if (!lived && is_over(peer.state)) return false;  // nobody is there to be asked
-  const Event event = lived ? event_of(stamp, peer, now) : Event::unproven;
-  if (lived && holder(peer.role) == peer.instance) {  // it is still there, and not over
-    if (!is_over(state_) && peer.role == Role::controller) failed_successor_.reset();
-    if (!is_over(peer.state)) early_finish_[index(peer.role)].reset();
-  }
+  const auto lived = peers_.answered(peer, now);
+  if (!lived && is_over(peer.state)) return false;  // no process is there to be asked
+  const Event event = lived ? event_of(stamp, peer) : Event::unproven;
   react(reaction(event, state_), stamp, peer, sender, lived, now);
   return lived && peer.instance == holder(peer.role);
 }
@@ -146,9 +130,6 @@ void Membership::react(Reaction what, const loop::Stamp& stamp, const loop::Part
       return;
     case Reaction::dissolve:
       return dissolve(now);
-    case Reaction::keep_failure:
-      failed_successor_ = consequence_of({peer, stamp.run, stamp.tick, std::string(sender)});
-      return peers_.forget(peer.instance);
     case Reaction::forget:
       return peers_.forget(peer.instance);
     default:
@@ -178,23 +159,13 @@ void Membership::react(Reaction what, const loop::Stamp& stamp, const loop::Part
       return announce_soon(now);
     case Reaction::refuse:
       return fail(other_scenario(from, self_.who), now, true);
-    case Reaction::take_over:
-      peers_.set_holder(peer.role, peer.instance);
-      failed_successor_.reset();
-      ++takeovers_;
-      return;
     case Reaction::note_finished:
       done_[index(peer.role)] = true;
       return;
-    case Reaction::doubt: {
-      auto& since = early_finish_[index(peer.role)];
-      since = since.value_or(now);
-      return;
-    }
     case Reaction::follow:
       return fail(consequence_of(from), now);
     default:
-      return;  // challenge, observe: it is remembered
+      return;  // observe: it is remembered
   }
 }
 
@@ -234,12 +205,10 @@ void Membership::join(const Peer& peer, Time now) {
   if (own_role() == Role::plant) return choose_roster(now);
   const loop::Participant& who = peer.participant;
   // A plant that has a roster begins, or has begun, with other processes.
-  const bool late = names_roster(who) && !self_.resumes;
-  if (who.role != Role::plant || peer.run <= 0 || late) return;
+  if (who.role != Role::plant || peer.run <= 0 || names_roster(who)) return;
   run_ = peer.run;
   peers_.set_holder(Role::plant, who.instance);
   enter(ParticipantState::ready, now);
-  if (names_roster(who)) take_roster(who.roster, now);
 }
 
 void Membership::choose_roster(Time now) {
@@ -263,6 +232,12 @@ void Membership::choose_roster(Time now) {
 
 void Membership::take_roster(const loop::PerRole& roster, Time now) {
   if (joined_ && roster == roster_) return;
+  const bool known = std::ranges::all_of(all_roles, [&](Role role) {
+    return role == own_role() || std::ranges::any_of(peers_.all(), [&](const Peer& each) {
+             return each.lived && each.participant.instance == roster[index(role)];
+           });
+  });
+  if (!known) return;
   roster_ = roster;
   for (const Role role : all_roles) {
     if (role != own_role()) peers_.set_holder(role, roster[index(role)]);
@@ -271,7 +246,7 @@ void Membership::take_roster(const loop::PerRole& roster, Time now) {
   announce_at_ = now;
 }
 
-/// Those who have confirmed it are ready, and take another.
+/// Members that have confirmed it are ready, and take another.
 void Membership::dissolve(Time now) {
   for (const Role role : all_roles) peers_.set_holder(role, 0);
   roster_ = {};
@@ -283,7 +258,7 @@ void Membership::dissolve(Time now) {
 bool Membership::precedes(const loop::Stamp& stamp, const Peer& rival, Time now) const {
   // Once joined, the roster names the process of this role; what a rival claims counts nothing.
   if (joined_ && roster_[index(own_role())] == self_.who.instance) return false;
-  // A member of a run never yields to a process that is not in it.
+  // A process in a roster does not yield to one that is in none.
   const auto rank = [](ParticipantState state, bool in_roster) {
     return state == ParticipantState::running ? 2 : in_roster ? 1 : 0;
   };
@@ -300,12 +275,7 @@ bool Membership::precedes(const loop::Stamp& stamp, const Peer& rival, Time now)
 
 void Membership::poll(Time now) {
   const auto passed = now - std::exchange(polled_, now);
-  if (passed > 3 * period) {
-    peers_.excuse(passed - period);
-    for (auto& since : early_finish_) {
-      if (since) *since += passed - period;
-    }
-  }
+  if (passed > 3 * period) peers_.excuse(passed - period);
   const auto matters = [&](Event event) { return reaction(event, state_) != Reaction::ignore; };
   for (const Role role : all_roles) {
     if (!watches(role)) continue;
@@ -314,21 +284,12 @@ void Membership::poll(Time now) {
     if (begins && silent && *silent >= forgotten_after && matters(Event::holder_gone)) {
       return dissolve(now);
     }
-    const auto& finish = early_finish_[index(role)];
-    if (finish && now - *finish >= finish_stands_after && matters(Event::finish_stands)) {
-      if (!complete_) return act(Event::finish_stands, now, incomplete(role));
-      done_[index(role)] = true;  // it was early then, and may not be said again
-      return;
-    }
     if (!silent || *silent < self_.give_up || !matters(Event::holder_silent)) continue;
     return act(Event::holder_silent, now,
                Failure(ExitCode::peer_lost,
                        "{} has been silent for {:.3g} s; it has died or cannot be reached: see its "
                        "output",
                        describe(role), diagnostics::seconds_of(self_.give_up)));
-  }
-  if (failed_successor_ && silence(Role::controller, now) >= takeover_after) {
-    return act(Event::takeover_failed, now, failed_successor_);
   }
   peers_.forget_silent(now);
   if (matters(Event::wait_over) && self_.wait_limit && now - start_ >= *self_.wait_limit) {
@@ -346,16 +307,15 @@ void Membership::stopping(const Failure& failure, Time now) {
   announce_at_ = now;
 }
 
-Failure Membership::incomplete(Role role) const {
-  return {
-      ExitCode::protocol_violated,
-      "{} says that it has finished, but this {} has got no further than tick {}: somebody else "
-      "has spoken for one of the run's processes; find it with `tachless watch`, or use a key "
-      "(--key-file)",
-      describe(role), loop::name(own_role()), tick_};
+std::string Membership::unfinished() const {
+  std::vector<std::string> result;
+  for (const Role role : all_roles) {
+    if (role != own_role() && !done_[index(role)]) result.push_back(describe(role));
+  }
+  return diagnostics::joined(result, " and ");
 }
 
-bool Membership::end_is_known() const {
+bool Membership::finish_acknowledged() const {
   const Peer* plant = peers_.find(Role::plant);
   if (plant == nullptr || end_counter_ == 0) return false;
   const std::size_t own = index(own_role());
@@ -391,7 +351,7 @@ const Membership::Announcement& Membership::announce(Time now) {
   mine.state = state_;
   mine.error_norm = error_norm_;
   mine.roster = roster_;
-  peers_.sign(mine, is_over(state_) && joined_, now);
+  peers_.fill_acknowledgements(mine, is_over(state_) && joined_, now);
   if (state_ == ParticipantState::finished && end_counter_ == 0) end_counter_ = mine.counter;
   // The first cause: others may have ended since.
   if (const auto& fault = stopping_ ? stopping_ : failure_; fault) {

@@ -19,23 +19,21 @@
 namespace tachless::protocol {
 
 /// Which four processes take part in a run, seen from one of them: how they find each other, agree
-/// on the run, notice each other's faults and silence, and end. Pure: announcements heard go in,
+/// on the run, notice each other's faults and silence, and end. Pure: announcements received go in,
 /// the announcement to publish comes out, time is a value. Sends and receives nothing and knows no
 /// tick protocol; what happens at which event is membership_table.h.
 ///
-/// Nothing is believed but what answers one of the last announcements of this process
+/// With the handshake only what answers one of the last announcements of this process is believed
 /// (protocol/peers.h): a recording has no effect but that its sender is named, and may answer.
+/// Without it (a bus without a key) role, instance, state and digest are believed as they come.
 ///
 /// The plant chooses the run; the others adopt it from the plant's announcement when the digests
 /// of their scenarios agree, and are then ready. When each other role has exactly one process that
-/// is ready, the plant announces the roster of the four; a member that finds itself in it confirms
-/// it by announcing it too, and has joined. The plant has joined when all three have confirmed; if
-/// one of them ends before that, it chooses anew. Of
-/// two processes with one role the later one fails (exit code 4); of two started at the same time,
-/// the one with the larger instance; who is in the roster never yields to who is not.
-///
-/// In lockstep another controller may take over from one that has died: a process that `resumes`
-/// adopts a run under way, and takes the place of a controller not heard for `takeover_after`.
+/// is ready, the plant announces the roster of the four; a member that finds itself in it, and
+/// knows the others, confirms it by announcing it too, and has joined. The plant has joined when
+/// all three have confirmed; if one of them ends before that, it chooses anew. Of two processes
+/// with one role the later one fails (exit code 4); of two started at the same time, the one with
+/// the larger instance; a process in the roster never yields to one that is not.
 class Membership {
  public:
   using Time = loop::Clock::time_point;
@@ -45,10 +43,6 @@ class Membership {
   static constexpr std::chrono::milliseconds forgotten_after = Peers::forgotten_after;
   /// Processes started within this of each other count as started at the same time.
   static constexpr std::chrono::milliseconds simultaneous{300};
-  /// A controller silent for so long may be replaced: five announcements.
-  static constexpr std::chrono::milliseconds takeover_after{500};
-  /// A holder that has not contradicted its early finish for so long has said it itself.
-  static constexpr std::chrono::milliseconds finish_stands_after{500};
 
   struct Self {
     /// What it announces of itself: role, instance, scenario_digest, pid, host, scenario and, of a
@@ -58,8 +52,7 @@ class Membership {
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost
-    bool takeover = false;  ///< the mode allows it: a lockstep run waits for the new controller
-    bool resumes = false;   ///< controller only: joins a run under way, to take over
+    bool handshake = true;  ///< only what answers is believed; false on a bus without a key
   };
 
   struct Announcement {
@@ -99,13 +92,13 @@ class Membership {
     tick_ = tick;
     error_norm_ = error_norm;
   }
-  /// All of this process's ticks are there: from now on it is believed that the plant has finished.
+  /// All ticks of this process are there: only from now on others' ends count.
   void complete() { complete_ = true; }
   /// Lockstep plant: digest of every TRUTH of the run, for the others to compare.
   void published(std::int64_t truth_digest) {
     announcement_.participant.truth_digest = truth_digest;
   }
-  /// What the plant has said of that when it finished; 0 before.
+  /// The plant's digest of them, announced when it has finished; 0 before.
   [[nodiscard]] std::int64_t truth_digest() const {
     const Peer* plant = peers_.find(loop::Role::plant);
     return plant != nullptr ? plant->participant.truth_digest : 0;
@@ -120,22 +113,16 @@ class Membership {
   /// announced with the present state, which ends nobody else's part yet.
   void stopping(const diagnostics::Failure& failure, Time now);
 
-  /// How often another controller has taken over in this run.
-  [[nodiscard]] int takeovers() const { return takeovers_; }
-  /// Newest tick that the role's holder has announced; -1 before.
-  [[nodiscard]] std::int64_t tick_of(loop::Role role) const {
-    const Peer* peer = peers_.find(role);
-    return peer != nullptr ? peer->tick : -1;
-  }
-
   /// The run's plant has announced that it has finished.
   [[nodiscard]] bool plant_finished() const { return done_[index(loop::Role::plant)]; }
   /// The three others have.
   [[nodiscard]] bool all_finished() const {
     return std::ranges::count(done_, true) == loop::num_roles - 1;
   }
-  /// The plant has named an announcement in which this process had finished: it knows.
-  [[nodiscard]] bool end_is_known() const;
+  /// Which of the others have not, in words.
+  [[nodiscard]] std::string unfinished() const;
+  /// The plant has acknowledged an announcement in which this process had finished.
+  [[nodiscard]] bool finish_acknowledged() const;
 
   /// Roles of which no process is known.
   [[nodiscard]] std::vector<std::string_view> missing() const;
@@ -167,17 +154,15 @@ class Membership {
   const Announcement& announce(Time now);
 
  private:
-  [[nodiscard]] MembershipEvent event_of(const loop::Stamp& stamp, const loop::Participant& peer,
-                                         Time now) const;
+  [[nodiscard]] MembershipEvent event_of(const loop::Stamp& stamp,
+                                         const loop::Participant& peer) const;
   void react(MembershipReaction what, const loop::Stamp& stamp, const loop::Participant& peer,
              std::string_view sender, std::optional<Time> lived, Time now);
   [[nodiscard]] bool in_own_run(const loop::Stamp& stamp, const loop::Participant& peer) const;
   [[nodiscard]] MembershipEvent event_of_roster(const loop::Participant& peer) const;
-  [[nodiscard]] bool may_take_over(const loop::Stamp& stamp, const loop::Participant& peer) const;
   [[nodiscard]] loop::Role own_role() const { return self_.who.role; }
   [[nodiscard]] std::int64_t holder(loop::Role role) const { return peers_.holder(role); }
   [[nodiscard]] bool roster_known() const { return roster_ != loop::PerRole{}; }
-  [[nodiscard]] diagnostics::Failure incomplete(loop::Role role) const;
   /// The plant watches all holders, the others the plant, until they have finished.
   [[nodiscard]] bool watches(loop::Role role) const {
     const bool own_concern = own_role() == loop::Role::plant || role == loop::Role::plant;
@@ -193,6 +178,7 @@ class Membership {
   void announce_soon(Time now);
   void join(const Peer& peer, Time now);
   void choose_roster(Time now);
+  /// Not yet while a process in it is unknown.
   void take_roster(const loop::PerRole& roster, Time now);
   void dissolve(Time now);
   void enter(loop::ParticipantState state, Time now);
@@ -207,21 +193,16 @@ class Membership {
   bool joined_ = false;
   bool outside_ = false;  ///< refused or superfluous: its fault is announced outside any run
   bool complete_ = false;
-  std::array<std::optional<Time>, loop::num_roles> early_finish_{};  ///< since when, uncontradicted
-  int takeovers_ = 0;
   std::int64_t tick_ = -1;
   double error_norm_ = 0;
   Peers peers_;
   Announcement announcement_;
   loop::PerRole roster_{};
-  std::array<bool, loop::num_roles> confirmed_{};  ///< plant: who has taken the roster
+  std::array<bool, loop::num_roles> confirmed_{};  ///< plant: the roles that have confirmed it
   std::array<bool, loop::num_roles> done_{};
   std::int64_t end_counter_ = 0;  ///< of the first own announcement of having finished
   std::optional<diagnostics::Failure> failure_;
   std::optional<diagnostics::Failure> stopping_;
-  /// A successor announces once that it could not resume, perhaps before the old controller has
-  /// been silent for long enough.
-  std::optional<diagnostics::Failure> failed_successor_;
 };
 
 }  // namespace tachless::protocol

@@ -12,53 +12,40 @@
 /// recognises the events and carries the reactions out.
 namespace tachless::protocol {
 
-/// An announcement heard (of a process that is there unless it says otherwise), the clock, or this
+/// An announcement (of a process that is there unless it says otherwise), the clock, or this
 /// process itself. "Holder" of a role: the process that has it in the run this member has joined.
 enum class MembershipEvent {
   unproven,          ///< it answers none of this process's last announcements: perhaps a recording
-  rival,             ///< another process of the own role announces this run, or both have none
-  rival_elsewhere,   ///< another process of the own role announces another run
-  foreign_scenario,  ///< a process of another role announces another scenario digest
-  newcomer,          ///< a process of a role that another process holds
-  successor,         ///< the same, and the controller's place is free for it
-  peer,              ///< the holder of another role, or a process of a role without holder
-  roster,            ///< the same, and it names the roster: the run's plant, or (plant) a member
+  rival,             ///< another process of the own role
+  foreign_scenario,  ///< another role with another scenario digest, there or ended because of it
+  peer,              ///< any other process of another role
+  roster,            ///< a holder that names the roster: the run's plant, or (plant) a member
   other_roster,      ///< the run's plant names a roster without this process
   member_finished,   ///< a member of the joined run has finished, and so have this process's ticks
-  early_finish,      ///< a watched holder says so before that
   member_failed,     ///< a member of the joined run announces a fault
-  refusal,           ///< another role with another scenario ends because of the difference
-  failed_successor,  ///< plant: a successor of the controller could not resume
   departure,         ///< any other process announces that it has finished or failed
   holder_gone,       ///< before the run: the adopted plant has ended; plant: one of the roster has,
                      ///< or is silent
-  holder_silent,    ///< a watched holder that has not finished has been silent for the time to give
-                    ///< up
-  finish_stands,    ///< a holder's early finish has not been contradicted by it for a while
-  takeover_failed,  ///< the controller is silent, and its successor could not resume
-  wait_over,        ///< the time to wait for the others at the start has passed
-  run_started,      ///< own: first message of the run sent or accepted
-  part_finished,    ///< own: all ticks are done
-  failure,          ///< own: ends with a fault
+  holder_silent,     ///< a watched holder that has not finished is silent for the time to give up
+  wait_over,         ///< the time to wait for the others at the start has passed
+  run_started,       ///< own: first message of the run sent or accepted
+  part_finished,     ///< own: all ticks are done
+  failure,           ///< own: ends with a fault
 };
-inline constexpr std::size_t num_membership_events = 23;
+inline constexpr std::size_t num_membership_events = 15;
 
 enum class MembershipReaction {
   ignore,         ///< nothing changes
-  challenge,      ///< name the process in the next announcements, so that it can prove itself
-  observe,        ///< remember the process
+  observe,        ///< remember the process, and so name it in the next announcements
   join,           ///< observe; plant: ready when all are there; others: adopt the plant's run
-  agree,          ///< observe; others: take the roster; plant: count who has taken it
+  agree,          ///< observe; others: take the roster; plant: count the confirmations
   dissolve,       ///< choose a roster anew
   yield,          ///< fail (exit code 4): another process of this role takes part
   contest,        ///< fail (exit code 4) unless this process has precedence
   answer,         ///< observe, and announce within 10 ms, so that the newcomer gives way soon
   refuse,         ///< fail (exit code 2) naming both scenarios
-  take_over,      ///< the newcomer is the controller from now on
   note_finished,  ///< the member's role is done
-  doubt,          ///< observe; wait whether the holder contradicts: it may not have said so itself
   follow,         ///< fail with the consequence of the member's fault
-  keep_failure,   ///< remember why the successor failed, until the old controller is heard or lost
   forget,         ///< no longer remember the process, unless it is a holder
   start,          ///< running
   finish,         ///< finished
@@ -74,27 +61,19 @@ struct Row {
 };
 using enum MembershipReaction;
 
-// Where an event cannot meet a state: ignore. (Without a run nobody holds a role.)
+// Where an event cannot meet a state: ignore. (Without a run no process holds a role.)
 inline constexpr std::array<Row, num_membership_events> rows = {{
-    {"unproven", {challenge, challenge, challenge, challenge, challenge}},
-    {"rival", {contest, contest, contest, ignore, ignore}},
-    {"rival elsewhere", {contest, contest, answer, ignore, ignore}},
+    {"unproven", {observe, observe, observe, observe, observe}},
+    {"rival", {contest, contest, answer, ignore, ignore}},
     {"foreign scenario", {refuse, refuse, answer, ignore, ignore}},
-    {"newcomer", {ignore, observe, observe, ignore, ignore}},
-    {"successor", {ignore, observe, take_over, ignore, ignore}},
     {"peer", {join, observe, observe, observe, observe}},
     {"roster", {join, agree, observe, observe, observe}},
     {"other roster", {join, yield, ignore, ignore, ignore}},
     {"member finished", {ignore, note_finished, note_finished, note_finished, observe}},
-    {"early finish", {ignore, doubt, doubt, ignore, observe}},
     {"member failed", {ignore, follow, follow, follow, ignore}},
-    {"refusal", {refuse, refuse, forget, ignore, ignore}},
-    {"failed successor", {forget, forget, keep_failure, ignore, ignore}},
     {"departure", {forget, forget, forget, ignore, ignore}},
     {"holder gone", {ignore, dissolve, ignore, ignore, ignore}},
     {"holder silent", {ignore, fail, fail, fail, ignore}},
-    {"finish stands", {ignore, fail, fail, ignore, ignore}},
-    {"takeover failed", {ignore, ignore, fail, ignore, ignore}},
     {"wait over", {fail, fail, ignore, ignore, ignore}},
     {"run started", {reject, start, ignore, ignore, ignore}},
     {"part finished", {finish, finish, finish, finish, ignore}},

@@ -21,24 +21,24 @@ namespace tachless::protocol {
 /// Of the role in a loop::PerRole.
 constexpr std::size_t index(loop::Role role) { return static_cast<std::size_t>(role); }
 
-/// The processes that one process has heard announce themselves, and which of them have proven that
-/// they are there now. Announcements carry a counter that rises, and name for each role a process
-/// that was heard with the newest of its counters: an announcement that names this process answers
-/// its announcement of that counter, so its sender lived after that was sent. A recording answers
-/// nothing. Pure; knows neither runs nor what a member does.
+/// The processes whose announcements one process has received, and which of them have proven that
+/// they are there now. With the handshake (on a bus with a key) announcements carry a counter that
+/// rises, and name for each role a process with the newest of its counters: an announcement that
+/// names this process answers its announcement of that counter, so its sender lived after that was
+/// sent. A recording answers nothing. Without the handshake every announcement is proof, and
+/// counters may be left out (0). Pure; knows neither runs nor what a member does.
 class Peers {
  public:
   using Time = loop::Clock::time_point;
 
   /// Only answers to one of so many last announcements count.
   static constexpr std::int64_t answerable = 16;
-  /// Who takes no part is forgotten when it has been silent for so long.
+  /// Processes that are no holders are dropped after this long without a message.
   static constexpr std::chrono::milliseconds forgotten_after{1000};
 
   struct Peer {
     loop::Participant participant;  ///< of its newest announcement that proved something, if any
     std::int64_t run = 0;
-    std::int64_t tick = -1;
     std::string sender;
     std::int64_t counter = 0;  ///< newest
     Time first_heard{};
@@ -46,22 +46,26 @@ class Peers {
     std::optional<Time> lived{};  ///< the newest moment after which it has proven to have lived
   };
 
-  Peers(loop::Role own_role, std::int64_t own_instance)
-      : own_role_(own_role), own_instance_(own_instance) {}
+  Peers(loop::Role own_role, std::int64_t own_instance, bool handshake)
+      : own_role_(own_role), own_instance_(own_instance), handshake_(handshake) {}
 
   /// The instance that has the role in this process's run; 0: not known yet. Is not forgotten.
   [[nodiscard]] std::int64_t holder(loop::Role role) const { return holders_[index(role)]; }
   void set_holder(loop::Role role, std::int64_t instance) { holders_[index(role)] = instance; }
 
-  /// Whether it is newer than what its sender has announced before: else it is a copy. What gives a
-  /// process another role than it has proven to be there with is somebody else's.
+  /// Whether it is newer than what its sender has announced before: else it is a copy. A process
+  /// keeps the role with which it has proven to be there: another process sent what changes it.
   [[nodiscard]] bool is_new(const loop::Participant& who) const {
     const auto known = std::ranges::find(peers_, who.instance, instance_of);
     if (known == peers_.end()) return true;
-    return who.counter > known->counter && (!known->lived || who.role == known->participant.role);
+    const bool counted = who.counter != 0 || handshake_;
+    return (!counted || who.counter > known->counter) &&
+           (!known->lived || who.role == known->participant.role);
   }
-  /// When the announcement was sent that `who` answers; nothing if none of the last was.
-  [[nodiscard]] std::optional<Time> answered(const loop::Participant& who) const {
+  /// When the announcement was sent that `who` answers; nothing if none of the last was. Without
+  /// the handshake: now.
+  [[nodiscard]] std::optional<Time> answered(const loop::Participant& who, Time now) const {
+    if (!handshake_) return now;
     const std::int64_t counter = who.heard_counter[index(own_role_)];
     if (who.heard_instance[index(own_role_)] != own_instance_) return std::nullopt;
     if (counter < 1 || counter > counter_ || counter <= counter_ - answerable) return std::nullopt;
@@ -84,13 +88,12 @@ class Peers {
       peer.participant = who;
       peer.first_heard = now;
     }
-    if (!known || proves) peer.sender = sender;  // whoever repeats a recording has another address
+    if (!known || proves) peer.sender = sender;  // a recording comes from another address
     peer.counter = who.counter;
     peer.heard = now;
     if (lived) {
       peer.participant = who;
       peer.run = stamp.run;
-      peer.tick = stamp.tick;
       peer.lived = std::max(peer.lived.value_or(*lived), *lived);
     }
     return {peer, !known || proves};
@@ -106,7 +109,7 @@ class Peers {
       return now - each.heard >= forgotten_after && !holds(each);
     });
   }
-  /// This process was suspended for so long: nobody was silent meanwhile.
+  /// This process was suspended for so long: that counts as no other's silence.
   void excuse(std::chrono::nanoseconds suspended) {
     for (Peer& each : peers_) {
       each.heard += suspended;
@@ -115,15 +118,14 @@ class Peers {
     for (Time& each : sent_) each += suspended;
   }
 
-  /// Gives `mine` the next counter and the names of who was heard. Holders, or who has proven to be
-  /// there, are named every other time, each of the others in turn between.
-  /// @param holders_only this process is over: it has to be believed once more, by its run's
-  /// members
-  void sign(loop::Participant& mine, bool holders_only, Time now) {
+  /// Sets the next counter and, per role, the process being acknowledged: holders, or those that
+  /// have proven to be there, every other time, each of the others in turn between.
+  /// @param holders_only this process is over: only the run's members still have to believe it
+  void fill_acknowledgements(loop::Participant& mine, bool holders_only, Time now) {
     mine.counter = ++counter_;
     sent_[static_cast<std::size_t>(counter_ % answerable)] = now;
     for (std::size_t role = 0; role < loop::num_roles; ++role) {
-      const Peer* named = to_name(static_cast<loop::Role>(role), holders_only);
+      const Peer* named = to_acknowledge(static_cast<loop::Role>(role), holders_only);
       mine.heard_instance[role] = named != nullptr ? named->participant.instance : 0;
       mine.heard_counter[role] = named != nullptr ? named->counter : 0;
     }
@@ -148,13 +150,13 @@ class Peers {
 
   Peer& make_room() {
     if (peers_.size() < most) return peers_.emplace_back();
-    // Whoever has proven nothing goes first, then who was heard longest ago; no holder.
+    // First those that have proven nothing, then the one silent for longest; no holder.
     return *std::ranges::min_element(peers_, {}, [&](const Peer& each) {
       return std::tuple(holds(each), each.lived.has_value(), each.heard);
     }) = Peer();
   }
 
-  [[nodiscard]] const Peer* to_name(loop::Role role, bool holders_only) const {
+  [[nodiscard]] const Peer* to_acknowledge(loop::Role role, bool holders_only) const {
     const bool held = holder(role) != 0;
     const auto group_of = [&](const Peer& each) {  // 1: preferred
       return static_cast<std::size_t>(held ? holds(each) : each.lived.has_value());
@@ -173,6 +175,7 @@ class Peers {
 
   loop::Role own_role_;
   std::int64_t own_instance_;
+  bool handshake_;
   std::int64_t counter_ = 0;             ///< of the last own announcement
   std::array<Time, answerable> sent_{};  ///< when the last were, by counter
   loop::PerRole holders_{};

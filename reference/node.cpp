@@ -10,7 +10,7 @@
 #include <string>
 
 #include "bus/wire.h"
-#include "node/session.h"
+#include "node/link.h"
 #include "protocol/lockstep/responders.h"
 #include "protocol/realtime/realtime.h"
 #include "reference/make_trajectory.h"
@@ -33,8 +33,7 @@ class Node {
                                          loop::layout(scenario.num_joints, false))),
         reference_port_(bus::port<loop::ReferencePoint>(scenario.robot.channel_prefix,
                                                         loop::layout(scenario.num_joints, false))),
-        responder_(scenario.loop.num_ticks, tick_port_.codec.longest(),
-                   reference_port_.codec.longest(),
+        responder_(scenario.loop.num_ticks, reference_port_.codec.longest(),
                    scenario.loop.mode == experiment::Mode::realtime) {
     if (scenario.loop.mode == experiment::Mode::realtime) pace_.emplace(period_s_);
     link_.on(tick_port_.channel, [this](const bus::Datagram& datagram) {
@@ -58,12 +57,12 @@ class Node {
  private:
   /// A TICK of this run.
   void on_tick(std::int64_t tick, const bus::Datagram& datagram) {
-    if (pace_ && !pace_->possible(tick, Clock::now()) && !link_.knows(datagram.sender)) {
+    if (pace_ && !pace_->possible(tick, Clock::now()) &&
+        !link_.membership().knows(datagram.sender)) {
       return link_.count(Verdict::not_asked);
     }
-    const auto answer = responder_.on_tick(tick, datagram.payload, datagram.sender);
-    link_.count(answer.verdict, loop::Role::plant, datagram, tick,
-                [&] { return responder_.sender_of(tick); });
+    const auto answer = responder_.on_tick(tick, datagram.payload);
+    link_.count(answer.verdict, loop::Role::plant, datagram, tick);
     if (answer.verdict != Verdict::fresh && answer.verdict != Verdict::repeated) return;
     link_.started(Clock::now());
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {

@@ -81,7 +81,6 @@ void add_statistics(Json& json, const RunSummary& summary) {
     }
   }
   json["rejected"] = rejected;
-  json["takeovers"] = plant.takeovers;
   json["missed_deadlines"] = plant.missed_deadlines;
   json["longest_miss"] = plant.longest_miss;
   json["missed_commands"] = plant.missed_commands;

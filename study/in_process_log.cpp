@@ -7,6 +7,7 @@
 #include "bus/truth/truth_wire.h"
 #include "bus/wire.h"
 #include "loop/measurements.h"
+#include "node/run_info.h"
 #include "plant/run_messages.h"
 
 namespace tachless::study {
@@ -25,7 +26,7 @@ void log_in_process(const experiment::Scenario& scenario, controller::ScenarioLa
   auto signals = bus::port<loop::LawSignals>(prefix, layout);
   auto truth = bus::port<loop::truth::PlantTruth>(prefix, layout);
 
-  const auto info = plant::run_info(scenario, run, law_info);
+  const auto info = node::run_info(scenario, run, law_info);
   write({0, loop::channel<loop::RunInfo>(prefix), info});
   run_in_process(scenario, std::move(law), [&](const TickRecord& record) {
     const loop::Stamp stamp{std::llround(record.time_s * 1e6), run, record.tick};

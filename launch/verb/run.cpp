@@ -38,11 +38,6 @@ struct Run : RunOptions {
                        "The controller is this program, as typed in a shell: 'python3 law.py'; its "
                        "law is fed with what the scenario's would be");
     command
-        .add_option("--restart", restart,
-                    "Start this process again when a signal kills it, 5 times at most; lockstep "
-                    "only. The run goes on from its log, to the same result")
-        ->check(CLI::IsMember({"controller"}));
-    command
         .add_option("--placement", placement,
                     "On which CPUs: auto (lock-step: plant, controller and reference on one), or "
                     "none (the kernel's choice)")
@@ -57,7 +52,7 @@ struct Run : RunOptions {
     auto* alone = command.add_flag(
         "--in-process", in_process,
         "The loop in one process, without a bus: the same log, many times as fast; lockstep only");
-    for (const char* bus : {"--lcm-url", "--key-file", "--restart", "--isolate", "--placement"}) {
+    for (const char* bus : {"--lcm-url", "--key-file", "--isolate", "--placement"}) {
       alone->excludes(command.get_option(bus));
     }
     command.add_flag("--visualize", visualize)->group("");  // of 0.2.0

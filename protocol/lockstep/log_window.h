@@ -7,7 +7,6 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
-#include <string_view>
 
 #include "loop/slot.h"
 #include "protocol/lockstep/message_ring.h"
@@ -23,7 +22,7 @@ using loop::Slot;
 class LogWindow {
  public:
   struct Ack {
-    std::int64_t tick = -2;     ///< last without a gap; -1: RUN_INFO only; -2: not even that
+    std::int64_t tick = -1;     ///< last without a gap; -1: none
     std::uint64_t missing = 0;  ///< bit i: tick + 1 + i has begun but is incomplete
   };
   /// Most ticks between two acknowledgements.
@@ -33,23 +32,13 @@ class LogWindow {
   LogWindow(std::int64_t num_ticks, const std::array<std::size_t, num_slots>& longest)
       : num_ticks_(num_ticks), ring_(longest) {}
 
-  /// RUN_INFO of this run was received; `same`: it equals the one before, if there was one.
-  Verdict on_run_info(bool same) {
-    if (introduced_ && !same) return Verdict::conflicting;
-    const Verdict verdict = introduced_ ? Verdict::repeated : Verdict::fresh;
-    introduced_ = true;
-    asked_again_ = true;
-    return verdict;
-  }
-
-  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes,
-                     std::string_view sender) {
+  Verdict on_message(Slot slot, std::int64_t tick, std::span<const std::byte> bytes) {
     // Newer ones would push out what is not yet written; the plant's window keeps it from that.
     if (tick < 0 || tick >= num_ticks_ || tick > written_ + MessageRing::depth) {
       return Verdict::not_asked;
     }
     const bool late = tick + 1 < newest_;
-    const Verdict verdict = ring_.put(tick, static_cast<int>(slot), bytes, sender);
+    const Verdict verdict = ring_.put(tick, static_cast<int>(slot), bytes);
     if (verdict == Verdict::fresh) {
       if (slot != Slot::reference) newest_ = std::max(newest_, tick);
       if (late) filled_late_ = true;
@@ -59,16 +48,13 @@ class LogWindow {
     return verdict;
   }
 
-  /// The tick to be written next, when RUN_INFO and all its six messages are there.
+  /// The tick to be written next, when all its six messages are there.
   [[nodiscard]] std::optional<std::int64_t> complete_tick() const {
-    if (!introduced_ || !complete(written_ + 1)) return std::nullopt;
+    if (!complete(written_ + 1)) return std::nullopt;
     return written_ + 1;
   }
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, Slot slot) const {
     return ring_.bytes(tick, static_cast<int>(slot));
-  }
-  [[nodiscard]] std::string_view sender(std::int64_t tick, Slot slot) const {
-    return ring_.sender(tick, static_cast<int>(slot));
   }
   /// `complete_tick()` is in the log.
   void written() {
@@ -78,16 +64,15 @@ class LogWindow {
 
   /// The acknowledgement to send now, if one is due. Call after writing the complete ticks.
   std::optional<Ack> take_ack() {
-    const std::int64_t gap_free = introduced_ ? written_ : -2;
-    const bool due = asked_again_ || (filled_late_ && gap_free > acked_.tick) ||
+    const bool due = asked_again_ || (filled_late_ && written_ > acked_.tick) ||
                      newest_ - newest_acked_ >= ack_interval ||
-                     (gap_free == num_ticks_ - 1 && gap_free > acked_.tick);
+                     (all_written() && written_ > acked_.tick);
     if (!due) return std::nullopt;
-    Ack ack{gap_free, 0};
+    Ack ack{written_, 0};
     // What belongs to the newest two ticks is probably on its way, unless the plant asks again.
     const std::int64_t last = asked_again_ ? newest_ : newest_ - 2;
-    for (std::int64_t tick = written_ + 1; tick <= std::min(last, gap_free + 64); ++tick) {
-      if (!complete(tick)) ack.missing |= std::uint64_t{1} << (tick - gap_free - 1);
+    for (std::int64_t tick = written_ + 1; tick <= std::min(last, written_ + 64); ++tick) {
+      if (!complete(tick)) ack.missing |= std::uint64_t{1} << (tick - written_ - 1);
     }
     acked_ = ack;
     newest_acked_ = newest_;
@@ -108,7 +93,6 @@ class LogWindow {
 
   std::int64_t num_ticks_;
   MessageRing ring_;
-  bool introduced_ = false;
   std::int64_t written_ = -1;       ///< last tick in the log without a gap
   std::int64_t newest_ = -1;        ///< of which a message other than the reference was received
   Ack acked_;                       ///< the last one taken

@@ -1,14 +1,15 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <random>
 #include <span>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 #include <vector>
+
+#include "diagnostics/fnv.h"
 
 /// The tick protocol as pure state machines: events in, actions out, time passed in as a value.
 /// They neither send nor receive, know no message type, and compute no message. docs/protocol.md
@@ -24,18 +25,31 @@ enum class Verdict {
   conflicting,  ///< other bytes than before for the same tick: two processes have one role
 };
 
-/// The messages of the last `depth` ticks, a fixed number of kinds per tick, each kept once with
-/// its sender. Preallocated.
+/// Tells messages apart within one process: seeded at random, so that no other process can choose a
+/// second message with the digest of the first.
+inline std::uint64_t digest_of(std::span<const std::byte> bytes) {
+  static const std::uint64_t seed =
+      std::uint64_t{std::random_device()()} << 32 | std::random_device()();
+  return diagnostics::fnv({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, seed);
+}
+
+/// The messages of the last `depth` ticks, a fixed number of kinds per tick, each kept once: its
+/// bytes, or a digest of them where a copy has only to be recognised. Preallocated.
 class MessageRing {
  public:
   /// More than the window (TickMaster::Config) plus one tick, by which the reference is ahead.
   static constexpr std::int64_t depth = 64;
 
-  /// `capacities`: longest message of each kind [bytes].
+  /// For `capacities`: the kind's messages are kept as digests.
+  static constexpr std::size_t digest_only = 0;
+
+  /// `capacities`: longest message of each kind [bytes], or digest_only.
   explicit MessageRing(std::span<const std::size_t> capacities) : slots_(depth) {
     for (Slot& slot : slots_) {
       for (const std::size_t capacity : capacities) {
-        slot.messages.emplace_back().bytes.reserve(capacity);
+        Message& message = slot.messages.emplace_back();
+        message.digest_only = capacity == digest_only;
+        message.bytes.reserve(capacity);
       }
     }
   }
@@ -43,8 +57,7 @@ class MessageRing {
   /// Keeps a message. A tick newer than all before drops the tick `depth` earlier.
   /// @return fresh, repeated, conflicting or too_old; only `fresh` changes what is kept.
   /// @throw std::logic_error on a negative tick or a message longer than its kind's capacity.
-  Verdict put(std::int64_t tick, int kind, std::span<const std::byte> bytes,
-              std::string_view sender = {}) {
+  Verdict put(std::int64_t tick, int kind, std::span<const std::byte> bytes) {
     if (tick < 0) throw std::logic_error("message of tick " + std::to_string(tick) + " kept");
     Slot& slot = slots_[static_cast<std::size_t>(tick % depth)];
     if (tick < slot.tick) return Verdict::too_old;
@@ -53,38 +66,38 @@ class MessageRing {
       for (Message& message : slot.messages) message.present = false;
     }
     Message& message = slot.messages[static_cast<std::size_t>(kind)];
+    const std::uint64_t digest = message.digest_only ? digest_of(bytes) : 0;
     if (message.present) {
-      return std::ranges::equal(message.bytes, bytes) ? Verdict::repeated : Verdict::conflicting;
+      const bool same =
+          message.digest_only ? message.digest == digest : std::ranges::equal(message.bytes, bytes);
+      return same ? Verdict::repeated : Verdict::conflicting;
     }
-    if (bytes.size() > message.bytes.capacity()) {
+    if (!message.digest_only && bytes.size() > message.bytes.capacity()) {
       throw std::logic_error("message of " + std::to_string(bytes.size()) +
                              " bytes kept in a place for " +
                              std::to_string(message.bytes.capacity()));
     }
-    message.bytes.assign(bytes.begin(), bytes.end());
-    message.sender_size = std::min(sender.size(), message.sender.size());
-    std::copy_n(sender.begin(), message.sender_size, message.sender.begin());
     message.present = true;
+    message.digest = digest;
+    if (!message.digest_only) message.bytes.assign(bytes.begin(), bytes.end());
     return Verdict::fresh;
   }
 
   [[nodiscard]] bool has(std::int64_t tick, int kind) const { return find(tick, kind) != nullptr; }
 
-  /// @throw std::logic_error when there is none.
+  /// Empty of a kind that is kept as a digest. @throw std::logic_error when there is none.
   [[nodiscard]] std::span<const std::byte> bytes(std::int64_t tick, int kind) const {
-    return at(tick, kind).bytes;
-  }
-  [[nodiscard]] std::string_view sender(std::int64_t tick, int kind) const {
-    const Message& message = at(tick, kind);
-    return {message.sender.data(), message.sender_size};
+    const Message* message = find(tick, kind);
+    if (!message) throw std::logic_error("no message of tick " + std::to_string(tick) + " is kept");
+    return message->bytes;
   }
 
  private:
   struct Message {
     bool present = false;
+    bool digest_only = false;
+    std::uint64_t digest = 0;
     std::vector<std::byte> bytes;
-    std::array<char, 64> sender{};
-    std::size_t sender_size = 0;
   };
   struct Slot {
     std::int64_t tick = -1;
@@ -96,11 +109,6 @@ class MessageRing {
     const Slot& slot = slots_[static_cast<std::size_t>(tick % depth)];
     const Message& message = slot.messages[static_cast<std::size_t>(kind)];
     return slot.tick == tick && message.present ? &message : nullptr;
-  }
-  [[nodiscard]] const Message& at(std::int64_t tick, int kind) const {
-    const Message* message = find(tick, kind);
-    if (!message) throw std::logic_error("no message of tick " + std::to_string(tick) + " is kept");
-    return *message;
   }
 
   std::vector<Slot> slots_;

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <span>
 #include <stdexcept>
-#include <string_view>
 
 #include "protocol/lockstep/message_ring.h"
 
@@ -15,8 +14,8 @@
 namespace tachless::protocol::lockstep {
 
 /// The reference's side: TICK(k) requests every reference up to k + 1 that is not yet published, so
-/// that nobody waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply to a
-/// repeated TICK is the same bytes again. In realtime what has gone by is left out: references
+/// that no process waits for the reference, and TICK(k + 1) makes up for a lost TICK(k). The reply
+/// to a repeated TICK is the same bytes again. In realtime what has gone by is left out: references
 /// before k are not published later, nor any again.
 class ReferenceResponder {
  public:
@@ -31,19 +30,18 @@ class ReferenceResponder {
     Range repeat;   ///< publish `kept` of these again
   };
 
-  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_tick,
-                     std::size_t longest_reference, bool realtime = false)
+  ReferenceResponder(std::int64_t num_ticks, std::size_t longest_reference, bool realtime = false)
       : num_ticks_(num_ticks),
         realtime_(realtime),
-        ring_(std::array{longest_tick, longest_reference}) {}
+        ring_(std::array{MessageRing::digest_only, longest_reference}) {}
 
-  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
+  Answer on_tick(std::int64_t tick, std::span<const std::byte> bytes) {
     // In lockstep the plant cannot have begun k without command k - 1, hence not without reference
     // k - 1.
     if (tick < 0 || tick >= num_ticks_ || (!realtime_ && tick > newest_ + 1)) {
       return {Verdict::not_asked, {}, {}};
     }
-    Answer result{ring_.put(tick, tick_kind, bytes, sender), {}, {}};
+    Answer result{ring_.put(tick, tick_kind, bytes), {}, {}};
     if (result.verdict != Verdict::fresh && result.verdict != Verdict::repeated) return result;
     const std::int64_t last = std::min(tick + 1, num_ticks_ - 1);
     result.compute = {std::max(newest_ + 1, tick), last};
@@ -66,10 +64,6 @@ class ReferenceResponder {
   [[nodiscard]] std::span<const std::byte> kept(std::int64_t tick) const {
     return ring_.bytes(tick, reference_kind);
   }
-  /// Who sent the TICK that is kept.
-  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
-    return ring_.sender(tick, tick_kind);
-  }
   /// Newest tick whose reference is computed; -1 before the first.
   [[nodiscard]] std::int64_t newest() const { return newest_; }
 
@@ -82,7 +76,7 @@ class ReferenceResponder {
   MessageRing ring_;
 };
 
-/// What the controller is fed with.
+/// The controller's inputs.
 enum LawInput : int { measurement_input, reference_input, num_law_inputs };
 
 /// The controller's side: a measurement asks for the command and controller state of its tick;
@@ -97,34 +91,21 @@ class CommandResponder {
     /// repeat: publish the kept messages of the measurement's tick again.
     Action action = Action::nothing;
   };
-  struct Lengths {
-    std::size_t measurement = 0, reference = 0, command = 0, state = 0;  ///< longest [bytes]
-  };
 
-  CommandResponder(std::int64_t num_ticks, const Lengths& lengths)
+  CommandResponder(std::int64_t num_ticks, std::size_t longest_command, std::size_t longest_state)
       : num_ticks_(num_ticks),
-        ring_(std::array{lengths.measurement, lengths.reference, lengths.command, lengths.state}) {}
+        ring_(std::array{MessageRing::digest_only, MessageRing::digest_only, longest_command,
+                         longest_state}) {}
 
-  /// Takes over from a controller that has commanded the ticks before `next`: the next command is
-  /// that of `next`. Called before any message is handled. Requests that the predecessor received
-  /// may be repeated in any order, so those of up to `reach` ticks from `next` on are kept.
-  void resume(std::int64_t next) {
-    next_ = next;
-    asked_before_ = next + reach;
-  }
-  static constexpr std::int64_t reach = MessageRing::depth;
-
-  Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes,
-                  std::string_view sender) {
+  Answer on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes) {
     const bool measured = input == measurement_input;
     // The plant is at tick next() at most, and the reference one ahead of it.
     const std::int64_t newest = measured ? next_ : next_ + 1;
-    if (tick < 0 || tick >= num_ticks_ || (tick > newest && tick >= asked_before_)) {
+    if (tick < 0 || tick >= num_ticks_ || tick > newest) {
       return {Verdict::not_asked, Action::nothing};
     }
-    const Verdict verdict = ring_.put(tick, input, bytes, sender);
+    const Verdict verdict = ring_.put(tick, input, bytes);
     if (verdict == Verdict::fresh && ready()) return {verdict, Action::compute};
-    // The predecessor's replies are not kept here: they are in the log.
     const bool repeat = measured && verdict == Verdict::repeated && ring_.has(tick, command_kind);
     return {verdict, repeat ? Action::repeat : Action::nothing};
   }
@@ -133,8 +114,7 @@ class CommandResponder {
   [[nodiscard]] std::int64_t next() const { return next_; }
   /// Whether the run's last tick is computed.
   [[nodiscard]] bool all_computed() const { return next_ == num_ticks_; }
-  /// Whether both its inputs are there. While a new controller catches up, this may hold again
-  /// right after `computed`.
+  /// Whether both its inputs are there.
   [[nodiscard]] bool ready() const {
     return ring_.has(next_, measurement_input) && ring_.has(next_, reference_input);
   }
@@ -153,17 +133,12 @@ class CommandResponder {
   [[nodiscard]] std::span<const std::byte> state(std::int64_t tick) const {
     return ring_.bytes(tick, state_kind);
   }
-  /// Who sent the input that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(LawInput input, std::int64_t tick) const {
-    return ring_.sender(tick, input);
-  }
 
  private:
   enum Kind : int { command_kind = num_law_inputs, state_kind };
 
   std::int64_t num_ticks_;
   std::int64_t next_ = 0;
-  std::int64_t asked_before_ = 0;  ///< ticks before this may have been requested of a predecessor
   MessageRing ring_;
 };
 

@@ -9,7 +9,6 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
-#include <string_view>
 #include <utility>
 
 #include "loop/clock.h"
@@ -17,10 +16,10 @@
 
 namespace tachless::protocol::lockstep {
 
-/// The plant's side of the protocol. A run is: RUN_INFO until the logger has acknowledged it; then
-/// for each tick a request (TICK and measurement) until the command is received, an advance of the
-/// plant, the TRUTH; at the end the logger's last acknowledgement. Decides when the next of these
-/// may happen, what to repeat when, and when to give up.
+/// The plant's side of the protocol. A run is: for each tick a request (TICK and measurement) until
+/// the command is received, an advance of the plant, the TRUTH; at the end the logger's last
+/// acknowledgement. Decides when the next of these may happen, what to repeat when, and when to
+/// give up.
 class TickMaster {
  public:
   using Time = loop::Clock::time_point;
@@ -43,20 +42,19 @@ class TickMaster {
   /// One message, or those of one tick, to send again.
   struct Repeat {
     enum class What {
-      run_info,
-      question,  ///< TICK and measurement
-      all,       ///< TICK, measurement and TRUTH: the logger misses something of this tick
+      request,  ///< TICK and measurement
+      all,      ///< TICK, measurement and TRUTH: the logger misses something of this tick
     };
-    What what = What::question;
+    What what = What::request;
     std::int64_t tick = -1;
   };
 
-  enum class Waiting { nobody, logger_for_run_info, command, logger_for_window, logger_for_end };
+  enum class Waiting { nothing, command, logger_for_window, logger_for_end };
 
   /// @throw std::logic_error when the window is larger than what the other roles keep.
-  TickMaster(const Config& config, std::size_t longest_command)
+  explicit TickMaster(const Config& config)
       : config_(config),
-        commands_(std::array{longest_command}),
+        commands_(std::array{MessageRing::digest_only}),
         repeat_at_(Time::max()),
         timeout_(config.first_timeout) {
     // The reference is two ticks ahead of the oldest that may have to be repeated.
@@ -65,15 +63,9 @@ class TickMaster {
     }
   }
 
-  /// RUN_INFO has been published for the first time.
-  void introduced(Time now) {
-    introduced_ = true;
-    progress(now);
-  }
-
   /// Whether tick `next_tick()` may begin.
   [[nodiscard]] bool may_begin() const {
-    return !asking_ && acknowledged_ >= -1 && next_tick_ < config_.num_ticks &&
+    return !asking_ && next_tick_ < config_.num_ticks &&
            next_tick_ - acknowledged_ <= config_.window;
   }
   [[nodiscard]] std::int64_t next_tick() const { return next_tick_; }
@@ -87,15 +79,12 @@ class TickMaster {
   }
 
   /// A command of this run was received. `fresh`: of the present tick.
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender,
-                     Time now) {
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, Time now) {
     if (tick < 0 || tick > last_asked()) return Verdict::not_asked;
     if (tick <= last_asked() - MessageRing::depth) return Verdict::too_old;
-    const Verdict verdict = commands_.put(tick, 0, bytes, sender);
+    const Verdict verdict = commands_.put(tick, 0, bytes);
     if (verdict == Verdict::fresh) {
       commanded_ = true;
-      successor_.reset();
-      ask_again_last_ = -1;
       note_round_trip(now);
     }
     return verdict;
@@ -103,10 +92,6 @@ class TickMaster {
   [[nodiscard]] bool commanded() const { return asking_ && commanded_; }
   /// From the first request of the newest commanded tick to its command.
   [[nodiscard]] std::chrono::nanoseconds round_trip() const { return round_trip_; }
-  /// Who sent the command that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
-    return commands_.sender(tick, 0);
-  }
 
   /// TRUTH of the present tick has been published; the tick is over.
   void completed(Time now) {
@@ -119,7 +104,7 @@ class TickMaster {
 
   /// The logger's acknowledgement was received. `not_asked`: of a tick that has not begun.
   Verdict on_ack(std::int64_t tick, std::uint64_t missing, Time now) {
-    if (!introduced_ || tick < -2 || tick > last_completed()) return Verdict::not_asked;
+    if (tick < -1 || tick > last_completed()) return Verdict::not_asked;
     if (tick < acknowledged_) return Verdict::too_old;
     const bool advanced = tick > acknowledged_;
     acknowledged_ = tick;
@@ -135,44 +120,22 @@ class TickMaster {
   }
   [[nodiscard]] std::int64_t acknowledged() const { return acknowledged_; }
 
-  /// Another controller has taken over and has to catch up: the requests since the newest tick that
-  /// it has computed are repeated, until it has commanded the newest.
-  void replaced(Time now) {
-    successor_ = -1;
-    progress(now);
-  }
-  /// The newest tick that it has computed, as it announces. Ignored unless it is catching up; a
-  /// higher one is progress.
-  void successor_at(std::int64_t tick, Time now) {
-    if (!successor_ || tick <= *successor_) return;
-    successor_ = tick;
-    progress(now);
-    repeat_at_ = now;
-  }
-  [[nodiscard]] bool catching_up() const { return successor_.has_value(); }
-
   /// What to repeat now; call until it returns nothing, and again by `deadline` or 0.1 s later. If
   /// this process was suspended meanwhile, that time does not count as lack of progress.
   std::optional<Repeat> next_repeat(Time now) {
     const auto unlooked = now - std::exchange(looked_, now);
     if (unlooked > 2 * config_.longest_timeout) waited_ = std::min(now, waited_ + unlooked);
     const Waiting waiting_for = waiting();
-    if (now >= repeat_at_ && waiting_for == Waiting::nobody) repeat_at_ = Time::max();
+    if (now >= repeat_at_ && waiting_for == Waiting::nothing) repeat_at_ = Time::max();
     if (now >= repeat_at_) {
       if (++repeats_ >= config_.patience) {
         timeout_ = std::min(2 * timeout_, config_.longest_timeout);
       }
       repeat_at_ = now + timeout_;
-      if (waiting_for == Waiting::logger_for_run_info) return Repeat{Repeat::What::run_info, -1};
-      if (successor_) {
-        ask_successor();
-      } else if (waiting_for == Waiting::command) {
-        return Repeat{Repeat::What::question, next_tick_};
-      }
-      // The oldest tick makes the logger say what else it misses.
-      if (waiting_for != Waiting::command) pending_ |= missing_ | 1;
+      if (waiting_for == Waiting::command) return Repeat{Repeat::What::request, next_tick_};
+      // After the oldest tick the logger reports what else it misses.
+      pending_ |= missing_ | 1;
     }
-    if (ask_again_ <= ask_again_last_) return Repeat{Repeat::What::question, ask_again_++};
     if (pending_ == 0) return std::nullopt;
     const std::int64_t tick = acknowledged_ + 1 + std::countr_zero(pending_);
     pending_ &= pending_ - 1;
@@ -182,29 +145,27 @@ class TickMaster {
 
   /// When to call `next_repeat` and `given_up` again if no message is received.
   [[nodiscard]] Time deadline() const {
-    if (pending_ != 0 || ask_again_ <= ask_again_last_) return Time::min();
-    if (waiting() == Waiting::nobody) return Time::max();
+    if (pending_ != 0) return Time::min();
+    if (waiting() == Waiting::nothing) return Time::max();
     return std::min(repeat_at_, waited_ + config_.give_up);
   }
 
   [[nodiscard]] Waiting waiting() const {
-    if (!introduced_ || finished()) return Waiting::nobody;
-    if (acknowledged_ < -1) return Waiting::logger_for_run_info;
-    if (asking_) return commanded_ ? Waiting::nobody : Waiting::command;
+    if (finished()) return Waiting::nothing;
+    if (asking_) return commanded_ ? Waiting::nothing : Waiting::command;
     if (next_tick_ == config_.num_ticks) return Waiting::logger_for_end;
-    return may_begin() ? Waiting::nobody : Waiting::logger_for_window;
+    return may_begin() ? Waiting::nothing : Waiting::logger_for_window;
   }
   /// Whether `Config::give_up` has passed without progress.
   [[nodiscard]] bool given_up(Time now) const {
-    return waiting() != Waiting::nobody && now - waited_ >= config_.give_up;
+    return waiting() != Waiting::nothing && now - waited_ >= config_.give_up;
   }
   /// Whether a message of the logger was received since the last progress: then another is lost.
   [[nodiscard]] bool logger_heard() const { return logger_heard_; }
 
   /// All ticks are completed and acknowledged.
   [[nodiscard]] bool finished() const {
-    return introduced_ && !asking_ && next_tick_ == config_.num_ticks &&
-           acknowledged_ == config_.num_ticks - 1;
+    return !asking_ && next_tick_ == config_.num_ticks && acknowledged_ == config_.num_ticks - 1;
   }
 
  private:
@@ -234,18 +195,9 @@ class TickMaster {
     }
   }
 
-  void ask_successor() {
-    // While it is rebuilding its memory from the log it is further behind than we can repeat.
-    if (*successor_ + 1 < last_asked() - MessageRing::depth + 1) return;
-    // The command of the newest tick may be lost though the successor has computed it.
-    ask_again_ = std::min(*successor_ + 1, last_asked());
-    ask_again_last_ = last_asked();
-  }
-
   void remember_missing(std::uint64_t missing, Time now) {
-    // Only completed ticks: the current one is repeated until its command is in anyway. A logger
-    // without RUN_INFO may have heard of ticks, from a stranger, but there are none.
-    const std::int64_t completed_after = acknowledged_ < -1 ? 0 : last_completed() - acknowledged_;
+    // Only completed ticks: the current one is repeated until its command is in anyway.
+    const std::int64_t completed_after = last_completed() - acknowledged_;
     missing_ = missing;
     if (completed_after < 64) missing_ &= (std::uint64_t{1} << completed_after) - 1;
     pending_ = 0;
@@ -267,11 +219,10 @@ class TickMaster {
   Config config_;
   MessageRing commands_;
   std::int64_t next_tick_ = 0;
-  bool introduced_ = false;
   bool asking_ = false;
   bool commanded_ = false;
   bool logger_heard_ = false;
-  std::int64_t acknowledged_ = -2;
+  std::int64_t acknowledged_ = -1;
   std::uint64_t missing_ = 0;  ///< bit i: the logger misses something of acknowledged_ + 1 + i
   std::uint64_t pending_ = 0;  ///< the same, to be repeated now
   std::array<Time, MessageRing::depth> sent_{};
@@ -280,10 +231,7 @@ class TickMaster {
   Time looked_;  ///< last call of next_repeat
   Time repeat_at_;
   std::chrono::nanoseconds timeout_{};
-  int repeats_ = 0;                        ///< since the last progress
-  std::optional<std::int64_t> successor_;  ///< newest tick of a controller that is catching up
-  std::int64_t ask_again_ = 0;             ///< first tick to request of it again now
-  std::int64_t ask_again_last_ = -1;       ///< last one
+  int repeats_ = 0;  ///< since the last progress
   std::chrono::nanoseconds round_trip_{};
   std::chrono::nanoseconds usual_{}, deviation_{};  ///< of round trips, smoothed
 };

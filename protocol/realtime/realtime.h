@@ -8,7 +8,6 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
-#include <string_view>
 
 #include "loop/clock.h"
 #include "protocol/lockstep/responders.h"
@@ -67,14 +66,13 @@ class Pace {
 /// once. Ticks may be skipped, and a skipped one is not computed later.
 class CommandPicker {
  public:
-  CommandPicker(std::int64_t num_ticks, std::size_t longest_measurement,
-                std::size_t longest_reference)
-      : num_ticks_(num_ticks), ring_(std::array{longest_measurement, longest_reference}) {}
+  explicit CommandPicker(std::int64_t num_ticks)
+      : num_ticks_(num_ticks),
+        ring_(std::array{MessageRing::digest_only, MessageRing::digest_only}) {}
 
-  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes,
-                   std::string_view sender) {
+  Verdict on_input(LawInput input, std::int64_t tick, std::span<const std::byte> bytes) {
     if (tick < 0 || tick >= num_ticks_) return Verdict::not_asked;
-    const Verdict verdict = ring_.put(tick, input, bytes, sender);
+    const Verdict verdict = ring_.put(tick, input, bytes);
     if (verdict != Verdict::fresh || input != lockstep::measurement_input) return verdict;
     newest_ = std::max(newest_, tick);
     return tick > last_ ? Verdict::fresh : Verdict::too_old;
@@ -98,11 +96,6 @@ class CommandPicker {
     last_ = tick;
   }
 
-  /// Who sent the input that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(LawInput input, std::int64_t tick) const {
-    return ring_.sender(tick, input);
-  }
-
  private:
   std::int64_t num_ticks_;
   std::int64_t last_ = -1;    ///< newest tick computed
@@ -116,8 +109,8 @@ class CommandPicker {
 class MissedCommandMonitor {
  public:
   /// @param max_missed commands that may be missed in a row
-  MissedCommandMonitor(int max_missed, std::size_t longest_command)
-      : max_missed_(max_missed), commands_(std::array{longest_command}) {}
+  explicit MissedCommandMonitor(int max_missed)
+      : max_missed_(max_missed), commands_(std::array{MessageRing::digest_only}) {}
 
   void begin(std::int64_t tick) {
     tick_ = tick;
@@ -126,9 +119,9 @@ class MissedCommandMonitor {
 
   /// A command of this run. `fresh`: the first of the present tick; `too_old`: of a tick that is
   /// over; `not_asked`: of a tick that has not begun.
-  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes, std::string_view sender) {
+  Verdict on_command(std::int64_t tick, std::span<const std::byte> bytes) {
     if (tick < 0 || tick > tick_) return Verdict::not_asked;
-    const Verdict verdict = commands_.put(tick, 0, bytes, sender);
+    const Verdict verdict = commands_.put(tick, 0, bytes);
     if (verdict != Verdict::fresh) return verdict;
     if (tick < tick_) return Verdict::too_old;
     commanded_ = true;
@@ -136,10 +129,6 @@ class MissedCommandMonitor {
   }
   /// Whether this tick's command was received.
   [[nodiscard]] bool commanded() const { return commanded_; }
-  /// Who sent the command that is kept for `tick`.
-  [[nodiscard]] std::string_view sender_of(std::int64_t tick) const {
-    return commands_.sender(tick, 0);
-  }
 
   /// The tick is over.
   void end() {

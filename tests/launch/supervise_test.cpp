@@ -67,39 +67,6 @@ TEST(Supervise, ReturnsWhenAllHaveEndedWell) {
   EXPECT_THAT(result.lines.at("controller"), ElementsAre("no newline"));
 }
 
-TEST(Supervise, RestartsAKilledProcessWhereItIsToldTo) {
-  Process controller = shell("controller", "echo first; kill -9 $$");
-  controller.restart = {"/bin/sh", "-c", "echo second; exit 0"};
-  std::vector<std::string> told;
-  SuperviseOptions options;
-  options.on_restart = [&](std::string_view name, const std::string& how) {
-    told.push_back(std::string(name) + ": " + how);
-  };
-  const Result result = watch({shell("plant", "sleep 0.5"), controller}, {}, options);
-  EXPECT_FALSE(result.supervision.culprit.has_value());
-  EXPECT_EQ(result.supervision.ends[1].restarts, 1);
-  EXPECT_THAT(result.lines.at("controller"), ElementsAre("first", "second"));
-  EXPECT_THAT(told, ElementsAre("controller: controller was killed by signal 9 (Killed): first"));
-}
-
-TEST(Supervise, RestartsNobodyWhoSaysWhyItEnds) {
-  Process controller = shell("controller", "echo 'cannot go on'; exit 5");
-  controller.restart = {"/bin/sh", "-c", "exit 0"};
-  const Result result = watch({shell("plant", obedient), controller});
-  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::protective_stop);
-  EXPECT_EQ(result.supervision.ends[1].restarts, 0);
-}
-
-TEST(Supervise, GivesUpOnAProcessThatIsKilledAgainAndAgain) {
-  Process controller = shell("controller", "kill -9 $$");
-  controller.restart = controller.command;
-  const Result result = watch({shell("plant", obedient), controller});
-  ASSERT_EQ(result.supervision.culprit, 1U);
-  EXPECT_EQ(exit_code(result.supervision), diagnostics::ExitCode::peer_lost);
-  EXPECT_EQ(describe(result.supervision.ends[1]),
-            "controller was killed by signal 9 (Killed), after 5 restarts");
-}
-
 TEST(Supervise, EndsTheRunWithinTwoSecondsWhenOneIsKilled) {
   const Result result =
       watch({shell("plant", deaf), shell("controller", "echo $$; echo ready; kill -9 $$"),

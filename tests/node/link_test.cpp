@@ -5,8 +5,11 @@
 
 #include <chrono>
 #include <cstddef>
+#include <map>
 #include <memory>
 #include <optional>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "diagnostics/failure.h"
@@ -16,8 +19,11 @@ namespace tachless::node {
 namespace {
 
 using namespace std::chrono_literals;
+using protocol::lockstep::Verdict;
 using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Pair;
 using Time = loop::Clock::time_point;
 
 constexpr Time start{1h};
@@ -30,8 +36,8 @@ loop::Participant the_plant() {
   return plant;
 }
 
-/// What `check` says at `at`, after `number` announcements at `start`; empty when it says nothing.
-std::string said(KeyCheck check, bool tagged, int number, Time at) {
+/// What `check` throws at `at`, after `number` announcements at `start`; empty when nothing.
+std::string complaint(KeyCheck check, bool tagged, int number, Time at) {
   for (int i = 0; i < number; ++i) check.foreign({tagged, the_plant(), "10.0.0.2:4123"}, start);
   try {
     check.poll(at);
@@ -44,33 +50,34 @@ std::string said(KeyCheck check, bool tagged, int number, Time at) {
 
 TEST(KeyCheck, NamesTheProcessWithTheOtherKeyAndTheRemedy) {
   const KeyCheck with_key(loop::Role::controller, true);
-  EXPECT_THAT(said(with_key, true, 5, start + 1500ms),
+  EXPECT_THAT(complaint(with_key, true, 5, start + 1500ms),
               AllOf(HasSubstr("the plant (process 42 on arm-1, 10.0.0.2:4123)"),
                     HasSubstr("has another key than this controller;"), HasSubstr("--key-file")));
-  EXPECT_THAT(said(with_key, false, 5, start + 1500ms), HasSubstr("has no key, this controller;"));
-  EXPECT_THAT(said(KeyCheck(loop::Role::controller, false), true, 5, start + 2s),
+  EXPECT_THAT(complaint(with_key, false, 5, start + 1500ms),
+              HasSubstr("has no key, this controller has one;"));
+  EXPECT_THAT(complaint(KeyCheck(loop::Role::controller, false), true, 5, start + 2s),
               HasSubstr("has a key, this controller has none;"));
 }
 
 TEST(KeyCheck, NeedsFiveAnnouncementsAndOneAndAHalfSeconds) {
   const KeyCheck check(loop::Role::controller, true);
-  EXPECT_EQ(said(check, true, 0, start + 10s), "");
-  EXPECT_EQ(said(check, true, 4, start + 10s), "");
-  EXPECT_EQ(said(check, true, 5, start + 1499ms), "");
-  EXPECT_NE(said(check, true, 5, start + 1500ms), "");
+  EXPECT_EQ(complaint(check, true, 0, start + 10s), "");
+  EXPECT_EQ(complaint(check, true, 4, start + 10s), "");
+  EXPECT_EQ(complaint(check, true, 5, start + 1499ms), "");
+  EXPECT_NE(complaint(check, true, 5, start + 1500ms), "");
 }
 
 TEST(KeyCheck, IsContentOnceAnAnnouncementHasVerified) {
   KeyCheck check(loop::Role::controller, true);
   check.accepted();
-  EXPECT_EQ(said(check, true, 100, start + 1h), "");
+  EXPECT_EQ(complaint(check, true, 100, start + 1h), "");
 }
 
 /// A link that waits for the others, and another process on its channel.
 class ALink : public testing::Test {
  protected:
   ALink() {
-    link_.on_session([this](const bus::Datagram&) { ++recorded_; });
+    link_.on_announcement([this](const bus::Datagram&) { ++recorded_; });
     other_->subscribe("ARM_PARTICIPANT");
   }
 
@@ -107,10 +114,13 @@ TEST_F(ALink, ShowsNothingThatDoesNotDecodeToTheHandlerOfAnnouncements) {
   EXPECT_EQ(link_.statistics().rejected.total(), 2);
 }
 
-TEST_F(ALink, ShowsNothingThatAnswersNoneOfItsAnnouncements) {
-  loop::Participant old = the_plant();
-  old.instance = 11;
-  for (old.counter = 1; old.counter <= 100; ++old.counter) send(codec_.encode({0, 7, -1}, old));
+TEST_F(ALink, ShowsNothingOfProcessesThatAreNoMembers) {
+  loop::Participant other = the_plant();
+  other.role = loop::Role::reference;
+  other.instance = 11;
+  for (other.counter = 1; other.counter <= 100; ++other.counter) {
+    send(codec_.encode({0, 7, -1}, other));
+  }
   EXPECT_EQ(recorded_, 0);
 }
 
@@ -129,6 +139,49 @@ TEST_F(ALink, ShowsTheAnnouncementsOfThePlantThatItHasJoined) {
   send(codec_.encode({0, 7, -1}, plant));
   EXPECT_EQ(recorded_, 1);
   EXPECT_EQ(link_.run(), 7);
+}
+
+TEST_F(ALink, DeliversAMessageToTheHandlerOfItsChannel) {
+  std::vector<std::string> seen;
+  link_.on("A", [&](const bus::Datagram&) { seen.emplace_back("a"); });
+  link_.on("B", [&](const bus::Datagram&) { seen.emplace_back("b"); });
+  link_.on("ARM_PARTICIPANT", [&](const bus::Datagram&) { seen.emplace_back("other"); });
+  for (const char* channel : {"B", "A", "C", "ARM_PARTICIPANT"}) other_->publish(channel, {});
+  while (link_.receive(Time())) {
+  }
+  EXPECT_THAT(seen, ElementsAre("b", "a"));
+}
+
+TEST_F(ALink, CountsWhatIsNotFresh) {
+  for (const Verdict verdict : {Verdict::fresh, Verdict::repeated, Verdict::repeated,
+                                Verdict::not_asked, Verdict::too_old}) {
+    link_.count(verdict);
+  }
+  EXPECT_EQ(link_.statistics().duplicates, 2);
+  std::map<std::string_view, std::int64_t> dropped;
+  for (const auto& [reason, count] : link_.statistics().rejected.entries()) {
+    if (count != 0) dropped[reason] = count;
+  }
+  EXPECT_THAT(dropped, ElementsAre(Pair("not_asked", 1), Pair("too_old", 1)));
+}
+
+TEST_F(ALink, FailsWhenTwoProcessesHaveOneRole) {
+  const bus::Datagram second{"ARM_COMMAND", {}, "10.0.0.3:1"};
+  EXPECT_NO_THROW(link_.count(Verdict::repeated, loop::Role::controller, second, 5));
+  try {
+    link_.count(Verdict::conflicting, loop::Role::controller, second, 5);
+    FAIL() << "nothing was thrown";
+  } catch (const diagnostics::Failure& failure) {
+    EXPECT_EQ(failure.code(), diagnostics::ExitCode::protocol_violated);
+    EXPECT_THAT(failure.what(),
+                AllOf(HasSubstr("two processes are the controller of run"), HasSubstr("tick 5"),
+                      HasSubstr("ARM_COMMAND from 10.0.0.3:1"), HasSubstr("the controller, end")));
+  }
+}
+
+TEST_F(ALink, NotesWhateverEndsItInTheStatistics) {
+  EXPECT_THROW(link_.guard([] { throw 42; }), diagnostics::Failure);
+  EXPECT_EQ(link_.statistics().exit_code, diagnostics::ExitCode::protocol_violated);
 }
 
 }  // namespace

@@ -101,13 +101,6 @@ TEST(ProcessOptions, RefuseBadUsageInOneLineThatNamesTheOption) {
   EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--run-id", "-3"}), HasSubstr("-3"));
   EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--run-id", "seven"}), HasSubstr("seven"));
   EXPECT_THAT(refusal(loop::Role::reference, {"a.yaml", "--run-id", "7"}), HasSubstr("--run-id"));
-  EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--follow", "7"}), HasSubstr("--follow"));
-  EXPECT_THAT(refusal(loop::Role::controller, {"a.yaml", "--follow", "0"}), HasSubstr("--follow"));
-  EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--resume", "log"}), HasSubstr("--resume"));
-  EXPECT_THAT(refusal(loop::Role::controller, {"a.yaml", "--follow", "7", "--resume", "log"}),
-              AllOf(HasSubstr("--follow"), HasSubstr("--resume")));
-  EXPECT_THAT(refusal(loop::Role::controller, {"a.yaml", "--follow", "7", "--key-file", "k"}),
-              AllOf(HasSubstr("--follow"), HasSubstr("--key-file")));
   EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--wait-s", "-1"}), HasSubstr("--wait-s"));
   EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--wait-s", "nan"}), HasSubstr("--wait-s"));
   EXPECT_THAT(refusal(loop::Role::plant, {"a.yaml", "--out-log", "x"}), HasSubstr("--out-log"));

@@ -62,7 +62,6 @@ TEST(Statistics, AreReadBackAsTheyWereWritten) {
   plant.resends = 3;
   plant.rejected.add(bus::Rejection::wrong_size);
   plant.rejected.add(Discard::too_old, 4);
-  plant.plant().takeovers = 2;
   plant.plant().saturated_ticks = {0, 9};
   plant.plant().beyond_limit_ticks = {3, 0};
   for (const int us : {15, 80, 81, 950}) {
@@ -76,7 +75,6 @@ TEST(Statistics, AreReadBackAsTheyWereWritten) {
   EXPECT_EQ(read.exit_code, diagnostics::ExitCode::peer_lost);
   EXPECT_EQ(read.fault, "the logger has been silent");
   EXPECT_EQ(read.rejected.total(), 5);
-  EXPECT_EQ(read.plant().takeovers, 2);
   EXPECT_EQ(read.plant().saturated_ticks, (std::vector<std::int64_t>{0, 9}));
   EXPECT_EQ(read.plant().beyond_limit_ticks, (std::vector<std::int64_t>{3, 0}));
   EXPECT_EQ(read.plant().round_trip_us.count(), 4);

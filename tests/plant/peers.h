@@ -108,8 +108,6 @@ class Peers : public bus::Transport {
       }
     } else if (channel == "ARM_RUN_INFO") {
       on_run_info();
-      bus::Codec<loop::LogAck> codec(layout_);
-      queue("ARM_LOG_ACK", codec.encode({0, run_, -1}, {}), "logger's address");
     } else if (channel == "ARM_POSITION") {
       loop::PositionMeasurement position;
       ASSERT_EQ(positions_.decode(payload, stamp, position), bus::Rejection::none);

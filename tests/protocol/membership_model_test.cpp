@@ -1,7 +1,7 @@
 // All that an attacker can do to the handshake, to a stated depth: from each point of an
 // undisturbed rendezvous, every sequence of `depth` steps, where a step is an announcement of one
-// of the four, heard by any of the other three, or one announcement of an earlier session with the
-// same run id, or of this one that was held back, delivered to anyone. The four are
+// of the four, received by any of the other three, or one announcement of an earlier session with
+// the same run id, or of this one that was held back, delivered to anyone. The four are
 // protocol::Membership itself.
 #include <gtest/gtest.h>
 
@@ -34,7 +34,6 @@ Membership member(Role role, std::int64_t first_instance) {
   self.who.scenario_digest = 5;
   self.run = role == Role::plant ? the_run : 0;
   self.give_up = 1h;
-  self.takeover = true;
   return {self, Membership::Time{}};
 }
 

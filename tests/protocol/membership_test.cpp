@@ -45,16 +45,14 @@ class Network {
     self.who.measurement = role == Role::controller ? "POSITION" : "";
     self.run = role == Role::plant ? next_run : 0;
     self.wait_limit = wait_limit;
-    self.takeover = takeover;
-    self.resumes = resumes;
+    self.handshake = handshake;
     processes_.push_back({role, std::string(loop::name(role)) + std::to_string(instance),
                           std::make_unique<Membership>(self, now_)});
     return *processes_.back().membership;
   }
 
   std::int64_t next_run = plants_run;  ///< of the plants started from now on
-  bool takeover = true;                ///< of the processes started from now on
-  bool resumes = false;
+  bool handshake = true;               ///< of the processes started from now on
 
   void kill(const Membership& victim) { of(victim).dead = true; }
 
@@ -328,20 +326,6 @@ TEST_F(ARunningMembership, NoticesAPlantThatDies) {
   }
 }
 
-TEST_F(ARunningMembership, NoticesAPlantThatDiesAlsoWhenAStrangerHasGivenItAnotherRole) {
-  auto said = plant.announce(network.now());
-  said.participant.role = Role::reference;
-  said.participant.counter += 1'000'000;  // what the plant says from now on is older
-  answer(said, controller, network.now());
-  controller.handle(said.stamp, said.participant, "a stranger", network.now());
-  network.pass(1s);
-  EXPECT_EQ(text(controller), "");
-  for (const auto* each : {&plant, &reference, &logger}) network.kill(*each);
-  network.pass(5200ms);
-  EXPECT_EQ(code(controller), diagnostics::ExitCode::peer_lost);
-  EXPECT_THAT(text(controller), HasSubstr("the plant (process 1"));
-}
-
 TEST(AMembership, BelievesNoRosterOfAPlantThatIsNotInIt) {
   Network network;
   auto& plant = network.start(Role::plant, 1);
@@ -443,75 +427,23 @@ TEST_F(ARunningMembership, DoesNotBelieveThatItIsOverBeforeItsLastTick) {
   EXPECT_TRUE(controller.plant_finished());
 }
 
-TEST_F(ARunningMembership, FailsWhenThePlantHasReallyFinishedBeforeItsLastTick) {
-  for (auto* each : {&reference, &controller}) each->complete();
-  logger.progressed(17, 0);
-  plant.finished(network.now());
-  network.pass(400ms);
-  EXPECT_EQ(text(logger), "");
-  network.pass(300ms);
-  EXPECT_EQ(code(logger), diagnostics::ExitCode::protocol_violated);
-  EXPECT_THAT(text(logger), HasSubstr("the plant (process 1 on arm-1, plant1) says that it has "
-                                      "finished, but this logger has got no further than tick 17"));
-  EXPECT_EQ(code(plant), diagnostics::ExitCode::protocol_violated) << "though it had finished";
-}
-
-TEST_F(ARunningMembership, IsBelievedByAPlantThatHasFinishedHoweverOftenThatSaysSo) {
-  for (auto* each : {&reference, &controller}) each->complete();
-  plant.finished(network.now());
-  for (int i = 0; i < 35; ++i) {  // as it does while it waits for the others' end
-    const auto said = plant.announce(network.now());
-    logger.handle(said.stamp, said.participant, "plant1", network.now());
-    network.pass(20ms);
-  }
-  EXPECT_EQ(code(logger), diagnostics::ExitCode::protocol_violated);
-  EXPECT_EQ(code(plant), diagnostics::ExitCode::protocol_violated);
-}
-
-TEST_F(ARunningMembership, IsOverWithItsLastTickThoughThePlantsEndCameBeforeAndIsNotSaidAgain) {
-  for (auto* each : {&reference, &controller}) each->complete();
-  plant.finished(network.now());
-  network.pass(200ms);
-  network.kill(plant);
-  logger.complete();
-  network.pass(500ms);
-  EXPECT_EQ(text(logger), "");
-  EXPECT_TRUE(logger.plant_finished());
-}
-
-TEST_F(ARunningMembership, DoesNotCountItsOwnSuspensionAsAFinishThatStands) {
-  auto said = plant.announce(network.now());
-  said.participant.state = ParticipantState::finished;
-  answer(said, controller, network.now());
-  controller.handle(said.stamp, said.participant, "plant1", network.now());
-  controller.poll(network.now());
-  // Of a minute without looking one period counts.
-  const auto awake = network.now() + 60s;
-  controller.poll(awake);
-  const auto stands = awake + Membership::finish_stands_after - Membership::period;
-  for (auto now = awake; now < stands; now += 50ms) controller.poll(now);
-  EXPECT_EQ(text(controller), "");
-  controller.poll(stands);
-  EXPECT_EQ(code(controller), diagnostics::ExitCode::protocol_violated);
-}
-
-TEST_F(ARunningMembership, KnowsThatItsEndIsKnownThoughItHasSaidSoAgainSince) {
+TEST_F(ARunningMembership, IsAcknowledgedItsFinishThoughItHasAnnouncedItAgainSince) {
   const auto tell = [&](Membership& from, Membership& to) {
     const auto said = from.announce(network.now());
     to.handle(said.stamp, said.participant, &from == &plant ? "plant1" : "controller3",
               network.now());
   };
   tell(plant, controller);
-  EXPECT_FALSE(controller.end_is_known()) << "it has not finished";
+  EXPECT_FALSE(controller.finish_acknowledged()) << "it has not finished";
   controller.complete();
   plant.finished(network.now());
   tell(plant, controller);
   controller.finished(network.now());
-  EXPECT_FALSE(controller.end_is_known()) << "it has not said so";
+  EXPECT_FALSE(controller.finish_acknowledged()) << "it has not said so";
   tell(controller, plant);
   controller.announce(network.now());  // which is lost
   tell(plant, controller);
-  EXPECT_TRUE(controller.end_is_known());
+  EXPECT_TRUE(controller.finish_acknowledged());
 }
 
 TEST_F(ARunningMembership, SaysWhyItStopsFromTheFirstReasonOn) {
@@ -580,144 +512,36 @@ TEST(AMembership, DoesNotJoinARunThatIsUnderWay) {
   EXPECT_FALSE(late.joined());
 }
 
-/// A run under way, and a controller that wants to resume it.
-class ATakeover : public testing::Test {
- protected:
-  explicit ATakeover(bool takeover = true) {
-    network.takeover = takeover;
-    plant = &network.start(Role::plant, 1);
-    reference = &network.start(Role::reference, 2);
-    controller = &network.start(Role::controller, 3);
-    logger = &network.start(Role::logger, 4);
-    network.pass(500ms);
-    for (Membership* each : {reference, controller, logger}) each->started(network.now());
-    network.pass(300ms);
-    controller->progressed(40, 0);
-    network.pass(200ms);
-  }
-  Membership& successor(std::int64_t instance = 5, std::int64_t digest = 5) {
-    network.resumes = true;
-    return network.start(Role::controller, instance, digest);
-  }
-
+TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) {
   Network network;
-  Membership* plant;
-  Membership* reference;
-  Membership* controller;
-  Membership* logger;
-};
-
-TEST_F(ATakeover, BeginsWhenTheControllerHasBeenSilentForHalfASecond) {
-  EXPECT_EQ(plant->tick_of(Role::controller), 40);
-  network.kill(*controller);
-  auto& next = successor();
+  network.handshake = false;
+  auto& reference = network.start(Role::reference, 2);
+  auto& controller = network.start(Role::controller, 3);
+  auto& logger = network.start(Role::logger, 4);
   network.pass(300ms);
-  EXPECT_TRUE(next.joined()) << "with the plant, which runs already";
-  EXPECT_EQ(next.run(), plants_run);
-  EXPECT_EQ(plant->takeovers(), 0);
-  next.progressed(17, 0);
-  network.pass(400ms);
-  for (const Membership* each : {plant, reference, logger}) {
-    EXPECT_EQ(each->takeovers(), 1);
-    EXPECT_EQ(each->tick_of(Role::controller), 17);
-    EXPECT_FALSE(each->failure());
+  loop::Participant plant;  // counts and acknowledges nothing
+  plant.role = Role::plant;
+  plant.instance = 1;
+  plant.scenario_digest = 5;
+  const auto tell = [&](ParticipantState state) {
+    plant.state = state;
+    for (Membership* each : {&reference, &controller, &logger}) {
+      each->handle({0, plants_run, -1}, plant, "plant1", network.now());
+    }
+    network.pass(100ms);
+  };
+  tell(ParticipantState::waiting);
+  plant.roster = {1, 2, 3, 4};
+  tell(ParticipantState::ready);
+  for (Membership* each : {&reference, &controller, &logger}) {
+    EXPECT_TRUE(each->joined());
+    EXPECT_EQ(each->roster(), plant.roster);
+    each->complete();
   }
-  next.started(network.now());
-  network.pass(7s);
-  EXPECT_FALSE(plant->failure()) << "the old one is missed by nobody";
-  plant->finished(network.now());
-  next.finished(network.now());
-  network.pass(200ms);
-  EXPECT_FALSE(plant->failure());
-}
-
-TEST_F(ATakeover, IsRefusedWhileTheControllerSpeaks) {
-  auto& next = successor();
-  network.pass(1s);
-  ASSERT_TRUE(next.failure());
-  EXPECT_EQ(next.failure()->code(), diagnostics::ExitCode::protocol_violated);
-  EXPECT_THAT(next.failure()->what(), HasSubstr("there is already the controller (process 3"));
-  EXPECT_EQ(plant->takeovers(), 0);
-  EXPECT_FALSE(plant->failure());
-  EXPECT_FALSE(controller->failure());
-}
-
-TEST_F(ATakeover, OfOneThatCannotResumeEndsTheRunOnceTheOldOneIsGone) {
-  network.kill(*controller);
-  auto& next = successor();
-  network.pass(300ms);
-  // Said at once, when the old one may still be there, and not again.
-  next.failed(diagnostics::Failure(diagnostics::ExitCode::bad_usage, "the log ends too early"),
-              network.now());
-  network.pass(100ms);
-  EXPECT_FALSE(plant->failure());
-  network.pass(300ms);
-  for (const Membership* each : {plant, reference, logger}) {
-    ASSERT_TRUE(each->failure());
-    EXPECT_EQ(each->failure()->code(), diagnostics::ExitCode::peer_lost);
-    EXPECT_THAT(each->failure()->what(), HasSubstr("the log ends too early"));
-  }
-}
-
-TEST_F(ATakeover, OfOneThatCannotResumeIsForgottenWhenTheOldOneSpeaks) {
-  Membership::Announcement said;
-  loop::Participant& failed = said.participant;
-  failed.role = Role::controller;
-  failed.instance = 5;
-  failed.scenario_digest = 5;
-  failed.state = loop::ParticipantState::fault;
-  failed.fault_code = static_cast<int>(diagnostics::ExitCode::bad_usage);
-  failed.fault = "the log ends too early";
-  said.stamp.run = plants_run;
-  answer(said, *plant, network.now());
-  plant->handle(said.stamp, failed, "controller5", network.now());
-  network.pass(300ms);
-  network.kill(*controller);
-  network.pass(2s);
-  EXPECT_FALSE(plant->failure()) << "it waits for another";
-}
-
-TEST_F(ATakeover, IsNotForAnotherScenario) {
-  network.kill(*controller);
-  auto& next = successor(5, 6);
-  network.pass(2s);
-  EXPECT_TRUE(next.failure());
-  EXPECT_EQ(plant->takeovers(), 0);
-}
-
-TEST_F(ATakeover, IsNotForOneThatStartsAnew) {
-  network.kill(*controller);
-  auto& fresh = network.start(Role::controller, 5);
-  network.pass(2s);
-  EXPECT_FALSE(fresh.joined());
-  EXPECT_EQ(plant->takeovers(), 0);
-}
-
-TEST_F(ATakeover, CanBeRepeated) {
-  network.kill(*controller);
-  auto& second = successor(5);
-  network.pass(1s);
-  second.started(network.now());
-  network.kill(second);
-  successor(6);
-  network.pass(1s);
-  EXPECT_EQ(plant->takeovers(), 2);
-  EXPECT_FALSE(plant->failure());
-}
-
-class NoTakeover : public ATakeover {
- protected:
-  NoTakeover() : ATakeover(false) {}
-};
-
-TEST_F(NoTakeover, HappensInRealtime) {
-  network.kill(*controller);
-  successor();
-  network.pass(2s);
-  EXPECT_EQ(plant->takeovers(), 0);
-  network.pass(5s);
-  ASSERT_TRUE(plant->failure());
-  EXPECT_EQ(plant->failure()->code(), diagnostics::ExitCode::peer_lost);
+  tell(ParticipantState::running);
+  tell(ParticipantState::finished);
+  EXPECT_TRUE(controller.plant_finished());
+  EXPECT_EQ(text(reference) + text(controller) + text(logger), "");
 }
 
 TEST(AMembership, DoesNotCountItsOwnSuspensionAsSilence) {

@@ -17,7 +17,7 @@ class APlantsPeers : public testing::Test {
  protected:
   loop::Participant announce() {
     loop::Participant mine;
-    peers.sign(mine, false, now);
+    peers.fill_acknowledgements(mine, false, now);
     return mine;
   }
   static loop::Participant who(std::int64_t instance, std::int64_t counter,
@@ -36,30 +36,30 @@ class APlantsPeers : public testing::Test {
     return result;
   }
   bool remember(const loop::Participant& said, const std::string& sender = "address") {
-    return peers.remember({}, said, sender, peers.answered(said), now).first;
+    return peers.remember({}, said, sender, peers.answered(said, now), now).first;
   }
 
   Peers::Time now{1s};
-  Peers peers{Role::plant, own};
+  Peers peers{Role::plant, own, true};
 };
 
 TEST_F(APlantsPeers, ProveThatTheyLiveByAnsweringOneOfTheLastAnnouncements) {
-  EXPECT_FALSE(peers.answered(answering(7, 1, 0)));
+  EXPECT_FALSE(peers.answered(answering(7, 1, 0), now));
   const auto first = now;
   announce();
   now += 100ms;
-  EXPECT_EQ(peers.answered(answering(7, 1, 1)), first);
-  EXPECT_FALSE(peers.answered(answering(7, 1, 2))) << "not sent yet";
-  EXPECT_FALSE(peers.answered(answering(7, 1, -3)));
+  EXPECT_EQ(peers.answered(answering(7, 1, 1), now), first);
+  EXPECT_FALSE(peers.answered(answering(7, 1, 2), now)) << "not sent yet";
+  EXPECT_FALSE(peers.answered(answering(7, 1, -3), now));
   loop::Participant other = answering(7, 1, 1);
   other.heard_instance[0] = own + 1;
-  EXPECT_FALSE(peers.answered(other)) << "it answers an earlier process";
+  EXPECT_FALSE(peers.answered(other, now)) << "it answers an earlier process";
   other.heard_instance = {0, own, own, own};
-  EXPECT_FALSE(peers.answered(other)) << "it answers other roles";
+  EXPECT_FALSE(peers.answered(other, now)) << "it answers other roles";
   for (std::int64_t i = 1; i < Peers::answerable; ++i) announce();
-  EXPECT_TRUE(peers.answered(answering(7, 1, 1)));
+  EXPECT_TRUE(peers.answered(answering(7, 1, 1), now));
   announce();
-  EXPECT_FALSE(peers.answered(answering(7, 1, 1))) << "too long ago";
+  EXPECT_FALSE(peers.answered(answering(7, 1, 1), now)) << "too long ago";
 }
 
 TEST_F(APlantsPeers, AreKnownByCountersThatRise) {
@@ -92,7 +92,7 @@ TEST_F(APlantsPeers, AreInNoRunUntilTheyHaveProvenSomething) {
   loop::Stamp stamp;
   stamp.run = 77;
   const auto run_of = [&](const loop::Participant& said) {
-    return peers.remember(stamp, said, "address", peers.answered(said), now).peer.run;
+    return peers.remember(stamp, said, "address", peers.answered(said, now), now).peer.run;
   };
   EXPECT_EQ(run_of(who(7, 1)), 0);
   EXPECT_EQ(run_of(answering(7, 2, 1)), 77);
@@ -111,7 +111,7 @@ TEST_F(APlantsPeers, LivedWhenTheAnswerWasAskedForNotWhenItCame) {
   EXPECT_EQ(peers.find(Role::logger)->lived, now) << "what it proved once it has proved";
   peers.excuse(60s);
   EXPECT_EQ(peers.find(Role::logger)->lived, now + 60s);
-  EXPECT_EQ(peers.answered(answering(7, 4, 2)), now + 60s);
+  EXPECT_EQ(peers.answered(answering(7, 4, 2), now), now + 60s);
 }
 
 TEST_F(APlantsPeers, AreNamedSoThatEachCanProveItself) {
@@ -135,7 +135,7 @@ TEST_F(APlantsPeers, AreNamedSoThatEachCanProveItself) {
   peers.set_holder(Role::logger, 7);
   loop::Participant last;
   for (int i = 0; i < 2; ++i) {
-    peers.sign(last, true, now);
+    peers.fill_acknowledgements(last, true, now);
     EXPECT_EQ(last.heard_instance[3], 7) << "what ends the run is for the run's members";
   }
 }

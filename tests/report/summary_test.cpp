@@ -59,7 +59,6 @@ std::vector<node::Statistics> counters() {
   own.missed_commands = 7;
   own.longest_command_miss = 6;
   own.late_commands = 5;
-  own.takeovers = 2;
   own.saturated_ticks = {0, 9};
   own.beyond_limit_ticks = {3, 0};
   node::Statistics controller(loop::Role::controller);
@@ -83,7 +82,7 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
       keys,
       ElementsAre("scenario", "run_id", "mode", "law", "joints", "ticks", "period_s", "duration_s",
                   "wall_s", "ticks_per_s", "real_time_factor", "placement", "position_error_rad",
-                  "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected", "takeovers",
+                  "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected",
                   "missed_deadlines", "longest_miss", "missed_commands", "longest_command_miss",
                   "late_commands", "skipped_ticks", "wake_up_jitter_us", "command_age_us",
                   "saturated_ticks", "beyond_limit_ticks", "log", "verdict", "fault"));
@@ -116,7 +115,6 @@ TEST(Summary, AddsUpTheProcessesCounters) {
   EXPECT_EQ(summary["missed_commands"], 7);
   EXPECT_EQ(summary["longest_command_miss"], 6);
   EXPECT_EQ(summary["late_commands"], 5);
-  EXPECT_EQ(summary["takeovers"], 2);
   EXPECT_EQ(summary["skipped_ticks"], 8);
   EXPECT_EQ(summary["saturated_ticks"], (std::vector<int>{0, 9}));
   EXPECT_EQ(summary["beyond_limit_ticks"], (std::vector<int>{3, 0}));

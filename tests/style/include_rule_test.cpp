@@ -49,7 +49,9 @@ const std::vector<Rule> rules = {
     {"bus/key.cpp", {"bus/", "process/", "diagnostics/failure.h"}, {"sodium.h"}, true},
 
     {"protocol/", {"protocol/", "loop/", "diagnostics/"}, {}},
-    {"protocol/lockstep/", {"protocol/lockstep/", "loop/clock.h", "loop/slot.h"}, {}},
+    {"protocol/lockstep/",
+     {"protocol/lockstep/", "loop/clock.h", "loop/slot.h", "diagnostics/fnv.h"},
+     {}},
     {"protocol/realtime/", {"protocol/realtime/", "protocol/lockstep/", "loop/clock.h"}, {}},
 
     {"experiment/",
@@ -82,9 +84,6 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"Eigen/"}},
     {"controller/law_socket.", {"controller/", "process/", "bus/", "diagnostics/"}, {}, true},
-    {"controller/recorded_inputs.",
-     {"controller/", "bus/", "diagnostics/", "logger/log_file.h"},
-     {}},
     {"controller/law/", {"controller/law/", "loop/signals.h", "schema/", "robot/"}, {"Eigen/"}},
     {"controller/law/filter.h", {"schema/", "robot/quantities.h"}, {}},
 
@@ -112,8 +111,8 @@ const std::vector<Rule> rules = {
     {"study/sweep.cpp", {"study/", "process/parallel.h", "diagnostics/"}, {}, true},
     {"study/sweep_plan.cpp", {"study/", "experiment/", "diagnostics/"}, {"nlohmann/"}},
     {"study/in_process_log.cpp",
-     {"study/", "controller/registry.h", "plant/run_messages.h", "bus/wire.h", "bus/truth/",
-      "loop/"},
+     {"study/", "controller/registry.h", "node/run_info.h", "plant/run_messages.h", "bus/wire.h",
+      "bus/truth/", "loop/"},
      {}},
 
     {"report/",

@@ -135,25 +135,6 @@ TEST_F(ExternalLaw, TellsHowTheProgramEnded) {
   EXPECT_TRUE(support::children_of(getpid()).empty()) << "the program outlived the replay";
 }
 
-TEST_F(ExternalLaw, IsTakenOverWhenKilled) {
-  record();
-  Words words = with_program(run("restarted", {"--restart", "controller"}));
-  Program launcher = start(words);
-  std::error_code absent;
-  while (fs::file_size(log("restarted"), absent) < 200'000 || absent) {
-    ASSERT_TRUE(launcher.running()) << launcher.errors();
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  for (const pid_t pid : support::children_of(launcher.pid())) {
-    if (contents(fs::path("/proc") / std::to_string(pid) / "cmdline").starts_with(program())) {
-      ASSERT_EQ(kill(pid, SIGKILL), 0);
-    }
-  }
-  ASSERT_EQ(launcher.wait(), 0) << launcher.errors();
-  EXPECT_THAT(launcher.errors(), HasSubstr("controller was killed by signal 9"));
-  EXPECT_TRUE(contents(log("own")) == contents(log("restarted")));
-}
-
 TEST_F(ExternalLaw, HasToBeTheOneOfTheScenario) {
   EXPECT_EQ(tachless(run("no", {"--set", "controller.law=external"})), 2);
   EXPECT_THAT(errors_, HasSubstr("controller.measurement: missing; needed with law: external"));

@@ -220,17 +220,6 @@ TEST_F(SeveralRobots, AreBroughtToRestOnTheWallClockWhenOneFails) {
   }
 }
 
-TEST_F(SeveralRobots, GoOnWhenTheControllerOfOneIsRestarted) {
-  const auto alone = logs_alone({"--duration", "1"});
-  Program program = start(two_arms(), {"--duration", "1", "--restart", "controller"});
-  wait_for_log(program, "left", 500'000);
-  kill_process(program, "tachless-controller", "left");
-  EXPECT_EQ(program.wait(), 0) << program.errors();
-  EXPECT_THAT(program.errors(), HasSubstr("left: controller was killed by signal 9"));
-  EXPECT_EQ(summary("left")["takeovers"], 1);
-  expect_logs(alone);
-}
-
 TEST_F(SeveralRobots, EndAllOnCtrlC) {
   Program program = start(two_arms(), {"--duration", "1000", "--quiet"});
   wait_for_log(program, "left", 500'000);

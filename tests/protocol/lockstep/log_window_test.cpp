@@ -15,7 +15,7 @@ class ALogWindow : public testing::Test {
   static constexpr std::int64_t num_ticks = 200;
 
   Verdict put(std::int64_t tick, Slot slot, std::uint64_t content = 0) {
-    return window.on_message(slot, tick, BytesOf(content), "somebody");
+    return window.on_message(slot, tick, BytesOf(content));
   }
   void put_all_but(std::int64_t tick, std::initializer_list<Slot> missing) {
     for (int slot = 0; slot < num_slots; ++slot) {
@@ -32,40 +32,11 @@ class ALogWindow : public testing::Test {
     }
     return count;
   }
-  void introduce() {
-    window.on_run_info(true);
-    window.take_ack();
-  }
 
   LogWindow window{num_ticks, {8, 8, 8, 8, 8, 8}};
 };
 
-TEST_F(ALogWindow, WritesNothingBeforeRunInfo) {
-  put_all_but(0, {});
-  EXPECT_EQ(window.complete_tick(), std::nullopt);
-  EXPECT_THROW(window.written(), std::logic_error);
-  EXPECT_EQ(window.on_run_info(true), Verdict::fresh);
-  EXPECT_EQ(window.complete_tick(), 0);
-}
-
-TEST_F(ALogWindow, AcknowledgesEachRunInfoAtOnce) {
-  EXPECT_FALSE(window.take_ack());
-  window.on_run_info(true);
-  EXPECT_EQ(window.take_ack()->tick, -1);
-  EXPECT_FALSE(window.take_ack());
-  EXPECT_EQ(window.on_run_info(true), Verdict::repeated);
-  EXPECT_EQ(window.take_ack()->tick, -1);
-  EXPECT_EQ(window.on_run_info(false), Verdict::conflicting);
-}
-
-TEST_F(ALogWindow, TellsAPlantThatRepeatsThatItHasNoRunInfo) {
-  put_all_but(0, {});
-  EXPECT_EQ(put(0, Slot::truth), Verdict::repeated);
-  EXPECT_EQ(window.take_ack()->tick, -2);
-}
-
 TEST_F(ALogWindow, NeedsAllSixMessagesOfATickInAnyOrder) {
-  introduce();
   for (Slot slot : {Slot::truth, Slot::reference, Slot::tick, Slot::command, Slot::measurement}) {
     put(0, slot);
     EXPECT_EQ(window.complete_tick(), std::nullopt);
@@ -75,7 +46,6 @@ TEST_F(ALogWindow, NeedsAllSixMessagesOfATickInAnyOrder) {
 }
 
 TEST_F(ALogWindow, WritesInOrderOfTicks) {
-  introduce();
   put_all_but(1, {});
   EXPECT_EQ(window.complete_tick(), std::nullopt);
   put_all_but(0, {});
@@ -84,7 +54,6 @@ TEST_F(ALogWindow, WritesInOrderOfTicks) {
 }
 
 TEST_F(ALogWindow, AcknowledgesEvery16TicksOfACleanRunAndTheLast) {
-  introduce();
   int acks = 0;
   for (std::int64_t k = 0; k < num_ticks; ++k) {
     put_all_but(k, {});
@@ -99,7 +68,6 @@ TEST_F(ALogWindow, AcknowledgesEvery16TicksOfACleanRunAndTheLast) {
 }
 
 TEST_F(ALogWindow, AcknowledgesEvery16TicksBehindAGapToo) {
-  introduce();
   put_all_but(0, {Slot::command});
   for (std::int64_t k = 1; k < 15; ++k) {
     put_all_but(k, {});
@@ -113,7 +81,6 @@ TEST_F(ALogWindow, AcknowledgesEvery16TicksBehindAGapToo) {
 }
 
 TEST_F(ALogWindow, CountsTheNewestTwoTicksAsUnderWayUnlessAskedAgain) {
-  introduce();
   for (std::int64_t k = 0; k < 16; ++k) put_all_but(k, {Slot::reference});
   EXPECT_EQ(window.take_ack()->missing, 0x3fffU);
   put(15, Slot::truth);
@@ -121,7 +88,6 @@ TEST_F(ALogWindow, CountsTheNewestTwoTicksAsUnderWayUnlessAskedAgain) {
 }
 
 TEST_F(ALogWindow, AcknowledgesAtOnceWhenThePlantRepeats) {
-  introduce();
   put_all_but(0, {});
   write();
   EXPECT_FALSE(window.take_ack());
@@ -132,7 +98,6 @@ TEST_F(ALogWindow, AcknowledgesAtOnceWhenThePlantRepeats) {
 }
 
 TEST_F(ALogWindow, AcknowledgesAtOnceWhenAGapIsFilled) {
-  introduce();
   put_all_but(0, {Slot::command});
   for (std::int64_t k = 1; k < 5; ++k) put_all_but(k, {});
   EXPECT_FALSE(window.take_ack());
@@ -142,7 +107,6 @@ TEST_F(ALogWindow, AcknowledgesAtOnceWhenAGapIsFilled) {
 }
 
 TEST_F(ALogWindow, IgnoresWhatItsWindowCannotHold) {
-  introduce();
   EXPECT_EQ(put(64, Slot::tick), Verdict::not_asked);
   EXPECT_EQ(put(-1, Slot::tick), Verdict::not_asked);
   EXPECT_EQ(put(63, Slot::tick), Verdict::fresh);
@@ -151,11 +115,9 @@ TEST_F(ALogWindow, IgnoresWhatItsWindowCannotHold) {
 }
 
 TEST_F(ALogWindow, SeesAContradiction) {
-  introduce();
   put(0, Slot::command, 1);
   EXPECT_EQ(put(0, Slot::command, 2), Verdict::conflicting);
   EXPECT_EQ(number_in(window.bytes(0, Slot::command)), 1U);
-  EXPECT_EQ(window.sender(0, Slot::command), "somebody");
 }
 
 }  // namespace

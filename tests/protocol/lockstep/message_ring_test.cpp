@@ -11,36 +11,43 @@ namespace {
 
 MessageRing ring() { return MessageRing(std::array<std::size_t, 2>{8, 8}); }
 
-TEST(MessageRing, KeepsEachKindOfATickWithItsSender) {
+TEST(MessageRing, KeepsEachKindOfATick) {
   MessageRing messages = ring();
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7), "a"), Verdict::fresh);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::fresh);
   EXPECT_TRUE(messages.has(3, 0));
   EXPECT_FALSE(messages.has(3, 1));
-  EXPECT_EQ(messages.put(3, 1, BytesOf(8), "b"), Verdict::fresh);
+  EXPECT_EQ(messages.put(3, 1, BytesOf(8)), Verdict::fresh);
   EXPECT_EQ(number_in(messages.bytes(3, 0)), 7U);
   EXPECT_EQ(number_in(messages.bytes(3, 1)), 8U);
-  EXPECT_EQ(messages.sender(3, 0), "a");
-  EXPECT_EQ(messages.sender(3, 1), "b");
 }
 
 TEST(MessageRing, TellsARepetitionFromAContradictionAndKeepsTheFirst) {
   MessageRing messages = ring();
-  messages.put(3, 0, BytesOf(7), "a");
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7), "b"), Verdict::repeated);
-  EXPECT_EQ(messages.put(3, 0, BytesOf(9), "b"), Verdict::conflicting);
-  EXPECT_EQ(messages.put(3, 0, BytesOf(7).operator std::span<const std::byte>().first(4), "b"),
+  messages.put(3, 0, BytesOf(7));
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::repeated);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(9)), Verdict::conflicting);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7).operator std::span<const std::byte>().first(4)),
             Verdict::conflicting);
   EXPECT_EQ(number_in(messages.bytes(3, 0)), 7U);
-  EXPECT_EQ(messages.sender(3, 0), "a");
+}
+
+TEST(MessageRing, KeepsADigestWhereACopyHasOnlyToBeRecognised) {
+  MessageRing messages(std::array<std::size_t, 1>{MessageRing::digest_only});
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::fresh);
+  EXPECT_TRUE(messages.has(3, 0));
+  EXPECT_EQ(messages.put(3, 0, BytesOf(7)), Verdict::repeated);
+  EXPECT_EQ(messages.put(3, 0, BytesOf(9)), Verdict::conflicting);
+  EXPECT_EQ(messages.put(4, 0, BytesOf(9)), Verdict::fresh);
+  EXPECT_TRUE(messages.bytes(3, 0).empty());
 }
 
 TEST(MessageRing, KeepsExactlyTheLast64Ticks) {
   MessageRing messages = ring();
-  for (std::int64_t tick = 0; tick < 65; ++tick) messages.put(tick, 0, BytesOf(tick), "a");
+  for (std::int64_t tick = 0; tick < 65; ++tick) messages.put(tick, 0, BytesOf(tick));
   EXPECT_FALSE(messages.has(0, 0));
   EXPECT_TRUE(messages.has(1, 0));
-  EXPECT_EQ(messages.put(0, 0, BytesOf(0), "a"), Verdict::too_old);
-  EXPECT_EQ(messages.put(0, 1, BytesOf(0), "a"), Verdict::too_old);
+  EXPECT_EQ(messages.put(0, 0, BytesOf(0)), Verdict::too_old);
+  EXPECT_EQ(messages.put(0, 1, BytesOf(0)), Verdict::too_old);
   EXPECT_TRUE(messages.has(64, 0));
   EXPECT_FALSE(messages.has(64, 1));
 }

@@ -13,7 +13,7 @@ namespace {
 class AReferenceResponder : public testing::Test {
  protected:
   ReferenceResponder::Answer ask(std::int64_t tick, std::uint64_t content = 0) {
-    const auto answer = responder.on_tick(tick, BytesOf(content), "plant");
+    const auto answer = responder.on_tick(tick, BytesOf(content));
     for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
       responder.computed(k, BytesOf(100 + k));
     }
@@ -27,7 +27,7 @@ class AReferenceResponder : public testing::Test {
   using Ticks = std::vector<std::int64_t>;
 
   static constexpr std::int64_t num_ticks = 200;
-  ReferenceResponder responder{num_ticks, 8, 8};
+  ReferenceResponder responder{num_ticks, 8};
 };
 
 TEST_F(AReferenceResponder, StaysOneTickAhead) {
@@ -92,7 +92,6 @@ TEST_F(AReferenceResponder, ForgetsAfter64Ticks) {
 TEST_F(AReferenceResponder, SeesTwoPlants) {
   ask(0, 1);
   EXPECT_EQ(ask(0, 2).verdict, Verdict::conflicting);
-  EXPECT_EQ(responder.sender_of(0), "plant");
 }
 
 TEST_F(AReferenceResponder, ComputesEachOnceInOrder) {
@@ -104,7 +103,7 @@ TEST_F(AReferenceResponder, ComputesEachOnceInOrder) {
 using Range = std::pair<std::int64_t, std::int64_t>;
 
 Range ask(ReferenceResponder& responder, std::int64_t tick) {
-  const auto answer = responder.on_tick(tick, BytesOf(1), "plant");
+  const auto answer = responder.on_tick(tick, BytesOf(1));
   EXPECT_EQ(answer.verdict, Verdict::fresh);
   EXPECT_LT(answer.repeat.last, answer.repeat.first);
   for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
@@ -114,7 +113,7 @@ Range ask(ReferenceResponder& responder, std::int64_t tick) {
 }
 
 TEST(ReferenceResponderInRealtime, IsOneTickAhead) {
-  ReferenceResponder responder(100, 16, 8, true);
+  ReferenceResponder responder(100, 8, true);
   EXPECT_EQ(responder.newest(), -1);
   EXPECT_EQ(ask(responder, 0), Range(0, 1));
   EXPECT_EQ(ask(responder, 1), Range(2, 2));
@@ -123,14 +122,14 @@ TEST(ReferenceResponderInRealtime, IsOneTickAhead) {
 }
 
 TEST(ReferenceResponderInRealtime, HealsOneLostTickAndLeavesOutWhatWentBy) {
-  ReferenceResponder responder(1000, 16, 8, true);
+  ReferenceResponder responder(1000, 8, true);
   ask(responder, 0);
   EXPECT_EQ(ask(responder, 2), Range(2, 3));
   EXPECT_EQ(ask(responder, 500), Range(500, 501));
 }
 
 TEST(ReferenceResponderInRealtime, HasNothingNewForATickThatWasOvertaken) {
-  ReferenceResponder responder(100, 16, 8, true);
+  ReferenceResponder responder(100, 8, true);
   ask(responder, 5);
   const Range range = ask(responder, 4);
   EXPECT_LT(range.second, range.first);
@@ -138,20 +137,19 @@ TEST(ReferenceResponderInRealtime, HasNothingNewForATickThatWasOvertaken) {
 }
 
 TEST(ReferenceResponderInRealtime, AsksForNothingBeyondTheEnd) {
-  ReferenceResponder responder(10, 16, 8, true);
+  ReferenceResponder responder(10, 8, true);
   EXPECT_EQ(ask(responder, 9), Range(9, 9));
-  EXPECT_EQ(responder.on_tick(10, BytesOf(1), "plant").verdict, Verdict::not_asked);
-  EXPECT_EQ(responder.on_tick(-1, BytesOf(1), "plant").verdict, Verdict::not_asked);
+  EXPECT_EQ(responder.on_tick(10, BytesOf(1)).verdict, Verdict::not_asked);
+  EXPECT_EQ(responder.on_tick(-1, BytesOf(1)).verdict, Verdict::not_asked);
 }
 
 TEST(ReferenceResponderInRealtime, NoticesASecondPlant) {
-  ReferenceResponder responder(10, 16, 8, true);
+  ReferenceResponder responder(10, 8, true);
   ask(responder, 3);
-  const auto again = responder.on_tick(3, BytesOf(1), "plant");
+  const auto again = responder.on_tick(3, BytesOf(1));
   EXPECT_EQ(again.verdict, Verdict::repeated);
   EXPECT_LT(again.repeat.last, again.repeat.first) << "nothing is published twice";
-  EXPECT_EQ(responder.on_tick(3, BytesOf(9), "second").verdict, Verdict::conflicting);
-  EXPECT_EQ(responder.sender_of(3), "plant");
+  EXPECT_EQ(responder.on_tick(3, BytesOf(9)).verdict, Verdict::conflicting);
 }
 
 using Action = CommandResponder::Action;
@@ -159,10 +157,10 @@ using Action = CommandResponder::Action;
 class ACommandResponder : public testing::Test {
  protected:
   CommandResponder::Answer measure(std::int64_t tick, std::uint64_t content = 0) {
-    return responder.on_input(measurement_input, tick, BytesOf(content), "plant");
+    return responder.on_input(measurement_input, tick, BytesOf(content));
   }
   CommandResponder::Answer refer(std::int64_t tick, std::uint64_t content = 0) {
-    return responder.on_input(reference_input, tick, BytesOf(content), "reference");
+    return responder.on_input(reference_input, tick, BytesOf(content));
   }
   void compute() { responder.computed(BytesOf(100 + responder.next()), BytesOf(responder.next())); }
   void run_through(std::int64_t ticks) {
@@ -174,7 +172,7 @@ class ACommandResponder : public testing::Test {
     }
   }
 
-  CommandResponder responder{200, {8, 8, 8, 8}};
+  CommandResponder responder{200, 8, 8};
 };
 
 TEST_F(ACommandResponder, ComputesWhenBothInputsAreThere) {
@@ -184,38 +182,6 @@ TEST_F(ACommandResponder, ComputesWhenBothInputsAreThere) {
   EXPECT_EQ(responder.next(), 1);
   EXPECT_EQ(measure(1).action, Action::nothing);
   EXPECT_EQ(refer(1).action, Action::compute);
-}
-
-TEST_F(ACommandResponder, ThatResumesKeepsWhatItsPredecessorWasAskedUntilItsTurnComes) {
-  responder.resume(70);
-  EXPECT_EQ(measure(72).verdict, Verdict::fresh);
-  EXPECT_EQ(measure(71).verdict, Verdict::fresh);
-  for (const std::int64_t k : {73, 72, 71}) {
-    EXPECT_EQ(refer(k).action, Action::nothing) << "70 comes first";
-  }
-  EXPECT_EQ(refer(70).action, Action::nothing);
-  EXPECT_EQ(measure(70).action, Action::compute);
-  compute();
-  EXPECT_TRUE(responder.ready());
-  compute();
-  EXPECT_TRUE(responder.ready());
-  compute();
-  EXPECT_FALSE(responder.ready()) << "73 is referred to, but not measured";
-  EXPECT_EQ(measure(73).action, Action::compute);
-}
-
-TEST_F(ACommandResponder, ThatResumesReachesNoFurtherThanMessagesAreKept) {
-  responder.resume(70);
-  EXPECT_EQ(measure(70 + CommandResponder::reach).verdict, Verdict::not_asked);
-  EXPECT_EQ(refer(70 + CommandResponder::reach).verdict, Verdict::not_asked);
-  EXPECT_EQ(measure(70 + CommandResponder::reach - 1).verdict, Verdict::fresh);
-  EXPECT_EQ(refer(70 + CommandResponder::reach - 1).verdict, Verdict::fresh);
-}
-
-TEST_F(ACommandResponder, ThatResumesRepeatsNoAnswerOfItsPredecessor) {
-  responder.resume(70);
-  EXPECT_EQ(measure(69).action, Action::nothing);
-  EXPECT_EQ(measure(69).action, Action::nothing);
 }
 
 TEST_F(ACommandResponder, RepeatsTheKeptAnswerToARepeatedMeasurement) {
@@ -256,8 +222,6 @@ TEST_F(ACommandResponder, SeesTwoPlantsAndTwoReferences) {
   EXPECT_EQ(measure(0, 9).verdict, Verdict::conflicting);
   EXPECT_EQ(measure(0, 9).action, Action::nothing);
   EXPECT_EQ(refer(1, 9).verdict, Verdict::conflicting);
-  EXPECT_EQ(responder.sender_of(measurement_input, 0), "plant");
-  EXPECT_EQ(responder.sender_of(reference_input, 1), "reference");
 }
 
 TEST_F(ACommandResponder, ForgetsAfter64Ticks) {

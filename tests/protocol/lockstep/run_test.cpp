@@ -7,10 +7,8 @@
 #include <chrono>
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <queue>
 #include <random>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -32,7 +30,7 @@ std::uint64_t mix(std::uint64_t a, std::uint64_t b) {
   return x ^ (x >> 31);
 }
 
-enum class Kind { run_info, tick, measurement, reference, command, state, truth, ack };
+enum class Kind { tick, measurement, reference, command, state, truth, ack };
 enum Node : int { plant, reference, controller, logger, num_nodes };
 
 struct Message {
@@ -56,21 +54,15 @@ class SimulatedRun {
       : num_ticks_(num_ticks),
         network_(network),
         random_(seed),
-        tick_master_(config(num_ticks), 8),
-        reference_(num_ticks, 8, 8),
-        controller_(num_ticks, {8, 8, 8, 8}),
+        tick_master_(config(num_ticks)),
+        reference_(num_ticks, 8),
+        controller_(num_ticks, 8, 8),
         log_(num_ticks, {8, 8, 8, 8, 8, 8}) {}
 
   void run() {
-    publish(plant, {Kind::run_info, -1, 42});
-    tick_master_.introduced(now_);
     while (!tick_master_.finished() && now_ < Time(1h)) {
-      if (succeeds_at_ && now_ >= *succeeds_at_) succeed();
-      // The heartbeat, as often as it comes.
-      tick_master_.successor_at(announced_, now_);
       drive_plant();
-      Time wake = tick_master_.deadline();
-      if (succeeds_at_) wake = std::min(wake, *succeeds_at_);
+      const Time wake = tick_master_.deadline();
       if (events_.empty() && wake == Time::max()) break;
       if (events_.empty() || wake < events_.top().at) {
         now_ = std::max(now_, wake);
@@ -82,15 +74,6 @@ class SimulatedRun {
       receive(event.to, event.message);
     }
   }
-
-  /// The controller is killed when it is asked for this tick, and another takes its place `after`
-  /// some time: its memory is made from what the logger has written, the rest it asks for.
-  void replace_controller(std::int64_t at_tick, std::chrono::nanoseconds after) {
-    dies_at_ = at_tick;
-    dead_for_ = after;
-  }
-  /// Commands computed by the successor that its predecessor had computed already.
-  int recomputed() const { return recomputed_; }
 
   bool finished() const { return tick_master_.finished(); }
   const std::vector<std::uint64_t>& log() const { return written_; }
@@ -145,10 +128,6 @@ class SimulatedRun {
     for (;;) {
       while (const auto repeat = tick_master_.next_repeat(now_)) {
         ++repeats_;
-        if (repeat->what == TickMaster::Repeat::What::run_info) {
-          publish(plant, {Kind::run_info, -1, 42});
-          continue;
-        }
         const std::int64_t k = repeat->tick;
         publish(plant, {Kind::tick, k, mix(1, k)});
         publish(plant, {Kind::measurement, k, measurements_.at(k)});
@@ -186,8 +165,7 @@ class SimulatedRun {
     if (message.kind == Kind::ack) {
       note(tick_master_.on_ack(message.tick, message.content, now_));
     } else if (message.kind == Kind::command) {
-      const Verdict verdict =
-          tick_master_.on_command(message.tick, BytesOf(message.content), "controller", now_);
+      const Verdict verdict = tick_master_.on_command(message.tick, BytesOf(message.content), now_);
       note(verdict);
       if (verdict != Verdict::fresh) return;
       truths_[message.tick] = mix(plant_state_, message.content);
@@ -199,7 +177,7 @@ class SimulatedRun {
 
   void reference_receives(const Message& message) {
     if (message.kind != Kind::tick) return;
-    const auto answer = reference_.on_tick(message.tick, BytesOf(message.content), "plant");
+    const auto answer = reference_.on_tick(message.tick, BytesOf(message.content));
     note(answer.verdict);
     for (std::int64_t k = answer.repeat.first; k <= answer.repeat.last; ++k) {
       publish(reference, {Kind::reference, k, number_in(reference_.kept(k))});
@@ -212,62 +190,25 @@ class SimulatedRun {
     }
   }
 
-  /// True while nobody is there.
-  bool controller_is_dead(const Message& message) {
-    if (dies_at_ && message.kind == Kind::measurement && message.tick >= *dies_at_) {
-      dies_at_.reset();
-      succeeds_at_ = now_ + dead_for_;
-    }
-    return succeeds_at_.has_value();
-  }
-
-  /// What a controller does that resumes: through the log to its end, then on from there.
-  void succeed() {
-    succeeds_at_.reset();
-    tick_master_.replaced(now_);
-    const auto logged = static_cast<std::int64_t>(written_.size() / num_slots);
-    memory_ = first_memory;
-    for (std::int64_t k = 0; k < logged; ++k) {
-      const auto* tick = &written_[static_cast<std::size_t>(k * num_slots)];
-      memory_ = mix(memory_, mix(tick[static_cast<int>(Slot::measurement)],
-                                 tick[static_cast<int>(Slot::reference)]));
-    }
-    controller_ = CommandResponder(num_ticks_, {8, 8, 8, 8});
-    inputs_.clear();
-    controller_.resume(logged);
-    announced_ = logged - 1;
-  }
-
   void controller_receives(const Message& message) {
-    if (controller_is_dead(message)) return;
     CommandResponder::Answer answer;
     if (message.kind == Kind::measurement) {
-      answer =
-          controller_.on_input(measurement_input, message.tick, BytesOf(message.content), "plant");
+      answer = controller_.on_input(measurement_input, message.tick, BytesOf(message.content));
     } else if (message.kind == Kind::reference) {
-      answer = controller_.on_input(reference_input, message.tick, BytesOf(message.content),
-                                    "reference");
+      answer = controller_.on_input(reference_input, message.tick, BytesOf(message.content));
     } else {
       return;
     }
     note(answer.verdict);
     if (answer.verdict == Verdict::fresh) inputs_[{message.kind, message.tick}] = message.content;
-    std::int64_t k = message.tick;
     if (answer.action == CommandResponder::Action::nothing) return;
-    if (answer.action == CommandResponder::Action::repeat) return publish_answers(k);
-    do {
-      k = controller_.next();
-      if (commands_.contains(k)) {
-        ++recomputed_;
-      } else {
-        ++computations_[{controller, k}];
-      }
-      memory_ =
-          mix(memory_, mix(inputs_.at({Kind::measurement, k}), inputs_.at({Kind::reference, k})));
-      commands_.insert(k);
-      controller_.computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
-      publish_answers(k);
-    } while (controller_.ready());
+    if (answer.action == CommandResponder::Action::repeat) return publish_answers(message.tick);
+    const std::int64_t k = controller_.next();
+    ++computations_[{controller, k}];
+    memory_ =
+        mix(memory_, mix(inputs_.at({Kind::measurement, k}), inputs_.at({Kind::reference, k})));
+    controller_.computed(BytesOf(memory_), BytesOf(mix(memory_, 1)));
+    publish_answers(k);
   }
 
   void publish_answers(std::int64_t k) {
@@ -282,10 +223,8 @@ class SimulatedRun {
                                                {Kind::command, Slot::command},
                                                {Kind::state, Slot::controller_state},
                                                {Kind::truth, Slot::truth}};
-    if (message.kind == Kind::run_info) {
-      note(log_.on_run_info(message.content == 42));
-    } else if (slots.contains(message.kind)) {
-      note(log_.on_message(slots.at(message.kind), message.tick, BytesOf(message.content), ""));
+    if (slots.contains(message.kind)) {
+      note(log_.on_message(slots.at(message.kind), message.tick, BytesOf(message.content)));
     }
     while (const auto k = log_.complete_tick()) {
       ++computations_[{logger, *k}];
@@ -313,18 +252,11 @@ class SimulatedRun {
   CommandResponder controller_;
   LogWindow log_;
 
-  static constexpr std::uint64_t first_memory = 5;
-  std::uint64_t plant_state_ = 7, reference_state_ = 3, memory_ = first_memory;
-  std::optional<std::int64_t> dies_at_;
-  std::optional<Time> succeeds_at_;
-  std::chrono::nanoseconds dead_for_{};
-  std::int64_t announced_ = -1;  ///< what the successor says it has got to, once
-  std::set<std::int64_t> commands_;
-  int recomputed_ = 0;
+  std::uint64_t plant_state_ = 7, reference_state_ = 3, memory_ = 5;
   std::map<std::int64_t, std::uint64_t> measurements_, truths_;
   std::vector<std::uint64_t> written_;
   std::map<std::pair<int, std::int64_t>, int> computations_;
-  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< of the living controller
+  std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< of the controller
   std::int64_t published_ = 0, repeats_ = 0, acks_ = 0, widest_ = 0;
   int conflicts_ = 0;
 };
@@ -354,9 +286,9 @@ TEST(ALockstepRun, OverACleanNetworkRepeatsNothing) {
   expect_sound(run, num_ticks, clean_log(num_ticks));
   EXPECT_EQ(run.log().size(), 6U * num_ticks);
   EXPECT_EQ(run.repeats(), 0);
-  // RUN_INFO, six messages a tick, one acknowledgement in 16 ticks (15, should a tick
+  // Six messages a tick, one acknowledgement in 16 ticks (15, should a tick
   // be complete only after the next has begun), at the start and the end.
-  EXPECT_EQ(run.published() - run.acks(), 6 * num_ticks + 1);
+  EXPECT_EQ(run.published() - run.acks(), 6 * num_ticks);
   EXPECT_LE(run.acks(), num_ticks / 15 + 2);
 }
 
@@ -377,30 +309,6 @@ TEST(ALockstepRun, GivesTheSameLogUnderEverySchedule) {
     expect_sound(run, num_ticks, log);
     if (HasFailure()) break;
   }
-}
-
-TEST(ALockstepRun, GivesTheSameLogWhenAnotherControllerTakesOver) {
-  constexpr std::int64_t num_ticks = 150;
-  const auto log = clean_log(num_ticks);
-  int recomputed = 0;
-  for (std::uint64_t seed = 0; seed < 1500; ++seed) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
-    std::mt19937_64 random(seed);
-    std::uniform_real_distribution<double> unit;
-    Network network;
-    network.loss = seed % 3 == 0 ? 0 : 0.3 * unit(random);
-    network.duplication = 0.1 * unit(random);
-    network.straggling = 0.3 * unit(random);
-    network.longest_delay = std::chrono::nanoseconds(static_cast<std::int64_t>(2e7 * unit(random)));
-    SimulatedRun run(num_ticks, network, seed);
-    run.replace_controller(static_cast<std::int64_t>(seed % num_ticks), 600ms);
-    run.run();
-    expect_sound(run, num_ticks, log);
-    recomputed += run.recomputed();
-    if (HasFailure()) break;
-  }
-  // What it computes again is what matters here: commands that were out, but not yet in the log.
-  EXPECT_GT(recomputed, 1500);
 }
 
 TEST(ALockstepRun, RecoversFromHeavyLossWithoutAStorm) {

@@ -55,14 +55,14 @@ TEST(Pace, IsOverWithTheLastTickOrWhenItsTimeHasCome) {
 class Picking : public testing::Test {
  protected:
   Verdict measure(std::int64_t tick, std::uint64_t content = 1) {
-    return picker_.on_input(lockstep::measurement_input, tick, BytesOf(content), "plant");
+    return picker_.on_input(lockstep::measurement_input, tick, BytesOf(content));
   }
   Verdict refer(std::int64_t tick, std::uint64_t content = 1) {
-    return picker_.on_input(lockstep::reference_input, tick, BytesOf(content), "reference");
+    return picker_.on_input(lockstep::reference_input, tick, BytesOf(content));
   }
   std::int64_t due() { return picker_.due().value_or(-1); }
 
-  CommandPicker picker_{1000, 16, 16};
+  CommandPicker picker_{1000};
 };
 
 TEST_F(Picking, ActsWhenBothAreThere) {
@@ -122,8 +122,6 @@ TEST_F(Picking, TellsCopiesContradictionsAndStrangers) {
   EXPECT_EQ(measure(0), Verdict::repeated);
   EXPECT_EQ(measure(0, 9), Verdict::conflicting);
   EXPECT_EQ(refer(0, 9), Verdict::conflicting);
-  EXPECT_EQ(picker_.sender_of(lockstep::measurement_input, 0), "plant");
-  EXPECT_EQ(picker_.sender_of(lockstep::reference_input, 0), "reference");
   EXPECT_EQ(measure(1000), Verdict::not_asked);
   EXPECT_EQ(measure(-1), Verdict::not_asked);
   EXPECT_EQ(refer(1000), Verdict::not_asked);
@@ -135,44 +133,43 @@ TEST_F(Picking, NeverActsOnATickTwice) {
 }
 
 TEST(MissedCommandMonitor, TakesTheCommandOfThePresentTickOnce) {
-  MissedCommandMonitor watch(20, 16);
+  MissedCommandMonitor watch(20);
   watch.begin(0);
   EXPECT_FALSE(watch.commanded());
-  EXPECT_EQ(watch.on_command(0, BytesOf(1), "here"), Verdict::fresh);
+  EXPECT_EQ(watch.on_command(0, BytesOf(1)), Verdict::fresh);
   EXPECT_TRUE(watch.commanded());
-  EXPECT_EQ(watch.on_command(0, BytesOf(1), "here"), Verdict::repeated);
+  EXPECT_EQ(watch.on_command(0, BytesOf(1)), Verdict::repeated);
   watch.end();
   EXPECT_EQ(watch.missed(), 0);
   EXPECT_EQ(watch.longest_miss(), 0);
 }
 
 TEST(MissedCommandMonitor, TellsLateFromNotAsked) {
-  MissedCommandMonitor watch(20, 16);
+  MissedCommandMonitor watch(20);
   watch.begin(5);
-  EXPECT_EQ(watch.on_command(6, BytesOf(1), "here"), Verdict::not_asked);
-  EXPECT_EQ(watch.on_command(4, BytesOf(1), "here"), Verdict::too_old);
-  EXPECT_EQ(watch.on_command(-1, BytesOf(1), "here"), Verdict::not_asked);
-  EXPECT_EQ(watch.on_command(std::numeric_limits<std::int64_t>::max(), BytesOf(1), "here"),
+  EXPECT_EQ(watch.on_command(6, BytesOf(1)), Verdict::not_asked);
+  EXPECT_EQ(watch.on_command(4, BytesOf(1)), Verdict::too_old);
+  EXPECT_EQ(watch.on_command(-1, BytesOf(1)), Verdict::not_asked);
+  EXPECT_EQ(watch.on_command(std::numeric_limits<std::int64_t>::max(), BytesOf(1)),
             Verdict::not_asked);
   EXPECT_FALSE(watch.commanded());
 }
 
 TEST(MissedCommandMonitor, NoticesASecondCommander) {
-  MissedCommandMonitor watch(20, 16);
+  MissedCommandMonitor watch(20);
   watch.begin(5);
-  watch.on_command(5, BytesOf(1), "first");
-  EXPECT_EQ(watch.on_command(5, BytesOf(2), "second"), Verdict::conflicting);
-  EXPECT_EQ(watch.sender_of(5), "first");
+  watch.on_command(5, BytesOf(1));
+  EXPECT_EQ(watch.on_command(5, BytesOf(2)), Verdict::conflicting);
   watch.end();
   watch.begin(6);
-  EXPECT_EQ(watch.on_command(5, BytesOf(2), "second"), Verdict::conflicting) << "late as well";
+  EXPECT_EQ(watch.on_command(5, BytesOf(2)), Verdict::conflicting) << "late as well";
 }
 
 TEST(MissedCommandMonitor, CallsForTheStopAfterMoreThanMaxMissedInARow) {
-  MissedCommandMonitor watch(2, 16);
+  MissedCommandMonitor watch(2);
   for (std::int64_t tick = 0; tick < 10; ++tick) {
     watch.begin(tick);
-    if (tick == 3 || tick == 6) watch.on_command(tick, BytesOf(1), "here");
+    if (tick == 3 || tick == 6) watch.on_command(tick, BytesOf(1));
     watch.end();
     // 0-2, 4-5 and 7-9 go without.
     EXPECT_EQ(watch.too_many(), tick == 2 || tick == 9) << tick;
@@ -183,7 +180,7 @@ TEST(MissedCommandMonitor, CallsForTheStopAfterMoreThanMaxMissedInARow) {
 }
 
 TEST(MissedCommandMonitor, WithNoneToleratedStopsAtTheFirst) {
-  MissedCommandMonitor watch(0, 16);
+  MissedCommandMonitor watch(0);
   watch.begin(0);
   watch.end();
   EXPECT_TRUE(watch.too_many());
