@@ -280,8 +280,7 @@ void Membership::poll(Time now) {
   for (const Role role : all_roles) {
     if (!watches(role)) continue;
     const auto silent = silence(role, now);
-    const bool begins = own_role() == Role::plant && !joined_;
-    if (begins && silent && *silent >= forgotten_after && matters(Event::holder_gone)) {
+    if (!joined_ && silent && *silent >= forgotten_after && matters(Event::holder_gone)) {
       return dissolve(now);
     }
     if (!silent || *silent < self_.give_up || !matters(Event::holder_silent)) continue;

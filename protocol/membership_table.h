@@ -24,7 +24,7 @@ enum class MembershipEvent {
   member_finished,   ///< a member of the joined run has finished, and so have this process's ticks
   member_failed,     ///< a member of the joined run announces a fault
   departure,         ///< any other process announces that it has finished or failed
-  holder_gone,       ///< before the run: the adopted plant has ended; plant: one of the roster has,
+  holder_gone,       ///< before the run: the adopted plant, or (plant) one of the roster, has ended
                      ///< or is silent
   holder_silent,     ///< a watched holder that has not finished is silent for the time to give up
   wait_over,         ///< the time to wait for the others at the start has passed

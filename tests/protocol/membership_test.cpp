@@ -498,6 +498,22 @@ TEST(AMembership, OfAPlantThatYieldsToAnotherIsTakenUpByTheOther) {
   EXPECT_EQ(text(plant) + text(reference), "");
 }
 
+TEST(AMembership, GivesUpAPlantThatFallsSilentBeforeTheRunAndTakesAnother) {
+  Network network;
+  auto& gone = network.start(Role::plant, 9);
+  auto& reference = network.start(Role::reference, 2);
+  network.pass(150ms);
+  ASSERT_EQ(reference.run(), plants_run);
+  network.kill(gone);
+  network.pass(1200ms);
+  EXPECT_EQ(reference.run(), 0);
+  network.next_run = plants_run + 1;
+  network.start(Role::plant, 1);
+  network.pass(150ms);
+  EXPECT_EQ(reference.run(), plants_run + 1);
+  EXPECT_EQ(text(reference), "");
+}
+
 TEST(AMembership, DoesNotJoinARunThatIsUnderWay) {
   Network network;
   network.start(Role::plant, 1);
