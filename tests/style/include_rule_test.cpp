@@ -28,6 +28,7 @@ const std::vector<std::string> anything = {""};
 
 const std::vector<Rule> rules = {
     {"diagnostics/", {"diagnostics/"}, {"spdlog/"}},
+    {"diagnostics/file_text.cpp", {"diagnostics/"}, {}, true},
     {"diagnostics/json_text.h", {}, {"nlohmann/"}},
 
     {"schema/", {"schema/", "robot/quantities.h"}, {"fmt/"}},
