@@ -125,13 +125,6 @@ TEST(ColumnNames, AreThoseOfJointsUnlessTwoColumnsWouldBeCalledTheSame) {
   EXPECT_EQ(column_name("drive_fault", "", "1"), "drive_fault");
 }
 
-TEST_F(Export, QuotesANameWithAComma) {
-  auto recorded = short_rigid_run();
-  change_urdf(recorded, "\"elbow\"", "\"elbow, left\"");
-  run(recorded.bytes(), csv_);
-  EXPECT_THAT(read_file(csv_), HasSubstr(",\"q_elbow, left_rad\","));
-}
-
 TEST_F(Export, CsvHoldsEveryNumberInFull) {
   const auto recorded = short_flexible_run();
   const auto result = run(recorded.bytes(), csv_);

@@ -134,10 +134,11 @@ TEST_F(Info, OfWhatIsNoLogSaysWhatItIs) {
 
 TEST_F(Info, JsonOfWhateverTextsCanBeWritten) {
   auto run = short_rigid_run();
-  run.messages.push_back(fault_message(run, "caf\xc3\xa9 \x1b[31m \xff\xfe"));
+  run.messages.push_back(fault_message(run, "caf\xc3\xa9 \xff\xfe"));
   const auto info = info_of(run.bytes());
   EXPECT_NO_THROW(info.dump());
-  EXPECT_EQ(info["run"]["faults"][0]["text"], "caf\xc3\xa9 ?[31m ??");
+  ASSERT_EQ(info["run"]["faults"].size(), 1u);
+  EXPECT_EQ(info["run"]["faults"][0]["text"], "caf\xc3\xa9 ??");
 }
 
 TEST_F(Info, BoundsTheNumberOfChannels) {
