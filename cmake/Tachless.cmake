@@ -19,7 +19,10 @@ add_library(tachless_options INTERFACE)
 target_link_libraries(tachless_options INTERFACE fmt::fmt)
 target_include_directories(tachless_options INTERFACE $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>)
 # Without contraction, every machine rounds alike and a log replays bit for bit.
-target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -ffp-contract=off)
+target_compile_options(tachless_options INTERFACE -Wall -Wextra -Wpedantic -ffp-contract=off)
+if(NOT TACHLESS_UNITY)  # in a batch a local name may equal one of another source
+  target_compile_options(tachless_options INTERFACE -Wshadow)
+endif()
 # The libraries go into the Python module too; calls within stay direct.
 target_compile_options(tachless_options INTERFACE -fPIC -fno-semantic-interposition)
 # g++ 12 takes std::string's own copying for a write beyond its bounds wherever it inlines the

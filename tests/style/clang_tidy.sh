@@ -10,9 +10,8 @@ cd "$source_dir"
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-# g++'s precompiled headers are not clang's. In a batch a local name may equal one of another source.
-sed -E 's/ -Winvalid-pch -include [^ ]*cmake_pch\.hxx//; s/ -c [^ ]*\/Unity\//  -Wno-shadow&/' \
-  "$build_dir/compile_commands.json" >"$scratch/compile_commands.json"
+# g++'s precompiled headers are not clang's.
+sed -E 's/ -Winvalid-pch -include [^ ]*cmake_pch\.hxx//' "$build_dir/compile_commands.json" >"$scratch/compile_commands.json"
 # ninja's own record of what each object was made from: "object: …" and then indented lines.
 ninja -C "$build_dir" -t deps >"$scratch/dependencies"
 
