@@ -619,8 +619,9 @@ double time_to_read_waypoints(int num_waypoints) {
 }
 
 TEST(Scenario, ReadingWaypointsTakesTimeInProportionToTheirNumber) {
-  // Linear is 4 and quadratic 16 (it was: a message about each entry was made in advance).
-  EXPECT_LT(time_to_read_waypoints(2000) / time_to_read_waypoints(500), 8);
+  // Linear is 16 and quadratic 256 (a message about each entry made in advance was that). Between them
+  // is room for a busy machine: factors of 2 were seen.
+  EXPECT_LT(time_to_read_waypoints(4000) / time_to_read_waypoints(250), 64);
 }
 
 TEST(Scenario, ARandomlyDamagedOneIsReadOrRefusedAndNothingElse) {

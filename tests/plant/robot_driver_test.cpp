@@ -149,7 +149,9 @@ TEST_F(AFailingRobot, IsStoppedBeforeTheOthersAreInformedWhateverTheBusDoes) {
     Peers peers(s_);
     bool announced = false;
     peers.on_fault = [&] {
-      if (!announced) EXPECT_EQ(robot.calls.back(), 'x');
+      if (!announced) {
+        EXPECT_EQ(robot.calls.back(), 'x');
+      }
       announced = true;
       bus();
     };
