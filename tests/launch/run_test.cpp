@@ -384,7 +384,7 @@ TEST_F(Run, IsNotEndedByItsFigureOrItsPage) {
   for (const char* file : {"tracking.svg", "report.html"}) {
     fs::create_directories(out() / (std::string(file) + ".partial"));
   }
-  start({"--duration", "0.01", "--any-verdict"});
+  start({"--duration", "0.01", "--any-outcome"});
   EXPECT_EQ(finish(), 0) << errors();
   EXPECT_EQ(count(errors(), "tracking.svg: cannot be written"), 1U) << errors();
   EXPECT_EQ(count(errors(), "report.html: cannot be written"), 1U) << errors();

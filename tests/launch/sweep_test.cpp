@@ -119,7 +119,7 @@ TEST_F(SweepVerb, ComparesLaws) {
   // Its directory is enough to print the table again.
   Program again = start({"sweep", directory("compare")});
   ASSERT_EQ(again.wait(), 0) << again.errors();
-  EXPECT_THAT(again.output(), HasSubstr("\n  slotine_li          converged"));
+  EXPECT_THAT(again.output(), HasSubstr("\n  slotine_li          followed"));
 }
 
 }  // namespace
