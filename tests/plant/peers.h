@@ -102,9 +102,12 @@ class Peers : public bus::Transport {
       for (protocol::Membership& each : members_) {
         each.handle(stamp, plant, "plant's address", now);
         if (each.plant_finished()) each.finished(now);
-        const auto& said = each.announce(now);
-        queue("ARM_PARTICIPANT", participants_.encode(said.stamp, said.participant),
-              std::string(loop::name(said.participant.role)) + "'s address");
+        const auto& own = each.announce(now);
+        const std::string address = std::string(loop::name(own.participant.role)) + "'s address";
+        for (protocol::Membership& other : members_) {
+          other.handle(own.stamp, own.participant, address, now);
+        }
+        queue("ARM_PARTICIPANT", participants_.encode(own.stamp, own.participant), address);
       }
     } else if (channel == "ARM_RUN_INFO") {
       on_run_info();
@@ -148,6 +151,7 @@ class Peers : public bus::Transport {
       self.who.role = role;
       self.who.instance = 100 + static_cast<int>(role);
       self.who.scenario_digest = digest_;
+      self.handshake = false;
       if (role == loop::Role::controller) {
         self.who.law = law;
         self.who.measurement = measurement;

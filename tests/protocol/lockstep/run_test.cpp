@@ -51,8 +51,7 @@ struct Network {
 class SimulatedRun {
  public:
   SimulatedRun(std::int64_t num_ticks, const Network& network, std::uint64_t seed)
-      : num_ticks_(num_ticks),
-        network_(network),
+      : network_(network),
         random_(seed),
         tick_master_(config(num_ticks)),
         reference_(num_ticks, 8),
@@ -239,7 +238,6 @@ class SimulatedRun {
     }
   }
 
-  std::int64_t num_ticks_;
   Network network_;
   std::mt19937_64 random_;
   std::uniform_real_distribution<double> unit_;
