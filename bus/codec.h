@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "bus/wire.h"
+#include "loop/signal_text.h"
 
 /// The members of `Codec`: loops over a message's table of fields. For the two files that
 /// instantiate them (wire.cpp, truth/truth_wire.cpp).
@@ -190,7 +191,7 @@ inline bool is_clean(std::string_view field, std::string_view text) {
                          !(lines && (c == '\n' || c == '\t' || c == '\r')));
   };
   if (std::any_of(text.begin(), text.end(), bad)) return false;
-  return field != "signals" || loop::parse_signals(text);
+  return field != "signals" || loop::are_signals(text);
 }
 
 /// `needed`: bytes that the fields after this one need at least: a text may not eat into them.

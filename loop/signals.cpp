@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "loop/signal_text.h"
+
 namespace tachless::loop {
 
 std::string text_of(std::span<const Signal> signals) {
@@ -25,26 +27,39 @@ bool is_identifier(std::string_view text) {
                      [](char c) { return is_letter(c) || (c >= '0' && c <= '9') || c == '_'; });
 }
 
-}  // namespace
-
-std::optional<std::vector<Signal>> parse_signals(std::string_view text) {
-  std::vector<Signal> signals;
-  while (!text.empty()) {
+/// Calls `each` with every signal of the text. @return whether the text is one of signals
+template <class Each>
+bool read_signals(std::string_view text, const Each& each) {
+  for (int count = 0; !text.empty(); ++count) {
     const std::string_view entry = text.substr(0, text.find(','));
     const bool last = entry.size() == text.size();
     text.remove_prefix(last ? entry.size() : entry.size() + 1);
     const std::size_t colon = entry.find(':');
-    if (colon == std::string_view::npos || (!last && text.empty()) ||
-        signals.size() == max_signals) {
-      return std::nullopt;
+    if (colon == std::string_view::npos || (!last && text.empty()) || count == max_signals) {
+      return false;
     }
-    const Signal signal{entry.substr(0, colon), entry.substr(colon + 1)};
-    if (!is_identifier(signal.name) || signal.unit.find(':') != std::string_view::npos ||
-        std::any_of(signal.unit.begin(), signal.unit.end(), is_control)) {
-      return std::nullopt;
+    const std::string_view name = entry.substr(0, colon), unit = entry.substr(colon + 1);
+    if (!is_identifier(name) || unit.find(':') != std::string_view::npos ||
+        std::any_of(unit.begin(), unit.end(), is_control)) {
+      return false;
     }
-    signals.push_back(signal);
+    each(name, unit);
   }
+  return true;
+}
+
+}  // namespace
+
+bool are_signals(std::string_view text) {
+  return read_signals(text, [](std::string_view, std::string_view) {});
+}
+
+std::optional<std::vector<Signal>> parse_signals(std::string_view text) {
+  std::vector<Signal> signals;
+  const auto add = [&](std::string_view name, std::string_view unit) {
+    signals.push_back({name, unit});
+  };
+  if (!read_signals(text, add)) return std::nullopt;
   return signals;
 }
 

@@ -3,10 +3,13 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <csignal>
 #include <cstdlib>
 #include <string_view>
+#include <vector>
 
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/law_socket.h"
@@ -66,11 +69,15 @@ int answer_by_hand(std::string_view how) {
   loop::PositionMeasurement measurement;
   loop::ReferencePoint reference;
   loop::TorqueCommand command;
-  command.tau = robot::Vector::Constant(num_joints, how == "nan message" ? NAN : 0);
+  command.tau = robot::Vector::Zero(num_joints);
   while (socket.receive(bus::Codec<loop::PositionMeasurement>(layout), stamp, measurement) &&
          socket.receive(bus::Codec<loop::ReferencePoint>(layout), stamp, reference)) {
     if (how == "other tick") ++stamp.tick;
-    socket.send(bus::Codec<loop::TorqueCommand>(layout).encode(stamp, command));
+    bus::Codec<loop::TorqueCommand> codec(layout);
+    const auto sound = codec.encode(stamp, command);
+    std::vector<std::byte> bytes(sound.begin(), sound.end());
+    if (how == "nan message") std::fill(bytes.end() - 8, bytes.end(), std::byte{0xff});
+    socket.send(bytes);
     socket.send(bus::Codec<loop::LawSignals>(layout).encode(stamp, {}));
   }
   return 0;
