@@ -40,7 +40,8 @@ struct RunOptions {
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure
-  bool force = false;  ///< run a loop that is unstable when linearised; replace results in `out`
+  bool force = false;      ///< run a loop that is unstable when linearised
+  bool overwrite = false;  ///< replace the results of an earlier run in `out`
   bool quiet = false;
   bool verbose = false;
   bool json = false;
@@ -91,7 +92,7 @@ inline constexpr std::array roles = {loop::Role::logger, loop::Role::controller,
 class RunDirectory {
  public:
   /// @throw diagnostics::Failure(bad_usage) naming the directory: it cannot be used, or, without
-  /// --force, holds results
+  /// --overwrite, holds results
   explicit RunDirectory(const PlannedRun& run);
   RunDirectory(const RunDirectory&) = delete;
   RunDirectory& operator=(const RunDirectory&) = delete;
@@ -117,7 +118,7 @@ class RunDirectory {
                            const std::string& remedy = "choose another directory") const;
   void make(const std::filesystem::path& directory);
   void make_by_time();
-  void clear(bool force);
+  void clear(bool overwrite);
 
   std::filesystem::path path_;
   std::filesystem::path runs_;  ///< out/NAME; empty: --out was given

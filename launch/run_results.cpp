@@ -125,7 +125,7 @@ RunDirectory::RunDirectory(const PlannedRun& run) {
   if (lock_.get() < 0) refuse(fmt::format("cannot be opened: {}", std::strerror(errno)));
   if (flock(lock_.get(), LOCK_EX | LOCK_NB) != 0) refuse("another run is writing there");
   if (access(path_.c_str(), W_OK | X_OK) != 0) refuse("is not writable");
-  clear(options.force);
+  clear(options.overwrite);
 }
 
 RunDirectory::~RunDirectory() {
@@ -159,15 +159,15 @@ void RunDirectory::make_by_time() {
 }
 
 /// Makes room for the results.
-void RunDirectory::clear(bool force) {
+void RunDirectory::clear(bool overwrite) {
   std::error_code error;
   if (fs::exists(path_ / "latest", error)) refuse("holds the runs of a scenario");
   for (const char* file : our_files) {
     if (fs::is_directory(path_ / file, error)) refuse(fmt::format("{} there is a directory", file));
     if (!fs::exists(path_ / file, error)) continue;
-    if (!force) {
+    if (!overwrite) {
       refuse(fmt::format("the {} of an earlier run is there", file),
-             "choose another directory, or replace it with --force");
+             "choose another directory, or replace it with --overwrite");
     }
     fs::remove(path_ / file, error);
     if (error) refuse(fmt::format("{} there cannot be replaced: {}", file, error.message()));

@@ -45,8 +45,8 @@ struct Run : RunOptions {
     command.add_flag(
         "--any-outcome", any_outcome,
         "Exit code 0 too when the run ends in a limit cycle, diverges or is mostly saturated");
-    command.add_flag("--force", force,
-                     "Run even if the linearised loop is unstable; replace the results in --out");
+    command.add_flag("--force", force, "Run even if the linearised loop is unstable");
+    command.add_flag("--overwrite", overwrite, "Replace the results of an earlier run in --out");
     command.add_flag("--isolate", isolate,
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
     auto* alone = command.add_flag(

@@ -126,11 +126,11 @@ TEST_F(Run, CompletesWithoutAGapAndLeavesLogSummaryAndFigure) {
 TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
   for (const char* scenario : {"paper_rigid", "practical_flexible"}) {
     scenario_ = scenario;
-    start({"--duration", "0.1", "--run-id", "7", "--quiet", "--force"});
+    start({"--duration", "0.1", "--run-id", "7", "--quiet", "--overwrite"});
     EXPECT_EQ(finish(), 0) << errors();
     const std::string log = contents(out() / "lcmlog");
     start_anywhere(
-        {"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process", "--force"});
+        {"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process", "--overwrite"});
     EXPECT_EQ(finish(), 0) << errors();
     EXPECT_TRUE(contents(out() / "lcmlog") == log) << scenario;
     EXPECT_EQ(summary()["log"]["gaps"], 0);
@@ -142,7 +142,7 @@ TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
 TEST_F(Run, LeavesTheSameLogWhereverItsProcessesExecute) {
   std::set<std::string> logs;
   for (const std::string placement : {"auto", "none"}) {
-    start({"--duration", "0.1", "--run-id", "7", "--placement", placement, "--force"});
+    start({"--duration", "0.1", "--run-id", "7", "--placement", placement, "--overwrite"});
     ASSERT_EQ(finish(), 0) << errors();
     logs.insert(contents(out() / "lcmlog"));
     EXPECT_THAT(output(), HasSubstr(summary()["placement"].get<std::string>()));
@@ -209,11 +209,11 @@ TEST_F(Run, ReplacesResultsOnlyWhenForcedAndLeavesOtherFilesAlone) {
   const Words words = {"--out", out().string(), "--in-process", "--duration", "0.01", "--json"};
   start_anywhere(words);
   EXPECT_EQ(finish(), 2);
-  EXPECT_THAT(errors(), AllOf(HasSubstr("lcmlog of an earlier run"), HasSubstr("--force")));
+  EXPECT_THAT(errors(), AllOf(HasSubstr("lcmlog of an earlier run"), HasSubstr("--overwrite")));
   EXPECT_EQ(count(errors(), "\n"), 1U);
   EXPECT_EQ(contents(out() / "lcmlog"), "an earlier run");
   Words forced = words;
-  forced.emplace_back("--force");
+  forced.emplace_back("--overwrite");
   start_anywhere(forced);
   EXPECT_EQ(finish(), 0) << errors();
   EXPECT_EQ(contents(out() / "notes.txt"), "mine");

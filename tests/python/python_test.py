@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pathlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -39,6 +40,7 @@ class Folder(unittest.TestCase):
         return f"{sys.executable} {path}"
 
     def run_paper(self, controller, *more, out="run", code=0):
+        shutil.rmtree(self.folder / out, ignore_errors=True)
         return tachless_command("run", paper, "--duration", 0.1, "--run-id", 7, "--out", self.folder / out,
                                 "--controller", controller, *more, code=code)
 

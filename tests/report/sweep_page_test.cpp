@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <fstream>
-#include <regex>
 
 #include "diagnostics/failure.h"
 #include "study/measures.h"
@@ -40,12 +39,6 @@ std::vector<SweepRow> rows_of(const SweepPlan& plan) {
                     std::vector<double>(study::measure_columns().size(), 1.0 + i), ""});
   }
   return rows;
-}
-
-std::size_t count(const std::string& text, const std::string& words) {
-  const std::regex pattern(words);
-  return static_cast<std::size_t>(
-      std::distance(std::sregex_iterator(text.begin(), text.end(), pattern), {}));
 }
 
 class SweepPage : public testing::Test {

@@ -62,6 +62,7 @@ class SeveralRobots : public ::testing::Test {
   }
   /// To its end. @return its exit code
   int run(const std::vector<std::string>& files, const std::vector<std::string>& more) {
+    fs::remove_all(out());
     Program program = start(files, more);
     const int code = program.wait();
     errors_ = program.errors();
