@@ -33,8 +33,8 @@ struct Outcome {
 /// In realtime ticks may be passed over, and a filter that took two periods for one would see twice
 /// the velocity: after a gap of m ticks a law steps m times, along a straight line from the last
 /// measurement and reference to the new ones (exact for the first-order hold, which takes the error
-/// for a ramp between samples). After more than `longest_gap` ticks the memory is of no use any more
-/// and starts anew.
+/// for a ramp between samples). After more than `longest_gap` ticks the memory is of no use any
+/// more and starts anew.
 class AnyLaw {
  public:
   /// Bound of `longest_gap`, however many missed commands the plant tolerates.

@@ -20,9 +20,9 @@ std::optional<std::string> file_text(const std::filesystem::path& path);
 /// @throw Failure(bad_usage) with the file's name and why it cannot be read
 std::string given_text(const std::filesystem::path& path, std::size_t max_bytes = 0);
 
-/// A file that is written under another name (X.partial) and renamed when it is complete: until then,
-/// and if it never is, the earlier file stays. The other name is created exclusively: no link that
-/// somebody has put there is followed. A pipe or a terminal is written to directly.
+/// A file that is written under another name (X.partial) and renamed when it is complete: until
+/// then, and if it never is, the earlier file stays. The other name is created exclusively: no link
+/// that somebody has put there is followed. A pipe or a terminal is written to directly.
 class UnfinishedFile {
  public:
   /// @param remedy what to do when it cannot be written: "name another file with -o"

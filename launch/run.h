@@ -40,8 +40,8 @@ struct RunOptions {
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure
-  bool force = false;      ///< run a loop that is unstable when linearised
-  bool overwrite = false;  ///< replace the results of an earlier run in `out`
+  bool force = false;        ///< run a loop that is unstable when linearised
+  bool overwrite = false;    ///< replace the results of an earlier run in `out`
   bool quiet = false;
   bool verbose = false;
   bool json = false;

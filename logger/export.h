@@ -19,7 +19,8 @@ struct ExportResult {
 };
 
 /// Writes the run in `log` from its start to the CSV file `path` (`-`: standard output), front to
-/// back in bounded memory: a header line, then a line per tick, with numbers that read back the same
+/// back in bounded memory: a header line, then a line per tick, with numbers that read back the
+/// same
 /// (%.17g). A value that the log lacks is an empty cell. The file appears under its name only when
 /// it is whole; an earlier one stays in place until then.
 /// @throw diagnostics::Failure(bad_usage) when the name does not end in .csv, when `path` exists

@@ -30,8 +30,8 @@ struct fmt::formatter<nlohmann::json> : fmt::formatter<std::string> {
 namespace tachless::logger {
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DamagedStretch, offset, bytes)
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Damage, bytes_skipped, stretches, missing_numbers, numbers_restarted,
-                                   suspect_messages, listed)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Damage, bytes_skipped, stretches, missing_numbers,
+                                   numbers_restarted, suspect_messages, listed)
 
 namespace {
 

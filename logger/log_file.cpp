@@ -333,8 +333,8 @@ void LogReader::note_number(std::int64_t number) {
   if (number <= number_) {
     ++damage_.numbers_restarted;
   } else {  // -1 stands before the first
-    damage_.missing_numbers += static_cast<std::uint64_t>(number) -
-                               static_cast<std::uint64_t>(number_) - 1;
+    damage_.missing_numbers +=
+        static_cast<std::uint64_t>(number) - static_cast<std::uint64_t>(number_) - 1;
   }
   number_ = number;
 }

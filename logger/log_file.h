@@ -117,14 +117,14 @@ struct Damage {
   }
 };
 
-/// Reads any LCM log, front to back, damaged or not: what is not an event is skipped, up to the next
-/// sync word with lengths and a channel name that can be, and counted. An event that is not followed
-/// by the next one, but holds the beginning of another, is not believed: its lengths are damaged.
-/// The format has no checksum: damage inside a channel name, a time stamp or the data goes unnoticed
-/// here.
+/// Reads any LCM log, front to back, damaged or not: what is not an event is skipped, up to the
+/// next sync word with lengths and a channel name that can be, and counted. An event that is not
+/// followed by the next one, but holds the beginning of another, is not believed: its lengths are
+/// damaged. The format has no checksum: damage inside a channel name, a time stamp or the data goes
+/// unnoticed here.
 ///
-/// The file is mapped, not loaded: memory stays bounded, whatever its size. It must not be cut short
-/// by others meanwhile; growth is not followed.
+/// The file is mapped, not loaded: memory stays bounded, whatever its size. It must not be cut
+/// short by others meanwhile; growth is not followed.
 class LogReader {
  public:
   /// @throw diagnostics::Failure(bad_usage) when `path` is not a readable regular file.
@@ -157,8 +157,8 @@ class LogReader {
   std::uint64_t size_ = 0;
   std::uint64_t position_ = 0;
   std::uint64_t released_ = 0;
-  bool skipping_ = false;       // the last stretch is still growing
-  std::int64_t number_ = -1;    // of the last event
+  bool skipping_ = false;     // the last stretch is still growing
+  std::int64_t number_ = -1;  // of the last event
   Damage damage_;
 };
 

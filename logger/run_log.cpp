@@ -214,9 +214,8 @@ class RunLog::Window {
   /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
   [[nodiscard]] bool has_begun(const HeldTick& held) const {
     const std::int64_t tick = held.record.tick;
-    return !at_end_ || !ready_.empty() || tick != newest_ ||
-           summary_.last_tick < 0 || summary_.last_tick != tick - 1 || held.num_messages != 1 ||
-           !held.record.reference;
+    return !at_end_ || !ready_.empty() || tick != newest_ || summary_.last_tick < 0 ||
+           summary_.last_tick != tick - 1 || held.num_messages != 1 || !held.record.reference;
   }
 
   void take(const LogEvent& event) {
@@ -301,12 +300,13 @@ class RunLog::Window {
     return std::abs(static_cast<double>(stamp.utime) - t_us) <= 1;
   }
 
-  /// A message farther ahead than the window reaches. A damaged tick number must not make the window
-  /// run away from the ticks that follow: unless its time bears it out, it takes two that agree.
+  /// A message farther ahead than the window reaches. A damaged tick number must not make the
+  /// window run away from the ticks that follow: unless its time bears it out, it takes two that
+  /// agree.
   void keep_ahead(const LogEvent& event) {
     const std::int64_t tick = tick_of(event);
     const bool agree = ahead_ && std::abs(tick_of(*ahead_) - tick) < window &&
-        (tick_of(*ahead_) != tick || ahead_->channel != event.channel);
+                       (tick_of(*ahead_) != tick || ahead_->channel != event.channel);
     if (!agree && described_.scenario.loop.mode != experiment::Mode::lockstep) {
       if (ahead_) ++summary_.wrong_tick;
       ahead_ = event;
@@ -356,9 +356,9 @@ class RunLog::Window {
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
   std::int64_t newest_ = -1;        // highest tick that is held
-  std::optional<LogEvent> ahead_;  // a message beyond the window, until another one agrees
-  std::deque<LogEvent> ready_;     // to be taken once what is below `release_below_` is handed out
-  bool at_end_ = false;  // the file has been read to its end
+  std::optional<LogEvent> ahead_;   // a message beyond the window, until another one agrees
+  std::deque<LogEvent> ready_;      // to be taken once what is below `release_below_` is handed out
+  bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, loop::num_slots> last_seen_{};
 };

@@ -11,8 +11,8 @@
 #include <tuple>
 #include <vector>
 
-#include "bus/udp_transport.h"
 #include "bus/truth/truth_wire.h"
+#include "bus/udp_transport.h"
 #include "loop/truth/tick_record.h"
 #include "monitor/sequence_gaps.h"
 

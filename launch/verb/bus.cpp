@@ -139,8 +139,9 @@ struct Spy {
     const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
     const char* const display = std::getenv("DISPLAY");
     if (display == nullptr || *display == '\0') {
-      refuse("no display: DISPLAY is not set; log in at a desktop or with ssh -X, or use a terminal: "
-             "tachless watch");
+      refuse(
+          "no display: DISPLAY is not set; log in at a desktop or with ssh -X, or use a terminal: "
+          "tachless watch");
     }
     if (const auto problem = bus::check_network(url)) {
       refuse(fmt::format("{}; to mend it, type: {}", problem->what, problem->remedy));

@@ -22,10 +22,9 @@ Failure refused(int error, const char* call) {
 
 TEST(SystemFailure, NamesCallCauseAndRemedy) {
   EXPECT_EQ(refused(EMFILE, "pipe2").code(), ExitCode::bad_usage);
-  EXPECT_STREQ(
-      refused(EMFILE, "pipe2").what(),
-      "system error: pipe2: Too many open files; allow more open files, for example: "
-      "ulimit -n 1024");
+  EXPECT_STREQ(refused(EMFILE, "pipe2").what(),
+               "system error: pipe2: Too many open files; allow more open files, for example: "
+               "ulimit -n 1024");
   EXPECT_THAT(refused(EAGAIN, "fork").what(), HasSubstr("ulimit -u"));
   EXPECT_THAT(refused(EIO, "signalfd").what(), HasSubstr("tachless doctor"));
 }

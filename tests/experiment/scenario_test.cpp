@@ -619,8 +619,8 @@ double time_to_read_waypoints(int num_waypoints) {
 }
 
 TEST(Scenario, ReadingWaypointsTakesTimeInProportionToTheirNumber) {
-  // Linear is 16 and quadratic 256 (a message about each entry made in advance was that). Between them
-  // is room for a busy machine: factors of 2 were seen.
+  // Linear is 16 and quadratic 256 (a message about each entry made in advance was that). Between
+  // them is room for a busy machine: factors of 2 were seen.
   EXPECT_LT(time_to_read_waypoints(3200) / time_to_read_waypoints(200), 64);
 }
 

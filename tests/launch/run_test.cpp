@@ -129,8 +129,8 @@ TEST_F(Run, InOneProcessLeavesTheSameLogToTheLastBit) {
     start({"--duration", "0.1", "--run-id", "7", "--quiet", "--overwrite"});
     EXPECT_EQ(finish(), 0) << errors();
     const std::string log = contents(out() / "lcmlog");
-    start_anywhere(
-        {"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process", "--overwrite"});
+    start_anywhere({"--out", out().string(), "--duration", "0.1", "--run-id", "7", "--in-process",
+                    "--overwrite"});
     EXPECT_EQ(finish(), 0) << errors();
     EXPECT_TRUE(contents(out() / "lcmlog") == log) << scenario;
     EXPECT_EQ(summary()["log"]["gaps"], 0);
@@ -271,8 +271,7 @@ TEST_F(Run, EndsCleanlyOnEverySignalThatEndsIt) {
 TEST_F(Run, EndsWithCode2WhenItsLogWasRemovedOrReplaced) {
   const std::vector<std::pair<std::string, void (*)(const fs::path&)>> acts = {
       {"was removed", [](const fs::path& log) { fs::remove(log); }},
-      {"was replaced",
-       [](const fs::path& log) {
+      {"was replaced", [](const fs::path& log) {
          fs::remove(log);
          std::ofstream(log) << "another";
        }}};

@@ -336,7 +336,8 @@ TEST_F(LogFile, TenThousandDamagedLogsLoseOnlyWhatIsDamaged) {
                               "seed " + std::to_string(seed), &lost);
     if (HasFatalFailure()) return;
   }
-  // Garbage that imitates an event, up to the sync word that follows it, takes an intact one with it.
+  // Garbage that imitates an event, up to the sync word that follows it, takes an intact one with
+  // it.
   EXPECT_LE(lost, 5) << "seen: 1 of 10,000 logs; which one depends on the compiler";
 }
 

@@ -36,8 +36,7 @@ TEST(Faults, NameTestsThatExist) {
     exist.merge(matches(contents(entry.path()),
                         std::regex(R"(TEST(?:_F|_P)?\(\s*(\w+)\s*,\s*(\w+)\s*\))")));
   }
-  const std::string pages =
-      contents(root / "docs/faults.md") + contents(root / "docs/security.md");
+  const std::string pages = contents(root / "docs/faults.md") + contents(root / "docs/security.md");
   const std::set<std::string> named = matches(pages, std::regex(R"(`([A-Z]\w+)\.([A-Z]\w+)`)"));
   EXPECT_GT(named.size(), 40U);
   for (const std::string& each : named) EXPECT_TRUE(exist.contains(each)) << each;

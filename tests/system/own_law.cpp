@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <csignal>
+#include <cstddef>
 #include <cstdlib>
 #include <string_view>
 #include <vector>

@@ -31,9 +31,9 @@ struct Claiming {
                              const loop::ReferencePoint& /*reference*/) const {
     return {};
   }
-  [[nodiscard]] controller::law::Step<Memory> step(const Memory& memory,
-                                                   const Measurement& measured,
-                                                   const loop::ReferencePoint& /*reference*/) const {
+  [[nodiscard]] controller::law::Step<Memory> step(
+      const Memory& memory, const Measurement& measured,
+      const loop::ReferencePoint& /*reference*/) const {
     return {memory, {-measured.q}, {}};
   }
 };
