@@ -13,7 +13,7 @@
 #include "diagnostics/logging.h"
 #include "loop/messages.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): the library's name
 class App;
 class Option;
 }  // namespace CLI
