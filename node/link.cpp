@@ -59,7 +59,7 @@ Membership::Self self_of(const experiment::Scenario& scenario, const Link::Confi
   if (config.role == Role::plant) self.run = config.run_id.value_or(since_1970 / 1us);
   if (config.wait_s > 0) self.wait_limit = diagnostics::nanoseconds_of(config.wait_s);
   self.give_up = diagnostics::nanoseconds_of(scenario.loop.give_up_s);
-  self.handshake = config.key.has_value();
+  self.counters_required = config.key.has_value();
   return self;
 }
 

@@ -71,7 +71,7 @@ Membership::Membership(const Self& self, Time now)
       announced_(now - period),
       polled_(now),
       run_(self.run),
-      peers_(self.who.role, self.who.instance, self.handshake),
+      peers_(self.who.role, self.who.instance, self.counters_required),
       announcement_{{}, self.who} {
   if ((own_role() == Role::plant) != (self.run > 0)) {
     throw std::logic_error("the plant, and no other role, chooses the run");

@@ -23,9 +23,9 @@ namespace tachless::protocol {
 /// the announcement to publish comes out, time is a value. Sends and receives nothing and knows no
 /// tick protocol; what happens at which event is membership_table.h.
 ///
-/// With the handshake only what answers one of the last announcements of this process is believed
-/// (protocol/peers.h): a recording has no effect but that its sender is named, and may answer.
-/// Without it (a bus without a key) role, instance, state and digest are believed as they come.
+/// Only what answers one of the last announcements of this process is believed (protocol/peers.h):
+/// a recording has no effect but that its sender is named, and may answer. On a bus without a key a
+/// process that uses no counters is believed as it comes.
 ///
 /// The plant chooses the run; the others adopt it from the plant's announcement when the digests
 /// of their scenarios agree, and are then ready. When each other role has exactly one process that
@@ -52,7 +52,7 @@ class Membership {
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost
-    bool handshake = true;  ///< only what answers is believed; false on a bus without a key
+    bool counters_required = true;  ///< false on a bus without a key
   };
 
   struct Announcement {

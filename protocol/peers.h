@@ -22,11 +22,11 @@ namespace tachless::protocol {
 constexpr std::size_t index(loop::Role role) { return static_cast<std::size_t>(role); }
 
 /// The processes whose announcements one process has received, and which of them have proven that
-/// they are there now. With the handshake (on a bus with a key) announcements carry a counter that
-/// rises, and name for each role a process with the newest of its counters: an announcement that
-/// names this process answers its announcement of that counter, so its sender lived after that was
-/// sent. A recording answers nothing. Without the handshake every announcement is proof, and
-/// counters may be left out (0). Pure; knows neither runs nor what a member does.
+/// they are there now. Announcements carry a counter that rises, and name for each role a process
+/// with the newest of its counters: an announcement that names this process answers its
+/// announcement of that counter, so its sender lived after that was sent. A recording answers
+/// nothing. On a bus without a key a program may leave counters out (0) in all that it announces:
+/// then every announcement is proof. Pure; knows neither runs nor what a member does.
 class Peers {
  public:
   using Time = loop::Clock::time_point;
@@ -46,26 +46,28 @@ class Peers {
     std::optional<Time> lived{};  ///< the newest moment after which it has proven to have lived
   };
 
-  Peers(loop::Role own_role, std::int64_t own_instance, bool handshake)
-      : own_role_(own_role), own_instance_(own_instance), handshake_(handshake) {}
+  /// @param counters_required what has no counter is not believed
+  Peers(loop::Role own_role, std::int64_t own_instance, bool counters_required)
+      : own_role_(own_role), own_instance_(own_instance), counters_required_(counters_required) {}
 
   /// The instance that has the role in this process's run; 0: not known yet. Is not forgotten.
   [[nodiscard]] std::int64_t holder(loop::Role role) const { return holders_[index(role)]; }
   void set_holder(loop::Role role, std::int64_t instance) { holders_[index(role)] = instance; }
 
   /// Whether it is newer than what its sender has announced before: else it is a copy. A process
-  /// keeps the role with which it has proven to be there: another process sent what changes it.
+  /// keeps the role with which it has proven to be there, and counts or does not: another process
+  /// sent what changes it.
   [[nodiscard]] bool is_new(const loop::Participant& who) const {
     const auto known = std::ranges::find(peers_, who.instance, instance_of);
     if (known == peers_.end()) return true;
-    const bool counted = who.counter != 0 || handshake_;
-    return (!counted || who.counter > known->counter) &&
-           (!known->lived || who.role == known->participant.role);
+    if (known->lived && who.role != known->participant.role) return false;
+    return who.counter > known->counter ? known->counter > 0 || !known->lived
+                                        : who.counter == 0 && known->counter == 0;
   }
-  /// When the announcement was sent that `who` answers; nothing if none of the last was. Without
-  /// the handshake: now.
+  /// When the announcement was sent that `who` answers; nothing if none of the last was. Now for
+  /// one without a counter, where that is believed.
   [[nodiscard]] std::optional<Time> answered(const loop::Participant& who, Time now) const {
-    if (!handshake_) return now;
+    if (!counters_required_ && who.counter == 0) return now;
     const std::int64_t counter = who.heard_counter[index(own_role_)];
     if (who.heard_instance[index(own_role_)] != own_instance_) return std::nullopt;
     if (counter < 1 || counter > counter_ || counter <= counter_ - answerable) return std::nullopt;
@@ -175,7 +177,7 @@ class Peers {
 
   loop::Role own_role_;
   std::int64_t own_instance_;
-  bool handshake_;
+  bool counters_required_;
   std::int64_t counter_ = 0;             ///< of the last own announcement
   std::array<Time, answerable> sent_{};  ///< when the last were, by counter
   loop::PerRole holders_{};

@@ -151,7 +151,7 @@ class Peers : public bus::Transport {
       self.who.role = role;
       self.who.instance = 100 + static_cast<int>(role);
       self.who.scenario_digest = digest_;
-      self.handshake = false;
+      self.counters_required = false;
       if (role == loop::Role::controller) {
         self.who.law = law;
         self.who.measurement = measurement;

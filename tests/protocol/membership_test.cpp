@@ -45,14 +45,14 @@ class Network {
     self.who.measurement = role == Role::controller ? "POSITION" : "";
     self.run = role == Role::plant ? next_run : 0;
     self.wait_limit = wait_limit;
-    self.handshake = handshake;
+    self.counters_required = counters_required;
     processes_.push_back({role, std::string(loop::name(role)) + std::to_string(instance),
                           std::make_unique<Membership>(self, now_)});
     return *processes_.back().membership;
   }
 
   std::int64_t next_run = plants_run;  ///< of the plants started from now on
-  bool handshake = true;               ///< of the processes started from now on
+  bool counters_required = true;       ///< of the processes started from now on
 
   void kill(const Membership& victim) { of(victim).dead = true; }
 
@@ -530,7 +530,7 @@ TEST(AMembership, DoesNotJoinARunThatIsUnderWay) {
 
 TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) {
   Network network;
-  network.handshake = false;
+  network.counters_required = false;
   auto& reference = network.start(Role::reference, 2);
   auto& controller = network.start(Role::controller, 3);
   auto& logger = network.start(Role::logger, 4);
@@ -558,6 +558,34 @@ TEST(AMembership, NeedsOnlyRoleInstanceStateDigestAndRosterOfAPlantWithoutAKey) 
   tell(ParticipantState::finished);
   EXPECT_TRUE(controller.plant_finished());
   EXPECT_EQ(text(reference) + text(controller) + text(logger), "");
+}
+
+TEST(AMembership, BelievesNothingOfACountingMemberThatAnswersNothingWithoutAKey) {
+  Network network;
+  network.counters_required = false;
+  auto& plant = network.start(Role::plant, 1);
+  network.start(Role::reference, 2);
+  network.start(Role::controller, 3);
+  auto& logger = network.start(Role::logger, 4);
+  network.pass(500ms);
+  ASSERT_TRUE(plant.running());
+  plant.complete();
+  loop::Participant finished = logger.announce(network.now()).participant;
+  finished.state = ParticipantState::finished;
+  const auto counter = finished.counter;
+  for (const std::int64_t forged : {std::int64_t{0}, counter + 1000}) {
+    finished.counter = forged;
+    finished.heard_counter = {};
+    EXPECT_FALSE(plant.handle({0, plants_run, 1}, finished, "logger4", network.now()));
+  }
+  EXPECT_NE(plant.unfinished().find("logger"), std::string::npos);
+  // Of an earlier run, by a process that is no more.
+  finished.role = Role::controller;
+  finished.instance = 33;
+  finished.state = ParticipantState::waiting;
+  EXPECT_FALSE(plant.handle({0, plants_run, 1}, finished, "controller33", network.now()));
+  network.pass(500ms);
+  EXPECT_EQ(text(plant) + text(logger), "");
 }
 
 TEST(AMembership, DoesNotCountItsOwnSuspensionAsSilence) {
