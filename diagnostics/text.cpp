@@ -98,6 +98,15 @@ std::size_t utf8_length(std::string_view text) {
   return bad ? 0 : length;
 }
 
+namespace {
+/// U+200E, U+200F, U+202A to U+202E, U+2066 to U+2069: what follows is shown in another order.
+bool turns_direction(std::string_view character) {
+  return (character >= "\xe2\x80\x8e" && character <= "\xe2\x80\x8f") ||
+         (character >= "\xe2\x80\xaa" && character <= "\xe2\x80\xae") ||
+         (character >= "\xe2\x81\xa6" && character <= "\xe2\x81\xa9");
+}
+}  // namespace
+
 std::string printable(std::string_view text) {
   std::string result;
   while (!text.empty()) {
@@ -106,7 +115,7 @@ std::string printable(std::string_view text) {
     const bool control =
         first < 0x20 || first == 0x7f ||
         (length == 2 && first == 0xc2 && static_cast<unsigned char>(text[1]) < 0xa0);
-    if (length == 0 || control) {
+    if (length == 0 || control || turns_direction(text.substr(0, length))) {
       result += '?';
     } else {
       result += text.substr(0, length);

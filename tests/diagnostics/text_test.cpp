@@ -88,6 +88,10 @@ TEST(Text, PrintableKeepsUtf8AndReplacesTheRest) {
   EXPECT_EQ(printable("plain"), "plain");
   EXPECT_EQ(printable("\xe2\x82\xac"), "\xe2\x82\xac");
   EXPECT_EQ(printable("a\nb\x7f"), "a?b?");
+  EXPECT_EQ(printable("a\xe2\x80\xae"
+                      "b\xe2\x81\xa6"
+                      "c\xe2\x80\x90"),
+            "a?b?c\xe2\x80\x90");
   EXPECT_EQ(printable("\xc2\x9b"
                       "31m \xc2\xb5s"),
             "?31m \xc2\xb5s")
