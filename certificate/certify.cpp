@@ -194,6 +194,53 @@ std::vector<Group> groups(const Certificate& certificate) {
   return all;
 }
 
+/// The largest share of a limit that the reference asks for: "57 % of its torque limit".
+std::string largest_share(const Feasibility& f) {
+  double torque = 0, speed = 0;
+  const JointDemand *of_torque = nullptr, *of_speed = nullptr;
+  for (const JointDemand& joint : f.joints) {
+    if (joint.torque_limit && joint.moving / *joint.torque_limit >= torque) {
+      torque = joint.moving / *joint.torque_limit;
+      of_torque = &joint;
+    }
+    if (joint.speed_limit && joint.speed / *joint.speed_limit >= speed) {
+      speed = joint.speed / *joint.speed_limit;
+      of_speed = &joint;
+    }
+  }
+  const auto part = [](const JointDemand* joint, double share, std::string_view what) {
+    return joint == nullptr
+               ? fmt::format("no {} limit", what)
+               : fmt::format("{:.0f} % of the {} limit ({})", 100 * share, what, joint->name);
+  };
+  return fmt::format("asks for {}, {}", part(of_torque, torque, "torque"),
+                     part(of_speed, speed, "speed"));
+}
+
+/// What matters most: four lines.
+std::string brief(const Certificate& all) {
+  const auto line = [](std::string_view label, std::string_view text) {
+    return fmt::format("  {:<17} {}\n", label, text);
+  };
+  std::string text = line("sampled loop", certificate::text(all.loop));
+  const auto& margins = all.loop.margins;
+  text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
+                                                margins_text(*margins))
+                                  : "none");
+  std::string reference = largest_share(all.feasibility);
+  for (const std::string& problem : all.feasibility.impossible) reference = problem;
+  text += line("reference", reference);
+  if (!all.stability) return text + line("certified region", "none: " + all.no_stability);
+  const StabilityCertificate& s = *all.stability;
+  const auto& region = s.largest ? s.largest : s.fastest;
+  if (!region) return text + line("certified region", "none: no weights were found");
+  return text + line("certified region",
+                     fmt::format("{}: this start {}; from rest up to |e_i| = {}, one at a time",
+                                 s.proved ? "proved" : "at sampled postures",
+                                 region->holds_initial_state() ? "is in it" : "is NOT in it",
+                                 list_text(region->region.e_at_rest)));
+}
+
 }  // namespace
 
 Certificate certify(const experiment::Scenario& scenario, bool paper, const OnProgress& tell) {
@@ -213,11 +260,13 @@ std::vector<std::string> objections(const Certificate& certificate) {
   return all;
 }
 
-std::string page(const Certificate& certificate, const experiment::Scenario& scenario) {
+std::string page(const Certificate& certificate, const experiment::Scenario& scenario, bool full) {
   std::string text =
       fmt::format("{}: {}, h = {}, delay {}\n", scenario.name, scenario.controller.law,
                   period_text(scenario.loop.period_s), scenario.loop.command_delay);
+  if (!full) text += brief(certificate);
   for (const Group& group : groups(certificate)) {
+    if (!full && group.key != "paper") continue;
     text += fmt::format("\n{}\n", group.heading);
     for (const Entry& entry : group.entries) {
       if (!entry.label.empty()) text += fmt::format("  {:<34} {}\n", entry.label, entry.text);

@@ -29,9 +29,10 @@ Certificate certify(const experiment::Scenario& scenario, bool paper,
 /// Empty when nothing stands against it.
 std::vector<std::string> objections(const Certificate& certificate);
 
-/// The same numbers in the same order: a page for people, and JSON in which null stands for what is
-/// infinite or missing.
-std::string page(const Certificate& certificate, const experiment::Scenario& scenario);
+/// For people: five lines, and what the paper prints where it was asked for.
+/// @param full in their place all numbers of the JSON, in its order
+std::string page(const Certificate& certificate, const experiment::Scenario& scenario, bool full);
+/// null stands for what is infinite or missing.
 nlohmann::ordered_json to_json(const Certificate& certificate);
 
 }  // namespace tachless::certificate

@@ -5,6 +5,7 @@
 
 #include "controller/law/berghuis_nijmeijer.h"
 #include "controller/law/computed_torque.h"
+#include "controller/law/difference_of_error.h"
 #include "controller/law/kalman_velocity.h"
 #include "controller/law/kelly_flexible.h"
 #include "controller/law/kelly_regulation.h"
@@ -40,6 +41,7 @@ using Laws = LawList<law::LoriaOrtegaRigid,      //
                      law::ZhangDawson,           //
                      law::LanariWen,             //
                      law::NumericalDifference,   //
+                     law::DifferenceOfError,     //
                      law::KalmanVelocity,        //
                      law::RobustDifferentiator,  //
                      law::ComputedTorque,        //

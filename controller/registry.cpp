@@ -47,21 +47,25 @@ std::string shown(const robot::Vector& value) {
 
 std::string gain_key(std::string_view gain) { return fmt::format("controller.gains.{}", gain); }
 
-void require_known_gains(const experiment::Scenario& scenario, const LawFacts& facts) {
-  const auto has = [](const LawFacts& law, std::string_view gain) {
-    return std::ranges::any_of(law.parameters, [&](auto& each) { return each.name == gain; });
-  };
-  const auto known = [&](std::string_view gain) {
-    if (scenario.controller.law == experiment::external_law) return has(facts, gain);
-    return std::ranges::any_of(laws(), [&](const LawFacts& law) { return has(law, gain); });
-  };
-  const std::vector<std::string_view> names = parameter_names(facts);
+/// "kp [N m/rad], kd [N m s/rad]".
+std::string gains_text(const LawFacts& law) {
+  std::vector<std::string> gains;
+  for (const Parameter& each : law.parameters) {
+    gains.push_back(each.unit.empty() ? std::string(each.name)
+                                      : fmt::format("{} [{}]", each.name, each.unit));
+  }
+  return diagnostics::joined(gains);
+}
+
+void require_known_gains(const experiment::Scenario& scenario, const LawFacts& law) {
+  const std::vector<std::string_view> names = parameter_names(law);
   for (const auto& [gain, value] : scenario.controller.gains) {
-    if (!known(gain)) {
-      throw scenario.complaint(gain_key(gain), fmt::format("no law has this gain{} Gains of {}: {}",
-                                                           suggestion(gain, names), facts.name,
-                                                           diagnostics::joined(names)));
-    }
+    if (std::ranges::find(names, gain) != names.end()) continue;
+    throw scenario.complaint(
+        gain_key(gain),
+        fmt::format("{} has no such gain{} its gains: {}; --set 'controller.gains={{…}}' replaces "
+                    "them all",
+                    law.name, suggestion(gain, names), gains_text(law)));
   }
 }
 

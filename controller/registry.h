@@ -121,7 +121,7 @@ law::FlexibleRobot flexible_robot(const experiment::Scenario& scenario);
 law::Settings law_settings(const experiment::Scenario& scenario);
 
 /// Refuses what the law cannot work with: joints, encoders, reference, feed-forward lead,
-/// parameters that no law has (`law` itself, where the scenario's is the one of another program).
+/// parameters that it does not have.
 /// @throw diagnostics::Failure(bad_usage).
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law);
 
@@ -154,8 +154,7 @@ Gains gains_of(const experiment::Scenario& scenario, const LawFacts& law) {
   return gains;
 }
 
-/// The law L with the scenario's robot, parameters and settings. Parameters that only other laws
-/// have are left alone, so that one scenario can be run under several laws.
+/// The law L with the scenario's robot, parameters and settings.
 /// @throw diagnostics::Failure(bad_usage), one line with file, line, key, value and allowed range,
 /// as the two functions above.
 template <class L>

@@ -20,6 +20,7 @@
 #include "process/this_process.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
+#include "study/verdict.h"
 
 namespace tachless::launch {
 namespace {
@@ -126,6 +127,9 @@ std::vector<Remark> judge(const experiment::Scenario& scenario, const RunOptions
   }
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
   std::vector<Remark> remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
+  if (const std::string held = study::friction_text(study::yardsticks(scenario)); !held.empty()) {
+    remarks.push_back({false, held});
+  }
   if (const std::string friction = friction_text(scenario); !friction.empty()) {
     remarks.push_back({false, friction});
   }

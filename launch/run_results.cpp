@@ -248,15 +248,21 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
     diagnostics::log_error(options.named(*end.facts.fault));
     for (const std::string& line : end.consequences) diagnostics::log_info(line);
   }
-  const report::RunSummary summary{
+  report::RunSummary summary{
       end.facts, recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints),
       end.statistics};
+  if (recorded) summary.verdict = recorded->verdict;
+  if (end.facts.fault && summary.ticks() < run.scenario.loop.num_ticks) {
+    summary.verdict.outcome =
+        end.code == ExitCode::interrupted ? study::Outcome::interrupted : study::Outcome::stopped;
+    summary.verdict.reason = *end.facts.fault;
+  }
   const robot::JointLabels joints = robot::joint_labels(*run.scenario.model);
   const ExitCode written = write_results(run, out, summary, std::move(recorded), joints);
   if (end.code == ExitCode::done) end.code = written;
-  if (done && !options.any_outcome && summary.observed.bad()) {
+  if (done && !options.any_outcome && bad(summary.verdict.outcome)) {
     diagnostics::log_error("{}; --any-outcome makes that no failure",
-                           options.named(text(summary.observed, joints)));
+                           options.named(text(summary.verdict, joints)));
     end.code = ExitCode::check_said_no;
   }
   if (code_ == ExitCode::done) code_ = end.code;

@@ -28,24 +28,28 @@ constexpr const char* remedy = "make room there";
 constexpr std::size_t column_width = 10;
 
 /// A comparison's row of measures for each law, for people.
-std::string comparison_table(const std::vector<study::SweepRow>& rows) {
+std::string comparison_table(const study::SweepPlan& plan,
+                             const std::vector<study::SweepRow>& rows) {
+  const robot::JointLabels joints = robot::joint_labels(*plan.scenario(plan.at(0)).model);
   std::size_t width = 3;
   for (const study::SweepRow& row : rows) width = std::max(width, row.which.law.size());
   std::string names = fmt::format("  {:<{}}  {:<12}", "law", width, "outcome");
   std::string units(names.size(), ' ');
   for (const study::MeasureColumn& column : study::measure_columns(true)) {
     names += fmt::format(" {:>{}}", column.name, column_width);
-    units += fmt::format(" {:>{}}", column.unit, std::max(column_width, column.name.size()));
+    units += fmt::format(" {:>{}}", study::unit_of(column, joints),
+                         std::max(column_width, column.name.size()));
   }
   std::string table = names + "\n" + units + "\n";
   for (const study::SweepRow& row : rows) {
-    table += fmt::format("  {:<{}}  {:<12}", row.which.law, width, row.outcome);
+    table += fmt::format("  {:<{}}  {:<12}", row.which.law, width, schema::name_of(row.outcome));
     for (std::size_t i = 0; i < row.measures.size(); ++i) {
       const double value = row.measures[i];
       table += fmt::format(" {:>{}}", std::isfinite(value) ? fmt::format("{:.3g}", value) : "-",
                            std::max(column_width, study::measure_columns(true)[i].name.size()));
     }
     table += "\n";
+    if (!row.stopped.empty()) table += fmt::format("  {:<{}}  {}\n", "", width, row.stopped);
   }
   return table;
 }
@@ -58,7 +62,7 @@ nlohmann::ordered_json comparison_json(const study::SweepPlan& plan,
     nlohmann::ordered_json law = {
         {"law", row.which.law},
         {"set", plan.laws[static_cast<std::size_t>(row.which.index)].overrides},
-        {"outcome", row.outcome}};
+        {"outcome", schema::name_of(row.outcome)}};
     for (std::size_t i = 0; i < row.measures.size(); ++i) {
       const double value = row.measures[i];
       law[std::string(study::measure_columns(true)[i].name)] =
@@ -103,7 +107,7 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   const std::vector<study::SweepRow> rows = sweep.rows();
   const fs::path& directory = sweep.directory();
   Outcomes outcomes;
-  for (const study::SweepRow& row : rows) ++outcomes[row.outcome];
+  for (const study::SweepRow& row : rows) ++outcomes[std::string(schema::name_of(row.outcome))];
   diagnostics::UnfinishedFile(directory / "results.csv", remedy).write(sweep.table(rows));
   report::write_sweep_page(sweep.plan(), rows, colour, directory);
   const bool comparison = sweep.plan().is_comparison();
@@ -116,8 +120,9 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   std::vector<std::string> parts;
   for (const auto& [outcome, count] : outcomes)
     parts.push_back(fmt::format("{} {}", count, outcome));
-  return fmt::format("{}{} runs: {}\n  {}\n  {}\n", comparison ? comparison_table(rows) : "",
-                     rows.size(), diagnostics::joined(parts), (directory / "results.csv").string(),
+  return fmt::format("{}{} runs: {}\n  {}\n  {}\n",
+                     comparison ? comparison_table(sweep.plan(), rows) : "", rows.size(),
+                     diagnostics::joined(parts), (directory / "results.csv").string(),
                      (directory / "index.html").string());
 }
 

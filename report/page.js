@@ -97,6 +97,16 @@ var report = (() => {
     return line;
   }
 
+  /// Ticks of a logarithmic axis, at whole powers of ten where there are two of them.
+  function decades(low, high, pixels, ...others) {
+    const first = Math.ceil(Math.log10(low)), last = Math.floor(Math.log10(high));
+    if (!(last > first)) return Dygraph.numericTicks(low, high, pixels, ...others);
+    const step = Math.max(1, Math.ceil((last - first + 1) * 20 / pixels));
+    const ticks = [];
+    for (let k = first; k <= last; k += step) ticks.push({v: 10 ** k, label: '1e' + k});
+    return ticks;
+  }
+
   function build(chart) {
     const live = document.querySelector('#' + chart.name + ' .panel');
     const label = document.createElement('div');
@@ -109,12 +119,28 @@ var report = (() => {
     chart.line.className = 'cursor';
     live.append(label, chart.keys, chart.place);
     chart.plot = new Dygraph(chart.place, rows(chart.curves), {
-      ...colours(chart), labels: ['t', ...chart.curves.keys()].map(String),
-      connectSeparatedPoints: true, legend: 'never', highlightCircleSize: 0, logscale: chart.logarithmic,
-      valueRange: chart.range, dateWindow: state.window, animatedZooms: false,
-      axes: {x: {axisLabelWidth: 60, axisLabelFormatter: x => short(x)}, y: {axisLabelWidth: 64, axisLabelFormatter: y => short(y), drawAxis: chart.y_axis}},
+      ...colours(chart),
+      labels: ['t', ...chart.curves.keys()].map(String),
+      connectSeparatedPoints: true,
+      legend: 'never',
+      highlightCircleSize: 0,
+      logscale: chart.logarithmic,
+      valueRange: chart.range,
+      dateWindow: state.window,
+      animatedZooms: false,
+      axes: {
+        x: {axisLabelWidth: 60, axisLabelFormatter: x => short(x)},
+        y: {
+          axisLabelWidth: 64,
+          axisLabelFormatter: y => short(y),
+          drawAxis: chart.y_axis,
+          ...(chart.logarithmic && {ticker: decades})
+        }
+      },
       underlayCallback: (context, area, plot) => underlay(chart, context, area, plot),
-      drawCallback: (plot, initial) => { if (!initial) zoom(plot.xAxisRange(), chart); },
+      drawCallback: (plot, initial) => {
+        if (!initial) zoom(plot.xAxisRange(), chart);
+      },
     });
     chart.place.append(chart.line);
     chart.place.addEventListener('mousemove', event => {

@@ -152,9 +152,21 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   }
   if (lyapunov) run.lyapunov_decay = fit_decay(run.lyapunov.points());
   for (const study::JointTracking& joint : run.tracking.joints()) {
-    run.decay.push_back(fit_decay(joint.abs_error.points()));
+    std::vector<study::Point> error = joint.abs_error.points();
+    const double from_s = study::rests_from_s(joint.q_ref.points());
+    std::erase_if(error, [&](const study::Point& point) { return point.x < from_s; });
+    run.decay.push_back(fit_decay(error));
   }
   run.summary = log.summary();
+  study::Yardsticks yardsticks = study::yardsticks(run.scenario);
+  for (const Stretches& ticks : run.saturated) {
+    yardsticks.saturated_ticks.push_back(static_cast<std::int64_t>(ticks.count));
+  }
+  run.verdict = judge(run.tracking, yardsticks);
+  if (const std::int64_t ticks = run.summary.last_tick + 1; ticks < run.info.num_ticks) {
+    run.verdict.outcome = study::Outcome::stopped;
+    run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);
+  }
   run.damage = log.damage();
   run.outcome = read_outcome(run);
   return run;

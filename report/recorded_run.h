@@ -14,6 +14,7 @@
 #include "robot/model.h"
 #include "study/envelope.h"
 #include "study/tracking.h"
+#include "study/verdict.h"
 
 namespace tachless::report {
 
@@ -38,7 +39,8 @@ struct RecordedRun : logger::RunDescription {
   robot::JointLabels joints;
 
   study::Tracking tracking;
-  std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors
+  study::Verdict verdict;
+  std::vector<std::optional<Decay>> decay;  ///< of the joints' position errors, at rest
   std::vector<LoggedSignal> signals;        ///< of the law, but for position errors
 
   study::Envelope lyapunov;

@@ -200,6 +200,7 @@ std::string report_page(const Overlay& all, const std::vector<ReportSection>& se
                  {"style", Html::from_markup(page_css)},
                  {"heading", title},
                  {"runs", Html(runs.size() == 1 ? "one run" : fmt::format("{} runs", runs.size()))},
+                 {"verdicts", verdicts(runs)},
                  {"alarms", alarms(runs)},
                  {"contents", contents},
                  {"points", Html(std::to_string(all.budget))},

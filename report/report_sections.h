@@ -83,7 +83,10 @@ Html differences(const std::vector<RecordedRun>& runs);
 /// Errors, torques and decay per joint.
 Html results_table(const std::vector<RecordedRun>& runs);
 
-/// Runs that ended early, logs that are damaged; empty when there are none.
+/// What each run came to, in a line.
+Html verdicts(const std::vector<RecordedRun>& runs);
+
+/// Logs that are damaged; empty when there are none.
 Html alarms(const std::vector<RecordedRun>& runs);
 
 /// A sample of the line by which the run's curves are known.

@@ -344,13 +344,20 @@ Html results_table(const std::vector<RecordedRun>& runs) {
       rows);
 }
 
+Html verdicts(const std::vector<RecordedRun>& runs) {
+  return each(runs, [&](const RecordedRun& run) {
+    // What ended it early is known to the run alone.
+    const nlohmann::json by_run = run.outcome_of("verdict");
+    return html("<p class=\"{}\">{}{}</p>\n", bad(run.verdict.outcome) ? "alarm" : "verdict",
+                runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html(),
+                by_run.is_string() ? by_run.get<std::string>() : text(run.verdict, run.joints));
+  });
+}
+
 Html alarms(const std::vector<RecordedRun>& runs) {
   Html text;
   for (const RecordedRun& run : runs) {
     const Html of_run = runs.size() > 1 ? html("<b>{}</b>: ", run.label) : Html();
-    if (run.outcome_of("fault").is_string() || run.summary.last_tick + 1 != run.info.num_ticks) {
-      text += html("<p class=\"alarm\">{}The run ended {}.</p>\n", of_run, ended_text(run));
-    }
     if (run.damage.any()) {
       text += html(
           "<p class=\"alarm\">{}The log is damaged: {} could not be decoded. What is intact is "

@@ -52,7 +52,9 @@ std::string table(const std::vector<std::vector<std::string>>& rows) {
   return text;
 }
 
+/// Rounding, such as 1e-16, is 0.
 std::string number(double value) {
+  if (std::abs(value) < 1e-12) return "0";
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
 }
 

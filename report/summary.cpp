@@ -137,7 +137,8 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
       per_joint(summary.tracking, &study::JointTracking::error, &study::Extent::final);
   add_statistics(json, summary);
   json["log"] = {{"path", facts.log_path}, {"ticks", facts.log_ticks}, {"gaps", facts.log_gaps}};
-  json["verdict"] = text(summary.observed, joints);
+  json["outcome"] = summary.verdict.word();
+  json["verdict"] = text(summary.verdict, joints);
   json["fault"] = facts.fault ? Json(*facts.fault) : Json();
   return json;
 }
@@ -195,7 +196,7 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
   row_of_ticks(plant.beyond_limit_ticks, "beyond its range or its speed");
   std::int64_t rejected = 0;
   for (const Statistics& each : summary.statistics) rejected += each.rejected.total();
-  text += fmt::format("  {}\n", study::text(summary.observed, joints));
+  text += fmt::format("  {}\n", study::text(summary.verdict, joints));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
 }
@@ -209,10 +210,9 @@ std::string overview_row(const std::string& robot, const RunSummary& summary,
                          const robot::JointLabels& joints) {
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
-  return fmt::format(
-      "  {:<16} {:>9} {:>9} {:>9}  {}\n", robot, summary.ticks(),
-      wall_s > 0 ? short_rate(ticks / wall_s) : "-", summary.facts.log_gaps,
-      summary.facts.fault ? "did not end well" : study::text(summary.observed, joints));
+  return fmt::format("  {:<16} {:>9} {:>9} {:>9}  {}\n", robot, summary.ticks(),
+                     wall_s > 0 ? short_rate(ticks / wall_s) : "-", summary.facts.log_gaps,
+                     study::text(summary.verdict, joints));
 }
 
 std::string short_rate(double per_s) {

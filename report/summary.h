@@ -9,6 +9,7 @@
 #include "node/statistics.h"
 #include "robot/model.h"
 #include "study/tracking.h"
+#include "study/verdict.h"
 
 /// A run in numbers: summary.json and the closing table. Reads no log and writes no file.
 namespace tachless::report {
@@ -34,6 +35,7 @@ struct RunSummary {
   study::Tracking tracking;
   /// What the processes counted; a process that was killed has left none.
   std::vector<node::Statistics> statistics;
+  study::Verdict verdict = {};
 
   /// From the start of the run to its end, by the plant's clock where that is known.
   [[nodiscard]] double wall_s() const;
@@ -43,9 +45,6 @@ struct RunSummary {
 
   /// What the plant counted; zeros when it has left nothing.
   [[nodiscard]] node::PlantStatistics plant() const;
-
-  /// What the run did, from its signals and the plant's counters.
-  const study::Observed observed = study::observe(tracking, plant().saturated_ticks);
 };
 
 /// The content of summary.json.

@@ -51,33 +51,37 @@ std::optional<std::pair<double, double>> range_of(const Axis& axis) {
   return {{low, high}};
 }
 
+std::string_view colour_of(study::Outcome outcome) {
+  return outcome_colours.at(static_cast<std::size_t>(outcome));
+}
+
 /// What a place on the map shows: of several runs the worst outcome, the largest measure.
 struct Shown {
-  std::size_t outcome = 0;
-  double measure = NAN;
+  study::Outcome outcome = study::Outcome::converged;
+  double measure = NAN;  ///< NaN too where a run was broken off
 };
 using Places = std::map<std::pair<double, double>, Shown>;
 
 /// Puts a law's map into `chart`: cells, or points where values are drawn or there is one axis.
 void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
   const bool points = plan.axes.size() == 1 || plan.drawn > 0;
-  std::set<std::size_t> outcomes;
+  std::set<study::Outcome> outcomes;
   for (const auto& [at, shown] : places) {
     const auto [x, y] = at;
-    if (chart.scale && std::isnan(shown.measure)) continue;
-    if (!chart.scale) outcomes.insert(shown.outcome);
-    Cell cell{x, x, y, y,
-              chart.scale ? chart.scale->colour(shown.measure)
-                          : std::string(outcome_looks.at(shown.outcome).colour)};
+    const bool measured = chart.scale && std::isfinite(shown.measure);
+    if (!measured) outcomes.insert(shown.outcome);
+    Cell cell{
+        x, x, y, y,
+        measured ? chart.scale->colour(shown.measure) : std::string(colour_of(shown.outcome))};
     if (!points) {
       std::tie(cell.left, cell.right) = extent(plan.axes[0], x);
       std::tie(cell.bottom, cell.top) = extent(plan.axes[1], y);
     }
     chart.cells.push_back(std::move(cell));
   }
-  for (const std::size_t outcome : outcomes) {
-    const OutcomeLook& look = outcome_looks.at(outcome);
-    chart.curves.push_back({words(std::string(look.outcome)), {}, std::string(look.colour), 0});
+  for (const study::Outcome outcome : outcomes) {
+    chart.curves.push_back(
+        {words(std::string(schema::name_of(outcome))), {}, std::string(colour_of(outcome)), 0});
     chart.curves.back().marker = Marker::square;
   }
 }
@@ -91,7 +95,7 @@ struct Measured {
   Measured(const std::vector<SweepRow>& rows, std::size_t measure) : column(measure) {
     for (const SweepRow& row : rows) {
       const double value = row.measures[column];
-      if (!std::isfinite(value)) continue;
+      if (!std::isfinite(value) || broken_off(row.outcome)) continue;
       if (value > 0) lowest = std::min(lowest, value);
       highest = std::max(highest, value);
       positive = positive && value > 0;
@@ -112,18 +116,14 @@ std::map<std::string, Places> places_of(const SweepPlan& plan, const std::vector
     const double y = plan.axes.size() == 1 ? measure : row.which.values[1];
     if (!std::isfinite(y)) continue;
     Shown& shown = places[row.which.law][{row.which.values[0], y}];
-    shown.outcome = std::max(shown.outcome, severity(row.outcome));
+    shown.outcome = std::max(shown.outcome, row.outcome);
     shown.measure = std::isnan(shown.measure) ? measure : std::max(shown.measure, measure);
+    if (broken_off(shown.outcome)) shown.measure = NAN;
   }
   return places;
 }
 
 }  // namespace
-
-std::size_t severity(std::string_view outcome) {
-  const auto found = std::ranges::find(outcome_looks, outcome, &OutcomeLook::outcome);
-  return static_cast<std::size_t>(found - outcome_looks.begin());
-}
 
 Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                    const std::vector<std::size_t>& colour) {

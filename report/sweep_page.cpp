@@ -7,6 +7,7 @@
 #include <cmath>
 #include <iterator>
 #include <map>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -24,7 +25,17 @@ using study::Axis;
 using study::SweepPlan;
 using study::SweepRow;
 
-RunMark mark_of(const SweepRow& row) { return outcome_looks.at(severity(row.outcome)).mark; }
+/// How a run is marked among curves.
+enum class RunMark { good, bad, broken_off };
+
+RunMark mark_of(const SweepRow& row) {
+  if (study::broken_off(row.outcome)) return RunMark::broken_off;
+  return study::bad(row.outcome) ? RunMark::bad : RunMark::good;
+}
+
+robot::JointLabels joints_of(const SweepPlan& plan) {
+  return robot::joint_labels(*plan.scenario(plan.at(0)).model);
+}
 
 /// The values of all axes but the first: what a column of curves' diagrams has in common.
 std::vector<double> column_of(const SweepRow& row) {
@@ -76,7 +87,8 @@ constexpr std::array markers = {Marker::dot, Marker::ring, Marker::cross};
 std::vector<Curve> curves_of(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                              const std::vector<double>& column, std::size_t measure,
                              const Ordinate& ordinate) {
-  constexpr std::array meanings = {"", "limit cycle, saturated", "diverging, stopped"};
+  constexpr std::array meanings = {"", "rests beside, stuck, saturated, limit cycle",
+                                   "diverging, outside, stopped"};
   std::vector<Curve> curves;
   for (std::size_t law = 0; law < plan.laws.size(); ++law) {
     std::map<double, double> line;  // by abscissa
@@ -132,33 +144,40 @@ std::vector<std::size_t> parse_colour(const std::string& text) {
 
 /// How many runs of each law ended how.
 Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
-  std::map<std::string, std::map<std::string_view, int>> count;
-  for (const SweepRow& row : rows) ++count[row.which.law][row.outcome];
-  const auto head = [](const OutcomeLook& look) { return html("<th>{}</th>", look.outcome); };
-  const auto body = [&](const study::SweepLaw& law) {
-    return html("<tr><th>{}</th>{}<td>{}</td></tr>\n", law.name,
-                each(outcome_looks,
-                     [&](const OutcomeLook& look) {
-                       return html("<td>{}</td>", count[law.name][look.outcome]);
-                     }),
-                diagnostics::joined(law.overrides, "; "));
+  std::map<std::string, std::map<study::Outcome, int>> count;
+  std::set<study::Outcome> seen;
+  for (const SweepRow& row : rows) {
+    ++count[row.which.law][row.outcome];
+    seen.insert(row.outcome);
+  }
+  const auto head = [](study::Outcome outcome) {
+    return html("<th>{}</th>", schema::name_of(outcome));
   };
-  return html("<table><tr><th>law</th>{}<th>set</th></tr>\n{}</table>\n", each(outcome_looks, head),
+  const auto body = [&](const study::SweepLaw& law) {
+    return html(
+        "<tr><th>{}</th>{}<td>{}</td></tr>\n", law.name,
+        each(seen,
+             [&](study::Outcome outcome) { return html("<td>{}</td>", count[law.name][outcome]); }),
+        diagnostics::joined(law.overrides, "; "));
+  };
+  return html("<table><tr><th>law</th>{}<th>set</th></tr>\n{}</table>\n", each(seen, head),
               each(plan.laws, body));
 }
 
 /// Of a comparison: a row of all measures for each law, and what was set for it.
 void write_comparison_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                            const std::filesystem::path& directory) {
-  const auto head = [](const study::MeasureColumn& column) {
-    return html("<th class=\"number\">{}<br>{}</th>", column.name, column.unit);
+  const robot::JointLabels joints = joints_of(plan);
+  const auto head = [&](const study::MeasureColumn& column) {
+    return html("<th class=\"number\">{}<br>{}</th>", column.name, study::unit_of(column, joints));
   };
   const auto cell = [](double value) {
     return html("<td class=\"number\">{}</td>",
                 std::isfinite(value) ? fmt::format("{:.3g}", value) : "-");
   };
   const auto body = [&](const SweepRow& row) {
-    return html("<tr><th>{}</th><td>{}</td>{}</tr>\n", row.which.law, row.outcome,
+    return html("<tr><th>{}</th><td>{}{}</td>{}</tr>\n", row.which.law,
+                schema::name_of(row.outcome), row.stopped.empty() ? "" : ": " + row.stopped,
                 each(row.measures, cell));
   };
   const auto gains = [](const study::SweepLaw& law) {
@@ -209,7 +228,7 @@ Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
       if (measure == measures.front()) chart.heading = title_of(plan, column);
       chart.x_label = words(plan.axes[0].name());
       if (column == columns.front()) {
-        chart.y_label = words(std::string(of.name), std::string(of.unit));
+        chart.y_label = words(std::string(of.name), study::unit_of(of, joints_of(plan)));
       }
       if (first < last) chart.x_range = {{first, last}};
       chart.y_range = {{ordinate.low, ordinate.high}};

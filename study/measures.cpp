@@ -44,10 +44,6 @@ class VelocityInUse {
 
 }  // namespace
 
-std::string_view Measures::outcome() const {
-  return stopped.empty() ? schema::name_of(observed.outcome) : "stopped";
-}
-
 std::span<const MeasureColumn> measure_columns(bool comparison) {
   static constexpr MeasureColumn columns[] = {
       {"peak_error", "rad; m", [](const Measures& m) { return m.peak_error; }},
@@ -55,7 +51,7 @@ std::span<const MeasureColumn> measure_columns(bool comparison) {
       {"settled_error", "rad; m", [](const Measures& m) { return m.settled_error; }},
       {"settled_s", "s",
        [](const Measures& m) {
-         return m.observed.outcome == Outcome::converged ? m.observed.settled_s : NAN;
+         return m.verdict.outcome == Outcome::converged ? m.verdict.settled_s : NAN;
        }},
       {"torque_rms", "N m; N", [](const Measures& m) { return m.torque_rms; }},
       {"torque_variation", "N m/s; N/s", [](const Measures& m) { return m.torque_variation; }},
@@ -69,13 +65,23 @@ std::span<const MeasureColumn> measure_columns(bool comparison) {
   return std::span(columns).first(std::size(columns) - (comparison ? 0 : of_comparison));
 }
 
+std::string unit_of(const MeasureColumn& column, const robot::JointLabels& joints) {
+  const std::size_t between = column.unit.find("; ");
+  const auto turn = std::ranges::count(joints.length, "rad");
+  const bool mixed = turn > 0 && turn < std::ssize(joints.length);
+  if (mixed || between == std::string_view::npos) return std::string(column.unit);
+  return std::string(turn > 0 ? column.unit.substr(0, between) : column.unit.substr(between + 2));
+}
+
 std::optional<Measures> measure(const experiment::Scenario& scenario,
                                 const std::function<bool(const TickRecord&)>& on_tick) {
   const double h = scenario.loop.period_s;
   const std::int64_t settled_from = scenario.loop.num_ticks * 3 / 4;
   const VelocityInUse velocity_in_use(controller::law_facts(scenario.controller.law));
   Tracking tracking(scenario.num_joints);
-  std::vector<std::int64_t> saturated(static_cast<std::size_t>(scenario.num_joints));
+  Yardsticks judged_by = yardsticks(scenario);
+  std::vector<std::int64_t>& saturated = judged_by.saturated_ticks;
+  saturated.resize(static_cast<std::size_t>(scenario.num_joints));
   robot::Vector last_tau;
   Measures measures;  // sums, of squares where they become roots of means
   const auto add = [&](const TickRecord& record) {
@@ -98,6 +104,7 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
     }
   };
   bool whole = true;
+  std::optional<std::string> stopped;
   try {
     run_in_process(scenario, [&](const TickRecord& record) {
       if (on_tick) whole = on_tick(record);
@@ -106,12 +113,18 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
     });
   } catch (const diagnostics::Failure& failure) {
     if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
-    measures.stopped = failure.what();
+    stopped = failure.what();
   }
   if (!whole) return {};
   const std::int64_t ticks = measures.ticks = tracking.num_ticks();
-  measures.observed = observe(tracking, saturated);
-  if (measures.peak_error > diverged_error) measures.observed.outcome = Outcome::diverging;
+  measures.verdict = judge(tracking, judged_by);
+  if (stopped) {
+    measures.verdict.outcome = Outcome::stopped;
+    measures.verdict.reason = *stopped;
+  } else if (measures.peak_error > diverged_error) {
+    measures.verdict.outcome = ticks > 1 ? Outcome::diverging : Outcome::outside;
+    measures.verdict.error = measures.peak_error;
+  }
   const auto root_mean = [](double& sum, std::int64_t count) {
     sum = count > 0 ? std::sqrt(sum / static_cast<double>(count)) : NAN;
   };

@@ -11,7 +11,7 @@
 
 #include "experiment/scenario.h"
 #include "study/in_process_loop.h"
-#include "study/tracking.h"
+#include "study/verdict.h"
 
 /// A run in a few numbers, by which runs are compared. Steps the loop in this process; writes no
 /// file.
@@ -22,8 +22,7 @@ inline constexpr double diverged_error = 100;
 
 /// Errors are |q - q_ref| and torques |tau|, Euclidean norms over the joints.
 struct Measures {
-  Observed observed;
-  std::string stopped;          ///< why a protective stop ended it; empty: it did not
+  Verdict verdict;
   std::int64_t ticks = 0;       ///< stepped
   double peak_error = 0;        ///< [rad; m]
   double rms_error = 0;         ///< [rad; m]
@@ -40,9 +39,6 @@ struct Measures {
   /// [N m/rad]; NaN with exact encoders, and when the run was broken off.
   double noise_amplification = NAN;
   double largest_period_s = NAN;  ///< at which the linearised loop is stable [s]
-
-  /// "converged", …, "stopped".
-  [[nodiscard]] std::string_view outcome() const;
 };
 
 /// A number of `Measures` by name, for tables and figures.
@@ -50,6 +46,8 @@ struct MeasureColumn {
   std::string_view name, unit;
   double (*value)(const Measures&);
 };
+/// Its unit on a robot with these joints: "rad", "m", or both where it has both kinds.
+std::string unit_of(const MeasureColumn& column, const robot::JointLabels& joints);
 /// @param comparison with those of a comparison of laws, which are the last ones
 std::span<const MeasureColumn> measure_columns(bool comparison = false);
 

@@ -52,11 +52,11 @@ std::string head_of(const SweepPlan& plan) {
 std::string row_text(const SweepPlan& plan, const SweepCase& which, const Measures& measures) {
   std::string row = fmt::format("{},{}", which.index, which.law);
   for (const double value : which.values) row += "," + field(value);
-  row += fmt::format(",{}", measures.outcome());
+  row += fmt::format(",{}", measures.verdict.word());
   for (const MeasureColumn& column : measure_columns(plan.is_comparison())) {
     row += "," + field(column.value(measures));
   }
-  return row + "," + diagnostics::csv_field(diagnostics::one_line(measures.stopped)) + "\n";
+  return row + "," + diagnostics::csv_field(diagnostics::one_line(measures.verdict.reason)) + "\n";
 }
 
 /// Such a text, without its line end, as a row; nothing when it is none of this plan.
@@ -69,10 +69,11 @@ std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
   const char* end = fields[0].data() + fields[0].size();
   const auto [read_to, error] = std::from_chars(fields[0].data(), end, index);
   if (fields.size() != num_fields || error != std::errc() || read_to != end || index < 0 ||
-      index >= plan.num_cases()) {
+      index >= plan.num_cases() || !schema::value_of<Outcome>(fields[2 + values])) {
     return {};
   }
-  SweepRow row{line, plan.at(index), fields[2 + values], {}, fields.back()};
+  SweepRow row{
+      line, plan.at(index), *schema::value_of<Outcome>(fields[2 + values]), {}, fields.back()};
   for (std::size_t i = 0; i < columns; ++i) {
     row.measures.push_back(value_of(fields[3 + values + i]));
   }

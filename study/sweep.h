@@ -24,7 +24,7 @@ struct Shard {
 struct SweepRow {
   std::string line;  ///< of it in results.csv
   SweepCase which;
-  std::string outcome;
+  Outcome outcome = Outcome::not_judged;
   std::vector<double> measures;  ///< in the order of `measure_columns`; NaN: has none
   std::string stopped;           ///< why a protective stop ended it
 };

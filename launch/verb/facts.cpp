@@ -15,6 +15,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/text.h"
 #include "launch/verb.h"
 #include "node/options.h"
 #include "report/robot_facts.h"
@@ -70,19 +71,40 @@ Json to_json(const LawFacts& law) {
   return json;
 }
 
+/// A line of the table of laws.
+std::string row(std::string_view name, std::string_view joints, std::string_view reference,
+                std::string_view measures, std::string_view gains) {
+  return fmt::format("{:<22} {:<9} {:<9} {:<15} {}\n", name, joints, reference, measures, gains);
+}
+
 struct Laws {
+  std::string name;
   bool json = false;
 
-  void declare(CLI::App& command) { add_json(command, json); }
+  void declare(CLI::App& command) {
+    command.add_option("NAME", name, "The page of one law; default: a table of all");
+    add_json(command, json);
+  }
 
   [[nodiscard]] ExitCode run() const {
-    Json all = Json::array();
-    std::string pages;
-    for (const LawFacts& law : controller::laws()) {
-      all.push_back(to_json(law));
-      pages += (pages.empty() ? "" : "\n") + page(law);
+    std::vector<LawFacts> laws = controller::laws();
+    if (!name.empty()) {
+      try {
+        laws = {controller::law_facts(name)};
+      } catch (const std::invalid_argument& problem) {
+        throw diagnostics::bad_usage(problem.what());
+      }
     }
-    std::cout << (json ? diagnostics::json_text(all, 2) + "\n" : pages);
+    Json all = Json::array();
+    std::string text = name.empty() ? row("law", "joints", "reference", "measures", "gains") : "";
+    for (const LawFacts& law : laws) {
+      all.push_back(to_json(law));
+      text += !name.empty()
+                  ? page(law)
+                  : row(law.name, joints_of(law), law.regulation_only ? "rests" : "moves",
+                        law.measurement, diagnostics::joined(controller::parameter_names(law)));
+    }
+    std::cout << (json ? diagnostics::json_text(all, 2) + "\n" : text);
     return ExitCode::done;
   }
 };
@@ -135,8 +157,9 @@ struct Robot {
 }  // namespace
 
 const Verb laws_verb = verb_of<Laws>(
-    "laws", "The control laws: what each measures, its parameters, conditions and source",
+    "laws", "The control laws in a table; of one its parameters, conditions and source",
     "  tachless laws\n"
+    "  tachless laws loria_ortega_rigid\n"
     "  tachless laws --json");
 
 const Verb robot_verb = verb_of<Robot>(

@@ -24,6 +24,7 @@
 #include "launch/progress.h"
 #include "launch/verb.h"
 #include "node/options.h"
+#include "study/verdict.h"
 
 namespace tachless::launch {
 namespace {
@@ -49,13 +50,20 @@ void warn(const experiment::Scenario& scenario) {
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
 }
 
+/// A line on what dry friction may hold; empty without such friction.
+std::string held_text(const experiment::Scenario& scenario) {
+  const std::string held = study::friction_text(study::yardsticks(scenario));
+  return held.empty() ? held : fmt::format("  {:<17} {}\n", "friction", held);
+}
+
 struct Certify {
   fs::path input;
   std::vector<std::string> overrides;
-  bool paper = false, json = false, quiet = false;
+  bool full = false, paper = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    command.add_flag("--full", full, "All numbers in place of five lines");
     command.add_flag(
         "--paper", paper,
         "Also the conditions that Loria and Ortega (1995) print, with their constants");
@@ -74,9 +82,10 @@ struct Certify {
     if (json) {
       nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
       all.update(to_json(result));
+      all["rest_error"] = study::rest_error(study::yardsticks(scenario));
       std::cout << diagnostics::json_text(all, 2) << "\n";
     } else {
-      std::cout << page(result, scenario);
+      std::cout << page(result, scenario, full) << held_text(scenario);
     }
     const std::vector<std::string> objections = certificate::objections(result);
     for (const std::string& objection : objections) {
@@ -223,7 +232,7 @@ const Verb certify_verb = verb_of<Certify>(
     "  tachless certify scenarios/paper_rigid.yaml\n"
     "  tachless certify scenarios/practical_rigid.yaml --set loop.period_s=0.002 "
     "--json\n"
-    "  tachless certify scenarios/paper_rigid.yaml --paper");
+    "  tachless certify scenarios/paper_rigid.yaml --full --paper");
 
 const Verb design_verb = verb_of<Design>(
     "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",

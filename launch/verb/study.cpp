@@ -162,7 +162,9 @@ struct Sweep {
     plan.seed = seed;
     for (const std::string& text : vary) plan.axes.push_back(study::parse_axis(text, random > 0));
     for (const std::string& law : laws_of(scenario, laws)) {
-      plan.laws.push_back({law, certificate::rule_of_thumb(scenario, law, bandwidth_hz)});
+      std::vector<std::string> gains = certificate::rule_of_thumb(scenario, law, bandwidth_hz);
+      gains.insert(gains.begin(), "controller.gains={}");  // those of the scenario's own law go
+      plan.laws.push_back({law, std::move(gains)});
     }
     if (plan.laws.empty()) plan.laws.push_back({scenario.controller.law, {}});
     (void)plan.scenario(

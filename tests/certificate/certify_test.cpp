@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "tests/certificate/scenarios.h"
@@ -28,10 +29,13 @@ TEST(Certify, OfThePapersRigidScenario) {
   EXPECT_NEAR(json["sampled"]["limit_s"].get<double>(), 1.0191e-4, 1e-7);
   EXPECT_TRUE(json["sampled"]["stable"].get<bool>());
   EXPECT_NEAR(json["sampled"]["decay_per_s"].get<double>(), 0.68, 0.01);
-  const std::string text = page(result, scenario);
+  const std::string text = page(result, scenario, true);
   EXPECT_THAT(text, HasSubstr("(25) eps > … / beta_3"));
   EXPECT_THAT(text, HasSubstr("Certified region (proved for all postures; continuous time"));
   EXPECT_FALSE(to_json(certify(scenario, false)).contains("paper"));
+  const std::string brief = page(certify(scenario, false), scenario, false);
+  EXPECT_EQ(std::ranges::count(brief, '\n'), 5) << brief;
+  EXPECT_THAT(brief, HasSubstr("proved: this start is in it"));
 }
 
 /// Of initial states, V decides.
@@ -47,22 +51,22 @@ TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
 }
 
 TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {
-  const experiment::Scenario scenario = shipped(
-      "practical_rigid",
-      {"controller.law=slotine_li", "controller.gains.lambda=20", "controller.gains.ks=[500, 30]"});
+  const experiment::Scenario scenario =
+      shipped("practical_rigid",
+              {"controller.law=slotine_li", "controller.gains={lambda: 20, ks: [500, 30]}"});
   const Certificate result = certify(scenario, false);
   EXPECT_FALSE(result.stability);
-  EXPECT_THAT(page(result, scenario),
+  EXPECT_THAT(page(result, scenario, true),
               HasSubstr("no stability certificate is available for slotine_li"));
   EXPECT_TRUE(result.loop.stable);
 }
 
 TEST(Certify, NamesTheReasonWhereALawCannotBeLinearised) {
-  const experiment::Scenario scenario =
-      shipped("practical_rigid",
-              {"controller.law=robust_differentiator", "controller.gains.lipschitz=4000"});
+  const experiment::Scenario scenario = shipped(
+      "practical_rigid", {"controller.law=robust_differentiator",
+                          "controller.gains={kp: [40000, 2400], kd: [1000, 60], lipschitz: 4000}"});
   const Certificate result = certify(scenario, false);
-  EXPECT_THAT(page(result, scenario), HasSubstr("cannot be linearised (the differentiator"));
+  EXPECT_THAT(page(result, scenario, true), HasSubstr("cannot be linearised (the differentiator"));
   EXPECT_THAT(to_json(result)["sampled"]["unknown"].get<std::string>(), HasSubstr("cube root"));
   EXPECT_TRUE(objections(result).empty());
 }

@@ -226,8 +226,7 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
         rule_of_thumb(experiment::load_scenario(path, overrides), std::string(law.name), 5);
     overrides.insert(overrides.end(), tuned.begin(), tuned.end());
     const study::Measures run = *study::measure(experiment::load_scenario(path, overrides));
-    EXPECT_EQ(run.stopped, "");
-    EXPECT_FALSE(run.observed.bad()) << run.outcome() << " " << tuned.back();
+    EXPECT_FALSE(bad(run.verdict.outcome)) << run.verdict.word() << " " << run.verdict.reason;
     // Of where it began (its initial error and what the start of the motion adds) little is left;
     // zhang_dawson's errors decay as exp(-t) whatever its gains.
     EXPECT_LT(run.settled_error, (law.name == "zhang_dawson" ? 0.5 : 0.1) * run.peak_error);

@@ -142,14 +142,15 @@ TEST(SampledLimit, IsThatOfRunsWithLongDelaysAndLateEncoders) {
 TEST(SampledLimit, IsThatOfRunsUnderEveryOtherLaw) {
   expect_limit(shipped("regulation"), "kelly_regulation");
   expect_limit(shipped("flexible_regulation"), "kelly_flexible");
-  expect_limit(shipped("practical_rigid", {"controller.law=wen_bayard"}), "wen_bayard");
-  expect_limit(
-      shipped("practical_rigid", {"controller.law=slotine_li", "controller.gains.lambda=20",
-                                  "controller.gains.ks=[500, 30]"}),
-      "slotine_li");
+  expect_limit(shipped("practical_rigid", {"controller.law=wen_bayard",
+                                           "controller.gains={kp: [40000, 2400], kd: [1000, 60]}"}),
+               "wen_bayard");
+  expect_limit(shipped("practical_rigid", {"controller.law=slotine_li",
+                                           "controller.gains={lambda: 20, ks: [500, 30]}"}),
+               "slotine_li");
   expect_limit(shipped("practical_flexible",
-                       {"controller.law=slotine_li_flexible", "controller.gains.lambda=20",
-                        "controller.gains.ks1=[500, 30]", "controller.gains.ks2=[10, 10]"}),
+                       {"controller.law=slotine_li_flexible",
+                        "controller.gains={lambda: 20, ks1: [500, 30], ks2: [10, 10]}"}),
                "slotine_li_flexible");
 }
 

@@ -154,13 +154,13 @@ TEST(Lyapunov, OfOtherLawsFalls) {
     return scenario(file, set);
   };
   for (const experiment::Scenario& experiment :
-       {with("practical_rigid.yaml", {"controller.law=wen_bayard"}),
+       {with("practical_rigid.yaml",
+             {"controller.law=wen_bayard", "controller.gains={kp: [40000, 2400], kd: [1000, 60]}"}),
         with("practical_rigid.yaml",
-             {"controller.law=slotine_li", "controller.gains.lambda=[20, 30]",
-              "controller.gains.ks=[50, 5]"}),
+             {"controller.law=slotine_li", "controller.gains={lambda: [20, 30], ks: [50, 5]}"}),
         with("practical_flexible.yaml",
-             {"controller.law=slotine_li_flexible", "controller.gains.lambda=[20, 30]",
-              "controller.gains.ks1=[80, 20]", "controller.gains.ks2=[12, 16]"})}) {
+             {"controller.law=slotine_li_flexible",
+              "controller.gains={lambda: [20, 30], ks1: [80, 20], ks2: [12, 16]}"})}) {
     EXPECT_FALSE(certified_run(experiment));
     // While it is far from what sampling at 1 ms leaves: the first tenth of a second.
     expect_fall(experiment, 101, 10);

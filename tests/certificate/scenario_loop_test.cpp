@@ -129,10 +129,9 @@ TEST(ScenarioLoop, LinearisesAKalmanFilterOfEitherOrder) {
 /// With m = 1 and the arm's inertia at rest as that of two single joints the limit is 2 / kv; the
 /// coupled arm has it for the largest eigenvalue kv of M^-1 Kd.
 TEST(ScenarioLoop, HasTheLimitOfADifferenceOverOnePeriod) {
-  const ScenarioLoop loop(shipped(
-      "practical_rigid",
-      {"controller.law=numerical_difference", "controller.gains.samples=1", "loop.command_delay=0",
-       "controller.gains.kp=1e-3", "controller.gains.kd=[100, 60]"}));
+  const ScenarioLoop loop(
+      shipped("practical_rigid", {"controller.law=numerical_difference", "loop.command_delay=0",
+                                  "controller.gains={samples: 1, kp: 1e-3, kd: [100, 60]}"}));
   const robot::Vector q = both(1e-9);  // gravity's gradient there is small beside kd / h
   const Eigen::MatrixXd M = robot::mass_matrix(robot::testing::two_link(), q);
   const Eigen::MatrixXd kv = M.inverse() * Eigen::Vector2d(100, 60).asDiagonal();
@@ -142,9 +141,9 @@ TEST(ScenarioLoop, HasTheLimitOfADifferenceOverOnePeriod) {
 }
 
 TEST(ScenarioLoop, SaysWhyALawCannotBeLinearised) {
-  const experiment::Scenario scenario =
-      shipped("practical_rigid",
-              {"controller.law=robust_differentiator", "controller.gains.lipschitz=4000"});
+  const experiment::Scenario scenario = shipped(
+      "practical_rigid", {"controller.law=robust_differentiator",
+                          "controller.gains={kp: [40000, 2400], kd: [1000, 60], lipschitz: 4000}"});
   EXPECT_THAT(text(analyse(scenario, Effort::quick)),
               ::testing::AllOf(::testing::HasSubstr("cannot be linearised (the differentiator"),
                                ::testing::HasSubstr("cube root"),

@@ -54,10 +54,9 @@ experiment::Scenario flexible_scenario(const std::string& law) {
   experiment::Scenario scenario = rigid_scenario();
   scenario.robot.flexible = plant::FlexibleDrive{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
   scenario.controller.law = law;
-  for (const auto& facts : laws()) {
-    for (const std::string_view gain : parameter_names(facts)) {
-      scenario.controller.gains[std::string(gain)] = pair(3, 3);
-    }
+  scenario.controller.gains.clear();
+  for (const std::string_view gain : parameter_names(law_facts(law))) {
+    scenario.controller.gains[std::string(gain)] = pair(3, 3);
   }
   return scenario;
 }
@@ -148,6 +147,7 @@ TEST(Registry, TellsTheLawHowFarTheEncodersPositionsAreOff) {
 TEST(Registry, RefusesAKalmanFilterThatKnowsNoMeasurementNoise) {
   experiment::Scenario scenario = rigid_scenario();
   scenario.controller.law = "kalman_velocity";
+  scenario.controller.gains = {{"kp", pair(5, 6)}, {"kd", pair(7, 8)}};
   scenario.controller.gains["process_noise"] = pair(1, 1);
   scenario.controller.gains["order"] = pair(2, 2);
   EXPECT_THAT(refusal(scenario),
@@ -232,10 +232,11 @@ TEST(Registry, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
                                        HasSubstr("3 entries; needed: one per joint, 2")));
 }
 
-TEST(Registry, LeavesGainsOfOtherLawsAloneSoThatLawsCanBeCompared) {
+TEST(Registry, RefusesGainsOfOtherLawsAndNamesItsOwnWithTheirUnits) {
   experiment::Scenario scenario = rigid_scenario();
-  scenario.controller.law = "wen_bayard";  // has no a and b
-  EXPECT_EQ(refusal(scenario), "accepted");
+  scenario.controller.law = "computed_torque";
+  EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("controller.gains.a: computed_torque has no such"),
+                                       HasSubstr("kp [1/s^2]")));
 }
 
 TEST(Registry, RefusesFlexibleLawsOnRigidJoints) {

@@ -69,8 +69,8 @@ TEST_F(Command, CompletionsOfferWhatTheHelpTextsDeclare) {
 }
 
 TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
-  const Outcome page = tachless("laws");
-  EXPECT_EQ(page.exit_code, 0) << page.output;
+  const Outcome table = tachless("laws");
+  EXPECT_EQ(table.exit_code, 0) << table.output;
   const Outcome listed = tachless("laws --json");
   EXPECT_EQ(listed.exit_code, 0);
   const nlohmann::json laws = nlohmann::json::parse(listed.output);
@@ -81,6 +81,8 @@ TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
   std::vector<std::string> names;
   for (const auto& law : laws) {
     names.push_back(law.at("name"));
+    EXPECT_THAT(table.output, HasSubstr("\n" + names.back() + " "));
+    const Outcome page = tachless("laws " + names.back());
     for (const char* fact : {"measures", "proved", "conditions", "source"}) {
       EXPECT_THAT(page.output, HasSubstr(law.at(fact).get<std::string>())) << law.at("name");
     }
@@ -91,6 +93,8 @@ TEST_F(Command, LawsListsEveryLawWithWhatItDeclares) {
     }
   }
   EXPECT_THAT(names, ::testing::UnorderedElementsAreArray(pages));
+  EXPECT_EQ(lines(table.output), static_cast<int>(names.size()) + 1) << "a line each";
+  EXPECT_EQ(tachless("laws pd").exit_code, 2);
 }
 
 TEST_F(Command, RunRefusesALoopThatIsUnstableAtItsRate) {
@@ -103,7 +107,7 @@ TEST_F(Command, RunRefusesALoopThatIsUnstableAtItsRate) {
 }
 
 TEST_F(Command, CertifyHasAPageAndJson) {
-  const Outcome page = tachless("certify " + scenario + " --quiet --paper");
+  const Outcome page = tachless("certify " + scenario + " --quiet --full --paper");
   EXPECT_EQ(page.exit_code, 0) << page.output;
   EXPECT_THAT(page.output, AllOf(HasSubstr("largest stable period"), HasSubstr("(19) eps <")));
   const Outcome unstable =

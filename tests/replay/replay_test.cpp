@@ -55,9 +55,9 @@ TEST_F(ReplayTest, GivesEveryLawsCommandsAgain) {
       support::shortened("flexible_regulation.yaml", "0.2"),
       support::shortened("iiwa_point_to_point.yaml", "0.3"),
       support::shortened("regulation.yaml", "0.1", {"controller.law=kelly_regulation"}),
-      support::shortened("practical_rigid.yaml", "0.05",
-                         {"controller.law=slotine_li", "controller.gains.lambda=[20, 20]",
-                          "controller.gains.ks=[50, 5]"}),
+      support::shortened(
+          "practical_rigid.yaml", "0.05",
+          {"controller.law=slotine_li", "controller.gains={lambda: 20, ks: [50, 5]}"}),
   };
   for (const experiment::Scenario& scenario : scenarios) {
     SCOPED_TRACE(scenario.name + ", " + scenario.controller.law);
@@ -173,19 +173,16 @@ TEST_F(ReplayTest, ALawMayMeasureLessThanWasMeasured) {
   const auto messages =
       support::in_process_log(support::shortened("practical_flexible.yaml", "0.02"));
   logger::RunLog log = open(messages);
-  const auto under = [&](const std::string& law) {
+  const auto under = [&](const std::string& law, const std::string& gains) {
     return experiment::parse_scenario(
         log.info().scenario, log.info().robot_description, "log",
-        {"controller.law=" + law, "controller.gains.kp=[100, 100]", "controller.gains.kd=[10, 10]",
-         "controller.gains.a=[100, 100]", "controller.gains.b=[100, 100]",
-         "controller.gains.lambda=[9, 9]", "controller.gains.ks=[9, 9]"});
+        {"controller.law=" + law, "controller.gains={" + gains + "}"});
   };
-  EXPECT_EQ(replay(log, under("loria_ortega_rigid"),
-                   controller::scenario_law(under("loria_ortega_rigid")))
-                .compared,
-            20);
+  const auto rigid = under("loria_ortega_rigid", "kp: 100, kd: 10, a: 100, b: 100");
+  EXPECT_EQ(replay(log, rigid, controller::scenario_law(rigid)).compared, 20);
   try {
-    replay(log, under("slotine_li"), controller::scenario_law(under("slotine_li")));
+    const auto of_states = under("slotine_li", "lambda: 9, ks: 9");
+    replay(log, of_states, controller::scenario_law(of_states));
     FAIL() << "a state law was fed from LINK_STATE";
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);

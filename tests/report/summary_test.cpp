@@ -85,7 +85,7 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
                   "torque_Nm", "round_trip_us", "resends", "duplicates", "rejected",
                   "missed_deadlines", "longest_miss", "missed_commands", "longest_command_miss",
                   "late_commands", "skipped_ticks", "wake_up_jitter_us", "command_age_us",
-                  "saturated_ticks", "beyond_limit_ticks", "log", "verdict", "fault"));
+                  "saturated_ticks", "beyond_limit_ticks", "log", "outcome", "verdict", "fault"));
 }
 
 TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {

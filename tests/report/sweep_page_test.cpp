@@ -35,7 +35,7 @@ SweepPlan plan_of(const std::vector<std::string>& axes, const std::string& file 
 std::vector<SweepRow> rows_of(const SweepPlan& plan) {
   std::vector<SweepRow> rows;
   for (std::int64_t i = 0; i < plan.num_cases(); ++i) {
-    rows.push_back({"", plan.at(i), "converged",
+    rows.push_back({"", plan.at(i), study::Outcome::converged,
                     std::vector<double>(study::measure_columns().size(), 1.0 + i), ""});
   }
   return rows;
@@ -96,8 +96,8 @@ TEST(SweepCurves, HaveADiagramPerMeasureAndValueOfTheLists) {
 TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   const SweepPlan plan = plan_of({bits});
   std::vector<SweepRow> rows = rows_of(plan);
-  rows[1].outcome = "limit_cycle";
-  rows[2].outcome = "stopped";
+  rows[1].outcome = study::Outcome::limit_cycle;
+  rows[2].outcome = study::Outcome::stopped;
   rows[2].measures.assign(rows[2].measures.size(), 1e9);  // no value to scale an axis by
   const Chart chart = curves_figure(plan, rows, {1}).charts.at(0);
   using Points = std::vector<study::Point>;
@@ -115,13 +115,13 @@ TEST(SweepCurves, MarkRunsWithoutAValueAtTheUpperEdge) {
   EXPECT_GT(broken.y, 2);
   EXPECT_LT(broken.y, chart.y_range->second);
   EXPECT_LT(chart.y_range->second, 10);
-  EXPECT_EQ(chart.curves.back().label.text, "diverging, stopped");
+  EXPECT_EQ(chart.curves.back().label.text, "diverging, outside, stopped");
 }
 
 TEST_F(SweepPage, DrawsCurvesOfSeveralMeasures) {
   const SweepPlan plan = plan_of({bits});
   const std::string svg = map(plan, rows_of(plan), "velocity_error,energy");
-  EXPECT_THAT(svg, HasSubstr("velocity_error [rad/s; m/s]"));
+  EXPECT_THAT(svg, HasSubstr("velocity_error [rad/s]"));
   EXPECT_THAT(svg, HasSubstr("energy [J]"));
 }
 

@@ -124,7 +124,7 @@ TEST(InProcessLoop, SaysInWhichTickAnUnstableLoopEnds) {
 /// reference.
 TEST(InProcessLoop, SaysInWhichTickALawHasNoFiniteTorque) {
   const auto run = [](const char* speed) {
-    return records(practical({"controller.law=zhang_dawson", "controller.gains.k=150",
+    return records(practical({"controller.law=zhang_dawson", "controller.gains={k: 150}",
                               std::string("plant.initial.velocity_rad_per_s=") + speed}));
   };
   EXPECT_EQ(run("[1, 1]").size(), 200U);

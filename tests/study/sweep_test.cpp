@@ -71,7 +71,7 @@ TEST_F(ASweep, HasARowPerCaseAndDivergingIsOne) {
   int diverging = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     EXPECT_EQ(rows[i].which.index, static_cast<std::int64_t>(i));
-    diverging += rows[i].outcome == "diverging" ? 1 : 0;
+    diverging += rows[i].outcome == Outcome::diverging ? 1 : 0;
   }
   EXPECT_GT(diverging, 2);
   EXPECT_LT(diverging, 10);
@@ -79,7 +79,7 @@ TEST_F(ASweep, HasARowPerCaseAndDivergingIsOne) {
   const Measures alone = *measure(sweep_.plan().scenario(rows[0].which));
   EXPECT_EQ(rows[0].measures[0], alone.peak_error);
   EXPECT_GE(alone.peak_error, 0.1);  // it begins there
-  EXPECT_EQ(rows[0].outcome, alone.outcome());
+  EXPECT_EQ(rows[0].outcome, alone.verdict.outcome);
 }
 
 TEST_F(ASweep, IsTheSameWhateverTheThreads) {

@@ -1,0 +1,312 @@
+#include "study/verdict.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "controller/registry.h"
+
+namespace tachless::study {
+namespace {
+
+constexpr std::int64_t fewest_ticks = 40;
+constexpr double converged_share = 0.01, followed_share = 0.05;  // of the scale
+constexpr double counts = 3;    // of the encoder, which no error has to be below
+constexpr double least = 1e-6;  // [rad; m] nor below this: a count of 22 bits is 1.5e-6
+// [rad; m] Below, no limit cycle is called so: encoders and noise swing too.
+constexpr double small = 1e-3;
+constexpr double still = 1e-3;     // of an error: how far a joint that rests may move
+constexpr double constant = 0.05;  // of an error: how far one that is called constant may change
+
+struct Span {
+  double low = INFINITY, high = -INFINITY;
+  [[nodiscard]] double extent() const { return std::max(0.0, high - low); }
+  [[nodiscard]] double peak() const { return low > high ? 0 : std::max(std::abs(low), high); }
+};
+
+Span span(const std::vector<Point>& points, double from, double to) {
+  Span result;
+  for (const Point& point : points) {
+    if (point.x < from || point.x > to) continue;
+    result.low = std::min(result.low, point.y);
+    result.high = std::max(result.high, point.y);
+  }
+  return result;
+}
+
+/// A curve's swings to and fro: how often it turns, and the largest way between two turns.
+struct Swings {
+  int count = 0;
+  double largest = 0;
+};
+
+/// Of those by more than `amplitude`.
+Swings swings(const std::vector<Point>& points, double from, double to, double amplitude) {
+  Swings result;
+  int direction = 0;
+  Span before;  // the first one
+  double turned = 0, extreme = 0;
+  for (const auto& [x, y] : points) {
+    if (x < from || x > to) continue;
+    before.low = std::min(before.low, y);
+    before.high = std::max(before.high, y);
+    if (direction == 0) {
+      if (y - before.low > amplitude) direction = 1;
+      if (before.high - y > amplitude) direction = -1;
+      turned = direction > 0 ? before.low : before.high;
+      extreme = y;
+    } else if ((y - extreme) * direction > 0) {
+      extreme = y;
+    } else if ((extreme - y) * direction > amplitude) {
+      ++result.count;
+      result.largest = std::max(result.largest, std::abs(extreme - turned));
+      direction = -direction;
+      turned = extreme;
+      extreme = y;
+    }
+  }
+  return result;
+}
+
+/// A joint's value of a vector that may be empty.
+double entry(const robot::Vector& values, std::size_t joint) {
+  return values.size() == 0 ? 0 : values[static_cast<Eigen::Index>(joint)];
+}
+
+/// A joint's run in the numbers that decide.
+struct Joint {
+  std::vector<Point> error, q_ref;
+  double end, quarter, own_scale, noise;
+  double scale = 0;
+  Span third, last, position;  ///< the error in the third and the last quarter; q in the last
+  double first_half;
+  int fast, asked;  ///< swings in the last quarter, of the error and of the reference
+
+  Joint(const JointTracking& joint, double resolution)
+      : error(joint.error_over_time.points()),
+        q_ref(joint.q_ref.points()),
+        end(error.back().x),
+        quarter(end / 4),
+        own_scale(std::max(span(q_ref, 0, end).extent(), std::abs(joint.error.first()))),
+        noise(std::max(counts * resolution, least)),
+        third(span(error, 2 * quarter, 3 * quarter)),
+        last(span(error, 3 * quarter, end)),
+        position(span(joint.q.points(), 3 * quarter, end)),
+        first_half(span(error, 0, 2 * quarter).peak()),
+        fast(swings(error, 3 * quarter, end, last.peak()).count),
+        asked(swings(q_ref, 3 * quarter, end, 0.1 * span(q_ref, 0, end).extent()).count) {}
+
+  [[nodiscard]] double allowed(double share) const { return std::max(share * scale, noise); }
+  [[nodiscard]] bool within(double share) const { return last.peak() <= allowed(share); }
+  [[nodiscard]] bool unasked(int turns) const { return turns >= 6 && turns > 3 * (asked + 1); }
+
+  /// Whether its swings grow from quarter to quarter, however small they are.
+  [[nodiscard]] bool swings_grow() const {
+    constexpr double growth = 1.3;
+    const auto in_quarter = [&](int i) {
+      return swings(error, i * quarter, (i + 1) * quarter, noise);
+    };
+    const Swings now = in_quarter(3);
+    const double before = in_quarter(2).largest;
+    return unasked(now.count) && now.largest > growth * before &&
+           before > growth * in_quarter(1).largest;
+  }
+  [[nodiscard]] bool diverges() const {
+    if (swings_grow()) return true;
+    if (within(followed_share) || last.peak() <= 4 * first_half) return false;
+    const double asked_before = span(q_ref, 0, 2 * quarter).extent();
+    return last.peak() > scale || span(q_ref, 3 * quarter, end).extent() <= asked_before;
+  }
+  [[nodiscard]] bool cycles() const {
+    return last.peak() > std::max(small, noise) && last.peak() >= 0.8 * third.peak() &&
+           unasked(fast);
+  }
+  [[nodiscard]] Outcome outcome(bool friction) const {
+    if (diverges()) return Outcome::diverging;
+    if (cycles()) return Outcome::limit_cycle;
+    if (within(converged_share)) return Outcome::converged;
+    if (within(followed_share)) return Outcome::followed;
+    if (friction && position.extent() <= still * last.peak()) return Outcome::stuck;
+    // On a motion that is slower than the run an error is nearly constant too.
+    if (last.extent() < constant * last.peak() && position.extent() < last.peak()) {
+      return Outcome::rests_beside;
+    }
+    return last.peak() < 0.95 * third.peak() ? Outcome::slow : Outcome::lags;
+  }
+  /// When the error was last beyond 1 % of the scale.
+  [[nodiscard]] double above_s() const {
+    double above = 0;
+    for (const Point& point : error) {
+      if (std::abs(point.y) > allowed(converged_share)) above = point.x;
+    }
+    return above;
+  }
+};
+
+void set_scales(std::vector<Joint>& joints) {
+  double largest = 0;
+  for (const Joint& joint : joints) largest = std::max(largest, joint.own_scale);
+  for (Joint& joint : joints) {
+    const double whole = span(joint.error, 0, joint.end).peak();
+    joint.scale = joint.own_scale > 0 ? joint.own_scale : largest > 0 ? largest : whole;
+  }
+}
+
+/// What a resting error means: what holds the joint there.
+std::string held_text(const Verdict& verdict, std::string_view length, std::string_view effort) {
+  if (verdict.stiffness <= 0) return "";
+  const double reach = verdict.friction / verdict.stiffness;
+  if (verdict.outcome == Outcome::stuck && verdict.error <= 1.05 * reach) {
+    return fmt::format("; dry friction of {:.3g} {} holds it up to F_c/kp = {:.2g} {}",
+                       verdict.friction, effort, reach, length);
+  }
+  return fmt::format(
+      "; d/kp: a torque of about {:.2g} {} that the law does not know, over kp = {:.3g}",
+      verdict.error * verdict.stiffness, effort, verdict.stiffness);
+}
+
+}  // namespace
+
+Yardsticks yardsticks(const experiment::Scenario& scenario) {
+  Yardsticks result;
+  const plant::DriveSpec& drive = scenario.plant.drive;
+  result.friction = drive.coulomb_friction_Nm;
+  if (drive.static_friction_Nm)
+    result.friction = result.friction.cwiseMax(*drive.static_friction_Nm);
+  result.resolution = experiment::encoder_count(scenario, *scenario.model)
+                          .cwiseMax(scenario.plant.encoder.noise_std_rad);
+  for (const controller::Parameter& parameter :
+       controller::law_facts(scenario.controller.law).parameters) {
+    const auto gain = scenario.controller.gains.find(std::string(parameter.name));
+    if (!parameter.name.starts_with("kp") || parameter.unit != "N m/rad" ||
+        gain == scenario.controller.gains.end()) {
+      continue;
+    }
+    result.stiffness = gain->second;
+    break;
+  }
+  return result;
+}
+
+std::vector<double> rest_error(const Yardsticks& of) {
+  if (of.stiffness.size() == 0 || of.friction.size() == 0 || of.friction.maxCoeff() <= 0) return {};
+  const robot::Vector error = of.friction.cwiseQuotient(of.stiffness);
+  return {error.begin(), error.end()};
+}
+
+std::string friction_text(const Yardsticks& of) {
+  const std::vector<double> error = rest_error(of);
+  if (error.empty()) return "";
+  return fmt::format(
+      "dry friction may hold a joint at rest up to F_c/kp = [{:.2g}] beside its "
+      "reference",
+      fmt::join(error, ", "));
+}
+
+double rests_from_s(const std::vector<Point>& q_ref) {
+  if (q_ref.empty()) return 0;
+  const double end = q_ref.back().x;
+  const double tolerance = 1e-6 * span(q_ref, 0, end).extent();
+  double moved_s = 0;
+  for (const Point& point : q_ref) {
+    if (std::abs(point.y - q_ref.back().y) > tolerance) moved_s = point.x;
+  }
+  return moved_s < 0.95 * end ? moved_s : 0;
+}
+
+Verdict judge(const Tracking& tracking, const Yardsticks& yardsticks) {
+  Verdict result;
+  if (tracking.num_ticks() < fewest_ticks) return result;
+  std::vector<Joint> joints;
+  for (std::size_t i = 0; i < tracking.joints().size(); ++i) {
+    joints.emplace_back(tracking.joints()[i], entry(yardsticks.resolution, i));
+  }
+  set_scales(joints);
+  result.outcome = Outcome::converged;
+  double above_s = 0, worst = -1;
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    const Joint& joint = joints[i];
+    const double friction = entry(yardsticks.friction, i), share = joint.last.peak() / joint.scale;
+    const Outcome outcome = joint.outcome(friction > 0);
+    above_s = std::max(above_s, joint.above_s());
+    result.counted_from_s = std::max(result.counted_from_s, rests_from_s(joint.q_ref));
+    // Of equally bad ones that with the largest share of its scale.
+    const double badness = std::isfinite(share) ? share : 0;
+    if (outcome < result.outcome || (outcome == result.outcome && badness <= worst)) continue;
+    worst = badness;
+    result.outcome = outcome;
+    result.joint = i;
+    result.error = joint.last.peak();
+    result.share = share;
+    result.frequency_hz = joint.fast / (2 * joint.quarter);
+    result.friction = friction;
+    result.stiffness = entry(yardsticks.stiffness, i);
+  }
+  result.settled_s = std::max(0.0, above_s - result.counted_from_s);
+  const auto ticks = static_cast<double>(tracking.num_ticks());
+  std::size_t most = 0;
+  for (std::size_t i = 0; i < yardsticks.saturated_ticks.size(); ++i) {
+    const double share = static_cast<double>(yardsticks.saturated_ticks[i]) / ticks;
+    if (share > result.saturated_share) most = i;
+    result.saturated_share = std::max(result.saturated_share, share);
+  }
+  if (result.saturated_share > 0.5 && result.outcome < Outcome::saturated) {
+    result.outcome = Outcome::saturated;
+    result.joint = most;
+  }
+  return result;
+}
+
+std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
+  const std::string joint = joints.joint(verdict.joint);
+  const std::string& length = joints.length[verdict.joint];
+  const auto up_to = [&](std::string_view word, std::string_view why) {
+    return fmt::format(
+        "{}: error up to {:.2g} {} in the last quarter at {}, {:.2g} % of its scale{}", word,
+        verdict.error, length, joint, 100 * verdict.share, why);
+  };
+  switch (verdict.outcome) {
+    case Outcome::converged:
+      if (verdict.counted_from_s > 0 && verdict.settled_s == 0)
+        return "converged when the motion ends";
+      return fmt::format("converged, settled within {:.3g} s{}", verdict.settled_s,
+                         verdict.counted_from_s > 0 ? " of the motion's end" : "");
+    case Outcome::followed:
+      return up_to("followed", "");
+    case Outcome::lags:
+      return up_to("lags", "; the motion makes it");
+    case Outcome::slow:
+      return up_to("slow", ", decaying; a longer run would show more");
+    case Outcome::rests_beside:
+    case Outcome::stuck:
+      return fmt::format("{}: {} rests {:.2g} {} beside its reference{}",
+                         verdict.outcome == Outcome::stuck ? "stuck" : "rests beside", joint,
+                         verdict.error, length,
+                         held_text(verdict, length, joints.effort[verdict.joint]));
+    case Outcome::saturated:
+      return fmt::format("saturated: {} at its torque limit in {:.0f} % of ticks", joint,
+                         100 * verdict.saturated_share);
+    case Outcome::limit_cycle:
+      return fmt::format("limit cycle: {} swings by {:.2g} {} at {:.3g} Hz or more", joint,
+                         verdict.error, length, verdict.frequency_hz);
+    case Outcome::diverging:
+      return fmt::format("diverging: the error of {} has grown to {:.2g} {}", joint, verdict.error,
+                         length);
+    case Outcome::outside:
+      return fmt::format(
+          "outside: it starts {:.3g} {} beside its reference, where a run is broken "
+          "off",
+          verdict.error, length);
+    case Outcome::interrupted:
+    case Outcome::stopped:
+      return verdict.reason.starts_with(verdict.word())
+                 ? verdict.reason
+                 : fmt::format("{}: {}", verdict.word(), verdict.reason);
+    case Outcome::not_judged:
+      break;
+  }
+  return "not judged: too few ticks";
+}
+
+}  // namespace tachless::study

@@ -1,0 +1,205 @@
+#include "study/verdict.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "study/measures.h"
+
+namespace tachless::study {
+namespace {
+
+using ::testing::HasSubstr;
+
+const robot::JointLabels rotary = {{"axle", "arm"}, {"rad", "rad"}, {"N m", "N m"}};
+
+using OverTime = std::function<double(double)>;
+
+/// Two seconds at 1 kHz, of a joint for each error.
+Tracking run(const std::vector<OverTime>& errors, const OverTime& q_ref) {
+  const auto n = static_cast<Eigen::Index>(errors.size());
+  Tracking tracking(static_cast<int>(n));
+  for (int k = 0; k < 2000; ++k) {
+    const double t = 1e-3 * k;
+    robot::Vector q(n), reference(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      reference[i] = i == 0 ? q_ref(t) : 0;
+      q[i] = reference[i] + errors[static_cast<std::size_t>(i)](t);
+    }
+    tracking.add(t, q, reference, {}, robot::Vector::Zero(n));
+  }
+  return tracking;
+}
+
+/// Of one joint, with an encoder of 20 bits.
+Verdict verdict(const OverTime& error, const OverTime& q_ref, double friction = 0) {
+  return judge(run({error}, q_ref), {.resolution = robot::Vector::Constant(1, 6e-6),
+                                     .friction = robot::Vector::Constant(1, friction),
+                                     .stiffness = robot::Vector::Constant(1, 100)});
+}
+
+double still(double /*t*/) { return 0; }
+double five_hertz(double t) { return 0.03 * std::sin(10 * std::numbers::pi * t); }
+/// By 0.5 rad within the first second.
+double step(double t) { return 0.5 * std::min(t, 1.0); }
+OverTime decay(double from, double per_s) {
+  return [=](double t) { return from * std::exp(-per_s * t); };
+}
+OverTime constantly(double value) {
+  return [=](double /*t*/) { return value; };
+}
+
+TEST(Verdict, OfAFastDecayIsConvergedAndSaysWhen) {
+  const Verdict seen = verdict(decay(0.5, 20), still);
+  EXPECT_EQ(seen.word(), "converged");
+  // ln(100) / 20 = 0.230 s, to a bin of the curve.
+  EXPECT_NEAR(seen.settled_s, 0.230, 0.002);
+  EXPECT_THAT(text(seen, rotary), HasSubstr("settled within 0.23"));
+}
+
+TEST(Verdict, CountsSettlingFromTheMotionsEnd) {
+  const auto late = [](double t) { return t < 1 ? 0.1 : 0.1 * std::exp(-20 * (t - 1)); };
+  const Verdict seen = verdict(late, step);
+  EXPECT_EQ(seen.word(), "converged");
+  EXPECT_NEAR(seen.counted_from_s, 1, 0.002);
+  // ln(0.1 / (1 % of 0.5)) / 20 = 0.150 s.
+  EXPECT_NEAR(seen.settled_s, 0.150, 0.003);
+  EXPECT_THAT(text(seen, rotary), HasSubstr("s of the motion's end"));
+}
+
+TEST(Verdict, DoesNotDependOnHowBadlyItBegan) {
+  // The same small error after a motion, from the reference and from beside it.
+  EXPECT_EQ(verdict(constantly(1e-4), step).word(), "converged");
+  EXPECT_EQ(verdict([](double t) { return 1e-4 + std::exp(-20 * t); }, step).word(), "converged");
+  // Three counts are no error, whatever the motion.
+  EXPECT_EQ(verdict(constantly(1.7e-5), still).word(), "converged");
+  EXPECT_NE(verdict(constantly(1.9e-5), still).word(), "converged");
+}
+
+TEST(Verdict, TellsWhatTheMotionMakesFromWhatDecays) {
+  const auto lag = [](double share) {
+    return [=](double t) { return share * 2 * five_hertz(t + 0.03); };
+  };
+  EXPECT_EQ(verdict(lag(0.04), five_hertz).word(), "followed");
+  EXPECT_EQ(verdict(lag(0.2), five_hertz).word(), "lags");
+  EXPECT_EQ(verdict(decay(0.5, 0.7), still).word(), "slow");
+}
+
+TEST(Verdict, OfAConstantErrorIsThatItRestsBeside) {
+  const Verdict seen = verdict(constantly(0.05), step);
+  EXPECT_EQ(seen.word(), "rests_beside");
+  EXPECT_THAT(text(seen, rotary), HasSubstr("rests 0.05 rad beside"));
+  EXPECT_THAT(text(seen, rotary),
+              HasSubstr("about 5 N m that the law does not know, over kp = 100"));
+  // One that neither moves nor starts beside its reference is measured by its largest error.
+  EXPECT_EQ(verdict([](double t) { return 0.01 * (1 - std::exp(-20 * t)); }, still).word(),
+            "rests_beside");
+}
+
+TEST(Verdict, OfAJointThatFrictionHoldsIsStuck) {
+  const auto held = [](double t) { return t < 0.5 ? 0.0 : step(0.5) - step(t); };
+  const Verdict seen = verdict(held, step, 30);
+  EXPECT_EQ(seen.word(), "stuck");
+  EXPECT_THAT(text(seen, rotary), HasSubstr("holds it up to F_c/kp = 0.3 rad"));
+  // While the reference moves on, too.
+  EXPECT_EQ(verdict([](double t) { return 0.01 - five_hertz(t); }, five_hertz, 30).word(), "stuck");
+  // Without friction something else holds it.
+  EXPECT_EQ(verdict(held, step).word(), "rests_beside");
+}
+
+TEST(Verdict, OfASwingThatTheReferenceDoesNotAskForIsALimitCycle) {
+  const auto swing = [](double t) { return 0.02 * std::sin(2 * std::numbers::pi * 60 * t); };
+  for (const auto& reference : {still, five_hertz}) {
+    const Verdict seen = verdict(swing, reference);
+    EXPECT_EQ(seen.word(), "limit_cycle");
+    EXPECT_NEAR(seen.frequency_hz, 60, 4);
+    EXPECT_NEAR(seen.error, 0.02, 1e-4);
+  }
+  // One that decays is none, and one of some encoder counts is none.
+  EXPECT_NE(verdict([&](double t) { return swing(t) * std::exp(-2 * t); }, still).word(),
+            "limit_cycle");
+  EXPECT_NE(verdict([&](double t) { return 1e-3 * swing(t); }, still).word(), "limit_cycle");
+}
+
+TEST(Verdict, OfAGrowingErrorIsDiverging) {
+  const Verdict seen = verdict([](double t) { return 1e-3 * std::exp(4 * t); }, still);
+  EXPECT_EQ(seen.word(), "diverging");
+  EXPECT_THAT(text(seen, rotary), HasSubstr("diverging: the error of joint 1 (axle) has grown"));
+  // Slowly too, and while it is still small: a swing that the motion does not ask for.
+  const auto slowly = [](double t) {
+    return 1e-5 * std::exp(2 * t) * std::sin(2 * std::numbers::pi * 200 * t);
+  };
+  EXPECT_EQ(verdict(slowly, five_hertz).word(), "diverging");
+  // The motion that comes late makes an error that comes late.
+  const auto late = [](double t) { return t < 1.5 ? 0 : 0.3 * (t - 1.5); };
+  EXPECT_NE(verdict([&](double t) { return 0.3 * late(t); }, late).word(), "diverging");
+}
+
+TEST(Verdict, OfAJointAtItsLimitForMostOfTheRunIsSaturated) {
+  const Tracking tracking = run({decay(0.2, 10)}, still);
+  EXPECT_EQ(judge(tracking, {.saturated_ticks = {900}}).word(), "converged");
+  const Verdict seen = judge(tracking, {.saturated_ticks = {1820}});
+  EXPECT_EQ(seen.word(), "saturated");
+  EXPECT_THAT(text(seen, rotary), HasSubstr("in 91 % of ticks"));
+}
+
+TEST(Verdict, IsThatOfTheWorstJoint) {
+  const Verdict seen = judge(run({decay(0.5, 20), decay(0.5, 0.7)}, still), {});
+  EXPECT_EQ(seen.word(), "slow");
+  EXPECT_THAT(text(seen, rotary), HasSubstr("at joint 2 (arm)"));
+  // A joint that is to rest where another one moves is measured by that motion.
+  EXPECT_EQ(
+      judge(run({decay(0.5, 20), [](double t) { return 1e-3 * (1 - std::exp(-20 * t)); }}, step),
+            {})
+          .word(),
+      "converged");
+}
+
+TEST(Verdict, DoesNotJudgeAFewTicks) {
+  EXPECT_EQ(judge(Tracking(1), {}).outcome, Outcome::not_judged);
+}
+
+TEST(Verdict, FailuresAreFromRestingBesideOn) {
+  for (const Outcome good :
+       {Outcome::converged, Outcome::followed, Outcome::lags, Outcome::slow, Outcome::not_judged}) {
+    EXPECT_FALSE(bad(good));
+  }
+  for (const Outcome fault : {Outcome::rests_beside, Outcome::stuck, Outcome::saturated,
+                              Outcome::limit_cycle, Outcome::diverging}) {
+    EXPECT_TRUE(bad(fault));
+  }
+}
+
+// ---- real runs ----------------------------------------------------------------------------------
+
+Verdict of_run(std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), {"plant.mechanics=native", "plant.integrator.accuracy=1e-6"});
+  return measure(experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+                                           overrides))
+      ->verdict;
+}
+
+TEST(VerdictOfARun, IsStuckWithStiffFrictionAndSoftGains) {
+  const Verdict seen =
+      of_run({"controller.gains.kp=1", "plant.drive.coulomb_friction_Nm=50",
+              "reference={hold: {position_rad: [0.5, 0.5]}}", "loop.duration_s=1"});
+  EXPECT_EQ(seen.word(), "stuck") << text(seen, rotary);
+}
+
+TEST(VerdictOfARun, RestsBesideWithAnUnknownMass) {
+  const Verdict seen =
+      of_run({"reference={hold: {position_rad: [0.5, 0]}}", "plant.initial.position_rad=[0.5, 0]",
+              "plant.payload.mass_kg=2", "loop.duration_s=2"});
+  EXPECT_EQ(seen.word(), "rests_beside") << text(seen, rotary);
+  EXPECT_THAT(text(seen, rotary), HasSubstr("d/kp"));
+}
+
+TEST(VerdictOfARun, IsOutsideWhereItStartsBeyondTheBreakOff) {
+  EXPECT_EQ(of_run({"plant.initial.position_rad=[101, 0]"}).word(), "outside");
+}
+
+}  // namespace
+}  // namespace tachless::study
