@@ -29,13 +29,10 @@ Model load(int num_joints) {
 
 /// A state that changes a little with every iteration, so that nothing is computed beforehand.
 struct State {
-  explicit State(int n) : q(n), v(n), a(n) {
-    for (int i = 0; i < n; ++i) {
-      q[i] = 0.3 * i - 0.4;
-      v[i] = 0.5 - 0.1 * (i % 7);
-      a[i] = 1.0 + i % 5;
-    }
-  }
+  explicit State(int n)
+      : q(robot::Vector::LinSpaced(n, -0.4, 0.3 * n - 0.7)),
+        v(robot::Vector::Constant(n, 0.5)),
+        a(robot::Vector::LinSpaced(n, 1, 5)) {}
   void nudge() { q[0] += 1e-6; }
   robot::Vector q, v, a;
 };
