@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <type_traits>
 #include <utility>
 
@@ -82,43 +81,42 @@ std::string clipped(const std::string& text, std::size_t columns) {
   return text;
 }
 
+template <class Value>
+bus::Rejection decode(std::span<const std::byte> message, loop::Stamp& stamp, Value& value) {
+  const auto layout = bus::announced_layout<Value>(message);
+  if (!layout) return bus::Rejection::wrong_count;
+  return bus::Codec<Value>(*layout).decode(message, stamp, value);
+}
+
+/// What `map` has of that name; nothing, and counted, where it is full of other names.
+template <class Map>
+typename Map::mapped_type* entry(Map& map, std::string_view name, std::size_t most,
+                                 std::uint64_t& beyond) {
+  auto found = map.find(name);
+  if (found == map.end() && map.size() == most) return ++beyond, nullptr;
+  if (found == map.end()) found = map.try_emplace(std::string(name)).first;
+  return &found->second;
+}
+
 }  // namespace
 
-template <class Value>
-bus::Rejection MessageReader::Reader<Value>::decode(std::span<const std::byte> message,
-                                                    loop::Stamp& stamp) {
-  const auto announced = bus::announced_layout<Value>(message);
-  if (!announced) return bus::Rejection::wrong_count;
-  if (!codec || *announced != layout) {
-    codec.emplace(*announced);
-    layout = *announced;
-  }
-  return codec->decode(message, stamp, value);
-}
-
-template <class Value>
-void MessageReader::Reader<Value>::read(std::span<const std::byte> message, Glance& glance,
-                                        std::vector<MessageField>* fields) {
-  glance.type = Value::type;
-  glance.once_per_tick = loop::once_per_tick<Value>;
-  glance.rejection = decode(message, glance.stamp);
-  if (glance.rejection == bus::Rejection::wrong_size && message.size() > bus::tag_size) {
-    const auto untagged = message.first(message.size() - bus::tag_size);
-    glance.tagged = decode(untagged, glance.stamp) == bus::Rejection::none;
-    if (glance.tagged) glance.rejection = bus::Rejection::none;
-  }
-  if (fields == nullptr || glance.rejection != bus::Rejection::none) return;
-  loop::for_each_field<Value>([&](const auto& field) { describe(field, value, *fields); });
-}
-
-MessageReader::Glance MessageReader::glance(std::span<const std::byte> message,
-                                            std::vector<MessageField>* fields) {
+Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields) {
   Glance glance;
   const auto fingerprint = bus::fingerprint_of(message);
-  const auto read_if = [&]<class Value>(Reader<Value>& reader) {
-    if (fingerprint == bus::fingerprint<Value>()) reader.read(message, glance, fields);
-  };
-  std::apply([&](auto&... reader) { (read_if(reader), ...); }, readers_);
+  loop::for_each_type(loop::AllMessages(), [&]<class Value>(std::type_identity<Value> /*type*/) {
+    if (fingerprint != bus::fingerprint<Value>()) return;
+    Value value;
+    glance.type = Value::type;
+    glance.once_per_tick = loop::once_per_tick<Value>;
+    glance.rejection = decode(message, glance.stamp, value);
+    if (glance.rejection == bus::Rejection::wrong_size && message.size() > bus::tag_size) {
+      const auto untagged = message.first(message.size() - bus::tag_size);
+      glance.tagged = decode(untagged, glance.stamp, value) == bus::Rejection::none;
+      if (glance.tagged) glance.rejection = bus::Rejection::none;
+    }
+    if (fields == nullptr || glance.rejection != bus::Rejection::none) return;
+    loop::for_each_field<Value>([&](const auto& field) { describe(field, value, *fields); });
+  });
   return glance;
 }
 
@@ -139,15 +137,9 @@ void BusMonitor::take(const bus::Datagram& datagram) {
 }
 
 void BusMonitor::note_sender(std::string_view sender, std::uint32_t sequence) {
-  auto found = senders_.find(sender);
-  if (found == senders_.end()) {
-    if (senders_.size() == max_senders) {
-      ++other_senders_;
-      return;
-    }
-    found = senders_.emplace(sender, Sender{}).first;
-  }
-  Sender& known = found->second;
+  Sender* const found = entry(senders_, sender, max_senders, other_senders_);
+  if (found == nullptr) return;
+  Sender& known = *found;
   ++known.messages;
   if (!known.sequence.any()) {
     known.sequence.see(sequence);
@@ -160,15 +152,9 @@ void BusMonitor::note_sender(std::string_view sender, std::uint32_t sequence) {
 
 void BusMonitor::note_channel(const bus::Datagram& datagram) {
   const auto& [name, payload, sender, sequence, received_ns] = datagram;
-  auto found = channels_.find(name);
-  if (found == channels_.end()) {
-    if (channels_.size() == max_channels) {
-      ++elsewhere_;
-      return;
-    }
-    found = channels_.emplace(name, Channel{}).first;
-  }
-  Channel& channel = found->second;
+  Channel* const found = entry(channels_, name, max_channels, elsewhere_);
+  if (found == nullptr) return;
+  Channel& channel = *found;
   ++channel.messages;
   channel.bytes += payload.size();
   channel.now.bytes += payload.size();
@@ -178,24 +164,24 @@ void BusMonitor::note_channel(const bus::Datagram& datagram) {
   }
   channel.last_ns = received_ns;
 
-  const MessageReader::Glance glance = reader_.glance(payload);
-  if (glance.type.empty()) {
+  const Glance seen = glance(payload);
+  if (seen.type.empty()) {
     ++channel.not_ours;
     return;
   }
-  channel.type = glance.type;
-  if (glance.rejection != bus::Rejection::none) {
-    ++channel.rejected[glance.rejection];
+  channel.type = seen.type;
+  if (seen.rejection != bus::Rejection::none) {
+    ++channel.rejected[seen.rejection];
     return;
   }
-  if (glance.tagged) ++channel.tagged;
-  channel.newest_stamp = glance.stamp;
+  if (seen.tagged) ++channel.tagged;
+  channel.newest_stamp = seen.stamp;
   channel.newest.assign(payload.begin(), payload.end());
-  channel.once_per_tick = glance.once_per_tick;
-  if (!glance.once_per_tick) return;
-  if (glance.stamp.run != channel.run) channel.ticks.start_over();
-  channel.run = glance.stamp.run;
-  channel.ticks.see(glance.stamp.tick);
+  channel.once_per_tick = seen.once_per_tick;
+  if (!seen.once_per_tick) return;
+  if (seen.stamp.run != channel.run) channel.ticks.start_over();
+  channel.run = seen.stamp.run;
+  channel.ticks.see(seen.stamp.tick);
 }
 
 void BusMonitor::end_interval(double seconds) {
@@ -207,21 +193,7 @@ void BusMonitor::end_interval(double seconds) {
   }
 }
 
-std::vector<std::string> BusMonitor::value_lines(std::size_t width) {
-  std::vector<std::string> lines;
-  for (const auto& [name, channel] : channels_) {
-    if (channel.newest.empty()) continue;
-    std::string line =
-        fmt::format("{:<{}}  tick {}", printable(name), width, channel.newest_stamp.tick);
-    std::vector<MessageField> fields;
-    reader_.glance(channel.newest, &fields);
-    for (const MessageField& field : fields) line += "  " + text_of(field);
-    lines.push_back(std::move(line));
-  }
-  return lines;
-}
-
-std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows) {
+std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows) const {
   const Json all = to_json();
   std::uint64_t missing = 0, tagged = 0;
   for (const Json& sender : all["senders"]) missing += sender["missing"].get<std::uint64_t>();
@@ -264,7 +236,14 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
             channel["undecodable"].dump(), std::string_view(type).substr(type.find('.') + 1));
   }
   lines.emplace_back();
-  std::ranges::move(value_lines(longest_name), std::back_inserter(lines));
+  for (const auto& [name, channel] : channels_) {
+    if (channel.newest.empty()) continue;
+    lines.push_back(
+        fmt::format("{:<{}}  tick {}", printable(name), longest_name, channel.newest_stamp.tick));
+    std::vector<MessageField> fields;
+    glance(channel.newest, &fields);
+    for (const MessageField& field : fields) lines.back() += "  " + text_of(field);
+  }
   if (rows != 0 && lines.size() > rows) {
     const std::size_t left_out = lines.size() - (rows - 1);
     lines.resize(rows - 1);
@@ -274,7 +253,7 @@ std::vector<std::string> BusMonitor::table(std::size_t columns, std::size_t rows
   return lines;
 }
 
-Json BusMonitor::to_json() {
+Json BusMonitor::to_json() const {
   Json channels = Json::array();
   std::uint64_t undecodable = 0;
   for (const auto& [name, channel] : channels_) {
@@ -319,7 +298,7 @@ Json BusMonitor::json_of(const std::string& name, const Channel& channel) {
               {"run", channel.newest_stamp.run},
               {"tick", channel.newest_stamp.tick}};
     std::vector<MessageField> fields;
-    reader_.glance(channel.newest, &fields);
+    glance(channel.newest, &fields);
     for (const MessageField& field : fields) {
       const bool is_text = field.value.is_string();
       newest[field.name] = is_text ? Json(printable(field.value.get<std::string>())) : field.value;

@@ -8,7 +8,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <tuple>
 #include <vector>
 
 #include "bus/truth/truth_wire.h"
@@ -25,45 +24,25 @@ struct MessageField {
   nlohmann::ordered_json value;
 };
 
+/// What a message is.
+struct Glance {
+  std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
+  bus::Rejection rejection = bus::Rejection::none;
+  loop::Stamp stamp;           ///< when not rejected
+  bool tagged = false;         ///< by the holder of a key, or so it seems
+  bool once_per_tick = false;  ///< the type is sent for every tick of a run
+};
+
 /// Reads every type of ours without knowing the run: joints, motors and signals are counted as the
 /// message itself announces, which is believed only when its size is exactly that of such a
 /// message and every further check of the wire agrees. A tag at the end (bus/authenticated.h) is
 /// noticed and not verified: that needs the key.
-class MessageReader {
- public:
-  /// What a message is, at a glance.
-  struct Glance {
-    std::string_view type;  ///< "tachless.tick_t"; empty when not ours: then nothing else is known
-    bus::Rejection rejection = bus::Rejection::none;
-    loop::Stamp stamp;           ///< when not rejected
-    bool tagged = false;         ///< by the holder of a key, or so it seems
-    bool once_per_tick = false;  ///< the type is sent for every tick of a run
-  };
-
-  /// @param fields if not null, appended to it are all fields after utime, run and tick, when not
-  /// rejected
-  Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
-
- private:
-  template <class Value>
-  struct Reader {
-    loop::Layout layout = {};
-    std::optional<bus::Codec<Value>> codec = {};  ///< of that layout
-    Value value = {};
-
-    bus::Rejection decode(std::span<const std::byte> message, loop::Stamp& stamp);
-    void read(std::span<const std::byte> message, Glance& glance,
-              std::vector<MessageField>* fields);
-  };
-  template <class... Value>
-  static std::tuple<Reader<Value>...> readers_of(loop::TypeList<Value...>);
-
-  decltype(readers_of(loop::AllMessages())) readers_;
-};
+/// @param fields if not null, appended to it are all fields after utime, run and tick, when not
+/// rejected
+Glance glance(std::span<const std::byte> message, std::vector<MessageField>* fields = nullptr);
 
 /// Counts of everything received on a bus, per channel and per sender.
-/// Datagrams go in, a table or JSON comes out; neither receives nor prints. Memory is bounded,
-/// whatever the traffic.
+/// Neither receives nor prints. Memory is bounded, whatever the traffic.
 class BusMonitor {
  public:
   static constexpr std::size_t max_channels = 500;
@@ -74,18 +53,17 @@ class BusMonitor {
   /// What the transport itself has lost or skipped so far.
   void set_statistics(const bus::BusStatistics& statistics) { transport_ = statistics; }
 
-  /// Ends the interval over which rate, jitter and bandwidth are taken, and begins a new
-  /// one.
-  /// @param seconds length of that interval, > 0
+  /// Ends the interval over which rate, jitter and bandwidth are taken, and begins a new one.
+  /// @param seconds its length, > 0
   void end_interval(double seconds);
 
   /// For people: one row per channel, then the newest values. At most `rows` lines of at most
   /// `columns` characters; 0: no limit. The last line counts what does not fit.
-  [[nodiscard]] std::vector<std::string> table(std::size_t columns = 0, std::size_t rows = 0);
+  [[nodiscard]] std::vector<std::string> table(std::size_t columns = 0, std::size_t rows = 0) const;
 
   /// For programs. `undecodable`: messages of our types that could not be decoded, and messages of
   /// another type on a channel that carries one of ours.
-  [[nodiscard]] nlohmann::ordered_json to_json();
+  [[nodiscard]] nlohmann::ordered_json to_json() const;
 
  private:
   /// Arrivals within one interval of time.
@@ -119,10 +97,9 @@ class BusMonitor {
 
   void note_sender(std::string_view sender, std::uint32_t sequence);
   void note_channel(const bus::Datagram& datagram);
-  [[nodiscard]] nlohmann::ordered_json json_of(const std::string& name, const Channel& channel);
-  [[nodiscard]] std::vector<std::string> value_lines(std::size_t width);
+  [[nodiscard]] static nlohmann::ordered_json json_of(const std::string& name,
+                                                      const Channel& channel);
 
-  MessageReader reader_;
   std::map<std::string, Channel, std::less<>> channels_;
   std::map<std::string, Sender, std::less<>> senders_;
   std::uint64_t messages_ = 0, bytes_ = 0;

@@ -6,54 +6,39 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <iostream>
 #include <string>
-#include <utility>
+#include <thread>
 
-#include "bus/socket.h"
 #include "diagnostics/time.h"
 
 namespace tachless::monitor {
 
 using loop::Clock;
 
-void Listener::listen(Clock::time_point begin, Clock::time_point end) {
-  while (!interrupted_ && Clock::now() < end) {
-    const Clock::time_point now = Clock::now();
-    const double since_s = diagnostics::seconds_of(now - std::exchange(last_drain_, now));
-    // A quarter of the buffer has to hold what comes in one nap.
-    const double held_s =
-        0.25 * transport_.receive_buffer_bytes() * since_s / std::max(drain(end), 1.0);
-    const Clock::duration held = diagnostics::nanoseconds_of(std::min(held_s, 1.0));
-    nap_ = std::clamp<Clock::duration>(std::min(held, 2 * nap_), shortest_nap, longest_nap);
-    if (!interrupted_) bus::poll_until({}, std::min(end, Clock::now() + nap_));
-  }
-  drain_what_came_before_now();
-  monitor_.end_interval(diagnostics::seconds_of(Clock::now() - begin));
-  monitor_.set_statistics(transport_.statistics());
-}
+namespace {
 
-/// @return bytes of the socket's buffer that what was taken has filled
-double Listener::drain(Clock::time_point end) {
-  constexpr std::size_t kernel_bytes_per_datagram = 1024;  // bookkeeping, at least doubled
-  constexpr std::uint64_t between_looks = 256;
-  std::uint64_t count = 0;
-  std::size_t bytes = 0;
-  while (const auto datagram = transport_.receive(Clock::time_point::min())) {
-    monitor_.take(*datagram);
-    bytes += datagram->payload.size() + kernel_bytes_per_datagram;
-    if (++count % between_looks == 0 && (interrupted_ || Clock::now() >= end)) break;
-  }
-  return static_cast<double>(bytes);
-}
-
-/// Takes everything that has arrived by now, also when this process reads late.
-void Listener::drain_what_came_before_now() {
+/// Takes everything that has arrived by now.
+void drain(bus::UdpTransport& transport, BusMonitor& monitor) {
   const std::chrono::nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
-  while (const auto datagram = transport_.receive(Clock::time_point::min())) {
-    monitor_.take(*datagram);
+  while (const auto datagram = transport.receive(Clock::time_point::min())) {
+    monitor.take(*datagram);
     if (datagram->received_ns >= now.count()) break;
   }
+}
+
+}  // namespace
+
+void listen(bus::UdpTransport& transport, BusMonitor& monitor, Clock::time_point begin,
+            Clock::time_point end, const std::atomic<bool>& interrupted) {
+  while (!interrupted && Clock::now() < end) {
+    drain(transport, monitor);
+    std::this_thread::sleep_until(std::min(end, Clock::now() + std::chrono::milliseconds(1)));
+  }
+  drain(transport, monitor);
+  monitor.end_interval(diagnostics::seconds_of(Clock::now() - begin));
+  monitor.set_statistics(transport.statistics());
 }
 
 TableScreen::TableScreen() : terminal_(isatty(STDOUT_FILENO) == 1) {
@@ -81,7 +66,7 @@ bool TableScreen::quit_wanted() {
   return wanted;
 }
 
-void TableScreen::show(BusMonitor& monitor) {
+void TableScreen::show(const BusMonitor& monitor) {
   winsize size{};
   if (!terminal_ || ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0) size = {};
   // The last row stays free, or the terminal would scroll.

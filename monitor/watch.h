@@ -3,7 +3,6 @@
 #include <termios.h>
 
 #include <atomic>
-#include <chrono>
 #include <cstddef>
 #include <optional>
 
@@ -14,30 +13,12 @@
 /// Between a bus, its monitor and a terminal.
 namespace tachless::monitor {
 
-/// Reads everything that is on the bus. It does not wait on the socket: a sender to a socket
-/// that a process waits on pays for the wake-up. Instead it sleeps for as long as the socket's
-/// buffer certainly holds the traffic, and then takes it all. Prints nothing.
-class Listener {
- public:
-  Listener(bus::UdpTransport& transport, BusMonitor& monitor, const std::atomic<bool>& interrupted)
-      : transport_(transport), monitor_(monitor), interrupted_(interrupted) {}
-
-  /// Gives to the monitor what comes until `end` or an interruption, and what the transport lost.
-  /// Ends the monitor's interval, which began at `begin`.
-  void listen(loop::Clock::time_point begin, loop::Clock::time_point end);
-
- private:
-  double drain(loop::Clock::time_point end);
-  void drain_what_came_before_now();
-
-  static constexpr std::chrono::milliseconds shortest_nap{1}, longest_nap{50};
-
-  bus::UdpTransport& transport_;
-  BusMonitor& monitor_;
-  const std::atomic<bool>& interrupted_;
-  loop::Clock::duration nap_ = shortest_nap;
-  loop::Clock::time_point last_drain_ = loop::Clock::now();
-};
+/// Gives to the monitor what comes until `end` or an interruption, and what the transport lost, and
+/// ends the monitor's interval, which began at `begin`. It does not wait on the socket, because a
+/// sender to a socket that a process waits on pays for the wake-up: it sleeps for a millisecond,
+/// which the socket's buffer holds, and then takes all there is.
+void listen(bus::UdpTransport& transport, BusMonitor& monitor, loop::Clock::time_point begin,
+            loop::Clock::time_point end, const std::atomic<bool>& interrupted);
 
 /// Shows a monitor's table on stdout again and again: on a terminal in place and cut to its size,
 /// elsewhere one after the other. Keys are read on a terminal.
@@ -48,7 +29,7 @@ class TableScreen {
   TableScreen& operator=(const TableScreen&) = delete;
   ~TableScreen();
 
-  void show(BusMonitor& monitor);
+  void show(const BusMonitor& monitor);
 
   /// Whether the user has typed q since the last call.
   [[nodiscard]] bool quit_wanted();

@@ -84,7 +84,6 @@ struct Watch {
     process::set_idle_priority();
     transport->subscribe_all();
     monitor::BusMonitor monitor;
-    monitor::Listener listener(*transport, monitor, interrupted);
     const auto json_text = [&](int indent) {
       Json result = {{"lcm_url", url.text()}};
       result.update(monitor.to_json());
@@ -93,7 +92,7 @@ struct Watch {
     Clock::time_point begin = Clock::now();
     const Clock::time_point end = end_after(begin);
     if (once) {
-      listener.listen(begin, end);
+      monitor::listen(*transport, monitor, begin, end, interrupted);
       std::cout << (json ? json_text(2)
                          : fmt::format("{}\n{}\n", url.text(), fmt::join(monitor.table(), "\n")));
       return ExitCode::done;
@@ -104,7 +103,8 @@ struct Watch {
       screen.emplace();
     }
     while (!interrupted && Clock::now() < end && std::cout && !(screen && screen->quit_wanted())) {
-      listener.listen(begin, std::min(end, begin + std::chrono::seconds(1)));
+      monitor::listen(*transport, monitor, begin, std::min(end, begin + std::chrono::seconds(1)),
+                      interrupted);
       begin = Clock::now();
       if (screen) {
         screen->show(monitor);
