@@ -129,6 +129,8 @@ void add(Group& group, std::string_view key, std::string_view name,
        {"ball", json_of(region.ball)},
        {"e_at_rest", json_of(region.e_at_rest)},
        {"edot", json_of(region.edot)},
+       {"unknown_torque_Nm", json_of(c->unknown_torque)},
+       {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
        {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}},
       fmt::format("this start: {} (V = {:.4g} J of {:.4g} J)",
                   c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
@@ -136,6 +138,14 @@ void add(Group& group, std::string_view key, std::string_view name,
   group.add("", "  one rate alone, up to", Json(), list_text(region.edot));
   group.add("", "  small errors decay at", Json(),
             c->rate > 0 ? fmt::format("{:.4g} 1/s", c->rate / 2) : "no certified rate");
+  if (c->unknown_torque.size() > 0) {
+    group.add("", "  unknown torque at one joint, up to", Json(),
+              list_text(c->unknown_torque) + " N m, constant; errors then end at 0");
+  }
+  if (c->friction_error) {
+    group.add("", "  with friction errors end within", Json(),
+              c->friction_error->size() > 0 ? list_text(*c->friction_error) : "no certified bound");
+  }
 }
 
 Group region_group(const Certificate& all) {
@@ -152,8 +162,8 @@ Group region_group(const Certificate& all) {
   group.add("B_d", "", json_of(s.B_d), "");
   group.add("constant_reference", s.constant ? "constant reference" : "", s.constant,
             "asymptotically stable for any positive gains (LaSalle)");
-  add(group, "fastest", "fastest rate", s.fastest);
-  if (!s.constant) add(group, "largest", "largest region", s.largest);
+  add(group, "fastest", s.own_weights ? "with the law's eps_1, eps_2" : "fastest rate", s.fastest);
+  if (!s.constant && !s.own_weights) add(group, "largest", "largest region", s.largest);
   for (const std::string& proviso : s.provisos) group.add("", "proviso", Json(), proviso);
   group.add("provisos", "", s.provisos, "");
   return group;

@@ -14,7 +14,7 @@ MatrixXd ErrorSystem::inertia(const MatrixXd& link_M) const {
 }
 
 ErrorSystem rigid_error_system(const FilterGains& gains) {
-  return {gains.kp.asDiagonal(), gains.kd, gains.a, gains.b, {}};
+  return {gains.kp.asDiagonal(), gains.kd.asDiagonal(), gains.a, gains.b, {}};
 }
 
 ErrorSystem flexible_error_system(const VectorXd& stiffness, const VectorXd& rotor_inertia,
@@ -29,8 +29,8 @@ ErrorSystem flexible_error_system(const VectorXd& stiffness, const VectorXd& rot
   kp.diagonal() = joined(link.kp + stiffness, motor.kp + stiffness);
   kp.topRightCorner(n, n) = (-stiffness).asDiagonal();
   kp.bottomLeftCorner(n, n) = (-stiffness).asDiagonal();
-  return {kp, joined(link.kd, motor.kd), joined(link.a, motor.a), joined(link.b, motor.b),
-          rotor_inertia};
+  return {kp, joined(link.kd, motor.kd).asDiagonal(), joined(link.a, motor.a),
+          joined(link.b, motor.b), rotor_inertia};
 }
 
 MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
@@ -39,7 +39,7 @@ MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
   const MatrixXd M = system.inertia(link_M);
   MatrixXd P = MatrixXd::Zero(3 * N, 3 * N);
   P.block(0, 0, N, N) = system.kp;
-  P.block(N, N, N, N) = system.kd.cwiseQuotient(system.b).asDiagonal();
+  P.block(N, N, N, N) = system.kd_by_b();
   P.block(2 * N, 2 * N, N, N) = M;
   P.block(0, 2 * N, N, N) = weights.eps_1 * M;
   P.block(2 * N, 0, N, N) = weights.eps_1 * M;
@@ -53,12 +53,20 @@ MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights) {
   const auto& [eps_1, eps_2] = weights;
   MatrixXd Mm = MatrixXd::Zero(3 * N, 3 * N);
   Mm.block(0, 0, N, N) = eps_1 * system.kp;
-  MatrixXd coupling = -0.5 * eps_2 * system.kp;
-  coupling.diagonal() += 0.5 * eps_1 * system.kd;
+  const MatrixXd coupling = 0.5 * (eps_1 * system.kd - eps_2 * system.kp);
   Mm.block(0, N, N, N) = coupling;
   Mm.block(N, 0, N, N) = coupling.transpose();
-  Mm.block(N, N, N, N).diagonal() =
-      system.kd.cwiseQuotient(system.b).cwiseProduct(system.a) - eps_2 * system.kd;
+  Mm.block(N, N, N, N) = system.kd_by_b() * system.a.asDiagonal() - eps_2 * system.kd;
+  if (system.kp_dot.size() > 0) {
+    Mm.block(0, 0, N, N) -= 0.5 * system.kp_dot;
+    Mm.block(N, N, N, N) -= 0.5 * system.kd_dot * system.b.cwiseInverse().asDiagonal();
+  }
+  for (Index i = 0; i < system.damping.size(); ++i) {
+    const double D = system.damping[i];
+    Mm(2 * N + i, 2 * N + i) = D;
+    Mm(i, 2 * N + i) = Mm(2 * N + i, i) = 0.5 * eps_1 * D;
+    Mm(N + i, 2 * N + i) = Mm(2 * N + i, N + i) = -0.5 * eps_2 * D;
+  }
   // The rotors' part of what is linear in M.
   const Index n = system.num_links(), r = system.rotor_inertia.size();
   for (Index i = 0; i < r; ++i) {

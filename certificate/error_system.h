@@ -6,7 +6,7 @@
 
 /// The closed loop in the paper's error coordinates (eq. 14, 29), rigid and flexible in one form,
 ///
-///   M eddot + [C(q, v) + C(q, v_ref)] edot + Kp e + Kd nu = 0,   nudot = -A nu + B edot,
+///   M eddot + [C(q, v) + C(q, v_ref) + D] edot + Kp e + Kd nu = 0,   nudot = -A nu + B edot,
 ///
 /// in continuous time, with an exact model and without saturation, quantisation or delay.
 ///
@@ -18,12 +18,18 @@ namespace tachless::certificate {
 /// flexible ones; the first n are the links'.
 struct ErrorSystem {
   Eigen::MatrixXd kp;             ///< [N m/rad], symmetric
-  Eigen::VectorXd kd;             ///< [N m s/rad]
+  Eigen::MatrixXd kd;             ///< [N m s/rad], symmetric, as are Kd B^-1 and Kd B^-1 A
   Eigen::VectorXd a, b;           ///< [1/s]
   Eigen::VectorXd rotor_inertia;  ///< J [kg m2]; empty for rigid joints
+  Eigen::VectorXd damping = {};   ///< D of the joints' viscous friction [N m s/rad]; empty: none
+  /// Of gains that follow the reference, at one instant: their rates [N m/(rad s), N m/rad] and the
+  /// velocity of the reference [rad/s]. Empty: the gains are constant.
+  Eigen::MatrixXd kp_dot = {}, kd_dot = {};
+  Eigen::VectorXd v_ref = {};
 
-  [[nodiscard]] Eigen::Index num_errors() const { return kd.size(); }
-  [[nodiscard]] Eigen::Index num_links() const { return kd.size() - rotor_inertia.size(); }
+  [[nodiscard]] Eigen::Index num_errors() const { return a.size(); }
+  [[nodiscard]] Eigen::Index num_links() const { return a.size() - rotor_inertia.size(); }
+  [[nodiscard]] Eigen::MatrixXd kd_by_b() const { return kd * b.cwiseInverse().asDiagonal(); }
 
   /// blockdiag(M, J) from the links' own.
   [[nodiscard]] Eigen::MatrixXd inertia(const Eigen::MatrixXd& link_M) const;
@@ -48,12 +54,13 @@ Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weight
 
 /// Vdot = -x' Mm x exactly, with delta = eps_1 e1 - eps_2 nu1 of the links:
 ///
-///   eps_1 Kp   1/2 (eps_1 Kd - eps_2 Kp)   -1/2 eps_1 W                        W = Cd' - Cd
-///              Kd B^-1 A - eps_2 Kd        -1/2 eps_2 A M + 1/2 eps_2 W        Cd = C(q, v_ref)
-///                                sym(Cd) + eps_2 sym(B M) - eps_1 M - sym C(q, delta)
+///   eps_1 Kp   1/2 (eps_1 Kd - eps_2 Kp)   1/2 eps_1 (D - W)                   W = Cd' - Cd
+///              Kd B^-1 A - eps_2 Kd        -1/2 eps_2 A M - 1/2 eps_2 (D - W)  Cd = C(q, v_ref)
+///                              D + sym(Cd) + eps_2 sym(B M) - eps_1 M - sym C(q, delta)
 ///
-/// in three parts: what is constant, what is linear in M, and what is linear in Cd. The term in
-/// delta is not in them: it is -sym C(q, delta) in the links' corner of the last block.
+/// less 1/2 Kp_dot in the first and 1/2 Kd_dot B^-1 in the second block, in three parts: what is
+/// constant, what is linear in M, and what is linear in Cd. The term in delta is not in them: it is
+/// -sym C(q, delta) in the links' corner of the last block.
 Eigen::MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights);
 Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& weights,
                                     const Eigen::MatrixXd& link_M);

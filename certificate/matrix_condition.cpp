@@ -61,7 +61,7 @@ MatrixXd decrease_at_rest(const ErrorSystem& system, const Weights& weights, con
 }
 
 Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
-  const ErrorSystem& system = condition.system;
+  const ErrorSystem& system = condition.systems[0];
   const Postures& postures = condition.postures;
   const Index N = system.num_errors(), n = system.num_links();
   Slack result{MatrixXd::Zero(n, n), MatrixXd::Zero(3 * N, 3 * N), MatrixXd::Zero(n, n)};
@@ -93,24 +93,32 @@ Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
 
 /// A matrix that is positive definite only when Mm is at delta = 0 for every |v_ref| <= B_d;
 /// nothing when the congruence fails, and then it is not.
-std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const Weights& weights,
-                                    const Inertia& inertia, const Slack& slack) {
-  const MatrixXd at_rest = decrease_at_rest(condition.system, weights, inertia.M) - slack.decrease;
+std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
+                                    const Weights& weights, const Inertia& inertia,
+                                    const Slack& slack) {
+  const MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
   if (condition.B_d == 0) return at_rest;
+  if (system.v_ref.size() > 0) {  // known
+    MatrixXd Cd = MatrixXd::Zero(inertia.M.rows(), inertia.M.cols());
+    for (Index j = 0; j < system.v_ref.size(); ++j) {
+      Cd += system.v_ref[j] * inertia.C[static_cast<std::size_t>(j)];
+    }
+    return at_rest + decrease_of_coriolis(system, weights, Cd);
+  }
   const Eigen::LLT<MatrixXd> llt(at_rest);
   if (llt.info() != Eigen::Success) return {};
   std::vector<MatrixXd> scaled;
   for (const MatrixXd& C : inertia.C) {
-    scaled.push_back(whitened(llt, decrease_of_coriolis(condition.system, weights, C)));
+    scaled.push_back(whitened(llt, decrease_of_coriolis(system, weights, C)));
   }
   const MatrixXd L = llt.matrixL();
   return at_rest - condition.B_d * (L * root_of_squares(scaled) * L.transpose());
 }
 
-double rho_at(const MatrixCondition& condition, const Weights& weights, const Inertia& inertia,
-              const Slack& slack) {
-  const Index N = condition.system.num_errors(), n = condition.system.num_links();
-  const auto F = decrease_at(condition, weights, inertia, slack);
+double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
+              const Inertia& inertia, const Slack& slack) {
+  const Index N = system.num_errors(), n = system.num_links();
+  const auto F = decrease_at(condition, system, weights, inertia, slack);
   if (!F) return 0;
   const Eigen::LLT<MatrixXd> llt(*F);
   if (llt.info() != Eigen::Success) return 0;
@@ -128,20 +136,19 @@ double rho_at(const MatrixCondition& condition, const Weights& weights, const In
   return strictly_below / std::max(largest, 1e-300);
 }
 
-double rate_at(const MatrixCondition& condition, const Weights& weights, double rho,
-               const Inertia& inertia, const Slack& slack) {
-  const Index N = condition.system.num_errors(), n = condition.system.num_links();
+double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
+               double rho, const Inertia& inertia, const Slack& slack) {
+  const Index N = system.num_errors(), n = system.num_links();
   // P of the posture, enlarged by what it may be in between.
-  MatrixXd P = lyapunov_matrix(condition.system, weights, inertia.M);
+  MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
   const Eigen::LLT<MatrixXd> positive(P);
   if (positive.info() != Eigen::Success) return -infinity;
   P.diagonal().array() += slack.of_lyapunov(weights);
   const Eigen::LLT<MatrixXd> half_P(P / 2);
-  auto F = decrease_at(condition, weights, inertia, slack);
+  auto F = decrease_at(condition, system, weights, inertia, slack);
   if (!F) {
     // Not certified; how far from it, to guide a search.
-    const MatrixXd at_rest =
-        decrease_at_rest(condition.system, weights, inertia.M) - slack.decrease;
+    const MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
     return std::min(0.0, smallest_eigenvalue(whitened(half_P, at_rest)));
   }
   if (rho != 0) {
@@ -164,9 +171,8 @@ struct Shape {
 
 /// S is antitone and its inverse convex in M, so that the extremes over a chord, enlarged by the
 /// slack, are at its ends.
-std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& weights,
-                              const Slack& slack) {
-  const ErrorSystem& system = condition.system;
+std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
+                              const Weights& weights, const Slack& slack) {
   const Index N = system.num_errors(), n = system.num_links();
   MatrixXd G(2 * N, N), links = MatrixXd::Zero(n, 2 * N);
   G << weights.eps_1 * MatrixXd::Identity(N, N), -weights.eps_2 * MatrixXd::Identity(N, N);
@@ -174,7 +180,7 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const Weights& w
   links.middleCols(N, n) = -weights.eps_2 * MatrixXd::Identity(n, n);
   MatrixXd K = MatrixXd::Zero(2 * N, 2 * N);
   K.topLeftCorner(N, N) = system.kp;
-  K.bottomRightCorner(N, N) = system.kd.cwiseQuotient(system.b).asDiagonal();
+  K.bottomRightCorner(N, N) = system.kd_by_b();
 
   const auto inverse_S = [&](const Inertia& inertia) -> std::optional<MatrixXd> {
     const MatrixXd M = system.inertia(inertia.M + slack.M);
@@ -239,28 +245,47 @@ Minimum search(const ErrorSystem& system, const std::function<double(const Vecto
 
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   const Slack slack = slack_of(*this, weights);
-  const Extreme least = postures.smallest(
-      [&](const Inertia& inertia) { return rho_at(*this, weights, inertia, slack); }, refine);
-  if (!(least.value > 0)) return {};
-  const auto V = shape_of(*this, weights, slack);
-  if (!V) return {};
+  Extreme least{infinity, {}};
+  Shape V;
+  for (const ErrorSystem& system : systems) {
+    const Extreme of_system = postures.smallest(
+        [&](const Inertia& inertia) { return rho_at(*this, system, weights, inertia, slack); },
+        refine);
+    if (!(of_system.value > 0)) return {};
+    if (of_system.value < least.value) least = of_system;
+    const auto shape = shape_of(*this, system, weights, slack);
+    if (!shape) return {};
+    V.w = std::max(V.w, shape->w);
+    V.alpha_2 = std::max(V.alpha_2, shape->alpha_2);
+    V.inertia = shape->inertia;  // does not depend on the gains
+    V.inverse_S = V.inverse_S.size() == 0 ? shape->inverse_S
+                                          : VectorXd(V.inverse_S.cwiseMax(shape->inverse_S));
+  }
   Region region;
   region.rho = least.value;
   region.q = least.q;
-  region.w = V->w;
-  region.level = V->w > 0 ? region.rho * region.rho / (2 * V->w) : infinity;
-  region.ball = std::sqrt(region.level / V->alpha_2);
+  region.w = V.w;
+  region.level = V.w > 0 ? region.rho * region.rho / (2 * V.w) : infinity;
+  region.ball = std::sqrt(region.level / V.alpha_2);
   const double diameter = std::sqrt(2 * region.level);
-  region.e_at_rest = diameter * system.kp.diagonal().cwiseInverse().cwiseSqrt();
-  region.edot = diameter * V->inertia.cwiseInverse().cwiseSqrt();
-  region.e_reached = diameter * V->inverse_S.cwiseSqrt();
+  region.e_at_rest = diameter * systems[0].kp.diagonal().cwiseInverse().cwiseSqrt();
+  region.edot = diameter * V.inertia.cwiseInverse().cwiseSqrt();
+  region.e_reached = diameter * V.inverse_S.cwiseSqrt();
   return region;
 }
 
 Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
   const Slack slack = slack_of(*this, weights);
-  return postures.smallest(
-      [&](const Inertia& inertia) { return rate_at(*this, weights, rho, inertia, slack); }, refine);
+  Extreme least{infinity, {}};
+  for (const ErrorSystem& system : systems) {
+    const Extreme of_system = postures.smallest(
+        [&](const Inertia& inertia) {
+          return rate_at(*this, system, weights, rho, inertia, slack);
+        },
+        refine);
+    if (of_system.value < least.value) least = of_system;
+  }
+  return least;
 }
 
 /// Searches on the coarse postures; where the fine ones certify much less at the weights found,
@@ -276,7 +301,7 @@ std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondit
   const auto merit = [&](const Certified& c) {
     return goal == Goal::rate ? c.rate : std::log(c.region.ball);
   };
-  Minimum best = search(coarse.system, f);
+  Minimum best = search(coarse.systems[0], f);
   std::optional<Certified> result;
   for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
     const Weights weights = weights_of(best.x);

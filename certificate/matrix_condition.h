@@ -26,13 +26,13 @@ struct Region {
   robot::Vector q;  ///< the posture that binds rho
 };
 
-/// The condition for one loop over one set of postures. Everything in Mm is affine in v_ref and
-/// delta; over a ball it is bounded by (sum x_j A_j)^2 <= |x|^2 sum A_j^2, after a congruence:
-/// never worse than the polytope of 2 n vertices around the ball, and one matrix in its place.
-/// Between the postures of a circle, the matrix is within a bound of the chord (see Postures),
-/// which is subtracted everywhere.
+/// The condition for one loop over one set of postures, of all its states where its gains follow
+/// the reference. Everything in Mm is affine in v_ref and delta; over a ball it is bounded by (sum
+/// x_j A_j)^2 <= |x|^2 sum A_j^2, after a congruence: never worse than the polytope of 2 n vertices
+/// around the ball, and one matrix in its place. Between the postures of a circle, the matrix is
+/// within a bound of the chord (see Postures), which is subtracted everywhere.
 struct MatrixCondition {
-  ErrorSystem system;
+  std::vector<ErrorSystem> systems;  ///< the first is that of the start
   Postures postures;
   double B_d = 0;      ///< largest |v_ref| [rad/s; m/s]
   bool refine = true;  ///< local refinement of the worst sampled postures

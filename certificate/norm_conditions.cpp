@@ -54,12 +54,12 @@ struct Spreads {
 
   Spreads(const ErrorSystem& s, const RobotConstants& c)
       : kp{smallest_eigenvalue(s.kp), largest_eigenvalue(s.kp)},
-        kd(spread(s.kd)),
+        kd(spread(s.kd.diagonal())),
         a(spread(s.a)),
         b(spread(s.b)),
         M{c.lambda_min_M.value, c.lambda_max_M.value},
-        kd_by_b(spread(s.kd.cwiseQuotient(s.b))),
-        kd_by_b_a(spread(s.kd.cwiseQuotient(s.b).cwiseProduct(s.a))) {
+        kd_by_b(spread(s.kd_by_b().diagonal())),
+        kd_by_b_a(spread(s.kd_by_b().diagonal().cwiseProduct(s.a))) {
     if (s.rotor_inertia.size() > 0) {
       M.min = std::min(M.min, s.rotor_inertia.minCoeff());
       M.max = std::max(M.max, s.rotor_inertia.maxCoeff());
@@ -131,9 +131,10 @@ PrintedConditions printed_conditions(const ErrorSystem& system, const RobotConst
                                      double B_d) {
   const Spreads s(system, constants);
   const double k_c = constants.k_c.value;
-  const double kd_a_b = system.kd.cwiseProduct(system.a).cwiseProduct(system.b).minCoeff();
-  const double kd_a = system.kd.cwiseProduct(system.a).minCoeff();
-  const double kd_b = system.kd.cwiseProduct(system.b).maxCoeff();
+  const VectorXd kd = system.kd.diagonal();
+  const double kd_a_b = kd.cwiseProduct(system.a).cwiseProduct(system.b).minCoeff();
+  const double kd_a = kd.cwiseProduct(system.a).minCoeff();
+  const double kd_b = kd.cwiseProduct(system.b).maxCoeff();
   PrintedConditions c;
   c.eq7 = s.M.max / s.M.min;
   c.eq19 = 0.5 * std::sqrt(s.kp.min / (2 * s.M.max));

@@ -129,13 +129,21 @@ std::complex<double> nearest(const VectorXcd& values, const std::complex<double>
 }
 
 /// The state of `map` (plant, memory, torques under way) with all joints displaced by one, rotors
-/// with their links, the law's memory as if they had been so for long, and no torque under way.
-Eigen::VectorXd displaced(const SampledLoop& loop, const MatrixXd& map) {
+/// with their links, the law's memory as it starts there, and no torque under way.
+Eigen::VectorXd displaced(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map) {
   const Index n = loop.plant.num_joints, plant = loop.plant.A.rows();
   const Index memory = map.rows() - plant - loop.delay * n;
   Eigen::VectorXd state = Eigen::VectorXd::Zero(map.rows());
   state.head(n).setOnes();
   if (plant == 4 * n) state.segment(2 * n, n).setOnes();
+  if (law.start.size() > 0) {
+    for (std::size_t i = 0; i < law.measured.size(); ++i) {
+      if (law.measured[i] != Part::q && law.measured[i] != Part::theta) continue;
+      state.segment(plant, memory) +=
+          law.start.middleCols(static_cast<Index>(i) * n, n).rowwise().sum();
+    }
+    return state;
+  }
   const auto at_rest =
       robot::solution(MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory),
                       map.block(plant, 0, memory, plant) * state.head(plant));
@@ -144,15 +152,15 @@ Eigen::VectorXd displaced(const SampledLoop& loop, const MatrixXd& map) {
 }
 
 /// From `displaced`, in a few thousand steps at most, which are several periods when it takes long.
-double settling_time(const SampledLoop& loop, const MatrixXd& map, double period_s,
-                     double decay_per_s) {
+double settling_time(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
+                     double period_s, double decay_per_s) {
   constexpr double part = 0.01, most_steps = 5000;
   MatrixXd step = map;
   double step_s = period_s;
   // Several slowest modes together need longer than one; more than threefold none has been seen.
   const double longest_s = -3 * std::log(part) / decay_per_s;
   for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-  Eigen::VectorXd state = displaced(loop, map);
+  Eigen::VectorXd state = displaced(loop, law, map);
   const Index n = loop.plant.num_joints;
   Eigen::ArrayXd peak = Eigen::ArrayXd::Zero(n);
   double settled_s = 0;
@@ -223,7 +231,8 @@ std::optional<double> largest_stable_period(const SampledLoop& loop, const Limit
 }
 
 Modes modes(const SampledLoop& loop, double period_s) {
-  const MatrixXd map = cut(loop, period_s).closed();
+  const LinearLaw law = loop.law(period_s);
+  const MatrixXd map = cut(loop.plant, law, period_s, loop.delay).closed();
   const VectorXcd z = balanced_eigenvalues(map);
   Modes result;
   result.radius = z.cwiseAbs().maxCoeff();
@@ -241,7 +250,7 @@ Modes modes(const SampledLoop& loop, double period_s) {
   }
   result.decay_per_s = decay;
   result.settling_s =
-      result.stable ? settling_time(loop, map, period_s, result.decay_per_s) : infinity;
+      result.stable ? settling_time(loop, law, map, period_s, result.decay_per_s) : infinity;
   return result;
 }
 

@@ -6,18 +6,17 @@
 #include <cmath>
 #include <variant>
 
-#include "controller/laws.h"
+#include "certificate/law_loop.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {
 
-using controller::law::KellyRegulation;
-using controller::law::LoriaOrtegaFlexible;
-using controller::law::LoriaOrtegaRigid;
+using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
 
@@ -36,58 +35,14 @@ double velocity_bound(const experiment::Scenario& scenario) {
   return speed == 0 ? 0 : speed + dt * dt / 8 * jerk;
 }
 
-VectorXd joined(std::initializer_list<Vector> parts) {
-  std::vector<double> all;
-  for (const Vector& part : parts) all.insert(all.end(), part.begin(), part.end());
-  return Eigen::Map<const VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
-}
-
-/// (e, nu, edot) at t = 0.
-VectorXd initial_error(const experiment::Scenario& scenario) {
-  const auto& given = scenario.plant.initial;
-  const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
-  const Vector &q = given.position_rad, &v = given.velocity_rad_per_s;
-  if (scenario.controller.law == LoriaOrtegaFlexible::name) {
-    const auto law = controller::make_law<LoriaOrtegaFlexible>(scenario);
-    const auto& stiffness = scenario.robot.flexible->stiffness;
-    const Vector theta = given.motor_position_rad.value_or(
-        Vector(q + robot::gravity_torque(*scenario.model, q).cwiseQuotient(stiffness)));
-    const Vector thetadot = given.motor_velocity_rad_per_s.value_or(Vector(Vector::Zero(q.size())));
-    const loop::LinkStateMeasurement measured{q, v, theta};
-    const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
-    const auto motor = law.motor_reference(measured, reference, signals.value[1]);
-    return joined({signals.value[0], signals.value[2], signals.value[1], signals.value[3],
-                   v - reference.v_ref, thetadot - robot::first_derivative(motor.theta_ref)});
-  }
-  // Of regulation too: the filter is the same.
-  const auto law = controller::make_law<LoriaOrtegaRigid>(scenario);
-  const loop::PositionMeasurement measured{q};
-  const auto signals = law.step(law.start(measured, reference), measured, reference).signals;
-  return joined({signals.value[0], signals.value[1], v - reference.v_ref});
-}
-
-ErrorSystem system_of(const experiment::Scenario& scenario) {
-  const auto& law = controller::law_facts(scenario.controller.law);
-  if (law.name == LoriaOrtegaFlexible::name) {
-    const auto g = controller::gains_of<LoriaOrtegaFlexible::Gains>(scenario, law);
-    const auto& drive = *scenario.robot.flexible;
-    return flexible_error_system(drive.stiffness, drive.rotor_inertia, {g.kp1, g.kd1, g.a1, g.b1},
-                                 {g.kp2, g.kd2, g.a2, g.b2});
-  }
-  return rigid_error_system(controller::gains_of<FilterGains>(scenario, law));
-}
-
 std::string refusal(const experiment::Scenario& scenario) {
   const std::string& law = scenario.controller.law;
-  if (law != LoriaOrtegaRigid::name && law != LoriaOrtegaFlexible::name &&
-      law != KellyRegulation::name) {
-    return fmt::format("no stability certificate is available for {}", law);
-  }
+  if (!certifiable(law)) return fmt::format("no stability certificate is available for {}", law);
   const auto* const file = std::get_if<reference::trajectory::MotionFile>(&scenario.reference);
   if (file != nullptr && file->motion == nullptr) {
     return fmt::format("the table {} of the reference was not loaded", file->path);
   }
-  if (law != LoriaOrtegaFlexible::name && scenario.robot.flexible) {
+  if (!controller::law_facts(law).needs_flexible_joints && scenario.robot.flexible) {
     return fmt::format(
         "{} assumes rigid joints, but this robot's are flexible: its proof does not hold", law);
   }
@@ -102,8 +57,14 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
                                  scenario.plant.payload.mass_kg));
   }
   const auto& drive = scenario.plant.drive;
-  if (!drive.viscous_friction_Nms_per_rad.isZero(0) || drive.dry_friction()) {
+  const bool viscous = !drive.viscous_friction_Nms_per_rad.isZero(0);
+  if (scenario.robot.flexible && (viscous || drive.dry_friction())) {
     result.emplace_back("the joints' friction is not in it");
+  } else if (friction_torques(scenario, true).any()) {
+    result.push_back(viscous && !drive.dry_friction()
+                         ? "of viscous friction it has D edot; D v_ref, which the law does not "
+                           "feed forward in full (controller.friction), disturbs"
+                         : "dry friction is not in the region: it disturbs");
   }
   if (!scenario.plant.disturbances.empty()) result.emplace_back("disturbances are not in it");
   if (scenario.believed_model) {
@@ -126,53 +87,101 @@ class ErrorLoop {
  public:
   explicit ErrorLoop(const experiment::Scenario& scenario)
       : model_(error_model(scenario)),
-        system_(system_of(scenario)),
+        loop_(law_loop(scenario).value()),
         B_d_(velocity_bound(scenario)),
         q_(scenario.plant.initial.position_rad),
-        initial_(initial_error(scenario)) {}
+        friction_(friction_torques(scenario, B_d_ > 0)) {
+    if (loop_.systems[0].rotor_inertia.size() > 0) friction_ = {};
+  }
 
-  [[nodiscard]] const ErrorSystem& system() const { return system_; }
+  [[nodiscard]] const ErrorSystem& system() const { return loop_.systems[0]; }
+  [[nodiscard]] const std::optional<Weights>& own_weights() const { return loop_.weights; }
   [[nodiscard]] const robot::Model& model() const { return model_; }
   [[nodiscard]] double B_d() const { return B_d_; }
   [[nodiscard]] double V0(const Weights& weights) const {
-    return lyapunov_value(system_, weights, model_, q_, initial_);
+    return lyapunov_value(system(), weights, model_, q_, loop_.initial);
   }
   /// Whether what is certified holds for all postures.
   [[nodiscard]] bool proved() { return fine().postures.proved; }
 
   /// The search is over few postures, to which those that bind are added, and then what is found is
-  /// certified over many.
+  /// certified over many. A law with weights of its own has those.
   std::optional<CertifiedRegion> best(Goal goal) {
+    if (loop_.weights) return certified(*loop_.weights);
     const MatrixCondition coarse{
-        system_, Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}),
-        B_d_, false};
+        loop_.systems,
+        Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}), B_d_,
+        false};
     const MatrixCondition middle =
-        proved() ? MatrixCondition{fine().system, fine().postures, B_d_, false}
-                 : MatrixCondition{system_, Postures(model_, {.samples = 128}), B_d_, false};
+        proved()
+            ? MatrixCondition{fine().systems, fine().postures, B_d_, false}
+            : MatrixCondition{
+                  loop_.systems,
+                  Postures(model_,
+                           {.circle_points = 90, .bound_between = false, .samples = samples(128)}),
+                  B_d_, false};
     const auto found = best_weights(coarse, middle, goal);
-    if (!found) return {};
-    const auto region = fine().region(found->weights);
-    if (!region) return {};
-    CertifiedRegion result{{found->weights, *region, fine().rate(found->weights, 0)}};
-    result.V0 = V0(found->weights);
-    // From V0 on, |delta| stays below sqrt(2 w V0).
-    if (result.holds_initial_state()) {
-      result.rate_from_start = fine().rate(found->weights, std::sqrt(2 * region->w * result.V0));
-    }
-    return result;
+    return found ? certified(found->weights) : std::nullopt;
   }
 
  private:
+  std::optional<CertifiedRegion> certified(const Weights& weights) {
+    const auto region = fine().region(weights);
+    if (!region) return {};
+    CertifiedRegion result;
+    static_cast<Certified&>(result) = {weights, *region, fine().rate(weights, 0)};
+    result.V0 = V0(weights);
+    const double room = region->level - result.V0;
+    if (loop_.weights) result.unknown_torque = (2 * std::max(room, 0.0) * loop_.ki).cwiseSqrt();
+    // From V0 on, |delta| stays below sqrt(2 w V).
+    if (result.holds_initial_state()) {
+      result.rate_from_start =
+          loop_.weights ? 0 : fine().rate(weights, std::sqrt(2 * region->w * result.V0));
+    }
+    if (friction_.any() && std::isfinite(region->level)) result.friction_error = ultimate(result);
+    return result;
+  }
+
+  /// Where errors end from a quarter of the level on, by Vdot <= -mu V + sqrt(2 V) s + power with
+  /// V = 1/2 y' M y + 1/2 (e, nu)' S (e, nu); empty: nothing is certified.
+  VectorXd ultimate(const CertifiedRegion& c) {
+    const double mu = fine().rate(c.weights, c.region.rho / 2);
+    if (!(mu > 0)) return {};
+    double of_y = 0;
+    for (const Inertia& at : fine().postures.inertia) {
+      const MatrixXd inverse =
+          robot::solution(at.M, MatrixXd::Identity(at.M.rows(), at.M.cols()))
+              .value_or(MatrixXd::Constant(at.M.rows(), at.M.cols(), infinity));
+      of_y = std::max(of_y, friction_.on_y.dot(inverse.cwiseAbs() * friction_.on_y));
+    }
+    const double s = std::sqrt(of_y) + std::sqrt(c.region.w) * friction_.on_delta.norm();
+    const double root =
+        (std::sqrt(2) * s + std::sqrt(2 * s * s + 4 * mu * friction_.power)) / (2 * mu);
+    if (root * root > c.region.level / 4) return {};
+    return c.region.e_reached * (root / std::sqrt(c.region.level));
+  }
+
+  /// Fewer postures where each is looked at with many gains.
+  [[nodiscard]] int samples(int of_constant) const {
+    return loop_.systems.size() == 1 ? of_constant : of_constant / 8;
+  }
   const MatrixCondition& fine() {
-    if (!fine_) fine_ = {system_, Postures(model_, {.samples = 1024}), B_d_};
+    if (!fine_) {
+      const bool constant = loop_.systems.size() == 1;
+      fine_ = {loop_.systems,
+               Postures(model_, {.circle_points = constant ? 360 : 90,
+                                 .bound_between = constant,
+                                 .samples = samples(1024)}),
+               B_d_};
+    }
     return *fine_;
   }
 
   robot::Model model_;
-  ErrorSystem system_;
+  LawLoop loop_;
   double B_d_;  ///< sup |v_ref|
   Vector q_;    ///< at the start
-  VectorXd initial_;
+  FrictionTorques friction_;
   std::optional<MatrixCondition> fine_;
 };
 
@@ -196,14 +205,15 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   ErrorLoop loop(scenario);
   StabilityCertificate result;
   result.B_d = loop.B_d();
-  result.constant = result.B_d == 0;
+  result.own_weights = loop.own_weights().has_value();
+  result.constant = result.B_d == 0 && !result.own_weights;
   const bool few = !result.constant && scenario.num_joints <= most_joints_of_certified_run;
   if (few || effort == Effort::full) {
     tell("certified region: fastest rate");
     result.proved = loop.proved();
     result.fastest = loop.best(Goal::rate);
   }
-  if (!result.constant && (result.proved || effort == Effort::full)) {
+  if (!result.constant && !result.own_weights && (result.proved || effort == Effort::full)) {
     tell("certified region: largest ball");
     result.largest = loop.best(Goal::ball);
   }

@@ -19,13 +19,21 @@ struct CertifiedRegion : Certified {
   /// V <= V0 exp(-rate t) from the start on [1/s]; negative: the start is outside of the region.
   double rate_from_start = -1;
 
+  /// Of a law with an integral: the largest constant torque unknown to it, at one joint alone, from
+  /// the scenario's start [N m]; empty for others.
+  Eigen::VectorXd unknown_torque;
+  /// Where |e_i| ends with the friction that Mm does not have, from V <= level / 4 on [rad; m];
+  /// nothing: there is none; empty: no bound is certified.
+  std::optional<Eigen::VectorXd> friction_error;
+
   [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level; }
 };
 
 struct StabilityCertificate {
-  bool proved = false;    ///< of all postures; otherwise of the sampled ones
-  double B_d = 0;         ///< sup |v_ref| [rad/s; m/s]
-  bool constant = false;  ///< of the reference: proved with both weights 0, by LaSalle
+  bool proved = false;       ///< of all postures; otherwise of the sampled ones
+  double B_d = 0;            ///< sup |v_ref| [rad/s; m/s]
+  bool own_weights = false;  ///< the law's, of its integral: `fastest` has them
+  bool constant = false;     ///< of the reference: proved with both weights 0, by LaSalle
   /// By weights of the fastest rate and of the largest ball; nothing: no weights are certified. At
   /// a constant reference the ball has no limit and there is no largest one.
   std::optional<CertifiedRegion> fastest, largest;

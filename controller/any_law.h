@@ -8,7 +8,7 @@
 #include <utility>
 #include <variant>
 
-#include "controller/law/law.h"
+#include "controller/law/parts.h"
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
 #include "loop/measurements.h"
@@ -57,35 +57,22 @@ class AnyLaw {
   /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
-  /// The step of `tick`. Nothing is remembered before `keep`, so a step may be discarded.
-  /// @throw std::logic_error unless `tick` is later than the one kept last,
-  /// std::bad_variant_access for another type of measurement than the law's.
+  /// The step of `tick`. @throw diagnostics::Failure(protective_stop) when the torque, or what is
+  /// logged, is not finite: the law is of no use from then on. std::logic_error unless `tick` is
+  /// later than the last one, std::bad_variant_access for another type of measurement.
   Outcome step(std::int64_t tick, const loop::AnyMeasurement& measurement,
                const loop::ReferencePoint& reference) {
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::AnyLaw: ticks go forward");
     const bool anew = !started_ || gap > longest_gap_;
     compute(tick, measurement, reference, anew ? 0 : static_cast<int>(gap));
-    return {command_, signals_of_step_, gap - 1, anew && started_};
-  }
-
-  /// `tick` was the last step's, and counts.
-  void keep(std::int64_t tick) {
-    keep_memory();
+    if (!loop::all_finite(command_) || !loop::all_finite(signals_of_step_)) {
+      throw not_finite(name(), command_.tau, tick);
+    }
+    const bool restarted = anew && started_;
     tick_ = tick;
     started_ = true;
-  }
-
-  /// Both. @throw diagnostics::Failure(protective_stop) when the torque, or what is logged, is not
-  /// finite; the step is not kept then.
-  Outcome advance(std::int64_t tick, const loop::AnyMeasurement& measurement,
-                  const loop::ReferencePoint& reference) {
-    const Outcome outcome = step(tick, measurement, reference);
-    if (!loop::all_finite(outcome.command) || !loop::all_finite(outcome.signals)) {
-      throw not_finite(name(), outcome.command.tau, tick);
-    }
-    keep(tick);
-    return outcome;
+    return {command_, signals_of_step_, gap - 1, restarted};
   }
 
  protected:
@@ -93,23 +80,23 @@ class AnyLaw {
   loop::LawSignals signals_of_step_;
 
  private:
-  /// Sets both: the step `ticks` periods after the one that was kept last, whose memory is not
-  /// changed; with 0 the first one, from the memory that the law starts with.
+  /// Sets both: the step `ticks` periods after the last one; with 0 the first one, from the memory
+  /// that the law starts with.
   virtual void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
                        const loop::ReferencePoint& reference, int ticks) = 0;
-  /// The memory becomes that after the last step.
-  virtual void keep_memory() {}
 
   int longest_gap_;
   std::int64_t tick_ = -1;
   bool started_ = false;
 };
 
-/// A law of C++ as an AnyLaw.
+/// A law of C++ as an AnyLaw, with the friction that the scenario has it feed forward, if any.
 template <law::Law L>
 class LawWithMemory final : public AnyLaw {
  public:
-  LawWithMemory(L law, const experiment::LoopSpec& loop) : AnyLaw(loop), law_(std::move(law)) {}
+  LawWithMemory(L law, const experiment::LoopSpec& loop,
+                const experiment::FrictionSpec& friction = {}, double lead_s = 0)
+      : AnyLaw(loop), law_(std::move(law)), friction_(friction), lead_s_(lead_s) {}
 
   [[nodiscard]] std::string_view name() const override { return L::name; }
   [[nodiscard]] std::string_view measurement() const override { return L::Measurement::suffix; }
@@ -119,30 +106,30 @@ class LawWithMemory final : public AnyLaw {
   void compute(std::int64_t /*tick*/, const loop::AnyMeasurement& any,
                const loop::ReferencePoint& reference, int ticks) override {
     const auto& measurement = std::get<typename L::Measurement>(any);
-    next_ = ticks == 0 ? law_.start(measurement, reference) : memory_;
+    if (ticks == 0) memory_ = law_.start(measurement, reference);
     for (int i = 1; i < ticks; ++i) {
       const double share = static_cast<double>(i) / ticks;
-      next_ = law_.step(next_, loop::between(measurement_, measurement, share),
-                        loop::between(reference_, reference, share))
-                  .memory;
+      memory_ = law_.step(memory_, loop::between(measurement_, measurement, share),
+                          loop::between(reference_, reference, share))
+                    .memory;
     }
-    auto step = law_.step(next_, measurement, reference);
-    next_ = step.memory;
+    auto step = law_.step(memory_, measurement, reference);
+    memory_ = step.memory;
     command_ = step.command;
     signals_of_step_ = step.signals;
-    next_measurement_ = measurement;
-    next_reference_ = reference;
-  }
-  void keep_memory() override {
-    memory_ = next_;
-    measurement_ = next_measurement_;
-    reference_ = next_reference_;
+    if (friction_.given()) {
+      command_.tau += friction_.torque(law::feedforward_ahead(reference, lead_s_).v_ref);
+    }
+    measurement_ = measurement;
+    reference_ = reference;
   }
 
   L law_;
-  typename L::Memory memory_, next_;
-  typename L::Measurement measurement_, next_measurement_;
-  loop::ReferencePoint reference_, next_reference_;
+  typename L::Memory memory_;
+  typename L::Measurement measurement_;
+  loop::ReferencePoint reference_;
+  experiment::FrictionSpec friction_;
+  double lead_s_;
 };
 
 }  // namespace tachless::controller

@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "diagnostics/logging.h"
-#include "diagnostics/version.h"
+#include "node/run_info.h"
 #include "process/child.h"
 
 namespace tachless::controller {
@@ -58,7 +58,7 @@ void answer(LawSocket& socket, const loop::Layout& layout, AnyLaw& law) {
       throw no_message(law.measurement());
     }
     if (!socket.receive(codecs.reference, stamp, reference)) throw no_message("REFERENCE");
-    const Outcome outcome = law.advance(stamp.tick, measurement, reference);
+    const Outcome outcome = law.step(stamp.tick, measurement, reference);
     if (!socket.send(codecs.command.encode(stamp, outcome.command)) ||
         !socket.send(codecs.state.encode(stamp, outcome.signals))) {
       return;
@@ -215,17 +215,6 @@ class ExternalLaw final : public AnyLaw {
   Codecs codecs_;
 };
 
-loop::RunInfo run_info(const experiment::Scenario& scenario) {
-  loop::RunInfo info;
-  info.num_ticks = scenario.loop.num_ticks;
-  info.period_s = scenario.loop.period_s;
-  info.version = diagnostics::version;
-  info.robot = scenario.robot.channel_prefix;
-  info.scenario = scenario.text;
-  info.robot_description = scenario.robot.urdf_text;
-  return info;
-}
-
 }  // namespace
 
 bool LawSocket::send(std::span<const std::byte> message) {
@@ -266,8 +255,7 @@ void serve_law(int socket, const MakeLaw& make_law) {
 
 ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
   auto program = std::make_unique<Program>(scenario, command);
-  program->send(
-      bus::Codec<loop::RunInfo>(loop::Layout{}).encode({0, 1, no_tick}, run_info(scenario)));
+  program->send(node::run_info(scenario, 1, {}));
   loop::Participant self;
   program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit);
   if (!loop::parse_signals(self.signals) ||

@@ -11,7 +11,10 @@
 #include "controller/law/kelly_regulation.h"
 #include "controller/law/lanari_wen.h"
 #include "controller/law/loria_ortega_flexible.h"
+#include "controller/law/loria_ortega_integral.h"
+#include "controller/law/loria_ortega_matrix.h"
 #include "controller/law/loria_ortega_rigid.h"
+#include "controller/law/loria_ortega_scheduled.h"
 #include "controller/law/nicosia_tomei.h"
 #include "controller/law/numerical_difference.h"
 #include "controller/law/pd_gravity.h"
@@ -31,6 +34,9 @@ struct LawList {};
 /// To add a law: its header above and its name here; its page in docs/laws, its test.
 using Laws = LawList<law::LoriaOrtegaRigid,      //
                      law::LoriaOrtegaFlexible,   //
+                     law::LoriaOrtegaIntegral,   //
+                     law::LoriaOrtegaMatrix,     //
+                     law::LoriaOrtegaScheduled,  //
                      law::KellyRegulation,       //
                      law::KellyFlexible,         //
                      law::WenBayard,             //

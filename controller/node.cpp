@@ -87,7 +87,7 @@ class Node {
     const auto begin = Clock::now();
     const auto& [asked, measurement] = measurement_.at(tick);
     const loop::Stamp stamp{asked.utime, link_.run(), tick};
-    const Outcome outcome = law_->advance(tick, measurement, reference_.at(tick).value);
+    const Outcome outcome = law_->step(tick, measurement, reference_.at(tick).value);
     command_bytes_ = command_.codec.encode(stamp, outcome.command);
     link_.transport().publish(command_.channel, command_bytes_);
     state_bytes_ = state_.codec.encode(stamp, outcome.signals);

@@ -9,6 +9,7 @@
 #include "controller/laws.h"
 #include "diagnostics/text.h"
 #include "loop/measurements.h"
+#include "robot/cholesky.h"
 
 namespace tachless::controller {
 namespace {
@@ -120,6 +121,7 @@ law::Settings law_settings(const experiment::Scenario& scenario) {
   settings.filter = scenario.controller.filter;
   settings.command_delay = scenario.loop.command_delay + scenario.plant.encoder.latency_ticks;
   settings.filter_start = scenario.controller.filter_start;
+  settings.viscous = scenario.controller.friction.viscous;
   if (scenario.controller.feedforward_lead == experiment::FeedforwardLead::half_tick_plus_delay) {
     settings.feedforward_lead_s = (0.5 + scenario.loop.command_delay) * scenario.loop.period_s;
   }
@@ -157,6 +159,11 @@ void require_compatible(const experiment::Scenario& scenario, const LawFacts& la
   if (scenario.robot.flexible) {
     experiment::require_encoders(scenario, law.reads_links, law.reads_motors);
   }
+  if (scenario.robot.flexible && scenario.controller.friction.given()) {
+    throw scenario.complaint("controller.friction",
+                             "given, and the joints are flexible: a torque of the motors does not "
+                             "act on the links at once; allowed: none");
+  }
   require_known_gains(scenario, law);
 }
 
@@ -170,7 +177,19 @@ std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenari
                                          diagnostics::joined(parameter_names(law))));
   }
   const robot::Vector& value = found->second;
-  if (value.size() != scenario.num_joints) {
+  const Eigen::Index n = scenario.num_joints;
+  if (parameter.shape == schema::Shape::matrix) {
+    robot::Matrix matrix = robot::Matrix::Zero(n, n);
+    if (value.size() == n) matrix.diagonal() = value;
+    if (value.size() == n * n) matrix = value.reshaped(n, n);
+    robot::Matrix factors = matrix;
+    if (matrix != matrix.transpose() || robot::factorise(factors) >= 0) {
+      throw scenario.complaint(gain_key(parameter.name),
+                               fmt::format("{}; allowed: {}", shown(value), parameter.allowed));
+    }
+    return value;
+  }
+  if (value.size() != n) {
     throw scenario.complaint(gain_key(parameter.name),
                              fmt::format("{} has {} entries; needed: one per joint, {}",
                                          shown(value), value.size(), scenario.num_joints));

@@ -59,6 +59,8 @@ std::map<std::string, robot::Vector> tuned_by_name(const law::Tuning& tuning) {
   schema::for_each_key<Gains>([&]<class Member>(const schema::Key<Gains, Member>& key) {
     if constexpr (std::is_same_v<Member, robot::Vector>) {
       all[std::string(key.name)] = gains.*key.member;
+    } else if constexpr (std::is_same_v<Member, robot::Matrix>) {
+      all[std::string(key.name)] = (gains.*key.member).diagonal();
     } else {
       all[std::string(key.name)] = tuning.each(static_cast<double>(gains.*key.member));
     }
@@ -125,8 +127,8 @@ law::Settings law_settings(const experiment::Scenario& scenario);
 /// @throw diagnostics::Failure(bad_usage).
 void require_compatible(const experiment::Scenario& scenario, const LawFacts& law);
 
-/// The scenario's value of a parameter, an entry per joint (all the same unless it is per joint);
-/// nothing when it is not given and not required.
+/// The scenario's value of a parameter, an entry per joint (all the same unless it is per joint),
+/// or of a matrix its diagonal or its rows; nothing when it is not given and not required.
 /// @throw diagnostics::Failure(bad_usage) when it is missing, of the wrong length, out of its
 /// range, or no whole number where it is a count.
 std::optional<robot::Vector> given_parameter(const experiment::Scenario& scenario,
@@ -146,6 +148,10 @@ Gains gains_of(const experiment::Scenario& scenario, const LawFacts& law) {
       } else if (key.fallback == schema::Default::of_joints) {
         gains.*key.member = robot::Vector::Constant(scenario.num_joints, key.each_joint);
       }
+    } else if constexpr (std::is_same_v<Member, robot::Matrix>) {
+      const int n = scenario.num_joints;
+      if (given && given->size() == n) gains.*key.member = given->asDiagonal();
+      if (given && given->size() == n * n) gains.*key.member = given->reshaped(n, n);
     } else {
       static_assert(std::is_arithmetic_v<Member>, "a parameter is per joint, a number or a count");
       if (given) gains.*key.member = static_cast<Member>((*given)[0]);
@@ -177,7 +183,9 @@ using ScenarioLaw = std::unique_ptr<AnyLaw>;
 /// The law L over the scenario's run. @throw diagnostics::Failure(bad_usage) as `make_law`.
 template <class L>
 ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& law) {
-  return std::make_unique<LawWithMemory<L>>(make_law<L>(scenario, law), scenario.loop);
+  return std::make_unique<LawWithMemory<L>>(make_law<L>(scenario, law), scenario.loop,
+                                            scenario.controller.friction,
+                                            law_settings(scenario).feedforward_lead_s);
 }
 
 /// What the law's controller announces of it.

@@ -82,6 +82,21 @@ void read_value(const Written& written, robot::Vector& to) {
   to = Eigen::Map<const Eigen::VectorXd>(numbers.data(), written.num_joints);
 }
 
+void read_vector_or_matrix(const Written& written, robot::Vector& to) {
+  const auto& rows = written.node.children;
+  const int n = written.num_joints;
+  if (rows.empty() || rows[0].kind != YamlNode::Kind::list) return read_value(written, to);
+  std::vector<robot::Vector> matrix;
+  read_value(written, matrix);
+  if (static_cast<int>(matrix.size()) != n || n * n > robot::max_joints) {
+    throw InvalidValue{fmt::format("{} is a matrix of {} rows, the robot has {} joints{}",
+                                   emit_line(written.node), matrix.size(), n,
+                                   n * n > robot::max_joints ? ", too many for matrices" : "")};
+  }
+  to.resize(n * n);
+  for (int i = 0; i < n; ++i) to.segment(i * n, n) = matrix[static_cast<std::size_t>(i)];
+}
+
 void read_value(const Written& written, std::vector<double>& to) { read_list(written, to); }
 void read_value(const Written& written, std::vector<robot::Vector>& to) { read_list(written, to); }
 

@@ -51,6 +51,8 @@ void read_value(const Written& written, double& to);
 void read_value(const Written& written, std::int64_t& to);
 void read_value(const Written& written, robot::Vector& to);
 void read_value(const Written& written, std::vector<double>& to);
+/// A vector of joints, or a matrix with a list per joint, which becomes one vector, row by row.
+void read_vector_or_matrix(const Written& written, robot::Vector& to);
 void read_value(const Written& written, std::vector<robot::Vector>& to);
 template <class Value>
 requires std::is_enum_v<Value> || std::integral<Value>
@@ -102,7 +104,11 @@ void read_place(const Place& place, const Key& key, std::map<std::string, Entry>
   for (const std::string& name : place.node->keys) {
     const Place entry = place.child(name);
     try {
-      read_place(entry, key, to[name]);
+      if constexpr (std::is_same_v<Entry, robot::Vector>) {
+        read_vector_or_matrix({*entry.node, key.range, place.scenario.num_joints}, to[name]);
+      } else {
+        read_place(entry, key, to[name]);
+      }
     } catch (const InvalidValue& refused) {
       throw entry.complaint(
           refused.value + "; allowed: " +

@@ -105,12 +105,43 @@ constexpr std::array<std::string_view, 2> names(FeedforwardLead /*type*/) {
   return {"none", "half_tick_plus_delay"};
 }
 
+/// Friction that a law feeds forward from the reference: D v_ref + Fc tanh(v_ref / smoothing). Of
+/// zero size where none is given.
+struct FrictionSpec {
+  robot::Vector viscous;    ///< D [N m s/rad]
+  robot::Vector coulomb;    ///< Fc [N m; N]
+  robot::Vector smoothing;  ///< [rad/s; m/s]
+
+  [[nodiscard]] bool given() const {
+    return viscous.size() > 0 && !(viscous.isZero(0) && coulomb.isZero(0));
+  }
+  [[nodiscard]] robot::Vector torque(const robot::Vector& v_ref) const {
+    return viscous.cwiseProduct(v_ref) +
+           coulomb.cwiseProduct(v_ref.cwiseQuotient(smoothing).array().tanh().matrix());
+  }
+
+  static constexpr std::tuple keys{
+      schema::Key{"viscous", &FrictionSpec::viscous, "N m s/rad (N s/m)",
+                  "D of D v_ref; the joints of the robot are rigid"}
+          .in(schema::not_negative)
+          .by_default(0),
+      schema::Key{"coulomb", &FrictionSpec::coulomb, "N m (N)", "Fc of Fc tanh(v_ref / smoothing)"}
+          .in(schema::not_negative)
+          .by_default(0),
+      schema::Key{"smoothing", &FrictionSpec::smoothing, "rad/s (m/s)",
+                  "Reference velocity over which Coulomb's part turns round"}
+          .in(schema::positive)
+          .by_default(0.01)};
+};
+
 struct ControllerSpec {
   std::string law;
   std::string measurement;  ///< suffix of the channel that feeds the external law; else empty
   std::string announced;    ///< what a recorded run's external law called itself; else empty
   std::string urdf_path;    ///< as written in the scenario; empty: the law's robot is the plant's
-  std::map<std::string, robot::Vector> gains;  ///< each of length num_joints
+  /// Each of length num_joints, or its square: a matrix, row by row.
+  std::map<std::string, robot::Vector> gains;
+  FrictionSpec friction;
   controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
   controller::law::FilterStart filter_start = controller::law::FilterStart::at_error;
   FeedforwardLead feedforward_lead = FeedforwardLead::none;
@@ -136,6 +167,7 @@ struct ControllerSpec {
       urdf_key,
       schema::Key{"gains", &ControllerSpec::gains, "",
                   "The law's gains by name; which ones, with units and ranges, the law says"},
+      schema::Key{"friction", &ControllerSpec::friction},
       schema::Key{"filter", &ControllerSpec::filter, "",
                   "How the filter b p/(p + a) is discretised"}
           .by_default(),

@@ -20,16 +20,19 @@ struct AppliedTorque {
 /// tick, in this order: `accept` the tick's command if there is one, read `applied`, `end_tick`.
 ///
 /// With `command_delay` 0 the command of tick k acts over tick k; `applied` is then read after
-/// `accept`. With d > 0 it acts over tick k + d, the torque over the first d ticks is zero, and
+/// `accept`. With d > 0 it acts over tick k + d, over the first d ticks the initial torque, and
 /// `applied` may be read before the command has come. When no command comes the last one is held.
-/// From tick to tick the torque changes by no more than its rate allows, and from zero at first.
+/// From tick to tick the torque changes by no more than its rate allows, and from the initial one
+/// at first.
 class Drive {
  public:
   /// @param limit [N m; N if prismatic], positive, `Model::unlimited` for none.
   /// @param change [N m; N] that is possible from one tick to the next; empty: any.
+  /// @param initial torque; empty: zero.
   /// @throw std::logic_error if `command_delay` is not in 0 to `max_delay_ticks` or a limit is not
   /// positive.
-  Drive(const robot::Vector& limit, int command_delay, const robot::Vector& change = {})
+  Drive(const robot::Vector& limit, int command_delay, const robot::Vector& change = {},
+        const robot::Vector& initial = {})
       : limit_(limit), change_(change), num_slots_(static_cast<std::size_t>(command_delay) + 1) {
     if (command_delay < 0 || command_delay > max_delay_ticks) {
       throw std::logic_error("plant::Drive: command_delay is out of range");
@@ -37,7 +40,9 @@ class Drive {
     if (!(limit.array() > 0).all() || !(change.array() > 0).all()) {
       throw std::logic_error("plant::Drive: torque limits must be positive");
     }
-    applied_.tau = before_ = robot::Vector::Zero(limit.size());
+    applied_.tau = robot::Vector::Zero(limit.size());
+    if (initial.size() > 0) applied_.tau = initial.cwiseMin(limit).cwiseMax(-limit);
+    before_ = applied_.tau;
     accepted_.fill(applied_);
   }
 

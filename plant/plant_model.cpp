@@ -75,7 +75,12 @@ Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model
   if (spec.torque_rate_limit_Nm_per_s) {
     change = *spec.torque_rate_limit_Nm_per_s * scenario.loop.period_s;
   }
-  return Drive(spec.torque_limit_Nm.value_or(unlimited), scenario.loop.command_delay, change);
+  robot::Vector initial;
+  if (scenario.plant.initial.torque == InitialTorque::hold) {
+    initial = robot::gravity_torque(model, initial_state(scenario, model).q);
+  }
+  return Drive(spec.torque_limit_Nm.value_or(unlimited), scenario.loop.command_delay, change,
+               initial);
 }
 
 robot::Vector protective_stop_damping(const experiment::Scenario& scenario,

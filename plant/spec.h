@@ -49,11 +49,19 @@ struct FlexibleDrive {
           .by_default(0)};
 };
 
+/// The drives' torque until the first command acts.
+enum class InitialTorque {
+  zero,
+  hold,  ///< what holds the initial posture: a real arm opens its brakes under torque
+};
+constexpr std::array<std::string_view, 2> names(InitialTorque /*type*/) { return {"zero", "hold"}; }
+
 struct InitialState {
   robot::Vector position_rad;
   robot::Vector velocity_rad_per_s;
   std::optional<robot::Vector> motor_position_rad;        ///< nothing: static balance
   std::optional<robot::Vector> motor_velocity_rad_per_s;  ///< nothing: at rest
+  InitialTorque torque = InitialTorque::zero;
 
   static constexpr std::tuple keys{
       schema::Key{"position_rad", &InitialState::position_rad, "rad (m)",
@@ -67,7 +75,11 @@ struct InitialState {
           .by_default("static balance"),
       schema::Key{"motor_velocity_rad_per_s", &InitialState::motor_velocity_rad_per_s, "rad/s",
                   "Motor velocity, flexible joints only"}
-          .by_default("at rest")};
+          .by_default("at rest"),
+      schema::Key{"torque", &InitialState::torque, "",
+                  "Of the drives until the first command acts (`loop.command_delay`): none, or "
+                  "what holds the robot at rest in its initial posture"}
+          .by_default()};
 };
 
 /// What computes the links' inertia matrix and bias.

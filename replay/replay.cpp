@@ -132,18 +132,17 @@ void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
     robot::Vector tau;
     try {
       tau = law.step(record.tick, *measurement, *record.reference).command.tau;
+    } catch (const diagnostics::Failure& failure) {
+      if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
+      result.not_finite = true;
+      result.stopped_by = failure.what();
+      break;
     } catch (const std::logic_error& error) {
       // Damaged numbers can be anything, postures without an inertia matrix too.
       result.stopped_by =
           fmt::format("the law cannot be evaluated at tick {}: {}", record.tick, error.what());
       break;
     }
-    if (!tau.allFinite()) {
-      result.not_finite = true;
-      result.stopped_by = fmt::format("the law's torque at tick {} is not finite", record.tick);
-      break;
-    }
-    law.keep(record.tick);
     if (record.command) {
       comparison.add(record.tick, record.command->tau, tau);
     } else if (comparison.pending++ == 0) {

@@ -35,6 +35,9 @@ std::string allowed_text(Shape shape, const Range& range,
         return "a finite number" + (limits.empty() ? "" : " " + limits);
       case Shape::whole:
         return "a whole number" + (limits.empty() ? "" : " " + limits);
+      case Shape::matrix:
+        return "a list with a list per joint, symmetric and positive definite, or its diagonal as "
+               "a finite number > 0 or a list with one per joint";
       case Shape::joints:
         return "a finite number, or a list with one per joint" + each;
       case Shape::numbers:

@@ -171,6 +171,7 @@ enum class Shape {
   yes_no,         ///< bool
   number,         ///< double
   whole,          ///< any integer
+  matrix,         ///< robot::Matrix: a list of rows, or its diagonal as joints
   joints,         ///< robot::Vector: one number for every joint, or a list with one per joint
   numbers,        ///< list of numbers
   joints_list,    ///< list of `joints`
@@ -205,6 +206,7 @@ constexpr Shape shape_of_member() {
   if constexpr (std::is_floating_point_v<T>) return Shape::number;
   if constexpr (std::is_integral_v<T>) return Shape::whole;
   if constexpr (std::is_same_v<T, std::string>) return Shape::text;
+  if constexpr (std::is_same_v<T, robot::Matrix>) return Shape::matrix;
   if constexpr (std::is_same_v<T, robot::Vector>) return Shape::joints;
   if constexpr (std::is_same_v<T, std::vector<double>>) return Shape::numbers;
   if constexpr (std::is_same_v<T, std::vector<robot::Vector>>) return Shape::joints_list;

@@ -1,6 +1,5 @@
 #include "study/in_process_loop.h"
 
-#include "diagnostics/failure.h"
 #include "plant/guarded_robot.h"
 #include "reference/make_trajectory.h"
 
@@ -23,15 +22,8 @@ void run_in_process(const experiment::Scenario& scenario, controller::ScenarioLa
     record.reference = trajectory.at(record.time_s);
 
     const controller::Outcome step = law->step(k, record.measurement, record.reference);
-    law->keep(k);
     record.command = step.command;
     record.controller = step.signals;
-    if (!record.command.tau.allFinite()) {
-      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
-                                 "the law commands a torque that is not finite at tick {}: the "
-                                 "loop is unstable; shorten loop.period_s or soften the gains",
-                                 k);
-    }
 
     robot.accept(record.command);
     record.applied = robot.applied();

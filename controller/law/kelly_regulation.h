@@ -12,7 +12,7 @@ namespace tachless::controller::law {
 ///
 /// `LoriaOrtegaRigid` at a constant reference is this law. The reference is constant by assumption,
 /// so a feed-forward lead changes nothing.
-class KellyRegulation : public FilteredError {
+class KellyRegulation : public FilteredError<KellyRegulation> {
  public:
   static constexpr std::string_view name = "kelly_regulation";
   static constexpr std::string_view source =
@@ -25,10 +25,8 @@ class KellyRegulation : public FilteredError {
 
   using FilteredError::FilteredError;
 
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference) const {
-    return step_from(memory, measured.q - reference.q_ref,
-                     robot::gravity_torque(robot_, measured.q));
+  [[nodiscard]] Vector feedforward(const Vector& q, const ReferencePoint& /*reference*/) const {
+    return robot::gravity_torque(robot_, q);
   }
 };
 

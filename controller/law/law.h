@@ -39,6 +39,7 @@ struct Settings {
   /// Standard deviation of a measured position as the encoder's data sheet has it [rad]; zero or
   /// empty: ideal.
   Vector position_std{};
+  Vector viscous{};  ///< friction that the law feeds forward [N m s/rad]; empty: none
   /// Ticks from the state that was measured to the one over which the command that answers it acts,
   /// the encoder's latency included; at most most_delay.
   int command_delay = 0;

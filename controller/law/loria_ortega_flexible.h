@@ -126,9 +126,11 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
     const Vector e1dot = state.v - reference.v_ref;
     const Vector e2dot = state.thetadot - robot::first_derivative(motor.theta_ref);
     return equation_15(e1, e1dot, nu1, robot::mass_matrix(robot_.links, state.q) * e1dot,
-                       gains_.kp1, gains_.kd1.cwiseQuotient(gains_.b1), weights) +
-           equation_15(e2, e2dot, nu2, robot_.rotor_inertia.cwiseProduct(e2dot), gains_.kp2,
-                       gains_.kd2.cwiseQuotient(gains_.b2), weights) +
+                       gains_.kp1.cwiseProduct(e1),
+                       gains_.kd1.cwiseQuotient(gains_.b1).cwiseProduct(nu1), weights) +
+           equation_15(e2, e2dot, nu2, robot_.rotor_inertia.cwiseProduct(e2dot),
+                       gains_.kp2.cwiseProduct(e2),
+                       gains_.kd2.cwiseQuotient(gains_.b2).cwiseProduct(nu2), weights) +
            0.5 * weighted(robot_.stiffness, e1 - e2);
   }
 

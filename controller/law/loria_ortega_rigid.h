@@ -13,7 +13,7 @@ namespace tachless::controller::law {
 /// with e = q - q_ref. The first three terms are one inverse dynamics ID(q, v_ref, vdot_ref). With
 /// `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead; q
 /// stays the measured one.
-class LoriaOrtegaRigid : public FilteredError {
+class LoriaOrtegaRigid : public FilteredError<LoriaOrtegaRigid> {
  public:
   static constexpr std::string_view name = "loria_ortega_rigid";
   static constexpr std::string_view source =
@@ -32,13 +32,6 @@ class LoriaOrtegaRigid : public FilteredError {
       "and > 0";
 
   using FilteredError::FilteredError;
-
-  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
-                                  const ReferencePoint& reference) const {
-    const auto [v_ref, a_ref] = ahead(reference);
-    return step_from(memory, measured.q - reference.q_ref,
-                     robot::inverse_dynamics(robot_, measured.q, v_ref, a_ref));
-  }
 };
 
 static_assert(OutputFeedbackLaw<LoriaOrtegaRigid>);

@@ -101,6 +101,11 @@ class LawOf {
   [[nodiscard]] Filter filter(const Vector& a, const Vector& b) const {
     return {a, b, settings_.filter, settings_.filter_start, settings_.period_s};
   }
+  /// A parameter's value for each joint.
+  [[nodiscard]] static const Vector& each(const Vector& value) { return value; }
+  [[nodiscard]] Vector each(double value) const {
+    return Vector::Constant(robot_.num_joints, value);
+  }
   /// v_ref and vdot_ref, by the scenario's `feedforward_lead_s` ahead.
   [[nodiscard]] Feedforward ahead(const ReferencePoint& reference) const {
     return feedforward_ahead(reference, settings_.feedforward_lead_s);
@@ -131,11 +136,12 @@ struct FullState {
 inline double weighted(const Vector& d, const Vector& x) { return x.dot(d.cwiseProduct(x)); }
 
 /// Eq. 15 of Loria and Ortega (1995) for a rigid robot, with two weights [J]: 1/2 edot' M edot +
-/// 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot, with `momentum` = M edot.
+/// 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot, with `momentum` = M edot,
+/// `spring` = Kp e and `damper` = Kd B^-1 nu.
 inline double equation_15(const Vector& e, const Vector& edot, const Vector& nu,
-                          const Vector& momentum, const Vector& kp, const Vector& kd_by_b,
+                          const Vector& momentum, const Vector& spring, const Vector& damper,
                           const LyapunovWeights& weights) {
-  return 0.5 * edot.dot(momentum) + 0.5 * weighted(kp, e) + 0.5 * weighted(kd_by_b, nu) +
+  return 0.5 * edot.dot(momentum) + 0.5 * e.dot(spring) + 0.5 * nu.dot(damper) +
          (weights.eps_1 * e - weights.eps_2 * nu).dot(momentum);
 }
 

@@ -77,7 +77,7 @@ class PolygonCondition {
   [[nodiscard]] double rate(const Weights& weights) const {
     double least = std::numeric_limits<double>::infinity();
     for_each_corner(weights, [&](const Inertia& inertia, const Eigen::MatrixXd& Mm) {
-      const Eigen::MatrixXd P = lyapunov_matrix(condition_.system, weights, inertia.M);
+      const Eigen::MatrixXd P = lyapunov_matrix(condition_.systems[0], weights, inertia.M);
       least = std::min(least, eigenvalues(Mm, P / 2).minCoeff());
     });
     return least;
@@ -91,7 +91,7 @@ class PolygonCondition {
   [[nodiscard]] Eigen::MatrixXd at(const Weights& weights, const Inertia& inertia,
                                    const Eigen::VectorXd& delta,
                                    const Eigen::VectorXd& v_ref = Eigen::Vector2d::Zero()) const {
-    return decrease_matrix(condition_.system, weights, inertia, v_ref,
+    return decrease_matrix(condition_.systems[0], weights, inertia, v_ref,
                            delta.size() == 0 ? Eigen::VectorXd(Eigen::Vector2d::Zero()) : delta);
   }
   template <class F>

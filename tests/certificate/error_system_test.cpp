@@ -39,17 +39,23 @@ Independent independent(const robot::Model& model, const ErrorSystem& s, const W
   for (Eigen::Index i = n; i < N; ++i) M(i, i) = s.rotor_inertia[i - n];
   C.topLeftCorner(n, n) =
       robot::coriolis_matrix(model, q, v) + robot::coriolis_matrix(model, q, v_ref);
-  const VectorXd M_eddot = -C * edot - s.kp * e - s.kd.cwiseProduct(nu);
+  if (s.damping.size() > 0) C.topLeftCorner(n, n).diagonal() += s.damping;
+  const VectorXd M_eddot = -C * edot - s.kp * e - s.kd * nu;
   const VectorXd nudot = s.b.cwiseProduct(edot) - s.a.cwiseProduct(nu);
-  const VectorXd kd_by_b = s.kd.cwiseQuotient(s.b);
+  const Eigen::MatrixXd by_b = s.b.cwiseInverse().asDiagonal();
   const VectorXd cross = w.eps_1 * e - w.eps_2 * nu, cross_dot = w.eps_1 * edot - w.eps_2 * nudot;
   Independent result;
-  result.V = edot.dot(M * edot) / 2 + e.dot(s.kp * e) / 2 + nu.dot(kd_by_b.cwiseProduct(nu)) / 2 +
+  result.V = edot.dot(M * edot) / 2 + e.dot(s.kp * e) / 2 + nu.dot(s.kd * by_b * nu) / 2 +
              cross.dot(M * edot);
-  const double terms[] = {edot.dot(M_eddot),       edot.dot(Mdot * edot) / 2,
-                          e.dot(s.kp * edot),      nu.dot(kd_by_b.cwiseProduct(nudot)),
-                          cross_dot.dot(M * edot), cross.dot(Mdot * edot),
-                          cross.dot(M_eddot)};
+  const double terms[] = {edot.dot(M_eddot),
+                          edot.dot(Mdot * edot) / 2,
+                          e.dot(s.kp * edot),
+                          nu.dot(s.kd * by_b * nudot),
+                          cross_dot.dot(M * edot),
+                          cross.dot(Mdot * edot),
+                          cross.dot(M_eddot),
+                          s.kp_dot.size() > 0 ? e.dot(s.kp_dot * e) / 2 : 0,
+                          s.kp_dot.size() > 0 ? nu.dot(s.kd_dot * by_b * nu) / 2 : 0};
   for (const double term : terms) {
     result.Vdot += term;
     result.size += std::abs(term);
@@ -99,6 +105,28 @@ TEST(ErrorSystem, VdotIsTheQuadraticFormForABranchingRobotWithPrismaticJoints) {
   const robot::Model model = robot::testing::branching();
   const VectorXd one = VectorXd::Ones(model.num_joints);
   expect_identity(model, rigid({500 * one, 50 * one, 100 * one, 150 * one}), 5);
+}
+
+/// A symmetric matrix with positive eigenvalues of the size of `diagonal`.
+Eigen::MatrixXd coupled(const VectorXd& diagonal, unsigned seed) {
+  robot::testing::Random random(seed);
+  const VectorXd v = random.vector(diagonal.size(), 1);
+  const VectorXd root = diagonal.cwiseSqrt();
+  return root.asDiagonal() * (Eigen::MatrixXd::Identity(v.size(), v.size()) + v * v.transpose()) *
+         root.asDiagonal();
+}
+
+TEST(ErrorSystem, VdotIsTheQuadraticFormForMatricesAndViscousFriction) {
+  ErrorSystem two{coupled(both(4000, 2400), 6),
+                  coupled(both(1000, 60), 7),
+                  both(300),
+                  both(500),
+                  {},
+                  both(20, 3)};
+  expect_identity(robot::testing::two_link(0.5), two, 8);
+  const FilterGains g = iiwa_gains();
+  ErrorSystem seven{coupled(g.kp, 9), coupled(g.kd, 10), g.a, 2 * g.b, {}, 0.1 * g.kd};
+  expect_identity(robot::testing::iiwa7(), seven, 11);
 }
 
 }  // namespace

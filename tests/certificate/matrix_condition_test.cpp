@@ -34,10 +34,10 @@ class MatrixOfTwoLinks : public ::testing::Test {
   const Postures fine{model};
 
   PolygonCondition quoted_condition(const ErrorSystem& system, double B_d = paper_B_d) const {
-    return {{system, coarse, B_d, false}, 12};
+    return {{{system}, coarse, B_d, false}, 12};
   }
   MatrixCondition proved_condition(const ErrorSystem& system) const {
-    return {system, fine, paper_B_d};
+    return {{system}, fine, paper_B_d};
   }
   void expect(const ErrorSystem& system, const Weights& weights, double ball, double B_d) const {
     const auto region = quoted_condition(system, B_d).region(weights);
@@ -90,7 +90,7 @@ TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
   sampled_options.bound_between = false;
   const Postures sampled(model, sampled_options);
   const MatrixCondition proved = proved_condition(system);
-  const MatrixCondition between{system, sampled, paper_B_d};
+  const MatrixCondition between{{system}, sampled, paper_B_d};
   for (const Weights& w : {Weights{0.0346, 0.0346}, Weights{1.28, 0.0487}}) {
     const auto a = proved.region(w), b = between.region(w);
     ASSERT_TRUE(a && b);
@@ -107,7 +107,7 @@ TEST_F(MatrixOfTwoLinks, ProvedRegionIsNearTheSampledOne) {
 TEST_F(MatrixOfTwoLinks, SumOfSquaresIsNoWorseThanPolygonsOf48Sides) {
   for (const ErrorSystem& system :
        {rigid(paper_rigid()), flexible(practical_link(), practical_motor())}) {
-    const MatrixCondition squares{system, coarse, paper_B_d};
+    const MatrixCondition squares{{system}, coarse, paper_B_d};
     const PolygonCondition polygons(squares, 48);
     const Weights w{0.003, 0.003};
     EXPECT_GT(squares.region(w)->ball, 0.999 * polygons.region(w)->ball);
@@ -121,7 +121,7 @@ void expect_positive_inside(const robot::Model& model, const MatrixCondition& co
   const auto region = condition.region(w);
   ASSERT_TRUE(region);
   const double rate = condition.rate(w, 0.5 * region->rho);
-  const ErrorSystem& system = condition.system;
+  const ErrorSystem& system = condition.systems[0];
   const Eigen::Index N = system.num_errors(), n = system.num_links();
   const auto least = [&](std::size_t i, double rho, double mu) {
     robot::testing::Random random(static_cast<unsigned>(seed + i));
@@ -191,7 +191,7 @@ TEST_F(MatrixOfTwoLinks, SearchFindsAtLeastWhatIsQuotedInTwoSeconds) {
   few.circle_points = 24;
   const Postures search_postures(model, few);
   const ErrorSystem system = rigid(practical_rigid());
-  const MatrixCondition search{system, search_postures, paper_B_d, false};
+  const MatrixCondition search{{system}, search_postures, paper_B_d, false};
   const MatrixCondition full = proved_condition(system);
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::ball);
@@ -208,7 +208,7 @@ class MatrixOfSevenJoints : public ::testing::Test {
 
 TEST_F(MatrixOfSevenJoints, VFallsAtAHundredThousandRandomStatesInsideRho) {
   const Postures postures(model);
-  const MatrixCondition condition{rigid(iiwa_gains()), postures, 0.2};
+  const MatrixCondition condition{{rigid(iiwa_gains())}, postures, 0.2};
   EXPECT_FALSE(postures.proved);
   expect_positive_inside(model, condition, {0.3, 0.03}, 0.2, 100000, 300, false);
 }
@@ -217,8 +217,8 @@ TEST_F(MatrixOfSevenJoints, SearchFindsACertifiedBall) {
   PostureOptions few;
   few.samples = 128;
   const Postures search_postures(model, few), postures(model);
-  const MatrixCondition search{rigid(iiwa_gains()), search_postures, 0.2, false};
-  const MatrixCondition full{rigid(iiwa_gains()), postures, 0.2};
+  const MatrixCondition search{{rigid(iiwa_gains())}, search_postures, 0.2, false};
+  const MatrixCondition full{{rigid(iiwa_gains())}, postures, 0.2};
   const auto fastest = best_weights(search, full, Goal::rate);
   const auto largest = best_weights(search, full, Goal::ball);
   ASSERT_TRUE(largest);

@@ -70,7 +70,7 @@ class FromTheLevelSet {
       : scenario_(scenario),
         lyapunov_(lyapunov_function(scenario, weights)),
         reference_(reference::make_trajectory(scenario).at(0)) {
-    const MatrixCondition condition{system, Postures(*scenario.model), paper_B_d};
+    const MatrixCondition condition{{system}, Postures(*scenario.model), paper_B_d};
     const Region region = condition.region(weights).value();
     level_ = region.level;
     // From V on, |delta| stays below sqrt(2 w V).

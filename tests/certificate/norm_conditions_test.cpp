@@ -69,11 +69,11 @@ double printed_decrease_bound(const ErrorSystem& s, const RobotConstants& consta
   const double k_c = constants.k_c.value, M_max = constants.lambda_max_M.value;
   const Eigen::VectorXd kp = s.kp.diagonal();
   const double cross =
-      kp.minCoeff() * x.e * x.e - (kp.maxCoeff() + s.kd.maxCoeff()) * x.e * x.nu -
-      s.kd.maxCoeff() * x.nu * x.nu - s.a.maxCoeff() * M_max * x.nu * x.edot +
+      kp.minCoeff() * x.e * x.e - (kp.maxCoeff() + s.kd.diagonal().maxCoeff()) * x.e * x.nu -
+      s.kd.diagonal().maxCoeff() * x.nu * x.nu - s.a.maxCoeff() * M_max * x.nu * x.edot +
       (s.b.minCoeff() * constants.lambda_min_M.value - M_max - k_c * x.e_minus_nu) * x.edot *
           x.edot;
-  const double damping = s.kd.cwiseQuotient(s.b).cwiseProduct(s.a).minCoeff();
+  const double damping = s.kd_by_b().diagonal().cwiseProduct(s.a).minCoeff();
   double bound = -damping * x.nu * x.nu + k_c * B_d * x.edot * x.edot - epsilon * cross;
   if (completed) bound += 2 * k_c * B_d * epsilon * x.e_minus_nu * x.edot;
   return bound;

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "controller/law/loria_ortega_matrix.h"
 #include "controller/law/loria_ortega_rigid.h"
 #include "robot/dynamics.h"
 
@@ -158,6 +159,29 @@ TEST(Registry, RefusesAKalmanFilterThatKnowsNoMeasurementNoise) {
   scenario.plant.encoder.resolution_bits.reset();
   scenario.controller.gains["measurement_noise"] = pair(1e-5, 1e-5);
   EXPECT_EQ(refusal(scenario), "accepted");
+}
+
+TEST(Registry, ReadsMatricesByRowsOrByTheirDiagonalAndRefusesOthers) {
+  experiment::Scenario scenario = rigid_scenario();
+  scenario.controller.law = "loria_ortega_matrix";
+  scenario.controller.gains["a"] = scenario.controller.gains["b"] = pair(300, 300);
+  const auto kp = [&](const Eigen::VectorXd& value) {
+    scenario.controller.gains["kp"] = value;
+    return gains_of<law::MatrixGains>(scenario, law_facts(scenario.controller.law)).kp;
+  };
+  EXPECT_EQ(kp(pair(5, 6)), robot::Matrix(pair(5, 6).asDiagonal()));
+  EXPECT_EQ(kp(Eigen::Vector4d(5, 1, 1, 6))(1, 0), 1);
+  for (const Eigen::Vector4d& refused : {Eigen::Vector4d(5, 1, 2, 6), {5, 9, 9, 6}}) {
+    scenario.controller.gains["kp"] = refused;
+    EXPECT_THAT(refusal(scenario), AllOf(HasSubstr("arm.yaml:22: controller.gains.kp"),
+                                         HasSubstr("symmetric and positive definite")));
+  }
+}
+
+TEST(Registry, RefusesFrictionFedForwardThroughSprings) {
+  experiment::Scenario scenario = flexible_scenario("loria_ortega_flexible");
+  scenario.controller.friction = {pair(1, 1), pair(0, 0), pair(1, 1)};
+  EXPECT_THAT(refusal(scenario), HasSubstr("controller.friction: given, and the joints are flex"));
 }
 
 TEST(Registry, AddsRotorInertiaForRigidLawsOnlyAndTakesTheScenariosGravity) {

@@ -339,6 +339,11 @@ TEST(Scenario, AnAnchorIsWrittenOutInTheText) {
   EXPECT_THAT(s.text, Not(HasSubstr("*a")));
 }
 
+TEST(Scenario, AGainMayBeAMatrixWithAListPerJoint) {
+  const Scenario s = parsed(replaced(full, "[40, 20]", "[[40, 3], [3, 20]]"));
+  EXPECT_THAT(values(s.controller.gains.at("kp")), ElementsAre(40, 3, 3, 20));
+}
+
 // ---- what is refused -------------------------------------------------------------------------
 
 struct Mutation {
@@ -437,6 +442,9 @@ TEST(Scenario, EveryMalformedOneIsRefusedWithFileLineKeyValueAndRange) {
       {"kp: [40, 20]",
        "kp: [40, 20, 10]",
        {"f.yaml:35: controller.gains.kp: [40, 20, 10] has length 3", "2 joints"}},
+      {"kp: [40, 20]",
+       "kp: [[40, 20]]",
+       {"f.yaml:35: controller.gains.kp: [[40, 20]] is a matrix of 1 rows", "2 joints"}},
       {"kp: [40, 20]", "kp: []", {"f.yaml:35: controller.gains.kp: [] has length 0", "2 joints"}},
       {"position_rad: [0.5, -0.5]",
        "position_rad: [0.5]",

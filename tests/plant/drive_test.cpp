@@ -18,6 +18,17 @@ TorqueCommand command(double first, double second) { return {Eigen::Vector2d(fir
 
 Drive drive(int delay) { return Drive(Eigen::Vector2d(10, robot::Model::unlimited), delay); }
 
+TEST(Drive, HoldsTheInitialTorqueUntilTheFirstCommandActs) {
+  Drive held(Eigen::Vector2d(10, 3), 2, {}, Eigen::Vector2d(4, -5));
+  for (int tick = 0; tick < 2; ++tick) {
+    ASSERT_TRUE(held.accept({Eigen::Vector2d(1, 2)}));
+    EXPECT_EQ(held.applied().tau, Eigen::Vector2d(4, -3)) << "limited as any torque";
+    held.end_tick();
+  }
+  ASSERT_TRUE(held.accept({Eigen::Vector2d(7, 2)}));
+  EXPECT_EQ(held.applied().tau, Eigen::Vector2d(1, 2));
+}
+
 TEST(Drive, AppliesEachCommandAfterItsDelayAndHoldsTheLastWhenOneIsMissed) {
   for (const int delay : {0, 1, 2, 7, max_delay_ticks}) {
     Drive d = drive(delay);

@@ -80,6 +80,16 @@ TEST(MakeDrive, LimitsAsTheScenarioSays) {
   EXPECT_EQ(applied({"plant.drive.torque_limit_Nm=[100, 20]"}), Vector(Eigen::Vector2d(100, -20)));
 }
 
+TEST(MakeDrive, HoldsTheInitialPostureUntilTheFirstCommand) {
+  const experiment::Scenario s =
+      scenario("practical_rigid", {"plant.initial={position_rad: [0.5, 1], torque: hold}",
+                                   "reference={hold: {position_rad: [0.5, 1]}}"});
+  const robot::Model model = plant_model(s);
+  Arm arm = make_arm(s, model);
+  arm.advance(make_drive(s, model).applied().tau, s.loop.period_s);
+  EXPECT_LT(arm.state().v.norm(), 1e-9) << "of 5e-2 rad/s without it";
+}
+
 TEST(ProtectiveStop, BringsARobotToRest) {
   for (const char* name : {"paper_rigid", "paper_flexible"}) {
     const experiment::Scenario s =

@@ -133,7 +133,7 @@ TEST(InProcessLoop, SaysInWhichTickALawHasNoFiniteTorque) {
     FAIL() << "the filter stayed below 1";
   } catch (const diagnostics::Failure& failure) {
     EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
-    EXPECT_THAT(failure.what(), HasSubstr("a torque that is not finite at tick 2"));
+    EXPECT_THAT(failure.what(), HasSubstr("at tick 2 is not finite"));
   }
 }
 

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <array>
+#include <string_view>
+#include <tuple>
+
+#include "controller/law/filtered_error.h"
+
+namespace tachless::controller::law {
+
+struct IntegralGains {
+  Vector kp, kd, a, b, ki;
+  double eps_1 = 0, eps_2 = 0;
+
+  static constexpr std::tuple keys{
+      gain("kp", &IntegralGains::kp, "N m/rad", "Weight of the position error"),
+      gain("kd", &IntegralGains::kd, "N m s/rad", "Weight of the filter output"),
+      gain("a", &IntegralGains::a, "1/s", "Filter pole"),
+      gain("b", &IntegralGains::b, "1/s", "Filter gain"),
+      gain("ki", &IntegralGains::ki, "N m/rad", "Weight of the integral"),
+      gain("eps_1", &IntegralGains::eps_1, "1/s", "Weight of e in what is integrated"),
+      gain("eps_2", &IntegralGains::eps_2, "1", "Weight of nu in what is integrated")};
+};
+
+/// `LoriaOrtegaRigid` with an integral that takes up constant torques unknown to the model, from
+/// link positions alone:
+///
+///   tau = ID(q, v_ref, vdot_ref) - Kp e - Kd nu - Ki y,   y = e - e(0) + int (eps_1 e - eps_2 nu).
+///
+/// ydot = edot + eps_1 e - eps_2 nu is the passive output for eq. 15 with these weights. The
+/// integral of nu is that of its own equation, A^-1 (B (e - e(0)) - (nu - nu(0))); e is taken to be
+/// linear between samples.
+class LoriaOrtegaIntegral : public FilteredError<LoriaOrtegaIntegral, IntegralGains> {
+ public:
+  static constexpr std::string_view name = "loria_ortega_integral";
+  static constexpr std::array signals{Signal{"error", "rad"}, Signal{"nu", "rad/s"},
+                                      Signal{"integral", "N m"}};
+  static constexpr std::string_view source =
+      "derived here from A. Loria and R. Ortega, Appl. Math. and Comp. Sci. 5(2), 1995; in the "
+      "line of R. Ortega, A. Loria and R. Kelly, A semiglobally stable output feedback PI2D "
+      "regulator for robot manipulators, IEEE Trans. Automatic Control 40(8), 1995";
+  static constexpr std::string_view proved =
+      "asymptotically stable with constant unknown torques, from a certified region, in "
+      "continuous time";
+  static constexpr std::string_view conditions =
+      "the matrix condition holds with the law's own eps_1 and eps_2; V(0) + 1/2 d' Ki^-1 d is at "
+      "most the certified level, d the unknown torque";
+
+  struct Memory {
+    Filter::Memory filter;
+    Vector y;  ///< [rad]
+
+    static constexpr std::tuple members{&Memory::filter, &Memory::y};
+  };
+  using FilteredError::FilteredError;
+
+  static Gains tuned(const Tuning& t) {
+    const double eps_1 = t.w / 3;
+    return {t.kp(),        t.kd(), t.each(t.filter),    t.each(t.filter),
+            0.25 * t.kp(), eps_1,  5 * eps_1 / t.filter};
+  }
+
+  /// y(0) = 0 after the first step.
+  [[nodiscard]] Memory start(const Measurement& measured, const ReferencePoint& reference) const {
+    const Filter::Memory filter = FilteredError::start(measured, reference);
+    return {filter, -increment(filter, filter_.step(filter, measured.q - reference.q_ref))};
+  }
+
+  [[nodiscard]] Step<Memory> step(const Memory& memory, const Measurement& measured,
+                                  const ReferencePoint& reference) const {
+    auto [filter, command, logged] = FilteredError::step(memory.filter, measured, reference);
+    const Vector y = memory.y + increment(memory.filter, filter);
+    const Vector integral = -gains_.ki.cwiseProduct(y);
+    command.tau += integral;
+    return {{filter, y}, command, {signals.size(), {logged.value[0], filter.nu, integral}}};
+  }
+
+  /// The weights of V for which the integral is the passive one.
+  [[nodiscard]] LyapunovWeights weights() const { return {gains_.eps_1, gains_.eps_2}; }
+
+  static constexpr std::string_view lyapunov_formula =
+      "½ ė′Mė + ½ e′Kp e + ½ ν′Kd B⁻¹ν + ε₁ e′Mė − ε₂ ν′Mė + ½ τ′Ki⁻¹τ of the integral";
+  /// With weights of its own, and as if no torque were unknown.
+  [[nodiscard]] double lyapunov(const LoopState& state, const ReferencePoint& reference,
+                                const LyapunovWeights& /*weights*/) const {
+    return FilteredError::lyapunov(state, reference, weights()) +
+           0.5 * weighted(gains_.ki.cwiseInverse(), state.controller.value[2]);
+  }
+
+ private:
+  [[nodiscard]] Vector increment(const Filter::Memory& from, const Filter::Memory& to) const {
+    const Vector de = to.e_previous - from.e_previous;
+    const Vector nu_dt = (gains_.b.cwiseProduct(de) - to.nu + from.nu).cwiseQuotient(gains_.a);
+    return de + 0.5 * settings_.period_s * gains_.eps_1 * (from.e_previous + to.e_previous) -
+           gains_.eps_2 * nu_dt;
+  }
+};
+
+static_assert(OutputFeedbackLaw<LoriaOrtegaIntegral>);
+
+}  // namespace tachless::controller::law
