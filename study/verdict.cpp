@@ -183,7 +183,9 @@ Yardsticks yardsticks(const experiment::Scenario& scenario) {
         gain == scenario.controller.gains.end()) {
       continue;
     }
+    const Eigen::Index n = scenario.num_joints;
     result.stiffness = gain->second;
+    if (result.stiffness.size() != n) result.stiffness = gain->second.reshaped(n, n).diagonal();
     break;
   }
   return result;

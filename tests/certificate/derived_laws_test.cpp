@@ -278,14 +278,10 @@ TEST(ScheduledLaw, VdotIsTheQuadraticFormForSevenJoints) {
 }
 
 /// w of 23 Hz at 1 kHz, a = 1 / h, as the rule has it.
-const std::vector<std::string> scheduled = {"controller.law=loria_ortega_scheduled",
-                                            "controller.gains.w=145",
-                                            "controller.gains.damping=0.7",
-                                            "controller.gains.a=1000",
-                                            "controller.gains.b=1000",
-                                            "plant.mechanics=native",
-                                            "loop.period_s=1e-3",
-                                            "loop.command_delay=1"};
+const std::vector<std::string> scheduled = {
+    "controller.law=loria_ortega_scheduled",
+    "controller.gains={w: 145, damping: 0.7, a: 1000, b: 1000}", "plant.mechanics=native",
+    "loop.period_s=1e-3", "loop.command_delay=1"};
 
 class ScheduledArms : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Scenarios, ScheduledArms,
