@@ -1,31 +1,20 @@
 #pragma once
 
 #include <array>
-#include <concepts>
 
 #include "controller/law/parts.h"
 
 namespace tachless::controller::law {
 
-/// Velocity from sampled positions. `start` gives the memory before the first sample is given to
-/// `step`, which is then told the `ticks` >= 1 periods since the sample before; `velocity` is what
-/// the memory says of the sample last given [rad/s]. The first one is v_ref.
-template <class E>
-concept VelocityEstimator = std::constructible_from<E, const typename E::Gains&, const Settings&> &&
-    requires(const E& estimator, const typename E::Memory& memory, const Vector& q,
-             const ReferencePoint& reference) {
-  { estimator.start(q, reference) } -> std::same_as<typename E::Memory>;
-  { estimator.step(memory, q) } -> std::same_as<typename E::Memory>;
-  { estimator.velocity(memory) } -> std::convertible_to<Vector>;
-};
-
 /// `WenBayard` with an estimate v_hat in the place of the measured velocity:
 ///
 ///   tau = M(q) vdot_ref + C(q, v_ref) v_ref + g(q) - Kp e - Kd (v_hat - v_ref).
 ///
-/// Base of the laws that differ by where v_hat comes from; no law by itself. With
-/// `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead.
-template <VelocityEstimator Estimator>
+/// Base of the laws that differ by where v_hat comes from; no law by itself. `Estimator` has Gains,
+/// a Memory, `start` before the first position is given to `step`, and `velocity` of the position
+/// that was given last [rad/s]. With `feedforward_lead_s`, v_ref and vdot_ref of the first two
+/// terms are taken that much ahead.
+template <class Estimator>
 class EstimatedVelocity : public RigidLaw<typename Estimator::Gains> {
   using Base = RigidLaw<typename Estimator::Gains>;
 

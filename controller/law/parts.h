@@ -20,6 +20,14 @@ constexpr schema::Key<Gains, Member> gain(std::string_view name, Member Gains::*
   return schema::Key{name, member, unit, meaning}.in(schema::positive);
 }
 
+struct PdGains {
+  Vector kp, kd;
+
+  static constexpr std::tuple keys{
+      gain("kp", &PdGains::kp, "N m/rad", "Weight of the position error"),
+      gain("kd", &PdGains::kd, "N m s/rad", "Weight of the velocity error")};
+};
+
 /// Gains of the laws that command -Kp e - Kd nu, where nudot = -A nu + B edot stands in for the
 /// velocity; one of each per joint.
 struct FilterGains {

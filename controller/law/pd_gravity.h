@@ -2,27 +2,18 @@
 
 #include <array>
 #include <string_view>
-#include <tuple>
 
 #include "controller/law/parts.h"
 #include "robot/dynamics.h"
 
 namespace tachless::controller::law {
 
-struct PdGravityGains {
-  Vector kp, kd;
-
-  static constexpr std::tuple keys{
-      gain("kp", &PdGravityGains::kp, "N m/rad", "Weight of the position error"),
-      gain("kd", &PdGravityGains::kd, "N m s/rad", "Weight of the velocity")};
-};
-
 /// Regulation of a rigid robot with measured velocity, `source`,
 ///
 ///   tau = g(q) - Kp e - Kd v,   q_ref constant.
 ///
 /// What `KellyRegulation` would be with a tachometer. A feed-forward lead changes nothing.
-class PdGravity : public RigidLaw<PdGravityGains>, public FullState {
+class PdGravity : public RigidLaw<PdGains>, public FullState {
  public:
   static constexpr std::string_view name = "pd_gravity";
   static constexpr std::array signals{Signal{"error", "rad"}};

@@ -2,20 +2,11 @@
 
 #include <array>
 #include <string_view>
-#include <tuple>
 
 #include "controller/law/parts.h"
 #include "robot/dynamics.h"
 
 namespace tachless::controller::law {
-
-struct WenBayardGains {
-  Vector kp, kd;
-
-  static constexpr std::tuple keys{
-      gain("kp", &WenBayardGains::kp, "N m/rad", "Weight of the position error"),
-      gain("kd", &WenBayardGains::kd, "N m s/rad", "Weight of the velocity error")};
-};
 
 /// Tracking of a rigid robot with measured velocity, `source`,
 ///
@@ -24,7 +15,7 @@ struct WenBayardGains {
 /// What `LoriaOrtegaRigid` would be with a tachometer (the paper's Remark 2). With
 /// `feedforward_lead_s`, v_ref and vdot_ref of the first two terms are taken that much ahead; e and
 /// edot are not.
-class WenBayard : public RigidLaw<WenBayardGains>, public FullState {
+class WenBayard : public RigidLaw<PdGains>, public FullState {
  public:
   static constexpr std::string_view name = "wen_bayard";
   static constexpr std::array signals{Signal{"error", "rad"}, Signal{"edot", "rad/s"}};
