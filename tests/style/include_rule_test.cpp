@@ -84,7 +84,10 @@ const std::vector<Rule> rules = {
      {"controller/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "schema/",
       "diagnostics/"},
      {"Eigen/"}},
-    {"controller/law_socket.", {"controller/", "process/", "bus/", "diagnostics/"}, {}, true},
+    {"controller/law_socket.",
+     {"controller/", "process/", "bus/", "node/run_info.h", "diagnostics/"},
+     {},
+     true},
     {"controller/law/", {"controller/law/", "loop/signals.h", "schema/", "robot/"}, {"Eigen/"}},
     {"controller/law/filter.h", {"schema/", "robot/quantities.h"}, {}},
 
