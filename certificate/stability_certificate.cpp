@@ -108,10 +108,14 @@ class ErrorLoop {
   /// certified over many. A law with weights of its own has those.
   std::optional<CertifiedRegion> best(Goal goal) {
     if (loop_.weights) return certified(*loop_.weights);
-    const MatrixCondition coarse{
-        loop_.systems,
-        Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}), B_d_,
+    MatrixCondition coarse{
+        {},
+        Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}),
+        B_d_,
         false};
+    for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
+      coarse.systems.push_back(loop_.systems[i]);
+    }
     const MatrixCondition middle =
         proved()
             ? MatrixCondition{fine().systems, fine().postures, B_d_, false}
@@ -172,7 +176,7 @@ class ErrorLoop {
                Postures(model_, {.circle_points = constant ? 360 : 90,
                                  .bound_between = constant,
                                  .samples = samples(1024)}),
-               B_d_};
+               B_d_, constant};
     }
     return *fine_;
   }
