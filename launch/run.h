@@ -67,7 +67,7 @@ struct PlannedRun {
   std::vector<Remark> remarks = {};
 
   /// On stderr; with --quiet the warnings alone.
-  void say_remarks() const;
+  void print_remarks() const;
   /// That of a run which has not begun.
   [[nodiscard]] Progress progress() const;
 };
@@ -75,7 +75,7 @@ struct PlannedRun {
 /// The runs of `scenarios`. What a process would refuse later is refused here: a scenario, limits
 /// of the machine, channels that two robots would share, an unstable loop without --force. The
 /// remarks are whether the linearised loop is stable, where the plant has its friction from, what
-/// the URDF has that is not as it should be, and what the reference asks in vain of drives and
+/// the URDF has that is not as it should be, and what of the reference is beyond drives and
 /// joints.
 /// @param options as of `run`
 /// @throw diagnostics::Failure(bad_usage)
@@ -150,7 +150,7 @@ class Conclusions {
 
  private:
   bool braces_ = false;
-  std::string rows_;
+  std::vector<std::vector<std::string>> rows_;  ///< of the table of several robots
   int count_ = 0;
   diagnostics::ExitCode code_ = diagnostics::ExitCode::done;
 };

@@ -21,6 +21,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
+#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 #include "report/figure.h"
 #include "report/recorded_run.h"
@@ -267,13 +268,21 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   }
   if (code_ == ExitCode::done) code_ = end.code;
   if (several && !options.json && !options.quiet) {
-    rows_ += overview_row(options.robot, summary, joints);
+    const double wall_s = summary.wall_s();
+    const auto ticks = static_cast<double>(summary.ticks());
+    rows_.push_back({options.robot, std::to_string(summary.ticks()),
+                     wall_s > 0 ? report::short_rate(ticks / wall_s) : "-",
+                     std::to_string(summary.facts.log_gaps), text(summary.verdict, joints)});
   }
 }
 
 ExitCode Conclusions::finish() const {
   if (braces_) std::cout << "}\n";
-  if (!rows_.empty()) std::cout << "\n" << report::overview_head() << rows_;
+  if (rows_.empty()) return code_;
+  std::vector<std::vector<std::string>> all = {
+      {"robot", "ticks", "ticks/s", "log gaps", "verdict"}};
+  all.insert(all.end(), rows_.begin(), rows_.end());
+  std::cout << "\n" << diagnostics::table(all, "lrrrl");
   return code_;
 }
 

@@ -14,6 +14,7 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
+#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 #include "process/child.h"
 #include "report/sweep_page.h"
@@ -25,33 +26,25 @@ namespace fs = std::filesystem;
 using Outcomes = std::map<std::string, std::int64_t>;  // how many runs ended how
 
 constexpr const char* remedy = "make room there";
-constexpr std::size_t column_width = 10;
 
 /// A comparison's row of measures for each law, for people.
 std::string comparison_table(const study::SweepPlan& plan,
                              const std::vector<study::SweepRow>& rows) {
   const robot::JointLabels joints = robot::joint_labels(*plan.scenario(plan.at(0)).model);
-  std::size_t width = 3;
-  for (const study::SweepRow& row : rows) width = std::max(width, row.which.law.size());
-  std::string names = fmt::format("  {:<{}}  {:<12}", "law", width, "outcome");
-  std::string units(names.size(), ' ');
-  for (const study::MeasureColumn& column : study::measure_columns(true)) {
-    names += fmt::format(" {:>{}}", column.name, column_width);
-    units += fmt::format(" {:>{}}", study::unit_of(column, joints),
-                         std::max(column_width, column.name.size()));
+  const auto columns = study::measure_columns(true);
+  std::vector<std::vector<std::string>> cells = {{"law", "outcome"}, {"", ""}};
+  for (const study::MeasureColumn& column : columns) {
+    cells[0].emplace_back(column.name);
+    cells[1].emplace_back(study::unit_of(column, joints));
   }
-  std::string table = names + "\n" + units + "\n";
   for (const study::SweepRow& row : rows) {
-    table += fmt::format("  {:<{}}  {:<12}", row.which.law, width, schema::name_of(row.outcome));
-    for (std::size_t i = 0; i < row.measures.size(); ++i) {
-      const double value = row.measures[i];
-      table += fmt::format(" {:>{}}", std::isfinite(value) ? fmt::format("{:.3g}", value) : "-",
-                           std::max(column_width, study::measure_columns(true)[i].name.size()));
+    cells.push_back({row.which.law, std::string(schema::name_of(row.outcome))});
+    for (const double value : row.measures) {
+      cells.back().push_back(std::isfinite(value) ? fmt::format("{:.3g}", value) : "-");
     }
-    table += "\n";
-    if (!row.stopped.empty()) table += fmt::format("  {:<{}}  {}\n", "", width, row.stopped);
+    cells.back().push_back(row.stopped);
   }
-  return table;
+  return diagnostics::table(cells, "ll" + std::string(columns.size(), 'r') + "l");
 }
 
 /// The same as JSON; null: there is no such number.

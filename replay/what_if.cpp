@@ -11,9 +11,9 @@
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
+#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 #include "logger/table.h"
-#include "report/summary.h"
 
 namespace tachless::replay {
 namespace {
@@ -93,21 +93,21 @@ Comparison compare(logger::RunLog& log, const std::vector<std::string>& override
 std::string comparison_text(const Comparison& comparison, const robot::JointLabels& labels,
                             double period_s) {
   const Replay& replay = comparison.replay;
-  const std::vector<std::string> names = report::joint_column(labels.name);
-  const std::size_t width = names.front().size();
-  std::string text = fmt::format(
-      "{}\n{} ticks, {} of them with another command\n\n"
-      "  {:<{}}  {:>37}   {:>25}\n  {:<{}}  {:>12} {:>11} {:>12}   {:>12} {:>12}\n",
-      comparison.title, replay.compared, replay.different, "joint", width,
-      "replayed - recorded torque", "peak torque", "", width, "max", "at", "rms", "recorded",
-      "replayed");
+  std::vector<std::vector<std::string>> rows = {
+      {"joint", "replayed - recorded torque", "", "", "peak torque"},
+      {"", "max", "at", "rms", "recorded", "replayed", ""}};
   for (std::size_t i = 0; i < replay.joints.size(); ++i) {
     const JointTorques& joint = replay.joints[i];
-    text += fmt::format("  {}  {:12.5g} {:9.4g} s {:12.5g}   {:12.5g} {:12.5g} {}\n", names[i],
-                        joint.difference.peak(), static_cast<double>(joint.peak_tick) * period_s,
-                        joint.difference.rms(), joint.recorded.peak(), joint.replayed.peak(),
-                        labels.effort[i]);
+    rows.push_back({fmt::format("{} {}", i + 1, diagnostics::printable(labels.name[i])),
+                    fmt::format("{:.5g}", joint.difference.peak()),
+                    fmt::format("{:.4g} s", static_cast<double>(joint.peak_tick) * period_s),
+                    fmt::format("{:.5g}", joint.difference.rms()),
+                    fmt::format("{:.5g}", joint.recorded.peak()),
+                    fmt::format("{:.5g}", joint.replayed.peak()), labels.effort[i]});
   }
+  const std::string text =
+      fmt::format("{}\n{} ticks, {} of them with another command\n\n{}", comparison.title,
+                  replay.compared, replay.different, diagnostics::table(rows, "lrrrrrl"));
   return text + fmt::format("\n  {}\n", diagnostics::printable(comparison.csv.string()));
 }
 

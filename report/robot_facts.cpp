@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/table.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
 #include "robot/model.h"
@@ -37,22 +38,6 @@ robot::Vector position_of(const Model& model, const std::vector<double>& given) 
   return Eigen::Map<const Eigen::VectorXd>(given.data(), model.num_joints);
 }
 
-/// Columns as wide as their widest cell, the first one to the left.
-std::string table(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<std::size_t> widths(rows.front().size(), 0);
-  for (const auto& row : rows) {
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
-  }
-  std::string text;
-  for (const auto& row : rows) {
-    text += fmt::format("  {:<{}}", row[0], widths[0]);
-    for (std::size_t i = 1; i < row.size(); ++i) text += fmt::format("  {:>{}}", row[i], widths[i]);
-    text += "\n";
-  }
-  return text;
-}
-
-/// Rounding, such as 1e-16, is 0.
 std::string number(double value) {
   if (std::abs(value) < 1e-12) return "0";
   return std::isfinite(value) ? fmt::format("{:.4g}", value) : "-";
@@ -103,7 +88,7 @@ std::string to_text(const RobotFacts& facts) {
       row.push_back(number(value));
     }
   }
-  text += table(rows);
+  text += diagnostics::table(rows, "lr");
   constexpr int shown = 10;
   text += fmt::format("inertia matrix{}, condition number {:.3g}\n",
                       model.num_joints > shown ? ": see --json" : "", facts.condition_number);
@@ -114,7 +99,7 @@ std::string to_text(const RobotFacts& facts) {
         entries[static_cast<std::size_t>(i)].push_back(number(value));
       }
     }
-    text += table(entries);
+    text += diagnostics::table(entries, "lr");
   }
   for (const std::string& warning : facts.warnings) text += "warning: " + warning + "\n";
   return text;

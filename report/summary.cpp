@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 
 namespace tachless::report {
@@ -143,36 +144,23 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
   return json;
 }
 
-std::vector<std::string> joint_column(const std::vector<std::string>& names) {
-  const std::size_t digits = std::to_string(names.size()).size();
-  std::vector<std::string> column;
-  std::size_t width = std::string_view("joint").size();
-  for (const std::string& name : names) {
-    column.push_back(
-        fmt::format("{:>{}} {}", column.size() + 1, digits, diagnostics::printable(name)));
-    width = std::max(width, column.back().size());
-  }
-  for (std::string& cell : column) cell.resize(width, ' ');
-  return column;
-}
-
 std::string closing_table(const RunSummary& summary, const robot::JointLabels& joints) {
   const study::Tracking& tracking = summary.tracking;
   const double wall_s = summary.wall_s();
   const auto ticks = static_cast<double>(summary.ticks());
   const node::PlantStatistics plant = summary.plant();
-  const std::vector<std::string> names = joint_column(joints.name);
-  const std::size_t width = names.front().size();
-  std::string text = fmt::format(
-      "  {:<{}}  {:>35}   {:>25}\n  {:<{}}  {:>11} {:>11} {:>11}   {:>12} {:>12}\n", "joint", width,
-      "position error", "torque", "", width, "peak", "rms", "final", "peak", "rms");
+  std::vector<std::vector<std::string>> rows = {
+      {"joint", "position error", "", "", "", "torque"},
+      {"", "peak", "rms", "final", "", "peak", "rms", ""}};
   for (std::size_t i = 0; tracking.num_ticks() > 0 && i < tracking.joints().size(); ++i) {
-    const study::JointTracking& joint = tracking.joints()[i];
-    text +=
-        fmt::format("  {}  {:11.3e} {:11.3e} {:+11.3e} {:<3} {:11.5g} {:12.5g} {}\n", names[i],
-                    joint.error.peak(), joint.error.rms(), joint.error.final(), joints.length[i],
-                    joint.torque.peak(), joint.torque.rms(), joints.effort[i]);
+    const study::Extent &error = tracking.joints()[i].error, &torque = tracking.joints()[i].torque;
+    rows.push_back({fmt::format("{} {}", i + 1, diagnostics::printable(joints.name[i])),
+                    fmt::format("{:.3e}", error.peak()), fmt::format("{:.3e}", error.rms()),
+                    fmt::format("{:+.3e}", error.final()), joints.length[i],
+                    fmt::format("{:.5g}", torque.peak()), fmt::format("{:.5g}", torque.rms()),
+                    joints.effort[i]});
   }
+  std::string text = diagnostics::table(rows, "lrrrlrrl");
 
   const std::int64_t planned = summary.facts.planned_ticks;
   text += fmt::format("\n  {}{} ticks of {}, {}, in {:.3g} s", summary.ticks(),
@@ -199,20 +187,6 @@ std::string closing_table(const RunSummary& summary, const robot::JointLabels& j
   text += fmt::format("  {}\n", study::text(summary.verdict, joints));
   return text + fmt::format("  log gaps {}, resends {}, datagrams rejected {}\n",
                             summary.facts.log_gaps, total(summary, &Statistics::resends), rejected);
-}
-
-std::string overview_head() {
-  return fmt::format("  {:<16} {:>9} {:>9} {:>9}  {}\n", "robot", "ticks", "ticks/s", "log gaps",
-                     "verdict");
-}
-
-std::string overview_row(const std::string& robot, const RunSummary& summary,
-                         const robot::JointLabels& joints) {
-  const double wall_s = summary.wall_s();
-  const auto ticks = static_cast<double>(summary.ticks());
-  return fmt::format("  {:<16} {:>9} {:>9} {:>9}  {}\n", robot, summary.ticks(),
-                     wall_s > 0 ? short_rate(ticks / wall_s) : "-", summary.facts.log_gaps,
-                     study::text(summary.verdict, joints));
 }
 
 std::string short_rate(double per_s) {

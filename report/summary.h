@@ -53,14 +53,6 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
 /// The closing table: per joint error and torque, then how the run went.
 std::string closing_table(const RunSummary& summary, const robot::JointLabels& joints);
 
-/// The table of several robots' runs: a row for each, by the robot's name.
-std::string overview_head();
-std::string overview_row(const std::string& robot, const RunSummary& summary,
-                         const robot::JointLabels& joints);
-
-/// The first column of a table with a row per joint, all of one width: "1 shoulder", "2 elbow   ".
-std::vector<std::string> joint_column(const std::vector<std::string>& names);
-
 /// "9.3 k", "412": a rate for people.
 std::string short_rate(double per_s);
 

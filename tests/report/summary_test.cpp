@@ -143,10 +143,10 @@ TEST(Summary, OfARunThatNeverBeganSaysSo) {
 TEST(Summary, TableShowsEveryJointWithItsUnits) {
   const std::string table = closing_table({facts(), two_ticks(), counters()},
                                           {{"turn", "slide"}, {"rad", "m"}, {"N m", "N"}});
-  EXPECT_THAT(table, HasSubstr("  1 turn     5.000e-01"));
+  EXPECT_THAT(table, HasSubstr("  1 turn        5.000e-01"));
   EXPECT_THAT(table, HasSubstr("\n  2 slide  "));
-  EXPECT_THAT(table, HasSubstr("-2.500e-01 rad"));
-  EXPECT_THAT(table, HasSubstr("0 N\n"));
+  EXPECT_THAT(table, HasSubstr("-2.500e-01  rad"));
+  EXPECT_THAT(table, HasSubstr("0  N\n"));
   EXPECT_THAT(table, HasSubstr("16 ticks/s"));
   EXPECT_THAT(table, HasSubstr("log gaps 0, resends 4, datagrams rejected 8"));
   EXPECT_THAT(table, Not(HasSubstr("missed deadlines")));
