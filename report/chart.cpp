@@ -67,7 +67,7 @@ bool shown(const Chart& chart, const study::Point& point) {
 }
 
 bool has_something(const Chart& chart) {
-  return !chart.bars.empty() || !chart.cells.empty() ||
+  return !chart.cells.empty() ||
          std::ranges::any_of(chart.curves, [&](const Curve& curve) {
            return std::ranges::any_of(
                curve.points, [&](const study::Point& point) { return shown(chart, point); });

@@ -61,13 +61,6 @@ struct Mark {
   std::string colour;
 };
 
-/// One row of a chart whose ordinate is a list of names: bars where something was the case.
-struct Bars {
-  std::string name;
-  std::vector<std::pair<double, double>> stretches;
-  std::string colour;
-};
-
 /// A rectangle of a map; without a width, a dot.
 struct Cell {
   double left = 0, right = 0, bottom = 0, top = 0;
@@ -88,7 +81,6 @@ struct Chart {
   std::string name;     ///< of its place in a page; letters, digits and -
   std::string caption;  ///< alternative text (screen readers)
   std::string heading;  ///< above it, "Joint 1 · shoulder"
-  std::size_t run = 0;  ///< its run, where a chart is of one run
   Label x_label = words("time", "s");
   Label y_label = {};
   std::optional<std::pair<double, double>> x_range = {};
@@ -97,9 +89,9 @@ struct Chart {
   bool logarithmic_y = false;
   bool over_time = true;
   std::vector<Curve> curves = {};
-  std::vector<double> levels = {};  ///< horizontal lines; on a page alone, like marks and bars
+  std::vector<double> levels = {};  ///< horizontal lines; on a page alone, like marks
   std::vector<Mark> marks = {};
-  std::vector<Bars> bars = {};  ///< in place of curves
+  bool named_rows = false;  ///< no numbers at the ordinate: its curves are broad rows
   std::vector<Cell> cells = {};
   std::optional<ColourScale> scale = {};  ///< beside the chart
   std::string note = {};                  ///< in the upper right corner

@@ -58,21 +58,12 @@ Json chart_of(const Chart& chart) {
   for (const Curve& curve : chart.curves) {
     if (!curve.points.empty()) curves.push_back(curve_of(curve));
   }
-  for (const Bars& bars : chart.bars) {  // a row of them as a curve of broad pieces
-    const double row = -static_cast<double>(curves.size());
-    Curve curve{words(bars.name), {}, bars.colour, 9, {}, chart.run};
-    for (const auto& [from, to] : bars.stretches) {
-      curve.points.insert(curve.points.end(), {{from, row}, {to, row}, {to, NAN}});
-    }
-    curves.push_back(curve_of(curve));
-  }
-  if (!chart.bars.empty()) range = {0.5 - static_cast<double>(curves.size()), 0.5};
   for (const Mark& mark : chart.marks) marks.push_back({mark.from, mark.to, mark.colour});
   return {{"name", chart.name},
           {"label", html_of(chart.y_label).markup()},
           {"note", Html(chart.note).markup()},
           {"logarithmic", chart.logarithmic_y},
-          {"y_axis", chart.bars.empty()},
+          {"y_axis", !chart.named_rows},
           {"range", range},
           {"levels", chart.levels},
           {"marks", marks},

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 namespace tachless::report {
 namespace {
@@ -52,11 +53,16 @@ Chart events_chart(const Overlay& all, const RecordedRun& run) {
   Chart chart = all.over_time(fmt::format("events-{}", run.number + 1),
                               "Saturated torques, missed commands and missing records");
   chart.heading = all.alone() ? "" : run.label;
-  chart.run = run.number;
   chart.wide = true;
   const auto bar = [&](const std::string& name, const std::vector<logger::TickRange>& ranges,
                        const char* colour) {
-    if (!ranges.empty()) chart.bars.push_back({name, run.seconds(ranges), colour});
+    if (ranges.empty()) return;
+    const double row = -static_cast<double>(chart.curves.size());
+    Curve curve{words(name), {}, colour, 9, {}, run.number};
+    for (const auto& [from, to] : run.seconds(ranges)) {
+      curve.points.insert(curve.points.end(), {{from, row}, {to, row}, {to, NAN}});
+    }
+    chart.curves.push_back(std::move(curve));
   };
   for (std::size_t joint = 0; joint < run.saturated.size(); ++joint) {
     bar(fmt::format("saturated {}", joint + 1), run.saturated[joint].listed, alarm_colour);
@@ -69,6 +75,8 @@ Chart events_chart(const Overlay& all, const RecordedRun& run) {
   std::vector<logger::TickRange> faults;
   for (const auto& fault : run.summary.faults) faults.push_back({fault.tick, fault.tick});
   bar("fault", faults, palette[6]);
+  chart.named_rows = true;
+  chart.y_range = {{0.5 - static_cast<double>(chart.curves.size()), 0.5}};
   return chart;
 }
 
@@ -246,7 +254,7 @@ ReportSection events_section(const Overlay& all) {
   ReportSection section{"events", "Events and faults", ""};
   for (const RecordedRun& run : all.runs) {
     Chart chart = events_chart(all, run);
-    if (chart.bars.empty()) {
+    if (chart.curves.empty()) {
       section.text += html(
           "<p>{}No torque saturated, no command was missed, nothing is missing from the log, no "
           "process reported a fault.</p>",
