@@ -11,6 +11,7 @@
 #include <set>
 
 #include "report/axis.h"
+#include "tests/report/count.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/temporary_directory.h"
 
@@ -20,12 +21,6 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-std::size_t count(const std::string& text, const std::string& what) {
-  std::size_t found = 0;
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++found;
-  return found;
-}
 
 std::string drawn(const Figure& figure) { return inline_svg(figure, "caption").markup(); }
 

@@ -6,17 +6,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "tests/report/count.h"
+
 namespace tachless::report {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-
-std::size_t count(const std::string& text, const std::string& what) {
-  std::size_t found = 0;
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++found;
-  return found;
-}
 
 study::Tracking run(int num_joints, bool flexible, int num_ticks = 5'000) {
   study::Tracking tracking(num_joints);

@@ -11,6 +11,7 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "report/report_sections.h"
+#include "tests/report/count.h"
 #include "tests/support/damaged_log.h"
 #include "tests/support/in_process_log.h"
 #include "tests/support/temporary_directory.h"
@@ -44,12 +45,6 @@ class Report : public ::testing::Test {
 
   TemporaryDirectory directory_;
 };
-
-std::size_t count(const std::string& text, const std::string& what) {
-  std::size_t found = 0;
-  for (std::size_t at = 0; (at = text.find(what, at)) != std::string::npos; ++at) ++found;
-  return found;
-}
 
 TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   const auto log =
