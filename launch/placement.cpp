@@ -20,7 +20,7 @@ Placement choose_placement(const std::string& wanted, experiment::Mode mode, std
   std::vector<int> cpus = process::allowed_cpus();
   if (wanted == "none" || mode == experiment::Mode::realtime || cpus.size() == 1) return placement;
   // At most one of the three computes at a time, and waking a process on another CPU takes longer
-  // than on the same one. Runs side by side are told apart by the launcher's process number.
+  // than on the same one. Runs side by side are distinguished by the launcher's process number.
   const int cpu = cpus[(static_cast<std::size_t>(getpid()) + index) % cpus.size()];
   for (const Role role : {Role::plant, Role::controller, Role::reference}) {
     placement.cpus[static_cast<std::size_t>(role)] = {cpu};

@@ -97,7 +97,7 @@ ExitCode in_this_process(const std::vector<PlannedRun>& runs) {
   std::deque<RunDirectory> out;
   for (const PlannedRun& run : runs) out.emplace_back(run);
   Screen screen(runs.front().options.quiet);
-  for (const PlannedRun& run : runs) run.say_remarks();
+  for (const PlannedRun& run : runs) run.print_remarks();
   Conclusions conclusions;
   std::string failed;
   for (std::size_t i = 0; i < runs.size(); ++i) {

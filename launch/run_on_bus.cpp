@@ -46,13 +46,13 @@ class Heartbeats {
   /// What the controller has announced since the last call.
   void read_into(Progress& progress) {
     try {
-      while (!deaf_ && receive({})) {
-        if (heard_ && stamp_.run == run_ && who_.role == loop::Role::controller) {
-          progress.note(stamp_.tick, who_.error_norm, Clock::now());
+      while (!bus_lost_ && receive({})) {
+        if (announced_ && stamp_.run == run_ && participant_.role == loop::Role::controller) {
+          progress.note(stamp_.tick, participant_.error_norm, Clock::now());
         }
       }
     } catch (const Failure&) {
-      deaf_ = true;  // the programs lose the bus with it, and say so
+      bus_lost_ = true;  // the programs lose the bus too, and report it
     }
   }
 
@@ -61,33 +61,33 @@ class Heartbeats {
   /// here
   void require_free_bus(loop::Clock::time_point until) {
     const auto sender = receive(until);
-    if (!sender || !heard_ || who_.state == loop::ParticipantState::finished ||
-        who_.state == loop::ParticipantState::fault) {
+    if (!sender || !announced_ || participant_.state == loop::ParticipantState::finished ||
+        participant_.state == loop::ParticipantState::fault) {
       return;
     }
     throw Failure(ExitCode::protocol_violated,
                   "another run is on this bus: there is already the {} (process {} on {}, {}); run "
                   "beside it with --isolate, or end it first",
-                  loop::name(who_.role), who_.pid, who_.host, *sender);
+                  loop::name(participant_.role), participant_.pid, participant_.host, *sender);
   }
 
  private:
-  /// The sender of the next datagram; whether it is an announcement, says `heard_`.
+  /// The sender of the next datagram; `announced_`: it is an announcement.
   std::optional<std::string_view> receive(loop::Clock::time_point until) {
     const auto datagram = authenticated_.receive(until);
     if (!datagram) return std::nullopt;
-    heard_ = codec_.decode(datagram->payload, stamp_, who_) == bus::Rejection::none;
+    announced_ = codec_.decode(datagram->payload, stamp_, participant_) == bus::Rejection::none;
     return datagram->sender;
   }
 
   bus::UdpTransport transport_;
   bus::Authenticated authenticated_;
   bus::Codec<loop::Participant> codec_{loop::Layout{}};
-  bool deaf_ = false;  ///< the bus is gone
+  bool bus_lost_ = false;
   std::int64_t run_;
-  bool heard_ = false;
+  bool announced_ = false;
   loop::Stamp stamp_;
-  loop::Participant who_;
+  loop::Participant participant_;
 };
 
 /// A run whose four processes are on the bus.
@@ -174,10 +174,10 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
   return options;
 }
 
-/// Whether the program of --controller ended as if all was well, but without the counters that a
-/// controller leaves.
-bool program_took_no_part(const RunOptions& options, const Supervision& supervision,
-                          const std::vector<node::Statistics>& statistics) {
+/// Whether the program of --controller ended well, but without the counters that a controller
+/// leaves.
+bool controller_never_joined(const RunOptions& options, const Supervision& supervision,
+                             const std::vector<node::Statistics>& statistics) {
   const loop::Role controller = loop::Role::controller;
   return !options.law_program.empty() &&
          std::ranges::any_of(supervision.ends,
@@ -188,7 +188,7 @@ bool program_took_no_part(const RunOptions& options, const Supervision& supervis
          std::ranges::find(statistics, controller, &node::Statistics::role) == statistics.end();
 }
 
-/// Who else ended because of the first cause, and what helps.
+/// The other processes that ended because of the first cause, and what helps.
 std::vector<std::string> consequences(const Supervision& supervision, const RunOptions& options) {
   std::vector<std::string> lines;
   if (options.verbose) {
@@ -219,8 +219,8 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
   } else if (supervision.culprit) {
     end.facts.fault = describe(supervision.ends[*supervision.culprit]);
   }
-  const bool no_part = program_took_no_part(robot.options, supervision, end.statistics);
-  if (no_part) {
+  const bool never_joined = controller_never_joined(robot.options, supervision, end.statistics);
+  if (never_joined) {
     end.code = ExitCode::peer_lost;
     end.facts.fault = fmt::format(
         "--controller '{}': ended without having taken part; has it a main that calls "
@@ -228,7 +228,7 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
         robot.options.law_program);
   }
   // Otherwise the others have only waited for the program.
-  if (!no_part) end.consequences = consequences(supervision, robot.options);
+  if (!never_joined) end.consequences = consequences(supervision, robot.options);
   conclusions.add(robot.run, *robot.out, std::move(end));
 }
 
@@ -248,7 +248,7 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   std::vector<Progress> progress;
   std::vector<Supervised> supervised;
   for (OnTheBus& each : robots) {
-    each.run.say_remarks();
+    each.run.print_remarks();
     diagnostics::log_detail(each.options.named(each.placement.words));
     progress.push_back(each.run.progress());
     supervised.push_back(

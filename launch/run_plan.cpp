@@ -28,7 +28,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double many_integrator_steps = 100;
-// From a controller's death until another one has taken its place, on a busy machine.
 
 /// Whether the four programs of each of `runs` can open what they need.
 void require_open_files(std::size_t runs) {
@@ -164,7 +163,7 @@ std::string RunOptions::named(std::string_view line) const {
   return robot.empty() ? std::string(line) : fmt::format("{}: {}", robot, line);
 }
 
-void PlannedRun::say_remarks() const {
+void PlannedRun::print_remarks() const {
   for (const auto& [warns, line] : remarks) {
     if (warns) {
       diagnostics::log_warning(options.named(line));

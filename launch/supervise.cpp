@@ -45,7 +45,7 @@ bool ended_with(const ProcessEnd& end, ExitCode code) {
 }
 
 /// A process that ended because of a peer, by its exit code.
-bool is_victim(const ProcessEnd& end) {
+bool lost_its_peer(const ProcessEnd& end) {
   return ended_with(end, ExitCode::peer_lost) ||
          (end.signal == 0 && end.cause.starts_with("ended because of "));
 }
@@ -181,7 +181,7 @@ class Run {
       return;
     }
     const bool first = !result_.culprit.has_value();
-    if (first || (is_victim(result_.ends[*result_.culprit]) && !is_victim(end))) {
+    if (first || (lost_its_peer(result_.ends[*result_.culprit]) && !lost_its_peer(end))) {
       result_.culprit = i;
     }
     if (first && ended_with(end, ExitCode::check_said_no)) {
@@ -261,15 +261,15 @@ std::vector<Supervision> supervise(const std::vector<Supervised>& supervised) {
 }
 
 std::string describe(const ProcessEnd& end) {
-  const bool told = end.signal == 0 && !end.overdue && !end.cause.empty();
+  const bool has_cause = end.signal == 0 && !end.overdue && !end.cause.empty();
   std::string text = end.name;
   if (end.overdue) {
     text += " was still running after the others had ended; stopped";
-  } else if (!told) {
+  } else if (!has_cause) {
     text += " " + process::text(end);
   }
   if (end.signal != 0 && end.on_order) text += " because it did not end on SIGTERM";
-  const std::string& words = told ? end.cause : end.last_line;
+  const std::string& words = has_cause ? end.cause : end.last_line;
   if (!words.empty()) text += (end.well() ? ", saying: " : ": ") + words;
   return text;
 }

@@ -12,7 +12,6 @@ namespace {
 
 struct Run : RunOptions {
   std::vector<std::filesystem::path> scenarios;
-  bool visualize = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(
@@ -51,11 +50,11 @@ struct Run : RunOptions {
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
     auto* alone = command.add_flag(
         "--in-process", in_process,
-        "The loop in one process, without a bus: the same log, many times as fast; lockstep only");
+        "The loop in one process, without a bus: the same log, more than ten times faster; "
+        "lockstep only");
     for (const char* bus : {"--lcm-url", "--key-file", "--isolate", "--placement"}) {
       alone->excludes(command.get_option(bus));
     }
-    command.add_flag("--visualize", visualize)->group("");  // of 0.2.0
     auto* no_words = command.add_flag("-q,--quiet", quiet, "No progress and no table");
     command
         .add_flag("-v,--verbose", verbose,
@@ -64,20 +63,13 @@ struct Run : RunOptions {
     command.add_flag("--json", json, "The summary on stdout, instead of the table");
   }
 
-  [[nodiscard]] diagnostics::ExitCode run() const {
-    if (visualize) {
-      throw diagnostics::bad_usage(
-          "--visualize: the 3D window was removed; the robot moves in the page report.html that "
-          "every run writes");
-    }
-    return launch::run(*this, scenarios);
-  }
+  [[nodiscard]] diagnostics::ExitCode run() const { return launch::run(*this, scenarios); }
 };
 
 }  // namespace
 
 const Verb run_verb = verb_of<Run>(
-    "run", "Run an experiment: four processes, a log, a summary, a figure; or several on one bus",
+    "run", "Runs an experiment: four processes, a log, a summary, a figure; or several on one bus",
     "  tachless run scenarios/paper_rigid.yaml\n"
     "  tachless run scenarios/paper_rigid.yaml --duration 0.5 --set 'controller.gains.kp=[400, "
     "300]'\n"
