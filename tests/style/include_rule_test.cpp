@@ -125,7 +125,7 @@ const std::vector<Rule> rules = {
      {"Eigen/", "nlohmann/", "sodium.h"},
      true},
     {"replay/",
-     {"replay/", "report/", "study/", "controller/", "logger/", "experiment/", "robot/", "loop/",
+     {"replay/", "study/", "controller/", "logger/", "experiment/", "robot/", "loop/",
       "diagnostics/"},
      {"nlohmann/"}},
     {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
