@@ -33,7 +33,7 @@ inline const std::vector<LawExample>& law_examples() {
         "a: 1000, b: 1000}"}},
       {"loria_ortega_scheduled",
        "practical_rigid",
-       {"controller.gains={w: 140, damping: 0.7, a: 1000, b: 1000}"}},
+       {"controller.gains={w: 60, damping: 0.7, a: 1000, b: 1000}"}},
       {"kelly_regulation", "regulation", {}},
       {"kelly_flexible", "flexible_regulation", {}},
       {"wen_bayard", "practical_rigid", {"controller.gains={kp: [40000, 2400], kd: [1000, 60]}"}},
