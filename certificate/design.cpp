@@ -345,12 +345,14 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
 }
 
 std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,
-                                       double hz) {
+                                       double hz, double filter_ratio) {
   experiment::Scenario own = scenario;
   own.controller.law = law;
   const Search search(own, {});
   Design design;
-  design.gains = search.gains(2 * pi * hz, search.plain_rule());
+  Rule rule = search.plain_rule();
+  rule.filter_ratio = filter_ratio;
+  design.gains = search.gains(2 * pi * hz, rule);
   std::vector<std::string> all = overrides_of(design);
   all.insert(all.begin(), "controller.law=" + law);
   return all;

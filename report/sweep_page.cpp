@@ -164,6 +164,42 @@ Html outcome_table(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
               each(plan.laws, body));
 }
 
+/// A comparison's settled error over its torque noise: of each law a point for each of its tunings.
+Figure trade_off(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
+  const auto columns = study::measure_columns(true);
+  const auto at = [&](std::string_view name) {
+    return static_cast<std::size_t>(std::ranges::find(columns, name, &study::MeasureColumn::name) -
+                                    columns.begin());
+  };
+  const std::size_t noise = at("torque_noise"), error = at("settled_error");
+  const robot::JointLabels joints = joints_of(plan);
+  const auto label = [&](std::size_t column) {
+    return words(std::string(columns[column].name), study::unit_of(columns[column], joints));
+  };
+  Figure figure{"", {}, 1, 760};
+  Chart& chart = figure.charts.emplace_back();
+  chart.over_time = false;
+  chart.height_px = 360;
+  chart.x_label = label(noise);
+  chart.y_label = label(error);
+  chart.logarithmic_x = chart.logarithmic_y = true;
+  std::vector<std::string> laws;
+  for (const SweepRow& row : rows) {
+    const study::Point point{row.measures[noise], row.measures[error]};
+    if (!(point.x > 0 && point.y > 0) || study::broken_off(row.outcome)) continue;
+    if (laws.empty() || laws.back() != row.which.law) {
+      laws.push_back(row.which.law);
+      const std::string colour = colour_of(laws.size() - 1);
+      chart.curves.push_back({words(laws.back()), {}, colour, 1.4, dash_of(laws.size() - 1)});
+      chart.curves.push_back({{}, {}, colour, 0});
+      chart.curves.back().marker = Marker::dot;
+    }
+    chart.curves.end()[-2].points.push_back(point);
+    chart.curves.back().points.push_back(point);
+  }
+  return figure;
+}
+
 /// Of a comparison: a row of all measures for each law, and what was set for it.
 void write_comparison_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
                            const std::filesystem::path& directory) {
@@ -185,12 +221,20 @@ void write_comparison_page(const SweepPlan& plan, const std::vector<SweepRow>& r
         "<li>{}: <code>{}</code></li>\n", law.name,
         law.overrides.empty() ? "as in the scenario" : diagnostics::joined(law.overrides, "; "));
   };
+  const Figure figure = trade_off(plan, rows);
+  Html drawing;
+  if (!figure.charts[0].curves.empty()) {
+    write_figure(figure, directory / "trade_off.svg", study_remedy);
+    drawing = html("<figure>{}</figure>\n", inline_svg(figure, "Settled error over torque noise"));
+  }
   write_study_page(
       directory / "index.html", "Laws compared: " + plan.name,
       html("<p class=\"lead\">Every run is a row of <a href=\"results.csv\">results.csv</a>.</p>\n"
-           "<div class=\"table\"><table><tr><th>law</th><th>outcome</th>{}</tr>\n{}</table></div>\n"
+           "<div "
+           "class=\"table\"><table><tr><th>law</th><th>outcome</th>{}</tr>\n{}</table></div>\n{}"
            "<h2>Gains</h2>\n<ul>{}</ul>\n",
-           each(study::measure_columns(true), head), each(rows, body), each(plan.laws, gains)),
+           each(study::measure_columns(true), head), each(rows, body), drawing,
+           each(plan.laws, gains)),
       plan.text);
 }
 

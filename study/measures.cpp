@@ -58,8 +58,7 @@ std::span<const MeasureColumn> measure_columns(bool comparison) {
       {"energy", "J", [](const Measures& m) { return m.energy; }},
       {"velocity_error", "rad/s; m/s", [](const Measures& m) { return m.velocity_error; }},
       {"ticks", "", [](const Measures& m) { return static_cast<double>(m.ticks); }},
-      {"noise_amplification", "N m/rad; N/m",
-       [](const Measures& m) { return m.noise_amplification; }},
+      {"torque_noise", "N m; N", [](const Measures& m) { return m.torque_noise; }},
       {"largest_period_s", "s", [](const Measures& m) { return m.largest_period_s; }}};
   constexpr std::size_t of_comparison = 2;
   return std::span(columns).first(std::size(columns) - (comparison ? 0 : of_comparison));
@@ -136,12 +135,12 @@ std::optional<Measures> measure(const experiment::Scenario& scenario,
   return measures;
 }
 
-double noise_amplification(const experiment::Scenario& scenario) {
-  const robot::Vector count = experiment::encoder_count(scenario, *scenario.model);
-  const double noise = scenario.plant.encoder.noise_std_rad;
-  const double joints = scenario.num_joints, ticks = static_cast<double>(scenario.loop.num_ticks);
-  const double error = std::sqrt(count.squaredNorm() / (12 * joints) + noise * noise);
-  if (error == 0) return NAN;
+double torque_noise(const experiment::Scenario& scenario) {
+  const plant::EncoderSpec& encoder = scenario.plant.encoder;
+  if (!encoder.resolution_bits && encoder.noise_std_rad == 0 &&
+      encoder.velocity_noise_std_rad_per_s == 0) {
+    return NAN;
+  }
   std::vector<robot::Vector> torques;
   measure(scenario, [&](const TickRecord& tick) {
     torques.push_back(tick.command.tau);
@@ -158,7 +157,7 @@ double noise_amplification(const experiment::Scenario& scenario) {
     return true;
   });
   if (run->ticks != scenario.loop.num_ticks) return NAN;
-  return std::sqrt(sum / (ticks * joints)) / error;
+  return std::sqrt(sum / static_cast<double>(scenario.loop.num_ticks * scenario.num_joints));
 }
 
 }  // namespace tachless::study

@@ -35,9 +35,9 @@ struct Measures {
   double velocity_error = 0;
 
   // Of a comparison of laws; NaN where they were not computed.
-  /// Root mean square of what encoders and their noise add to the torque, over that of their errors
-  /// [N m/rad]; NaN with exact encoders, and when the run was broken off.
-  double noise_amplification = NAN;
+  /// Root mean square, over ticks and joints, of what counts and noise of the sensors add to the
+  /// torque [N m; N]; NaN with exact sensors, and when the run was broken off.
+  double torque_noise = NAN;
   double largest_period_s = NAN;  ///< at which the linearised loop is stable [s]
 };
 
@@ -51,9 +51,8 @@ std::string unit_of(const MeasureColumn& column, const robot::JointLabels& joint
 /// @param comparison with those of a comparison of laws, which are the last ones
 std::span<const MeasureColumn> measure_columns(bool comparison = false);
 
-/// `Measures::noise_amplification` of the scenario: two runs, with its encoders and with exact
-/// ones.
-double noise_amplification(const experiment::Scenario& scenario);
+/// `Measures::torque_noise` of the scenario: two runs, with its sensors and with exact ones.
+double torque_noise(const experiment::Scenario& scenario);
 
 /// Runs the scenario. An end by a protective stop is a result, and so is an error beyond 100 rad or
 /// m, at which the run is broken off as diverging.

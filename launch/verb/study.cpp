@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -57,15 +59,48 @@ std::vector<std::string> laws_of(const experiment::Scenario& scenario,
 
 /// What a comparison of laws adds to a run's measures.
 void complete_comparison(const experiment::Scenario& scenario, study::Measures& measures) {
-  measures.noise_amplification = study::noise_amplification(scenario);
+  measures.torque_noise = study::torque_noise(scenario);
   measures.largest_period_s =
       certificate::analyse(scenario, certificate::Effort::quick).limit_s.value_or(NAN);
+}
+
+/// The scenario under a law as overrides, by its rule of thumb.
+std::vector<std::string> under(const experiment::Scenario& scenario, const std::string& law,
+                               double hz, double filter_ratio) {
+  std::vector<std::string> gains = certificate::rule_of_thumb(scenario, law, hz, filter_ratio);
+  gains.insert(gains.begin(), "controller.gains={}");  // those of the scenario's own law go
+  return gains;
+}
+
+/// The same with the largest bandwidth at which the modulus margin, the least over the postures of
+/// the reference, is `modulus`; empty where none from 0.2 to 60 Hz has it.
+std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scenario& scenario,
+                                   const std::string& law, double modulus, double filter_ratio) {
+  plan.axes.clear();
+  const auto keeps = [&](double hz) {
+    plan.laws = {{law, under(scenario, law, hz, filter_ratio)}};
+    const experiment::Scenario tuned = plan.scenario(plan.at(0));
+    const certificate::ScenarioLoop loop(tuned);
+    return std::ranges::all_of(
+        loop.rest_points(certificate::reference_postures), [&](const auto& rest) {
+          return certificate::margins(loop.at(rest), tuned.loop.period_s).modulus >= modulus;
+        });
+  };
+  double low = 0.2, high = 60;
+  if (!keeps(low)) return {};
+  while (high > 1.05 * low) {
+    const double middle = std::sqrt(low * high);
+    (keeps(middle) ? low : high) = middle;
+  }
+  return under(scenario, law, low, filter_ratio);
 }
 
 struct Sweep {
   fs::path input, out;
   std::vector<std::string> overrides, vary, laws;
   double bandwidth_hz = 5;
+  std::optional<double> margin;
+  std::vector<double> filters = {10};
   std::int64_t random = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(process::all_cores());
@@ -123,7 +158,20 @@ struct Sweep {
         .add_option("--laws", laws,
                     "Names, with commas between; default: all, every law for these joints")
         ->delimiter(',');
-    add_bandwidth(command);
+    auto* bandwidth = add_bandwidth(command);
+    command
+        .add_option(
+            "--margin", margin,
+            "In its place: each law as fast as this modulus margin allows; without the laws "
+            "that cannot be linearised")
+        ->check(CLI::Range(0.05, 0.95))
+        ->excludes(bandwidth);
+    command
+        .add_option("--filters", filters,
+                    "How many times as fast as the loop filters and observers are, with commas "
+                    "between; default: 10")
+        ->delimiter(',')
+        ->check(CLI::PositiveNumber);
     command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
     add_json(command, json);
     add_quiet(command, quiet);
@@ -143,8 +191,8 @@ struct Sweep {
   }
 
  private:
-  void add_bandwidth(CLI::App& command) {
-    command
+  CLI::Option* add_bandwidth(CLI::App& command) {
+    return command
         .add_option("--bandwidth", bandwidth_hz,
                     "To which each law of --laws is tuned [Hz]; default: 5")
         ->check(CLI::PositiveNumber);
@@ -161,11 +209,20 @@ struct Sweep {
     plan.drawn = random;
     plan.seed = seed;
     for (const std::string& text : vary) plan.axes.push_back(study::parse_axis(text, random > 0));
+    Screen screen(quiet);
     for (const std::string& law : laws_of(scenario, laws)) {
-      std::vector<std::string> gains = certificate::rule_of_thumb(scenario, law, bandwidth_hz);
-      gains.insert(gains.begin(), "controller.gains={}");  // those of the scenario's own law go
-      plan.laws.push_back({law, std::move(gains)});
+      if (margin && !controller::law_facts(law).no_linearisation.empty()) continue;
+      for (const double ratio : filters) {
+        screen.show(fmt::format("{}: tuned, filters {:g} times as fast", law, ratio));
+        study::SweepLaw tuned{law, margin ? at_margin(plan, scenario, law, *margin, ratio)
+                                          : under(scenario, law, bandwidth_hz, ratio)};
+        // A law without a filter is the same whatever the ratio.
+        const bool known = std::ranges::find(plan.laws, tuned.overrides,
+                                             &study::SweepLaw::overrides) != plan.laws.end();
+        if (!known && !tuned.overrides.empty()) plan.laws.push_back(std::move(tuned));
+      }
     }
+    screen.clear();
     if (plan.laws.empty()) plan.laws.push_back({scenario.controller.law, {}});
     (void)plan.scenario(
         plan.at(0));  // an axis that is no key is refused before anything is written

@@ -113,9 +113,9 @@ TEST_F(SweepVerb, ComparesLaws) {
   EXPECT_EQ(laws[0].at("law"), "loria_ortega_rigid");
   EXPECT_EQ(laws[1].at("set")[1], "controller.law=slotine_li");
   // At the same bandwidth, velocity from positions makes more of the encoder's counts.
-  EXPECT_GT(laws[0].at("noise_amplification"), laws[1].at("noise_amplification"));
+  EXPECT_GT(laws[0].at("torque_noise"), laws[1].at("torque_noise"));
   EXPECT_GT(laws[1].at("largest_period_s"), 1e-3);
-  EXPECT_THAT(contents(temporary_ / "compare" / "index.html"), HasSubstr("noise_amplification"));
+  EXPECT_THAT(contents(temporary_ / "compare" / "index.html"), HasSubstr("torque_noise"));
   // Its directory is enough to print the table again.
   Program again = start({"sweep", directory("compare")});
   ASSERT_EQ(again.wait(), 0) << again.errors();

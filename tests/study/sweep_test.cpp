@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cmath>
 #include <fstream>
+#include <numbers>
 
 #include "diagnostics/failure.h"
 #include "study/measures.h"
@@ -162,7 +163,7 @@ TEST_F(ASweep, SaysWhichValuesTheScenarioDoesNotTake) {
 // 1/s is (707e3, 42.4e3); the filter's decay gives the answer back: over white errors the variance
 // is (Kp + Kd beta)^2 + (Kd beta (1 - phi))^2 / (1 - phi^2), with phi = (2 - a h) / (2 + a h) =
 // 1/3.
-TEST(Measures, NoiseAmplificationIsTheLawsOwn) {
+TEST(Measures, TorqueNoiseIsThatOfTheLawsGainOnCounts) {
   const auto scenario = [](std::vector<std::string> overrides) {
     overrides.insert(overrides.begin(), {"plant.mechanics=native", "loop.duration_s=0.5"});
     return experiment::load_scenario(TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
@@ -175,10 +176,11 @@ TEST(Measures, NoiseAmplificationIsTheLawsOwn) {
     sum += at_once * at_once + later * later / (1 - phi * phi);
   }
   // Quantisation of a motion is not quite white, and the loop answers: 10 %.
-  EXPECT_NEAR(noise_amplification(scenario({})) / std::sqrt(sum / 2), 1, 0.1);
-  EXPECT_TRUE(std::isnan(noise_amplification(scenario({"plant.encoder.resolution_bits=null"}))));
+  const double rounding = 2 * std::numbers::pi / (1 << 20) / std::sqrt(12);
+  EXPECT_NEAR(torque_noise(scenario({})) / (rounding * std::sqrt(sum / 2)), 1, 0.1);
+  EXPECT_TRUE(std::isnan(torque_noise(scenario({"plant.encoder.resolution_bits=null"}))));
   // Of a run that diverges there is none.
-  EXPECT_TRUE(std::isnan(noise_amplification(
+  EXPECT_TRUE(std::isnan(torque_noise(
       scenario({"controller.gains.kd=[20000, 1200]", "plant.integrator.accuracy=1e-5"}))));
 }
 
@@ -200,7 +202,7 @@ TEST_F(ASweep, WithoutAxesComparesLaws) {
   EXPECT_EQ(rows[0].measures.back(), 1);
   EXPECT_EQ(rows[1].measures.back(), 2);
   EXPECT_THAT(sweep.table(rows), HasSubstr("case,law,outcome,peak_error,"));
-  EXPECT_THAT(sweep.table(rows), HasSubstr(",noise_amplification,largest_period_s,stopped\n"));
+  EXPECT_THAT(sweep.table(rows), HasSubstr(",torque_noise,largest_period_s,stopped\n"));
   EXPECT_EQ(measure_columns().back().name, "ticks");
 }
 
