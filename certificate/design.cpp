@@ -4,309 +4,244 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
+#include "certificate/design_problem.h"
 #include "certificate/feasibility.h"
+#include "certificate/gain_search.h"
 #include "certificate/linear_loop.h"
 #include "certificate/postures.h"
 #include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "process/parallel.h"
-#include "robot/decompositions.h"
-#include "robot/dynamics.h"
 #include "robot/model.h"
 
 namespace tachless::certificate {
 namespace {
 
-using controller::law::Tuning;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
+using Eigen::Index;
+using Eigen::VectorXd;
 using loop::ReferencePoint;
 using process::parallel_map;
 using robot::Vector;
 
-constexpr double pi = std::numbers::pi;
-constexpr int other_postures = 16;
-constexpr double default_bandwidth_by_rate = 0.005;  // w / 2 pi over 1 / h
-// The filter is never faster than 1 / h, which the last ratio stands for.
-constexpr std::array filter_ratios = {4.0, 10.0, 1e9};
-constexpr std::array dampings = {1.0, 1.5, 2.0, 3.0};
-constexpr double least_gain_margin = 1.5;
-constexpr double between_frequencies = 1.02;  // the modulus may be that much lower than at them
-constexpr double as_fast = 1.1;  // of the shortest settling time: rules within it count as equal
-constexpr const char* bandwidth_asked_for = "the bandwidth asked for";
-
-/// One of the rules that are tried: all but w and what follows from it.
-struct Rule {
-  Tuning tuning;
-  double filter_ratio = 0;  ///< filter / (damping w)
-};
-
-/// The geometric mean over the postures of m_j = 1 / (M^-1)_jj.
-Vector mean_inertia(const std::vector<Eigen::MatrixXd>& inverse_M) {
-  Vector sum = Vector::Zero(inverse_M.front().rows());
-  for (const auto& inverse : inverse_M) sum.array() -= inverse.diagonal().array().log();
-  return (sum / static_cast<double>(inverse_M.size())).array().exp();
-}
-
-/// Joint inertias D from `start` on, such that the eigenvalues of M^-1 D at all postures together
-/// are as near each other as they can be: the loop's directions are as fast and as damped as these.
-Vector balanced_inertia(const std::vector<Eigen::MatrixXd>& inverse_M, const Vector& start) {
-  const auto spread = [&](const Eigen::VectorXd& log_scale) {
-    const Vector root = (start.array().log() + log_scale.array()).exp().sqrt();
-    double least = infinity, largest = 0;
-    for (const auto& inverse : inverse_M) {
-      const Eigen::MatrixXd scaled = root.asDiagonal() * inverse * root.asDiagonal();
-      const Eigen::VectorXd mu = robot::symmetric_eigenvalues(scaled);
-      least = std::min(least, mu.minCoeff());
-      largest = std::max(largest, mu.maxCoeff());
-    }
-    return std::log(largest / least);
-  };
-  const Eigen::VectorXd none = Eigen::VectorXd::Zero(start.size());
-  const Eigen::VectorXd best = minimise(spread, none, 0.5, 1000).x;
-  return start.array() * (best.array() - best.mean()).exp();
-}
-
-/// Within the joint's limits, where it has some.
-Vector posture_in_range(const robot::Model& model, int k) {
-  Vector q = spread_posture(model, k);
-  for (int i = 0; i < model.num_joints; ++i) {
-    const double width = model.upper[i] - model.lower[i];
-    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute &&
-        width < 2 * pi) {
-      q[i] = model.lower[i] + (q[i] + pi) / (2 * pi) * width;
-    }
-  }
-  return q;
-}
-
-/// How far the error at rest may reach: the geometric mean over the joints.
-double size_of(const Region& region) { return std::exp(region.e_at_rest.array().log().mean()); }
+constexpr int more_postures = 200, worst_postures = 6;
+constexpr int searched_postures = 4, search_evaluations = 50, rounds = 5;
+constexpr int steps_of_a_start = 20, steps_of_a_round = 60;
+constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
 
 class Search {
  public:
   Search(const experiment::Scenario& scenario, const DesignGoal& goal)
-      : scenario_(scenario), goal_(goal), law_(controller::law_facts(scenario.controller.law)) {
-    if (!law_.tuned) {
-      throw Failure(ExitCode::check_said_no, "{} has no rule for its gains: tune it by hand",
-                    law_.name);
-    }
-    const robot::Model model = plant_of(scenario);
-    const robot::Model& links = scenario.robot.flexible ? *scenario.model : model;
-    mean_.inertia = Vector::Ones(model.num_joints);
-    if (const auto& drive = scenario.robot.flexible) {
-      mean_.stiffness = drive->stiffness;
-      mean_.rotor = drive->rotor_inertia;
-    }
-    rests_ = loop_of(1, plain_rule()).rest_points(reference_postures);
-    num_reference_ = rests_.size();
-    for (int k = 1; k <= other_postures; ++k)
-      rests_.push_back(constant_reference(posture_in_range(model, k)));
-    inverse_M_ = parallel_map(rests_.size(), [&](std::size_t i) -> Eigen::MatrixXd {
-      return robot::inverse(robot::mass_matrix(links, rests_[i].q_ref));
-    });
-    mean_.inertia = mean_inertia(inverse_M_);
-    mean_.period_s = scenario.loop.period_s;
-  }
+      : scenario_(scenario),
+        goal_(goal),
+        law_(scenario, goal),
+        labels_(robot::joint_labels(*scenario.model)),
+        rests_(law_.first_rests()),
+        problem_(law_.at(rests_)) {}
 
-  /// With the mean inertias, critically damped, filters ten times as fast.
-  [[nodiscard]] Rule plain_rule() const { return {mean_, 10}; }
-
-  [[nodiscard]] std::vector<Rule> rules() const {
-    const auto with_filter = [&](double pole) {
-      Tuning tuning = mean_;
-      tuning.filter = pole;
-      return law_.tuned(tuning);
-    };
-    const double rate = 1 / scenario_.loop.period_s;
-    const bool has_filter = with_filter(0.1 * rate) != with_filter(0.2 * rate);
-    std::vector<Rule> all;
-    for (const Vector& inertia : {mean_.inertia, balanced_inertia(inverse_M_, mean_.inertia)}) {
-      for (const double damping : dampings) {
-        for (const double ratio : filter_ratios) {
-          if (!has_filter && ratio != filter_ratios[0]) continue;
-          all.push_back({mean_, ratio});
-          all.back().tuning.inertia = inertia;
-          all.back().tuning.damping = damping;
-        }
-      }
+  Design found(const OnProgress& tell) {
+    best_.theta = best_start(tell);
+    for (int round = 0; round < rounds; ++round) {
+      const std::string what = fmt::format("design: round {} of at most {}", round + 1, rounds);
+      search(what, tell);
+      tell(what + ", other postures");
+      if (!add_worst(round)) break;
     }
-    return all;
-  }
-
-  [[nodiscard]] std::map<std::string, Vector> gains(double w, const Rule& rule) const {
-    Tuning tuning = rule.tuning;
-    tuning.w = w;
-    tuning.filter = std::min(rule.filter_ratio * (tuning.damping * w), 1 / scenario_.loop.period_s);
-    return law_.tuned(tuning);
-  }
-
-  /// The design with w up to `highest` of the largest certified region among those that settle
-  /// first, and the rule that made it. Where nothing is certified, the first of them.
-  std::pair<Design, Rule> best_up_to(double highest, const std::vector<Rule>& rules,
-                                     const OnProgress& tell) {
-    const std::vector<Candidate> candidates = candidates_up_to(highest, rules, tell);
-    const Candidate* best = &candidates.front();
-    std::optional<Region> largest;
-    for (const Candidate& each : candidates) {
-      tell("design: certified regions");
-      const auto region = largest_region(scenario_with(each.w, each.rule));
-      if (!region || (largest && size_of(*region) <= size_of(*largest))) continue;
-      best = &each;
-      largest = region;
+    for (int attempt = 0; attempt < 3; ++attempt) {
+      Design design = result(tell);
+      if (!design.loop.stable || !design.loop.margins) break;
+      if (design.loop.margins->modulus >= goal_.modulus - margin_tolerance) return design;
+      rests_.push_back(constant_reference(design.loop.margin_q));
+      const double between = goal_.modulus - design.loop.margins->modulus;  // its frequencies
+      const double margin = problem_.margin + between;
+      problem_ = law_.at(rests_);
+      problem_.margin = margin;
+      search("design: a posture of the reference more", tell);
     }
-    Design design = result(*best);
-    if (largest) design.certified_error = largest->e_at_rest;
-    return {design, best->rule};
+    refuse();
   }
 
  private:
-  /// What a rule comes to.
-  struct Candidate {
-    Rule rule;
-    double w = 0, settling_s = 0;
-    std::string binds;
-  };
-
-  [[nodiscard]] experiment::Scenario scenario_with(double w, const Rule& rule) const {
-    experiment::Scenario scenario = scenario_;
-    scenario.controller.gains = gains(w, rule);
-    return scenario;
-  }
-  [[nodiscard]] ScenarioLoop loop_of(double w, const Rule& rule) const {
-    return ScenarioLoop(scenario_with(w, rule));
+  [[noreturn]] void refuse() const {
+    throw Failure(ExitCode::check_said_no,
+                  "no gains were found that keep a modulus margin of {:g} at all postures within "
+                  "{}; allow a shorter period, less delay, a finer encoder or a smaller --margin",
+                  goal_.modulus, "the torque of an encoder count");
   }
 
-  /// The settling time at the reference's slowest posture; infinite for an unstable loop.
-  [[nodiscard]] double settling_s(double w, const Rule& rule) const {
-    const ScenarioLoop loop = loop_of(w, rule);
-    const std::vector<double> each = parallel_map(num_reference_, [&](std::size_t i) {
-      return modes(loop.at(rests_[i]), loop.settings().period_s).settling_s;
-    });
-    return *std::max_element(each.begin(), each.end());
+  // ---- search -----------------------------------------------------------------------------------
+
+  void search(const std::string& what, const OnProgress& tell) {
+    best_ =
+        faster_gains(problem_, best_.theta, steps_of_a_round, [&](int step, const FoundGains& now) {
+          tell(fmt::format("{}, step {}: settles in {}, modulus {:.3f}", what, step,
+                           settling_text(now.settling_s), now.modulus));
+        });
+    if (!std::isfinite(best_.settling_s)) refuse();
   }
 
-  /// Why these gains do not do; empty when they do.
-  [[nodiscard]] std::string objection(double w, const Rule& rule) {
-    const ScenarioLoop loop = loop_of(w, rule);
-    const double h = loop.settings().period_s;
-    std::atomic<bool> any = false;
-    const auto found = parallel_map(rests_.size(), [&](std::size_t i) {
-      if (any) return "";
-      const CutLoop here = cut(loop.at(rests_[i]), h);
-      const auto stable = [&](double gain) { return spectral_radius(here.closed(gain)) < 1; };
-      const char* why = "";
-      if (!stable(1)) {
-        why = "stability";
-      } else if (!stable(least_gain_margin)) {
-        why = "the gain margin";
-      } else if (!has_modulus(here, h, between_frequencies * goal_.modulus)) {
-        why = "the modulus margin";
-      }
-      if (*why != 0) any = true;
-      return why;
-    });
-    for (std::size_t i = 0; i < found.size(); ++i) {
-      if (*found[i] == 0) continue;
-      std::string why =
-          fmt::format("{} at q = [{:.2f}]", found[i], fmt::join(rests_[i].q_ref, ", "));
-      std::swap(rests_[i], rests_[i < num_reference_ ? 0 : num_reference_]);  // first, next time
-      return why;
-    }
-    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
-    if (!limit) return {};
-    const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
-    const auto gain = own_gain(loop.at(rests_.front()).law(h));
-    for (Eigen::Index i = 0; i < gain.size(); ++i) {
-      if (gain[i] * count[i] > goal_.count_share * (*limit)[i]) {
-        return fmt::format(
-            "the torque of one encoder count on {}",
-            robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(i)));
-      }
-    }
-    return {};
-  }
-
-  /// The largest w up to `highest` without objection, to 5 %; 0 when there is none that settles
-  /// within `useful_s`. `why` is what binds.
-  double largest_w(double highest, const Rule& rule, double useful_s, std::string& why) {
-    double good = 0, bad = 0;
-    const auto attempt = [&](double w) {
-      const std::string still = objection(w, rule);
-      (still.empty() ? good : bad) = w;
-      if (!still.empty()) why = still;
+  /// The best of some starts after some steps each: by the rule, at the largest w that has half the
+  /// margin and at a quarter of it; where these come to nothing, at the largest that has it all. Of
+  /// a rule that has less, the w with the most.
+  VectorXd best_start(const OnProgress& tell) {
+    struct Start {
+      double filter_ratio, damping, part_of_margin, slower;
     };
-    for (double w = highest; w > 1e-3 * highest && good == 0; w /= 1.5) {
-      const double settling = settling_s(w, rule);
-      if (std::isfinite(settling) && settling > useful_s) return 0;
-      attempt(w);
+    constexpr std::array starts = {Start{4, 1, 0.5, 1},   Start{20, 1, 0.5, 1},
+                                   Start{4, 1, 0.5, 4},   Start{20, 1, 0.5, 4},
+                                   Start{20, 1, 1.02, 1}, Start{1e9, 3, 1.02, 1}};
+    FoundGains best;
+    for (const Start& start : starts) {
+      if (start.part_of_margin > 1 && std::isfinite(best.settling_s)) break;
+      tell(
+          fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()));
+      const auto gains_at = [&](double w) -> VectorXd {
+        return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping))
+            .cwiseMax(problem_.lower)
+            .cwiseMin(problem_.upper);
+      };
+      const double rate = 1 / scenario_.loop.period_s;
+      double best_w = 0, modulus = 0;
+      for (double w = 0.2 * rate; w > 1e-5 * rate; w /= 1.5) {
+        const double here = judged(problem_, gains_at(w)).modulus;
+        if (here > modulus) {
+          modulus = here;
+          best_w = w;
+        }
+        if (modulus > start.part_of_margin * goal_.modulus) break;
+      }
+      if (best_w == 0) continue;
+      const bool all = modulus > start.part_of_margin * goal_.modulus;
+      const FoundGains found =
+          faster_gains(problem_, gains_at(best_w / (all ? start.slower : 1)),
+                       all ? steps_of_a_start : steps_of_a_round, [](int, const FoundGains&) {});
+      if (found.settling_s < best.settling_s) best = found;
     }
-    while (good > 0 && bad > 1.05 * good) attempt(std::sqrt(good * bad));
-    return good;
+    if (!std::isfinite(best.settling_s)) refuse();
+    return best.theta;
   }
 
-  /// Of each rule with w up to `highest`; those as fast as the fastest.
-  std::vector<Candidate> candidates_up_to(double highest, const std::vector<Rule>& rules,
-                                          const OnProgress& tell) {
-    double fastest = infinity;
-    std::string last_reason;
-    std::vector<Candidate> all;
-    for (std::size_t k = 0; k < rules.size(); ++k) {
-      tell(fmt::format("design: rule {} of {}", k + 1, rules.size()));
-      std::string why;
-      const double w = largest_w(highest, rules[k], as_fast * fastest, why);
-      if (!why.empty()) last_reason = why;
-      if (w == 0) continue;
-      const double settling = settling_s(w, rules[k]);
-      fastest = std::min(fastest, settling);
-      all.push_back({rules[k], w, settling, why.empty() ? bandwidth_asked_for : why});
+  /// The least modulus at a posture; above 1 beyond the joints' ranges.
+  [[nodiscard]] double modulus_at(const Vector& q) const {
+    for (int i = 0; i < law_.model().num_joints; ++i) {
+      if (q[i] < law_.model().lower[i] || q[i] > law_.model().upper[i]) return 2;
     }
-    if (all.empty()) {
-      throw Failure(
-          ExitCode::check_said_no,
-          "no bandwidth up to {:.3g} Hz meets the requirements (limited by {}); allow a shorter "
-          "period, less delay, a finer encoder or a smaller --margin",
-          highest / (2 * pi), last_reason);
-    }
-    std::erase_if(all, [&](const Candidate& c) { return c.settling_s > as_fast * fastest; });
-    return all;
+    return least_moduli(law_.at({constant_reference(q)}), best_.theta)[0];
   }
 
-  /// All of it, but for what is certified.
-  [[nodiscard]] Design result(const Candidate& candidate) const {
-    const experiment::Scenario scenario = scenario_with(candidate.w, candidate.rule);
-    const ScenarioLoop loop(scenario);
-    const std::size_t others = rests_.size() - num_reference_;
-    const std::vector<double> modulus = parallel_map(others, [&](std::size_t i) {
-      return margins(loop.at(rests_[num_reference_ + i]), loop.settings().period_s).modulus;
+  /// Adds the worst of other postures, the first of them searched from there; whether there was one
+  /// without the margin.
+  bool add_worst(int round) {
+    std::vector<ReferencePoint> at;
+    for (int k = 1; k <= more_postures; ++k) {
+      at.push_back(rest_in_range(law_.model(), 1000 + round * more_postures + k));
+    }
+    const std::vector<double> modulus = least_moduli(law_.at(at), best_.theta);
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t i = 0; i < modulus.size(); ++i) order.emplace_back(modulus[i], i);
+    std::ranges::sort(order);
+    const auto searched = parallel_map(searched_postures, [&](std::size_t k) {
+      return minimise([&](const VectorXd& q) { return modulus_at(q); }, at[order[k].second].q_ref,
+                      0.3, search_evaluations);
     });
-    Design design;
-    design.gains = scenario.controller.gains;
-    design.w = candidate.w;
-    design.damping = candidate.rule.tuning.damping;
-    for (const auto& [name, value] : design.gains) {
-      if (name == "a" || name == "a1") design.filter_ratio = value[0] / candidate.w;
+    worst_ = *std::ranges::min_element(searched, {}, &Minimum::value);
+    for (const Minimum& each : searched) {
+      if (each.value < problem_.margin) rests_.push_back(constant_reference(each.x));
     }
-    design.binds = candidate.binds;
-    design.loop = analyse(scenario, Effort::full);
-    design.modulus_in_range = *std::ranges::min_element(modulus);
-    design.postures_in_range = static_cast<int>(others);
+    for (std::size_t k = 0; k < worst_postures && order[k].first < problem_.margin; ++k) {
+      rests_.push_back(at[order[k].second]);
+    }
+    problem_ = law_.at(rests_);
+    return worst_.value < problem_.margin;
+  }
+
+  // ---- result -----------------------------------------------------------------------------------
+
+  [[nodiscard]] std::string words(const Binding& binding) const {
+    const std::string much =
+        fmt::format(": a tenth more gives {:.1g} % ", 100 * binding.settling_share);
+    switch (binding.kind) {
+      case Binding::Kind::margin:
+        return fmt::format("the modulus margin at q = {}{}", list_text(rests_[binding.which].q_ref),
+                           much);
+      case Binding::Kind::count:
+        return fmt::format("the torque of one encoder count on {}{}", labels_.joint(binding.which),
+                           much);
+      case Binding::Kind::bound:
+        break;
+    }
+    return fmt::format("the bound on {}{}", law_.name_of(binding.which), much);
+  }
+
+  [[nodiscard]] Design result(const OnProgress& tell) const {
+    Design design;
+    design.gains = law_.gains(best_.theta);
+    for (auto& [name, values] : design.gains) {
+      for (double& value : values) value = std::stod(fmt::format("{:.4g}", value));
+    }
+    for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
+    const experiment::Scenario scenario = law_.with(design.gains);
+    design.loop = analyse(scenario, Effort::full, tell);
+    design.modulus_in_range = worst_.value;
+    design.range_q = worst_.x;
+    design.postures_in_range = more_postures;
+    tell("design: certified region");
+    if (const auto region = largest_region(scenario)) design.certified_error = region->e_at_rest;
+    add_friction(design);
     return design;
+  }
+
+  void add_friction(Design& design) const {
+    const auto n = static_cast<Index>(law_.model().num_joints);
+    const LinearLaw law = law_.feedback_at(design.gains, rests_.front());
+    const Eigen::MatrixXd K = at_frequency({law, {}, true}, 1e-3, scenario_.loop.period_s).K.real();
+    design.stiffness = Vector::Zero(n);
+    for (std::size_t part = 0; part < law.measured.size(); ++part) {
+      if (law.measured[part] != Part::q && law.measured[part] != Part::theta) continue;
+      design.stiffness -= K.middleCols(static_cast<Index>(part) * n, n).diagonal();
+    }
+    const Vector &coulomb = scenario_.plant.drive.coulomb_friction_Nm,
+                 &viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
+    if (coulomb.size() > 0 && !coulomb.isZero(0)) {
+      design.stuck_error = coulomb.cwiseQuotient(design.stiffness);
+    }
+    const std::vector<ReferencePoint> on_the_way = law_.loop().rest_points(reference_postures);
+    for (Index j = 0; j < n; ++j) {
+      const std::string name = labels_.joint(static_cast<std::size_t>(j));
+      const auto [least, most] =
+          std::ranges::minmax(on_the_way, {}, [j](const ReferencePoint& r) { return r.q_ref[j]; });
+      const double motion = most.q_ref[j] - least.q_ref[j];
+      if (design.stuck_error.size() > 0 && design.stuck_error[j] > 0.01 * motion) {
+        design.warnings.push_back(fmt::format(
+            "{} stops up to {:.2g} {} beside its goal: Coulomb friction of {:g} {} over a "
+            "stiffness "
+            "of {:.3g}; its motion is {:.2g}",
+            name, design.stuck_error[j], labels_.length[static_cast<std::size_t>(j)], coulomb[j],
+            labels_.effort[static_cast<std::size_t>(j)], design.stiffness[j], motion));
+      }
+      const double w = std::sqrt(design.stiffness[j] / law_.mean_inertia()[j]);
+      if (viscous.size() > 0 && 3 * design.stiffness[j] < w * viscous[j]) {
+        design.warnings.push_back(
+            fmt::format("{} is slowed by its viscous friction of {:g}: a pole at {:.2g} 1/s", name,
+                        viscous[j], design.stiffness[j] / viscous[j]));
+      }
+    }
   }
 
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
-  const controller::LawFacts& law_;
-  std::vector<Eigen::MatrixXd> inverse_M_;  ///< at each of `rests_` to begin with, of the links
-  Tuning mean_;                             ///< with the mean inertias
+  DesignProblem law_;
+  robot::JointLabels labels_;
   std::vector<ReferencePoint> rests_;
-  std::size_t num_reference_ = 0;
+  GainProblem problem_;  ///< at these
+  FoundGains best_;
+  Minimum worst_;  ///< of the modulus over the joints' range
 };
 
 }  // namespace
@@ -324,23 +259,16 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
                   "tachless sweep --laws",
                   law.name, law.no_linearisation);
   }
-  Search search(scenario, goal);
-  const double rate = 1 / scenario.loop.period_s;
-  if (!goal.settling_s) {
-    const double hz = goal.bandwidth_hz.value_or(default_bandwidth_by_rate * rate);
-    return search.best_up_to(2 * pi * hz, search.rules(), tell).first;
+  if (scenario.robot.flexible && !law.needs_flexible_joints) {
+    throw Failure(ExitCode::check_said_no,
+                  "{} is a law for rigid joints and {} has flexible ones: take "
+                  "--set controller.law=loria_ortega_flexible, or kelly_flexible to hold a posture",
+                  law.name, scenario.robot.name);
   }
-  // Settling scales with 1 / w: from the estimate of two real poles, corrected until it is met.
-  const double wanted = *goal.settling_s;
-  double highest = 7 / wanted;
-  auto [best, rule] = search.best_up_to(highest, search.rules(), tell);
-  for (int i = 0; i < 4 && best.binds == bandwidth_asked_for; ++i) {
-    const double settling_s = best.loop.modes.settling_s;
-    if (std::abs(settling_s - wanted) < 0.03 * wanted) break;
-    highest *= settling_s / wanted;
-    best = search.best_up_to(highest, {rule}, tell).first;
+  Design best = Search(scenario, goal).found(tell);
+  if (goal.settling_s && best.loop.modes.settling_s > 1.05 * *goal.settling_s) {
+    best.missed = goal.settling_s;
   }
-  if (best.loop.modes.settling_s > 1.05 * wanted) best.missed = wanted;
   return best;
 }
 
@@ -348,11 +276,8 @@ std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, con
                                        double hz, double filter_ratio) {
   experiment::Scenario own = scenario;
   own.controller.law = law;
-  const Search search(own, {});
   Design design;
-  Rule rule = search.plain_rule();
-  rule.filter_ratio = filter_ratio;
-  design.gains = search.gains(2 * pi * hz, rule);
+  design.gains = DesignProblem(own, {}).by_rule(2 * std::numbers::pi * hz, filter_ratio);
   std::vector<std::string> all = overrides_of(design);
   all.insert(all.begin(), "controller.law=" + law);
   return all;

@@ -8,36 +8,39 @@
 #include "certificate/prediction.h"
 #include "experiment/scenario.h"
 
-/// Gains for a scenario's law, by the sampled loop. They start from a rule of thumb: with
-/// m_j = 1 / (M^-1)_jj (what joint j feels when the others are free) and a bandwidth w,
+/// Gains for a scenario's law, by the sampled loop: those that settle first, judged by an error of
+/// each joint alone, with a modulus margin kept at the postures of the reference and over the range
+/// of the joints (gain_search.h). The search starts from a rule of thumb: with m_j = 1 / (M^-1)_jj
+/// (what joint j feels when the others are free), viscous friction d_j and a bandwidth w,
 ///
-///   kp = w^2 m_j,  kd = 2 w m_j,  a = b = r w,
+///   kp = w (w m_j + d_j),  kd = 2 w m_j,  a = b = r w,
 ///
-/// which has two real poles at w for r → infinity. Other directions of motion than the joints' own
-/// have the eigenvalues mu of M^-1 diag(m_j) in place of 1 and the damping sqrt(mu), whatever w: so
-/// kd is also tried larger, and the m_j also chosen such that all mu are near each other. Of these
-/// rules those count that settle first with the margins kept at all postures looked at, and of
-/// those within a tenth of the first the one for which the matrix condition certifies the largest
-/// region.
+/// with which friction makes no slow pole: for one joint and r → infinity
+/// m s^2 + (2 w m + d) s + kp = (s + w)(m s + w m + d).
 namespace tachless::certificate {
 
 struct DesignGoal {
-  std::optional<double> bandwidth_hz;  ///< w / 2 pi, at most
-  std::optional<double> settling_s;    ///< to 1 % of an error in all joints
-  double modulus = 0.5;                ///< least modulus margin
-  double count_share = 0.01;           ///< of the torque limit, by one encoder count
+  std::optional<double> bandwidth_hz;     ///< at most: kp no larger than the rule's for it
+  std::optional<double> settling_s;       ///< to 1 % of an error; what is left over becomes margin
+  std::optional<robot::Vector> least_kp;  ///< stiffness, of each joint [N m/rad]
+  std::optional<double> count_Nm;         ///< largest torque of one encoder count
+  std::optional<double> start_error;      ///< kp times that within the torque limit [rad; m]
+  double modulus = 0.5;                   ///< least modulus margin
+  double count_share = 0.01;              ///< of the torque limit, by one encoder count
 };
 
 struct Design {
   std::map<std::string, robot::Vector> gains;
-  double w = 0;             ///< [rad/s]
-  double damping = 0;       ///< kd / (2 w m_j)
-  double filter_ratio = 0;  ///< a / w; 0 for a law without filter
-  std::string binds;        ///< what keeps w from being larger
-  Prediction loop;          ///< with these gains, as `certify` prints it
-  /// The least modulus margin at postures spread over the range of the joints, beside those of the
-  /// reference that `loop` is about.
+  std::vector<std::string> binds;  ///< what keeps it from being faster, the costliest first
+  Prediction loop;                 ///< with these gains, as `certify` prints it
+  /// Torque per angle at rest, each joint's own, and the errors at which Coulomb friction holds it
+  /// [N m/rad], [rad]; the latter empty without such friction.
+  robot::Vector stiffness, stuck_error;
+  /// What friction does to it: a joint that sticks beside its goal, a slow pole. One line each.
+  std::vector<std::string> warnings;
+  /// The least modulus margin over the range of the joints, where, and of how many postures.
   double modulus_in_range = 0;
+  robot::Vector range_q;
   int postures_in_range = 0;
   /// Errors at rest that the matrix condition certifies, one joint at a time [rad; m]; empty where
   /// it certifies none, or all of them, as at a constant reference.
@@ -45,9 +48,8 @@ struct Design {
   std::optional<double> missed;  ///< the settling time asked for, when it is not reached [s]
 };
 
-/// Postures: those of the reference and some spread over the range of the joints.
-/// @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque limit below
-/// gravity, a motion that is too fast, margins that no bandwidth has.
+/// Deterministic. @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque
+/// limit below gravity, a motion that is too fast, margins that no gains have.
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
               const OnProgress& tell = no_progress);
 

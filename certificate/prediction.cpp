@@ -141,7 +141,12 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
   const auto slowest = static_cast<std::size_t>(std::ranges::max_element(radius) - radius.begin());
   find_limit(result, loops, rests, slowest);
   if (radius[slowest] >= 1) result.unstable_q = rests[slowest].q_ref;
-  result.modes = modes(loops[slowest], h);
+  const std::vector<Modes> all =
+      parallel_map(loops.size(), [&](std::size_t i) { return modes(loops[i], h); });
+  result.modes = all[slowest];
+  const Modes& longest = *std::ranges::max_element(all, {}, &Modes::settling_s);
+  result.modes.settling_s = longest.settling_s;
+  result.modes.settling_mean_s = longest.settling_mean_s;
 
   tell("sampled loop: along the reference");
   const bool ends = !scenario_loop.motion().repeats;

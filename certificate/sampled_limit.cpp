@@ -4,6 +4,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "robot/decompositions.h"
@@ -75,7 +76,8 @@ class Response {
     one_plus.diagonal().array() += 1;
     return robot::smallest_singular_value(one_plus);
   }
-  /// From well below the slowest mode to half the sampling rate.
+  /// From well below the slowest mode to half the sampling rate, and those of the closed loop's
+  /// poles: a resonance may be narrower than any grid.
   [[nodiscard]] std::vector<double> frequencies(int num_points) const {
     const double highest = std::numbers::pi / period_s_;
     double slowest = highest;
@@ -87,6 +89,11 @@ class Response {
     const double ratio = std::pow(highest / lowest, 1.0 / num_points);
     std::vector<double> w;
     for (int k = 0; k <= num_points; ++k) w.push_back(lowest * std::pow(ratio, k));
+    for (const auto& p : poles_) {
+      const double at = std::arg(p) / period_s_;
+      if (at > lowest && at < highest) w.push_back(at);
+    }
+    std::ranges::sort(w);
     return w;
   }
 
@@ -96,28 +103,33 @@ class Response {
   VectorXcd poles_;      ///< of the closed loop
 };
 
-/// The least f over the frequencies, refined between the neighbours of the best.
+/// The least f over the frequencies, refined between the neighbours of the lowest minima.
 template <class F>
 double least_over(const std::vector<double>& w, const F& f) {
-  std::size_t best = 0;
-  double least = infinity;
+  constexpr std::size_t refined = 3;
+  std::vector<double> value;
+  for (const double each : w) value.push_back(f(each));
+  std::vector<std::pair<double, std::size_t>> minima;
   for (std::size_t k = 0; k < w.size(); ++k) {
-    const double value = f(w[k]);
-    if (value < least) {
-      least = value;
-      best = k;
-    }
+    const bool before = k == 0 || value[k] <= value[k - 1];
+    if (before && (k + 1 == w.size() || value[k] <= value[k + 1])) minima.emplace_back(value[k], k);
   }
-  double low = w[best == 0 ? 0 : best - 1], high = w[std::min(best + 1, w.size() - 1)];
-  for (int i = 0; i < 40; ++i) {
-    const double third = (high - low) / 3;
-    if (f(low + third) < f(high - third)) {
-      high -= third;
-    } else {
-      low += third;
+  std::ranges::sort(minima);
+  double least = minima.front().first;
+  for (std::size_t m = 0; m < std::min(refined, minima.size()); ++m) {
+    const std::size_t k = minima[m].second;
+    double low = w[k == 0 ? 0 : k - 1], high = w[std::min(k + 1, w.size() - 1)];
+    for (int i = 0; i < 30; ++i) {
+      const double third = (high - low) / 3;
+      if (f(low + third) < f(high - third)) {
+        high -= third;
+      } else {
+        low += third;
+      }
     }
+    least = std::min(least, f((low + high) / 2));
   }
-  return std::min(least, f((low + high) / 2));
+  return least;
 }
 
 std::complex<double> nearest(const VectorXcd& values, const std::complex<double>& value) {
@@ -128,47 +140,49 @@ std::complex<double> nearest(const VectorXcd& values, const std::complex<double>
   return best;
 }
 
-/// The state of `map` (plant, memory, torques under way) with all joints displaced by one, rotors
-/// with their links, the law's memory as it starts there, and no torque under way.
-Eigen::VectorXd displaced(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map) {
+/// States of `map` (plant, memory, torques under way), one for each joint displaced alone by 1, its
+/// rotor with it, the law's memory as it starts there, and no torque under way.
+MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map) {
   const Index n = loop.plant.num_joints, plant = loop.plant.A.rows();
   const Index memory = map.rows() - plant - loop.delay * n;
-  Eigen::VectorXd state = Eigen::VectorXd::Zero(map.rows());
-  state.head(n).setOnes();
-  if (plant == 4 * n) state.segment(2 * n, n).setOnes();
+  MatrixXd state = MatrixXd::Zero(map.rows(), n);
+  state.topRows(n).setIdentity();
+  if (plant == 4 * n) state.middleRows(2 * n, n).setIdentity();
   if (law.start.size() > 0) {
     for (std::size_t i = 0; i < law.measured.size(); ++i) {
       if (law.measured[i] != Part::q && law.measured[i] != Part::theta) continue;
-      state.segment(plant, memory) +=
-          law.start.middleCols(static_cast<Index>(i) * n, n).rowwise().sum();
+      state.middleRows(plant, memory) += law.start.middleCols(static_cast<Index>(i) * n, n);
     }
     return state;
   }
-  const auto at_rest =
-      robot::solution(MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory),
-                      map.block(plant, 0, memory, plant) * state.head(plant));
-  if (at_rest) state.segment(plant, memory) = *at_rest;
+  const MatrixXd kept =
+      MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory);
+  for (Index k = 0; k < n; ++k) {
+    const auto at_rest =
+        robot::solution(kept, map.block(plant, 0, memory, plant) * state.col(k).head(plant));
+    if (at_rest) state.col(k).segment(plant, memory) = *at_rest;
+  }
   return state;
 }
 
-/// From `displaced`, in a few thousand steps at most, which are several periods when it takes long.
-double settling_time(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
-                     double period_s, double decay_per_s) {
-  constexpr double part = 0.01, most_steps = 5000;
+/// From each of `displaced`, in at most so many steps, which are several periods when it takes
+/// long.
+Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
+                               double period_s, double decay_per_s) {
+  constexpr double part = 0.01, most_steps = 2000;
   MatrixXd step = map;
   double step_s = period_s;
   // Several slowest modes together need longer than one; more than threefold none has been seen.
   const double longest_s = -3 * std::log(part) / decay_per_s;
   for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-  Eigen::VectorXd state = displaced(loop, law, map);
+  MatrixXd state = displaced(loop, law, map);
   const Index n = loop.plant.num_joints;
-  Eigen::ArrayXd peak = Eigen::ArrayXd::Zero(n);
-  double settled_s = 0;
+  Eigen::VectorXd settled_s = Eigen::VectorXd::Zero(n);
   for (double t = step_s; t <= longest_s; t += step_s) {
     state = step * state;
-    const Eigen::ArrayXd error = state.head(n).cwiseAbs();
-    peak = peak.max(error);
-    if ((error > part * peak).any()) settled_s = t;
+    for (Index k = 0; k < n; ++k) {
+      if (state.col(k).head(n).cwiseAbs().maxCoeff() > part) settled_s[k] = t;
+    }
   }
   return settled_s;
 }
@@ -249,8 +263,12 @@ Modes modes(const SampledLoop& loop, double period_s) {
     }
   }
   result.decay_per_s = decay;
-  result.settling_s =
-      result.stable ? settling_time(loop, law, map, period_s, result.decay_per_s) : infinity;
+  result.settling_s = result.settling_mean_s = infinity;
+  if (result.stable) {
+    const Eigen::VectorXd each = settling_times(loop, law, map, period_s, result.decay_per_s);
+    result.settling_s = each.maxCoeff();
+    result.settling_mean_s = each.mean();
+  }
   return result;
 }
 
@@ -273,12 +291,6 @@ Margins margins(const SampledLoop& loop, double period_s) {
       least_over(w, [&](double x) { return response.smallest_singular_value(x); });
   crossings(response, w, result);
   return result;
-}
-
-bool has_modulus(const CutLoop& loop, double period_s, double least) {
-  const Response response(loop, period_s);
-  const std::vector<double> w = response.frequencies(150);
-  return std::all_of(w.rbegin(), w.rend(), [&](double x) { return response.modulus(x) >= least; });
 }
 
 double radius_along(const std::function<MatrixXd(int)>& map_at, int ticks) {

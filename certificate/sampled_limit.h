@@ -40,9 +40,9 @@ struct Modes {
   bool stable = false;
   double radius = 0;       ///< spectral radius of the one-period map
   double decay_per_s = 0;  ///< of the slowest mode
-  /// Until of an error that begins alike in all joints, at rest, each joint's stays below 1 % of
-  /// its peak [s].
-  double settling_s = 0;
+  /// Until the errors of all joints stay below 1 % of the one that began in one joint alone, at
+  /// rest: the longest of all joints, and the mean [s].
+  double settling_s = 0, settling_mean_s = 0;
   double least_damped_hz = 0;
   double least_damping = 1;  ///< 1: no mode oscillates
 };
@@ -63,10 +63,6 @@ struct Margins {
 };
 /// Of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
-
-/// Whether the modulus margin of a stable loop is at least `least`, on a coarse grid of
-/// frequencies.
-bool has_modulus(const CutLoop& loop, double period_s, double least);
 
 /// Spectral radius per period along a motion that repeats after `ticks` periods: the root of that
 /// of the product of the one-period maps, `map_at(k)` leading from tick k to k + 1.

@@ -200,6 +200,15 @@ SampledLoop ScenarioLoop::at(const ReferencePoint& reference,
   return {plant(reference), law, settings.command_delay};
 }
 
+LinearLaw ScenarioLoop::law_with(const std::map<std::string, Vector>& gains,
+                                 const ReferencePoint& reference) const {
+  experiment::Scenario other = *scenario_;
+  other.controller.gains = gains;
+  ScenarioLoop loop = *this;
+  loop.scenario_ = std::make_shared<const experiment::Scenario>(std::move(other));
+  return loop.at(reference).law(settings_.period_s);
+}
+
 MatrixXd ScenarioLoop::map_at(double t_s) const {
   const ReferencePoint at_tick = trajectory_.at(t_s);
   const LinearLaw law = linear_law(*scenario_, at_tick, state_on(at_tick, model_, *scenario_));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -33,6 +34,10 @@ class ScenarioLoop {
   /// or the torque is late.
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference,
                                const controller::law::Settings& settings) const;
+
+  /// The law about rest there with these gains in place of the scenario's.
+  [[nodiscard]] LinearLaw law_with(const std::map<std::string, robot::Vector>& gains,
+                                   const loop::ReferencePoint& reference) const;
 
   /// The map of one period of the scenario from time t [s] on: the law at t, the plant half a
   /// period later.

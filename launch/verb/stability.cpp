@@ -7,7 +7,6 @@
 #include <cmath>
 #include <filesystem>
 #include <iostream>
-#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -103,27 +102,38 @@ std::string text(const certificate::Design& design, const experiment::Scenario& 
   for (const std::string& gain : certificate::overrides_of(design)) {
     text += fmt::format("  --set '{}'\n", gain);
   }
-  text += fmt::format("  bandwidth {:.3g} Hz, damping {:g}{}; limited by {}\n  {}\n",
-                      design.w / (2 * std::numbers::pi), design.damping,
-                      design.filter_ratio > 0
-                          ? fmt::format(", filters {:.3g} times as fast", design.filter_ratio)
-                          : "",
-                      design.binds, certificate::text(design.loop));
-  if (const auto& margins = design.loop.margins) {
-    text += fmt::format("  margins: {}; modulus {}\n", certificate::margins_text(*margins),
-                        certificate::modulus_text(*margins));
+  const auto line = [&](const std::string& what) { text += "  " + what + "\n"; };
+  const certificate::Prediction& loop = design.loop;
+  line(certificate::text(loop));
+  line(fmt::format("settling of an error of one joint alone: {} the slowest, {} the mean",
+                   certificate::settling_text(loop.modes.settling_s),
+                   certificate::settling_text(loop.modes.settling_mean_s)));
+  line(fmt::format("margins: {}; modulus {} at q = {}", certificate::margins_text(*loop.margins),
+                   certificate::modulus_text(*loop.margins),
+                   certificate::list_text(loop.margin_q)));
+  line(fmt::format("least modulus margin found in the joints' range: {:.2g} at q = {}",
+                   design.modulus_in_range, certificate::list_text(design.range_q)));
+  line(fmt::format("stiffness {} N m/rad", certificate::list_text(design.stiffness)));
+  if (design.stuck_error.size() > 0) {
+    line(fmt::format("Coulomb friction over stiffness {} rad",
+                     certificate::list_text(design.stuck_error)));
   }
-  text += fmt::format("  modulus margin at {} postures in the joints' range: {:.2g}\n",
-                      design.postures_in_range, design.modulus_in_range);
-  if (design.certified_error.size() == 0) return text;
-  return text + fmt::format("  certified from rest up to |e_i| = {}, one at a time\n",
-                            certificate::list_text(design.certified_error));
+  if (loop.count_Nm) {
+    line(fmt::format("torque of one encoder count {} N m", certificate::list_text(*loop.count_Nm)));
+  }
+  if (design.certified_error.size() > 0) {
+    line(fmt::format("certified from rest up to |e_i| = {}, one at a time",
+                     certificate::list_text(design.certified_error)));
+  }
+  for (const std::string& each : design.binds) line("limited by " + each);
+  return text;
 }
 
 struct Design {
   fs::path input;
   std::vector<std::string> overrides;
   certificate::DesignGoal goal;
+  std::vector<double> stiffness, rest_error;
   double period_s = 0;
   fs::path output;
   bool quiet = false, force = false;
@@ -133,12 +143,29 @@ struct Design {
         command.add_option("SCENARIO", input, "A scenario, or a URDF file"))
         ->required();
     node::add_overrides(command, overrides, "key.path=value; may be repeated");
-    auto* bandwidth = command.add_option("--bandwidth", goal.bandwidth_hz,
-                                         "At most [Hz]; default: 0.005 of the sampling rate");
-    bandwidth->check(CLI::PositiveNumber);
-    command.add_option("--settling", goal.settling_s, "To 1 % of an error [s]")
-        ->check(CLI::PositiveNumber)
-        ->excludes(bandwidth);
+    command.add_option("--bandwidth", goal.bandwidth_hz, "At most [Hz]; default: no bound")
+        ->check(CLI::PositiveNumber);
+    command
+        .add_option("--settling", goal.settling_s,
+                    "To 1 % of an error [s]; default: as fast as possible")
+        ->check(CLI::PositiveNumber);
+    command
+        .add_option("--stiffness", stiffness,
+                    "At least [N m/rad]: one number, or one for each joint")
+        ->delimiter(',')
+        ->check(CLI::PositiveNumber);
+    command
+        .add_option("--rest-error", rest_error,
+                    "TORQUE,ERROR: what a constant torque [N m] may displace at rest [rad]")
+        ->delimiter(',')
+        ->expected(2)
+        ->check(CLI::PositiveNumber);
+    command.add_option("--noise", goal.count_Nm, "Largest torque of one encoder count [N m]")
+        ->check(CLI::PositiveNumber);
+    command
+        .add_option("--start-error", goal.start_error,
+                    "Initial error [rad] whose torque is to stay within the limit")
+        ->check(CLI::PositiveNumber);
     command.add_option("--margin", goal.modulus, "Least modulus margin; default: 0.5")
         ->check(CLI::Range(0.05, 0.95));
     command
@@ -166,9 +193,11 @@ struct Design {
     require_writable(output, remedy);
     Screen screen(quiet);
     const certificate::Design design =
-        certificate::design(scenario, goal, [&](std::string_view what) { screen.show(what); });
+        certificate::design(scenario, whole_goal(scenario.num_joints),
+                            [&](std::string_view what) { screen.show(what); });
     screen.clear();
     std::cout << text(design, scenario);
+    for (const std::string& warning : design.warnings) diagnostics::log_warning(warning);
     if (!output.empty()) {
       diagnostics::UnfinishedFile(output, remedy).write(designed_text(scenario, design));
       std::cout << fmt::format("  {}\n", output.string());
@@ -176,11 +205,27 @@ struct Design {
     if (!design.missed) return ExitCode::done;
     diagnostics::log_error("{}: settles in {}, not in {:g} s: limited by {}", input.string(),
                            certificate::settling_text(design.loop.modes.settling_s), *design.missed,
-                           design.binds);
+                           design.binds.empty() ? "the law" : design.binds.front());
     return ExitCode::check_said_no;
   }
 
  private:
+  [[nodiscard]] certificate::DesignGoal whole_goal(int num_joints) const {
+    certificate::DesignGoal whole = goal;
+    if (stiffness.empty() && rest_error.empty()) return whole;
+    if (stiffness.size() > 1 && std::ssize(stiffness) != num_joints) {
+      throw diagnostics::bad_usage("--stiffness has {} numbers; allowed: 1, or {}, one a joint",
+                                   stiffness.size(), num_joints);
+    }
+    robot::Vector least = robot::Vector::Zero(num_joints);
+    for (int i = 0; i < num_joints && !stiffness.empty(); ++i) {
+      least[i] = stiffness[stiffness.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+    }
+    if (!rest_error.empty()) least = least.cwiseMax(rest_error[0] / rest_error[1]);
+    whole.least_kp = least;
+    return whole;
+  }
+
   [[nodiscard]] bool bare_urdf() const { return input.extension() == ".urdf"; }
 
   /// The scenario, that of a bare URDF from text, with these overrides.

@@ -106,6 +106,7 @@ const std::vector<Rule> rules = {
     {"certificate/postures.cpp",
      {"certificate/", "process/parallel.h", "robot/"},
      {"Eigen/", "nlopt.h"}},
+    {"certificate/linear_programme.cpp", {"certificate/"}, {"Eigen/", "coin/"}},
 
     {"study/",
      {"study/", "robot/", "controller/registry.h", "reference/make_trajectory.h",

@@ -1,0 +1,239 @@
+#include "certificate/design_problem.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "certificate/linear_loop.h"
+#include "certificate/postures.h"
+#include "diagnostics/failure.h"
+#include "process/parallel.h"
+#include "robot/decompositions.h"
+#include "robot/dynamics.h"
+
+namespace tachless::certificate {
+namespace {
+
+using controller::law::Tuning;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using Eigen::Index;
+using Eigen::VectorXd;
+using loop::ReferencePoint;
+using process::parallel_map;
+using robot::Vector;
+
+constexpr int settling_postures = 3, margin_postures = 4;  // of the reference's motion
+constexpr int first_postures = 16;
+constexpr double gain_difference = 1e-4;  // of the logarithm of a gain
+
+/// The geometric mean over the postures of m_j = 1 / (M^-1)_jj.
+Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoint>& rests) {
+  Vector sum = Vector::Zero(model.num_joints);
+  for (const ReferencePoint& rest : rests) {
+    sum.array() -= robot::inverse(robot::mass_matrix(model, rest.q_ref)).diagonal().array().log();
+  }
+  return (sum / static_cast<double>(rests.size())).array().exp();
+}
+
+/// Of inertias of 1.
+Tuning tuning_of(const experiment::Scenario& scenario) {
+  Tuning tuning;
+  tuning.inertia = Vector::Ones(scenario.num_joints);
+  tuning.period_s = scenario.loop.period_s;
+  if (const auto& drive = scenario.robot.flexible) {
+    tuning.stiffness = drive->stiffness;
+    tuning.rotor = drive->rotor_inertia;
+  }
+  return tuning;
+}
+
+const controller::LawFacts& tuned_law(const std::string& name) {
+  const controller::LawFacts& law = controller::law_facts(name);
+  if (law.tuned) return law;
+  throw Failure(ExitCode::check_said_no, "{} has no rule for its gains: tune it by hand", name);
+}
+
+LinearLaw difference(const LinearLaw& to, const LinearLaw& from) {
+  const double by = 1 / gain_difference;
+  return {by * (to.A - from.A), by * (to.B - from.B), by * (to.C - from.C), by * (to.D - from.D),
+          to.measured};
+}
+
+}  // namespace
+
+ReferencePoint rest_in_range(const robot::Model& model, int k) {
+  Vector q = spread_posture(model, k);
+  for (int i = 0; i < model.num_joints; ++i) {
+    const double width = model.upper[i] - model.lower[i];
+    if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute &&
+        width < 2 * std::numbers::pi) {
+      q[i] = model.lower[i] + (q[i] + std::numbers::pi) / (2 * std::numbers::pi) * width;
+    }
+  }
+  return constant_reference(q);
+}
+
+DesignProblem::DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal)
+    : scenario_(scenario),
+      goal_(goal),
+      law_(tuned_law(scenario.controller.law)),
+      model_(plant_of(scenario)),
+      mean_(tuning_of(scenario)),
+      loop_(with(by_rule(1, 10))) {
+  rests_ = loop_.rest_points(settling_postures);
+  problem_.num_settling = rests_.size();
+  if (loop_.moves()) {
+    for (const ReferencePoint& rest : loop_.rest_points(margin_postures)) rests_.push_back(rest);
+  }
+  for (int k = 1; k <= first_postures; ++k) rests_.push_back(rest_in_range(model_, k));
+  mean_.inertia = mean_of_inertia(scenario.robot.flexible ? *scenario.model : model_, rests_);
+  choose_variables();
+}
+
+experiment::Scenario DesignProblem::with(const Gains& gains) const {
+  experiment::Scenario scenario = scenario_;
+  scenario.controller.gains = gains;
+  return scenario;
+}
+
+std::string DesignProblem::name_of(std::size_t variable) const {
+  const auto count = static_cast<std::size_t>(per_kind());
+  if (!by_joint_) return kinds_[variable];
+  return kinds_[variable / count] + " of " +
+         robot::joint_labels(*scenario_.model).joint(variable % count);
+}
+
+Gains DesignProblem::by_rule(double w, double r, double damping) const {
+  Tuning tuning = mean_;
+  tuning.w = w;
+  tuning.damping = damping;
+  tuning.filter = std::min(r * w, rate());
+  Gains all = law_.tuned(tuning);
+  const auto kp = all.find("kp");
+  const Vector& friction = scenario_.plant.drive.viscous_friction_Nms_per_rad;
+  if (kp != all.end() && kp->second == tuning.kp() && friction.size() > 0) {
+    kp->second += w * friction;
+  }
+  // Only kd b counts in the loop; with one b for all joints the matrix condition certifies more
+  // than with b = a.
+  if (all.contains("b") && all.contains("kd")) {
+    all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
+    all["b"].setConstant(rate());
+  }
+  return all;
+}
+
+Index DesignProblem::per_kind() const { return by_joint_ ? model_.num_joints : 1; }
+Gains DesignProblem::gains(const VectorXd& theta) const {
+  Gains all = start_;
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    const auto first = static_cast<Index>(kind) * per_kind();
+    if (by_joint_) {
+      all[kinds_[kind]] = theta.segment(first, per_kind()).array().exp();
+    } else {
+      all[kinds_[kind]] *= std::exp(theta[first]);
+    }
+  }
+  return all;
+}
+VectorXd DesignProblem::theta_of(const Gains& gains) const {
+  VectorXd theta = VectorXd::Zero(std::ssize(kinds_) * per_kind());
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    const Vector& own = gains.at(kinds_[kind]);
+    const auto first = static_cast<Index>(kind) * per_kind();
+    if (by_joint_) {
+      theta.segment(first, per_kind()) = own.array().log();
+    } else {
+      theta[first] = std::log(own[0] / start_.at(kinds_[kind])[0]);
+    }
+  }
+  return theta;
+}
+LinearLaw DesignProblem::feedback_at(const Gains& gains, const ReferencePoint& rest) const {
+  LinearLaw law = loop_.law_with(gains, rest);
+  law.D -= law.compensation;
+  return law;
+}
+Feedback DesignProblem::feedback(const VectorXd& theta, const ReferencePoint& rest,
+                                 bool derivatives) const {
+  const Gains here = gains(theta);
+  Feedback feedback{feedback_at(here, rest), {}, by_joint_};
+  if (!derivatives) return feedback;
+  feedback.by_kind = parallel_map(kinds_.size(), [&](std::size_t kind) {
+    Gains moved = here;
+    moved.at(kinds_[kind]) *= std::exp(gain_difference);
+    return difference(feedback_at(moved, rest), feedback.law);
+  });
+  return feedback;
+}
+
+GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
+  GainProblem problem = problem_;
+  const double h = scenario_.loop.period_s;
+  problem.loops = parallel_map(rests.size(), [&](std::size_t i) -> RestLoop {
+    const SampledLoop loop = loop_.at(rests[i]);
+    return {loop.plant, loop.law(h), h, loop.delay};
+  });
+  problem.feedback = [this, rests](const VectorXd& theta, std::size_t rest, bool derivatives) {
+    return feedback(theta, rests[rest], derivatives);
+  };
+  return problem;
+}
+
+void DesignProblem::choose_variables() {
+  start_ = by_rule(10, 10);
+  for (const controller::Parameter& each : law_.parameters) {
+    const bool redundant = each.name.front() == 'b' || each.name == "measurement_noise";
+    if (each.shape == schema::Shape::joints && !redundant) kinds_.emplace_back(each.name);
+  }
+  const LinearLaw first = feedback_at(start_, rests_.front()),
+                  last = feedback_at(start_, rests_.back());
+  const double size = first.D.cwiseAbs().maxCoeff();
+  by_joint_ = (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
+              (first.B - last.B).cwiseAbs().maxCoeff() < 1e-5;
+  problem_.same_everywhere = by_joint_;
+  problem_.resonant = scenario_.robot.flexible.has_value();
+
+  problem_.margin = goal_.modulus;
+  problem_.settling_s = goal_.settling_s.value_or(0);
+  set_bounds();
+}
+
+void DesignProblem::set_bounds() {
+  const Index n = model_.num_joints, variables = std::ssize(kinds_) * per_kind();
+  problem_.lower = VectorXd::Constant(variables, -100);
+  problem_.upper = VectorXd::Constant(variables, 100);
+  const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+  const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
+  problem_.most_gain = VectorXd::Constant(n, infinity);
+  for (Index j = 0; j < n; ++j) {
+    double torque = goal_.count_Nm.value_or(infinity);
+    if (limit) torque = std::min(torque, goal_.count_share * (*limit)[j]);
+    if (count[j] > 0) problem_.most_gain[j] = torque / count[j];
+  }
+  Gains most = start_;
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    if (kinds_[kind].front() != 'a') continue;
+    most.at(kinds_[kind]) = start_.at(kinds_[kind]).cwiseMax(rate());
+    const auto first = static_cast<Index>(kind) * per_kind();
+    problem_.upper.segment(first, per_kind()) = theta_of(most).segment(first, per_kind());
+  }
+  if (goal_.bandwidth_hz) {
+    problem_.upper.head(per_kind()) =
+        theta_of(by_rule(2 * std::numbers::pi * *goal_.bandwidth_hz, 10)).head(per_kind());
+  }
+  if (!by_joint_) return;
+  if (goal_.start_error && limit) {
+    problem_.upper.head(n) =
+        problem_.upper.head(n).cwiseMin(VectorXd((*limit / *goal_.start_error).array().log()));
+  }
+  if (goal_.least_kp) {
+    problem_.lower.head(n) = goal_.least_kp->array().log();
+  }
+}
+
+}  // namespace tachless::certificate

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "certificate/design.h"
+#include "certificate/gain_search.h"
+#include "certificate/scenario_loop.h"
+#include "controller/registry.h"
+
+namespace tachless::certificate {
+
+using Gains = std::map<std::string, robot::Vector>;
+
+/// A scenario's law as the variables of a search for its gains: which gains vary, from where, in
+/// which bounds, and the law's feedback terms as a function of them.
+class DesignProblem {
+ public:
+  /// @throw diagnostics::Failure(check_said_no) for a law without a rule.
+  DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal);
+
+  /// By the rule of thumb, filters r times as fast as the two poles and no faster than 1 / h.
+  [[nodiscard]] Gains by_rule(double w, double r, double damping = 1) const;
+  [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
+  [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
+  /// The feedback terms about rest in a posture.
+  [[nodiscard]] LinearLaw feedback_at(const Gains& gains, const loop::ReferencePoint& rest) const;
+  /// To be solved with the margin kept at these postures. Refers to this.
+  [[nodiscard]] GainProblem at(const std::vector<loop::ReferencePoint>& rests) const;
+
+  [[nodiscard]] experiment::Scenario with(const Gains& gains) const;
+  /// Some of the reference and some of the joints' range; settling is judged at the first
+  /// `num_settling` of them.
+  [[nodiscard]] const std::vector<loop::ReferencePoint>& first_rests() const { return rests_; }
+  [[nodiscard]] const ScenarioLoop& loop() const { return loop_; }
+  [[nodiscard]] const robot::Model& model() const { return model_; }
+  [[nodiscard]] const robot::Vector& mean_inertia() const { return mean_.inertia; }
+  /// "kp of joint 2 (elbow)".
+  [[nodiscard]] std::string name_of(std::size_t variable) const;
+
+ private:
+  void choose_variables();
+  void set_bounds();
+  [[nodiscard]] double rate() const { return 1 / scenario_.loop.period_s; }
+  [[nodiscard]] Eigen::Index per_kind() const;
+  [[nodiscard]] Feedback feedback(const Eigen::VectorXd& theta, const loop::ReferencePoint& rest,
+                                  bool derivatives) const;
+
+  const experiment::Scenario& scenario_;
+  DesignGoal goal_;
+  const controller::LawFacts& law_;
+  robot::Model model_;
+  controller::law::Tuning mean_;  ///< with the mean inertias
+  ScenarioLoop loop_;
+  std::vector<loop::ReferencePoint> rests_;
+  Gains start_;
+  std::vector<std::string> kinds_;  ///< names of the gains that vary
+  bool by_joint_ = true;            ///< each joint's of its own; otherwise one factor for all
+  GainProblem problem_;
+};
+
+/// At rest in number `k` of a sequence within the joints' limits, where they have some.
+loop::ReferencePoint rest_in_range(const robot::Model& model, int k);
+
+}  // namespace tachless::certificate

@@ -1,0 +1,187 @@
+#include "certificate/gain_rows.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+#include "robot/decompositions.h"
+
+namespace tachless::certificate {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+/// Only the rows of one joint, of vectors that each have an entry per joint.
+MatrixXd rows_of_joint(const MatrixXd& all, Index joint, Index n) {
+  MatrixXd own = MatrixXd::Zero(all.rows(), all.cols());
+  for (Index i = joint; i < all.rows(); i += n) own.row(i) = all.row(i);
+  return own;
+}
+
+/// T of a similarity T^-1 L T that makes L near normal: P is near M^-1 times a number, K diagonal.
+VectorXd scale_of(const MatrixXcd& K) { return K.rowwise().norm().cwiseSqrt().cwiseMax(1e-30); }
+
+}  // namespace
+
+Index Feedback::num_variables() const {
+  return std::ssize(by_kind) * (by_joint ? law.D.rows() : 1);
+}
+
+LinearLaw Feedback::derivative(Index variable) const {
+  if (!by_joint) return by_kind[static_cast<std::size_t>(variable)];
+  const Index n = law.D.rows(), joint = variable % n;
+  const LinearLaw& all = by_kind[static_cast<std::size_t>(variable / n)];
+  const auto own = [&](const MatrixXd& each) { return rows_of_joint(each, joint, n); };
+  return {own(all.A), own(all.B), own(all.C), own(all.D), law.measured};
+}
+
+FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s) {
+  const LinearLaw& law = feedback.law;
+  FeedbackAt at{w, law.D.cast<std::complex<double>>(), {}};
+  const Index memory = law.A.rows();
+  MatrixXcd to_memory, from_memory;  // (z - A)^-1 B, C (z - A)^-1
+  if (memory > 0) {
+    MatrixXcd resolvent = -law.A.cast<std::complex<double>>();
+    resolvent.diagonal().array() += std::polar(1.0, w * period_s);
+    const MatrixXcd inverse = Eigen::PartialPivLU<MatrixXcd>(resolvent).inverse();
+    to_memory = inverse * law.B;
+    from_memory = law.C * inverse;
+    at.K += law.C * to_memory;
+  }
+  for (const LinearLaw& by : feedback.by_kind) {
+    at.by_kind.emplace_back(by.D);
+    if (memory == 0) continue;
+    at.by_kind.back() +=
+        by.C * to_memory + from_memory * (by.B.cast<std::complex<double>>() + by.A * to_memory);
+  }
+  return at;
+}
+
+RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay)
+    : n_(plant.num_joints), period_s_(period_s) {
+  LinearLaw compensation{MatrixXd(0, 0),  MatrixXd(0, law.D.cols()),
+                         MatrixXd(n_, 0), law.compensation,
+                         law.measured,    law.compensation};
+  const CutLoop loop = cut(plant, compensation, period_s, delay);
+  A_ = loop.A;
+  B_ = loop.B;
+  C_ = MatrixXd::Zero(law.D.cols(), A_.rows());
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    C_.block(static_cast<Index>(i) * n_, static_cast<Index>(law.measured[i]) * n_, n_, n_)
+        .setIdentity();
+  }
+  const auto [T, U] = robot::complex_schur(A_);
+  T_ = T;
+  UB_ = U.adjoint() * B_;
+  CU_ = C_ * U;
+}
+
+MatrixXd RestLoop::closed(const LinearLaw& law) const {
+  const Index x = A_.rows(), m = law.A.rows();
+  MatrixXd map(x + m, x + m);
+  map << A_ + B_ * (law.D * C_), B_ * law.C, law.B * C_, law.A;
+  return map;
+}
+
+MatrixXd RestLoop::displaced(const LinearLaw& law) const {
+  const Index x = A_.rows(), m = law.A.rows();
+  MatrixXd state = MatrixXd::Zero(x + m, n_);
+  state.topRows(n_).setIdentity();
+  if (C_.cols() >= 4 * n_ && C_.rows() > 0 &&
+      std::ranges::find(law.measured, Part::theta) != law.measured.end()) {
+    state.middleRows(2 * n_, n_).setIdentity();
+  }
+  if (law.start.size() > 0) {
+    state.bottomRows(m) = law.start * (C_ * state.topRows(x));
+  } else if (m > 0) {
+    const Eigen::FullPivLU<MatrixXd> at_rest(MatrixXd::Identity(m, m) - law.A);
+    if (at_rest.isInvertible()) {
+      state.bottomRows(m) = at_rest.solve(law.B * (C_ * state.topRows(x)));
+    }
+  }
+  return state;
+}
+
+MatrixXcd RestLoop::response(double w) const {
+  MatrixXcd resolvent = -T_;
+  resolvent.diagonal().array() += std::polar(1.0, w * period_s_);
+  const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(UB_);
+  return CU_ * state;
+}
+
+std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, double enough) const {
+  std::vector<double> least;
+  for (const FeedbackAt& at : grid) {
+    const VectorXd scale = scale_of(at.K);
+    MatrixXcd one_plus =
+        -(scale.cwiseInverse().asDiagonal() * (at.K * response(at.w)) * scale.asDiagonal());
+    one_plus.diagonal().array() += 1;
+    // The eigenvalues are no smaller than the singular values, and these than 1 / |inverse|.
+    const double bound = 1 / Eigen::PartialPivLU<MatrixXcd>(one_plus).inverse().norm();
+    least.push_back(bound > enough ? bound : robot::eigenvalues(one_plus).cwiseAbs().minCoeff());
+  }
+  return least;
+}
+
+void RestLoop::add_rows(const FeedbackAt& at, const Feedback& feedback, double least, double near,
+                        std::vector<LinearProgramme::Row>& rows) const {
+  const MatrixXcd P = response(at.w);
+  const VectorXd scale = scale_of(at.K);
+  const auto scaled = [&](const MatrixXcd& K) -> MatrixXcd {
+    return -(scale.cwiseInverse().asDiagonal() * (K * P) * scale.asDiagonal());
+  };
+  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(scaled(at.K));
+  const MatrixXcd left = Eigen::PartialPivLU<MatrixXcd>(eigen.eigenvectors()).inverse();
+  for (Index m = 0; m < n_; ++m) {
+    const std::complex<double> from = eigen.eigenvalues()[m] + 1.0;
+    const double distance = std::abs(from);
+    if (distance > least + near) continue;
+    LinearProgramme::Row row{VectorXd(feedback.num_variables()), least - distance};
+    for (std::size_t kind = 0; kind < at.by_kind.size(); ++kind) {
+      const VectorXcd moved = scaled(at.by_kind[kind]) * eigen.eigenvectors().col(m);
+      const VectorXd change =
+          (std::conj(from) / distance * left.row(m).transpose().cwiseProduct(moved).array()).real();
+      const auto first = static_cast<Index>(kind);
+      if (feedback.by_joint) {
+        row.gradient.segment(first * n_, n_) = change;
+      } else {
+        row.gradient[first] = change.sum();
+      }
+    }
+    rows.push_back(std::move(row));
+  }
+}
+
+Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, double end_s,
+              int most_instants) {
+  const double h = loop.period_s();
+  const Index n = loop.num_joints();
+  auto first = std::max<long long>(1, std::llround(begin_s / h));
+  const auto last = std::max(first + 1, std::llround(end_s / h));
+  long long stride = 1;
+  while ((last - first) / stride > most_instants) stride *= 2;
+  MatrixXd power = loop.closed(feedback), step = power, state = loop.displaced(feedback);
+  for (long long bit = 1, rest = first; bit <= std::max(first, stride); bit *= 2) {
+    if (bit == stride) step = power;
+    if (rest % 2 == 1) state = power * state;
+    rest /= 2;
+    power = power * power;
+  }
+  Errors result;
+  result.error.resize((last - first) / stride + 1, n * n);
+  for (Index k = 0; k < result.error.rows(); ++k) {
+    result.time_s.push_back(h * static_cast<double>(first + k * stride));
+    const MatrixXd here = state.topRows(n);
+    result.error.row(k) = Eigen::Map<const Eigen::RowVectorXd>(here.data(), n * n);
+    state = step * state;
+  }
+  return result;
+}
+
+}  // namespace tachless::certificate
