@@ -42,8 +42,10 @@ class Search {
         goal_(goal),
         law_(scenario, goal),
         labels_(robot::joint_labels(*scenario.model)),
-        rests_(law_.first_rests()),
-        problem_(law_.at(rests_)) {}
+        rests_(law_.first_rests()) {
+    law_.choose_variables();
+    problem_ = law_.at(rests_);
+  }
 
   Design found(const OnProgress& tell) {
     best_.theta = best_start(tell);

@@ -91,7 +91,6 @@ DesignProblem::DesignProblem(const experiment::Scenario& scenario, const DesignG
   }
   for (int k = 1; k <= first_postures; ++k) rests_.push_back(rest_in_range(model_, k));
   mean_.inertia = mean_of_inertia(scenario.robot.flexible ? *scenario.model : model_, rests_);
-  choose_variables();
 }
 
 experiment::Scenario DesignProblem::with(const Gains& gains) const {
@@ -115,12 +114,12 @@ Gains DesignProblem::by_rule(double w, double r, double damping) const {
   Gains all = law_.tuned(tuning);
   const auto kp = all.find("kp");
   const Vector& friction = scenario_.plant.drive.viscous_friction_Nms_per_rad;
-  if (kp != all.end() && kp->second == tuning.kp() && friction.size() > 0) {
+  if (kp != all.end() && kp->second.size() == friction.size() && kp->second == tuning.kp()) {
     kp->second += w * friction;
   }
   // Only kd b counts in the loop; with one b for all joints the matrix condition certifies more
   // than with b = a.
-  if (all.contains("b") && all.contains("kd")) {
+  if (all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
     all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
     all["b"].setConstant(rate());
   }
@@ -189,6 +188,12 @@ void DesignProblem::choose_variables() {
   for (const controller::Parameter& each : law_.parameters) {
     const bool redundant = each.name.front() == 'b' || each.name == "measurement_noise";
     if (each.shape == schema::Shape::joints && !redundant) kinds_.emplace_back(each.name);
+  }
+  if (kinds_.empty()) {
+    throw Failure(ExitCode::check_said_no,
+                  "design varies gains of each joint, and {} has none: tune it by hand, or take "
+                  "loria_ortega_rigid",
+                  law_.name);
   }
   const LinearLaw first = feedback_at(start_, rests_.front()),
                   last = feedback_at(start_, rests_.back());

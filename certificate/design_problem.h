@@ -20,6 +20,9 @@ class DesignProblem {
   /// @throw diagnostics::Failure(check_said_no) for a law without a rule.
   DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal);
 
+  /// To be called before what follows but for `by_rule`; of a law that can be linearised.
+  void choose_variables();
+
   /// By the rule of thumb, filters r times as fast as the two poles and no faster than 1 / h.
   [[nodiscard]] Gains by_rule(double w, double r, double damping = 1) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
@@ -40,7 +43,6 @@ class DesignProblem {
   [[nodiscard]] std::string name_of(std::size_t variable) const;
 
  private:
-  void choose_variables();
   void set_bounds();
   [[nodiscard]] double rate() const { return 1 / scenario_.loop.period_s; }
   [[nodiscard]] Eigen::Index per_kind() const;
