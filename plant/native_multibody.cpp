@@ -13,15 +13,17 @@ robot::Model without_rotors(robot::Model model) {
 
 class NativeMultibody final : public Multibody {
  public:
-  explicit NativeMultibody(const robot::Model& model) : equations_(without_rotors(model)) {}
+  explicit NativeMultibody(const robot::Model& model) : model_(without_rotors(model)) {}
 
   Terms evaluate(const robot::Vector& q, const robot::Vector& v) override {
-    equations_.evaluate(q, v);
-    return {equations_.M, equations_.bias};
+    robot::set_equations_of_motion(model_, q, v, M_, bias_);
+    return {M_, bias_};
   }
 
  private:
-  robot::EquationsOfMotion equations_;
+  const robot::Model model_;
+  robot::Matrix M_;
+  robot::Vector bias_;
 };
 
 }  // namespace

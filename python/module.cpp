@@ -50,7 +50,7 @@ Model read_robot(const std::filesystem::path& urdf, const std::vector<std::strin
 py::array_t<double> forward(const Model& model, const robot::Vector& q, const robot::Vector& v,
                             const robot::Vector& tau) {
   try {
-    return array_of(robot::forward_dynamics<double>(model, q, v, tau));
+    return array_of(robot::forward_dynamics(model, q, v, tau));
   } catch (const std::logic_error& problem) {
     throw diagnostics::bad_usage(problem.what());
   }
@@ -101,15 +101,14 @@ void declare_robot(py::module_& module) {
       .def(
           "C",
           [=](Robot robot, Given q, Given v) -> Eigen::MatrixXd {
-            return robot::coriolis_matrix<double>(robot, vector(robot, q, "q"),
-                                                  vector(robot, v, "v"));
+            return robot::coriolis_matrix(robot, vector(robot, q, "q"), vector(robot, v, "v"));
           },
           "q"_a, "v"_a,
           "Coriolis matrix (n, n) of Christoffel's symbols: Mdot - 2 C is skew-symmetric.")
       .def(
           "g",
           [=](Robot robot, Given q) {
-            return array_of(robot::gravity_torque<double>(robot, vector(robot, q, "q")));
+            return array_of(robot::gravity_torque(robot, vector(robot, q, "q")));
           },
           "q"_a, "Torque (n,) that holds the robot still against gravity.")
       .def(

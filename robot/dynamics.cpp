@@ -1,133 +1,125 @@
 #include "robot/dynamics.h"
 
+#include <array>
+#include <cstddef>
 #include <stdexcept>
-#include <utility>
 
 #include "robot/cholesky.h"
-#include "robot/joint_frames.h"
 #include "robot/kinematics.h"
 
 namespace tachless::robot {
 namespace {
 
+/// Along an axis, each sum from the left.
+template <class Axis, class Scalar>
+Scalar component(const Vector3Of<Axis>& axis, const Vector3Of<Scalar>& x) {
+  return axis[0] * x[0] + axis[1] * x[1] + axis[2] * x[2];
+}
+
 /// What the recursion keeps of each body, in the body's own frame. Left uninitialised: only the
 /// model's bodies are touched.
 template <class Scalar>
 struct BodyState {
-  Triple<Scalar> w_x, w_y;  ///< angular velocity under x and under y
-  Triple<Scalar> alpha;     ///< angular acceleration
-  Triple<Scalar> acc;       ///< acceleration of the origin, less gravity
-  Triple<Scalar> f, n;      ///< force on the body through its joint, moment about the origin
+  using Vector3 = Vector3Of<Scalar>;
+  Vector3 w_x, w_y;  ///< angular velocity under x and under y
+  Vector3 alpha;     ///< angular acceleration
+  Vector3 acc;       ///< acceleration of the origin, less gravity
+  Vector3 f, n;      ///< force on the body through its joint, moment about the origin
+
+  /// Of a product of two velocities, symmetrised when x and y are `two`.
+  template <bool two, class Product>
+  [[nodiscard]] Vector3 of_velocities(const Product& product) const {
+    if constexpr (!two) return product(w_x, w_x);
+    return (product(w_x, w_y) + product(w_y, w_x)) * 0.5;
+  }
+  /// Acceleration of the body's point r.
+  template <bool two>
+  [[nodiscard]] Vector3 acceleration_at(const Vector3& r) const {
+    return acc + alpha.cross(r) + of_velocities<two>([&](const Vector3& x, const Vector3& y) {
+             return Vector3(x.cross(y.cross(r)));
+           });
+  }
 };
 
-/// Acceleration of a body's point r.
-template <bool two, class Scalar, class Point>
-TACHLESS_INLINE Triple<Scalar> acceleration_at(const BodyState<Scalar>& b, const Triple<Point>& r) {
-  if constexpr (two) {
-    return b.acc + cross(b.alpha, r) +
-           (cross(b.w_x, cross(b.w_y, r)) + cross(b.w_y, cross(b.w_x, r))) * 0.5;
-  } else {
-    const auto lever = cross(pair(b.alpha, b.w_x), r);
-    return b.acc + part<0>(lever) + cross(b.w_x, part<1>(lever));
-  }
-}
-
-/// What a body's inertia asks of its joint: `b.f` and `b.n` from the motion of `b`.
-template <bool two, class Scalar>
-TACHLESS_INLINE void set_force(const Body& body, BodyState<Scalar>& b) {
-  const Triple<double> c = triple(body.p_Bcm);
-  const Turn<double> I = turn(body.I_Bcm);
-  if constexpr (two) {
-    b.n = I * b.alpha + (cross(b.w_x, I * b.w_y) + cross(b.w_y, I * b.w_x)) * 0.5;
-    b.f = acceleration_at<true>(b, c) * body.mass;
-  } else {
-    const auto turning = pair(b.alpha, b.w_x);
-    const auto moment = I * turning;
-    const auto lever = cross(turning, c);
-    // Of the angular velocity with lever and angular momentum.
-    const auto product = cross(b.w_x, pair(part<1>(lever), part<1>(moment)));
-    b.n = part<0>(moment) + part<1>(product);
-    b.f = (b.acc + part<0>(lever) + part<0>(product)) * body.mass;
-  }
-  b.n += cross(c, b.f);
-}
-
-/// The sweep in: joint forces from those on the bodies. What a body hands to its parent is added to
-/// the parent's.
 template <class Scalar>
-TACHLESS_INLINE void joint_forces(const Model& model, const JointFrame<Scalar>* frames,
-                                  BodyState<Scalar>* state, VectorOf<Scalar>& tau) {
-  tau.setZero();
-  for (int i = static_cast<int>(model.bodies.size()) - 1; i >= 0; --i) {
-    const Body& body = model.bodies[i];
-    const BodyState<Scalar>& b = state[i];
-    const Triple<Scalar>& along = body.type == JointType::revolute ? b.n : b.f;
-    const Scalar tau_tree =
-        body.axis_B[0] * along.x + body.axis_B[1] * along.y + body.axis_B[2] * along.z;
-    tau[body.coordinate] += body.multiplier * tau_tree;
-    if (body.parent >= 0) {
-      BodyState<Scalar>& p = state[body.parent];
-      const JointFrame<Scalar>& X = frames[i];
-      const auto both = X.R * pair(b.f, b.n);
-      const Triple<Scalar> f_P = part<0>(both);
-      p.f += f_P;
-      p.n += part<1>(both) + cross(X.p, f_P);
-    }
-  }
+using Poses = std::array<Pose<Scalar>, max_bodies>;
+
+template <class Scalar>
+[[gnu::flatten]] void set_joint_poses(const Model& model, const VectorOf<Scalar>& q,
+                                      Poses<Scalar>& poses) {
+  require_size(model, q.size(), "q");
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) poses[i] = joint_pose(model.bodies[i], q);
 }
 
 /// M a + C(q,x) y + g for gravity `gravity`, by one sweep out and one sweep in. Every product of
 /// two velocities is symmetrised, which makes the result bilinear and symmetric in (x, y); with
 /// `two` false x stands for both, and with `accelerating` false a is zero.
 template <bool two, bool accelerating, class Scalar>
-VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
-                              const JointFrame<Scalar>* frames, const VectorOf<Scalar>& x,
-                              const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
+[[gnu::flatten]] VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
+                                               const Poses<Scalar>& poses,
+                                               const VectorOf<Scalar>& x, const VectorOf<Scalar>& y,
+                                               const VectorOf<Scalar>& a) {
+  using Vector3 = Vector3Of<Scalar>;
   require_size(model, x.size(), "v");
   require_size(model, y.size(), "v");
   require_size(model, a.size(), "a");
 
-  BodyState<Scalar> state[max_bodies];
-  const int num_bodies = static_cast<int>(model.bodies.size());
-  for (int i = 0; i < num_bodies; ++i) {
+  std::array<BodyState<Scalar>, max_bodies> state;
+  const std::size_t num_bodies = model.bodies.size();
+  for (std::size_t i = 0; i < num_bodies; ++i) {
     const Body& body = model.bodies[i];
+    const Pose<Scalar>& X = poses[i];
     BodyState<Scalar>& b = state[i];
-    const JointFrame<Scalar>& X = frames[i];
-    const Triple<double> axis = triple(body.axis_B);
     if (body.parent < 0) {
-      b.w_x = b.w_y = b.alpha = zero_triple<Scalar>();
-      b.acc = turned_back(X.R, Triple<double>{-gravity[0], -gravity[1], -gravity[2]});
+      b.w_x.setZero();
+      b.w_y.setZero();
+      b.alpha.setZero();
+      b.acc = X.R.transpose() * Vector3(-gravity.cast<Scalar>());
     } else {
-      const BodyState<Scalar>& p = state[body.parent];
-      const auto turning = turned_back(X.R, pair(p.w_x, p.alpha));
-      b.w_x = part<0>(turning);
-      b.alpha = part<1>(turning);
-      if constexpr (two) b.w_y = turned_back(X.R, p.w_y);
-      b.acc = turned_back(X.R, acceleration_at<two>(p, X.p));
+      const BodyState<Scalar>& p = state[static_cast<std::size_t>(body.parent)];
+      b.w_x = X.R.transpose() * p.w_x;
+      if constexpr (two) b.w_y = X.R.transpose() * p.w_y;
+      b.alpha = X.R.transpose() * p.alpha;
+      b.acc = X.R.transpose() * p.template acceleration_at<two>(X.p);
     }
-    const Triple<Scalar> s_x = axis * (body.multiplier * x[body.coordinate]);
-    Triple<Scalar> s_y, turning;  // the product of the parent's turning and the joint's rate
-    if constexpr (two) {
-      s_y = axis * (body.multiplier * y[body.coordinate]);
-      turning = (cross(b.w_x, s_y) + cross(b.w_y, s_x)) * 0.5;
-    } else {
-      turning = cross(b.w_x, s_x);
-    }
+    const auto along_axis = [&](const VectorOf<Scalar>& rate) -> Vector3 {
+      return body.axis_B * Scalar(body.multiplier * rate[body.coordinate]);
+    };
+    const Vector3 s_x = along_axis(x), s_y = along_axis(y);
+    // The product of the parent's turning and the joint's rate.
+    Vector3 turning = b.w_x.cross(s_y);
+    if constexpr (two) turning = (turning + b.w_y.cross(s_x)) * 0.5;
     const bool revolute = body.type == JointType::revolute;
-    if (!revolute) turning = turning * 2.0;
-    if constexpr (accelerating) turning = axis * (body.multiplier * a[body.coordinate]) + turning;
+    if (!revolute) turning *= 2.0;
+    if constexpr (accelerating) turning = along_axis(a) + turning;
     if (revolute) {
       b.alpha += turning;
       b.w_x += s_x;
-      if constexpr (two) b.w_y += s_y;
+      b.w_y += s_y;
     } else {
       b.acc += turning;
     }
-    set_force<two>(body, b);
+    const Vector3 c = body.p_Bcm.cast<Scalar>();
+    b.n = body.I_Bcm * b.alpha +
+          b.template of_velocities<two>([&](const Vector3& from, const Vector3& to) {
+            return Vector3(from.cross(Vector3(body.I_Bcm * to)));
+          });
+    b.f = b.template acceleration_at<two>(c) * body.mass;
+    b.n += c.cross(b.f);
   }
 
-  VectorOf<Scalar> tau(model.num_joints);
-  joint_forces(model, frames, state, tau);
+  VectorOf<Scalar> tau = VectorOf<Scalar>::Zero(model.num_joints);
+  for (std::size_t i = num_bodies; i-- > 0;) {
+    const Body& body = model.bodies[i];
+    const BodyState<Scalar>& b = state[i];
+    tau[body.coordinate] +=
+        body.multiplier * component(body.axis_B, body.type == JointType::revolute ? b.n : b.f);
+    if (body.parent < 0) continue;
+    BodyState<Scalar>& p = state[static_cast<std::size_t>(body.parent)];
+    const Vector3 f_P = poses[i].R * b.f;
+    p.f += f_P;
+    p.n += poses[i].R * b.n + poses[i].p.cross(f_P);
+  }
   if (accelerating && model.rotor_inertia.size() != 0) {
     require_size(model, model.rotor_inertia.size(), "rotor_inertia");
     for (int j = 0; j < model.num_joints; ++j) tau[j] += model.rotor_inertia[j] * a[j];
@@ -135,25 +127,101 @@ VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity
   return tau;
 }
 
+/// A body with all that hangs on it, frozen; about and in the body's frame.
+template <class Scalar>
+struct Composite {
+  double mass;
+  Vector3Of<Scalar> h;  ///< mass times centre of mass [kg m]
+  Matrix3Of<Scalar> I;  ///< about the body's origin [kg m2]
+};
+
+/// a.b 1 - a b': the parallel-axis matrix of the pair (a, b).
+template <class Scalar>
+Matrix3Of<Scalar> parallel_axis(const Vector3Of<Scalar>& a, const Vector3Of<Scalar>& b) {
+  return a.dot(b) * Matrix3Of<Scalar>::Identity() - a * b.transpose();
+}
+
+/// A momentum about and in a body's frame, X in another, into that.
+template <class Scalar>
+void carry(const Pose<Scalar>& X, Vector3Of<Scalar>& linear, Vector3Of<Scalar>& angular) {
+  linear = (X.R * linear).eval();
+  angular = (X.R * angular).eval() + X.p.cross(linear);
+}
+
+/// From this many bodies on, momenta are carried to the base at once: n times in place of up to
+/// n^2 / 2. Below, carrying costs no more and rounds less.
+constexpr int many_bodies = 13;
+
+/// Into M: composite bodies (Featherstone, Rigid Body Dynamics Algorithms, 6.2). The momentum of
+/// each body's composite under unit rate of its joint is carried to the bodies that carry it.
+template <class Scalar>
+[[gnu::flatten]] void set_mass_matrix(const Model& model, const Poses<Scalar>& poses,
+                                      MatrixOf<Scalar>& M) {
+  using Vector3 = Vector3Of<Scalar>;
+  const int num_bodies = static_cast<int>(model.bodies.size());
+  const bool many = num_bodies >= many_bodies;
+  std::array<Composite<Scalar>, max_bodies> composite;
+  Poses<Scalar> base;  // of many bodies
+  for (int i = 0; i < num_bodies; ++i) {
+    const Body& body = model.bodies[i];
+    const Eigen::Vector3d& c = body.p_Bcm;
+    composite[i] = {
+        body.mass, Eigen::Vector3d(c * body.mass).cast<Scalar>(),
+        Eigen::Matrix3d(body.I_Bcm + body.mass * parallel_axis<double>(c, c)).cast<Scalar>()};
+    if (many) base[i] = body.parent < 0 ? poses[i] : base[body.parent] * poses[i];
+  }
+  M.setZero(model.num_joints, model.num_joints);
+  std::array<Vector3, max_bodies> linear, angular;  // momenta, by body
+  std::array<int, max_bodies> carrier;              // where each has been carried to
+  for (int k = num_bodies - 1; k >= 0; --k) {
+    const Body& body = model.bodies[k];
+    const Composite<Scalar>& b = composite[k];
+    const Vector3 axis = body.axis_B.cast<Scalar>();
+    const bool revolute = body.type == JointType::revolute;
+    linear[k] = revolute ? Vector3(axis.cross(b.h)) : Vector3(b.mass * axis);
+    angular[k] = revolute ? Vector3(b.I * axis) : Vector3(b.h.cross(axis));
+    carrier[k] = k;
+    Vector3 w = axis, v = axis;  // the joint's motion at unit rate; at the base, of its point
+    if (many) {
+      carry(base[k], linear[k], angular[k]);
+      w = v = base[k].R * axis;
+      if (revolute) v = base[k].p.cross(w);
+    }
+    for (int i = num_bodies - 1; i >= k; --i) {
+      if (carrier[i] != k) continue;
+      Scalar power = revolute ? component(w, angular[i]) : component(v, linear[i]);
+      if (many && revolute) power += component(v, linear[i]);
+      const Scalar element = (model.bodies[i].multiplier * body.multiplier) * power;
+      const int row = model.bodies[i].coordinate, col = body.coordinate;
+      M(row, col) += element;
+      // Two bodies of one coordinate meet twice on the diagonal.
+      if (row != col || i != k) M(col, row) += element;
+      if (!many && body.parent >= 0) carry(poses[k], linear[i], angular[i]);
+      carrier[i] = body.parent;
+    }
+    const Pose<Scalar>& X = poses[k];
+    if (body.parent < 0) continue;
+    Composite<Scalar>& parent = composite[body.parent];
+    const Vector3Of<Scalar> h = X.R * b.h;
+    const Matrix3Of<Scalar> RI = X.R * b.I, turned = RI * X.R.transpose();
+    const Matrix3Of<Scalar> mixed = parallel_axis<Scalar>(X.p, h);
+    parent.I += turned + mixed + mixed.transpose() + b.mass * parallel_axis<Scalar>(X.p, X.p);
+    parent.h += h + X.p * b.mass;
+    parent.mass += b.mass;
+  }
+  if (model.rotor_inertia.size() == 0) return;
+  require_size(model, model.rotor_inertia.size(), "rotor_inertia");
+  M.diagonal() += model.rotor_inertia.cast<Scalar>();
+}
+
 /// The same at joint positions.
 template <bool two, class Scalar>
 VectorOf<Scalar> newton_euler(const Model& model, const Eigen::Vector3d& gravity,
                               const VectorOf<Scalar>& q, const VectorOf<Scalar>& x,
                               const VectorOf<Scalar>& y, const VectorOf<Scalar>& a) {
-  JointFrame<Scalar> frames[max_bodies];
-  set_joint_frames(model, q, frames);
-  return newton_euler<two, true>(model, gravity, frames, x, y, a);
-}
-
-/// Of M a + bias = tau.
-template <class Scalar>
-TACHLESS_INLINE void evaluate(const Model& model, const VectorOf<Scalar>& q,
-                              const VectorOf<Scalar>& v, MatrixOf<Scalar>& M,
-                              VectorOf<Scalar>& bias, const ModelConstants* constants) {
-  JointFrame<Scalar> frames[max_bodies];
-  set_joint_frames(model, q, frames, constants);
-  bias = newton_euler<false, false>(model, model.gravity, frames, v, v, v);
-  set_mass_matrix(model, frames, M, constants);
+  Poses<Scalar> poses;
+  set_joint_poses(model, q, poses);
+  return newton_euler<two, true>(model, gravity, poses, x, y, a);
 }
 
 }  // namespace
@@ -172,46 +240,45 @@ VectorOf<Scalar> inverse_dynamics_bilinear(const Model& model, const VectorOf<Sc
 }
 
 template <class Scalar>
-VectorOf<Scalar> coriolis_product(const Model& model, const VectorOf<Scalar>& q,
-                                  const VectorOf<Scalar>& x, const VectorOf<Scalar>& y) {
-  return newton_euler<true, Scalar>(model, Eigen::Vector3d::Zero(), q, x, y,
-                                    VectorOf<Scalar>::Zero(model.num_joints));
+MatrixOf<Scalar> mass_matrix(const Model& model, const VectorOf<Scalar>& q) {
+  Poses<Scalar> poses;
+  set_joint_poses(model, q, poses);
+  MatrixOf<Scalar> M;
+  set_mass_matrix(model, poses, M);
+  return M;
 }
 
-template <class Scalar>
-VectorOf<Scalar> gravity_torque(const Model& model, const VectorOf<Scalar>& q) {
-  const VectorOf<Scalar> rest = VectorOf<Scalar>::Zero(model.num_joints);
+Vector coriolis_product(const Model& model, const Vector& q, const Vector& x, const Vector& y) {
+  return newton_euler<true, double>(model, Eigen::Vector3d::Zero(), q, x, y,
+                                    Vector::Zero(model.num_joints));
+}
+
+Vector gravity_torque(const Model& model, const Vector& q) {
+  const Vector rest = Vector::Zero(model.num_joints);
   return newton_euler<false>(model, model.gravity, q, rest, rest, rest);
 }
 
-template <class Scalar>
-MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
-                                 const VectorOf<Scalar>& v) {
-  MatrixOf<Scalar> C(model.num_joints, model.num_joints);
-  VectorOf<Scalar> e = VectorOf<Scalar>::Zero(model.num_joints);
+Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v) {
+  Matrix C(model.num_joints, model.num_joints);
   for (int j = 0; j < model.num_joints; ++j) {
-    e[j] = Scalar(1);
-    C.col(j) = coriolis_product(model, q, v, e);
-    e[j] = Scalar(0);
+    C.col(j) = coriolis_product(model, q, v, Vector::Unit(model.num_joints, j));
   }
   return C;
 }
 
-EquationsOfMotion::EquationsOfMotion(Model model)
-    : model_(std::move(model)), constants_(std::make_unique<ModelConstants>(model_)) {}
-EquationsOfMotion::~EquationsOfMotion() = default;
-
-void EquationsOfMotion::evaluate(const Vector& q, const Vector& v) {
-  robot::evaluate(model_, q, v, M, bias, constants_.get());
+void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
+                             Vector& bias) {
+  Poses<double> poses;
+  set_joint_poses(model, q, poses);
+  bias = newton_euler<false, false>(model, model.gravity, poses, v, v, v);
+  set_mass_matrix(model, poses, M);
 }
 
-template <class Scalar>
-VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
-                                  const VectorOf<Scalar>& v, const VectorOf<Scalar>& tau) {
+Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, const Vector& tau) {
   require_size(model, tau.size(), "tau");
-  MatrixOf<Scalar> M;
-  VectorOf<Scalar> a;
-  evaluate(model, q, v, M, a, nullptr);
+  Matrix M;
+  Vector a;
+  set_equations_of_motion(model, q, v, M, a);
   for (int j = 0; j < model.num_joints; ++j) a[j] = tau[j] - a[j];
   const int failed = factorise(M);
   if (failed >= 0) {
@@ -234,7 +301,7 @@ Scalar kinetic_energy(const Model& model, const VectorOf<Scalar>& q, const Vecto
   Scalar twice = Scalar(0);
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
-    const Pose<Scalar> X = joint_pose(body, tree_position(body, q));
+    const Pose<Scalar> X = joint_pose(body, q);
     Rates& b = rates[i];
     if (body.parent < 0) {
       b.angular.setZero();
@@ -245,7 +312,7 @@ Scalar kinetic_energy(const Model& model, const VectorOf<Scalar>& q, const Vecto
       const Vector3 carried = p.linear + p.angular.cross(X.p);
       b.linear = X.R.transpose() * carried;
     }
-    const Vector3 joint = scaled<Scalar>(body.axis_B, body.multiplier * v[body.coordinate]);
+    const Vector3 joint = body.axis_B * Scalar(body.multiplier * v[body.coordinate]);
     (body.type == JointType::revolute ? b.angular : b.linear) += joint;
     const Vector3 c = body.p_Bcm.template cast<Scalar>();
     const Vector3 v_cm = b.linear + b.angular.cross(c);
@@ -266,7 +333,7 @@ Scalar potential_energy(const Model& model, const VectorOf<Scalar>& q) {
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     const Body& body = model.bodies[i];
     Pose<Scalar>& X = pose[i];
-    X = joint_pose(body, tree_position(body, q));
+    X = joint_pose(body, q);
     if (body.parent >= 0) {
       const Pose<Scalar>& P = pose[body.parent];
       X.p = (P.R * X.p + P.p).eval();
@@ -284,13 +351,7 @@ Scalar potential_energy(const Model& model, const VectorOf<Scalar>& q) {
   template VectorOf<Scalar> inverse_dynamics_bilinear(                                            \
       const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&, const VectorOf<Scalar>&,    \
       const VectorOf<Scalar>&);                                                                   \
-  template VectorOf<Scalar> coriolis_product(const Model&, const VectorOf<Scalar>&,               \
-                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&);   \
-  template VectorOf<Scalar> gravity_torque(const Model&, const VectorOf<Scalar>&);                \
-  template MatrixOf<Scalar> coriolis_matrix(const Model&, const VectorOf<Scalar>&,                \
-                                            const VectorOf<Scalar>&);                             \
-  template VectorOf<Scalar> forward_dynamics(const Model&, const VectorOf<Scalar>&,               \
-                                             const VectorOf<Scalar>&, const VectorOf<Scalar>&);   \
+  template MatrixOf<Scalar> mass_matrix(const Model&, const VectorOf<Scalar>&);                   \
   template Scalar kinetic_energy(const Model&, const VectorOf<Scalar>&, const VectorOf<Scalar>&); \
   template Scalar potential_energy(const Model&, const VectorOf<Scalar>&);
 TACHLESS_DYNAMICS(double)

@@ -1,23 +1,19 @@
 #pragma once
 
-#include <memory>
-
 #include "robot/jet.h"
 #include "robot/model.h"
 
 /// Mechanics of a constant model: inertia matrix by composite bodies, inverse dynamics by recursive
-/// Newton-Euler, forward dynamics, energy. Free functions of values, for the scalars double and
-/// Jet2; nothing is allocated. Knows no friction, no springs and no drives.
+/// Newton-Euler, forward dynamics, energy. Free functions of values, templates for the scalars
+/// double and Jet2; nothing is allocated. Knows no friction, no springs and no drives.
 ///
 /// C is the Christoffel one: Mdot - 2C is skew and C(q,x) y = C(q,y) x, so C(q,x) y is the
 /// polarisation of the quadratic term C(q,v) v that the recursion computes. With mimic joints,
 /// q_tree = G q + offset, every torque here is G' f_tree(G q + offset, G v, G a).
 ///
-/// A vector whose size is not the model's `num_joints` is a caller's broken promise:
+/// A vector whose size is not the model's `num_joints` is a violated precondition:
 /// std::logic_error.
 namespace tachless::robot {
-
-struct ModelConstants;
 
 /// M(q) [kg m2; kg m; kg], rotor inertia on the diagonal included. Symmetric to the last bit.
 template <class Scalar>
@@ -36,47 +32,24 @@ VectorOf<Scalar> inverse_dynamics_bilinear(const Model& model, const VectorOf<Sc
                                            const VectorOf<Scalar>& a);
 
 /// C(q,x) y [N m; N]; symmetric in x and y to the last bit.
-template <class Scalar>
-VectorOf<Scalar> coriolis_product(const Model& model, const VectorOf<Scalar>& q,
-                                  const VectorOf<Scalar>& x, const VectorOf<Scalar>& y);
+Vector coriolis_product(const Model& model, const Vector& q, const Vector& x, const Vector& y);
 
 /// g(q) [N m; N].
-template <class Scalar>
-VectorOf<Scalar> gravity_torque(const Model& model, const VectorOf<Scalar>& q);
+Vector gravity_torque(const Model& model, const Vector& q);
 
 /// C(q,v), column by column as C(q,v) e_j.
-template <class Scalar>
-MatrixOf<Scalar> coriolis_matrix(const Model& model, const VectorOf<Scalar>& q,
-                                 const VectorOf<Scalar>& v);
+Matrix coriolis_matrix(const Model& model, const Vector& q, const Vector& v);
 
 /// Acceleration [rad/s2; m/s2] that torque `tau` [N m; N] gives at (q, v): M(q)^-1 (tau - C(q,v) v
 /// - g(q)) (paper, eq. 2).
 /// @throw std::logic_error when M(q) is not positive definite, which `model_from_urdf` has ruled
 /// out but for single postures.
-template <class Scalar>
-VectorOf<Scalar> forward_dynamics(const Model& model, const VectorOf<Scalar>& q,
-                                  const VectorOf<Scalar>& v, const VectorOf<Scalar>& tau);
+Vector forward_dynamics(const Model& model, const Vector& q, const Vector& v, const Vector& tau);
 
-/// M(q), as `mass_matrix`, and C(q,v) v + g(q) [N m; N], as `inverse_dynamics`, of one model at
-/// many states, to the same last bit: what the model alone determines is computed once, the joints'
-/// frames once for both. Nothing is allocated after the constructor.
-class EquationsOfMotion {
- public:
-  explicit EquationsOfMotion(Model model);
-  EquationsOfMotion(const EquationsOfMotion&) = delete;
-  EquationsOfMotion& operator=(const EquationsOfMotion&) = delete;
-  ~EquationsOfMotion();
-
-  /// Sets M and bias.
-  void evaluate(const Vector& q, const Vector& v);
-
-  Matrix M;
-  Vector bias;
-
- private:
-  const Model model_;
-  std::unique_ptr<const ModelConstants> constants_;
-};
+/// M(q), as `mass_matrix`, and C(q,v) v + g(q) [N m; N], as `inverse_dynamics`, into M and bias, to
+/// the same last bit.
+void set_equations_of_motion(const Model& model, const Vector& q, const Vector& v, Matrix& M,
+                             Vector& bias);
 
 /// v' M(q) v / 2 [J], rotor inertia included; body by body, independent of the mass matrix.
 template <class Scalar>

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <compare>
 #include <type_traits>
 
 #include "robot/quantities.h"
@@ -44,9 +45,12 @@ struct Jet2 {
   }
   constexpr Jet2& operator*=(double s) { return *this = {value * s, first * s, second * s}; }
   constexpr Jet2& operator/=(double s) { return *this = {value / s, first / s, second / s}; }
+
+  constexpr bool operator==(const Jet2& b) const = default;
+  constexpr auto operator<=>(const Jet2& b) const { return value <=> b.value; }
 };
-static_assert(std::is_trivially_copyable<Jet2>::value);
-static_assert(std::is_trivially_default_constructible<Jet2>::value);
+static_assert(std::is_trivially_copyable_v<Jet2>);
+static_assert(std::is_trivially_default_constructible_v<Jet2>);
 
 constexpr Jet2 operator+(const Jet2& a) { return a; }
 constexpr Jet2 operator-(const Jet2& a) { return {-a.value, -a.first, -a.second}; }
@@ -62,16 +66,6 @@ constexpr Jet2 operator*(Jet2 a, double s) { return a *= s; }
 constexpr Jet2 operator*(double s, Jet2 a) { return a *= s; }
 constexpr Jet2 operator/(Jet2 a, double s) { return a /= s; }
 constexpr Jet2 operator/(double s, const Jet2& a) { return Jet2(s) / a; }
-
-// Written out, for sources that see Simbody too are C++17.
-constexpr bool operator==(const Jet2& a, const Jet2& b) {
-  return a.value == b.value && a.first == b.first && a.second == b.second;
-}
-constexpr bool operator!=(const Jet2& a, const Jet2& b) { return !(a == b); }
-constexpr bool operator<(const Jet2& a, const Jet2& b) { return a.value < b.value; }
-constexpr bool operator>(const Jet2& a, const Jet2& b) { return a.value > b.value; }
-constexpr bool operator<=(const Jet2& a, const Jet2& b) { return a.value <= b.value; }
-constexpr bool operator>=(const Jet2& a, const Jet2& b) { return a.value >= b.value; }
 
 /// f(x) from f, f' and f'' at the value of x (chain rule).
 constexpr Jet2 chain(const Jet2& x, double f, double df, double ddf) {

@@ -20,7 +20,7 @@ Pose<Scalar> frame_pose(const Model& model, const Frame& frame, const VectorOf<S
   X.p = frame.p_BF.template cast<Scalar>();
   for (int i = frame.body; i >= 0; i = model.bodies[i].parent) {
     const Body& body = model.bodies[i];
-    const Pose<Scalar> X_PB = joint_pose(body, tree_position(body, q));
+    const Pose<Scalar> X_PB = joint_pose(body, q);
     X.R = (X_PB.R * X.R).eval();
     X.p = (X_PB.R * X.p + X_PB.p).eval();
   }
@@ -48,7 +48,7 @@ Vector force_torque(const Model& model, const Frame& frame, const Eigen::Vector3
     const Body& body = model.bodies[i];
     torque[body.coordinate] +=
         body.multiplier * body.axis_B.dot(body.type == JointType::revolute ? m : f);
-    const Pose<double> X_PB = joint_pose(body, tree_position(body, q));
+    const Pose<double> X_PB = joint_pose(body, q);
     f = (X_PB.R * f).eval();
     m = (X_PB.R * m + X_PB.p.cross(f)).eval();
   }

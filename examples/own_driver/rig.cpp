@@ -31,7 +31,7 @@ void Rig::move_on() {
       brake();
     }
     if (enabled_) {
-      v_ += h * robot::forward_dynamics<double>(model_, q_, v_, tau_);
+      v_ += h * robot::forward_dynamics(model_, q_, v_, tau_);
     } else {
       v_ *= std::exp(-h / brake_time_constant_s);
     }

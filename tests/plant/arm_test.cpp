@@ -56,7 +56,7 @@ TEST_P(EveryArm, AcceleratesAsForwardDynamicsSays) {
     for (int k = 0; k < 50; ++k) {
       const Vector q = random.vector(model.num_joints, 3), v = random.vector(model.num_joints, 2);
       const Vector tau = random.vector(model.num_joints, 50);
-      const Vector expected = robot::forward_dynamics<double>(model, q, v, tau);
+      const Vector expected = robot::forward_dynamics(model, q, v, tau);
       const Vector difference = arm(model, q, v).acceleration(tau).vdot - expected;
       ASSERT_LT(difference.norm(), tolerance * expected.norm()) << model.num_joints;
     }
@@ -89,8 +89,8 @@ TEST_P(EveryArm, KeepsTheInertiaOfAMasslessBody) {
   disc.I_Bcm = 0.2 * Eigen::Matrix3d::Identity();
   model.bodies.push_back(disc);
   const Vector tau = Eigen::Vector2d(3, -4);
-  const Vector expected = robot::forward_dynamics<double>(model, q, v, tau);
-  const Vector without = robot::forward_dynamics<double>(robot::testing::two_link(), q, v, tau);
+  const Vector expected = robot::forward_dynamics(model, q, v, tau);
+  const Vector without = robot::forward_dynamics(robot::testing::two_link(), q, v, tau);
   ASSERT_GT((expected - without).norm(), 0.1 * expected.norm());
   EXPECT_LT((arm(model, q, v).acceleration(tau).vdot - expected).norm(),
             1e-12 * expected.norm());  // rounding
@@ -121,8 +121,8 @@ TEST_P(EveryArm, HoldsATorqueThatJumpsEveryTick) {
     y = testing::runge_kutta_4(
         [&](const Eigen::VectorXd& state) {
           Eigen::VectorXd rate(2 * n);
-          rate << state.tail(n), robot::forward_dynamics<double>(model, Vector(state.head(n)),
-                                                                 Vector(state.tail(n)), tau);
+          rate << state.tail(n),
+              robot::forward_dynamics(model, Vector(state.head(n)), Vector(state.tail(n)), tau);
           return rate;
         },
         y, 1e-3, 20);

@@ -57,27 +57,6 @@ TEST_P(ForwardDynamics, UndoesInverseDynamics) {
   }
 }
 
-using ForwardDynamicsOfJets = ForwardDynamics;
-INSTANTIATE_TEST_SUITE_P(Robots, ForwardDynamicsOfJets,
-                         ::testing::Values([] { return testing::two_link(); }, &testing::iiwa7,
-                                           &testing::branching));
-
-TEST_P(ForwardDynamicsOfJets, UndoesInverseDynamics) {
-  for (int k = 0; k < 20; ++k) {
-    const JetVector q = jet(random.vector(n, 1), random.vector(n, 1), random.vector(n, 1));
-    const JetVector v = jet(random.vector(n, 1), random.vector(n, 1), random.vector(n, 1));
-    const JetVector a = jet(random.vector(n, 5), random.vector(n, 5), random.vector(n, 5));
-    const JetVector error = forward_dynamics(model, q, v, inverse_dynamics(model, q, v, a)) - a;
-    const auto lambda =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(mass_matrix(model, value(q))).eigenvalues();
-    // As above, the condition number once more with each derivative.
-    const double cond = lambda[n - 1] / lambda[0], once = 100 * static_cast<double>(n) * eps * cond;
-    EXPECT_LT(value(error).norm(), once * 20);
-    EXPECT_LT(first_derivative(error).norm(), once * cond * 20);
-    EXPECT_LT(second_derivative(error).norm(), once * cond * cond * 20);
-  }
-}
-
 #if TACHLESS_COUNTS_ALLOCATIONS
 TEST_P(ForwardDynamics, AllocatesNothingNorDoesWhatItCalls) {
   const Vector q = random.vector(n, 2), v = random.vector(n, 2), tau = random.vector(n, 2);
@@ -86,7 +65,7 @@ TEST_P(ForwardDynamics, AllocatesNothingNorDoesWhatItCalls) {
   const Vector a = forward_dynamics(model, q, v, tau);
   const Vector back = inverse_dynamics(model, q, v, a);
   const Vector two = inverse_dynamics_bilinear(model, q, v, a, a);
-  const JetVector jets = forward_dynamics(model, q_t, q_t, inverse_dynamics(model, q_t, q_t, q_t));
+  const JetVector jets = inverse_dynamics(model, q_t, q_t, q_t);
   EXPECT_EQ(allocations, before);
   EXPECT_TRUE(back.allFinite() && two.allFinite() && value(jets).allFinite() &&
               second_derivative(jets).allFinite());
