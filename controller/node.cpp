@@ -14,17 +14,16 @@
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
 #include "node/link.h"
-#include "protocol/lockstep/responders.h"
-#include "protocol/realtime/realtime.h"
+#include "protocol/responders.h"
 
 namespace tachless::controller {
 namespace {
 
 using loop::Clock;
 using loop::Role;
-using protocol::lockstep::CommandResponder;
-using protocol::lockstep::Verdict;
-using protocol::realtime::CommandPicker;
+using protocol::CommandPicker;
+using protocol::CommandResponder;
+using protocol::Verdict;
 
 /// One of the law's two inputs: the decoded values of the last ticks, each at the place of its
 /// tick. Preallocated.
@@ -35,16 +34,15 @@ struct Input : bus::Port<Value> {
     Value value;
   };
   Message newest;  ///< decoded last
-  std::vector<Message> kept = std::vector<Message>(protocol::lockstep::MessageRing::depth);
+  std::vector<Message> kept = std::vector<Message>(protocol::MessageRing::depth);
 
   explicit Input(bus::Port<Value> port) : bus::Port<Value>(std::move(port)) {}
 
   Message& at(std::int64_t tick) { return kept[static_cast<std::size_t>(tick) % kept.size()]; }
 };
 
-protocol::lockstep::LawInput input_of(Role from) {
-  return from == Role::plant ? protocol::lockstep::measurement_input
-                             : protocol::lockstep::reference_input;
+protocol::LawInput input_of(Role from) {
+  return from == Role::plant ? protocol::measurement_input : protocol::reference_input;
 }
 
 /// What both modes share: receives the law's inputs, steps the law over a tick, publishes command
@@ -234,7 +232,7 @@ class RealtimeNode final : public Node {
   }
 
   CommandPicker picker_;
-  protocol::realtime::Pace pace_;
+  protocol::Pace pace_;
   std::int64_t last_tick_;
   std::int64_t acted_ = -1;  ///< newest tick commanded
 };

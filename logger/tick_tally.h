@@ -9,7 +9,7 @@
 
 #include "logger/tick_ranges.h"
 #include "loop/slot.h"
-#include "protocol/lockstep/message_ring.h"
+#include "protocol/message_ring.h"
 
 namespace tachless::logger {
 
@@ -18,7 +18,7 @@ namespace tachless::logger {
 class TickTally {
  public:
   using Slot = loop::Slot;
-  using Verdict = protocol::lockstep::Verdict;
+  using Verdict = protocol::Verdict;
 
   /// A message may be this many ticks late; a later one is too old.
   static constexpr std::int64_t window = 1024;
@@ -39,7 +39,7 @@ class TickTally {
       entry = Entry();
       entry.tick = tick;
     }
-    const std::uint64_t digest = protocol::lockstep::digest_of(bytes);
+    const std::uint64_t digest = protocol::digest_of(bytes);
     if (entry.has[index(slot)]) {
       return entry.digest[index(slot)] == digest ? Verdict::repeated : Verdict::conflicting;
     }

@@ -24,7 +24,7 @@ using diagnostics::Failure;
 using loop::Clock;
 using loop::Role;
 using protocol::Membership;
-using protocol::lockstep::Verdict;
+using protocol::Verdict;
 
 constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;

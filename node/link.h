@@ -20,8 +20,8 @@
 #include "loop/messages.h"
 #include "node/key_check.h"
 #include "node/statistics.h"
-#include "protocol/lockstep/message_ring.h"
 #include "protocol/membership.h"
+#include "protocol/message_ring.h"
 
 namespace tachless::node {
 
@@ -116,10 +116,10 @@ class Link {
   bool accept(bus::Rejection rejection, const loop::Stamp& stamp);
   /// Counts what became of a message for `tick`.
   /// @throw Failure(protocol_violated) when it conflicts: two processes have the role `from`.
-  void count(protocol::lockstep::Verdict verdict, loop::Role from, const bus::Datagram& datagram,
+  void count(protocol::Verdict verdict, loop::Role from, const bus::Datagram& datagram,
              std::int64_t tick);
   /// The same where a conflict does not matter.
-  void count(protocol::lockstep::Verdict verdict);
+  void count(protocol::Verdict verdict);
 
   /// Newest tick handled, and (controller) the norm of its position error.
   void progressed(std::int64_t tick, double error_norm = 0) {

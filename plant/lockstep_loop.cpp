@@ -8,16 +8,16 @@
 #include "diagnostics/logging.h"
 #include "diagnostics/time.h"
 #include "plant/plant_loop.h"
-#include "protocol/lockstep/message_ring.h"
-#include "protocol/lockstep/tick_master.h"
+#include "protocol/message_ring.h"
+#include "protocol/tick_master.h"
 
 namespace tachless::plant {
 namespace {
 
 using loop::Clock;
 using loop::Role;
-using protocol::lockstep::TickMaster;
-using protocol::lockstep::Verdict;
+using protocol::TickMaster;
+using protocol::Verdict;
 using Repeated = TickMaster::Repeat::What;
 
 enum Kind : int { tick_kind, measurement_kind, truth_kind };
@@ -138,7 +138,7 @@ class LockstepLoop : PlantLoop {
   bus::Port<loop::LogAck> ack_port_;
   TickMaster tick_master_;
   bus::Digest truth_digest_;
-  std::optional<protocol::lockstep::MessageRing> sent_;  // sized when the measurement is known
+  std::optional<protocol::MessageRing> sent_;  // sized when the measurement is known
 };
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "diagnostics/time.h"
 #include "plant/node.h"
 #include "plant/plant_loop.h"
-#include "protocol/realtime/realtime.h"
+#include "protocol/responders.h"
 
 namespace tachless::plant {
 namespace {
@@ -23,7 +23,7 @@ using diagnostics::nanoseconds_of;
 using loop::Clock;
 using loop::Role;
 using loop::truth::DriveFault;
-using protocol::lockstep::Verdict;
+using protocol::Verdict;
 
 // From the last confirmation of the roster to the first tick.
 constexpr auto lead_in = 5ms;
@@ -255,7 +255,7 @@ class RealtimeLoop : PlantLoop {
     }
   }
 
-  protocol::realtime::MissedCommandMonitor commands_;
+  protocol::MissedCommandMonitor commands_;
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
   Time asked_;         ///< when the measurement of tick_ was published

@@ -11,15 +11,14 @@
 
 #include "bus/wire.h"
 #include "node/link.h"
-#include "protocol/lockstep/responders.h"
-#include "protocol/realtime/realtime.h"
+#include "protocol/responders.h"
 #include "reference/make_trajectory.h"
 
 namespace tachless::reference {
 namespace {
 
 using loop::Clock;
-using protocol::lockstep::Verdict;
+using protocol::Verdict;
 
 /// Accepts TICK, computes and publishes references.
 class Node {
@@ -105,8 +104,8 @@ class Node {
   Trajectory trajectory_;
   bus::Port<loop::Tick> tick_port_;
   bus::Port<loop::ReferencePoint> reference_port_;
-  protocol::lockstep::ReferenceResponder responder_;
-  std::optional<protocol::realtime::Pace> pace_;  ///< in realtime
+  protocol::ReferenceResponder responder_;
+  std::optional<protocol::Pace> pace_;  ///< in realtime
 };
 
 }  // namespace

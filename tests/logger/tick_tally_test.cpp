@@ -4,13 +4,13 @@
 
 #include <cstring>
 
-#include "tests/protocol/lockstep/bytes_of.h"
+#include "tests/protocol/bytes_of.h"
 
 namespace tachless::logger {
 namespace {
 
 using loop::num_slots;
-using protocol::lockstep::Verdict;
+using protocol::Verdict;
 using Slot = TickTally::Slot;
 
 void record_all(TickTally& tally, std::int64_t tick) {

@@ -19,7 +19,7 @@ namespace tachless::node {
 namespace {
 
 using namespace std::chrono_literals;
-using protocol::lockstep::Verdict;
+using protocol::Verdict;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;

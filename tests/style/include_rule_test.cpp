@@ -50,10 +50,6 @@ const std::vector<Rule> rules = {
     {"bus/key.cpp", {"bus/", "process/", "diagnostics/failure.h"}, {"sodium.h"}, true},
 
     {"protocol/", {"protocol/", "loop/", "diagnostics/"}, {}},
-    {"protocol/lockstep/",
-     {"protocol/lockstep/", "loop/clock.h", "loop/slot.h", "diagnostics/fnv.h"},
-     {}},
-    {"protocol/realtime/", {"protocol/realtime/", "protocol/lockstep/", "loop/clock.h"}, {}},
 
     {"experiment/",
      {"experiment/", "plant/spec.h", "controller/law/filter.h", "reference/trajectories.h",
@@ -323,7 +319,7 @@ TEST(IncludeRule, ObjectsToWhatTheTableForbids) {
   EXPECT_TRUE(refused("plant/node.cpp", "SimTKsimbody.h", true));
   EXPECT_TRUE(refused("robot/model.h", "experiment/scenario.h", false));
   EXPECT_TRUE(refused("robot/model.cpp", "spdlog/spdlog.h", true));
-  EXPECT_TRUE(refused("protocol/lockstep/tick_master.h", "bus/transport.h", false));
+  EXPECT_TRUE(refused("protocol/tick_master.h", "bus/transport.h", false));
   EXPECT_TRUE(refused("protocol/membership.h", "bus/transport.h", false));
   EXPECT_TRUE(refused("bus/wire.cpp", "lcm/lcm-cpp.hpp", true));
   EXPECT_TRUE(refused("bus/wire.cpp", "tachless_truth/plant_truth_t.hpp", true));

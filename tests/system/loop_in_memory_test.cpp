@@ -15,7 +15,7 @@
 #include "controller/registry.h"
 #include "logger/log_file.h"
 #include "logger/run_log.h"
-#include "protocol/lockstep/tick_master.h"
+#include "protocol/tick_master.h"
 #include "study/in_process_loop.h"
 #include "tests/support/in_process_log.h"
 #include "tests/support/law_examples.h"

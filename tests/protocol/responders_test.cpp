@@ -1,13 +1,13 @@
-#include "protocol/lockstep/responders.h"
+#include "protocol/responders.h"
 
 #include <gtest/gtest.h>
 
 #include <stdexcept>
 #include <utility>
 
-#include "tests/protocol/lockstep/bytes_of.h"
+#include "tests/protocol/bytes_of.h"
 
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 namespace {
 
 class AReferenceResponder : public testing::Test {
@@ -237,4 +237,4 @@ TEST_F(ACommandResponder, ComputesNothingTwiceOrWithoutInputs) {
 }
 
 }  // namespace
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol

@@ -12,9 +12,9 @@
 #include <utility>
 
 #include "loop/clock.h"
-#include "protocol/lockstep/message_ring.h"
+#include "protocol/message_ring.h"
 
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 
 /// The plant's side of the protocol. A run is: for each tick a request (TICK and measurement) until
 /// the command is received, an advance of the plant, the TRUTH; at the end the logger's last
@@ -28,13 +28,11 @@ class TickMaster {
     std::int64_t num_ticks = 0;
     /// Most ticks that may have begun without being acknowledged by the logger.
     int window = 48;
-    /// A request is repeated after the time that replies usually take, within these bounds
-    /// (docs/decisions/0005-repeats.md), `patience` times; then after twice as long each time, up
-    /// to the longest.
-    std::chrono::nanoseconds shortest_timeout = std::chrono::microseconds(500);
-    std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(2);
+    /// A request is repeated after the first timeout (docs/decisions/0005-repeats.md),
+    /// `fast_repeats` times; then after twice as long each time, up to the longest.
+    std::chrono::nanoseconds first_timeout = std::chrono::milliseconds(1);
     std::chrono::nanoseconds longest_timeout = std::chrono::milliseconds(320);
-    int patience = 8;
+    int fast_repeats = 8;
     /// A peer is lost after this long without progress.
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);
   };
@@ -85,7 +83,7 @@ class TickMaster {
     const Verdict verdict = commands_.put(tick, 0, bytes);
     if (verdict == Verdict::fresh) {
       commanded_ = true;
-      note_round_trip(now);
+      round_trip_ = now - progress_;
     }
     return verdict;
   }
@@ -128,7 +126,7 @@ class TickMaster {
     const Waiting waiting_for = waiting();
     if (now >= repeat_at_ && waiting_for == Waiting::nothing) repeat_at_ = Time::max();
     if (now >= repeat_at_) {
-      if (++repeats_ >= config_.patience) {
+      if (++repeats_ >= config_.fast_repeats) {
         timeout_ = std::min(2 * timeout_, config_.longest_timeout);
       }
       repeat_at_ = now + timeout_;
@@ -174,25 +172,7 @@ class TickMaster {
     logger_heard_ = false;
     repeats_ = 0;
     timeout_ = config_.first_timeout;
-    if (asking_ && usual_.count() != 0) {
-      timeout_ =
-          std::clamp(usual_ + 4 * deviation_, config_.shortest_timeout, config_.first_timeout);
-    }
     repeat_at_ = now + timeout_;
-  }
-
-  void note_round_trip(Time now) {
-    round_trip_ = now - progress_;
-    // An answer after a repetition tells more about the loss than about the way (Karn's rule); the
-    // smoothing is that of RFC 6298.
-    if (repeats_ > 0) return;
-    if (usual_.count() == 0) {
-      usual_ = round_trip_;
-      deviation_ = round_trip_ / 2;
-    } else {
-      deviation_ += (std::chrono::abs(round_trip_ - usual_) - deviation_) / 4;
-      usual_ += (round_trip_ - usual_) / 8;
-    }
   }
 
   void remember_missing(std::uint64_t missing, Time now) {
@@ -233,7 +213,6 @@ class TickMaster {
   std::chrono::nanoseconds timeout_{};
   int repeats_ = 0;  ///< since the last progress
   std::chrono::nanoseconds round_trip_{};
-  std::chrono::nanoseconds usual_{}, deviation_{};  ///< of round trips, smoothed
 };
 
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol

@@ -1,12 +1,12 @@
-#include "protocol/realtime/realtime.h"
+#include "protocol/responders.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "tests/protocol/lockstep/bytes_of.h"
+#include "tests/protocol/bytes_of.h"
 
-namespace tachless::protocol::realtime {
+namespace tachless::protocol {
 namespace {
 
 using namespace std::chrono_literals;
@@ -55,10 +55,10 @@ TEST(Pace, IsOverWithTheLastTickOrWhenItsTimeHasCome) {
 class Picking : public testing::Test {
  protected:
   Verdict measure(std::int64_t tick, std::uint64_t content = 1) {
-    return picker_.on_input(lockstep::measurement_input, tick, BytesOf(content));
+    return picker_.on_input(measurement_input, tick, BytesOf(content));
   }
   Verdict refer(std::int64_t tick, std::uint64_t content = 1) {
-    return picker_.on_input(lockstep::reference_input, tick, BytesOf(content));
+    return picker_.on_input(reference_input, tick, BytesOf(content));
   }
   std::int64_t due() { return picker_.due().value_or(-1); }
 
@@ -187,4 +187,4 @@ TEST(MissedCommandMonitor, WithNoneToleratedStopsAtTheFirst) {
 }
 
 }  // namespace
-}  // namespace tachless::protocol::realtime
+}  // namespace tachless::protocol

@@ -1,13 +1,13 @@
-#include "protocol/lockstep/tick_master.h"
+#include "protocol/tick_master.h"
 
 #include <gtest/gtest.h>
 
 #include <stdexcept>
 #include <vector>
 
-#include "tests/protocol/lockstep/bytes_of.h"
+#include "tests/protocol/bytes_of.h"
 
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 namespace {
 
 using namespace std::chrono_literals;
@@ -41,7 +41,7 @@ class ARequester : public testing::Test {
   TickMaster tick_master{config()};
 };
 
-TEST_F(ARequester, RepeatsARequestEvery2msAndLaterDoublesTo320ms) {
+TEST_F(ARequester, RepeatsARequestEveryMillisecondAndLaterDoublesTo320ms) {
   tick_master.asked(now);
   std::vector<std::int64_t> waits_ms;
   for (int i = 0; i < 17; ++i) {
@@ -54,42 +54,18 @@ TEST_F(ARequester, RepeatsARequestEvery2msAndLaterDoublesTo320ms) {
     EXPECT_FALSE(tick_master.next_repeat(now));
     waits_ms.push_back((now - before) / 1ms);
   }
-  EXPECT_EQ(waits_ms, (Ticks{2, 2, 2, 2, 2, 2, 2, 2, 4, 8, 16, 32, 64, 128, 256, 320, 320}));
+  EXPECT_EQ(waits_ms, (Ticks{1, 1, 1, 1, 1, 1, 1, 1, 2, 4, 8, 16, 32, 64, 128, 256, 320}));
 }
 
 TEST_F(ARequester, StartsEachTickWithTheFirstTimeout) {
   tick_master.asked(now);
-  now += 2ms;
+  now += 1ms;
   EXPECT_TRUE(tick_master.next_repeat(now));
   tick_master.on_command(0, BytesOf(0), now);
+  EXPECT_EQ(tick_master.round_trip(), 1ms) << "from the first request on";
   tick_master.completed(now);
   tick_master.asked(now);
-  EXPECT_EQ(tick_master.deadline(), now + 2ms);
-}
-
-TEST_F(ARequester, LearnsHowLongAnswersTake) {
-  const auto tick_that_takes = [&](std::chrono::nanoseconds round_trip) {
-    const std::int64_t k = tick_master.next_tick();
-    tick_master.asked(now);
-    const auto patience = tick_master.deadline() - now;
-    now += round_trip;
-    tick_master.next_repeat(now);
-    tick_master.on_command(k, BytesOf(k), now);
-    EXPECT_EQ(tick_master.round_trip(), round_trip);
-    tick_master.completed(now);
-    tick_master.on_ack(k, 0, now);
-    return patience;
-  };
-  EXPECT_EQ(tick_that_takes(300us), 2ms);
-  EXPECT_EQ(tick_that_takes(100us), 900us);  // 300 + 4 * 300 / 2, as RFC 6298 begins
-  for (int i = 0; i < 50; ++i) tick_that_takes(100us);
-  EXPECT_EQ(tick_that_takes(100us), 500us);
-  EXPECT_EQ(tick_that_takes(50ms), 500us);  // repeated: says nothing of the usual time
-  EXPECT_EQ(tick_that_takes(100us), 500us);
-  for (int i = 0; i < 50; ++i) tick_that_takes(i % 2 ? 300us : 450us);
-  const auto patience = tick_that_takes(100us);
-  EXPECT_GT(patience, 500us);
-  EXPECT_LT(patience, 1ms);
+  EXPECT_EQ(tick_master.deadline(), now + 1ms);
 }
 
 TEST_F(ARequester, TakesTheCommandOfTheTickAskedForAndNoOther) {
@@ -119,7 +95,7 @@ TEST_F(ARequester, NeverRunsMoreThan48TicksAhead) {
 TEST_F(ARequester, RepeatsExactlyWhatTheLoggerMisses) {
   for (int i = 0; i < 20; ++i) run_one();
   tick_master.asked(now);
-  now += 1ms;
+  now += 500us;
   tick_master.on_ack(3, 0b1000'0000'0000'0101, now);
   EXPECT_EQ(repeated_ticks(), (Ticks{4, 6, 19}));
   EXPECT_EQ(repeated_ticks(), Ticks{});
@@ -128,7 +104,7 @@ TEST_F(ARequester, RepeatsExactlyWhatTheLoggerMisses) {
 TEST_F(ARequester, DoesNotRepeatTheTickUnderWayForTheLogger) {
   run_one();
   tick_master.asked(now);
-  now += 1ms;
+  now += 500us;
   tick_master.on_ack(-1, 0b11, now);
   EXPECT_EQ(repeated_ticks(), (Ticks{0}));
 }
@@ -136,7 +112,7 @@ TEST_F(ARequester, DoesNotRepeatTheTickUnderWayForTheLogger) {
 TEST_F(ARequester, DoesNotRepeatForTheLoggerWhatWasSentAMomentAgo) {
   for (int i = 0; i < 20; ++i) run_one();
   tick_master.asked(now);
-  now += 999us;
+  now += 499us;
   tick_master.on_ack(-1, 0b1, now);
   EXPECT_EQ(repeated_ticks(), Ticks{});
   now += 1us;
@@ -172,7 +148,7 @@ TEST_F(ARequester, AsksALoggerThatSpeaksAgainSoonAfterLongSilence) {
   }
   ASSERT_GT(tick_master.deadline(), now + 100ms);
   tick_master.on_ack(-1, 0, now);
-  EXPECT_EQ(tick_master.deadline(), now + 2ms);
+  EXPECT_EQ(tick_master.deadline(), now + 1ms);
 }
 
 TEST_F(ARequester, ForgetsARequestOfTheLoggerThatIsFulfilled) {
@@ -240,4 +216,4 @@ TEST_F(ARequester, NeedsAWindowThatFitsTheKeptMessages) {
 }
 
 }  // namespace
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol

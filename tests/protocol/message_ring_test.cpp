@@ -1,12 +1,12 @@
-#include "protocol/lockstep/message_ring.h"
+#include "protocol/message_ring.h"
 
 #include <gtest/gtest.h>
 
 #include <stdexcept>
 
-#include "tests/protocol/lockstep/bytes_of.h"
+#include "tests/protocol/bytes_of.h"
 
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 namespace {
 
 MessageRing ring() { return MessageRing(std::array<std::size_t, 2>{8, 8}); }
@@ -61,4 +61,4 @@ TEST(MessageRing, RefusesWhatBreaksItsPromises) {
 }
 
 }  // namespace
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol

@@ -14,7 +14,7 @@
 /// The tick protocol as pure state machines: events in, actions out, time passed in as a value.
 /// They neither send nor receive, know no message type, and compute no message. docs/protocol.md
 /// describes the protocol as a whole.
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 
 /// What was done with one message.
 enum class Verdict {
@@ -114,4 +114,4 @@ class MessageRing {
   std::vector<Slot> slots_;
 };
 
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol

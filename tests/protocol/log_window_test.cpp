@@ -1,13 +1,13 @@
-#include "protocol/lockstep/log_window.h"
+#include "protocol/log_window.h"
 
 #include <gtest/gtest.h>
 
 #include <initializer_list>
 #include <stdexcept>
 
-#include "tests/protocol/lockstep/bytes_of.h"
+#include "tests/protocol/bytes_of.h"
 
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 namespace {
 
 class ALogWindow : public testing::Test {
@@ -121,4 +121,4 @@ TEST_F(ALogWindow, SeesAContradiction) {
 }
 
 }  // namespace
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol

@@ -9,9 +9,9 @@
 #include <stdexcept>
 
 #include "loop/slot.h"
-#include "protocol/lockstep/message_ring.h"
+#include "protocol/message_ring.h"
 
-namespace tachless::protocol::lockstep {
+namespace tachless::protocol {
 
 using loop::num_slots;
 using loop::Slot;
@@ -101,4 +101,4 @@ class LogWindow {
   bool filled_late_ = false;  ///< a gap has been filled since
 };
 
-}  // namespace tachless::protocol::lockstep
+}  // namespace tachless::protocol
