@@ -2,19 +2,18 @@
 
 #include <arpa/inet.h>
 #include <fmt/core.h>
-#include <linux/netlink.h>
-#include <linux/rtnetlink.h>
 #include <net/if.h>
+#include <net/route.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <chrono>
-#include <cstring>
+#include <cstdint>
 #include <fstream>
 #include <span>
+#include <sstream>
 #include <stdexcept>
 #include <system_error>
 
@@ -43,44 +42,27 @@ std::optional<short> interface_flags(const std::string& name) {
   return request.ifr_flags;
 }
 
-/// Asks the kernel's routing table for the outgoing interface; 0 if there is none.
-int outgoing_interface(const LcmUrl& url) {
-  struct Question {
-    nlmsghdr header{};
-    rtmsg route{};
-    rtattr attribute{};
-    in_addr destination{};
-  } question;
-  question.header.nlmsg_len = sizeof question;
-  question.header.nlmsg_type = RTM_GETROUTE;
-  question.header.nlmsg_flags = NLM_F_REQUEST;
-  question.route.rtm_family = AF_INET;
-  question.route.rtm_dst_len = 32;
-  question.attribute.rta_type = RTA_DST;
-  question.attribute.rta_len = RTA_LENGTH(sizeof question.destination);
-  inet_pton(AF_INET, url.group.c_str(), &question.destination);
-
-  const process::FileDescriptor netlink(
-      ::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE));
-  alignas(nlmsghdr) std::array<char, 8192> answer{};
-  if (netlink.get() < 0 || ::send(netlink.get(), &question, sizeof question, 0) < 0) {
-    fail("cannot ask for the route");
+/// The interface of the narrowest route to the group; empty if there is none.
+std::string outgoing_interface(const LcmUrl& url) {
+  in_addr group{};
+  inet_pton(AF_INET, url.group.c_str(), &group);
+  std::ifstream routes("/proc/net/route");
+  std::string line, outgoing;
+  std::getline(routes, line);  // the columns' names
+  std::uint32_t narrowest = 0;
+  while (std::getline(routes, line)) {
+    std::istringstream fields(line);
+    std::string interface;
+    std::uint32_t destination = 0, flags = 0, mask = 0, other = 0;
+    fields >> interface >> std::hex >> destination >> other >> flags >> other >> other >> other >>
+        mask;
+    const bool usable = fields && (flags & RTF_UP) != 0 && (flags & RTF_REJECT) == 0;
+    if (!usable || (group.s_addr & mask) != destination) continue;
+    if (!outgoing.empty() && ntohl(mask) <= narrowest) continue;
+    outgoing = interface;
+    narrowest = ntohl(mask);
   }
-  const ssize_t size = ::recv(netlink.get(), answer.data(), answer.size(), 0);
-  if (size < 0) fail("no answer about the route");
-  auto* header = reinterpret_cast<nlmsghdr*>(answer.data());
-  if (!NLMSG_OK(header, static_cast<std::size_t>(size)) || header->nlmsg_type != RTM_NEWROUTE) {
-    return 0;
-  }
-  auto* route = static_cast<rtmsg*>(NLMSG_DATA(header));
-  auto rest = static_cast<int>(RTM_PAYLOAD(header));
-  for (rtattr* a = RTM_RTA(route); RTA_OK(a, rest); a = RTA_NEXT(a, rest)) {
-    if (a->rta_type != RTA_OIF) continue;
-    int index = 0;
-    std::memcpy(&index, RTA_DATA(a), sizeof index);
-    return index;
-  }
-  return 0;
+  return outgoing;
 }
 
 std::optional<NetworkProblem> problem_of_route(const LcmUrl& url) {
@@ -125,13 +107,10 @@ std::optional<NetworkProblem> problem_of_probe(const LcmUrl& url) {
 }  // namespace
 
 std::optional<MulticastRoute> multicast_route(const LcmUrl& url) {
-  const int index = outgoing_interface(url);
-  std::array<char, IF_NAMESIZE> name{};
-  if (index == 0 || ::if_indextoname(static_cast<unsigned>(index), name.data()) == nullptr) {
-    return std::nullopt;
-  }
-  const short flags = interface_flags(name.data()).value_or(0);
-  return MulticastRoute{name.data(), (flags & IFF_UP) != 0, (flags & IFF_MULTICAST) != 0};
+  const std::string interface = outgoing_interface(url);
+  if (interface.empty()) return std::nullopt;
+  const short flags = interface_flags(interface).value_or(0);
+  return MulticastRoute{interface, (flags & IFF_UP) != 0, (flags & IFF_MULTICAST) != 0};
 }
 
 std::optional<NetworkProblem> check_network(const LcmUrl& url) {

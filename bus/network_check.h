@@ -25,7 +25,7 @@ struct MulticastRoute {
 };
 
 /// @return nothing if there is no route to the group
-/// @throw std::system_error if the kernel cannot be asked
+/// @throw std::system_error if no socket can be opened
 std::optional<MulticastRoute> multicast_route(const LcmUrl& url);
 
 /// Most that a receive buffer may have without privileges, net.core.rmem_max [bytes].

@@ -12,31 +12,13 @@ namespace tachless::bus::truth {
 namespace {
 
 using codec_checks::Bytes;
-using codec_checks::Random;
 using codec_checks::sample;
 using codec_checks::verdict;
 
 constexpr std::size_t body = 32;  // fingerprint, utime, run, tick
 constexpr std::size_t reals = body + 8;
 
-struct TruthType {
-  using Value = loop::truth::PlantTruth;
-  using Message = tachless_truth::plant_truth_t;
-  static Message message(const loop::Layout& layout, Random& random) {
-    Message m{};
-    m.num_joints = layout.num_joints;
-    m.num_motors = layout.num_motors;
-    m.position = random.reals(layout.num_joints);
-    m.velocity = random.reals(layout.num_joints);
-    m.motor_position = random.reals(layout.num_motors);
-    m.motor_velocity = random.reals(layout.num_motors);
-    m.torque = random.reals(layout.num_joints);
-    m.disturbance = random.reals(layout.num_joints);
-    for (int i = 0; i < layout.num_joints; ++i) m.saturated.push_back(random.coin());
-    m.fault = 2;
-    return m;
-  }
-};
+using TruthType = codec_checks::Pair<loop::truth::PlantTruth, tachless_truth::plant_truth_t>;
 
 TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
   codec_checks::agrees_with_generated_code<TruthType>();
@@ -44,9 +26,8 @@ TEST(TruthCodec, AgreesWithGeneratedCodeByteForByte) {
 TEST(TruthCodec, PutsEveryFieldInItsOwnMember) {
   using codec_checks::reals_of;
   const loop::Layout layout{7, 7, 1};
-  Random random;
-  const auto message = TruthType::message(layout, random);
-  const auto value = codec_checks::decoded<loop::truth::PlantTruth>(layout, message);
+  const auto message = codec_checks::message_of<TruthType>(layout);
+  const auto value = codec_checks::random_value<loop::truth::PlantTruth>(layout);
   EXPECT_EQ(reals_of(value.q), message.position);
   EXPECT_EQ(reals_of(value.v), message.velocity);
   EXPECT_EQ(reals_of(value.theta), message.motor_position);
