@@ -31,7 +31,7 @@ namespace tachless::logger {
 
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(DamagedStretch, offset, bytes)
 NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Damage, bytes_skipped, stretches, missing_numbers,
-                                   numbers_restarted, suspect_messages, listed)
+                                   numbers_restarted, listed)
 
 namespace {
 
@@ -279,11 +279,9 @@ std::string run_text(const json& run) {
 std::string damage_text(const json& damage) {
   std::string text = "damage    none\n";
   if (damage["any"]) {
-    text = fmt::format(
-        "damage    {} bytes in {} places hold no message; {} message numbers missing; {} messages "
-        "beside damage\n",
-        damage["bytes_skipped"], damage["stretches"], damage["missing_numbers"],
-        damage["suspect_messages"]);
+    text =
+        fmt::format("damage    {} bytes in {} places hold no message; {} message numbers missing\n",
+                    damage["bytes_skipped"], damage["stretches"], damage["missing_numbers"]);
     constexpr std::size_t shown = 10;
     const json& listed = damage["listed"];
     for (std::size_t i = 0; i < std::min(shown, listed.size()); ++i) {

@@ -240,7 +240,7 @@ void LogReader::rewind() {
 
 std::optional<LogEvent> LogReader::next() {
   while (position_ < size_) {
-    auto event = event_at(position_);
+    const auto event = event_at(position_);
     if (event && !is_followed(*event)) {
       // Damage follows, or its own length is damaged: then it spans the events after it.
       const std::uint64_t inner = find_event(position_ + 1, event->end());
@@ -248,7 +248,6 @@ std::optional<LogEvent> LogReader::next() {
         skip(inner);
         continue;
       }
-      event->suspect = !event_at(event->end());
     }
     if (!event) {
       skip(find_event(position_ + 1, size_));
@@ -256,7 +255,6 @@ std::optional<LogEvent> LogReader::next() {
     }
     skipping_ = false;
     note_number(event->number);
-    if (event->suspect) ++damage_.suspect_messages;
     position_ = event->end();
     release_behind();
     return event;

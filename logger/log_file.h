@@ -86,8 +86,6 @@ struct LogEvent {
   std::string_view channel;
   std::span<const std::byte> data;
   std::uint64_t offset = 0;  ///< of its first byte in the file
-  /// No event follows: should the damage be in this event's own lengths, its data is not whole.
-  bool suspect = false;
 
   /// The offset of the byte after it.
   [[nodiscard]] std::uint64_t end() const {
@@ -110,11 +108,8 @@ struct Damage {
   std::vector<DamagedStretch> listed;   ///< the first `max_listed` of them
   std::uint64_t missing_numbers = 0;    ///< event numbers passed over
   std::uint64_t numbers_restarted = 0;  ///< event number went back (lcm-logger appending does that)
-  std::uint64_t suspect_messages = 0;   ///< delivered although damage follows them
 
-  [[nodiscard]] bool any() const {
-    return stretches != 0 || missing_numbers != 0 || suspect_messages != 0;
-  }
+  [[nodiscard]] bool any() const { return stretches != 0 || missing_numbers != 0; }
 };
 
 /// Reads any LCM log, front to back, damaged or not: what is not an event is skipped, up to the

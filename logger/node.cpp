@@ -20,8 +20,8 @@
 #include "logger/tick_tally.h"
 #include "node/link.h"
 #include "node/run_info.h"
-#include "protocol/lockstep/log_window.h"
-#include "protocol/realtime/realtime.h"
+#include "protocol/log_window.h"
+#include "protocol/responders.h"
 
 namespace tachless::logger {
 namespace {
@@ -29,7 +29,7 @@ namespace {
 using namespace std::chrono_literals;
 using loop::Clock;
 using loop::Slot;
-using protocol::lockstep::Verdict;
+using protocol::Verdict;
 
 // In realtime the log is closed after this many consecutive waits without a message. Waits are
 // counted, not time, so that a stalled machine is not taken for silence. After the plant's last
@@ -63,16 +63,12 @@ class Recorder {
            const std::filesystem::path& log_path)
       : scenario_(scenario),
         link_(link),
-        messages_(scenario),
         file_(log_path),
         ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)) {
     link_.on_announcement([this](const bus::Datagram& datagram) {
       keep_fault(datagram);
       on_participant(datagram);
     });
-    for (const Slot slot : loop::all_slots) {
-      if (!messages_.channel(slot).empty()) record(slot);
-    }
     link_.statistics().logger().log.path = log_path.string();
     diagnostics::log_detail("writes the log {}", log_path.string());
   }
@@ -83,10 +79,14 @@ class Recorder {
   void run() {
     try {
       link_.join({}, {});
-      // An unknown measurement is refused by the plant. Before this process confirms the roster, so
-      // before the first measurement.
+      // Before this process confirms the roster, so before the first message of a tick.
       law_ = link_.membership().law();
-      if (messages_.select_measurement(law_.measurement)) record(Slot::measurement);
+      messages_.emplace(scenario_, law_);
+      joined();
+      for (const Slot slot : loop::all_slots) {
+        // An unknown measurement is refused by the plant.
+        if (!messages_->channel(slot).empty()) record(slot);
+      }
       link_.run_until_finished([this](Clock::time_point now) { return complete(now); },
                                [this](Clock::time_point now) {
                                  file_.flush_if_due(now);
@@ -105,6 +105,8 @@ class Recorder {
   }
 
  protected:
+  /// The messages of the run are known.
+  virtual void joined() {}
   virtual void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) = 0;
   /// A participant's announcement.
   virtual void on_participant(const bus::Datagram& /*datagram*/) {}
@@ -133,16 +135,16 @@ class Recorder {
 
   const experiment::Scenario& scenario_;
   node::Link& link_;
-  RunMessages messages_;
+  std::optional<RunMessages> messages_;  ///< from `joined` on
   LogWriter file_;
   bool introduced_ = false;  ///< the log has RUN_INFO
   bool concluding_ = false;  ///< the run has failed
 
  private:
   void record(Slot slot) {
-    link_.on(messages_.channel(slot), [this, slot](const bus::Datagram& datagram) {
+    link_.on(messages_->channel(slot), [this, slot](const bus::Datagram& datagram) {
       loop::Stamp stamp;
-      const bus::Rejection rejection = messages_.check(slot, datagram.payload, stamp);
+      const bus::Rejection rejection = messages_->check(slot, datagram.payload, stamp);
       if (!link_.accept(rejection, stamp)) return;
       introduce();
       on_message(slot, stamp, datagram);
@@ -207,19 +209,20 @@ class LockstepRecorder final : public Recorder {
  public:
   LockstepRecorder(const experiment::Scenario& scenario, node::Link& link,
                    const std::filesystem::path& log_path)
-      : Recorder(scenario, link, log_path), window_(scenario.loop.num_ticks, messages_.longest()) {}
+      : Recorder(scenario, link, log_path) {}
 
  private:
+  void joined() override { window_.emplace(scenario_.loop.num_ticks, messages_->longest()); }
   void on_message(Slot slot, const loop::Stamp& stamp, const bus::Datagram& datagram) override {
-    const Verdict verdict = window_.on_message(slot, stamp.tick, datagram.payload);
+    const Verdict verdict = window_->on_message(slot, stamp.tick, datagram.payload);
     count(verdict, role_of(slot), datagram, stamp.tick);
   }
   void after_message() override {
     write_complete_ticks();
-    if (const auto ack = window_.take_ack()) acknowledge(ack->tick, ack->missing);
+    if (const auto ack = window_->take_ack()) acknowledge(ack->tick, ack->missing);
   }
   [[nodiscard]] bool complete(Clock::time_point /*now*/) const override {
-    return window_.all_written();
+    return window_->all_written();
   }
   void conclude(bool well) override {
     if (well) return compare_truth();  // every tick is written
@@ -230,14 +233,14 @@ class LockstepRecorder final : public Recorder {
   [[nodiscard]] std::int64_t utime() const override { return utime_; }
 
   void write_complete_ticks() {
-    while (const auto tick = window_.complete_tick()) {
+    while (const auto tick = window_->complete_tick()) {
       const auto begin = Clock::now();
-      utime_ = bus::stamp_of(window_.bytes(*tick, Slot::tick)).utime;
+      utime_ = bus::stamp_of(window_->bytes(*tick, Slot::tick)).utime;
       for (const Slot slot : loop::all_slots) {
-        append(utime_, messages_.channel(slot), window_.bytes(*tick, slot));
+        append(utime_, messages_->channel(slot), window_->bytes(*tick, slot));
       }
-      truth_digest_.add(window_.bytes(*tick, Slot::truth));
-      window_.written();
+      truth_digest_.add(window_->bytes(*tick, Slot::truth));
+      window_->written();
       link_.progressed(*tick);
       link_.statistics().ticks = *tick + 1;
       link_.statistics().logger().log.ticks = *tick + 1;
@@ -252,10 +255,10 @@ class LockstepRecorder final : public Recorder {
         diagnostics::ExitCode::protocol_violated,
         "what is recorded on {} is not what {} has published: another process has published there "
         "too; find it with `tachless watch`, or use a key (--key-file)",
-        messages_.channel(Slot::truth), link_.describe(loop::Role::plant));
+        messages_->channel(Slot::truth), link_.describe(loop::Role::plant));
   }
 
-  protocol::lockstep::LogWindow window_;
+  std::optional<protocol::LogWindow> window_;
   bus::Digest truth_digest_;  ///< of what is written
   std::int64_t utime_ = 0;    ///< of the last tick written
 };
@@ -320,7 +323,7 @@ class RealtimeRecorder final : public Recorder {
       const auto& missing = tally_.missing(slot);
       if (missing.count == 0) continue;
       diagnostics::log_warning("{} of {} ticks have no {}: {}", missing.count,
-                               tally_.complete() + tally_.incomplete(), messages_.channel(slot),
+                               tally_.complete() + tally_.incomplete(), messages_->channel(slot),
                                missing.text());
     }
   }
@@ -331,7 +334,7 @@ class RealtimeRecorder final : public Recorder {
   }
 
   std::int64_t num_ticks_;
-  protocol::realtime::Pace pace_;
+  protocol::Pace pace_;
   TickTally tally_;
   std::optional<Clock::time_point> start_;  ///< of tick 0, as seen from here
   int silent_waits_ = 0;                    ///< of the conclusion, since the last message of a tick

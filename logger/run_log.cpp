@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <span>
 #include <tuple>
 #include <type_traits>
@@ -21,8 +20,6 @@ namespace {
 
 // Ticks held at once: those waited for, and as many ahead of them.
 constexpr std::int64_t num_held = 2 * RunLog::window;
-
-std::int64_t tick_of(const LogEvent& event) { return bus::stamp_of(event.data).tick; }
 
 /// The fingerprint of RUN_INFO in version 0.1.0, whose messages were others.
 constexpr std::int64_t run_info_of_0_1_0 = 0x2243251c415912ef;
@@ -71,24 +68,10 @@ std::string read(const LogEvent& event, const std::filesystem::path& path,
   return {};
 }
 
-/// Whether the log holds any message of this robot and run but RUN_INFO.
-bool has_messages(const std::filesystem::path& path, const RunDescription& run) {
-  LogReader reader(path);
-  while (const auto event = reader.next()) {
-    if (event->channel.starts_with(run.info.robot + "_") && event->data.size() >= bus::stamp_end &&
-        !event->channel.ends_with(run_info_suffix) &&
-        bus::stamp_of(event->data).run == run.run_id) {
-      return true;
-    }
-  }
-  return false;
-}
-
 /// Reads `reader` from where it stands up to a usable RUN_INFO, of the run `wanted`.
 RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
   std::string problem;
   std::uint64_t events = 0;
-  std::optional<RunDescription> alone;
   while (const auto event = reader.next()) {
     ++events;
     if (!event->channel.ends_with(run_info_suffix)) continue;
@@ -102,13 +85,9 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
     } else if (wrong = read(*event, reader.path(), wanted, found); !wrong.empty()) {
       wrong = fmt::format("its RUN_INFO at byte {} {}", event->offset, wrong);
     }
+    if (wrong.empty()) return found;
     if (problem.empty()) problem = wrong;
-    if (!wrong.empty()) continue;
-    if (has_messages(reader.path(), found)) return found;
-    // A run nobody else took part in; its id may be damaged. Is there a better one?
-    if (!alone) alone = std::move(found);
   }
-  if (alone) return std::move(*alone);
   if (problem.empty()) {
     problem = fmt::format(
         "none of its {} messages is a RUN_INFO, which says what was run; record from before the "
@@ -168,10 +147,8 @@ class RunLog::Window {
         }
         held = none_;
         if (begun) return true;
-      } else if (!ready_.empty()) {
-        const LogEvent event = ready_.front();
-        ready_.pop_front();
-        take(event);
+      } else if (ready_) {
+        take(*std::exchange(ready_, std::nullopt));
       } else if (const auto event = reader_.next()) {
         if (on_event_) on_event_(*event);
         take(*event);
@@ -179,7 +156,6 @@ class RunLog::Window {
         release_below_ = newest_ + 1;
       } else {
         if (!std::exchange(finished_, true)) {
-          if (ahead_) ++summary_.wrong_tick;
           for (const Slot slot : loop::all_slots) count_missing(slot, summary_.last_tick + 1);
         }
         return false;
@@ -214,7 +190,7 @@ class RunLog::Window {
   /// A run that was cut short leaves the reference of the tick after its last: it is a tick ahead.
   [[nodiscard]] bool has_begun(const HeldTick& held) const {
     const std::int64_t tick = held.record.tick;
-    return !at_end_ || !ready_.empty() || tick != newest_ || summary_.last_tick < 0 ||
+    return !at_end_ || ready_ || tick != newest_ || summary_.last_tick < 0 ||
            summary_.last_tick != tick - 1 || held.num_messages != 1 || !held.record.reference;
   }
 
@@ -274,7 +250,13 @@ class RunLog::Window {
       return nullptr;
     }
     if (stamp.tick >= base_ + num_held) {
-      keep_ahead(event);
+      // A damaged number must not make the window run away from the ticks that follow.
+      if (static_cast<double>(stamp.utime) < time_us(stamp) - 1) {
+        ++summary_.wrong_tick;
+      } else {
+        release_below_ = std::max(release_below_, stamp.tick - window);
+        ready_ = event;
+      }
       return nullptr;
     }
     newest_ = std::max(newest_, stamp.tick);
@@ -293,28 +275,14 @@ class RunLog::Window {
     return &held.record;
   }
 
+  /// When the tick begins, if no later.
+  [[nodiscard]] double time_us(const loop::Stamp& stamp) const {
+    return static_cast<double>(stamp.tick) * described_.info.period_s * 1e6;
+  }
   /// In lockstep, time is the tick's: a number that was damaged gives itself away.
   [[nodiscard]] bool time_agrees(const loop::Stamp& stamp) const {
-    if (described_.scenario.loop.mode != experiment::Mode::lockstep) return true;
-    const double t_us = static_cast<double>(stamp.tick) * described_.info.period_s * 1e6;
-    return std::abs(static_cast<double>(stamp.utime) - t_us) <= 1;
-  }
-
-  /// A message farther ahead than the window reaches. A damaged tick number must not make the
-  /// window run away from the ticks that follow: unless its time bears it out, it takes two that
-  /// agree.
-  void keep_ahead(const LogEvent& event) {
-    const std::int64_t tick = tick_of(event);
-    const bool agree = ahead_ && std::abs(tick_of(*ahead_) - tick) < window &&
-                       (tick_of(*ahead_) != tick || ahead_->channel != event.channel);
-    if (!agree && described_.scenario.loop.mode != experiment::Mode::lockstep) {
-      if (ahead_) ++summary_.wrong_tick;
-      ahead_ = event;
-      return;
-    }
-    release_below_ = std::max(release_below_, tick - window);
-    if (agree) ready_.push_back(*std::exchange(ahead_, std::nullopt));
-    ready_.push_back(event);
+    return described_.scenario.loop.mode != experiment::Mode::lockstep ||
+           std::abs(static_cast<double>(stamp.utime) - time_us(stamp)) <= 1;
   }
 
   void note_fault(const loop::Stamp& stamp, const loop::Participant& who) {
@@ -356,8 +324,7 @@ class RunLog::Window {
   std::int64_t base_ = 0;           // ticks below it are handed out or will not come
   std::int64_t release_below_ = 0;  // ticks below it are to be handed out
   std::int64_t newest_ = -1;        // highest tick that is held
-  std::optional<LogEvent> ahead_;   // a message beyond the window, until another one agrees
-  std::deque<LogEvent> ready_;      // to be taken once what is below `release_below_` is handed out
+  std::optional<LogEvent> ready_;   // to be taken once what is below `release_below_` is handed out
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, loop::num_slots> last_seen_{};

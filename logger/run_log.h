@@ -82,8 +82,7 @@ class RunLog {
   static constexpr std::int64_t window = 128;
 
   /// Finds the run's RUN_INFO, wherever it is. With several runs in the log, `run` chooses; the
-  /// first otherwise. One that no message of the robot and run goes with counts only when there is
-  /// no other.
+  /// first otherwise.
   /// @throw diagnostics::Failure(bad_usage) when the file cannot be read or holds no usable
   /// RUN_INFO (of that run): damaged, recorded by a version whose messages were others, or with a
   /// scenario that is not valid.

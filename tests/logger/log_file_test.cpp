@@ -121,7 +121,6 @@ TEST_F(LogFile, IsReadByLcmAndReadsLcm) {
     EXPECT_EQ(mine->channel, event->channel);
     EXPECT_EQ(text_of(mine->data),
               std::string(static_cast<const char*>(event->data), event->datalen));
-    EXPECT_FALSE(mine->suspect);
     ++count;
   }
   EXPECT_EQ(count, 50);

@@ -296,16 +296,6 @@ TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstIsDamaged) {
   EXPECT_EQ(ticks.size(), 40u);
 }
 
-TEST_F(RunLogTest, UsesALaterRunInfoWhenTheFirstNamesARunWithoutMessages) {
-  const auto run = short_rigid_run();
-  auto messages = run.messages;
-  messages.push_back(messages[0]);
-  messages[0].data[16] ^= 1;  // the run's id
-  auto log = open(messages);
-  EXPECT_EQ(log.run(), run.run);
-  expect_whole(log, run);
-}
-
 TEST_F(RunLogTest, SaysWhyALogIsNoRun) {
   EXPECT_THAT(failure_of({}), testing::AllOf(HasSubstr(path_.string()), HasSubstr("RUN_INFO")));
   EXPECT_THAT(failure_of({{0, "CAMERA", "x"}}), HasSubstr("none of its 1 messages"));
