@@ -72,7 +72,7 @@ template <bool two, bool accelerating, class Scalar>
     BodyState<Scalar>& b = state[i];
     if (body.parent < 0) {
       b.w_x.setZero();
-      b.w_y.setZero();
+      if constexpr (two) b.w_y.setZero();
       b.alpha.setZero();
       b.acc = X.R.transpose() * Vector3(-gravity.cast<Scalar>());
     } else {
@@ -85,17 +85,21 @@ template <bool two, bool accelerating, class Scalar>
     const auto along_axis = [&](const VectorOf<Scalar>& rate) -> Vector3 {
       return body.axis_B * Scalar(body.multiplier * rate[body.coordinate]);
     };
-    const Vector3 s_x = along_axis(x), s_y = along_axis(y);
-    // The product of the parent's turning and the joint's rate.
-    Vector3 turning = b.w_x.cross(s_y);
-    if constexpr (two) turning = (turning + b.w_y.cross(s_x)) * 0.5;
+    const Vector3 s_x = along_axis(x);
+    Vector3 s_y, turning;  // the product of the parent's turning and the joint's rate
+    if constexpr (two) {
+      s_y = along_axis(y);
+      turning = (b.w_x.cross(s_y) + b.w_y.cross(s_x)) * 0.5;
+    } else {
+      turning = b.w_x.cross(s_x);
+    }
     const bool revolute = body.type == JointType::revolute;
     if (!revolute) turning *= 2.0;
     if constexpr (accelerating) turning = along_axis(a) + turning;
     if (revolute) {
       b.alpha += turning;
       b.w_x += s_x;
-      b.w_y += s_y;
+      if constexpr (two) b.w_y += s_y;
     } else {
       b.acc += turning;
     }
