@@ -3,153 +3,98 @@
 #include <gtest/gtest.h>
 
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "tests/protocol/bytes_of.h"
 
 namespace tachless::protocol {
 namespace {
 
-class AReferenceResponder : public testing::Test {
- protected:
-  ReferenceResponder::Answer ask(std::int64_t tick, std::uint64_t content = 0) {
-    const auto answer = responder.on_tick(tick, BytesOf(content));
-    for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
-      responder.computed(k, BytesOf(100 + k));
-    }
-    return answer;
-  }
-  static std::vector<std::int64_t> ticks(ReferenceResponder::Range range) {
-    std::vector<std::int64_t> result;
-    for (std::int64_t k = range.first; k <= range.last; ++k) result.push_back(k);
-    return result;
-  }
-  using Ticks = std::vector<std::int64_t>;
+using Ticks = std::vector<std::int64_t>;
 
-  static constexpr std::int64_t num_ticks = 200;
-  ReferenceResponder responder{num_ticks, 8};
+Ticks ticks(ReferenceResponder::Range range) {
+  Ticks result;
+  for (std::int64_t k = range.first; k <= range.last; ++k) result.push_back(k);
+  return result;
+}
+
+constexpr std::int64_t num_ticks = 1000;
+
+ReferenceResponder::Answer ask(ReferenceResponder& responder, std::int64_t tick,
+                               std::uint64_t content = 0) {
+  const auto answer = responder.on_tick(tick, BytesOf(content));
+  for (const std::int64_t k : ticks(answer.compute)) responder.computed(k, BytesOf(100 + k));
+  return answer;
+}
+
+struct Asked {
+  std::int64_t tick;
+  Verdict verdict;
+  Ticks compute = {}, repeat = {};
 };
 
-TEST_F(AReferenceResponder, StaysOneTickAhead) {
-  EXPECT_EQ(ticks(ask(0).compute), (Ticks{0, 1}));
-  EXPECT_EQ(ticks(ask(1).compute), (Ticks{2}));
-  EXPECT_EQ(ticks(ask(2).compute), (Ticks{3}));
-}
-
-TEST_F(AReferenceResponder, HealsALostTickWithTheNext) {
-  ask(0);
-  const auto answer = ask(2);
-  EXPECT_EQ(answer.verdict, Verdict::fresh);
-  EXPECT_EQ(ticks(answer.compute), (Ticks{2, 3}));
-}
-
-TEST_F(AReferenceResponder, RepeatsWhatItKeepsForARepeatedTick) {
-  ask(0);
-  ask(1);
-  const auto answer = ask(1);
-  EXPECT_EQ(answer.verdict, Verdict::repeated);
-  EXPECT_EQ(ticks(answer.compute), Ticks{});
-  EXPECT_EQ(ticks(answer.repeat), (Ticks{1, 2}));
-  EXPECT_EQ(number_in(responder.kept(2)), 102U);
-}
-
-TEST_F(AReferenceResponder, RepeatsForATickThatWasOvertaken) {
-  ask(0);
-  ask(2);
-  ask(3);
-  const auto answer = ask(1);
-  EXPECT_EQ(answer.verdict, Verdict::fresh);
-  EXPECT_EQ(ticks(answer.compute), Ticks{});
-  EXPECT_EQ(ticks(answer.repeat), (Ticks{1, 2}));
-}
-
-TEST_F(AReferenceResponder, DoesNotRepeatInAnUndisturbedRun) {
-  for (std::int64_t k = 0; k < num_ticks; ++k) EXPECT_EQ(ticks(ask(k).repeat), Ticks{}) << k;
-  EXPECT_EQ(responder.newest(), num_ticks - 1);
-}
-
-TEST_F(AReferenceResponder, GoesNotBeyondTheLastTick) {
-  for (std::int64_t k = 0; k < num_ticks; ++k) ask(k);
-  EXPECT_EQ(ticks(ask(num_ticks - 1).repeat), (Ticks{num_ticks - 1}));
-  EXPECT_EQ(ask(num_ticks).verdict, Verdict::not_asked);
-}
-
-TEST_F(AReferenceResponder, IgnoresTicksThatThePlantCannotHaveReached) {
-  EXPECT_EQ(ask(1).verdict, Verdict::not_asked);
-  ask(0);
-  EXPECT_EQ(ask(3).verdict, Verdict::not_asked);
-  EXPECT_EQ(ask(-1).verdict, Verdict::not_asked);
-  EXPECT_EQ(responder.newest(), 1);
-}
-
-TEST_F(AReferenceResponder, ForgetsAfter64Ticks) {
-  for (std::int64_t k = 0; k < 100; ++k) ask(k);
-  EXPECT_EQ(responder.newest(), 100);
-  EXPECT_EQ(ask(36).verdict, Verdict::too_old);
-  EXPECT_EQ(ask(37).verdict, Verdict::repeated);
-}
-
-TEST_F(AReferenceResponder, SeesTwoPlants) {
-  ask(0, 1);
-  EXPECT_EQ(ask(0, 2).verdict, Verdict::conflicting);
-}
-
-TEST_F(AReferenceResponder, ComputesEachOnceInOrder) {
-  ask(0);
-  EXPECT_THROW(responder.computed(1, BytesOf(0)), std::logic_error);
-  EXPECT_THROW(responder.computed(3, BytesOf(0)), std::logic_error);
-}
-
-using Range = std::pair<std::int64_t, std::int64_t>;
-
-Range ask(ReferenceResponder& responder, std::int64_t tick) {
-  const auto answer = responder.on_tick(tick, BytesOf(1));
-  EXPECT_EQ(answer.verdict, Verdict::fresh);
-  EXPECT_LT(answer.repeat.last, answer.repeat.first);
-  for (std::int64_t k = answer.compute.first; k <= answer.compute.last; ++k) {
-    responder.computed(k, BytesOf(k));
+TEST(ReferenceResponder, ComputesEachReferenceOnceAndOneTickAhead) {
+  constexpr auto fresh = Verdict::fresh, again = Verdict::repeated, no = Verdict::not_asked;
+  const std::vector<std::pair<bool, std::vector<Asked>>> runs = {
+      // Lockstep: ticks that the plant cannot have reached are ignored, a repeated one is answered.
+      {false,
+       {{1, no},
+        {0, fresh, {0, 1}},
+        {3, no},
+        {-1, no},
+        {1, fresh, {2}},
+        {2, fresh, {3}},
+        {1, again, {}, {1, 2}}}},
+      // A lost tick is made up for with the next, and one that was overtaken repeated.
+      {false, {{0, fresh, {0, 1}}, {2, fresh, {2, 3}}, {3, fresh, {4}}, {1, fresh, {}, {1, 2}}}},
+      // Realtime: what has gone by is left out, and nothing published twice.
+      {true,
+       {{0, fresh, {0, 1}},
+        {1, fresh, {2}},
+        {3, fresh, {3, 4}},
+        {500, fresh, {500, 501}},
+        {499, fresh},
+        {501, fresh, {502}},
+        {501, again},
+        {num_ticks - 1, fresh, {num_ticks - 1}},
+        {num_ticks, no},
+        {-1, no}}}};
+  for (const auto& [realtime, run] : runs) {
+    ReferenceResponder responder(num_ticks, 8, realtime);
+    EXPECT_EQ(responder.newest(), -1);
+    for (const Asked& each : run) {
+      SCOPED_TRACE((realtime ? "realtime " : "lockstep ") + std::to_string(each.tick));
+      const auto answer = ask(responder, each.tick);
+      EXPECT_EQ(answer.verdict, each.verdict);
+      EXPECT_EQ(ticks(answer.compute), each.compute);
+      EXPECT_EQ(ticks(answer.repeat), each.repeat);
+      for (const std::int64_t k : each.repeat) EXPECT_EQ(number_in(responder.kept(k)), 100U + k);
+    }
   }
-  return {answer.compute.first, answer.compute.last};
 }
 
-TEST(ReferenceResponderInRealtime, IsOneTickAhead) {
-  ReferenceResponder responder(100, 8, true);
-  EXPECT_EQ(responder.newest(), -1);
-  EXPECT_EQ(ask(responder, 0), Range(0, 1));
-  EXPECT_EQ(ask(responder, 1), Range(2, 2));
-  EXPECT_EQ(ask(responder, 2), Range(3, 3));
-  EXPECT_EQ(responder.newest(), 3);
+TEST(ReferenceResponder, RepeatsNothingInAnUndisturbedRunAndKeeps64Ticks) {
+  ReferenceResponder responder(num_ticks, 8);
+  for (std::int64_t k = 0; k < num_ticks; ++k) {
+    EXPECT_EQ(ticks(ask(responder, k).repeat), Ticks{}) << k;
+  }
+  EXPECT_EQ(responder.newest(), num_ticks - 1);
+  EXPECT_EQ(ticks(ask(responder, num_ticks - 1).repeat), Ticks{num_ticks - 1});
+  EXPECT_EQ(ask(responder, num_ticks).verdict, Verdict::not_asked);
+  EXPECT_EQ(ask(responder, num_ticks - 65).verdict, Verdict::too_old);
+  EXPECT_EQ(ask(responder, num_ticks - 64).verdict, Verdict::repeated);
 }
 
-TEST(ReferenceResponderInRealtime, HealsOneLostTickAndLeavesOutWhatWentBy) {
-  ReferenceResponder responder(1000, 8, true);
-  ask(responder, 0);
-  EXPECT_EQ(ask(responder, 2), Range(2, 3));
-  EXPECT_EQ(ask(responder, 500), Range(500, 501));
-}
-
-TEST(ReferenceResponderInRealtime, HasNothingNewForATickThatWasOvertaken) {
-  ReferenceResponder responder(100, 8, true);
-  ask(responder, 5);
-  const Range range = ask(responder, 4);
-  EXPECT_LT(range.second, range.first);
-  EXPECT_EQ(ask(responder, 6), Range(7, 7));
-}
-
-TEST(ReferenceResponderInRealtime, AsksForNothingBeyondTheEnd) {
-  ReferenceResponder responder(10, 8, true);
-  EXPECT_EQ(ask(responder, 9), Range(9, 9));
-  EXPECT_EQ(responder.on_tick(10, BytesOf(1)).verdict, Verdict::not_asked);
-  EXPECT_EQ(responder.on_tick(-1, BytesOf(1)).verdict, Verdict::not_asked);
-}
-
-TEST(ReferenceResponderInRealtime, NoticesASecondPlant) {
-  ReferenceResponder responder(10, 8, true);
-  ask(responder, 3);
-  const auto again = responder.on_tick(3, BytesOf(1));
-  EXPECT_EQ(again.verdict, Verdict::repeated);
-  EXPECT_LT(again.repeat.last, again.repeat.first) << "nothing is published twice";
-  EXPECT_EQ(responder.on_tick(3, BytesOf(9)).verdict, Verdict::conflicting);
+TEST(ReferenceResponder, NoticesASecondPlant) {
+  for (const bool realtime : {false, true}) {
+    ReferenceResponder responder(num_ticks, 8, realtime);
+    ask(responder, 0, 1);
+    EXPECT_EQ(ask(responder, 0, 2).verdict, Verdict::conflicting);
+    EXPECT_THROW(responder.computed(1, BytesOf(0)), std::logic_error);
+    EXPECT_THROW(responder.computed(realtime ? 0 : 3, BytesOf(0)), std::logic_error);
+  }
 }
 
 using Action = CommandResponder::Action;
