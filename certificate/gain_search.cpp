@@ -233,8 +233,8 @@ struct Linearised {
   std::vector<std::size_t> first_margin_row;  ///< of each loop, and the end
 };
 
-Linearised linearised(const GainProblem& problem, const Point& point, double T,
-                      const VectorXd& log_errors, double radius) {
+Linearised programme_at(const GainProblem& problem, const Point& point, double T,
+                        const VectorXd& log_errors, double radius) {
   const Index n = point.theta().size();
   const auto per_loop = parallel_map(problem.loops.size(), [&](std::size_t i) {
     std::vector<Row> rows;
@@ -316,7 +316,7 @@ FoundGains faster_gains(GainProblem problem, const VectorXd& start, int most_ste
   };
   for (int step = 0; step < most_steps; ++step) {
     at->differentiate();
-    const auto optimum = solution(linearised(problem, *at, T, log_errors, radius).programme);
+    const auto optimum = solution(programme_at(problem, *at, T, log_errors, radius).programme);
     if (!optimum) break;
     const double promised = reached - (optimum->x[n] + price_of_margin * optimum->x[n + 1]);
     if (promised < least_promise || radius < smallest_step) {  // T is too short
@@ -357,7 +357,7 @@ std::vector<Binding> bindings(const GainProblem& problem, const FoundGains& gain
   Point at(problem, gains.theta);
   at.differentiate();
   const Linearised linear =
-      linearised(problem, at, gains.settling_s, at.log_errors(gains.settling_s), 0.1);
+      programme_at(problem, at, gains.settling_s, at.log_errors(gains.settling_s), 0.1);
   std::vector<Binding> all;
   const auto optimum = solution(linear.programme);
   if (!optimum) return all;

@@ -51,7 +51,7 @@ std::optional<std::pair<double, double>> range_of(const Axis& axis) {
   return {{low, high}};
 }
 
-std::string_view colour_of(study::Outcome outcome) {
+std::string_view colour_of_outcome(study::Outcome outcome) {
   return outcome_colours.at(static_cast<std::size_t>(outcome));
 }
 
@@ -70,9 +70,9 @@ void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
     const auto [x, y] = at;
     const bool measured = chart.scale && std::isfinite(shown.measure);
     if (!measured) outcomes.insert(shown.outcome);
-    Cell cell{
-        x, x, y, y,
-        measured ? chart.scale->colour(shown.measure) : std::string(colour_of(shown.outcome))};
+    Cell cell{x, x, y, y,
+              measured ? chart.scale->colour(shown.measure)
+                       : std::string(colour_of_outcome(shown.outcome))};
     if (!points) {
       std::tie(cell.left, cell.right) = extent(plan.axes[0], x);
       std::tie(cell.bottom, cell.top) = extent(plan.axes[1], y);
@@ -80,8 +80,10 @@ void add_map(Chart& chart, const SweepPlan& plan, const Places& places) {
     chart.cells.push_back(std::move(cell));
   }
   for (const study::Outcome outcome : outcomes) {
-    chart.curves.push_back(
-        {words(std::string(schema::name_of(outcome))), {}, std::string(colour_of(outcome)), 0});
+    chart.curves.push_back({words(std::string(schema::name_of(outcome))),
+                            {},
+                            std::string(colour_of_outcome(outcome)),
+                            0});
     chart.curves.back().marker = Marker::square;
   }
 }

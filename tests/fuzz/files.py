@@ -5,7 +5,7 @@ files.py TACHLESS SCENARIOS KIND COUNT [SEED]   KIND: scenario, urdf, log
 
 Each mutant follows from its number. A command may refuse it (documented exit codes) but must not
 end by a signal, say "internal error", use more than 10 s of processor time (`design`, which shows its
-progress: 60 s) or 4 GiB of memory, print a control character, or carry out a text of it: the texts
+progress: 200 s) or 4 GiB of memory, print a control character, or carry out a text of it: the texts
 that are put in would create the file CANARY.
 """
 import concurrent.futures
@@ -137,12 +137,12 @@ def commands_for(chance, kind):
         short = ["--set", "loop.duration_s=0.02"] if chance.random() < 0.7 else []
         return [chance.choice([["certify", "mutant"], ["run", "mutant", "--in-process", *short]])]
     if kind == "urdf":
-        return [["robot", "mutant.urdf"], *([["design", "mutant.urdf"]] if chance.random() < 0.1 else [])]
+        return [["robot", "mutant.urdf"], *([["design", "mutant.urdf"]] if chance.random() < 0.02 else [])]
     return [chance.choice([["info", "mutant"], ["replay", "mutant"], ["export", "mutant"], ["report", "mutant"]])]
 
 
 def limit(command):
-    cpu_s = 60 if command[0] == "design" else 10
+    cpu_s = 200 if command[0] == "design" else 10
     resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
