@@ -166,8 +166,10 @@ class Search {
   // ---- result -----------------------------------------------------------------------------------
 
   [[nodiscard]] std::string words(const Binding& binding) const {
+    const double percent = 100 * binding.settling_share;
     const std::string much =
-        fmt::format(": a tenth more gives {:.1g} % ", 100 * binding.settling_share);
+        fmt::format(": a tenth more gives {} %",
+                    percent < 10 ? fmt::format("{:.1g}", percent) : fmt::format("{:.0f}", percent));
     switch (binding.kind) {
       case Binding::Kind::margin:
         return fmt::format("the modulus margin at q = {}{}", list_text(rests_[binding.which].q_ref),

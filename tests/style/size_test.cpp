@@ -16,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t max_lines_of_a_file = 400;
-constexpr std::size_t max_lines = 40'000;  // of all rooms together
+constexpr std::size_t max_lines = 39'400;  // of all rooms together
 
 struct Source {
   std::string path;
@@ -58,7 +58,7 @@ TEST(Size, NoFileHasMoreThan400Lines) {
     EXPECT_LE(source.lines, max_lines_of_a_file) << source.path;
 }
 
-TEST(Size, TheProductIsNoLargerThanDecidedAndNoRoomAboveAnEighth) {
+TEST(Size, TheProductIsNoLargerThanDecidedAndNoRoomAbove13Percent) {
   std::map<std::string, std::size_t> rooms;
   std::size_t lines = 0;
   for (const Source& source : sources()) {
@@ -67,7 +67,7 @@ TEST(Size, TheProductIsNoLargerThanDecidedAndNoRoomAboveAnEighth) {
   }
   for (const auto& [room, of_room] : rooms) {
     std::cout << of_room << " " << room << "\n";
-    EXPECT_LE(of_room, lines / 8) << room;
+    EXPECT_LE(of_room, lines * 13 / 100) << room;
   }
   std::cout << lines << " lines in all\n";
   EXPECT_LE(lines, max_lines) << "of the product; see docs/decisions/0019-size.md";
