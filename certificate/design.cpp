@@ -281,7 +281,7 @@ std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, con
   experiment::Scenario own = scenario;
   own.controller.law = law;
   Design design;
-  design.gains = DesignProblem(own, {}).by_rule(2 * std::numbers::pi * hz, filter_ratio);
+  design.gains = DesignProblem(own, {}).by_rule(2 * std::numbers::pi * hz, filter_ratio, 1, false);
   std::vector<std::string> all = overrides_of(design);
   all.insert(all.begin(), "controller.law=" + law);
   return all;

@@ -106,7 +106,7 @@ std::string DesignProblem::name_of(std::size_t variable) const {
          robot::joint_labels(*scenario_.model).joint(variable % count);
 }
 
-Gains DesignProblem::by_rule(double w, double r, double damping) const {
+Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b) const {
   Tuning tuning = mean_;
   tuning.w = w;
   tuning.damping = damping;
@@ -119,7 +119,7 @@ Gains DesignProblem::by_rule(double w, double r, double damping) const {
   }
   // Only kd b counts in the loop; with one b for all joints the matrix condition certifies more
   // than with b = a.
-  if (all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
+  if (one_b && all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
     all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
     all["b"].setConstant(rate());
   }

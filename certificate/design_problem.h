@@ -24,7 +24,8 @@ class DesignProblem {
   void choose_variables();
 
   /// By the rule of thumb, filters r times as fast as the two poles and no faster than 1 / h.
-  [[nodiscard]] Gains by_rule(double w, double r, double damping = 1) const;
+  /// @param one_b kd b is split so that b = 1 / h; else b = a, and v_ref + nu is about the velocity
+  [[nodiscard]] Gains by_rule(double w, double r, double damping = 1, bool one_b = true) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
   /// The feedback terms about rest in a posture.
