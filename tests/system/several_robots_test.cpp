@@ -126,8 +126,7 @@ TEST_F(SeveralRobots, LeaveTheLogsOfTheirOwnRunsAndATableEach) {
               AllOf(HasSubstr("\nleft: paper_rigid: "), HasSubstr("4000 ticks of 50 µs"),
                     HasSubstr("\nright: practical_flexible: "), HasSubstr("200 ticks of 1 ms"),
                     HasSubstr((out() / "right/tracking.svg").string()),
-                    HasSubstr("\n  left                  4000 "),
-                    HasSubstr("\n  right                  200 ")));
+                    HasSubstr("\n  left    4000 "), HasSubstr("\n  right    200 ")));
   EXPECT_THAT(errors_, AllOf(HasSubstr("left: "), HasSubstr("right: ")));
   for (const char* robot : {"left", "right"}) {
     EXPECT_EQ(summary(robot)["log"]["gaps"], 0) << robot;
