@@ -178,7 +178,7 @@ TEST_F(LockstepOnFourHosts, EndsOnBothSidesOfALinkThatIsDownForLongerThanTheTime
 }
 
 TEST_F(LockstepOnFourHosts, AProgramThatAFirewallKeepsFromSendingSaysSo) {
-  run.programs.settings = set({"loop.duration_s=4", impatient});
+  run.programs.settings = set({"loop.duration_s=60", impatient});
   run.start_all();
   wait_for_log(run.programs, under_way);
   run.hosts.forbid_sending("controller");
