@@ -52,7 +52,7 @@ TEST(LoriaOrtegaIntegral, TakesUpAConstantTorqueThatLeavesAnErrorOtherwise) {
     return Pair(
         sampled_loop(law, State<4>(State<4>::Zero()), pushed, RigidArm::position, rest, h, 8000)
             .back()
-            .head<2>());
+            .template head<2>());
   };
   const Pair with = end(LoriaOrtegaIntegral(two_link_model(), gains, {h}));
   const Pair without =
