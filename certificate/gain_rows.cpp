@@ -97,9 +97,7 @@ MatrixXd RestLoop::displaced(const LinearLaw& law) const {
       std::ranges::find(law.measured, Part::theta) != law.measured.end()) {
     state.middleRows(2 * n_, n_).setIdentity();
   }
-  if (law.start.size() > 0) {
-    state.bottomRows(m) = law.start * (C_ * state.topRows(x));
-  } else if (m > 0) {
+  if (m > 0) {
     const Eigen::FullPivLU<MatrixXd> at_rest(MatrixXd::Identity(m, m) - law.A);
     if (at_rest.isInvertible()) {
       state.bottomRows(m) = at_rest.solve(law.B * (C_ * state.topRows(x)));

@@ -47,8 +47,6 @@ struct LinearLaw {
   std::vector<Part> measured;
   /// The part of D that compensates gravity by the model: no gain of the feedback. Empty: none.
   Eigen::MatrixXd compensation = {};
-  /// Memory that it starts with, per measurement; empty: as after long.
-  Eigen::MatrixXd start = {};
 };
 
 /// Any law as a function of its memory and measurement, both written as vectors: (memory,

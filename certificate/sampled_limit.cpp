@@ -141,20 +141,13 @@ std::complex<double> nearest(const VectorXcd& values, const std::complex<double>
 }
 
 /// States of `map` (plant, memory, torques under way), one for each joint displaced alone by 1, its
-/// rotor with it, the law's memory as it starts there, and no torque under way.
-MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map) {
+/// rotor with it, the law's memory as after long where it forgets, else 0, and no torque under way.
+MatrixXd displaced(const SampledLoop& loop, const MatrixXd& map) {
   const Index n = loop.plant.num_joints, plant = loop.plant.A.rows();
   const Index memory = map.rows() - plant - loop.delay * n;
   MatrixXd state = MatrixXd::Zero(map.rows(), n);
   state.topRows(n).setIdentity();
   if (plant == 4 * n) state.middleRows(2 * n, n).setIdentity();
-  if (law.start.size() > 0) {
-    for (std::size_t i = 0; i < law.measured.size(); ++i) {
-      if (law.measured[i] != Part::q && law.measured[i] != Part::theta) continue;
-      state.middleRows(plant, memory) += law.start.middleCols(static_cast<Index>(i) * n, n);
-    }
-    return state;
-  }
   const MatrixXd kept =
       MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory);
   for (Index k = 0; k < n; ++k) {
@@ -167,15 +160,15 @@ MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law, const MatrixXd
 
 /// From each of `displaced`, in at most so many steps, which are several periods when it takes
 /// long.
-Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
-                               double period_s, double decay_per_s) {
+Eigen::VectorXd settling_times(const SampledLoop& loop, const MatrixXd& map, double period_s,
+                               double decay_per_s) {
   constexpr double part = 0.01, most_steps = 2000;
   MatrixXd step = map;
   double step_s = period_s;
   // Several slowest modes together need longer than one; more than threefold none has been seen.
   const double longest_s = -3 * std::log(part) / decay_per_s;
   for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-  MatrixXd state = displaced(loop, law, map);
+  MatrixXd state = displaced(loop, map);
   const Index n = loop.plant.num_joints;
   Eigen::VectorXd settled_s = Eigen::VectorXd::Zero(n);
   for (double t = step_s; t <= longest_s; t += step_s) {
@@ -265,7 +258,7 @@ Modes modes(const SampledLoop& loop, double period_s) {
   result.decay_per_s = decay;
   result.settling_s = result.settling_mean_s = infinity;
   if (result.stable) {
-    const Eigen::VectorXd each = settling_times(loop, law, map, period_s, result.decay_per_s);
+    const Eigen::VectorXd each = settling_times(loop, map, period_s, result.decay_per_s);
     result.settling_s = each.maxCoeff();
     result.settling_mean_s = each.mean();
   }

@@ -92,16 +92,7 @@ LinearLaw linear_law_of(const experiment::Scenario& scenario, const ReferencePoi
     auto result = law.step(before, own, reference);
     return std::pair<VectorXd, VectorXd>(packed(vectors_of(result.memory)), result.command.tau);
   };
-  LinearLaw result =
-      linearised(step, packed(vectors_of(memory)), packed(parts), std::move(measured));
-  const LawStep first = [&](const VectorXd& /*none*/, const VectorXd& measurement_in) {
-    typename L::Measurement own = nominal;
-    unpack(measurement_in, parts_of(own));
-    auto started = law.start(own, reference);
-    return std::pair<VectorXd, VectorXd>(packed(vectors_of(started)), VectorXd());
-  };
-  result.start = linearised(first, VectorXd(), packed(parts), {}).B;
-  return result;
+  return linearised(step, packed(vectors_of(memory)), packed(parts), std::move(measured));
 }
 
 LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,

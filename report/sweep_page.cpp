@@ -185,6 +185,7 @@ Figure trade_off(const SweepPlan& plan, const std::vector<SweepRow>& rows) {
   chart.logarithmic_x = chart.logarithmic_y = true;
   std::vector<std::string> laws;
   for (const SweepRow& row : rows) {
+    if (row.measures.size() != columns.size()) continue;  // not of a comparison
     const study::Point point{row.measures[noise], row.measures[error]};
     if (!(point.x > 0 && point.y > 0) || study::broken_off(row.outcome)) continue;
     if (laws.empty() || laws.back() != row.which.law) {
