@@ -98,10 +98,9 @@ MatrixXd RestLoop::displaced(const LinearLaw& law) const {
     state.middleRows(2 * n_, n_).setIdentity();
   }
   if (m > 0) {
-    const Eigen::FullPivLU<MatrixXd> at_rest(MatrixXd::Identity(m, m) - law.A);
-    if (at_rest.isInvertible()) {
-      state.bottomRows(m) = at_rest.solve(law.B * (C_ * state.topRows(x)));
-    }
+    const auto at_rest =
+        robot::solution(MatrixXd::Identity(m, m) - law.A, law.B * (C_ * state.topRows(x)));
+    if (at_rest) state.bottomRows(m) = *at_rest;
   }
   return state;
 }

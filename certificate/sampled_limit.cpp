@@ -150,11 +150,9 @@ MatrixXd displaced(const SampledLoop& loop, const MatrixXd& map) {
   if (plant == 4 * n) state.middleRows(2 * n, n).setIdentity();
   const MatrixXd kept =
       MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory);
-  for (Index k = 0; k < n; ++k) {
-    const auto at_rest =
-        robot::solution(kept, map.block(plant, 0, memory, plant) * state.col(k).head(plant));
-    if (at_rest) state.col(k).segment(plant, memory) = *at_rest;
-  }
+  const auto at_rest =
+      robot::solution(kept, map.block(plant, 0, memory, plant) * state.topRows(plant));
+  if (at_rest) state.middleRows(plant, memory) = *at_rest;
   return state;
 }
 

@@ -153,9 +153,7 @@ class ErrorLoop {
     if (!(mu > 0)) return {};
     double of_y = 0;
     for (const Inertia& at : fine().postures.inertia) {
-      const MatrixXd inverse =
-          robot::solution(at.M, MatrixXd::Identity(at.M.rows(), at.M.cols()))
-              .value_or(MatrixXd::Constant(at.M.rows(), at.M.cols(), infinity));
+      const MatrixXd inverse = robot::inverse(at.M);
       of_y = std::max(of_y, friction_.on_y.dot(inverse.cwiseAbs() * friction_.on_y));
     }
     const double s = std::sqrt(of_y) + std::sqrt(c.region.w) * friction_.on_delta.norm();

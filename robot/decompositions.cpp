@@ -26,10 +26,10 @@ MatrixXd exponential(const MatrixXd& A) { return A.exp(); }
 
 MatrixXd inverse(const MatrixXd& A) { return A.inverse(); }
 
-std::optional<VectorXd> solution(const MatrixXd& A, const VectorXd& b) {
+std::optional<MatrixXd> solution(const MatrixXd& A, const MatrixXd& B) {
   const Eigen::FullPivLU<MatrixXd> lu(A);
   if (!lu.isInvertible()) return {};
-  return lu.solve(b);
+  return MatrixXd(lu.solve(B));
 }
 
 }  // namespace tachless::robot

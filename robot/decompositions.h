@@ -35,7 +35,7 @@ Eigen::MatrixXd exponential(const Eigen::MatrixXd& A);
 /// Of an invertible matrix.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 
-/// x of A x = b; nothing when A is singular to rounding.
-std::optional<Eigen::VectorXd> solution(const Eigen::MatrixXd& A, const Eigen::VectorXd& b);
+/// X of A X = B; nothing when A is singular to rounding.
+std::optional<Eigen::MatrixXd> solution(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
 
 }  // namespace tachless::robot
