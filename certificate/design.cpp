@@ -73,8 +73,9 @@ class Search {
   [[noreturn]] void refuse() const {
     throw Failure(ExitCode::check_said_no,
                   "no gains were found that keep a modulus margin of {:g} at all postures within "
-                  "{}; allow a shorter period, less delay, a finer encoder or a smaller --margin",
-                  goal_.modulus, "the torque of an encoder count");
+                  "the torque of an encoder count; allow a shorter period, less delay, a finer "
+                  "encoder or a smaller --margin",
+                  goal_.modulus);
   }
 
   // ---- search -----------------------------------------------------------------------------------
@@ -283,7 +284,7 @@ std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, con
   Design design;
   design.gains = DesignProblem(own, {}).by_rule(2 * std::numbers::pi * hz, filter_ratio, 1, false);
   std::vector<std::string> all = overrides_of(design);
-  all.insert(all.begin(), "controller.law=" + law);
+  all.insert(all.begin(), {"controller.gains={}", "controller.law=" + law});
   return all;
 }
 

@@ -56,9 +56,9 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
 /// The gains as overrides of a scenario: "controller.gains.kp=[…]".
 std::vector<std::string> overrides_of(const Design& design);
 
-/// The scenario under another law, as overrides: its name, and gains by its rule of thumb alone,
-/// two real poles at `hz` for each joint with its mean inertia, filters and observers
-/// `filter_ratio` times as fast (at most 1 / h). Looks at no margin; for comparisons of laws.
+/// The scenario under another law, as overrides: its name, and in place of the scenario's gains
+/// those of its rule of thumb, two real poles at `hz` for each joint with its mean inertia, filters
+/// and observers `filter_ratio` times as fast (at most 1 / h). Looks at no margin; for comparisons.
 /// @throw diagnostics::Failure(check_said_no) for a law without a rule, (bad_usage) for one that
 /// the scenario's robot or reference does not suit
 std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,

@@ -64,21 +64,14 @@ void complete_comparison(const experiment::Scenario& scenario, study::Measures& 
       certificate::analyse(scenario, certificate::Effort::quick).limit_s.value_or(NAN);
 }
 
-/// The scenario under a law as overrides, by its rule of thumb.
-std::vector<std::string> under(const experiment::Scenario& scenario, const std::string& law,
-                               double hz, double filter_ratio) {
-  std::vector<std::string> gains = certificate::rule_of_thumb(scenario, law, hz, filter_ratio);
-  gains.insert(gains.begin(), "controller.gains={}");  // those of the scenario's own law go
-  return gains;
-}
-
-/// The same with the largest bandwidth at which the modulus margin, the least over the postures of
-/// the reference, is `modulus`; empty where none from 0.2 to 60 Hz has it.
+/// The scenario under a law as overrides, by its rule of thumb with the largest bandwidth at which
+/// the modulus margin, the least over the postures of the reference, is `modulus`; empty where none
+/// from 0.2 to 60 Hz has it.
 std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scenario& scenario,
                                    const std::string& law, double modulus, double filter_ratio) {
   plan.axes.clear();
   const auto keeps = [&](double hz) {
-    plan.laws = {{law, under(scenario, law, hz, filter_ratio)}};
+    plan.laws = {{law, certificate::rule_of_thumb(scenario, law, hz, filter_ratio)}};
     const experiment::Scenario tuned = plan.scenario(plan.at(0));
     const certificate::ScenarioLoop loop(tuned);
     return std::ranges::all_of(
@@ -92,7 +85,7 @@ std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scen
     const double middle = std::sqrt(low * high);
     (keeps(middle) ? low : high) = middle;
   }
-  return under(scenario, law, low, filter_ratio);
+  return certificate::rule_of_thumb(scenario, law, low, filter_ratio);
 }
 
 struct Sweep {
@@ -214,8 +207,9 @@ struct Sweep {
       if (margin && !controller::law_facts(law).no_linearisation.empty()) continue;
       for (const double ratio : filters) {
         screen.show(fmt::format("{}: tuned, filters {:g} times as fast", law, ratio));
-        study::SweepLaw tuned{law, margin ? at_margin(plan, scenario, law, *margin, ratio)
-                                          : under(scenario, law, bandwidth_hz, ratio)};
+        study::SweepLaw tuned{
+            law, margin ? at_margin(plan, scenario, law, *margin, ratio)
+                        : certificate::rule_of_thumb(scenario, law, bandwidth_hz, ratio)};
         // A law without a filter is the same whatever the ratio.
         const bool known = std::ranges::find(plan.laws, tuned.overrides,
                                              &study::SweepLaw::overrides) != plan.laws.end();

@@ -259,7 +259,6 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
     ASSERT_TRUE(law.tuned);
     const std::vector<std::string> tuned =
         rule_of_thumb(experiment::load_scenario(path, overrides), std::string(law.name), 5);
-    overrides.emplace_back("controller.gains={}");  // those of the scenario's own law go
     overrides.insert(overrides.end(), tuned.begin(), tuned.end());
     const study::Measures run = *study::measure(experiment::load_scenario(path, overrides));
     EXPECT_FALSE(bad(run.verdict.outcome)) << run.verdict.word() << " " << run.verdict.reason;
