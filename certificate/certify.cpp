@@ -43,8 +43,7 @@ Group loop_group(const Prediction& p) {
               fmt::format("the law cannot be linearised ({})", p.unknown));
     return group;
   }
-  group.heading +=
-      fmt::format(" (linearised at {} postures of the reference at most)", reference_postures);
+  group.heading += " (linearised at the worst postures of the reference that were found)";
   group.add("stable", "stable", p.stable,
             p.stable ? p.unstable_q.size() == 0
                            ? "yes"
@@ -82,6 +81,10 @@ Group loop_group(const Prediction& p) {
   }
   group.add("gain_Nm_per_rad", "torque per angle", json_of(p.gain_Nm_per_rad),
             list_text(p.gain_Nm_per_rad) + " N m/rad");
+  group.add("stiffness_Nm_per_rad", "stiffness at rest", json_of(p.stiffness),
+            list_text(p.stiffness) + " N m/rad");
+  group.add("rest_error", p.rest_error.size() > 0 ? "F_c/kp" : "", json_of(p.rest_error),
+            list_text(p.rest_error));
   group.add("count_torque_Nm", p.count_Nm ? "torque per encoder count" : "",
             p.count_Nm ? json_of(*p.count_Nm) : Json(),
             p.count_Nm ? list_text(*p.count_Nm) + " N m" : "");
@@ -197,6 +200,14 @@ Group paper_group(const PaperConditions& paper) {
   return group;
 }
 
+Json json_of(const Group& group) {
+  Json json = Json::object();
+  for (const Entry& entry : group.entries) {
+    if (!entry.key.empty()) json[std::string(entry.key)] = entry.value;
+  }
+  return json;
+}
+
 std::vector<Group> groups(const Certificate& certificate) {
   std::vector<Group> all = {loop_group(certificate.loop), reference_group(certificate.feasibility),
                             region_group(certificate)};
@@ -227,7 +238,7 @@ std::string largest_share(const Feasibility& f) {
                      part(of_speed, speed, "speed"));
 }
 
-/// What matters most: four lines.
+/// What matters most: four lines, with dry friction five.
 std::string brief(const Certificate& all) {
   const auto line = [](std::string_view label, std::string_view text) {
     return fmt::format("  {:<17} {}\n", label, text);
@@ -237,6 +248,9 @@ std::string brief(const Certificate& all) {
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
                                   : "none");
+  if (const std::string held = friction_text(all.loop); !held.empty()) {
+    text += line("friction", held);
+  }
   std::string reference = largest_share(all.feasibility);
   for (const std::string& problem : all.feasibility.impossible) reference = problem;
   text += line("reference", reference);
@@ -287,11 +301,14 @@ std::string page(const Certificate& certificate, const experiment::Scenario& sce
 
 Json to_json(const Certificate& certificate) {
   Json json;
-  for (const Group& group : groups(certificate)) {
-    for (const Entry& entry : group.entries) {
-      if (!entry.key.empty()) json[std::string(group.key)][std::string(entry.key)] = entry.value;
-    }
-  }
+  for (const Group& group : groups(certificate)) json[std::string(group.key)] = json_of(group);
+  return json;
+}
+
+Json to_json(const Prediction& prediction) {
+  Json json = json_of(loop_group(prediction));
+  const std::string held = friction_text(prediction);
+  json["text"] = text(prediction) + (held.empty() ? "" : "; " + held);
   return json;
 }
 

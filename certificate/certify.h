@@ -34,5 +34,8 @@ std::vector<std::string> objections(const Certificate& certificate);
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario, bool full);
 /// null stands for what is infinite or missing.
 nlohmann::ordered_json to_json(const Certificate& certificate);
+/// Its group `sampled`, which with less effort lacks the margins, and the line for people as
+/// `text`.
+nlohmann::ordered_json to_json(const Prediction& prediction);
 
 }  // namespace tachless::certificate

@@ -204,18 +204,10 @@ class Search {
 
   void add_friction(Design& design) const {
     const auto n = static_cast<Index>(law_.model().num_joints);
-    const LinearLaw law = law_.feedback_at(design.gains, rests_.front());
-    const Eigen::MatrixXd K = at_frequency({law, {}, true}, 1e-3, scenario_.loop.period_s).K.real();
-    design.stiffness = Vector::Zero(n);
-    for (std::size_t part = 0; part < law.measured.size(); ++part) {
-      if (law.measured[part] != Part::q && law.measured[part] != Part::theta) continue;
-      design.stiffness -= K.middleCols(static_cast<Index>(part) * n, n).diagonal();
-    }
+    design.stiffness = design.loop.stiffness;
+    design.stuck_error = design.loop.rest_error;
     const Vector &coulomb = scenario_.plant.drive.coulomb_friction_Nm,
                  &viscous = scenario_.plant.drive.viscous_friction_Nms_per_rad;
-    if (coulomb.size() > 0 && !coulomb.isZero(0)) {
-      design.stuck_error = coulomb.cwiseQuotient(design.stiffness);
-    }
     const std::vector<ReferencePoint> on_the_way = law_.loop().rest_points(reference_postures);
     for (Index j = 0; j < n; ++j) {
       const std::string name = labels_.joint(static_cast<std::size_t>(j));

@@ -7,6 +7,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "certificate/gain_rows.h"
+#include "certificate/law_loop.h"
+#include "certificate/postures.h"
 #include "controller/registry.h"
 #include "diagnostics/text.h"
 #include "process/parallel.h"
@@ -21,6 +24,8 @@ using loop::ReferencePoint;
 using process::parallel_map;
 
 constexpr int motion_pieces = 96;
+constexpr int search_evaluations = 16;
+constexpr double slowly = 1e-3;  // [rad/s]: the feedback at rest, without what an integral adds
 constexpr double shortest_s = 1e-7, longest_s = 1;
 constexpr double period_ratio = 1.1, limit_precision = 1e-6;
 
@@ -35,21 +40,44 @@ std::optional<double> limit_next_to(const SampledLoop& loop, double from_s) {
       loop, {inside, std::max(inside, longest_s), period_ratio, limit_precision});
 }
 
-/// The least limit over the postures and where: from the posture that is the least stable at the
-/// scenario's period on, and then of each that is unstable at the least found so far.
-void find_limit(Prediction& result, const std::vector<SampledLoop>& loops,
-                const std::vector<ReferencePoint>& rests, std::size_t first) {
+/// The posture of the motion with the largest f, searched from number `k` of those evenly over it.
+ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
+                          const std::function<double(const ReferencePoint&)>& f) {
+  if (!loop.moves()) return loop.rest_at(0);
+  constexpr double between = 1.0 / (reference_postures - 1);
+  const auto worst = minimise(
+      [&](const VectorXd& share) {
+        return share[0] < 0 || share[0] > 1 ? infinity : -f(loop.rest_at(share[0]));
+      },
+      VectorXd::Constant(1, between * static_cast<double>(k)), between / 2, search_evaluations);
+  return loop.rest_at(worst.x[0]);
+}
+
+/// The least limit over the motion and where: from the posture that is the least stable at the
+/// scenario's period on, then of each that is unstable at the least found so far, then searched
+/// beside that.
+void find_limit(Prediction& result, const ScenarioLoop& scenario_loop,
+                const std::vector<SampledLoop>& loops, const std::vector<ReferencePoint>& rests,
+                std::size_t first) {
   result.limit_s = limit_next_to(loops[first], result.settings.period_s);
-  result.limit_q = rests[first].q_ref;
+  std::size_t bound_by = first;
   for (std::size_t round = 0; round < loops.size() && result.limit_s; ++round) {
     const std::vector<double> radius = parallel_map(
         loops.size(), [&](std::size_t i) { return radius_at(loops[i], *result.limit_s); });
     const auto worst = std::ranges::max_element(radius);
     if (*worst < 1) break;
-    const auto i = static_cast<std::size_t>(worst - radius.begin());
-    result.limit_s = limit_next_to(loops[i], *result.limit_s);
-    result.limit_q = rests[i].q_ref;
+    bound_by = static_cast<std::size_t>(worst - radius.begin());
+    result.limit_s = limit_next_to(loops[bound_by], *result.limit_s);
   }
+  result.limit_q = rests[bound_by].q_ref;
+  if (!result.limit_s) return;
+  const auto radius = [&](const ReferencePoint& rest) {
+    return radius_at(scenario_loop.at(rest), *result.limit_s);
+  };
+  const ReferencePoint worst = worst_near(scenario_loop, bound_by, radius);
+  if (radius(worst) < 1) return;
+  result.limit_s = limit_next_to(scenario_loop.at(worst), *result.limit_s);
+  result.limit_q = worst.q_ref;
 }
 
 MatrixXd power(MatrixXd base, std::int64_t exponent) {
@@ -80,10 +108,16 @@ double radius_over_motion(const ScenarioLoop& loop) {
   return std::pow(over_pieces, static_cast<double>(count) / static_cast<double>(ticks));
 }
 
-void find_margins(Prediction& result, const std::vector<SampledLoop>& loops,
-                  const std::vector<ReferencePoint>& rests) {
-  const std::vector<Margins> all = parallel_map(
-      loops.size(), [&](std::size_t i) { return margins(loops[i], result.settings.period_s); });
+void find_margins(Prediction& result, const ScenarioLoop& scenario_loop,
+                  const std::vector<SampledLoop>& loops, std::vector<ReferencePoint> rests) {
+  const double h = result.settings.period_s;
+  std::vector<Margins> all =
+      parallel_map(loops.size(), [&](std::size_t i) { return margins(loops[i], h); });
+  const auto first = std::ranges::min_element(all, {}, &Margins::modulus) - all.begin();
+  rests.push_back(worst_near(
+      scenario_loop, static_cast<std::size_t>(first),
+      [&](const ReferencePoint& rest) { return -margins(scenario_loop.at(rest), h).modulus; }));
+  all.push_back(margins(scenario_loop.at(rests.back()), h));
   const auto least = [&](double Margins::*one) {
     return (*std::ranges::min_element(all, {}, one)).*one;
   };
@@ -92,6 +126,46 @@ void find_margins(Prediction& result, const std::vector<SampledLoop>& loops,
               least(&Margins::phase_deg), least(&Margins::delay_s)};
   const auto at = std::ranges::min_element(all, {}, &Margins::modulus) - all.begin();
   result.margin_q = rests[static_cast<std::size_t>(at)].q_ref;
+}
+
+void find_settling(Prediction& result, const ScenarioLoop& scenario_loop,
+                   const std::vector<SampledLoop>& loops, std::size_t slowest) {
+  const double h = result.settings.period_s;
+  std::vector<Modes> all =
+      parallel_map(loops.size(), [&](std::size_t i) { return modes(loops[i], h); });
+  result.modes = all[slowest];
+  const auto first = std::ranges::max_element(all, {}, &Modes::settling_s) - all.begin();
+  all.push_back(modes(
+      scenario_loop.at(worst_near(
+          scenario_loop, static_cast<std::size_t>(first),
+          [&](const ReferencePoint& rest) { return modes(scenario_loop.at(rest), h).settling_s; })),
+      h));
+  const Modes& longest = *std::ranges::max_element(all, {}, &Modes::settling_s);
+  result.modes.settling_s = longest.settling_s;
+  result.modes.settling_mean_s = longest.settling_mean_s;
+}
+
+VectorXd least_stiffness(const std::vector<SampledLoop>& loops, double period_s) {
+  const auto all = parallel_map(loops.size(), [&](std::size_t i) {
+    LinearLaw law = loops[i].law(period_s);
+    law.D -= law.compensation;
+    const MatrixXd K = at_frequency({law, {}, true}, slowly, period_s).K.real();
+    const Eigen::Index n = law.D.rows();
+    VectorXd own = VectorXd::Zero(n);
+    for (std::size_t part = 0; part < law.measured.size(); ++part) {
+      if (law.measured[part] != Part::q && law.measured[part] != Part::theta) continue;
+      own -= K.middleCols(static_cast<Eigen::Index>(part) * n, n).diagonal();
+    }
+    return own;
+  });
+  VectorXd least = all[0];
+  for (const VectorXd& each : all) least = least.cwiseMin(each);
+  return least;
+}
+
+std::vector<SampledLoop> loops_at(const ScenarioLoop& loop,
+                                  const std::vector<ReferencePoint>& rests) {
+  return parallel_map(rests.size(), [&](std::size_t i) { return loop.at(rests[i]); });
 }
 
 /// A round period below the limit: one or two digits.
@@ -134,19 +208,13 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
   tell("sampled loop: largest period");
   const ScenarioLoop scenario_loop(scenario);
   const std::vector<ReferencePoint> rests = scenario_loop.rest_points(reference_postures);
-  const std::vector<SampledLoop> loops =
-      parallel_map(rests.size(), [&](std::size_t i) { return scenario_loop.at(rests[i]); });
+  const std::vector<SampledLoop> loops = loops_at(scenario_loop, rests);
   const std::vector<double> radius =
       parallel_map(loops.size(), [&](std::size_t i) { return radius_at(loops[i], h); });
   const auto slowest = static_cast<std::size_t>(std::ranges::max_element(radius) - radius.begin());
-  find_limit(result, loops, rests, slowest);
-  if (radius[slowest] >= 1) result.unstable_q = rests[slowest].q_ref;
-  const std::vector<Modes> all =
-      parallel_map(loops.size(), [&](std::size_t i) { return modes(loops[i], h); });
-  result.modes = all[slowest];
-  const Modes& longest = *std::ranges::max_element(all, {}, &Modes::settling_s);
-  result.modes.settling_s = longest.settling_s;
-  result.modes.settling_mean_s = longest.settling_mean_s;
+  find_limit(result, scenario_loop, loops, rests, slowest);
+  if (result.limit_s.value_or(0) <= h) result.unstable_q = result.limit_q;
+  find_settling(result, scenario_loop, loops, slowest);
 
   tell("sampled loop: along the reference");
   const bool ends = !scenario_loop.motion().repeats;
@@ -159,11 +227,21 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
     result.count_Nm = result.gain_Nm_per_rad.cwiseProduct(
         VectorXd(experiment::encoder_count(scenario, *scenario.model)));
   }
+  result.stiffness = least_stiffness(loops, h);
+  const VectorXd held = friction_torques(scenario, false).on_delta;
+  if (held.size() > 0 && !held.isZero(0)) result.rest_error = held.cwiseQuotient(result.stiffness);
   if (effort == Effort::full && result.unstable_q.size() == 0) {
     tell("sampled loop: margins");
-    find_margins(result, loops, rests);
+    find_margins(result, scenario_loop, loops, rests);
   }
   return result;
+}
+
+robot::Vector stiffness(const experiment::Scenario& scenario) {
+  if (!controller::law_facts(scenario.controller.law).no_linearisation.empty()) return {};
+  const ScenarioLoop loop(scenario);
+  return least_stiffness(loops_at(loop, loop.rest_points(reference_postures)),
+                         loop.settings().period_s);
 }
 
 std::string limit_text(const std::optional<double>& limit_s) {
@@ -184,6 +262,12 @@ std::string margins_text(const Margins& margins) {
 std::string modulus_text(const Margins& margins) {
   return fmt::format("{:.2g} (common to all torques), {:.2g} (independent)", margins.modulus,
                      margins.modulus_independent);
+}
+
+std::string friction_text(const Prediction& prediction) {
+  if (prediction.rest_error.size() == 0) return "";
+  return fmt::format("dry friction may hold a joint at rest up to F_c/kp = {} beside its reference",
+                     list_text(prediction.rest_error));
 }
 
 std::string list_text(const VectorXd& values) {

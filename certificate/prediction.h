@@ -10,9 +10,9 @@
 #include "certificate/scenario_loop.h"
 
 /// What is predicted of a scenario's sampled loop: of its linearisation about rest at postures of
-/// the reference, and along the reference where it moves. Every number is of sampled postures. It
-/// covers no large errors, saturation or quantisation. `certify`, `design`, `run` and the report
-/// all take their numbers from here.
+/// the reference, the worst of them searched, and along the reference where it moves. It covers no
+/// large errors, saturation or quantisation. `certify`, `design`, `run` and the report all take
+/// their numbers from here.
 namespace tachless::certificate {
 
 /// Called with what is being computed; from one thread.
@@ -25,7 +25,7 @@ enum class Effort {
   full,
 };
 
-/// Postures of the reference at which the loop is linearised.
+/// Postures of the reference from the worst of which on a worse one is searched.
 inline constexpr int reference_postures = 17;
 
 struct Prediction {
@@ -42,9 +42,12 @@ struct Prediction {
   robot::Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
   /// The largest stable period at rest, the least over the postures; nothing: unstable at any.
   std::optional<double> limit_s;
-  robot::Vector limit_q;                    ///< the posture that binds it
-  Modes modes;                              ///< at the posture with the largest radius
-  Eigen::VectorXd gain_Nm_per_rad;          ///< torque per measured angle, each joint's own
+  robot::Vector limit_q;            ///< the posture that binds it
+  Modes modes;                      ///< at the posture with the largest radius
+  Eigen::VectorXd gain_Nm_per_rad;  ///< torque per measured angle, each joint's own
+  robot::Vector stiffness;          ///< as the function of that name
+  /// F_c/stiffness: where dry friction may hold a joint at rest [rad; m]; empty without friction.
+  robot::Vector rest_error;
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
   /// Of each the least over the postures; nothing with quick effort or where one is unstable.
   std::optional<Margins> margins;
@@ -62,6 +65,11 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort,
 /// motor are both measured.
 Eigen::VectorXd own_gain(const LinearLaw& law);
 
+/// Torque per position error at rest, of each joint alone: the least over postures of the reference
+/// [N m/rad; N/m]. What an integral adds with time is not in it. Empty for a law that cannot be
+/// linearised. @throw as `analyse`.
+robot::Vector stiffness(const experiment::Scenario& scenario);
+
 /// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
 std::string text(const Prediction& prediction);
 
@@ -76,6 +84,8 @@ std::string settling_text(double seconds);
 std::string margins_text(const Margins& margins);
 /// "0.61 (common to all torques), 0.45 (independent)".
 std::string modulus_text(const Margins& margins);
+/// Where dry friction may hold the joints, as a sentence; empty.
+std::string friction_text(const Prediction& prediction);
 /// "[1.2, 3]".
 std::string list_text(const Eigen::VectorXd& values);
 

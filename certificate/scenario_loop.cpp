@@ -207,15 +207,15 @@ MatrixXd ScenarioLoop::map_at(double t_s) const {
   return cut(plant(trajectory_.at(t_s + h / 2)), law, h, settings_.command_delay).closed();
 }
 
+ReferencePoint ScenarioLoop::rest_at(double share) const {
+  const double t_s = motion_.begin_s + share * (motion_.end_s - motion_.begin_s);
+  return constant_reference(trajectory_.at(t_s).q_ref);
+}
+
 std::vector<ReferencePoint> ScenarioLoop::rest_points(int count) const {
-  if (!moves() || count < 2) return {constant_reference(trajectory_.at(0).q_ref)};
-  const auto& [begin_s, end_s, repeats] = motion_;
+  if (!moves() || count < 2) return {rest_at(0)};
   std::vector<ReferencePoint> result;
-  result.reserve(static_cast<std::size_t>(count));
-  for (int k = 0; k < count; ++k) {
-    const double t_s = begin_s + (end_s - begin_s) * k / (count - 1);
-    result.push_back(constant_reference(trajectory_.at(t_s).q_ref));
-  }
+  for (int k = 0; k < count; ++k) result.push_back(rest_at(static_cast<double>(k) / (count - 1)));
   return result;
 }
 

@@ -51,6 +51,8 @@ class ScenarioLoop {
   };
   [[nodiscard]] const Motion& motion() const { return motion_; }
   [[nodiscard]] bool moves() const { return motion_.end_s > motion_.begin_s; }
+  /// At rest at the posture after that share of the motion, 0 … 1.
+  [[nodiscard]] loop::ReferencePoint rest_at(double share) const;
   /// At rest at postures of the reference, evenly over its motion, the first and the last included;
   /// one when it does not move.
   [[nodiscard]] std::vector<loop::ReferencePoint> rest_points(int count) const;

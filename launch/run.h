@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "certificate/prediction.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
@@ -65,6 +66,7 @@ struct PlannedRun {
   RunOptions options;
   experiment::Scenario scenario;
   std::vector<Remark> remarks = {};
+  certificate::Prediction predicted = {};
 
   /// On stderr; with --quiet the warnings alone.
   void print_remarks() const;

@@ -20,7 +20,6 @@
 #include "process/this_process.h"
 #include "reference/make_trajectory.h"
 #include "robot/model.h"
-#include "study/verdict.h"
 
 namespace tachless::launch {
 namespace {
@@ -118,15 +117,19 @@ std::string friction_text(const experiment::Scenario& scenario) {
   return text;
 }
 
-std::vector<Remark> judge(const experiment::Scenario& scenario, const RunOptions& options) {
-  const certificate::Prediction loop = certificate::analyse(scenario, certificate::Effort::quick);
+void judge(PlannedRun& run) {
+  const RunOptions& options = run.options;
+  const experiment::Scenario& scenario = run.scenario;
+  const certificate::Prediction& loop = run.predicted =
+      certificate::analyse(scenario, certificate::Effort::quick);
   const bool unstable = loop.unknown.empty() && !loop.stable;
   if (unstable && !options.force) {
     throw diagnostics::bad_usage(certificate::refusal(loop, options.scenario.string()));
   }
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
-  std::vector<Remark> remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
-  if (const std::string held = study::friction_text(study::yardsticks(scenario)); !held.empty()) {
+  std::vector<Remark>& remarks = run.remarks;
+  remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
+  if (const std::string held = certificate::friction_text(loop); !held.empty()) {
     remarks.push_back({false, held});
   }
   if (const std::string friction = friction_text(scenario); !friction.empty()) {
@@ -136,7 +139,6 @@ std::vector<Remark> judge(const experiment::Scenario& scenario, const RunOptions
        {&scenario.model->warnings, &feasibility.impossible, &feasibility.doubtful}) {
     for (const std::string& line : *lines) remarks.push_back({true, line});
   }
-  return remarks;
 }
 
 }  // namespace
@@ -193,7 +195,7 @@ std::vector<PlannedRun> plan_runs(RunOptions options, const std::vector<fs::path
     for (const PlannedRun& other : runs) require_own_channels(other.scenario, scenario);
     runs.push_back({options, std::move(scenario)});
   }
-  for (PlannedRun& run : runs) run.remarks = judge(run.scenario, run.options);
+  for (PlannedRun& run : runs) judge(run);
   return runs;
 }
 

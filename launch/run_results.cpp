@@ -252,6 +252,7 @@ void Conclusions::add(const PlannedRun& run, RunDirectory& out, RunEnd end) {
   report::RunSummary summary{
       end.facts, recorded ? recorded->tracking : study::Tracking(run.scenario.num_joints),
       end.statistics};
+  summary.predicted = run.predicted;
   if (recorded) summary.verdict = recorded->verdict;
   if (end.facts.fault && summary.ticks() < run.scenario.loop.num_ticks) {
     summary.verdict.outcome =

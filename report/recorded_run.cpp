@@ -159,6 +159,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   }
   run.summary = log.summary();
   study::Yardsticks yardsticks = study::yardsticks(run.scenario);
+  yardsticks.stiffness = certificate::stiffness(run.scenario);
   for (const Stretches& ticks : run.saturated) {
     yardsticks.saturated_ticks.push_back(static_cast<std::int64_t>(ticks.count));
   }

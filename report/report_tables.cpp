@@ -139,6 +139,13 @@ Html payload_text(const plant::PayloadSpec& payload) {
   return text;
 }
 
+Html predicted_text(const RecordedRun& run) {
+  const nlohmann::json predicted = run.outcome_of("predicted");
+  if (!predicted.is_object()) return {};
+  const auto text = predicted.find("text");
+  return text != predicted.end() && text->is_string() ? Html(text->get<std::string>()) : Html();
+}
+
 /// Rows: their names, and their values of a run; empty where the run has none.
 std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
   const experiment::Scenario& scenario = run.scenario;
@@ -167,6 +174,7 @@ std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
       {"Reference", Html(name_of(scenario.reference))},
       {"Sampling", sampling_text(run)},
       {"Encoder", encoder_text(scenario.plant.encoder)},
+      {"Predicted", predicted_text(run)},
       {"Torque limit", limit ? html("{} N m", bracketed(*limit)) : Html("none")},
       {"Duration", duration_text(run)},
       {"Ended", Html(ended_text(run))},

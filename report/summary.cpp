@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "certificate/certify.h"
 #include "diagnostics/table.h"
 #include "diagnostics/text.h"
 
@@ -128,7 +129,8 @@ nlohmann::ordered_json to_json(const RunSummary& summary, const robot::JointLabe
                {"wall_s", wall_s},
                {"ticks_per_s", wall_s > 0 ? Json(ticks / wall_s) : Json()},
                {"real_time_factor", wall_s > 0 ? Json(summary.duration_s() / wall_s) : Json()},
-               {"placement", facts.placement}};
+               {"placement", facts.placement},
+               {"predicted", certificate::to_json(summary.predicted)}};
   for (const auto& [key, signal] : {std::pair{"position_error_rad", &study::JointTracking::error},
                                     std::pair{"torque_Nm", &study::JointTracking::torque}}) {
     json[key] = {{"peak", per_joint(summary.tracking, signal, &study::Extent::peak)},

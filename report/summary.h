@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "certificate/prediction.h"
 #include "node/statistics.h"
 #include "robot/model.h"
 #include "study/tracking.h"
@@ -36,6 +37,7 @@ struct RunSummary {
   /// What the processes counted; a process that was killed has left none.
   std::vector<node::Statistics> statistics;
   study::Verdict verdict = {};
+  certificate::Prediction predicted = {};  ///< of the loop, before the run
 
   /// From the start of the run to its end, by the plant's clock where that is known.
   [[nodiscard]] double wall_s() const;

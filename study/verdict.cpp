@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "controller/registry.h"
-
 namespace tachless::study {
 namespace {
 
@@ -176,34 +174,7 @@ Yardsticks yardsticks(const experiment::Scenario& scenario) {
     result.friction = result.friction.cwiseMax(*drive.static_friction_Nm);
   result.resolution = experiment::encoder_count(scenario, *scenario.model)
                           .cwiseMax(scenario.plant.encoder.noise_std_rad);
-  for (const controller::Parameter& parameter :
-       controller::law_facts(scenario.controller.law).parameters) {
-    const auto gain = scenario.controller.gains.find(std::string(parameter.name));
-    if (!parameter.name.starts_with("kp") || parameter.unit != "N m/rad" ||
-        gain == scenario.controller.gains.end()) {
-      continue;
-    }
-    const Eigen::Index n = scenario.num_joints;
-    result.stiffness = gain->second;
-    if (result.stiffness.size() != n) result.stiffness = gain->second.reshaped(n, n).diagonal();
-    break;
-  }
   return result;
-}
-
-std::vector<double> rest_error(const Yardsticks& of) {
-  if (of.stiffness.size() == 0 || of.friction.size() == 0 || of.friction.maxCoeff() <= 0) return {};
-  const robot::Vector error = of.friction.cwiseQuotient(of.stiffness);
-  return {error.begin(), error.end()};
-}
-
-std::string friction_text(const Yardsticks& of) {
-  const std::vector<double> error = rest_error(of);
-  if (error.empty()) return "";
-  return fmt::format(
-      "dry friction may hold a joint at rest up to F_c/kp = [{:.2g}] beside its "
-      "reference",
-      fmt::join(error, ", "));
 }
 
 double rests_from_s(const std::vector<Point>& q_ref) {

@@ -51,14 +51,9 @@ struct Yardsticks {
   std::vector<std::int64_t> saturated_ticks;  ///< per joint
 };
 
-/// What the scenario says of it: all but the saturated ticks.
+/// What the scenario says of it: all but the saturated ticks and the stiffness, which only the
+/// verdict's text is about.
 Yardsticks yardsticks(const experiment::Scenario& scenario);
-
-/// The largest error at which dry friction may hold each joint at rest, F_c/kp [rad; m]; empty
-/// where there is no such friction or kp is not known.
-std::vector<double> rest_error(const Yardsticks& yardsticks);
-/// The same as a sentence; empty.
-std::string friction_text(const Yardsticks& yardsticks);
 
 struct Verdict {
   Outcome outcome = Outcome::not_judged;

@@ -23,7 +23,6 @@
 #include "launch/progress.h"
 #include "launch/verb.h"
 #include "node/options.h"
-#include "study/verdict.h"
 
 namespace tachless::launch {
 namespace {
@@ -47,12 +46,6 @@ void require_known_law(const experiment::Scenario& scenario) {
 void warn(const experiment::Scenario& scenario) {
   require_known_law(scenario);
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
-}
-
-/// A line on what dry friction may hold; empty without such friction.
-std::string held_text(const experiment::Scenario& scenario) {
-  const std::string held = study::friction_text(study::yardsticks(scenario));
-  return held.empty() ? held : fmt::format("  {:<17} {}\n", "friction", held);
 }
 
 struct Certify {
@@ -81,10 +74,9 @@ struct Certify {
     if (json) {
       nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
       all.update(to_json(result));
-      all["rest_error"] = study::rest_error(study::yardsticks(scenario));
       std::cout << diagnostics::json_text(all, 2) << "\n";
     } else {
-      std::cout << page(result, scenario, full) << held_text(scenario);
+      std::cout << page(result, scenario, full);
     }
     const std::vector<std::string> objections = certificate::objections(result);
     for (const std::string& objection : objections) {

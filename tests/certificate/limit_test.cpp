@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,9 +9,11 @@
 #include <vector>
 
 #include "certificate/design.h"
+#include "certificate/prediction.h"
 #include "certificate/scenario_loop.h"
 #include "experiment/scenario.h"
 #include "study/in_process_loop.h"
+#include "study/measures.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
 
@@ -95,6 +98,19 @@ void expect_limit(const experiment::Scenario& scenario, const std::string& what)
   EXPECT_GT(restlessness(beyond, 1.05 * limit), 100 * restlessness(other, 0.97 * limit));
 }
 
+/// Of a run at 1.2 times the limit, long enough for an e-fold of growth.
+study::Outcome outcome_beyond_limit(const std::string& name, std::vector<std::string> overrides,
+                                    std::int64_t ticks) {
+  experiment::Scenario scenario = shipped(name, overrides);
+  const double period_s = 1.2 * analyse(scenario, Effort::quick).limit_s.value();
+  overrides.push_back(fmt::format("loop.period_s={:.9g}", period_s));
+  overrides.push_back(
+      fmt::format("loop.duration_s={:.12g}", std::stod(fmt::format("{:.9g}", period_s)) * ticks));
+  scenario = shipped(name, overrides);
+  EXPECT_FALSE(analyse(scenario, Effort::quick).stable) << name;
+  return study::measure(scenario).value().verdict.outcome;
+}
+
 /// In place of a motion from point to point, over which the limit differs.
 void hold_at_the_end(experiment::Scenario& scenario) {
   const auto motion = std::get<reference::trajectory::PointToPoint>(scenario.reference);
@@ -107,6 +123,22 @@ TEST(SampledLimit, IsWhereRunsOfThePapersScenariosStopConverging) {
       expect_limit(shipped(name, {delay}), std::string(name) + ", " + delay);
     }
   }
+}
+
+TEST(SampledLimit, ARunBeyondItIsNoSuccess) {
+  EXPECT_EQ(outcome_beyond_limit("paper_flexible",
+                                 {"loop.command_delay=1", "plant.mechanics=native"}, 4000),
+            study::Outcome::diverging);
+  // With the gains that `design` finds for the arm without delay. What grows ends at the limits of
+  // its torques, in a limit cycle; where limits are not `warn` the run is stopped.
+  const study::Outcome limited = outcome_beyond_limit(
+      "xarm7",
+      {"loop.command_delay=0", "plant.mechanics=native", "plant.on_limit=warn",
+       "controller.gains.a=[61.7, 23.07, 1000, 1000, 208.3, 1000, 157]", "controller.gains.b=1000",
+       "controller.gains.kd=[0.3186, 0.1855, 2.479, 4.568, 0.1085, 0.2311, 0.003942]",
+       "controller.gains.kp=[12.97, 28.7, 58.3, 213.5, 1.821, 0.8497, 0.08286]"},
+      1000);
+  EXPECT_TRUE(study::bad(limited));
 }
 
 TEST(SampledLimit, IsThatOfRunsOfSevenJoints) {

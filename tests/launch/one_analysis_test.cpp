@@ -1,0 +1,133 @@
+// What certify, the line before a run, summary.json and the report print of a loop is one analysis.
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "certificate/certify.h"
+#include "launch/run.h"
+#include "report/report.h"
+#include "report/report_sections.h"
+#include "tests/support/damaged_log.h"
+#include "tests/support/in_process_log.h"
+#include "tests/support/temporary_directory.h"
+
+namespace tachless::launch {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+struct Case {
+  const char* scenario;
+  std::vector<std::string> set = {};
+};
+
+std::vector<Case> twenty() {
+  const std::string soft = "controller.gains.kp=[4000, 1500]";
+  const std::string dry = "plant.drive.coulomb_friction_Nm=[20, 2]";
+  return {{"flexible_regulation"},
+          {"iiwa_flexible"},
+          {"iiwa_point_to_point"},
+          {"panda"},
+          {"paper_flexible"},
+          {"paper_rigid"},
+          {"paper_rigid_offset"},
+          {"practical_flexible"},
+          {"practical_rigid"},
+          {"regulation"},
+          {"ur5e"},
+          {"xarm7"},
+          {"paper_rigid", {"loop.command_delay=1"}},  // unstable
+          {"paper_flexible", {"loop.command_delay=1"}},
+          {"practical_rigid", {dry}},
+          {"practical_rigid", {soft, dry, "plant.drive.static_friction_Nm=[30, 3]"}},
+          {"practical_rigid", {"plant.payload.mass_kg=2", "loop.period_s=2e-3"}},
+          {"practical_rigid", {"plant.encoder.resolution_bits=14", "loop.command_delay=2"}},
+          {"practical_rigid",
+           {"controller.law=loria_ortega_scheduled",
+            "controller.gains={w: 100, damping: 0.7, a: 1000, b: 1000}", dry}},
+          {"practical_rigid",
+           {"controller.law=computed_torque", "controller.gains={kp: 900, kd: 60}", dry}}};
+}
+
+class OneAnalysis : public ::testing::TestWithParam<Case> {
+ protected:
+  [[nodiscard]] static PlannedRun planned() {
+    RunOptions options;
+    options.force = true;
+    options.overrides = GetParam().set;
+    return plan_runs(options, {fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR,
+                                           GetParam().scenario)})[0];
+  }
+  [[nodiscard]] static Json certified(const experiment::Scenario& scenario) {
+    certificate::Certificate all;
+    all.loop = certificate::analyse(scenario, certificate::Effort::full);
+    return to_json(all)["sampled"];
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Scenarios, OneAnalysis, ::testing::ValuesIn(twenty()),
+                         [](const auto& each) {
+                           return fmt::format("{}_{}", each.param.scenario, each.index + 1);
+                         });
+
+TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
+  const PlannedRun run = planned();
+  const report::RunSummary summary{
+      planned_facts(run), study::Tracking(run.scenario.num_joints), {}, {}, run.predicted};
+  Json predicted = to_json(summary, robot::joint_labels(*run.scenario.model))["predicted"];
+  // The line and, with dry friction, a second one.
+  std::string lines = run.remarks[0].line;
+  if (run.predicted.rest_error.size() > 0) lines += "; " + run.remarks[1].line;
+  EXPECT_EQ(predicted["text"], lines);
+  predicted.erase("text");
+
+  Json certified = OneAnalysis::certified(run.scenario);
+  EXPECT_EQ(certified.contains("margins"), run.predicted.unstable_q.size() == 0);
+  for (const char* more : {"margins", "margin_q"}) certified.erase(more);
+  EXPECT_EQ(predicted, certified);
+  // Where the law has such a gain its stiffness is that, whatever its filters do.
+  const auto kp = run.scenario.controller.gains.find("kp");
+  if (kp == run.scenario.controller.gains.end() ||
+      run.scenario.controller.law != "loria_ortega_rigid") {
+    return;
+  }
+  for (int i = 0; i < run.scenario.num_joints; ++i) {
+    const double stiffness = certified["stiffness_Nm_per_rad"][i];
+    EXPECT_NEAR(stiffness, kp->second[kp->second.size() == 1 ? 0 : i], 1e-5 * stiffness) << i;
+  }
+}
+
+/// F_c/kp of a law whose stiffness is no gain: w^2 M(q_ref), the least over the motion.
+TEST(RestError, IsThatOfTheStiffnessThatTheLawHas) {
+  const Case scheduled = twenty()[18];
+  const experiment::Scenario scenario = experiment::load_scenario(
+      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml", scheduled.set);
+  const auto found = certificate::analyse(scenario, certificate::Effort::quick);
+  // M of the elbow is 0.62 kg m2 in every posture.
+  EXPECT_NEAR(found.stiffness[1], 1e4 * 0.62, 1);
+  EXPECT_NEAR(found.rest_error[1], 2 / (1e4 * 0.62), 1e-7);
+  EXPECT_THAT(friction_text(found), HasSubstr("F_c/kp = ["));
+}
+
+TEST(Page, HasTheLineOfThePrediction) {
+  const experiment::Scenario scenario = support::shortened("practical_rigid.yaml", "0.1");
+  const TemporaryDirectory directory;
+  const auto log = directory.path() / "lcmlog";
+  logger::write_file(log, logger::log_of(support::in_process_log(scenario)));
+  std::vector<report::RecordedRun> runs;
+  runs.push_back(report::read_recorded_run(log));
+  const auto predicted = certificate::analyse(scenario, certificate::Effort::quick);
+  runs[0].outcome = {{"predicted", to_json(predicted)}};
+  label(runs);
+  const report::Overlay all(runs);
+  EXPECT_THAT(report_page(all, report_sections(all)), HasSubstr(text(predicted)));
+}
+
+}  // namespace
+}  // namespace tachless::launch
