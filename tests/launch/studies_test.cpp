@@ -99,6 +99,14 @@ TEST_F(Study, EncoderShowsCountsWhenSlowAndLagWhenFast) {
             30 * of("loria_ortega_rigid", 22, 5, "velocity_error"));
   EXPECT_LT(of("loria_ortega_rigid", 22, 5, "settled_error"),
             1.1 * of("wen_bayard", 22, 5, "settled_error"));
+  // It is the error that is filtered, and not the filter, that does it.
+  for (const double hz : {0.5, 5.0}) {
+    EXPECT_NEAR(of("difference_of_error", 16, hz, "settled_error") /
+                    of("loria_ortega_rigid", 16, hz, "settled_error"),
+                1, 0.1);
+    EXPECT_GT(of("loria_ortega_rigid", 12, hz, "torque_variation"),
+              1.3 * of("difference_of_error", 12, hz, "torque_variation"));
+  }
   // The price is a rougher torque.
   for (const double hz : {0.5, 5.0}) {
     EXPECT_GT(of("loria_ortega_rigid", 12, hz, "torque_variation"),
