@@ -199,7 +199,7 @@ void DesignProblem::choose_variables() {
                   last = feedback_at(start_, rests_.back());
   const double size = first.D.cwiseAbs().maxCoeff();
   by_joint_ = (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
-              (first.B - last.B).cwiseAbs().maxCoeff() < 1e-5;
+              (first.B - last.B).isZero(1e-5);  // also without a memory
   problem_.same_everywhere = by_joint_;
   problem_.resonant = scenario_.robot.flexible.has_value();
 

@@ -116,7 +116,7 @@ void find_margins(Prediction& result, const ScenarioLoop& scenario_loop,
   const auto first = std::ranges::min_element(all, {}, &Margins::modulus) - all.begin();
   rests.push_back(worst_near(
       scenario_loop, static_cast<std::size_t>(first),
-      [&](const ReferencePoint& rest) { return -margins(scenario_loop.at(rest), h).modulus; }));
+      [&](const ReferencePoint& rest) { return -modulus_margin(scenario_loop.at(rest), h); }));
   all.push_back(margins(scenario_loop.at(rests.back()), h));
   const auto least = [&](double Margins::*one) {
     return (*std::ranges::min_element(all, {}, one)).*one;

@@ -263,6 +263,13 @@ Modes modes(const SampledLoop& loop, double period_s) {
   return result;
 }
 
+double modulus_margin(const SampledLoop& loop, double period_s) {
+  const CutLoop open = cut(loop, period_s);
+  if (spectral_radius(open.closed()) >= 1) return 0;
+  const Response response(open, period_s);
+  return least_over(response.frequencies(500), [&](double w) { return response.modulus(w); });
+}
+
 Margins margins(const SampledLoop& loop, double period_s) {
   Margins result;
   const CutLoop open = cut(loop, period_s);

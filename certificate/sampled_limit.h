@@ -61,6 +61,8 @@ struct Margins {
   double phase_deg = 0;  ///< lag common to all joints that does; 180 when none
   double delay_s = 0;    ///< delay common to all joints that does; infinite when none
 };
+/// The modulus alone; 0 of an unstable loop.
+double modulus_margin(const SampledLoop& loop, double period_s);
 /// Of a stable loop; all zero for an unstable one.
 Margins margins(const SampledLoop& loop, double period_s);
 

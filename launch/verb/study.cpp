@@ -70,22 +70,31 @@ void complete_comparison(const experiment::Scenario& scenario, study::Measures& 
 std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scenario& scenario,
                                    const std::string& law, double modulus, double filter_ratio) {
   plan.axes.clear();
-  const auto keeps = [&](double hz) {
+  const auto rests =
+      certificate::ScenarioLoop(scenario).rest_points(certificate::reference_postures);
+  const auto least = [&](double hz, const auto& postures) {
     plan.laws = {{law, certificate::rule_of_thumb(scenario, law, hz, filter_ratio)}};
     const experiment::Scenario tuned = plan.scenario(plan.at(0));
     const certificate::ScenarioLoop loop(tuned);
-    return std::ranges::all_of(
-        loop.rest_points(certificate::reference_postures), [&](const auto& rest) {
-          return certificate::margins(loop.at(rest), tuned.loop.period_s).modulus >= modulus;
-        });
+    const std::vector<double> each = process::parallel_map(postures.size(), [&](std::size_t i) {
+      return certificate::modulus_margin(loop.at(postures[i]), tuned.loop.period_s);
+    });
+    const auto worst = std::ranges::min_element(each);
+    return std::pair(*worst, static_cast<std::size_t>(worst - each.begin()));
   };
-  double low = 0.2, high = 60;
-  if (!keeps(low)) return {};
-  while (high > 1.05 * low) {
-    const double middle = std::sqrt(low * high);
-    (keeps(middle) ? low : high) = middle;
+  // At the postures that bind: one, and each more that has less at what was found.
+  std::vector binding = {rests.front()};
+  for (double high = 60;;) {
+    double low = 0.2;
+    if (least(low, binding).first < modulus) return {};
+    while (high > 1.05 * low) {
+      const double middle = std::sqrt(low * high);
+      (least(middle, binding).first >= modulus ? low : high) = middle;
+    }
+    const auto [found, where] = least(low, rests);
+    if (found >= modulus) return certificate::rule_of_thumb(scenario, law, low, filter_ratio);
+    binding.push_back(rests[where]);
   }
-  return certificate::rule_of_thumb(scenario, law, low, filter_ratio);
 }
 
 struct Sweep {

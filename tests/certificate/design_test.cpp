@@ -183,6 +183,13 @@ TEST(Design, OfComputedTorqueIsInAccelerations) {
   EXPECT_LE(found.gains.at("kp")[0], 1.001 * std::pow(2 * 3.14159 * 5, 2));
 }
 
+TEST(Design, TunesALawWithoutAMemory) {
+  const Design found = design(
+      shipped("regulation", {"controller.law=wen_bayard", "controller.gains={kp: 1, kd: 1}"}), {});
+  EXPECT_TRUE(found.loop.stable);
+  EXPECT_GE(least_modulus(found), 0.45);
+}
+
 TEST(Design, TunesEstimatorsAndObserversWithTheLaw) {
   for (const std::string law : {"numerical_difference", "kalman_velocity", "nicosia_tomei"}) {
     SCOPED_TRACE(law);
