@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "tests/certificate/scenarios.h"
 
 namespace tachless::certificate {
@@ -68,6 +70,22 @@ TEST(Prediction, DoesNotDependOnHowLongTheRunRestsAfterItsMotion) {
   const Prediction once = with("loop.duration_s=4"), longer = with("loop.duration_s=40");
   EXPECT_NEAR(*longer.limit_s, *once.limit_s, 1e-3 * *once.limit_s);
   EXPECT_NEAR(longer.modes.settling_s, once.modes.settling_s, 0.01 * once.modes.settling_s);
+}
+
+/// No posture of a motion through waypoints has less than what is printed.
+TEST(Prediction, FindsTheWorstPostureBetweenThoseOfTheList) {
+  const experiment::Scenario scenario = shipped("ur5e");
+  const Prediction found = analyse(scenario, Effort::full);
+  const ScenarioLoop loop(scenario);
+  constexpr int many = 160;
+  double modulus = 1, worst_radius = 0;
+  for (int k = 0; k <= many; ++k) {
+    const SampledLoop here = loop.at(loop.rest_at(static_cast<double>(k) / many));
+    modulus = std::min(modulus, modulus_margin(here, found.settings.period_s));
+    worst_radius = std::max(worst_radius, radius_at(here, *found.limit_s));
+  }
+  EXPECT_LE(found.margins.value().modulus, modulus + 1e-5);
+  EXPECT_LE(worst_radius, 1 + 1e-6);
 }
 
 TEST(Prediction, TextHasLimitAndSettlingTime) {
