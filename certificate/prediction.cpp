@@ -24,7 +24,7 @@ using loop::ReferencePoint;
 using process::parallel_map;
 
 constexpr int motion_pieces = 96;
-constexpr int search_evaluations = 16;
+constexpr int posture_evaluations = 16;
 constexpr double slowly = 1e-3;  // [rad/s]: the feedback at rest, without what an integral adds
 constexpr double shortest_s = 1e-7, longest_s = 1;
 constexpr double period_ratio = 1.1, limit_precision = 1e-6;
@@ -49,7 +49,7 @@ ReferencePoint worst_near(const ScenarioLoop& loop, std::size_t k,
       [&](const VectorXd& share) {
         return share[0] < 0 || share[0] > 1 ? infinity : -f(loop.rest_at(share[0]));
       },
-      VectorXd::Constant(1, between * static_cast<double>(k)), between / 2, search_evaluations);
+      VectorXd::Constant(1, between * static_cast<double>(k)), between / 2, posture_evaluations);
   return loop.rest_at(worst.x[0]);
 }
 
