@@ -32,6 +32,6 @@ configure_package_config_file(cmake/tachlessConfig.cmake.in tachlessConfig.cmake
 # 0.x: the headers change with every version.
 write_basic_package_version_file(tachlessConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/tachlessConfig.cmake ${PROJECT_BINARY_DIR}/tachlessConfigVersion.cmake
-  cmake/FindClp.cmake cmake/FindLcm.cmake DESTINATION ${package} COMPONENT development)
+  cmake/FindClp.cmake cmake/FindHttplib.cmake cmake/FindLcm.cmake DESTINATION ${package} COMPONENT development)
 install(EXPORT tachless NAMESPACE tachless:: FILE tachlessTargets.cmake DESTINATION ${package}
   COMPONENT development)

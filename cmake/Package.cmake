@@ -53,7 +53,7 @@ Headers, static libraries and CMake files, for controllers and drivers of
 real robots in the place of those of tachless; with an example of each.")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS "tachless (= ${PROJECT_VERSION}), libeigen3-dev, libfmt-dev, \
 libspdlog-dev, libyaml-cpp-dev, libcli11-dev, nlohmann-json3-dev, liburdfdom-headers-dev, libtinyxml-dev, libsimbody-dev, \
-libnlopt-dev, coinor-libclp-dev, liblcm-dev, libsodium-dev")
+libnlopt-dev, coinor-libclp-dev, libcpp-httplib-dev, liblcm-dev, libsodium-dev")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-tachless)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_DESCRIPTION "robot joints tracked from positions alone, from Python

@@ -46,6 +46,7 @@ struct RunOptions {
   bool quiet = false;
   bool verbose = false;
   bool json = false;
+  bool watch = false;  ///< show it in a browser while it goes on
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
   /// `line`, after "<robot>: " where there are several.

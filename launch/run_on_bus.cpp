@@ -15,6 +15,7 @@
 #include "controller/law_socket.h"
 #include "diagnostics/logging.h"
 #include "launch/doctor.h"
+#include "launch/live_view.h"
 #include "launch/placement.h"
 #include "launch/progress.h"
 #include "launch/run.h"
@@ -237,6 +238,11 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
 ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
   const RunOptions& common = runs.front().options;
   const bool isolated = prepare_network(common);
+  if (isolated && common.watch) {
+    throw diagnostics::bad_usage(
+        "--watch: the run is in a private network, which a browser does not reach; run it without "
+        "--isolate, on a bus as `tachless doctor` wants it");
+  }
   // Last: a process whose memory is private cannot isolate itself.
   const std::optional<bus::Key> key = bus::read_key_file(common.key_file);
   process::survive_broken_pipes();
@@ -254,6 +260,8 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
     supervised.push_back(
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
+  std::optional<LiveView> view;
+  if (common.watch) view.emplace(node::parse_lcm_url(common.lcm_url));
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cstdio>
 #include <string_view>
 #include <system_error>
@@ -16,6 +15,7 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
+#include "logger/mcap_table.h"
 #include "logger/table.h"
 
 namespace tachless::logger {
@@ -28,7 +28,7 @@ class CsvTable {
  public:
   CsvTable(const std::filesystem::path& path, const std::vector<Quantity>& quantities,
            double period_s)
-      : path_(path), quantities_(quantities), period_s_(period_s) {
+      : quantities_(quantities), period_s_(period_s) {
     file_ = path == "-" ? ::fdopen(::fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0), "w")
                         : std::fopen(path.c_str(), "we");
     if (file_ == nullptr) fail(errno);
@@ -67,38 +67,32 @@ class CsvTable {
   }
 
  private:
-  /// As "%.17g": reads back as the same double.
-  void add(double value) {
-    std::array<char, 32> text = {','};
-    constexpr auto general = std::chars_format::general;
-    const auto written = std::to_chars(&text[1], text.data() + text.size(), value, general, 17);
-    block_.append(text.data(), written.ptr);
-  }
+  void add(double value) { add_number(block_ += ',', value); }
 
   void write() {
     if (std::fwrite(block_.data(), 1, block_.size(), file_) != block_.size()) fail(errno);
     block_.clear();
   }
 
-  [[noreturn]] void fail(int error) const {
-    throw diagnostics::bad_usage(
-        "{}: cannot write: {}; {}", path_.string(), std::generic_category().message(error),
-        error == ENOSPC ? "free some space, or name a file on another disk" : "name another file");
+  [[noreturn]] static void fail(int error) {
+    throw std::system_error(error, std::generic_category());
   }
 
-  std::filesystem::path path_;
   const std::vector<Quantity>& quantities_;
   double period_s_;
   std::FILE* file_ = nullptr;
   std::string block_;  ///< rows that are written at once
 };
 
-/// A row for each tick.
-void write_rows(const std::filesystem::path& to, const std::vector<Quantity>& quantities,
+/// A row for each tick, in a file of that name.
+void write_rows(const std::filesystem::path& to, bool mcap, const std::vector<Quantity>& quantities,
                 RunLog& log) {
-  CsvTable table(to, quantities, log.info().period_s);
-  for (TickRecord record; log.next(record);) table.append(record);
-  table.close();
+  const auto write = [&](auto&& table) {
+    for (TickRecord record; log.next(record);) table.append(record);
+    table.close();
+  };
+  mcap ? write(McapTable(to, quantities, log))
+       : write(CsvTable(to, quantities, log.info().period_s));
 }
 
 }  // namespace
@@ -120,24 +114,34 @@ std::string ExportResult::text() const {
 }
 
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool force) {
-  if (path != "-" && path.extension() != ".csv") {
+  const bool mcap = path.extension() == ".mcap";
+  if (path != "-" && !mcap && path.extension() != ".csv") {
     throw diagnostics::bad_usage(
-        "{}: unknown kind of file; end its name in .csv, or write to standard output by -",
+        "{}: unknown kind of file; end its name in .csv or .mcap, or write the table to standard "
+        "output by -",
         path.string());
   }
   const auto quantities = quantities_of(log);
   log.rewind();
-  if (path == "-") {
-    write_rows(path, quantities, log);
-  } else {
-    std::error_code error;
-    if (!force && std::filesystem::is_regular_file(path, error)) {
-      throw diagnostics::bad_usage(
-          "{}: exists already; name another file, or overwrite it with --force", path.string());
+  std::error_code error;
+  if (path != "-" && !force && std::filesystem::is_regular_file(path, error)) {
+    throw diagnostics::bad_usage(
+        "{}: exists already; name another file, or overwrite it with --force", path.string());
+  }
+  try {
+    if (path == "-") {
+      write_rows(path, mcap, quantities, log);
+    } else {
+      diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
+      write_rows(unfinished.name(), mcap, quantities, log);
+      unfinished.finish();
     }
-    diagnostics::UnfinishedFile unfinished(path, "name another file with -o");
-    write_rows(unfinished.name(), quantities, log);
-    unfinished.finish();
+  } catch (const std::system_error& problem) {
+    throw diagnostics::bad_usage("{}: cannot write: {}; {}", path.string(),
+                                 problem.code().message(),
+                                 problem.code() == std::errc::no_space_on_device
+                                     ? "free some space, or name a file on another disk"
+                                     : "name another file");
   }
   ExportResult result{log.summary(), log.damage()};
   for (const Quantity& quantity : quantities) {

@@ -18,13 +18,12 @@ struct ExportResult {
   [[nodiscard]] std::string text() const;
 };
 
-/// Writes the run in `log` from its start to the CSV file `path` (`-`: standard output), front to
-/// back in bounded memory: a header line, then a line per tick, with numbers that read back the
-/// same
-/// (%.17g). A value that the log lacks is an empty cell. The file appears under its name only when
-/// it is whole; an earlier one stays in place until then.
-/// @throw diagnostics::Failure(bad_usage) when the name does not end in .csv, when `path` exists
-/// (without `force`) or cannot be written, or the disk is full.
+/// Writes the run in `log` from its start to `path`, front to back in bounded memory, with numbers
+/// that read back the same (%.17g): as CSV (`-`: to standard output) a header line, then a line per
+/// tick, where a value that the log lacks is an empty cell; as MCAP see mcap_table.h. The file
+/// appears under its name only when it is whole; an earlier one stays in place until then.
+/// @throw diagnostics::Failure(bad_usage) when the name ends in neither .csv nor .mcap, when `path`
+/// exists (without `force`) or cannot be written, or the disk is full.
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool force = false);
 
 }  // namespace tachless::logger

@@ -64,7 +64,8 @@ class Recorder {
       : scenario_(scenario),
         link_(link),
         file_(log_path),
-        ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)) {
+        ack_channel_(loop::channel<loop::LogAck>(scenario.robot.channel_prefix)),
+        info_channel_(loop::channel<loop::RunInfo>(scenario.robot.channel_prefix)) {
     link_.on_announcement([this](const bus::Datagram& datagram) {
       keep_fault(datagram);
       on_participant(datagram);
@@ -90,6 +91,7 @@ class Recorder {
       link_.run_until_finished([this](Clock::time_point now) { return complete(now); },
                                [this](Clock::time_point now) {
                                  file_.flush_if_due(now);
+                                 repeat_info(now);
                                  // A flush is due soon after what is in the buffer now.
                                  return now + LogWriter::flush_interval / 2;
                                });
@@ -156,8 +158,15 @@ class Recorder {
   void introduce() {
     if (std::exchange(introduced_, true)) return;
     link_.started(Clock::now());
-    append(0, loop::channel<loop::RunInfo>(scenario_.robot.channel_prefix),
-           node::run_info(scenario_, link_.run(), law_));
+    info_ = node::run_info(scenario_, link_.run(), law_);
+    append(0, info_channel_, info_);
+  }
+
+  /// Once a second on the bus, for programs that begin to watch a run that goes on.
+  void repeat_info(Clock::time_point now) {
+    if (info_.empty() || now < next_info_) return;
+    next_info_ = now + 1s;
+    link_.transport().publish(info_channel_, info_);
   }
 
   /// The first announcement of a fault after which this process has to end is the cause.
@@ -194,7 +203,9 @@ class Recorder {
     }
   }
 
-  std::string ack_channel_;
+  std::string ack_channel_, info_channel_;
+  std::vector<std::byte> info_;    ///< RUN_INFO; empty until it is in the log
+  Clock::time_point next_info_{};  ///< when it is published next
   bus::Codec<loop::LogAck> ack_codec_{loop::Layout{}};
   bus::Codec<loop::Participant> participant_codec_{loop::Layout{}};
   loop::LawInfo law_;             ///< the controller's

@@ -24,50 +24,6 @@ constexpr std::int64_t num_held = 2 * RunLog::window;
 /// The fingerprint of RUN_INFO in version 0.1.0, whose messages were others.
 constexpr std::int64_t run_info_of_0_1_0 = 0x2243251c415912ef;
 
-/// Reads one RUN_INFO. Returns what is wrong with it, or nothing and `found`.
-std::string read(const LogEvent& event, const std::filesystem::path& path,
-                 std::optional<std::int64_t> wanted, RunDescription& found) {
-  const bus::Codec<loop::RunInfo> codec(loop::Layout{});
-  loop::Stamp stamp;
-  const auto rejection = codec.decode(event.data, stamp, found.info);
-  if (rejection != bus::Rejection::none) {
-    return fmt::format("is damaged ({})", bus::name(rejection));
-  }
-  if (wanted && stamp.run != *wanted) {
-    return fmt::format("is of run {}, not of run {}", stamp.run, *wanted);
-  }
-  found.run_id = stamp.run;
-  try {
-    found.scenario = experiment::parse_scenario(found.info.scenario, found.info.robot_description,
-                                                path.string() + " (RUN_INFO)");
-  } catch (const diagnostics::Failure& failure) {
-    return fmt::format("cannot be used: {}", failure.what());
-  }
-  if (found.scenario.controller.law == experiment::external_law) {
-    found.scenario.controller.announced = diagnostics::printable(found.info.law);
-  }
-  const loop::RunInfo& info = found.info;
-  const experiment::Scenario& scenario = found.scenario;
-  const auto prefix = event.channel.substr(0, event.channel.size() - run_info_suffix.size());
-  if (info.robot != prefix || scenario.robot.channel_prefix != prefix) {
-    return fmt::format("names robot {} on channel {}{}", info.robot, prefix, run_info_suffix);
-  }
-  if (info.num_ticks != scenario.loop.num_ticks || info.period_s != scenario.loop.period_s) {
-    return "contradicts the scenario in it on the number or the length of ticks";
-  }
-  if (!loop::with_measurement(info.measurement, [](auto) {})) {
-    return "names an unknown measurement, " + info.measurement;
-  }
-  const auto signals = loop::parse_signals(info.signals);
-  if (!signals) {
-    return fmt::format("declares the law's signals as \"{}\", which is not name:unit,...",
-                       info.signals);
-  }
-  found.layout = loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
-                              static_cast<int>(signals->size()));
-  return {};
-}
-
 /// Reads `reader` from where it stands up to a usable RUN_INFO, of the run `wanted`.
 RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
   std::string problem;
@@ -82,8 +38,13 @@ RunDescription find_run(LogReader& reader, std::optional<std::int64_t> wanted) {
           "was recorded by tachless 0.1.0; this is {0}, which reads logs of {0}; use 0.1.0 to read "
           "it",
           diagnostics::version);
-    } else if (wrong = read(*event, reader.path(), wanted, found); !wrong.empty()) {
-      wrong = fmt::format("its RUN_INFO at byte {} {}", event->offset, wrong);
+    } else {
+      wrong =
+          read_run_info(event->channel, event->data, reader.path().string() + " (RUN_INFO)", found);
+      if (wrong.empty() && wanted && found.run_id != *wanted) {
+        wrong = fmt::format("is of run {}, not of run {}", found.run_id, *wanted);
+      }
+      if (!wrong.empty()) wrong = fmt::format("its RUN_INFO at byte {} {}", event->offset, wrong);
     }
     if (wrong.empty()) return found;
     if (problem.empty()) problem = wrong;
@@ -105,6 +66,46 @@ struct HeldTick {
 };
 
 }  // namespace
+
+std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
+                          const std::string& source, RunDescription& found) {
+  const bus::Codec<loop::RunInfo> codec(loop::Layout{});
+  loop::Stamp stamp;
+  const auto rejection = codec.decode(data, stamp, found.info);
+  if (rejection != bus::Rejection::none) {
+    return fmt::format("is damaged ({})", bus::name(rejection));
+  }
+  found.run_id = stamp.run;
+  try {
+    found.scenario =
+        experiment::parse_scenario(found.info.scenario, found.info.robot_description, source);
+  } catch (const diagnostics::Failure& failure) {
+    return fmt::format("cannot be used: {}", failure.what());
+  }
+  if (found.scenario.controller.law == experiment::external_law) {
+    found.scenario.controller.announced = diagnostics::printable(found.info.law);
+  }
+  const loop::RunInfo& info = found.info;
+  const experiment::Scenario& scenario = found.scenario;
+  const auto prefix = channel.substr(0, channel.size() - run_info_suffix.size());
+  if (info.robot != prefix || scenario.robot.channel_prefix != prefix) {
+    return fmt::format("names robot {} on channel {}{}", info.robot, prefix, run_info_suffix);
+  }
+  if (info.num_ticks != scenario.loop.num_ticks || info.period_s != scenario.loop.period_s) {
+    return "contradicts the scenario in it on the number or the length of ticks";
+  }
+  if (!loop::with_measurement(info.measurement, [](auto) {})) {
+    return "names an unknown measurement, " + info.measurement;
+  }
+  const auto signals = loop::parse_signals(info.signals);
+  if (!signals) {
+    return fmt::format("declares the law's signals as \"{}\", which is not name:unit,...",
+                       info.signals);
+  }
+  found.layout = loop::layout(scenario.num_joints, scenario.robot.flexible.has_value(),
+                              static_cast<int>(signals->size()));
+  return {};
+}
 
 std::uint64_t RunSummary::gaps() const {
   std::uint64_t sum = 0;

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -33,6 +34,11 @@ struct RunDescription {
   experiment::Scenario scenario;
   loop::Layout layout;  ///< `num_signals` is how many signals RUN_INFO declares
 };
+
+/// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
+/// @return what is wrong with it, after "its RUN_INFO"; empty: nothing, and `found` is filled
+std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
+                          const std::string& source, RunDescription& found);
 
 struct PieceSummary {
   std::string channel;

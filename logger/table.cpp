@@ -3,6 +3,8 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <set>
 #include <stdexcept>
 #include <type_traits>
@@ -111,6 +113,13 @@ std::vector<std::string> joints_in_columns(const std::vector<std::string>& quant
     numbers.push_back(std::to_string(numbers.size() + 1));
   }
   return different.size() == quantities.size() * joint_names.size() ? joint_names : numbers;
+}
+
+void add_number(std::string& text, double value) {
+  std::array<char, 32> digits;
+  const auto written = std::to_chars(digits.data(), digits.data() + digits.size(), value,
+                                     std::chars_format::general, 17);
+  text.append(digits.data(), written.ptr);
 }
 
 std::string Quantity::column(std::size_t component) const {

@@ -34,6 +34,9 @@ struct Quantity {
   [[nodiscard]] std::string column(std::size_t component) const;
 };
 
+/// Appends "1.5", as "%.17g": reads back as the same double.
+void add_number(std::string& text, double value);
+
 /// The quantities that a log of the scenario under that law can hold. In order: truth (q, v, theta,
 /// thetadot), reference, tau, the law's signals, measured values, and what the drives did.
 std::vector<Quantity> quantities_of(const experiment::Scenario& scenario, const loop::LawInfo& law);

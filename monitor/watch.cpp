@@ -20,23 +20,29 @@ using loop::Clock;
 namespace {
 
 /// Takes everything that has arrived by now.
-void drain(bus::UdpTransport& transport, BusMonitor& monitor) {
+void drain(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take) {
   const std::chrono::nanoseconds now = std::chrono::system_clock::now().time_since_epoch();
   while (const auto datagram = transport.receive(Clock::time_point::min())) {
-    monitor.take(*datagram);
+    take(*datagram);
     if (datagram->received_ns >= now.count()) break;
   }
 }
 
 }  // namespace
 
-void listen(bus::UdpTransport& transport, BusMonitor& monitor, Clock::time_point begin,
+void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
             Clock::time_point end, const std::atomic<bool>& interrupted) {
   while (!interrupted && Clock::now() < end) {
-    drain(transport, monitor);
+    drain(transport, take);
     std::this_thread::sleep_until(std::min(end, Clock::now() + std::chrono::milliseconds(1)));
   }
-  drain(transport, monitor);
+  drain(transport, take);
+}
+
+void listen(bus::UdpTransport& transport, BusMonitor& monitor, Clock::time_point begin,
+            Clock::time_point end, const std::atomic<bool>& interrupted) {
+  listen(
+      transport, [&](const bus::Datagram& datagram) { monitor.take(datagram); }, end, interrupted);
   monitor.end_interval(diagnostics::seconds_of(Clock::now() - begin));
   monitor.set_statistics(transport.statistics());
 }

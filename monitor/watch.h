@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <functional>
 #include <optional>
 
 #include "bus/udp_transport.h"
@@ -13,10 +14,14 @@
 /// Between a bus, its monitor and a terminal.
 namespace tachless::monitor {
 
-/// Gives to the monitor what comes until `end` or an interruption, and what the transport lost, and
-/// ends the monitor's interval, which began at `begin`. It does not wait on the socket, because a
-/// sender to a socket that a process waits on pays for the wake-up: it sleeps for a millisecond,
-/// which the socket's buffer holds, and then takes all there is.
+/// Calls `take` with what comes until `end` or an interruption. It does not wait on the socket,
+/// because a sender to a socket that a process waits on pays for the wake-up: it sleeps for a
+/// millisecond, which the socket's buffer holds, and then takes all there is.
+void listen(bus::UdpTransport& transport, const std::function<void(const bus::Datagram&)>& take,
+            loop::Clock::time_point end, const std::atomic<bool>& interrupted);
+
+/// Gives to the monitor what comes, and what the transport lost, and ends the monitor's interval,
+/// which began at `begin`.
 void listen(bus::UdpTransport& transport, BusMonitor& monitor, loop::Clock::time_point begin,
             loop::Clock::time_point end, const std::atomic<bool>& interrupted);
 

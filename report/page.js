@@ -7,13 +7,13 @@ var report = (() => {
   const bar = document.getElementById('bar');
   const part = name => bar.querySelector('.' + name);
   const several = data.runs.length > 1;
-  const state = {t: 0, playing: false, window: [0, data.end_s]};
+  const state = {t: 0, playing: false, window: [0, data.end_s], begin: 0, version: 0};
 
   const bytes = text => Uint8Array.from(atob(text), letter => letter.charCodeAt(0));
   for (const curve of data.charts.flatMap(chart => chart.curves)) {
     const pairs = new Float32Array(bytes(curve.points).buffer);  // x, y, x, y, …
-    curve.x = pairs.filter((_, i) => i % 2 === 0);
-    curve.y = pairs.filter((_, i) => i % 2 === 1);
+    curve.x = data.live ? [] : pairs.filter((_, i) => i % 2 === 0);
+    curve.y = data.live ? [] : pairs.filter((_, i) => i % 2 === 1);
     curve.shown = true;
   }
 
@@ -31,13 +31,17 @@ var report = (() => {
   }
 
   /// One row for each instant of any curve, as dygraphs wants them; null where a curve has no point.
-  function rows(curves) {
+  function rows({curves, logarithmic}) {
     const next = curves.map(() => 0), all = [];
     for (;;) {
       let x = Infinity;
       curves.forEach((curve, i) => { if (curve.x[next[i]] < x) x = curve.x[next[i]]; });
       if (x === Infinity) return all;
-      all.push([x, ...curves.map((curve, i) => curve.x[next[i]] === x ? curve.y[next[i]++] : null)]);
+      all.push([x, ...curves.map((curve, i) => {
+        if (curve.x[next[i]] !== x) return null;
+        const y = curve.y[next[i]++];
+        return logarithmic && !(y > 0) ? null : y;
+      })]);
     }
   }
 
@@ -118,14 +122,15 @@ var report = (() => {
     chart.line = document.createElement('div');
     chart.line.className = 'cursor';
     live.append(label, chart.keys, chart.place);
-    chart.plot = new Dygraph(chart.place, rows(chart.curves), {
+    chart.version = state.version;
+    chart.plot = new Dygraph(chart.place, rows(chart), {
       ...colours(chart),
       labels: ['t', ...chart.curves.keys()].map(String),
       connectSeparatedPoints: true,
       legend: 'never',
       highlightCircleSize: 0,
       logscale: chart.logarithmic,
-      valueRange: chart.range,
+      valueRange: data.live ? null : chart.range,
       dateWindow: state.window,
       animatedZooms: false,
       axes: {
@@ -144,7 +149,7 @@ var report = (() => {
     });
     chart.place.append(chart.line);
     chart.place.addEventListener('mousemove', event => {
-      if (!state.playing && !event.buttons) seek(chart.plot.toDataXCoord(event.clientX - chart.place.getBoundingClientRect().left));
+      if (!state.playing && !state.following && !event.buttons) seek(chart.plot.toDataXCoord(event.clientX - chart.place.getBoundingClientRect().left));
     });
     paint(chart);
   }
@@ -166,9 +171,11 @@ var report = (() => {
       });
       chart.window = null;
     }
-    if (chart.window !== state.window) {
+    if (chart.window !== state.window || chart.version !== state.version) {
+      const file = chart.version !== state.version && {file: rows(chart)};
+      chart.version = state.version;
       chart.window = state.window;
-      plot.updateOptions({dateWindow: state.window});
+      plot.updateOptions({dateWindow: state.window, ...file});
     }
     const x = plot.toDomXCoord(state.t), area = plot.getArea();
     chart.line.style.display = x >= area.x - 1 && x <= area.x + area.w + 1 ? '' : 'none';
@@ -185,18 +192,19 @@ var report = (() => {
   function zoom(window, from) {
     if (window[0] === state.window[0] && window[1] === state.window[1]) return;
     from.window = state.window = window;
+    if (data.live) part('play').textContent = (state.following = false) || '▶ follow';
     refresh();
   }
 
-  function refresh() {
-    for (const chart of data.charts.filter(inView)) chart.plot ? paint(chart) : build(chart);
+  function refresh(charts = data.charts.filter(inView)) {
+    for (const chart of charts) chart.plot ? paint(chart) : build(chart);
     if (report_robot.drawn) report_robot.move(state.t);
     part('time').value = state.t;
     part('now').textContent = state.t.toFixed(3) + ' s';
   }
 
   function seek(t) {
-    state.t = Math.max(0, Math.min(data.end_s, t));
+    state.t = Math.max(state.begin, Math.min(data.end_s, t));
     refresh();
   }
 
@@ -214,15 +222,7 @@ var report = (() => {
     });
   }
 
-  function start() {
-    root.dataset.theme = matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light';
-    root.classList.add('moves');
-    part('time').max = data.end_s;
-    part('time').oninput = event => seek(Number(event.target.value));
-    part('play').onclick = play;
-    part('theme').onclick = () => { root.dataset.theme = dark() ? 'light' : 'dark'; refresh(); };
-    part('view').onclick = () => root.classList.toggle('no-robot');
-    for (const event of ['scroll', 'resize']) addEventListener(event, () => requestAnimationFrame(refresh));
+  function start_robot() {
     const curve_of = (run, signal, joint) => {
       const curves = data.charts.find(chart => chart.name === 'tracking-' + (joint + 1))?.curves.filter(c => c.signal === signal);
       // A reference that all runs have in common is there once.
@@ -231,7 +231,77 @@ var report = (() => {
     report_robot.start(data.runs, (run, signal, joint) => {
       const curve = curve_of(run, signal, joint);
       return curve && (t => value(curve, t));
-    }, data.end_s);
+    }, data.live ? 0 : data.end_s);
+  }
+
+  /// Takes what a run that goes on has done since the last stretch; keeps the newest minute.
+  function take(stretch) {
+    if (stretch.run !== data.live) return location.reload();
+    const most = 4800;  // two points 40 times a second
+    for (const chart of data.charts) {
+      const joint = chart.name.split('-').pop() - 1;
+      for (const curve of chart.curves) {
+        const points = stretch.curves[curve.signal]?.[joint] ?? [];
+        for (let i = 0; i < points.length; i += 2) {
+          curve.x.push(points[i]);
+          curve.y.push(points[i + 1]);
+        }
+        if (curve.x.length > 1.1 * most) [curve.x, curve.y] = [curve.x.slice(-most), curve.y.slice(-most)];
+      }
+    }
+    state.begin = Math.min(...data.charts.flatMap(chart => chart.curves).map(curve => curve.x[0] ?? Infinity));
+    data.end_s = stretch.t;
+    ++state.version;
+    const saturated = stretch.saturated.map(joint => joint + 1).join(', ');
+    part('status').textContent = `${stretch.rate} ticks/s, jitter ${stretch.jitter_us} µs, ${stretch.missed} commands missed` +
+      (saturated && `, saturated: joint ${saturated}`);
+    for (const event of stretch.events) {
+      document.getElementById('happened').appendChild(document.createElement('li')).textContent = event;
+    }
+  }
+
+  /// Draws a run that goes on: the robot in each frame, one of the charts in view after the other.
+  function follow() {
+    const source = new EventSource('events?robot=' + encodeURIComponent(data.robot));
+    source.onmessage = event => take(JSON.parse(event.data));
+    source.onerror = () => part('status').textContent = 'no connection to `tachless watch --web`';
+    part('play').textContent = '❚❚ pause';
+    part('speed').parentElement.hidden = true;
+    part('play').onclick = () => part('play').textContent = (state.following = !state.following) ? '❚❚ pause' : '▶ follow';
+    part('time').addEventListener('input', () => part('play').textContent = (state.following = false) || '▶ follow');
+    let turn = 0;
+    state.following = true;
+    requestAnimationFrame(function frame() {
+      requestAnimationFrame(frame);
+      if (!state.version) return;  // without points dygraphs takes time for dates
+      const begin = performance.now();
+      if (!state.started) {
+        state.started = true;
+        start_robot();
+      }
+      part('time').min = state.begin;
+      part('time').max = data.end_s;
+      if (state.following) {
+        state.t = data.end_s;
+        state.window = [state.begin, Math.max(data.end_s, state.begin + 1e-3)];
+      }
+      const charts = data.charts.filter(inView);
+      refresh(charts.slice(turn %= charts.length || 1, ++turn));
+      state.frame_ms = performance.now() - begin;
+    });
+  }
+
+  function start() {
+    root.dataset.theme = matchMedia('(prefers-color-scheme: dark)').matches ? 'dark' : 'light';
+    root.classList.add('moves');
+    part('time').max = data.end_s;
+    part('time').oninput = event => seek(Number(event.target.value));
+    part('play').onclick = play;
+    part('theme').onclick = () => { root.dataset.theme = dark() ? 'light' : 'dark'; refresh(); };
+    part('view').onclick = () => root.classList.toggle('no-robot');
+    if (data.live) return follow();
+    for (const event of ['scroll', 'resize']) addEventListener(event, () => requestAnimationFrame(() => refresh()));
+    start_robot();
     // What is in view first; the others while nothing else is to be done.
     refresh();
     root.dataset.ready = performance.now().toFixed(0);

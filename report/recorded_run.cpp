@@ -50,11 +50,11 @@ nlohmann::json read_outcome(const RecordedRun& run) {
 }
 
 /// Those in rad are position errors, which the report has from the true positions.
-std::vector<LoggedSignal> declared_signals(const RecordedRun& run, std::size_t num_joints) {
+std::vector<LoggedSignal> declared_signals(const loop::RunInfo& info, std::size_t num_joints) {
   std::vector<LoggedSignal> signals;
   std::size_t row = 0;
   for (const auto& [name, unit] :
-       loop::parse_signals(run.info.signals).value_or(std::vector<loop::Signal>())) {
+       loop::parse_signals(info.signals).value_or(std::vector<loop::Signal>())) {
     if (unit != "rad") {
       signals.push_back(
           {std::string(name), std::string(unit), row, std::vector<study::Envelope>(num_joints)});
@@ -112,6 +112,16 @@ void add_lyapunov(RecordedRun& run, const certificate::LyapunovFunction& lyapuno
 
 }  // namespace
 
+RecordedRun::RecordedRun(logger::RunDescription of)
+    : RunDescription(std::move(of)),
+      label(scenario.name),
+      joints(robot::joint_labels(*scenario.model)),
+      tracking(layout.num_joints),
+      saturated(joints.name.size()) {
+  signals = declared_signals(info, joints.name.size());
+  if (!scenario.plant.disturbances.empty()) disturbance.resize(joints.name.size());
+}
+
 std::vector<std::pair<double, double>> RecordedRun::seconds(
     const std::vector<logger::TickRange>& ranges) const {
   std::vector<std::pair<double, double>> result;
@@ -126,14 +136,8 @@ std::vector<std::pair<double, double>> RecordedRun::seconds(
 RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<std::int64_t> wanted,
                               const Certify& certify) {
   logger::RunLog log = logger::RunLog::open(path, wanted);
-  RecordedRun run(log);
-  const auto num_joints = static_cast<std::size_t>(run.layout.num_joints);
-  const robot::Model model = controller::rigid_model(run.scenario);
-  run.joints = robot::joint_labels(model);
-  run.signals = declared_signals(run, num_joints);
-  run.saturated.resize(num_joints);
-  if (!run.scenario.plant.disturbances.empty()) run.disturbance.resize(num_joints);
-
+  RecordedRun run(log.description());
+  run.log = log.path();
   if (certify) run.certified = certify(run.scenario);
   const auto lyapunov = certificate::lyapunov_function(
       run.scenario, run.certified ? run.certified->weights : certificate::Weights());

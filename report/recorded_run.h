@@ -58,11 +58,8 @@ struct RecordedRun : logger::RunDescription {
   /// The run's summary.json beside the log, if it is of this run; null otherwise.
   nlohmann::json outcome;
 
-  explicit RecordedRun(const logger::RunLog& of)
-      : RunDescription(of.description()),
-        log(of.path()),
-        label(scenario.name),
-        tracking(layout.num_joints) {}
+  /// A run of which nothing has been read.
+  explicit RecordedRun(logger::RunDescription of);
 
   /// An entry of `outcome`; null where it is not there.
   [[nodiscard]] nlohmann::json outcome_of(const char* key) const {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sodium.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -158,6 +159,52 @@ Html tracking_figures(const std::vector<RecordedRun>& runs) {
   });
 }
 
+/// The tables of what was recorded, and figures where no script draws.
+Html results(const std::vector<RecordedRun>& runs, bool scripted) {
+  const Html figures = tracking_figures(runs);
+  return html(
+      "<section id=\"facts\"><h2>Run facts</h2>\n{}{}</section>\n<section "
+      "id=\"results\"><h2>Results</h2>\n<p>Errors are measured minus reference; torques as "
+      "applied.</p>\n{}{}</section>\n",
+      facts_table(runs), differences(runs), results_table(runs),
+      scripted ? html("<noscript>{}</noscript>", figures) : figures);
+}
+
+Html lead_of(const Overlay& all) {
+  if (all.live) {
+    return Html(
+        "A run that goes on: its messages as they are on the bus, not verified. The newest minute "
+        "is kept.");
+  }
+  return html("Recorded position, torque and controller signals of {} of the loop, tick by tick.",
+              all.alone() ? "one run" : fmt::format("{} runs", all.runs.size()));
+}
+
+Html points_text(const Overlay& all) {
+  if (all.live) return Html("A curve has the lowest and the highest value of each 25 ms.");
+  return html(
+      "A curve has up to {} points: in a run of more than half as many ticks, the lowest and the "
+      "highest value of equal stretches.",
+      all.budget);
+}
+
+Html footer_of(const Overlay& all) {
+  if (all.live) return html("Served by tachless {}, to this computer alone.", diagnostics::version);
+  return html(
+      "Written by tachless {}. The controller's commands can be computed again from the log: "
+      "<code>tachless replay {}</code>",
+      diagnostics::version, all.runs.front().log.string());
+}
+
+/// The page's scripts with their data.
+Html scripts_of(const Libraries& libraries, const Overlay& all,
+                const std::vector<ReportSection>& sections) {
+  return libraries.scripts +
+         Html::from_markup("<script type=\"application/json\" id=\"data\">" +
+                           page_data(all, sections) + "</script>\n") +
+         script(page_js) + script(robot_js);
+}
+
 }  // namespace
 
 std::string report_page(const Overlay& all, const std::vector<ReportSection>& sections,
@@ -185,24 +232,22 @@ std::string report_page(const Overlay& all, const std::vector<ReportSection>& se
     return html("<details{}><summary>{}</summary><pre>{}</pre></details>\n",
                 runs.size() == 1 ? " open" : "", run.label, run.info.scenario);
   });
-  const Html title = title_of(runs), figures = tracking_figures(runs);
-  return filled(page_html,
-                {{"title", title},
-                 {"style", Html::from_markup(page_css)},
-                 {"heading", title},
-                 {"runs", Html(runs.size() == 1 ? "one run" : fmt::format("{} runs", runs.size()))},
-                 {"verdicts", verdicts(runs)},
-                 {"alarms", alarms(runs)},
-                 {"contents", contents},
-                 {"points", Html(std::to_string(all.budget))},
-                 {"scripts", scripts},
-                 {"facts", facts_table(runs) + differences(runs)},
-                 {"results", results_table(runs)},
-                 {"figures", scripts.empty() ? figures : html("<noscript>{}</noscript>", figures)},
-                 {"sections", shown},
-                 {"scenarios", scenarios},
-                 {"version", Html(diagnostics::version)},
-                 {"log", Html(runs.front().log.string())}})
+  const Html title = title_of(runs);
+  return filled(page_html, {{"title", title},
+                            {"style", Html::from_markup(page_css)},
+                            {"heading", title},
+                            {"connect", Html(all.live ? "; connect-src 'self'" : "")},
+                            {"lead", lead_of(all)},
+                            {"verdicts", all.live ? Html() : verdicts(runs)},
+                            {"alarms", all.live ? Html() : alarms(runs)},
+                            {"contents", contents},
+                            {"points", points_text(all)},
+                            {"path", Html(all.live ? "" : "; the line: where the tool goes")},
+                            {"scripts", scripts},
+                            {"results", all.live ? Html() : results(runs, !scripts.empty())},
+                            {"sections", shown},
+                            {"scenarios", scenarios},
+                            {"footer", footer_of(all)}})
       .markup();
 }
 
@@ -215,7 +260,11 @@ std::string page_data(const Overlay& all, const std::vector<ReportSection>& sect
   }
   for (const RecordedRun& run : all.runs) runs.push_back(robot_of(all, run));
   const std::string text =
-      diagnostics::json_text(Json{{"end_s", all.end_s}, {"runs", runs}, {"charts", charts}});
+      diagnostics::json_text(Json{{"end_s", all.end_s},
+                                  {"live", all.live ? Json(all.runs[0].run_id) : Json()},
+                                  {"robot", all.runs[0].info.robot},
+                                  {"runs", runs},
+                                  {"charts", charts}});
   static const std::regex less("<");
   return std::regex_replace(text, less, "\\u003c");
 }
@@ -232,6 +281,25 @@ Libraries read_libraries(const std::filesystem::path& root) {
   return libraries;
 }
 
+std::string live_page(const logger::RunDescription& of, const Libraries& libraries) {
+  std::vector<RecordedRun> runs;
+  RecordedRun& run = runs.emplace_back(of);
+  // One tick in which nothing is zero: every chart has its curves, whose points come later.
+  const robot::Vector one = robot::Vector::Ones(run.layout.num_joints);
+  run.tracking.add(0, one, 0 * one, run.layout.num_motors > 0 ? one : robot::Vector(), one);
+  for (LoggedSignal& signal : run.signals) {
+    for (study::Envelope& joint : signal.joints) joint.add(0, 1);
+  }
+  run.decay.resize(run.joints.name.size());
+  Overlay all(runs);
+  all.live = true;
+  std::vector<ReportSection> sections = report_sections(all);
+  std::erase_if(sections, [](const ReportSection& section) {
+    return std::ranges::none_of(section.charts, &Chart::over_time) || section.name == "events";
+  });
+  return report_page(all, sections, scripts_of(libraries, all, sections));
+}
+
 void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
                   const Libraries& libraries) {
   diagnostics::UnfinishedFile page(html, remedy);
@@ -239,10 +307,7 @@ void write_report(const std::vector<RecordedRun>& runs, const fs::path& html,
   const std::vector<ReportSection> sections = report_sections(all);
   Html scripts;
   if (libraries.missing.empty()) {
-    scripts = libraries.scripts +
-              Html::from_markup("<script type=\"application/json\" id=\"data\">" +
-                                page_data(all, sections) + "</script>\n") +
-              script(page_js) + script(robot_js);
+    scripts = scripts_of(libraries, all, sections);
   } else {
     diagnostics::log_warning(
         "{} has no charts that move, because {} cannot be read; type: apt-get install "

@@ -28,6 +28,11 @@ Libraries read_libraries(const std::filesystem::path& root = "/usr/share/javascr
 void write_report(const std::vector<RecordedRun>& runs, const std::filesystem::path& html,
                   const Libraries& libraries = read_libraries());
 
+/// The page of a run that goes on, for a browser: the charts and the robot of a report, without
+/// points; page.js takes those from `events`, as monitor::LiveRun gives them.
+std::string live_page(const logger::RunDescription& of,
+                      const Libraries& libraries = read_libraries());
+
 /// The page: facts and results as tables, the sections with their charts, each run's scenario.
 /// @param scripts what draws the charts over time; empty: the tracking figure takes their place
 std::string report_page(const Overlay& all, const std::vector<ReportSection>& sections,

@@ -44,6 +44,7 @@ struct Overlay {
   std::vector<std::string> joints;  ///< names
   bool numbered_alike = true;       ///< all runs give the joints the same numbers
   double end_s = 0;                 ///< when the longest run ends
+  bool live = false;                ///< the run goes on; its points come later
   std::size_t budget = 0;           ///< points of a curve at most
 
   [[nodiscard]] bool alone() const { return runs.size() == 1; }

@@ -14,6 +14,7 @@
 #include <optional>
 #include <string>
 #include <system_error>
+#include <utility>
 
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
@@ -21,6 +22,7 @@
 #include "diagnostics/json_text.h"
 #include "diagnostics/time.h"
 #include "launch/doctor.h"
+#include "launch/live_view.h"
 #include "launch/verb.h"
 #include "monitor/bus_monitor.h"
 #include "monitor/watch.h"
@@ -63,7 +65,8 @@ struct Doctor {
 };
 
 struct Watch {
-  bool once = false, json = false;
+  bool once = false, json = false, web = false;
+  int port = 8011;
   double seconds = 0;  // 0: --once: 2, else until interrupted
   std::string lcm_url = node::default_lcm_url;
 
@@ -74,6 +77,12 @@ struct Watch {
                     "How long to listen [s]; default: --once 2, else until Ctrl-C")
         ->check(CLI::Range(0.01, 1e6));
     command.add_flag("--json", json, "As JSON; without --once one line per second");
+    auto* const on_page =
+        command.add_flag("--web", web, "As a page for a browser on this computer: curves, robot");
+    command.add_option("--port", port, "Of the page; 0: any that is free")
+        ->needs(on_page)
+        ->check(CLI::Range(0, 65535))
+        ->capture_default_str();
     node::add_lcm_url(command, lcm_url);
   }
 
@@ -83,6 +92,7 @@ struct Watch {
     const auto transport = join(url);
     process::set_idle_priority();
     transport->subscribe_all();
+    if (web) return serve(*transport, url, interrupted);
     monitor::BusMonitor monitor;
     const auto json_text = [&](int indent) {
       Json result = {{"lcm_url", url.text()}};
@@ -122,6 +132,16 @@ struct Watch {
     } catch (const std::system_error& error) {
       throw diagnostics::bad_usage(error.what());
     }
+  }
+
+  /// The runs of all robots on the bus as pages.
+  [[nodiscard]] ExitCode serve(bus::UdpTransport& transport, const bus::LcmUrl& url,
+                               const std::atomic<bool>& interrupted) const {
+    LiveServer server(port);
+    std::cout << fmt::format("{} shows the runs on {}; Ctrl-C ends\n", server.url(), url.text())
+              << std::flush;
+    show_live(transport, server, end_after(Clock::now()), interrupted);
+    return ExitCode::done;
   }
 
   [[nodiscard]] Clock::time_point end_after(Clock::time_point begin) const {
@@ -199,6 +219,7 @@ const Verb watch_verb = verb_of<Watch>(
     "watch", "Shows the traffic on the bus: channels, rates, jitter, gaps, newest values",
     "  tachless watch\n"
     "  tachless watch --once --seconds 5\n"
+    "  tachless watch --web\n"
     "  tachless watch --once --json --lcm-url 'udpm://239.255.76.67:7700?ttl=0'");
 
 const Verb spy_verb = verb_of<Spy>(

@@ -71,7 +71,8 @@ struct Export {
 
   void declare(CLI::App& command) {
     add_logs(command, log, "The log of a run, or its directory");
-    command.add_option("-o,--output", out, "F.csv; -: to standard output")->required();
+    command.add_option("-o,--output", out, "F.csv or F.mcap; -: the table to standard output")
+        ->required();
     add_run_id(command, run_id, "the log holds");
     command.add_flag("--force", force, "Replace the file if it exists");
   }
@@ -242,8 +243,9 @@ const Verb info_verb =
                   "  tachless info lcmlog-2024-05-01.00 --json");
 
 const Verb export_verb =
-    verb_of<Export>("export", "A run as a table for other programs: one row per tick",
+    verb_of<Export>("export", "A run for other programs: as a table, one row per tick, or as MCAP",
                     "  tachless export out/paper_rigid -o run.csv\n"
+                    "  tachless export out/paper_rigid -o run.mcap\n"
                     "  tachless export out/paper_rigid -o - | cut -d, -f 2-4\n"
                     "  tachless export out/paper_rigid/lcmlog -o run.csv --force");
 

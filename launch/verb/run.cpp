@@ -48,11 +48,13 @@ struct Run : RunOptions {
     command.add_flag("--overwrite", overwrite, "Replace the results of an earlier run in --out");
     command.add_flag("--isolate", isolate,
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
+    command.add_flag("--watch", watch,
+                     "Show the run in a browser on this computer while it goes on");
     auto* alone = command.add_flag(
         "--in-process", in_process,
         "The loop in one process, without a bus: the same log, more than ten times faster; "
         "lockstep only");
-    for (const char* bus : {"--lcm-url", "--key-file", "--isolate", "--placement"}) {
+    for (const char* bus : {"--lcm-url", "--key-file", "--isolate", "--placement", "--watch"}) {
       alone->excludes(command.get_option(bus));
     }
     auto* no_words = command.add_flag("-q,--quiet", quiet, "No progress and no table");

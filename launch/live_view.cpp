@@ -1,0 +1,71 @@
+#include "launch/live_view.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "diagnostics/logging.h"
+#include "monitor/live_run.h"
+#include "monitor/watch.h"
+#include "process/child.h"
+#include "process/this_process.h"
+#include "report/report.h"
+
+namespace tachless::launch {
+
+using loop::Clock;
+
+void show_live(bus::UdpTransport& transport, LiveServer& server, Clock::time_point end,
+               const std::atomic<bool>& interrupted) {
+  constexpr std::size_t most_robots = 16;
+  constexpr auto stretch = std::chrono::milliseconds(25);
+  struct Robot {
+    monitor::LiveRun live;
+    std::int64_t shown = 0;  ///< run
+  };
+  std::map<std::string, Robot, std::less<>> robots;  // by the channel of RUN_INFO
+  const auto take = [&](const bus::Datagram& datagram) {
+    if (datagram.channel.ends_with(logger::run_info_suffix) && robots.size() < most_robots) {
+      robots.try_emplace(std::string(datagram.channel));
+    }
+    for (auto& [channel, robot] : robots) robot.live.take(datagram);
+  };
+  while (!interrupted && Clock::now() < end) {
+    monitor::listen(transport, take, std::min(end, Clock::now() + stretch), interrupted);
+    for (auto& [channel, robot] : robots) {
+      const logger::RunDescription* const run = robot.live.run();
+      if (run == nullptr) continue;
+      if (std::exchange(robot.shown, run->run_id) != run->run_id) {
+        server.begin(run->info.robot, report::live_page(*run));
+      }
+      if (std::string text = robot.live.stretch(); !text.empty()) {
+        server.add(run->info.robot, std::move(text));
+      }
+    }
+  }
+}
+
+LiveView::LiveView(const bus::LcmUrl& url) : transport_(url) {
+  transport_.subscribe_all();
+  diagnostics::log_info("watch the run at {}", server_.url());
+  const char* const display = std::getenv("DISPLAY");
+  const auto opener = process::find_program("xdg-open");
+  if (display != nullptr && *display != '\0' && opener) {
+    // In a session of its own: the browser stays when the run has ended.
+    process::run({"setsid", "--fork", opener->string(), server_.url()});
+  }
+  thread_ = std::thread([this] {
+    process::set_idle_priority();
+    show_live(transport_, server_, Clock::time_point::max(), over_);
+  });
+}
+
+LiveView::~LiveView() {
+  over_ = true;
+  thread_.join();
+}
+
+}  // namespace tachless::launch

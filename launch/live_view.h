@@ -1,0 +1,35 @@
+#pragma once
+
+#include <atomic>
+#include <optional>
+#include <thread>
+
+#include "bus/udp_transport.h"
+#include "launch/live_server.h"
+#include "loop/clock.h"
+
+namespace tachless::launch {
+
+/// Shows through `server` the runs of all robots whose messages come, until `end` or an
+/// interruption. @param transport receives all channels
+void show_live(bus::UdpTransport& transport, LiveServer& server, loop::Clock::time_point end,
+               const std::atomic<bool>& interrupted);
+
+/// That, beside a run, in a thread of the least priority: prints the address, and opens it in the
+/// desktop's browser where there is one.
+class LiveView {
+ public:
+  /// @throw diagnostics::Failure(bad_usage) as LiveServer
+  explicit LiveView(const bus::LcmUrl& url);
+  LiveView(const LiveView&) = delete;
+  LiveView& operator=(const LiveView&) = delete;
+  ~LiveView();
+
+ private:
+  bus::UdpTransport transport_;
+  LiveServer server_{0};
+  std::atomic<bool> over_ = false;
+  std::thread thread_;
+};
+
+}  // namespace tachless::launch

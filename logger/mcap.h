@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tachless::logger {
+
+/// Writes an MCAP file (https://mcap.dev/spec) of JSON messages: uncompressed chunks, each with an
+/// index of its messages, and a summary, so that readers find any time at once. Front to back, a
+/// chunk in memory.
+class McapWriter {
+ public:
+  /// Overwrites `path`. @throw std::system_error when it cannot be written; so do the others
+  explicit McapWriter(const std::filesystem::path& path);
+  McapWriter(const McapWriter&) = delete;
+  McapWriter& operator=(const McapWriter&) = delete;
+  ~McapWriter();
+
+  /// A channel, with a JSON schema of its own. @return its number, for `add`
+  std::uint16_t add_channel(std::string_view topic, std::string_view schema_name,
+                            std::string_view schema);
+
+  /// @param time_ns since the run's start; not below that of the message before
+  void add(std::uint16_t channel, std::uint64_t time_ns, std::string_view json);
+
+  void close();
+
+ private:
+  struct Chunk {
+    std::uint64_t begin_ns = 0, end_ns = 0, offset = 0, length = 0, size = 0, index_length = 0;
+    std::map<std::uint16_t, std::uint64_t> indexes;  ///< offsets in the file, by channel
+  };
+
+  void write(std::string_view bytes);
+  void end_chunk();
+  /// The summary, from the file's present end on, and the footer.
+  void write_summary();
+
+  std::FILE* file_ = nullptr;
+  std::uint64_t written_ = 0;
+  std::string schemas_, channels_;  ///< their records, which the summary repeats
+  std::uint16_t num_channels_ = 0;
+  std::string chunk_;  ///< records of the chunk under way
+  std::uint64_t begin_ns_ = 0, end_ns_ = 0;
+  std::map<std::uint16_t, std::vector<std::pair<std::uint64_t, std::uint64_t>>> index_;
+  std::map<std::uint16_t, std::uint64_t> counts_;  ///< messages, by channel
+  std::vector<Chunk> chunks_;
+};
+
+}  // namespace tachless::logger

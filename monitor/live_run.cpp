@@ -1,0 +1,267 @@
+#include "monitor/live_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <variant>
+
+#include "bus/authenticated.h"
+#include "bus/truth/truth_wire.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/text.h"
+#include "loop/measurements.h"
+#include "loop/truth/tick_record.h"
+
+namespace tachless::monitor {
+namespace {
+
+using robot::Vector;
+
+struct Point {
+  double x = 0, y = 0;
+};
+
+/// The lowest and the highest value of each component, with their times.
+class Extremes {
+ public:
+  void add(double t_s, const Vector& values) {
+    if (joints_.empty()) joints_.resize(static_cast<std::size_t>(values.size()));
+    for (std::size_t i = 0; i < joints_.size(); ++i) {
+      const Point point{t_s, values[static_cast<Eigen::Index>(i)]};
+      auto& joint = joints_[i];
+      if (!joint) joint = {point, point};
+      if (point.y < joint->first.y) joint->first = point;
+      if (point.y > joint->second.y) joint->second = point;
+    }
+  }
+  /// "[[t,y,t,y],…]", in the order of time, and starts over.
+  std::string taken() {
+    std::string text = "[";
+    for (const auto& joint : joints_) {
+      auto [a, b] = *joint;
+      if (a.x > b.x) std::swap(a, b);
+      text += fmt::format("{}[{:.9g},{:.6g}", text.size() > 1 ? "," : "", a.x, a.y);
+      text += a.x < b.x ? fmt::format(",{:.9g},{:.6g}]", b.x, b.y) : "]";
+    }
+    joints_.clear();
+    return text + "]";
+  }
+  [[nodiscard]] bool empty() const { return joints_.empty(); }
+
+ private:
+  std::vector<std::optional<std::pair<Point, Point>>> joints_;
+};
+
+/// How regularly the ticks come, over about a second.
+class Regularity {
+ public:
+  void add(std::int64_t received_ns) {
+    if (count_ > 0 && received_ns >= last_ns_) {
+      const auto interval = static_cast<double>(received_ns - last_ns_);
+      sum_ += interval;
+      squares_ += interval * interval;
+      if (sum_ > 1e9) {
+        const double mean = sum_ / count_;
+        rate_hz = 1e9 / mean;
+        jitter_us = 1e-3 * std::sqrt(std::max(0.0, squares_ / count_ - mean * mean));
+        sum_ = squares_ = 0;
+        count_ = 0;
+      }
+    }
+    ++count_;
+    last_ns_ = received_ns;
+  }
+  double rate_hz = 0, jitter_us = 0;
+
+ private:
+  std::int64_t last_ns_ = 0;
+  double sum_ = 0, squares_ = 0;
+  double count_ = 0;
+};
+
+}  // namespace
+
+/// All that is known of one run.
+struct LiveRun::Run {
+  explicit Run(logger::RunDescription of) : described(std::move(of)) {
+    const auto declared = loop::parse_signals(described.info.signals);
+    for (const auto& [name, unit] : *declared) {
+      signals.emplace_back(name);
+    }
+  }
+
+  [[nodiscard]] double seconds(const loop::Stamp& stamp) const {
+    return static_cast<double>(stamp.tick) * described.info.period_s;
+  }
+  void note(const std::string& curve, const loop::Stamp& stamp, const Vector& values) {
+    if (values.size() != described.layout.num_joints) return;
+    newest_s = std::max(newest_s, seconds(stamp));
+    curves[curve].add(seconds(stamp), values);
+  }
+  void note_positions(const loop::Stamp& stamp, const Vector& q, const Vector& theta) {
+    note("q", stamp, q);
+    note("theta", stamp, theta);
+    const auto& [tick, q_ref] =
+        references[static_cast<std::size_t>(stamp.tick) % references.size()];
+    if (tick == stamp.tick && q_ref.size() == q.size()) note("|e|", stamp, (q - q_ref).cwiseAbs());
+  }
+
+  void on(const loop::Stamp& stamp, const loop::Tick& /*tick*/, std::int64_t received_ns) {
+    newest_s = std::max(newest_s, seconds(stamp));
+    ticks.add(received_ns);
+  }
+  void on(const loop::Stamp& stamp, const loop::ReferencePoint& reference, std::int64_t /*ns*/) {
+    if (stamp.tick < 0) return;
+    references[static_cast<std::size_t>(stamp.tick) % references.size()] = {stamp.tick,
+                                                                            reference.q_ref};
+    note("q_ref", stamp, reference.q_ref);
+  }
+  void on(const loop::Stamp& stamp, const loop::AnyMeasurement& any, std::int64_t /*ns*/) {
+    if (truth) return;
+    std::visit(
+        [&](const auto& measurement) {
+          Vector q, theta;
+          if constexpr (requires { measurement.q; }) q = measurement.q;
+          if constexpr (requires { measurement.theta; }) theta = measurement.theta;
+          note_positions(stamp, q, theta);
+        },
+        any);
+  }
+  void on(const loop::Stamp& stamp, const loop::TorqueCommand& command, std::int64_t /*ns*/) {
+    if (!truth) note("τ", stamp, command.tau);
+  }
+  void on(const loop::Stamp& stamp, const loop::LawSignals& values, std::int64_t /*ns*/) {
+    for (std::size_t i = 0; i < signals.size() && static_cast<int>(i) < values.num; ++i) {
+      note(signals[i], stamp, values.value[i]);
+    }
+  }
+  void on(const loop::Stamp& stamp, const loop::truth::PlantTruth& is, std::int64_t /*ns*/) {
+    using loop::truth::DriveFault;
+    truth = true;
+    note_positions(stamp, is.q, is.theta);
+    note("τ", stamp, is.tau);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(is.tau.size()); ++i) {
+      saturated[i] = saturated[i] || is.saturated[i];
+    }
+    if (is.fault == DriveFault::command_missed) ++missed;
+    if (is.fault == DriveFault::protective_stop && fault != is.fault) {
+      events.push_back(fmt::format("protective stop at {:.4g} s", seconds(stamp)));
+    }
+    fault = is.fault;
+  }
+
+  void on(const loop::Stamp& stamp, const loop::Participant& participant, std::int64_t /*ns*/) {
+    std::string& known = faults[static_cast<std::size_t>(participant.role)];
+    if (participant.state != loop::ParticipantState::fault || !known.empty()) return;
+    known = fmt::format("{} at tick {}: {}", name(participant.role), stamp.tick,
+                        diagnostics::printable(participant.fault));
+    events.push_back(known);
+  }
+
+  /// Reads a message of that port's type, with the tag of a key or without.
+  template <class Value>
+  void read(const bus::Datagram& datagram, bus::Port<Value>& port) {
+    if (datagram.channel != port.channel) return;
+    loop::Stamp stamp;
+    Value value;
+    std::span<const std::byte> payload = datagram.payload;
+    bus::Rejection rejection = port.codec.decode(payload, stamp, value);
+    if (rejection == bus::Rejection::wrong_size && payload.size() > bus::tag_size) {
+      payload = payload.first(payload.size() - bus::tag_size);
+      rejection = port.codec.decode(payload, stamp, value);
+    }
+    if (rejection == bus::Rejection::none && stamp.run == described.run_id) {
+      on(stamp, value, datagram.received_ns);
+    }
+  }
+
+  template <class Value>
+  [[nodiscard]] bus::Port<Value> port() const {
+    return bus::port<Value>(described.info.robot, described.layout);
+  }
+
+  logger::RunDescription described;
+  std::tuple<bus::Port<loop::Tick>, bus::Port<loop::ReferencePoint>, bus::Port<loop::TorqueCommand>,
+             bus::Port<loop::LawSignals>, bus::Port<loop::truth::PlantTruth>,
+             bus::Port<loop::Participant>, bus::Port<loop::AnyMeasurement>>
+      ports{port<loop::Tick>(),
+            port<loop::ReferencePoint>(),
+            port<loop::TorqueCommand>(),
+            port<loop::LawSignals>(),
+            port<loop::truth::PlantTruth>(),
+            port<loop::Participant>(),
+            bus::Port<loop::AnyMeasurement>{
+                loop::channel(described.info.robot, described.info.measurement),
+                {described.info.measurement, described.layout}}};
+  std::vector<std::string> signals;
+  std::map<std::string, Extremes> curves;
+  std::array<std::pair<std::int64_t, Vector>, 16> references;  ///< ticks and positions, of late
+  bool truth = false;                                          ///< there is TRUTH on the bus
+  double newest_s = 0;
+  Regularity ticks;
+  std::int64_t missed = 0;
+  loop::truth::DriveFault fault = loop::truth::DriveFault::none;
+  std::array<bool, robot::max_joints> saturated{};
+  std::array<std::string, loop::num_roles> faults;  ///< by role, as events
+  std::vector<std::string> events;
+};
+
+LiveRun::LiveRun() = default;
+LiveRun::LiveRun(LiveRun&&) noexcept = default;
+LiveRun& LiveRun::operator=(LiveRun&&) noexcept = default;
+LiveRun::~LiveRun() = default;
+
+const logger::RunDescription* LiveRun::run() const { return run_ ? &run_->described : nullptr; }
+
+void LiveRun::take(const bus::Datagram& datagram) {
+  if (!datagram.channel.ends_with(logger::run_info_suffix)) {
+    if (!run_) return;
+    return std::apply([&](auto&... port) { (run_->read(datagram, port), ...); }, run_->ports);
+  }
+  constexpr std::size_t least = 32;  // fingerprint and stamp
+  if (datagram.payload.size() < least ||
+      bus::fingerprint_of(datagram.payload) != bus::fingerprint<loop::RunInfo>()) {
+    return;
+  }
+  const std::int64_t id = bus::stamp_of(datagram.payload).run;
+  // A scenario takes milliseconds to read, and comes again every second: one a second is read.
+  if ((run_ && run_->described.run_id == id) || datagram.received_ns < next_read_ns_) return;
+  next_read_ns_ = datagram.received_ns + 1'000'000'000;
+  logger::RunDescription found;
+  const std::string channel(datagram.channel);
+  std::span<const std::byte> payload = datagram.payload;
+  if (logger::read_run_info(channel, payload, channel, found).empty() ||
+      (payload.size() > bus::tag_size &&
+       logger::read_run_info(channel, payload.first(payload.size() - bus::tag_size), channel, found)
+           .empty())) {
+    run_ = std::make_unique<Run>(std::move(found));
+  }
+}
+
+std::string LiveRun::stretch() {
+  if (!run_ || (run_->curves.empty() && run_->events.empty())) return {};
+  Run& run = *run_;
+  std::string curves;
+  for (auto& [name, extremes] : run.curves) {
+    curves += fmt::format("{}{}:{}", curves.empty() ? "" : ",",
+                          diagnostics::json_text(nlohmann::json(name)), extremes.taken());
+  }
+  run.curves.clear();
+  std::vector<std::size_t> saturated;
+  for (std::size_t i = 0; i < run.saturated.size(); ++i) {
+    if (std::exchange(run.saturated[i], false)) saturated.push_back(i);
+  }
+  return fmt::format(
+      R"({{"run":{},"t":{:.9g},"curves":{{{}}},"rate":{:.5g},"jitter_us":{:.4g},"missed":{},)"
+      R"("saturated":[{}],"events":{}}})",
+      run.described.run_id, run.newest_s, curves, run.ticks.rate_hz, run.ticks.jitter_us,
+      run.missed, fmt::join(saturated, ","),
+      diagnostics::json_text(nlohmann::json(std::exchange(run.events, {}))));
+}
+
+}  // namespace tachless::monitor
