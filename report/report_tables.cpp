@@ -8,9 +8,7 @@
 #include <map>
 #include <string_view>
 #include <utility>
-#include <variant>
 
-#include "controller/registry.h"
 #include "diagnostics/text.h"
 #include "experiment/yaml_tree.h"
 #include "report/chart.h"
@@ -19,52 +17,6 @@
 
 namespace tachless::report {
 namespace {
-
-Html bracketed(const robot::Vector& values) {
-  std::vector<Html> numbers;
-  for (const double value : values) numbers.push_back(number(fmt::format("{:.6g}", value)));
-  return html("[{}]", joined(numbers, Html(", ")));
-}
-
-/// The name by which the scenario chooses it.
-std::string_view name_of(const reference::Spec& reference) {
-  return std::visit([](const auto& trajectory) { return trajectory.name; }, reference);
-}
-
-/// In the law's order; a law unknown to this version has none.
-Html gains_text(const experiment::ControllerSpec& spec) {
-  std::vector<std::string> names;
-  for (const controller::LawFacts& law : controller::laws()) {
-    for (const controller::Parameter& parameter : law.parameters) {
-      if (law.name == spec.law) names.emplace_back(parameter.name);
-    }
-  }
-  if (names.empty()) {
-    for (const auto& [name, value] : spec.gains) names.push_back(name);
-  }
-  std::vector<Html> gains;
-  for (const std::string& name : names) {
-    const auto found = spec.gains.find(name);
-    if (found == spec.gains.end()) continue;
-    gains.push_back(html("{} = {}", name, bracketed(found->second)));
-  }
-  return joined(gains, Html::from_markup("<br>"));
-}
-
-Html encoder_text(const plant::EncoderSpec& encoder) {
-  const auto& bits = encoder.resolution_bits;
-  Html text("ideal");
-  if (bits && bits->minCoeff() == bits->maxCoeff()) {
-    text = Html(fmt::format("{} bit per revolution", (*bits)[0]));
-  } else if (bits) {
-    text = html("{} bit per revolution", bracketed(*bits));
-  }
-  if (encoder.noise_std_rad > 0) {
-    text += html(", noise {} rad", number(fmt::format("{:.3g}", encoder.noise_std_rad)));
-  }
-  if (encoder.latency_ticks > 0) text += html(", {} ticks late", encoder.latency_ticks);
-  return text;
-}
 
 /// A number of a run's summary.json, as fmt's `pattern` prints it; empty where there is none.
 Html outcome_number(const RecordedRun& run, const char* key, fmt::format_string<double> pattern) {
@@ -130,15 +82,6 @@ Html duration_text(const RecordedRun& run) {
   return html("{} s, {} ticks", number(fmt::format("{:.6g}", duration_s)), ticks);
 }
 
-Html payload_text(const plant::PayloadSpec& payload) {
-  if (!(payload.mass_kg > 0)) return {};
-  Html text =
-      html("{} kg, unknown to the controller", number(fmt::format("{:.4g}", payload.mass_kg)));
-  if (payload.attach_s > 0) text += html(", from {} s on", fmt::format("{:g}", payload.attach_s));
-  if (payload.release_s) text += html(", until {} s", fmt::format("{:g}", *payload.release_s));
-  return text;
-}
-
 Html predicted_text(const RecordedRun& run) {
   const nlohmann::json predicted = run.outcome_of("predicted");
   if (!predicted.is_object()) return {};
@@ -146,15 +89,11 @@ Html predicted_text(const RecordedRun& run) {
   return text != predicted.end() && text->is_string() ? Html(text->get<std::string>()) : Html();
 }
 
-/// Rows: their names, and their values of a run; empty where the run has none.
+/// Rows, of what the scenario below them does not say: their names, and their values of a run;
+/// empty where the run has none.
 std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
   const experiment::Scenario& scenario = run.scenario;
-  const auto& flexible = scenario.robot.flexible;
-  const auto& limit = scenario.plant.drive.torque_limit_Nm;
   const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
-  const bool has_filter = std::ranges::any_of(
-      run.signals, [](const LoggedSignal& signal) { return signal.name.starts_with("nu"); });
-  const bool leads = scenario.controller.feedforward_lead != experiment::FeedforwardLead::none;
   const auto missed = [&](const char* key) {
     return realtime ? outcome_number(run, key, "{:.0f}") : Html();
   };
@@ -163,19 +102,11 @@ std::vector<std::pair<const char*, Html>> facts_of(const RecordedRun& run) {
       {"Log", html("<code>{}</code>", run.log.string())},
       {"Run", html("{}, recorded by tachless {}", run.run_id, run.info.version)},
       {"Robot", html("{}, {} {} joints", scenario.robot.name, scenario.num_joints,
-                     flexible ? "flexible" : "rigid")},
-      {"Stiffness", flexible ? html("{} N m/rad", bracketed(flexible->stiffness)) : Html()},
-      {"Payload", payload_text(scenario.plant.payload)},
+                     scenario.robot.flexible ? "flexible" : "rigid")},
       {"Law", Html(scenario.controller.law_text())},
       {"Measured", html("<code>{}</code>", run.info.measurement)},
-      {"Gains", gains_text(scenario.controller)},
-      {"Filter", has_filter ? Html(schema::name_of(scenario.controller.filter)) : Html()},
-      {"Feed-forward lead", Html(leads ? "half a tick plus delay" : "none")},
-      {"Reference", Html(name_of(scenario.reference))},
       {"Sampling", sampling_text(run)},
-      {"Encoder", encoder_text(scenario.plant.encoder)},
       {"Predicted", predicted_text(run)},
-      {"Torque limit", limit ? html("{} N m", bracketed(*limit)) : Html("none")},
       {"Duration", duration_text(run)},
       {"Ended", Html(ended_text(run))},
       {"Gaps in the log", gaps_text(run)},

@@ -87,9 +87,9 @@ var report_robot = (() => {
       robot.ghost = Object.assign(build(run, 0.85 * radius, ghost, ghost), {q: q_ref});
       robot.ground.add(robot.ghost.ground);
     }
+    const path = end_s ? add_paths(robot, end_s, colour) : new THREE.Box3();
     if (!end_s) pose(robot, joint => robot.q[joint](0));
-    robot.box = new THREE.Box3().setFromObject(robot.ground);
-    robot.box = end_s ? robot.box.union(add_paths(robot, end_s, colour)) : robot.box.expandByScalar(0.15 * reach);
+    robot.box = path.union(new THREE.Box3().setFromObject(robot.ground)).expandByScalar(end_s ? 0 : 0.15 * reach);
     return robot;
   }
 

@@ -50,6 +50,11 @@ struct Run : RunOptions {
                      "Run in a private network namespace; also TACHLESS_ISOLATE=1");
     command.add_flag("--watch", watch,
                      "Show the run in a browser on this computer while it goes on");
+    command
+        .add_flag_callback(
+            "--visualize",
+            [] { throw diagnostics::bad_usage("--visualize: the window is gone; type --watch"); })
+        ->group("");
     auto* alone = command.add_flag(
         "--in-process", in_process,
         "The loop in one process, without a bus: the same log, more than ten times faster; "

@@ -75,7 +75,8 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   EXPECT_THAT(still, AllOf(HasSubstr("</footer>"), Not(HasSubstr("://")), Not(HasSubstr("@import")),
                            Not(HasSubstr("src="))));
   EXPECT_THAT(page, AllOf(HasSubstr("practical_rigid"), HasSubstr("loria_ortega_rigid"),
-                          HasSubstr("kp = [40000, 2400]"), HasSubstr("20 bit per revolution")));
+                          HasSubstr("kp: [40000, 2400]"), HasSubstr("resolution_bits: 20")))
+      << "the scenario is on the page";
   EXPECT_THAT(page, HasSubstr("No torque saturated, no command was missed"));
   // An id occurs once.
   static const std::regex id(" id=['\"]([^'\"]+)['\"]");

@@ -126,6 +126,8 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/"}},
     {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
+    {"monitor/live_run.", {"monitor/", "bus/", "logger/run_log.h", "loop/", "diagnostics/"}, {}, true},
+    {"launch/live_server.cpp", {"launch/", "report/html.h", "diagnostics/"}, {"httplib.h"}, true},
     {"launch/",
      {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
       "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/",
