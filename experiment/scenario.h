@@ -289,11 +289,18 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
 /// @throw Failure(bad_usage), one line: where, key, value, what is allowed.
 void require_consistent(const Scenario& scenario);
 
-/// A scenario for a bare URDF, as text, with gains that only a design makes useful: point to point,
-/// a 20-bit encoder, one tick of delay.
-/// @param urdf its path, as it is to stand in the file
-std::string urdf_scenario(const robot::Model& model, const std::string& name,
-                          const std::string& urdf, double period_s);
+struct UrdfScenario {
+  std::string name;
+  std::string urdf;  ///< its path, as it is to stand in the file
+  double period_s = 1e-3;
+  robot::Vector from{};  ///< where the motion begins [rad; m]; empty: see below
+};
+
+/// A scenario for a bare URDF, as text, with gains that only a design makes useful: from the middle
+/// of the joints' ranges, or a posture near it at which no link is below the base's plane, to 0.3
+/// rad (0.1 m) beside it, away from the nearer limits; a 20-bit encoder, one tick of delay, the
+/// URDF's friction fed forward, the drives holding the robot until the first command acts.
+std::string urdf_scenario(const robot::Model& model, const UrdfScenario& of);
 
 /// `model` with the scenario's payload on it; as it is when there is none.
 /// @throw Failure(bad_usage) when the payload has no link to be on or no body can have its inertia.

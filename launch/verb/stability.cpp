@@ -125,7 +125,7 @@ struct Design {
   fs::path input;
   std::vector<std::string> overrides;
   certificate::DesignGoal goal;
-  std::vector<double> stiffness, rest_error;
+  std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
   fs::path output;
   bool quiet = false, force = false;
@@ -169,6 +169,8 @@ struct Design {
         .add_option("--period", period_s,
                     "Sampling period [s]; default: the scenario's, 1 ms for a URDF")
         ->check(CLI::PositiveNumber);
+    command.add_option("--from", from, "Of a URDF: where the motion begins [rad; m], one a joint")
+        ->delimiter(',');
     command.add_option("--write", output, "The scenario with these gains, as a file");
     command.add_flag("--force", force, "Replace that file if it exists");
     add_quiet(command, quiet);
@@ -190,15 +192,20 @@ struct Design {
     screen.clear();
     std::cout << text(design, scenario);
     for (const std::string& warning : design.warnings) diagnostics::log_warning(warning);
+    if (design.missed) {
+      diagnostics::log_error("{}: settles in {}, not in {:g} s: limited by {}{}", input.string(),
+                             certificate::settling_text(design.loop.modes.settling_s),
+                             *design.missed,
+                             design.binds.empty() ? "the law" : design.binds.front(),
+                             output.empty() ? "" : "; nothing is written");
+      return ExitCode::check_said_no;
+    }
     if (!output.empty()) {
       diagnostics::UnfinishedFile(output, remedy).write(designed_text(scenario, design));
-      std::cout << fmt::format("  {}\n", output.string());
+      std::cout << fmt::format("  type: tachless run {}\n",
+                               diagnostics::printable(output.string()));
     }
-    if (!design.missed) return ExitCode::done;
-    diagnostics::log_error("{}: settles in {}, not in {:g} s: limited by {}", input.string(),
-                           certificate::settling_text(design.loop.modes.settling_s), *design.missed,
-                           design.binds.empty() ? "the law" : design.binds.front());
-    return ExitCode::check_said_no;
+    return ExitCode::done;
   }
 
  private:
@@ -218,7 +225,20 @@ struct Design {
     return whole;
   }
 
-  [[nodiscard]] bool bare_urdf() const { return input.extension() == ".urdf"; }
+  [[nodiscard]] bool bare_urdf() const {
+    return input.extension() != ".yaml" && input.extension() != ".yml" &&
+           diagnostics::given_text(input, diagnostics::max_text_bytes).find("<robot") !=
+               std::string::npos;
+  }
+
+  /// As it is written into the file: relative to that.
+  [[nodiscard]] std::string path_of(const fs::path& urdf) const {
+    const fs::path absolute = fs::absolute(urdf).lexically_normal();
+    return output.empty()
+               ? absolute.string()
+               : absolute.lexically_relative(fs::absolute(output).lexically_normal().parent_path())
+                     .string();
+  }
 
   /// The scenario, that of a bare URDF from text, with these overrides.
   [[nodiscard]] experiment::Scenario load(std::vector<std::string> more) const {
@@ -230,29 +250,45 @@ struct Design {
     try {
       const robot::Model model =
           robot::read_urdf(urdf, input.string(), experiment::urdf_options(overrides));
-      scenario =
-          experiment::urdf_scenario(model, input.stem().string(), fs::absolute(input).string(),
-                                    period_s > 0 ? period_s : 1e-3);
+      experiment::UrdfScenario of{(output.empty() ? input : output).stem().string(), path_of(input),
+                                  period_s > 0 ? period_s : 1e-3};
+      if (!from.empty()) of.from = from_posture(model);
+      scenario = experiment::urdf_scenario(model, of);
     } catch (const std::invalid_argument& problem) {
       throw diagnostics::bad_usage(problem.what());
     }
     return experiment::parse_scenario(scenario, urdf, input.string(), more);
   }
 
-  /// The scenario with the design's gains, as text that can stand anywhere: its URDF has an
-  /// absolute path.
+  /// @throw diagnostics::Failure(bad_usage) when it is not within the joints' limits
+  [[nodiscard]] robot::Vector from_posture(const robot::Model& model) const {
+    if (std::ssize(from) != model.num_joints) {
+      throw diagnostics::bad_usage("--from has {} numbers; allowed: {}, one a joint", from.size(),
+                                   model.num_joints);
+    }
+    for (int i = 0; i < model.num_joints; ++i) {
+      const double q = from[static_cast<std::size_t>(i)];
+      if (q >= model.lower[i] && q <= model.upper[i]) continue;
+      throw diagnostics::bad_usage("--from: {:g} for joint {}; allowed: {:g} to {:g}", q,
+                                   model.joint_names[static_cast<std::size_t>(i)], model.lower[i],
+                                   model.upper[i]);
+    }
+    return robot::Vector::Map(from.data(), std::ssize(from));
+  }
+
+  /// The scenario with the design's gains, as text.
   [[nodiscard]] std::string designed_text(const experiment::Scenario& scenario,
                                           const certificate::Design& design) const {
     std::vector<std::string> gains = certificate::overrides_of(design);
     const auto add_path = [&](const char* key, const fs::path& urdf) {
-      const fs::path absolute = fs::absolute(input.parent_path() / urdf).lexically_normal();
-      gains.push_back(fmt::format("{}={}", key, absolute.string()));
+      gains.push_back(fmt::format("{}={}", key, path_of(input.parent_path() / urdf)));
     };
     if (bare_urdf()) {
-      // It goes on for 3 s after its motion: as long as the slowest error needs to vanish.
+      // It goes on for 3 s after its motion: as long as the slowest error needs to vanish, up to a
+      // minute in all.
       const double h = scenario.loop.period_s;
       const double longer = std::max(0.0, 1.5 * design.loop.modes.settling_s - 3);
-      const double ticks = std::ceil((scenario.loop.duration_s + longer) / h);
+      const double ticks = std::ceil(std::min(60.0, scenario.loop.duration_s + longer) / h);
       gains.push_back(fmt::format("loop.duration_s={:.12g}", ticks * h));
     } else {
       add_path("robot.urdf", scenario.robot.urdf_path);

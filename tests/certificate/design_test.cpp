@@ -29,7 +29,7 @@ experiment::Scenario with_gains(experiment::Scenario scenario, const Design& des
 
 /// A scenario for a robot's bare URDF.
 experiment::Scenario bare(const robot::Model& model, const std::string& urdf_text) {
-  return experiment::parse_scenario(experiment::urdf_scenario(model, "bare", "robot.urdf", 1e-3),
+  return experiment::parse_scenario(experiment::urdf_scenario(model, {"bare", "robot.urdf"}),
                                     urdf_text, "bare");
 }
 

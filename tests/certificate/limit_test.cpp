@@ -152,7 +152,7 @@ TEST(SampledLimit, IsThatOfRunsOfSevenJoints) {
 TEST(SampledLimit, IsThatOfRunsOfSixJointsWithGainsOfDesign) {
   const std::string urdf = robot::testing::chain_urdf(6);
   experiment::Scenario scenario = experiment::parse_scenario(
-      experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), "chain", "chain.urdf", 1e-3),
+      experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), {"chain", "chain.urdf"}),
       urdf, "chain");
   scenario.controller.gains = design(scenario, {}).gains;
   hold_at_the_end(scenario);

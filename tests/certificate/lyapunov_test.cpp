@@ -215,7 +215,7 @@ TEST(CertifiedRun, IsSearchedUpToItsMostJoints) {
   const int n = most_joints_of_certified_run + 1;
   const std::string urdf = robot::testing::chain_urdf(n);
   experiment::Scenario chain = experiment::parse_scenario(
-      experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), "chain", "chain.urdf", 1e-3),
+      experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), {"chain", "chain.urdf"}),
       urdf, "chain");
   ASSERT_EQ(chain.num_joints, n);
   ASSERT_EQ(chain.controller.law, "loria_ortega_rigid");

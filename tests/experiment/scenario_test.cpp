@@ -732,7 +732,7 @@ TEST(UrdfScenario, MovesAQuarterOfTheRangeAwayFromTheLimits) {
   for (const auto& [lower, upper] : {std::pair{-1.0, 0.1}, {0.2, 0.9}, {-0.4, 0.4}, {-3.0, -1.0}}) {
     model.lower = robot::Vector::Constant(2, lower);
     model.upper = robot::Vector::Constant(2, upper);
-    const Scenario s = parsed(urdf_scenario(model, "bare", "two.urdf", 1e-3));
+    const Scenario s = parsed(urdf_scenario(model, {"bare", "two.urdf"}));
     const auto& moves = std::get<reference::trajectory::PointToPoint>(s.reference);
     const double room = 0.2499 * (upper - lower);  // six digits in the file
     for (const robot::Vector& q : {moves.from_rad, moves.to_rad}) {
