@@ -5,10 +5,13 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <ctime>
 #include <fstream>
 #include <random>
+#include <sstream>
 
+#include "robot/kinematics.h"
 #include "tests/support/temporary_directory.h"
 
 namespace tachless::experiment {
@@ -741,6 +744,41 @@ TEST(UrdfScenario, MovesAQuarterOfTheRangeAwayFromTheLimits) {
     }
     EXPECT_NE(moves.from_rad[0], moves.to_rad[0]);
   }
+}
+
+TEST(UrdfScenario, BeginsWhereNoLinkIsBelowTheBaseAndFeedsTheFrictionForward) {
+  robot::Model model = *load_scenario(TACHLESS_SOURCE_DIR "/scenarios/ur5e.yaml").model;
+  model.damping = robot::Vector::Constant(6, 0.5);
+  model.friction = robot::Vector::Constant(6, 2);
+  const auto lowest = [&](const robot::Vector& q) {
+    double z = 0;
+    for (const auto& [name, frame] : model.frames) {
+      z = std::min(z, robot::frame_pose<double>(model, frame, q).p.z());
+    }
+    return z;
+  };
+  model.lower[1] = -1.5;  // the upper arm hangs down in the middle of this range
+  model.upper[1] = 2.5;
+  const robot::Vector middle = 0.5 * (model.lower + model.upper);
+  EXPECT_LT(lowest(middle), -1e-3);
+  const std::string text = urdf_scenario(model, {"arm", "ur5e.urdf"});
+  EXPECT_THAT(text, AllOf(HasSubstr("viscous: [0.5, 0.5"), HasSubstr("coulomb: [2, 2"),
+                          HasSubstr("torque: hold")));
+  const auto numbers = [&](const std::string& key) {
+    robot::Vector q(6);
+    std::istringstream list(text.substr(text.find(key) + key.size()));
+    char comma = 0;
+    for (double& each : q) list >> each >> comma;
+    return q;
+  };
+  const robot::Vector from = numbers("from_rad: ["), to = numbers("to_rad: [");
+  EXPECT_NE(from, to);
+  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    EXPECT_GE(lowest(from + share * (to - from)), -1.1e-3);  // six digits in the file
+  }
+  const robot::Vector chosen = robot::Vector::Constant(6, 0.1);
+  EXPECT_THAT(urdf_scenario(model, {"arm", "ur5e.urdf", 1e-3, chosen}),
+              HasSubstr("from_rad: [0.1, 0.1, 0.1, 0.1, 0.1, 0.1]"));
 }
 
 TEST_F(ScenarioFile, CarriesOfItsUrdfWhatIsReadWhateverItsVisuals) {
