@@ -363,7 +363,8 @@ TEST_F(Run, StartedAtTheSameTimeAsAnotherIsRefusedNamingIsolateToo) {
 }
 
 TEST_F(Run, ThatDoesNotBeginLeavesNothing) {
-  start({"--duration", "0.01", "--quiet"});
+  // A controller that never answers: the run cannot begin before the plant is killed.
+  start({"--duration", "0.01", "--quiet", "--controller", "sh -c 'exec sleep 1000' sh"});
   wait_until("the plant to start", [&] { return child("tachless-plant") > 0; });
   kill_process("plant");
   EXPECT_EQ(finish(), 3) << errors();
