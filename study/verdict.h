@@ -45,10 +45,10 @@ constexpr bool bad(Outcome outcome) { return outcome >= Outcome::rests_beside; }
 
 /// What a run is judged by besides its signals. Of the vectors each may be empty: nothing is known.
 struct Yardsticks {
-  robot::Vector resolution;  ///< of each joint's encoder: one count, or its noise [rad; m]
-  robot::Vector friction;    ///< largest dry friction [N m; N]
-  robot::Vector stiffness;   ///< torque per position error at rest, kp [N m/rad; N/m]
-  std::vector<std::int64_t> saturated_ticks;  ///< per joint
+  robot::Vector resolution{};  ///< of each joint's encoder: one count, or its noise [rad; m]
+  robot::Vector friction{};    ///< largest dry friction [N m; N]
+  robot::Vector stiffness{};   ///< torque per position error at rest, kp [N m/rad; N/m]
+  std::vector<std::int64_t> saturated_ticks{};  ///< per joint
 };
 
 /// What the scenario says of it: all but the saturated ticks and the stiffness, which only the

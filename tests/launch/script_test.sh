@@ -68,6 +68,12 @@ run info log; exits 7; calls_no apt-get
 case_of 'package'
 run package; exits 0; prints /build/package/a.deb; calls '--target package_files'
 calls "cpack --config $root/build/release/CPackConfig.cmake"
+case_of 'docs: a warning is an error'
+tool doxygen 'exit 0'; tool sphinx-build 'exit 0'
+run docs; exits 0; prints /build/docs/html/index.html; calls '--target python_module'; calls 'sphinx-build -W'
+tool doxygen 'echo "law.h:1: warning: Member kp is not documented"; exit 1'
+run docs; exits 1; prints 'kp is not documented'; prints 'the site is not complete'; calls_no sphinx-build
+tool doxygen 'exit 0'
 case_of 'test: three builds, each its tests; the last line is the count'
 run test; exits 0; [[ $output == *$'\n75 passed, 0 failed' ]] || fail 'no count at the end'
 calls "$root/build/release --target slow_tests"; calls "$root/build/asan-ubsan --target fast_tests"
