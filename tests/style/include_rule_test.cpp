@@ -125,12 +125,16 @@ const std::vector<Rule> rules = {
      {"replay/", "study/", "controller/", "logger/", "experiment/", "robot/", "loop/",
       "diagnostics/"},
      {"nlohmann/"}},
+    {"identify/",
+     {"identify/", "study/", "controller/registry.h", "logger/", "experiment/", "robot/", "loop/",
+      "process/parallel.h", "diagnostics/"},
+     {"Eigen/", "nlohmann/"}},
     {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
     {"monitor/live_run.", {"monitor/", "bus/", "logger/run_log.h", "loop/", "diagnostics/"}, {}, true},
     {"launch/live_server.cpp", {"launch/", "report/html.h", "diagnostics/"}, {"httplib.h"}, true},
     {"launch/",
-     {"launch/", "certificate/", "report/", "replay/", "monitor/", "controller/registry.h",
-      "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/",
+     {"launch/", "certificate/", "report/", "replay/", "identify/", "monitor/",
+      "controller/registry.h", "controller/law_socket.h", "plant/", "reference/", "logger/", "node/", "bus/", "experiment/",
       "process/", "robot/", "loop/", "diagnostics/", "study/"},
      {"CLI/", "nlohmann/"},
      true},
@@ -148,7 +152,7 @@ const std::vector<Rule> rules = {
 // Only these may see the ground truth, directly or through other headers.
 const std::vector<std::string> may_see_truth = {
     "loop/truth/", "bus/truth/", "plant/",  "logger/", "study/", "report/",  "replay/",
-    "monitor/",    "launch/",    "python/", "tests/",  "bench/", "examples/"};
+    "identify/", "monitor/",    "launch/",    "python/", "tests/",  "bench/", "examples/"};
 
 bool starts_with_one_of(const std::string& text, const std::vector<std::string>& prefixes) {
   return std::any_of(prefixes.begin(), prefixes.end(),

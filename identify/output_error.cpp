@@ -1,0 +1,185 @@
+#include "identify/output_error.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <variant>
+
+#include "controller/registry.h"
+#include "diagnostics/failure.h"
+#include "process/parallel.h"
+#include "study/in_process_loop.h"
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int most_iterations = 12;
+constexpr int blocks = 60;          ///< of time, for the covariance
+constexpr double quantile = 2.0;    ///< Student's, 97.5 % at 59 degrees of freedom
+constexpr double good_step = 0.02;  ///< of half an interval's width: then it has converged
+
+/// All recordings' residuals at once: a column vector, tick by tick, joints weighted.
+using Residual = VectorXd;
+
+class Problem {
+ public:
+  Problem(const std::vector<Recording>& recordings, const Parameters& parameters)
+      : recordings_(recordings), parameters_(parameters) {}
+
+  /// Nothing (size 0) when a simulated run ends early.
+  [[nodiscard]] Residual residual(const VectorXd& values) const {
+    std::vector<MatrixXd> parts;
+    Eigen::Index rows = 0;
+    for (const Recording& recording : recordings_) {
+      parts.push_back(simulated_residual(recording, parameters_, values));
+      if (parts.back().rows() < recording.num_ticks()) return {};
+      rows += parts.back().size();
+    }
+    Residual all(rows);
+    Eigen::Index at = 0;
+    for (const MatrixXd& part : parts) {
+      const MatrixXd by_tick = part.transpose();
+      all.segment(at, part.size()) = by_tick.reshaped();
+      at += part.size();
+    }
+    return all;
+  }
+
+  /// Root mean square per joint.
+  [[nodiscard]] VectorXd spread(const Residual& residual) const {
+    const Eigen::Index n = recordings_.front().q.cols();
+    return residual.reshaped(n, residual.size() / n).rowwise().norm() /
+           std::sqrt(static_cast<double>(residual.size() / n));
+  }
+
+  /// By differences, one simulation per parameter.
+  [[nodiscard]] MatrixXd jacobian(const VectorXd& values, const Residual& here,
+                                  const VectorXd& steps) const {
+    MatrixXd result(here.size(), values.size());
+    process::parallel_for(static_cast<std::size_t>(values.size()), [&](std::size_t i) {
+      const auto at = static_cast<Eigen::Index>(i);
+      VectorXd moved = values;
+      moved[at] += steps[at];
+      const Residual there = residual(moved);
+      if (there.size() == 0) {
+        result.col(at).setZero();
+      } else {
+        result.col(at) = (there - here) / steps[at];
+      }
+    });
+    return result;
+  }
+
+ private:
+  const std::vector<Recording>& recordings_;
+  const Parameters& parameters_;
+};
+
+/// Weighted by each joint's spread.
+template <class Matrix>
+Matrix weighted(Matrix rows, const VectorXd& spread) {
+  for (Eigen::Index row = 0; row < rows.rows(); ++row) rows.row(row) /= spread[row % spread.size()];
+  return rows;
+}
+
+/// What the gradient varies by, from its sums over blocks of time: whatever the residual's colour.
+MatrixXd covariance(const MatrixXd& J, const Residual& r, const MatrixXd& inverse) {
+  const Eigen::Index length = r.size() / blocks;
+  MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
+  for (int b = 0; b < blocks; ++b) {
+    const VectorXd sum =
+        J.middleRows(b * length, length).transpose() * r.segment(b * length, length);
+    middle += sum * sum.transpose();
+  }
+  return inverse * middle * inverse;
+}
+
+/// A step of each parameter that the simulation resolves: from its value, or its share of torque.
+VectorXd difference_steps(const VectorXd& values, const VectorXd& scale) {
+  return (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
+}
+
+}  // namespace
+
+MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
+                            const VectorXd& values) {
+  const experiment::Scenario plant = parameters.plant(recording.scenario, values);
+  MatrixXd result(recording.num_ticks(), recording.q.cols());
+  Eigen::Index done = 0;
+  try {
+    study::run_in_process(
+        plant, controller::scenario_law(recording.scenario), [&](const study::TickRecord& record) {
+          std::visit(
+              [&]<class M>(const M& measured) {
+                if constexpr (loop::holds_links<M>) {
+                  result.row(done) = recording.q.row(done) - measured.q.transpose();
+                }
+              },
+              record.measurement);
+          return ++done < recording.num_ticks();
+        });
+  } catch (const diagnostics::Failure& failure) {
+    if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
+  }
+  return result.topRows(done);
+}
+
+Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
+                 const VectorXd& start, const Report& report) {
+  const Problem problem(recordings, parameters);
+  Fit fit{start, {}, 0, {}};
+  Residual here = problem.residual(fit.values);
+  if (here.size() == 0) {
+    throw diagnostics::Failure(diagnostics::ExitCode::check_said_no,
+                               "the loop with the parameters of least squares does not run to its "
+                               "end in simulation; nothing is identified");
+  }
+  // What a parameter has to change for an effect: refined from the first Jacobian.
+  VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
+  double damping = 0;
+  for (int iteration = 0; iteration < most_iterations; ++iteration) {
+    report(fmt::format("simulating {} loops, pass {} of at most {}", parameters.size() + 1,
+                       iteration + 1, most_iterations));
+    const VectorXd spread = problem.spread(here).cwiseMax(1e-12);
+    const MatrixXd J =
+        weighted(problem.jacobian(fit.values, here, difference_steps(fit.values, scale)), spread);
+    const Residual r = weighted(here, spread);
+    const VectorXd norm = J.colwise().norm().transpose().cwiseMax(1e-300);
+    const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
+    const MatrixXd normal = scaled.transpose() * scaled;
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(normal);
+    fit.condition = std::sqrt(eigen.eigenvalues().maxCoeff() /
+                              std::max(1e-300, eigen.eigenvalues().minCoeff()));
+    const MatrixXd inverse = normal.completeOrthogonalDecomposition().pseudoInverse();
+    fit.half_width =
+        quantile *
+        covariance(scaled, r, inverse).diagonal().cwiseMax(0).cwiseSqrt().cwiseQuotient(norm);
+    fit.residual = spread;
+    const MatrixXd damped = normal + damping * MatrixXd::Identity(normal.rows(), normal.cols());
+    const VectorXd step =
+        -damped.completeOrthogonalDecomposition().solve(scaled.transpose() * r).cwiseQuotient(norm);
+    double best = r.squaredNorm(), shrink = 1;
+    bool moved = false;
+    for (int attempt = 0; attempt < 6 && !moved; ++attempt, shrink /= 3) {
+      const VectorXd candidate = (fit.values + shrink * step).cwiseMax(0);
+      const Residual there = problem.residual(candidate);
+      if (there.size() == 0 || weighted(there, spread).squaredNorm() >= best) continue;
+      best = weighted(there, spread).squaredNorm();
+      const VectorXd change = candidate - fit.values;
+      fit.values = candidate;
+      here = there;
+      moved = true;
+      if ((change.cwiseAbs().array() <= good_step * fit.half_width.array()).all()) return fit;
+    }
+    if (!moved) return fit;
+  }
+  return fit;
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "identify/parameters.h"
+#include "identify/recording.h"
+
+namespace tachless::identify {
+
+/// Where the loop of each recording, simulated with the recorded law's own code, measures what was
+/// measured.
+struct Fit {
+  Eigen::VectorXd values;
+  Eigen::VectorXd half_width;  ///< of the 95 % interval of each
+  double condition = 0;        ///< of the scaled normal matrix
+  Eigen::VectorXd residual;    ///< rms of measured minus simulated position, per joint [rad; m]
+};
+
+using Report = std::function<void(std::string_view what)>;
+
+/// Gauss-Newton on measured minus simulated positions, joints weighted by their residual, from
+/// `start`; the derivatives are differences of simulations. The intervals hold for residuals of any
+/// colour: the covariance is that of the gradient's sums over blocks of time.
+/// @throw diagnostics::Failure(check_said_no) when the loop cannot be simulated at `start`
+Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
+                 const Eigen::VectorXd& start, const Report& report);
+
+/// Measured minus simulated positions [rad; m], a row per tick; fewer rows where the simulated run
+/// ended early.
+Eigen::MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
+                                   const Eigen::VectorXd& values);
+
+}  // namespace tachless::identify

@@ -1,0 +1,131 @@
+// The verb on a robot's own parameters: identify.
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "diagnostics/file_text.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
+#include "diagnostics/text.h"
+#include "identify/identify.h"
+#include "launch/progress.h"
+#include "launch/verb.h"
+#include "logger/find_log.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+using identify::Recording;
+
+std::vector<Recording> read(const std::vector<fs::path>& logs) {
+  std::vector<Recording> recordings;
+  for (const fs::path& log : logs) {
+    recordings.push_back(identify::read_recording(logger::find_log(log)));
+  }
+  return recordings;
+}
+
+struct Identify {
+  std::vector<fs::path> logs, validate;
+  std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
+  fs::path output;
+  bool force = false, json = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    command.add_option("LOG", logs, "Logs of runs of one robot, or their directories")->required();
+    command.add_option("--unknown", unknown, "Of rotor, viscous, coulomb, payload")
+        ->delimiter(',')
+        ->default_str("rotor,viscous,coulomb")
+        ->check(CLI::IsMember(
+            std::vector<std::string>(identify::kind_names.begin(), identify::kind_names.end())));
+    command.add_option("--validate", validate, "A log that is not used, to check the result with");
+    command.add_option("--write", output,
+                       "The log's scenario with the result, as F.yaml, and its URDF beside it");
+    command.add_flag("--force", force, "Replace these files if they exist");
+    add_json(command, json);
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    const fs::path urdf = fs::path(output).replace_extension(".urdf");
+    for (const fs::path& file : {output, urdf}) {
+      if (output.empty() || force || !fs::exists(file)) continue;
+      throw diagnostics::bad_usage(
+          "{}: exists already; name another file with --write, or replace it with --force",
+          file.string());
+    }
+    const std::vector<Recording> recordings = read(logs), others = read(validate);
+    const experiment::Scenario& scenario = recordings.front().scenario;
+    if (!output.empty() && scenario.believed_model) {
+      throw diagnostics::bad_usage("{}: has controller.urdf, which --write cannot carry over",
+                                   recordings.front().source);
+    }
+    Screen screen(quiet);
+    const identify::Identified found = identify::identify(
+        recordings, kinds(), others,
+        [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
+    screen.clear();
+    if (json) {
+      nlohmann::ordered_json all = found;
+      std::cout << diagnostics::json_text(all, 2) << "\n";
+    } else {
+      std::cout << identify::text(found, scenario.name);
+    }
+    bool whole = true;
+    for (const auto& each : found.parameters) whole = whole && each.doubt.empty();
+    if (!whole) {
+      diagnostics::log_error(
+          "{}: not every parameter is identifiable{}; record a motion that "
+          "moves each joint both ways, slowly and fast, or leave one out of "
+          "--unknown",
+          recordings.front().source, output.empty() ? "" : ": nothing written");
+      return ExitCode::check_said_no;
+    }
+    if (!output.empty()) write(scenario, found, urdf);
+    return ExitCode::done;
+  }
+
+ private:
+  [[nodiscard]] std::vector<identify::Kind> kinds() const {
+    std::vector<identify::Kind> result;
+    for (std::size_t i = 0; i < identify::kind_names.size(); ++i) {
+      if (std::ranges::find(unknown, identify::kind_names[i]) != unknown.end()) {
+        result.push_back(static_cast<identify::Kind>(i));
+      }
+    }
+    return result;
+  }
+
+  void write(const experiment::Scenario& scenario, const identify::Identified& found,
+             const fs::path& urdf) const {
+    std::vector<std::string> overrides = found.overrides;
+    overrides.push_back(fmt::format("name={}", output.stem().string()));
+    overrides.push_back(fmt::format("robot.urdf={}", urdf.filename().string()));
+    const std::string text = experiment::parse_scenario(scenario.text, scenario.robot.urdf_text,
+                                                        logs.front().string(), overrides)
+                                 .text;
+    diagnostics::UnfinishedFile(urdf, "").write(scenario.robot.urdf_text);
+    diagnostics::UnfinishedFile(output, "").write(text);
+    std::cout << fmt::format("  type: tachless design {}\n",
+                             diagnostics::printable(output.string()));
+  }
+};
+
+}  // namespace
+
+const Verb identify_verb = verb_of<Identify>(
+    "identify", "Rotor inertia, friction and payload from logs of a robot's own runs",
+    "  tachless identify out/arm\n"
+    "  tachless identify out/arm --unknown rotor,viscous,coulomb,payload --validate out/other "
+    "--write known.yaml && tachless design known.yaml");
+
+}  // namespace tachless::launch
