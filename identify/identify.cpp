@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "identify/least_squares.h"
@@ -15,19 +16,33 @@ using Eigen::VectorXd;
 
 /// A joint has to move by this much for its own parameters [rad; m].
 constexpr double least_motion = 0.02;
+/// What an interval may leave open of a joint's largest torque.
+constexpr double most_open = 0.05;
 
-std::string doubt_about(const Parameters::Entry& entry, double value, double half_width,
-                        const std::vector<Recording>& recordings) {
-  if (entry.joint >= 0) {
-    double range = 0;
-    for (const Recording& recording : recordings) {
-      const auto q = recording.q.col(entry.joint);
-      range = std::max(range, q.maxCoeff() - q.minCoeff());
+/// Why the parameter, number i, is not identifiable: the torque that its interval leaves open is a
+/// good part of what the joint does, or the joint hardly moves. A parameter that is zero within a
+/// narrow interval is identified.
+std::string doubt_about(const Parameters::Entry& entry, Eigen::Index i, double half_width,
+                        const std::vector<Recording>& recordings,
+                        const std::vector<Regression>& regressions) {
+  double range = 0, open = std::numeric_limits<double>::infinity();
+  for (std::size_t r = 0; r < recordings.size(); ++r) {
+    const Regression& torque = regressions[r];
+    const VectorXd column = torque.columns.col(i).cwiseAbs();
+    double share = 0;
+    for (Eigen::Index row = 0; row < column.size(); ++row) {
+      share = std::max(share, column[row] / std::max(1e-300, torque.peak[torque.joint[row]]));
     }
-    if (range < least_motion) return fmt::format("the joint moves by {:.2g} only", range);
+    open = std::min(open, half_width * share);
+    if (entry.joint < 0) continue;
+    const auto q = recordings[r].q.col(entry.joint);
+    range = std::max(range, q.maxCoeff() - q.minCoeff());
   }
-  if (!(half_width <= std::max(value, 1e-12))) return "the interval is wider than the value";
-  return "";
+  if (entry.joint >= 0 && range < least_motion) {
+    return fmt::format("the joint moves by {:.2g} only", range);
+  }
+  if (open < most_open) return "";
+  return fmt::format("its interval is {:.0f} % of the joint's torque", 100 * open);
 }
 
 double correlation_of(const VectorXd& x) {
@@ -71,8 +86,9 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   result.validated = !validate.empty();
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
-    result.parameters.push_back({entry, fit.values[i], fit.half_width[i],
-                                 doubt_about(entry, fit.values[i], fit.half_width[i], recordings)});
+    result.parameters.push_back(
+        {entry, fit.values[i], fit.half_width[i],
+         doubt_about(entry, i, fit.half_width[i], recordings, regressions)});
   }
   result.checks = check((validate.empty() ? recordings : validate).front(), parameters, fit.values);
   result.overrides = parameters.overrides(fit.values);
