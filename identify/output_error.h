@@ -10,8 +10,8 @@
 
 namespace tachless::identify {
 
-/// Where the loop of each recording, simulated with the recorded law's own code, measures what was
-/// measured.
+/// The parameters with which the loop, simulated with the recorded law's own code, measures what
+/// was measured.
 struct Fit {
   Eigen::VectorXd values;
   Eigen::VectorXd half_width;  ///< of the 95 % interval of each

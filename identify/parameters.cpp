@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <memory>
 #include <utility>
 
 namespace tachless::identify {
@@ -65,6 +66,12 @@ experiment::Scenario Parameters::plant(const experiment::Scenario& scenario,
     }
   }
   changed.plant.mechanics = plant::Mechanics::native;
+  // What the recorded run did beyond the URDF's range and speed it does again, without a warning.
+  auto model = std::make_shared<robot::Model>(*scenario.model);
+  model->lower.setConstant(-robot::Model::unlimited);
+  model->upper.setConstant(robot::Model::unlimited);
+  model->velocity_limit.setConstant(robot::Model::unlimited);
+  changed.model = std::move(model);
   changed.plant.on_limit = plant::OnLimit::warn;
   plant::EncoderSpec& encoder = changed.plant.encoder;
   encoder.resolution_bits.reset();

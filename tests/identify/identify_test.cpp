@@ -5,13 +5,18 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <map>
 #include <random>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "controller/registry.h"
-#include "identify/least_squares.h"
 #include "study/in_process_loop.h"
 
 namespace tachless::identify {
@@ -21,14 +26,35 @@ const std::vector<Kind> all = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::
 
 void ignore(std::string_view /*what*/) {}
 
-experiment::Scenario two_link(const std::string& bits, const std::string& seconds) {
-  return experiment::load_scenario(
-      TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
-      {"plant.mechanics=native", "plant.encoder.resolution_bits=" + bits,
-       "loop.duration_s=" + seconds, "plant.integrator.accuracy=1e-8",
-       "reference={multi_sine: {terms: [{amplitude_rad: [0.5, 0.6], frequency_hz: [0.31, 0.43]}, "
-       "{amplitude_rad: 0.3, frequency_hz: [0.83, 1.1]}, "
-       "{amplitude_rad: 0.1, frequency_hz: [2.1, 2.7]}]}}"});
+/// A multi-sine about the initial posture, joints at frequencies of their own.
+std::string multi_sine(const std::string& offset, int joints) {
+  std::string terms;
+  for (const auto& [amplitude, lowest] : {std::pair{0.4, 0.23}, {0.2, 0.71}, {0.06, 1.9}}) {
+    std::string frequency;
+    for (int i = 0; i < joints; ++i) {
+      frequency += (i > 0 ? ", " : "") + std::to_string(lowest * (1 + 0.13 * i));
+    }
+    terms +=
+        "{amplitude_rad: " + std::to_string(amplitude) + ", frequency_hz: [" + frequency + "]}, ";
+  }
+  return "reference={multi_sine: {offset_rad: " + offset + ", terms: [" + terms + "]}}";
+}
+
+experiment::Scenario scenario(const std::string& name, const std::string& bits, double seconds) {
+  const std::vector<std::string> common = {"plant.mechanics=native",
+                                           "plant.integrator.accuracy=1e-8",
+                                           "plant.on_limit=warn",
+                                           "plant.drive.torque_limit_Nm=null",
+                                           "plant.encoder.resolution_bits=" + bits,
+                                           "loop.duration_s=" + std::to_string(seconds)};
+  const std::string path = TACHLESS_SOURCE_DIR "/scenarios/" + name + ".yaml";
+  const experiment::Scenario base = experiment::load_scenario(path, common);
+  const robot::Vector& at = base.plant.initial.position_rad;
+  std::string offset;
+  for (const double q : at) offset += (offset.empty() ? "[" : ", ") + std::to_string(q);
+  std::vector<std::string> all_of_them = common;
+  all_of_them.push_back(multi_sine(offset + "]", base.num_joints));
+  return experiment::load_scenario(path, all_of_them);
 }
 
 /// What a log of the loop has, whose law believes `believed` while its plant is another.
@@ -50,41 +76,69 @@ experiment::Scenario hidden(const experiment::Scenario& believed, const Eigen::V
   return plant;
 }
 
-TEST(Identify, IntervalsHoldTheTruthOfHiddenArms) {
-  std::mt19937 random(3);
-  const auto between = [&](double a, double b) {
-    return std::uniform_real_distribution<double>(a, b)(random);
-  };
-  int held = 0, of = 0;
-  std::vector<std::vector<double>> errors(kind_names.size());
-  for (int arm = 0; arm < 6; ++arm) {
-    const experiment::Scenario believed = two_link(arm % 2 == 0 ? "20" : "16", "10");
-    Eigen::VectorXd truth(7);
-    truth << between(0.2, 2), between(0.05, 0.5), between(1, 10), between(0.2, 2), between(1, 10),
-        between(0.3, 3), between(0.2, 2);
+/// Hidden arms, and how well each kind of parameter was found.
+class Tally {
+ public:
+  /// Rotor inertia and friction are of the size that the gains can move.
+  void add(const std::string& name, const std::string& bits, double seconds) {
+    const experiment::Scenario believed = scenario(name, bits, seconds);
+    const Parameters parameters(believed, all);
+    const robot::Vector& kp = believed.controller.gains.at("kp");
+    Eigen::VectorXd truth(parameters.size());
+    for (Eigen::Index i = 0; i < truth.size(); ++i) {
+      const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
+      const double share = entry.kind == Kind::rotor ? 0.01 : 0.03;
+      truth[i] = std::uniform_real_distribution<double>(0.2, 2)(random_) *
+                 (entry.joint < 0 ? 1 : share * std::sqrt(kp[entry.joint]));
+    }
     const Recording recording = record(believed, hidden(believed, truth));
     const Identified found = identify({recording}, all, {}, ignore);
-    ASSERT_EQ(found.parameters.size(), 7U);
-    for (std::size_t i = 0; i < 7; ++i) {
+    for (std::size_t i = 0; i < found.parameters.size(); ++i) {
       const Identified::Parameter& each = found.parameters[i];
-      const double error = each.value - truth[static_cast<Eigen::Index>(i)];
+      const double error = std::abs(each.value - truth[static_cast<Eigen::Index>(i)]);
       EXPECT_EQ(each.doubt, "") << each.entry.name;
-      held += std::abs(error) <= each.half_width ? 1 : 0;
-      ++of;
-      errors[static_cast<std::size_t>(each.entry.kind)].push_back(
-          std::abs(error) / truth[static_cast<Eigen::Index>(i)]);
+      held_ += error <= each.half_width ? 1 : 0;
+      ++of_;
+      errors_[each.entry.kind].push_back(error / truth[static_cast<Eigen::Index>(i)]);
     }
-    if (testing::Test::HasFailure()) std::cout << text(found, "arm");
-    if (arm == 0) std::cout << text(found, "arm") << truth.transpose() << "\n";
+    if (bits == "14") return;  // differences of such counts are no measure of a wrist's torque
+    for (const Identified::Check& each : found.checks) EXPECT_LT(each.after, 0.02) << each.joint;
   }
-  for (std::size_t kind = 0; kind < errors.size(); ++kind) {
-    std::ranges::sort(errors[kind]);
-    std::cout << kind_names[kind] << ": median error "
-              << 100 * errors[kind][errors[kind].size() / 2] << " %, largest "
-              << 100 * errors[kind].back() << " %\n";
+
+  [[nodiscard]] double held() const { return static_cast<double>(held_) / of_; }
+  double median(Kind kind) {
+    std::vector<double>& of = errors_[kind];
+    std::ranges::nth_element(of, of.begin() + std::ssize(of) / 2);
+    return of[of.size() / 2];
   }
-  std::cout << held << " of " << of << " intervals hold the truth\n";
-  EXPECT_GE(held, of * 85 / 100);
+
+ private:
+  std::mt19937 random_{3};
+  std::map<Kind, std::vector<double>> errors_;
+  int held_ = 0, of_ = 0;
+};
+
+/// TACHLESS_IDENTIFY_ARMS=N tries N arms.
+TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
+  const char* many = std::getenv("TACHLESS_IDENTIFY_ARMS");
+  Tally tally;
+  for (int arm = 0; arm < (many != nullptr ? std::atoi(many) : 6); ++arm) {
+    const std::string bits = std::to_string(14 + 2 * (arm % 4));
+    if (arm % 3 == 2) {
+      tally.add("iiwa_point_to_point", bits, 10);
+    } else {
+      tally.add("practical_rigid", bits, 10);
+    }
+  }
+  std::cout << "held " << tally.held() << ", medians";
+  for (const Kind kind : all) std::cout << " " << tally.median(kind);
+  std::cout << "\n";
+  // The goals of the medians; 6 arms have 66 intervals, of which 95 % is 63 +- 2.
+  EXPECT_GE(tally.held(), 0.88);
+  EXPECT_LE(tally.median(Kind::rotor), 0.01);
+  EXPECT_LE(tally.median(Kind::viscous), 0.02);
+  EXPECT_LE(tally.median(Kind::coulomb), 0.01);
+  EXPECT_LE(tally.median(Kind::payload), 0.001);
 }
 
 }  // namespace

@@ -1,0 +1,123 @@
+// `tachless identify` as it is typed: what it writes, and what it refuses.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/support/program.h"
+#include "tests/support/shell.h"
+#include "tests/support/temporary_directory.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+using Words = std::vector<std::string>;
+
+class IdentifyVerb : public testing::Test {
+ protected:
+  struct Result {
+    int code;
+    std::string output, errors;
+  };
+
+  [[nodiscard]] Result tachless(const Words& words) const {
+    Program program("tachless", words, directory_.path());
+    const int code = program.wait();
+    return {code, program.output(), program.errors()};
+  }
+
+  /// A run of the two-link arm with friction; its directory.
+  [[nodiscard]] std::string run(const std::string& name, Words more) const {
+    Words words = {
+        "run",
+        TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+        "--in-process",
+        "--quiet",
+        "--any-outcome",
+        "--out",
+        directory_ / name,
+        "--set",
+        "plant.mechanics=native",
+        "--set",
+        "plant.drive.viscous_friction_Nms_per_rad=[2, 1]",
+        "--set",
+        "plant.drive.coulomb_friction_Nm=[5, 0.5]",
+        "--set",
+        "reference={multi_sine: {terms: [{amplitude_rad: 0.5, frequency_hz: [0.3, 0.4]}, "
+        "{amplitude_rad: 0.2, frequency_hz: [0.8, 1.1]}]}}"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Result result = tachless(words);
+    EXPECT_EQ(result.code, 0) << result.errors;
+    return directory_ / name;
+  }
+
+  void expect_refusal(Words words, const std::string& says) const {
+    words.insert(words.begin(), "identify");
+    words.insert(words.end(), {"--write", directory_ / "refused.yaml"});
+    const Result result = tachless(words);
+    EXPECT_EQ(result.code, 2);
+    EXPECT_THAT(result.errors, HasSubstr(says));
+    EXPECT_EQ(std::ranges::count(result.errors, '\n'), 1) << result.errors;
+    EXPECT_FALSE(fs::exists(directory_ / "refused.yaml"));
+  }
+
+  TemporaryDirectory directory_;
+};
+
+TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
+  const std::string log = run("log", {}), other = run("other", {"--set", "loop.duration_s=3"});
+  const Words words = {"identify", log,       "--validate",          other,
+                       "--quiet",  "--write", directory_ / "f.yaml", "--json"};
+  const Result result = tachless(words);
+  ASSERT_EQ(result.code, 0) << result.errors;
+  const std::string object = result.output.substr(0, result.output.rfind('}') + 1);
+  const auto found = nlohmann::json::parse(object);
+  EXPECT_TRUE(found["validated"].get<bool>());
+  // The interval of 5 s of data at 20 bits is some 1e-3 of the value.
+  EXPECT_NEAR(found["parameters"][2]["value"].get<double>(), 2, 0.02);
+  EXPECT_NEAR(found["parameters"][4]["value"].get<double>(), 5, 0.02);
+  EXPECT_LT(found["joints"][1]["torque_error"].get<double>(), 0.01);
+  EXPECT_EQ(tachless({"certify", directory_ / "f.yaml", "--quiet"}).code, 0);
+  EXPECT_THAT(contents(directory_ / "f.yaml"),
+              AllOf(HasSubstr("urdf: f.urdf"), HasSubstr("rotor_inertia_kgm2: ["),
+                    HasSubstr("coulomb_friction_Nm: [")));
+  const Result again = tachless(words);
+  EXPECT_EQ(again.code, 2);
+  EXPECT_THAT(again.errors, HasSubstr("f.yaml: exists already"));
+}
+
+TEST_F(IdentifyVerb, RefusesALogThatDoesNotShowTheParameters) {
+  const std::string log = run("log", {});
+  expect_refusal({run("held", {"--set", "reference={hold: {position_rad: [0, 0]}}"})},
+                 "too little motion");
+  expect_refusal({run("short", {"--set", "loop.duration_s=1"})}, "at least 2 s are needed");
+  expect_refusal({run("weak", {"--set", "plant.drive.torque_limit_Nm=[60, 20]"})},
+                 "a torque was at its limit in");
+  expect_refusal({log, run("loaded", {"--set", "robot.gravity_m_per_s2=1.6"})},
+                 "is of another robot than");
+  const std::string flexible = directory_ / "flexible";
+  tachless({"run", TACHLESS_SOURCE_DIR "/scenarios/practical_flexible.yaml", "--in-process",
+            "--quiet", "--any-outcome", "--out", flexible, "--set", "loop.duration_s=0.1"});
+  expect_refusal({flexible}, "flexible joints");
+}
+
+TEST_F(IdentifyVerb, SaysWhatIsNotIdentifiableAndWritesNothing) {
+  // One joint alone moves.
+  const std::string log = run(
+      "one",
+      {"--set", "reference={multi_sine: {terms: [{amplitude_rad: [0.5, 0], frequency_hz: 0.1}]}}"});
+  const Result result =
+      tachless({"identify", log, "--quiet", "--write", directory_ / "refused.yaml"});
+  EXPECT_EQ(result.code, 1);
+  EXPECT_THAT(result.output, HasSubstr("not identifiable, the joint moves by"));
+  EXPECT_THAT(result.errors, HasSubstr("nothing written"));
+  EXPECT_FALSE(fs::exists(directory_ / "refused.yaml"));
+}
+
+}  // namespace
