@@ -1,6 +1,7 @@
-// The verb on a robot's own parameters: identify.
+// The verbs on a robot's own parameters: excite, identify.
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -10,14 +11,18 @@
 #include <string_view>
 #include <vector>
 
+#include "certificate/certify.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
+#include "experiment/scenario.h"
+#include "identify/excite.h"
 #include "identify/identify.h"
 #include "launch/progress.h"
 #include "launch/verb.h"
 #include "logger/find_log.h"
+#include "node/options.h"
 
 namespace tachless::launch {
 namespace {
@@ -34,6 +39,86 @@ std::vector<Recording> read(const std::vector<fs::path>& logs) {
   return recordings;
 }
 
+void add_unknown(CLI::App& command, std::vector<std::string>& unknown) {
+  command.add_option("--unknown", unknown, "Of rotor, viscous, coulomb, payload")
+      ->delimiter(',')
+      ->default_str("rotor,viscous,coulomb")
+      ->check(CLI::IsMember(
+          std::vector<std::string>(identify::kind_names.begin(), identify::kind_names.end())));
+}
+
+std::vector<identify::Kind> kinds(const std::vector<std::string>& unknown) {
+  std::vector<identify::Kind> result;
+  for (std::size_t i = 0; i < identify::kind_names.size(); ++i) {
+    if (std::ranges::find(unknown, identify::kind_names[i]) != unknown.end()) {
+      result.push_back(static_cast<identify::Kind>(i));
+    }
+  }
+  return result;
+}
+
+void require_absent(const fs::path& file, bool force) {
+  if (file.empty() || force || !fs::exists(file)) return;
+  throw diagnostics::bad_usage(
+      "{}: exists already; name another file with --write, or replace it with --force",
+      file.string());
+}
+
+struct Excite {
+  fs::path input, output;
+  std::vector<std::string> overrides, unknown = {"rotor", "viscous", "coulomb"};
+  identify::ExcitationGoal goal;
+  bool force = false, quiet = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    add_unknown(command, unknown);
+    command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
+        ->check(CLI::Range(5, 60));
+    command
+        .add_option("--reach", goal.reach,
+                    "How far a joint may go from where it begins [rad; m]; default: 0.5")
+        ->check(CLI::Range(0.02, 3.0));
+    command.add_option("--write", output, "The scenario with this motion, as a file")->required();
+    command.add_flag("--force", force, "Replace that file if it exists");
+    add_quiet(command, quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    require_absent(output, force);
+    const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
+    Screen screen(quiet);
+    const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
+    const identify::Excitation found = identify::excite(scenario, kinds(unknown), goal, show);
+    std::vector<std::string> changes = overrides;
+    changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
+    changes.push_back(fmt::format("name={}", output.stem().string()));
+    const fs::path urdf = fs::absolute(input.parent_path() / scenario.robot.urdf_path);
+    const fs::path beside = fs::absolute(output).parent_path();
+    const experiment::Scenario moving = experiment::load_scenario(input, changes);
+    const std::vector<std::string> objections =
+        certificate::objections(certificate::certify(moving, false, show));
+    screen.clear();
+    std::cout << fmt::format(
+        "{}: condition {:.3g}; within [{:.2g}] rad, [{:.2g}] rad/s, [{:.3g}] N m\n",
+        output.string(), found.condition, fmt::join(found.reach, ", "),
+        fmt::join(found.speed, ", "), fmt::join(found.torque, ", "));
+    for (const std::string& objection : objections) {
+      diagnostics::log_error("{}: {}; nothing written", input.string(), objection);
+    }
+    if (!objections.empty()) return ExitCode::check_said_no;
+    changes.push_back(fmt::format(
+        "robot.urdf={}",
+        urdf.lexically_normal().lexically_relative(beside.lexically_normal()).string()));
+    diagnostics::UnfinishedFile(output, "")
+        .write(experiment::parse_scenario(moving.text, moving.robot.urdf_text, input.string(),
+                                          {changes.back()})
+                   .text);
+    std::cout << fmt::format("  type: tachless run {}\n", diagnostics::printable(output.string()));
+    return ExitCode::done;
+  }
+};
+
 struct Identify {
   std::vector<fs::path> logs, validate;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
@@ -42,11 +127,7 @@ struct Identify {
 
   void declare(CLI::App& command) {
     command.add_option("LOG", logs, "Logs of runs of one robot, or their directories")->required();
-    command.add_option("--unknown", unknown, "Of rotor, viscous, coulomb, payload")
-        ->delimiter(',')
-        ->default_str("rotor,viscous,coulomb")
-        ->check(CLI::IsMember(
-            std::vector<std::string>(identify::kind_names.begin(), identify::kind_names.end())));
+    add_unknown(command, unknown);
     command.add_option("--validate", validate, "A log that is not used, to check the result with");
     command.add_option("--write", output,
                        "The log's scenario with the result, as F.yaml, and its URDF beside it");
@@ -57,12 +138,8 @@ struct Identify {
 
   [[nodiscard]] ExitCode run() const {
     const fs::path urdf = fs::path(output).replace_extension(".urdf");
-    for (const fs::path& file : {output, urdf}) {
-      if (output.empty() || force || !fs::exists(file)) continue;
-      throw diagnostics::bad_usage(
-          "{}: exists already; name another file with --write, or replace it with --force",
-          file.string());
-    }
+    require_absent(output, force);
+    if (!output.empty()) require_absent(urdf, force);
     const std::vector<Recording> recordings = read(logs), others = read(validate);
     const experiment::Scenario& scenario = recordings.front().scenario;
     if (!output.empty() && scenario.believed_model) {
@@ -71,7 +148,7 @@ struct Identify {
     }
     Screen screen(quiet);
     const identify::Identified found = identify::identify(
-        recordings, kinds(), others,
+        recordings, kinds(unknown), others,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     if (json) {
@@ -95,16 +172,6 @@ struct Identify {
   }
 
  private:
-  [[nodiscard]] std::vector<identify::Kind> kinds() const {
-    std::vector<identify::Kind> result;
-    for (std::size_t i = 0; i < identify::kind_names.size(); ++i) {
-      if (std::ranges::find(unknown, identify::kind_names[i]) != unknown.end()) {
-        result.push_back(static_cast<identify::Kind>(i));
-      }
-    }
-    return result;
-  }
-
   void write(const experiment::Scenario& scenario, const identify::Identified& found,
              const fs::path& urdf) const {
     std::vector<std::string> overrides = found.overrides;
@@ -121,6 +188,11 @@ struct Identify {
 };
 
 }  // namespace
+
+const Verb excite_verb = verb_of<Excite>(
+    "excite", "A motion that shows a robot's rotor inertia and friction, for identify",
+    "  tachless excite arm.yaml --write move.yaml && tachless run move.yaml --out out/move\n"
+    "  tachless identify out/move --write known.yaml");
 
 const Verb identify_verb = verb_of<Identify>(
     "identify", "Rotor inertia, friction and payload from logs of a robot's own runs",

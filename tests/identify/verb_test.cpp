@@ -1,4 +1,5 @@
-// `tachless identify` as it is typed: what it writes, and what it refuses.
+// `tachless excite` and `tachless identify` as they are typed: what they write, and what they
+// refuse.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -26,7 +27,7 @@ class IdentifyVerb : public testing::Test {
     std::string output, errors;
   };
 
-  [[nodiscard]] Result tachless(const Words& words) const {
+  Result tachless(const Words& words) const {
     Program program("tachless", words, directory_.path());
     const int code = program.wait();
     return {code, program.output(), program.errors()};
@@ -90,6 +91,58 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   const Result again = tachless(words);
   EXPECT_EQ(again.code, 2);
   EXPECT_THAT(again.errors, HasSubstr("f.yaml: exists already"));
+}
+
+TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
+  const std::string urdf = TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf";
+  const auto step = [&](const Words& words) {
+    const Result result = tachless(words);
+    EXPECT_EQ(result.code, 0) << words.front() << ": " << result.errors;
+    return result.output;
+  };
+  step({"design", urdf, "--write", directory_ / "soft.yaml", "--settling", "1", "--quiet"});
+  EXPECT_THAT(step({"excite", directory_ / "soft.yaml", "--write", directory_ / "move.yaml",
+                    "--duration", "10", "--quiet"}),
+              HasSubstr("type: tachless run"));
+  // The emulated arm has friction, a gear's rotors and 16 bits; neither identify nor the law reads
+  // what the plant's keys say of them.
+  step({"run", directory_ / "move.yaml", "--in-process", "--quiet", "--any-outcome", "--out",
+        directory_ / "move", "--set", "plant.mechanics=native", "--set",
+        "plant.drive.coulomb_friction_Nm=[4, 0.6]", "--set",
+        "plant.drive.viscous_friction_Nms_per_rad=[3, 0.7]", "--set",
+        "plant.encoder.resolution_bits=16"});
+  step({"identify", directory_ / "move", "--write", directory_ / "known.yaml", "--quiet"});
+  step({"design", directory_ / "known.yaml", "--write", directory_ / "stiff.yaml", "--quiet"});
+  const std::string text = contents(directory_ / "stiff.yaml");
+  EXPECT_THAT(text, AllOf(HasSubstr("coulomb: ["), HasSubstr("viscous: [")));
+  step(
+      {"run", directory_ / "stiff.yaml", "--in-process", "--quiet", "--out", directory_ / "stiff"});
+}
+
+TEST_F(IdentifyVerb, ExciteStaysWithinLimitsAndIsRefusedWhereItCannot) {
+  const std::string arm = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
+  const auto excite = [&](Words more) {
+    Words words = {"excite",     arm, "--write", directory_ / "move.yaml",
+                   "--duration", "5", "--quiet"};
+    words.insert(words.end(), more.begin(), more.end());
+    return tachless(words);
+  };
+  // Too fast gains for 20 ms: nothing is written.
+  const Result unstable = excite({"--set", "loop.period_s=0.02"});
+  EXPECT_EQ(unstable.code, 1);
+  EXPECT_THAT(unstable.errors, AllOf(HasSubstr("unstable"), HasSubstr("nothing written")));
+  EXPECT_FALSE(fs::exists(directory_ / "move.yaml"));
+  EXPECT_EQ(excite({"--set", "plant.drive.torque_limit_Nm=[30, 6]", "--reach", "0.3"}).code, 0);
+  const Result again = excite({});
+  EXPECT_EQ(again.code, 2);
+  EXPECT_THAT(again.errors, HasSubstr("move.yaml: exists already"));
+  // The run keeps to what the motion was made for.
+  const Result run = tachless(
+      {"run", directory_ / "move.yaml", "--in-process", "--quiet", "--out", directory_ / "move"});
+  EXPECT_EQ(run.code, 0) << run.errors;
+  const auto summary = nlohmann::json::parse(contents(directory_ / "move/summary.json"));
+  EXPECT_EQ(summary["saturated_ticks"], nlohmann::json({0, 0}));
+  EXPECT_EQ(summary["beyond_limit_ticks"], nlohmann::json({0, 0}));
 }
 
 TEST_F(IdentifyVerb, RefusesALogThatDoesNotShowTheParameters) {

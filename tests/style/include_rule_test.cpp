@@ -126,7 +126,7 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"nlohmann/"}},
     {"identify/",
-     {"identify/", "study/", "controller/registry.h", "logger/", "experiment/", "robot/", "loop/",
+     {"identify/", "study/", "controller/registry.h", "reference/make_trajectory.h", "logger/", "experiment/", "robot/", "loop/",
       "process/parallel.h", "diagnostics/"},
      {"Eigen/", "nlohmann/"}},
     {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
