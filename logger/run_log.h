@@ -25,14 +25,15 @@ namespace tachless::logger {
 using loop::Slot;
 using loop::TickRecord;
 
+/// Of the channel, after the robot's name.
 inline constexpr std::string_view run_info_suffix = "_RUN_INFO";
 
 /// A run that a log holds, and what its RUN_INFO says.
 struct RunDescription {
-  std::int64_t run_id = 0;
-  loop::RunInfo info;
-  experiment::Scenario scenario;
-  loop::Layout layout;  ///< `num_signals` is how many signals RUN_INFO declares
+  std::int64_t run_id = 0;        ///< of each of its messages
+  loop::RunInfo info;             ///< the message
+  experiment::Scenario scenario;  ///< read from the message's YAML
+  loop::Layout layout;            ///< `num_signals` is how many signals RUN_INFO declares
 };
 
 /// Reads a RUN_INFO that came on `channel`. @param source names it in messages to people
@@ -40,8 +41,9 @@ struct RunDescription {
 std::string read_run_info(std::string_view channel, std::span<const std::byte> data,
                           const std::string& source, RunDescription& found);
 
+/// How often one message of a tick is in the log.
 struct PieceSummary {
-  std::string channel;
+  std::string channel;           ///< its channel
   std::uint64_t count = 0;       ///< ticks that have it
   std::uint64_t duplicates = 0;  ///< further copies, the same
   std::uint64_t conflicts = 0;   ///< further copies, different: the first one counts
@@ -51,21 +53,22 @@ struct PieceSummary {
   [[nodiscard]] bool absent() const { return count == 0; }
 };
 
+/// A fault that a process announced.
 struct ParticipantFault {
-  loop::Role role = loop::Role::plant;
-  std::int64_t tick = 0;
-  std::string text;
+  loop::Role role = loop::Role::plant;  ///< of the process
+  std::int64_t tick = 0;                ///< when it was found
+  std::string text;                     ///< cause
 };
 
 /// What was found on the way. Final once `RunLog::next` has returned false.
 struct RunSummary {
-  static constexpr std::size_t max_listed = 100;
+  static constexpr std::size_t max_listed = 100;  ///< runs and faults
 
-  std::int64_t first_tick = -1;  ///< -1 while there is none
-  std::int64_t last_tick = -1;
-  std::uint64_t ticks = 0;  ///< ticks of which there is anything
-  std::array<PieceSummary, loop::num_slots> pieces;
-  std::map<bus::Rejection, std::uint64_t> undecodable;
+  std::int64_t first_tick = -1;                         ///< -1 while there is none
+  std::int64_t last_tick = -1;                          ///< likewise
+  std::uint64_t ticks = 0;                              ///< ticks of which there is anything
+  std::array<PieceSummary, loop::num_slots> pieces;     ///< by message of a tick
+  std::map<bus::Rejection, std::uint64_t> undecodable;  ///< messages, by what is wrong
   std::uint64_t wrong_tick = 0;        ///< tick outside of the run, or at odds with
                                        ///< its time or its neighbours
   std::uint64_t too_late = 0;          ///< more than `RunLog::window` ticks out of order
@@ -74,6 +77,7 @@ struct RunSummary {
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
 
+  /// One of `pieces`.
   [[nodiscard]] const PieceSummary& of(Slot piece) const { return pieces[index(piece)]; }
   /// Ticks from 0 to the last that lack a piece, summed over the pieces the log records.
   [[nodiscard]] std::uint64_t gaps() const;
@@ -99,12 +103,13 @@ class RunLog {
   RunLog& operator=(const RunLog&) = delete;
   ~RunLog();
 
-  [[nodiscard]] const std::filesystem::path& path() const { return reader_.path(); }
-  [[nodiscard]] const RunDescription& description() const { return described_; }
-  [[nodiscard]] std::int64_t run() const { return described_.run_id; }
-  [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }
+  [[nodiscard]] const std::filesystem::path& path() const { return reader_.path(); }  ///< the file
+  [[nodiscard]] const RunDescription& description() const { return described_; }  ///< of the run
+  [[nodiscard]] std::int64_t run() const { return described_.run_id; }            ///< its id
+  [[nodiscard]] const loop::RunInfo& info() const { return described_.info; }     ///< RUN_INFO
+  /// What RUN_INFO has as YAML.
   [[nodiscard]] const experiment::Scenario& scenario() const { return described_.scenario; }
-  [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }
+  [[nodiscard]] const loop::Layout& layout() const { return described_.layout; }  ///< of a tick
 
   /// The next tick of which the log holds anything, in order of ticks. False at the end.
   bool next(TickRecord& record);
@@ -115,8 +120,8 @@ class RunLog {
   /// Starts over.
   void rewind();
 
-  [[nodiscard]] const RunSummary& summary() const { return summary_; }
-  [[nodiscard]] const Damage& damage() const { return reader_.damage(); }
+  [[nodiscard]] const RunSummary& summary() const { return summary_; }     ///< so far
+  [[nodiscard]] const Damage& damage() const { return reader_.damage(); }  ///< so far
 
  private:
   class Window;

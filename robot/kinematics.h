@@ -9,15 +9,17 @@
 /// Forward kinematics, templated on the scalar (double or Jet2).
 namespace tachless::robot {
 
+/// A point or direction.
 template <class Scalar>
 using Vector3Of = Eigen::Matrix<Scalar, 3, 1>;
+/// A rotation.
 template <class Scalar>
 using Matrix3Of = Eigen::Matrix<Scalar, 3, 3>;
 
 /// A frame F in another, P: p_P = R p_F + p.
 template <class Scalar>
 struct Pose {
-  Matrix3Of<Scalar> R;
+  Matrix3Of<Scalar> R;  ///< columns: F's axes in P
   Vector3Of<Scalar> p;  ///< [m]
 
   /// A frame in F, in P.

@@ -14,6 +14,7 @@
 
 namespace tachless::robot {
 
+/// What a coordinate is: an angle [rad] or a length [m].
 enum class JointType { revolute, prismatic };
 
 /// Most moving bodies a model may have: mimic joints move bodies without adding coordinates.
@@ -40,57 +41,60 @@ std::string why_not_physical(const MassProperties& body);
 /// One moving body of the tree, in its own frame: everything fixed to it is merged in. Bodies are
 /// ordered so that a parent comes before its children.
 struct Body : MassProperties {
-  std::string link;   ///< URDF link that moves with the joint
-  std::string joint;  ///< URDF joint that moves it
-  int parent = -1;    ///< index into `Model::bodies`; -1 is the ground
-  JointType type = JointType::revolute;
+  std::string link;                      ///< URDF link that moves with the joint
+  std::string joint;                     ///< URDF joint that moves it
+  int parent = -1;                       ///< index into `Model::bodies`; -1 is the ground
+  JointType type = JointType::revolute;  ///< its coordinate's unit
   Eigen::Matrix3d R_PB =
       Eigen::Matrix3d::Identity();                 ///< body frame in the parent's at joint angle 0
   Eigen::Vector3d p_PB = Eigen::Vector3d::Zero();  ///< its origin, expressed in the parent's [m]
   Eigen::Vector3d axis_B = Eigen::Vector3d::UnitZ();  ///< unit, in the body frame
   /// q_tree = multiplier q[coordinate] + offset; a `mimic` joint shares another's coordinate.
   int coordinate = 0;
-  double multiplier = 1;
-  double offset = 0;  ///< [rad; m]
+  double multiplier = 1;  ///< of the shared coordinate
+  double offset = 0;      ///< [rad; m]
 };
 
 /// Where a URDF link ended up after merging fixed joints.
 struct Frame {
-  int body = -1;  ///< -1 is the ground
-  Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();
+  int body = -1;                                       ///< -1 is the ground
+  Eigen::Matrix3d R_BF = Eigen::Matrix3d::Identity();  ///< its axes in the body's frame
+  Eigen::Vector3d p_BF = Eigen::Vector3d::Zero();      ///< its origin there [m]
   bool leaf = false;  ///< no joint, not even a fixed one, goes on from this link
 };
 
 /// A robot: a tree of revolute and prismatic joints, some of which may mimic others.
 struct Model {
+  /// A limit that is none.
   static constexpr double unlimited = std::numeric_limits<double>::infinity();
 
-  int num_joints = 0;  ///< independent coordinates
-  std::vector<Body> bodies;
+  int num_joints = 0;                       ///< independent coordinates
+  std::vector<Body> bodies;                 ///< parents before children
   std::map<std::string, Frame> frames;      ///< by URDF link name
   std::vector<std::string> joint_names;     ///< by coordinate
   std::vector<JointType> joint_types;       ///< by coordinate
-  Vector lower, upper;                      ///< [rad; m], +-unlimited where the URDF has none
+  Vector lower;                             ///< [rad; m], -unlimited where the URDF has none
+  Vector upper;                             ///< likewise, +unlimited
   Vector effort_limit;                      ///< [N m; N], unlimited where none (or 0) is given
   Vector velocity_limit;                    ///< [rad/s; m/s]
   Eigen::Vector3d gravity = {0, 0, -9.81};  ///< in the world [m/s2]
   Vector rotor_inertia;  ///< added to the diagonal of M [kg m2]; zero from a URDF; empty is zero
-  Vector damping;        ///< viscous, of the URDF's <dynamics> [N m s/rad; N s/m]
-  Vector friction;       ///< Coulomb's, of the URDF's <dynamics> [N m; N]
+  Vector damping;        ///< viscous, of the URDF's dynamics [N m s/rad; N s/m]
+  Vector friction;       ///< Coulomb's, of the URDF's dynamics [N m; N]
   std::vector<std::string> warnings;  ///< what the URDF has that is not as it should be
 };
 
 /// What people read beside a joint's values: its name in the URDF, and the units of what is an
 /// angle on a revolute joint and a torque there.
 struct JointLabels {
-  std::vector<std::string> name;
+  std::vector<std::string> name;    ///< in the URDF
   std::vector<std::string> length;  ///< "rad" or "m"
   std::vector<std::string> effort;  ///< "N m" or "N"
 
   /// "joint 2 (elbow)"; counts from 0.
   [[nodiscard]] std::string joint(std::size_t i) const;
 };
+/// Of each joint of the model.
 JointLabels joint_labels(const Model& model);
 
 /// Each joint as near to 0 as its range allows.
@@ -104,17 +108,17 @@ Vector random_posture(const Model& model, std::mt19937& random);
 
 /// What becomes of a moving body that has an inertia which no body can have.
 enum class CheckInertia { refuse, warn };
+/// As scenarios have them.
 constexpr std::array<std::string_view, 2> names(CheckInertia /*type*/) {
   return {"refuse", "warn"};
 }
 
 /// How a URDF is read, beside its text.
 struct UrdfOptions {
-  CheckInertia check_inertia = CheckInertia::refuse;
+  CheckInertia check_inertia = CheckInertia::refuse;  ///< of a body that cannot have its inertia
   std::map<std::string, double> locked;  ///< joints fixed at a position [rad; m]; no coordinates
-  /// Where the root link is in the world: roll, pitch and yaw [rad] and position [m], as in a
-  /// URDF's <origin>.
-  Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero(), base_xyz = Eigen::Vector3d::Zero();
+  Eigen::Vector3d base_rpy = Eigen::Vector3d::Zero();  ///< of the root link in the world [rad]
+  Eigen::Vector3d base_xyz = Eigen::Vector3d::Zero();  ///< its origin there [m]
 };
 
 /// The part of a URDF's text that is read: names, joints, limits and inertials, every number as it

@@ -14,14 +14,14 @@ namespace tachless::study {
 
 /// All that happened in one tick.
 struct TickRecord {
-  std::int64_t tick = 0;
-  double time_s = 0;      ///< tick times period
-  plant::ArmState truth;  ///< exact state at time_s
-  loop::AnyMeasurement measurement;
-  loop::ReferencePoint reference;
-  loop::TorqueCommand command;
-  loop::LawSignals controller;
-  plant::AppliedTorque applied;  ///< over this tick: delayed and limited
+  std::int64_t tick = 0;             ///< from 0
+  double time_s = 0;                 ///< tick times period
+  plant::ArmState truth;             ///< exact state at time_s
+  loop::AnyMeasurement measurement;  ///< what the law is given
+  loop::ReferencePoint reference;    ///< at time_s
+  loop::TorqueCommand command;       ///< the law's
+  loop::LawSignals controller;       ///< for the log
+  plant::AppliedTorque applied;      ///< over this tick: delayed and limited
   /// Joints outside of their range or too fast, with plant.on_limit: warn.
   std::array<bool, robot::max_joints> beyond_limit{};
 };

@@ -25,16 +25,16 @@ using robot::Vector;
 /// What one step of a law returns: its next memory, its command, and what it wants logged.
 template <class Memory>
 struct Step {
-  Memory memory;
-  loop::TorqueCommand command;
-  loop::LawSignals signals;
+  Memory memory;                ///< for the next step
+  loop::TorqueCommand command;  ///< motor torque over the next tick [N m; N]
+  loop::LawSignals signals;     ///< as `L::signals` names them; for the log
 };
 
 /// What does not belong to one law: sampling. Parameters are a law's own.
 struct Settings {
-  double period_s = 1e-3;  ///< h [s]
-  Discretisation filter = Discretisation::first_order_hold;
-  FilterStart filter_start = FilterStart::at_error;
+  double period_s = 1e-3;                                    ///< h [s]
+  Discretisation filter = Discretisation::first_order_hold;  ///< of the law's filters
+  FilterStart filter_start = FilterStart::at_error;          ///< their state before the first tick
   double feedforward_lead_s = 0;  ///< how far ahead the feed-forward is evaluated [s]
   /// Standard deviation of a measured position as the encoder's data sheet has it [rad]; zero or
   /// empty: ideal.
@@ -44,7 +44,7 @@ struct Settings {
   /// the encoder's latency included; at most most_delay.
   int command_delay = 0;
 
-  static constexpr int most_delay = 32;
+  static constexpr int most_delay = 32;  ///< [ticks]
 };
 
 // ---- memory -----------------------------------------------------------------------------------
@@ -147,7 +147,9 @@ struct Tuning {
   Vector stiffness;        ///< K [N m/rad]; empty for rigid joints
   Vector rotor;            ///< J [kg m2]; empty for rigid joints
 
+  /// w^2 inertia [N m/rad].
   [[nodiscard]] Vector kp() const { return w * w * inertia; }
+  /// 2 damping w inertia [N m s/rad].
   [[nodiscard]] Vector kd() const { return 2 * (damping * w) * inertia; }
   /// Gains of a motor's position and velocity that move its link through the spring: links and
   /// rotors as one, no faster than a quarter of the link's resonance on its spring.
@@ -156,6 +158,7 @@ struct Tuning {
     const Vector slower = (0.25 * stiffness.cwiseQuotient(inertia).cwiseSqrt()).cwiseMin(w);
     return {slower.cwiseAbs2().cwiseProduct(felt), 2 * damping * slower.cwiseProduct(felt)};
   }
+  /// The value for each joint.
   [[nodiscard]] Vector each(double value) const { return value * Vector::Ones(inertia.size()); }
   /// Of the motors behind their springs, links held: sqrt(K / J) [rad/s].
   [[nodiscard]] Vector resonance() const { return stiffness.cwiseQuotient(rotor).cwiseSqrt(); }
@@ -168,18 +171,20 @@ concept Tuned = requires(const Tuning& tuning) {
   { L::tuned(tuning) } -> std::same_as<typename L::Gains>;
 };
 
-/// The whole state of a closed loop at one instant; on a rigid robot `theta` and `thetadot` are
-/// empty.
+/// The whole state of a closed loop at one instant.
 struct LoopState {
-  Vector q, v, theta, thetadot;
+  Vector q;                     ///< links [rad; m]
+  Vector v;                     ///< [rad/s; m/s]
+  Vector theta;                 ///< motors [rad]; empty on a rigid robot
+  Vector thetadot;              ///< [rad/s]; likewise
   loop::LawSignals controller;  ///< what the law logged for the same tick
 };
 
 /// The weights of the cross terms of V: eps_1 e' M edot - eps_2 nu' M edot. The paper's V (eq. 15)
 /// has one weight: eps_1 [1/s] and eps_2 [1] both epsilon.
 struct LyapunovWeights {
-  double eps_1 = 0;
-  double eps_2 = 0;
+  double eps_1 = 0;  ///< [1/s]
+  double eps_2 = 0;  ///< [1]
 };
 
 /// A law with the Lyapunov function by which its stability is proved: its formula for people, and
