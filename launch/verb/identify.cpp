@@ -153,6 +153,7 @@ struct Identify {
     screen.clear();
     if (json) {
       nlohmann::ordered_json all = found;
+      all["text"] = identify::text(found, scenario.name);
       std::cout << diagnostics::json_text(all, 2) << "\n";
     } else {
       std::cout << identify::text(found, scenario.name);
@@ -182,6 +183,7 @@ struct Identify {
                                  .text;
     diagnostics::UnfinishedFile(urdf, "").write(scenario.robot.urdf_text);
     diagnostics::UnfinishedFile(output, "").write(text);
+    if (json) return;
     std::cout << fmt::format("  type: tachless design {}\n",
                              diagnostics::printable(output.string()));
   }

@@ -74,6 +74,7 @@ struct Certify {
     if (json) {
       nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
       all.update(to_json(result));
+      all["text"] = page(result, scenario, full);
       std::cout << diagnostics::json_text(all, 2) << "\n";
     } else {
       std::cout << page(result, scenario, full);
@@ -121,6 +122,25 @@ std::string text(const certificate::Design& design, const experiment::Scenario& 
   return text;
 }
 
+nlohmann::ordered_json to_json(const certificate::Design& design,
+                               const experiment::Scenario& scenario) {
+  const auto list = [](const robot::Vector& v) { return std::vector<double>(v.begin(), v.end()); };
+  nlohmann::ordered_json json = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
+  for (const auto& [gain, values] : design.gains) json["gains"][gain] = list(values);
+  json["overrides"] = certificate::overrides_of(design);
+  json["sampled"] = to_json(design.loop);
+  json["settling_mean_s"] = design.loop.modes.settling_mean_s;
+  json["stiffness"] = list(design.stiffness);
+  json["modulus_in_range"] = design.modulus_in_range;
+  json["range_q"] = list(design.range_q);
+  json["certified_error"] = list(design.certified_error);
+  json["limited_by"] = design.binds;
+  json["warnings"] = design.warnings;
+  json["reached"] = !design.missed;
+  json["text"] = text(design, scenario);
+  return json;
+}
+
 struct Design {
   fs::path input;
   std::vector<std::string> overrides;
@@ -128,7 +148,7 @@ struct Design {
   std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
   fs::path output;
-  bool quiet = false, force = false;
+  bool json = false, quiet = false, force = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(
@@ -173,6 +193,7 @@ struct Design {
         ->delimiter(',');
     command.add_option("--write", output, "The scenario with these gains, as a file");
     command.add_flag("--force", force, "Replace that file if it exists");
+    add_json(command, json);
     add_quiet(command, quiet);
   }
 
@@ -190,7 +211,8 @@ struct Design {
         certificate::design(scenario, whole_goal(scenario.num_joints),
                             [&](std::string_view what) { screen.show(what); });
     screen.clear();
-    std::cout << text(design, scenario);
+    std::cout << (json ? diagnostics::json_text(to_json(design, scenario), 2) + "\n"
+                       : text(design, scenario));
     for (const std::string& warning : design.warnings) diagnostics::log_warning(warning);
     if (design.missed) {
       diagnostics::log_error("{}: settles in {}, not in {:g} s: limited by {}{}", input.string(),
@@ -202,8 +224,10 @@ struct Design {
     }
     if (!output.empty()) {
       diagnostics::UnfinishedFile(output, remedy).write(designed_text(scenario, design));
-      std::cout << fmt::format("  type: tachless run {}\n",
-                               diagnostics::printable(output.string()));
+      if (!json) {
+        std::cout << fmt::format("  type: tachless run {}\n",
+                                 diagnostics::printable(output.string()));
+      }
     }
     return ExitCode::done;
   }

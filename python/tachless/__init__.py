@@ -6,6 +6,8 @@ them and computes nothing itself. Angles are in rad, lengths in m, torques in N 
     run_controller(f)        your law as the controller of a run
     simulate(scenario)       the closed loop in this process, as arrays
     read(log)                a recorded run, as arrays
+    certify, design, identify  what the commands of these names find, as objects
+    plot(run)                a picture of a run, by matplotlib
     Robot(urdf)              mechanics: inertia matrix, inverse and forward dynamics, poses
     Error                    an error of the programs: their message; its code is their exit code
 """
@@ -14,6 +16,9 @@ from __future__ import annotations
 
 import json
 import os
+import pathlib
+import shutil
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Optional, Union
@@ -25,7 +30,8 @@ from . import _tachless
 from ._tachless import Error, Measurement, Reference, Run
 
 __version__: str = _tachless.version
-__all__ = ["Error", "Measurement", "Reference", "Robot", "Run", "read", "run_controller", "simulate"]
+__all__ = ["Error", "Measurement", "Reference", "Result", "Robot", "Run", "certify", "design", "identify", "plot", "read",
+           "run_controller", "simulate"]
 
 Path = Union[str, "os.PathLike[str]"]
 Law = Callable[[int, float, Measurement, Reference], ArrayLike]
@@ -130,3 +136,116 @@ def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[st
     code = _tachless.run_controller(words, f, _name_of(f, name))
     if code != 0:
         raise SystemExit(code)
+
+
+class Result(dict):
+    """What a command found: the fields of its --json, as items and as attributes; prints as the command does.
+
+    messages is what the command wrote to stderr, objection says whether it objected (exit code 1).
+    """
+
+    messages: str = ""
+    objection: bool = False
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def __str__(self) -> str:
+        return str(self["text"])
+
+    __repr__ = __str__
+
+
+def _program() -> str:
+    """The tachless program of this installation or build, else that of the PATH."""
+    here = pathlib.Path(__file__).resolve()
+    for above in (2, 4):  # build/release/python/tachless; PREFIX/lib/python3/dist-packages/tachless
+        if len(here.parents) > above and (found := here.parents[above] / "bin" / "tachless").is_file():
+            return str(found)
+    return shutil.which("tachless") or "tachless"
+
+
+def _result(verb: str, words: Sequence[Any], overrides: Mapping[str, Any]) -> Result:
+    command = [_program(), verb, *map(str, words), "--json", "--quiet"]
+    for setting in _settings(overrides):
+        command += ["--set", setting]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode not in (0, 1) or not done.stdout:
+        error = Error(done.stderr.strip().removeprefix("tachless: "))
+        error.code = done.returncode
+        raise error
+    result = Result(json.loads(done.stdout))
+    result.__dict__.update(messages=done.stderr, objection=done.returncode != 0)
+    return result
+
+
+def _options(values: Mapping[str, Any]) -> list[str]:
+    """Options of a command: {"count_share": 0.02} is --count-share=0.02; a list has commas."""
+    text = {key: ",".join(map(str, value)) if isinstance(value, (list, tuple, np.ndarray)) else str(value)
+            for key, value in values.items() if value is not None}
+    return [f"--{key.replace('_', '-')}={value}" for key, value in text.items()]
+
+
+def certify(scenario: Path, **overrides: Any) -> Result:
+    """Is the scenario's loop stable, with what margins, from which errors: tachless certify.
+
+    Raises:
+        Error: the scenario is not valid (code 2).
+    """
+    return _result("certify", [scenario], overrides)
+
+
+def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Mapping[str, Any]] = None,
+           **goal: Any) -> Result:
+    """Gains for a scenario or a bare URDF: tachless design.
+
+    Args:
+        write: a file for the scenario with these gains.
+        overrides: values of the scenario by key.
+        goal: the command's options: settling, bandwidth, stiffness, rest_error, noise, margin, period, ...
+
+    Raises:
+        Error: no gains do (code 1), or the scenario or an option is not valid (code 2).
+    """
+    return _result("design", [robot, *_options({"write": write, **goal})], overrides or {})
+
+
+def identify(*logs: Path, unknown: Sequence[str] = ("rotor", "viscous", "coulomb"), validate: Optional[Path] = None,
+             write: Optional[Path] = None) -> Result:
+    """Rotor inertia, friction and payload from logs of runs: tachless identify.
+
+    Raises:
+        Error: a log that does not show them (code 2).
+    """
+    return _result("identify", [*logs, *_options({"unknown": list(unknown), "validate": validate, "write": write})], {})
+
+
+def plot(run: Run, axes: Any = None) -> Any:
+    """Position and reference, error and torque of each joint over time, by matplotlib; the figure.
+
+    Args:
+        axes: three axes of one figure; default: a new figure.
+
+    Raises:
+        ImportError: matplotlib is not installed.
+    """
+    import matplotlib.pyplot as pyplot  # pylint: disable=import-outside-toplevel
+
+    if axes is None:
+        _, axes = pyplot.subplots(3, sharex=True, figsize=(8, 8))
+    positions, errors, torques = axes
+    for i, joint in enumerate(run.joints):
+        line, = positions.plot(run.t, run["q"][:, i], label=joint)
+        positions.plot(run.t, run["q_ref"][:, i], linestyle="--", color=line.get_color())
+        errors.plot(run.t, run["q"][:, i] - run["q_ref"][:, i])
+        torques.plot(run.t, run["tau"][:, i])
+    unit, torque = (" or ".join(dict.fromkeys(run.units(name))) for name in ("q", "tau"))
+    for axis, label in zip(axes, (f"q (reference: dashed) [{unit}]", f"error [{unit}]", f"torque [{torque}]")):
+        axis.set_ylabel(label)
+        axis.grid(True, alpha=0.3)
+    positions.legend(loc="upper right")
+    torques.set_xlabel("t [s]")
+    return positions.figure

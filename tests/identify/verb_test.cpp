@@ -77,8 +77,7 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
                        "--quiet",  "--write", directory_ / "f.yaml", "--json"};
   const Result result = tachless(words);
   ASSERT_EQ(result.code, 0) << result.errors;
-  const std::string object = result.output.substr(0, result.output.rfind('}') + 1);
-  const auto found = nlohmann::json::parse(object);
+  const auto found = nlohmann::json::parse(result.output);
   EXPECT_TRUE(found["validated"].get<bool>());
   // The interval of 5 s of data at 20 bits is some 1e-3 of the value.
   EXPECT_NEAR(found["parameters"][2]["value"].get<double>(), 2, 0.02);
