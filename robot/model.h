@@ -137,7 +137,7 @@ std::string urdf_mechanics(const std::string& text, const std::string& source);
 /// fixed to, and the merged body is judged; what is fixed to the ground is not. An effort or
 /// velocity limit of 0 or below means none. Visuals, collisions, safety controllers and
 /// transmissions are not read.
-/// @throw std::invalid_argument, one line naming source, link or joint, value and remedy: XML or
+/// @throw std::invalid_argument in one line naming source, link or joint, value and remedy: XML or
 /// URDF that does not parse, what xacro has left, duplicated or unknown names, a tree that is none,
 /// joints of other types, a mimic cycle, an axis of zero length, limits that enclose nothing, more
 /// than `max_joints` coordinates or `max_bodies` bodies, and inertias no body can have, all of them
@@ -153,7 +153,7 @@ bool is_possible(const Model& model);
 /// 8, or 1000 where a body has an inertia that none can have.
 std::vector<std::string> joints_without_inertia(const Model& model);
 
-/// @throw std::invalid_argument, one line, when there are `joints_without_inertia`: links without
+/// @throw std::invalid_argument in one line when there are `joints_without_inertia`: links without
 /// mass leave a joint without inertia.
 void require_positive_inertia(const Model& model, const std::string& source);
 
