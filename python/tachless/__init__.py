@@ -1,7 +1,7 @@
 """Velocity-free robot control from Python.
 
 The laws, the plant, the protocol and the mechanics are those of the tachless programs; this package calls
-them and computes nothing itself. Angles are in rad, lengths in m, torques in N m (N on prismatic joints).
+them and computes nothing itself. Angles are in rad, lengths in m, torques in N m (N on prismatic joints). ::
 
     run_controller(f)        your law as the controller of a run
     simulate(scenario)       the closed loop in this process, as arrays
@@ -86,7 +86,7 @@ def simulate(scenario: Path, *, controller: Optional[Law] = None, name: Optional
         scenario: path of the YAML file.
         controller: a law as for run_controller, in place of the scenario's.
         name: what the controller is called; default: the name of the function.
-        overrides: values of the scenario by key, simulate(file, **{"controller.gains.kp": [400, 300]}).
+        overrides: values of the scenario by key, ``simulate(file, **{"controller.gains.kp": [400, 300]})``.
 
     Raises:
         Error: the scenario is not valid (code 2), or a torque or state is not finite (code 5).
