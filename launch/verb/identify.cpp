@@ -57,11 +57,22 @@ std::vector<identify::Kind> kinds(const std::vector<std::string>& unknown) {
   return result;
 }
 
-void require_absent(const fs::path& file, bool force) {
-  if (file.empty() || force || !fs::exists(file)) return;
-  throw diagnostics::bad_usage(
-      "{}: exists already; name another file with --write, or replace it with --force",
-      file.string());
+constexpr std::string_view remedy = "name another file with --write";
+
+/// Refuses, before the work, a scenario's file that could not or should not be written after it.
+void require_writable(const fs::path& file, bool force) {
+  if (file.empty()) return;
+  if (!force && fs::exists(file)) {
+    throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
+                                 file.string(), remedy);
+  }
+  diagnostics::UnfinishedFile(file, remedy);
+}
+
+void require_scenario_name(const fs::path& file) {
+  if (file.empty() || file.extension() == ".yaml" || file.extension() == ".yml") return;
+  throw diagnostics::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
+                               file.string());
 }
 
 struct Excite {
@@ -85,7 +96,8 @@ struct Excite {
   }
 
   [[nodiscard]] ExitCode run() const {
-    require_absent(output, force);
+    require_scenario_name(output);
+    require_writable(output, force);
     const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
     Screen screen(quiet);
     const auto show = [&](std::string_view what) { screen.show(fmt::format("excite: {}", what)); };
@@ -110,7 +122,7 @@ struct Excite {
     changes.push_back(fmt::format(
         "robot.urdf={}",
         urdf.lexically_normal().lexically_relative(beside.lexically_normal()).string()));
-    diagnostics::UnfinishedFile(output, "")
+    diagnostics::UnfinishedFile(output, remedy)
         .write(experiment::parse_scenario(moving.text, moving.robot.urdf_text, input.string(),
                                           {changes.back()})
                    .text);
@@ -138,8 +150,9 @@ struct Identify {
 
   [[nodiscard]] ExitCode run() const {
     const fs::path urdf = fs::path(output).replace_extension(".urdf");
-    require_absent(output, force);
-    if (!output.empty()) require_absent(urdf, force);
+    require_scenario_name(output);
+    require_writable(output, force);
+    if (!output.empty()) require_writable(urdf, force);
     const std::vector<Recording> recordings = read(logs), others = read(validate);
     const experiment::Scenario& scenario = recordings.front().scenario;
     if (!output.empty() && scenario.believed_model) {
@@ -181,8 +194,8 @@ struct Identify {
     const std::string text = experiment::parse_scenario(scenario.text, scenario.robot.urdf_text,
                                                         logs.front().string(), overrides)
                                  .text;
-    diagnostics::UnfinishedFile(urdf, "").write(scenario.robot.urdf_text);
-    diagnostics::UnfinishedFile(output, "").write(text);
+    diagnostics::UnfinishedFile(urdf, remedy).write(scenario.robot.urdf_text);
+    diagnostics::UnfinishedFile(output, remedy).write(text);
     if (json) return;
     std::cout << fmt::format("  type: tachless design {}\n",
                              diagnostics::printable(output.string()));

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "tests/support/program.h"
@@ -90,6 +91,13 @@ TEST_F(IdentifyVerb, WritesAScenarioThatDesignTakesAndReplacesNothing) {
   const Result again = tachless(words);
   EXPECT_EQ(again.code, 2);
   EXPECT_THAT(again.errors, HasSubstr("f.yaml: exists already"));
+  for (const auto& [file, says] :
+       {std::pair{"f.urdf", "ends with .yaml"}, {"nowhere/g.yaml", "cannot be written"}}) {
+    const Result refused = tachless({"identify", log, "--write", directory_ / file});
+    EXPECT_EQ(refused.code, 2);
+    EXPECT_THAT(refused.errors, HasSubstr(says));
+    EXPECT_EQ(std::ranges::count(refused.errors, '\n'), 1) << refused.errors;
+  }
 }
 
 TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
