@@ -58,7 +58,7 @@ LiveView::LiveView(const bus::LcmUrl& url) : transport_(url) {
     process::run({"setsid", "--fork", opener->string(), server_.url()});
   }
   thread_ = std::thread([this] {
-    process::set_idle_priority();
+    process::set_low_priority();
     show_live(transport_, server_, Clock::time_point::max(), over_);
   });
 }

@@ -36,7 +36,7 @@ void listen(bus::UdpTransport& transport, const std::function<void(const bus::Da
     drain(transport, take);
     std::this_thread::sleep_until(std::min(end, Clock::now() + std::chrono::milliseconds(1)));
   }
-  drain(transport, take);
+  if (!interrupted) drain(transport, take);
 }
 
 void listen(bus::UdpTransport& transport, BusMonitor& monitor, Clock::time_point begin,

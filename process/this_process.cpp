@@ -5,9 +5,9 @@
 #include <fmt/core.h>
 #include <net/if.h>
 #include <net/route.h>
-#include <sched.h>
 #include <sys/ioctl.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -80,9 +80,8 @@ const std::atomic<bool>& catch_interruptions() {
   return interrupted;
 }
 
-void set_idle_priority() {
-  const sched_param none{};
-  [[maybe_unused]] const int refused = sched_setscheduler(0, SCHED_IDLE, &none);
+void set_low_priority() {
+  [[maybe_unused]] const int refused = setpriority(PRIO_PROCESS, 0, 10);  // of this thread alone
 }
 
 void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }

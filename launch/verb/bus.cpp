@@ -90,7 +90,7 @@ struct Watch {
     const std::atomic<bool>& interrupted = process::catch_interruptions();
     const bus::LcmUrl url = node::parse_lcm_url(lcm_url);
     const auto transport = join(url);
-    process::set_idle_priority();
+    process::set_low_priority();
     transport->subscribe_all();
     if (web) return serve(*transport, url, interrupted);
     monitor::BusMonitor monitor;

@@ -31,6 +31,7 @@ namespace fs = std::filesystem;
 using loop::truth::DriveFault;
 using system_test::scenarios;
 using ::testing::AllOf;
+using ::testing::AnyOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -183,7 +184,7 @@ TEST_F(SeveralRobots, EndTogetherWhenAProcessOfOneIsKilledAndKeepTheirLogs) {
   wait_for_log(program, "left", 500'000);
   wait_for_log(program, "right", 100'000);
   kill_process(program, "tachless-controller", "right");
-  EXPECT_EQ(program.wait(std::chrono::seconds(10)), 3) << program.errors();
+  EXPECT_EQ(program.wait(), 3) << program.errors();
   EXPECT_THAT(program.errors(), AllOf(HasSubstr("right: controller was killed by signal 9"),
                                       HasSubstr("left: interrupted, because right failed"),
                                       Not(HasSubstr("left: controller"))));
@@ -209,7 +210,9 @@ TEST_F(SeveralRobots, AreBroughtToRestOnTheWallClockWhenOneFails) {
   wait_for_log(program, "left", 100'000);
   wait_for_log(program, "right", 100'000);
   kill_process(program, "tachless-reference", "left");
-  EXPECT_EQ(program.wait(std::chrono::seconds(20)), 5) << program.errors();
+  // 3 where a busy machine lets the launcher's order reach the plant before the missing reference
+  // does; the plant comes to rest on either.
+  EXPECT_THAT(program.wait(), AnyOf(5, 3)) << program.errors();
   EXPECT_THAT(program.errors(), HasSubstr("right: interrupted, because left failed"));
   for (const char* robot : {"left", "right"}) {
     logger::RunLog log = logger::RunLog::open(out() / robot / "lcmlog");
@@ -225,7 +228,7 @@ TEST_F(SeveralRobots, EndAllOnCtrlC) {
   wait_for_log(program, "left", 500'000);
   wait_for_log(program, "right", 100'000);
   program.signal(SIGINT);
-  EXPECT_EQ(program.wait(std::chrono::seconds(10)), 130) << program.errors();
+  EXPECT_EQ(program.wait(), 130) << program.errors();
   for (const char* robot : {"left", "right"}) {
     EXPECT_EQ(summary(robot)["fault"], "interrupted") << robot;
     EXPECT_EQ(summary(robot)["log"]["gaps"], 0) << robot;
