@@ -159,13 +159,25 @@ class Result(dict):
     __repr__ = __str__
 
 
+def _error(message: str, code: int) -> Error:
+    error = Error(message)
+    error.code = code
+    return error
+
+
 def _program() -> str:
-    """The tachless program of this installation or build, else that of the PATH."""
+    """The tachless program: $TACHLESS, else that of this installation or build, else that of the PATH."""
+    if named := os.environ.get("TACHLESS"):
+        if not (program := shutil.which(named)):
+            raise _error(f"TACHLESS is {named!r}: no such program", 2)
+        return program
     here = pathlib.Path(__file__).resolve()
     for above in (2, 4):  # build/release/python/tachless; PREFIX/lib/python3/dist-packages/tachless
         if len(here.parents) > above and (found := here.parents[above] / "bin" / "tachless").is_file():
             return str(found)
-    return shutil.which("tachless") or "tachless"
+    if not (program := shutil.which("tachless")):
+        raise _error("no program tachless beside this package or in PATH; install it, or set TACHLESS to its path", 2)
+    return program
 
 
 def _result(verb: str, words: Sequence[Any], overrides: Mapping[str, Any]) -> Result:
@@ -174,9 +186,7 @@ def _result(verb: str, words: Sequence[Any], overrides: Mapping[str, Any]) -> Re
         command += ["--set", setting]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode not in (0, 1) or not done.stdout:
-        error = Error(done.stderr.strip().removeprefix("tachless: "))
-        error.code = done.returncode
-        raise error
+        raise _error(done.stderr.strip().removeprefix("tachless: "), done.returncode)
     result = Result(json.loads(done.stdout))
     result.__dict__.update(messages=done.stderr, objection=done.returncode != 0)
     return result

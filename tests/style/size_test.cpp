@@ -49,6 +49,7 @@ std::vector<Source> sources() {
   }
   add(root / "tachless");
   add(root / "CMakeLists.txt");
+  add(root / "setup.py");
   return all;
 }
 
