@@ -135,6 +135,27 @@ void require_positive_inertia(const Scenario& scenario, const std::string& key, 
   }
 }
 
+/// An arm that adds gravity holds itself before the first command, and one that adds friction has
+/// none left.
+void apply_compensation(Scenario& scenario) {
+  if (scenario.robot.compensates == Compensates::nothing) return;
+  plant::InitialTorque& initial = scenario.plant.initial.torque;
+  if (scenario.gives("plant.initial.torque") && initial == plant::InitialTorque::zero) {
+    throw scenario.complaint("plant.initial.torque",
+                             "zero, but an arm that adds gravity itself (robot.compensates) holds "
+                             "its initial posture; allowed: hold");
+  }
+  initial = plant::InitialTorque::hold;
+  if (scenario.robot.compensates == Compensates::gravity) return;
+  plant::DriveSpec& drive = scenario.plant.drive;
+  for (robot::Vector* friction :
+       {&drive.viscous_friction_Nms_per_rad, &drive.coulomb_friction_Nm,
+        &scenario.controller.friction.viscous, &scenario.controller.friction.coulomb}) {
+    friction->setZero();
+  }
+  drive.static_friction_Nm.reset();
+}
+
 /// Simbody refuses inertias that no body can have: without a choice the native mechanics take over.
 void require_mechanics_for(robot::Model& model, Scenario& scenario) {
   if (robot::is_possible(model)) return;
@@ -181,6 +202,7 @@ Scenario read_scenario(const YamlNode& root, const Description& plant, const Des
   if (!scenario.gives("plant.drive.viscous_friction_Nms_per_rad")) {
     scenario.plant.drive.viscous_friction_Nms_per_rad = model.damping;
   }
+  apply_compensation(scenario);
   scenario.model = std::make_shared<const robot::Model>(std::move(model));
   if (believed_model) {
     require_positive_inertia(scenario, "controller.urdf", *believed_model, believed.source);
@@ -215,9 +237,14 @@ std::optional<schema::Refusal> BaseSpec::refusal() const {
 }
 
 std::optional<schema::Refusal> RobotSpec::refusal() const {
-  if (consists_of(name, "_") && name.size() <= 32) return std::nullopt;
-  return schema::Refusal{
-      "name", fmt::format("\"{}\"; allowed: letters, digits and _, at most 32 of them", name)};
+  if (!consists_of(name, "_") || name.size() > 32) {
+    return schema::Refusal{
+        "name", fmt::format("\"{}\"; allowed: letters, digits and _, at most 32 of them", name)};
+  }
+  if ((joint_signs.array() == 0).any()) {
+    return schema::Refusal{"joint_signs", "0; allowed: 1 and -1"};
+  }
+  return std::nullopt;
 }
 
 std::string ControllerSpec::law_text() const {

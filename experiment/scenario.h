@@ -48,6 +48,12 @@ struct BaseSpec {
           .by_default("[0, 0, 0]")};
 };
 
+/// What the arm's own controller adds to the torque that it is sent.
+enum class Compensates { nothing, gravity, gravity_and_friction };
+constexpr std::array<std::string_view, 3> names(Compensates /*type*/) {
+  return {"nothing", "gravity", "gravity_and_friction"};
+}
+
 struct RobotSpec {
   std::string name = "arm";
   std::string channel_prefix = "ARM";  ///< name in upper case
@@ -58,6 +64,9 @@ struct RobotSpec {
   std::map<std::string, double> locked;
   BaseSpec base;
   double gravity_m_per_s2 = 9.81;
+  Compensates compensates = Compensates::nothing;
+  robot::Vector joint_signs;        ///< +1 or -1: q = sign q_driver + offset, tau_driver = sign tau
+  robot::Vector joint_offsets_rad;  ///< [rad; m]
   std::optional<plant::FlexibleDrive> flexible;  ///< nothing: rigid joints
   robot::Vector rigid_rotor_inertia_kgm2;        ///< of rigid joints
 
@@ -92,6 +101,20 @@ struct RobotSpec {
                   "Along -z of the world; the URDF's root link is in it at `robot.base`"}
           .in({0, 1000})
           .by_default(),
+      schema::Key{
+          "compensates", &RobotSpec::compensates, "",
+          "What the arm's own controller adds to the torque that it is sent: that torque is "
+          "then without g(q) of `robot.urdf`, and friction of `plant` and `controller` is "
+          "0; laws, logs and certificates have the whole torque, and the emulator adds g(q) "
+          "as the arm does"}
+          .by_default(),
+      schema::Key{"joint_signs", &RobotSpec::joint_signs, "",
+                  "Of a real robot: 1, or -1 where a joint turns against its axis in the URDF"}
+          .in({-1, 1, false, false, true})
+          .by_default(1),
+      schema::Key{"joint_offsets_rad", &RobotSpec::joint_offsets_rad, "rad (m)",
+                  "Of a real robot: position in the URDF where the driver reads 0"}
+          .by_default(0),
       schema::Key{"joints", &RobotSpec::set_joints, "",
                   "Motors fixed to their joints, or behind springs"}
           .by_default()};

@@ -36,8 +36,9 @@ struct RunOptions {
   std::string lcm_url = node::default_lcm_url;
   std::string key_file;
   std::string placement = "auto";  ///< see choose_placement
-  std::string law_program;  ///< shell command of the program with the law; empty: none of its own
-  std::string measurement;  ///< that `law_program` is fed with, where the scenario does not say
+  std::string law_program;    ///< shell command of the program with the law; empty: none of its own
+  std::string plant_program;  ///< shell command of the plant, a driver's; empty: the emulator
+  std::string measurement;    ///< that `law_program` is fed with, where the scenario does not say
   bool isolate = false;
   bool in_process = false;   ///< without a bus; lockstep only
   bool any_outcome = false;  ///< a limit cycle, divergence or saturation is no failure

@@ -117,6 +117,12 @@ std::vector<std::string> command_of(const std::string& program, const RunOptions
   return command;
 }
 
+/// The user's program in the place of a role's; empty: there is none.
+std::string program_given(const RunOptions& options, loop::Role role) {
+  if (role == loop::Role::controller) return options.law_program;
+  return role == loop::Role::plant ? options.plant_program : "";
+}
+
 /// The four processes, in the order in which they are started.
 std::vector<Process> processes_of(const OnTheBus& robot) {
   const RunOptions& options = robot.options;
@@ -130,9 +136,8 @@ std::vector<Process> processes_of(const OnTheBus& robot) {
     if (role == loop::Role::plant) {
       command.insert(command.end(), {"--run-id", std::to_string(options.run_id)});
     }
-    if (role == loop::Role::controller && !options.law_program.empty()) {
-      command =
-          controller::shell_command(options.law_program, {command.begin() + 1, command.end()});
+    if (const std::string& program = program_given(options, role); !program.empty()) {
+      command = controller::shell_command(program, {command.begin() + 1, command.end()});
     }
     if (role == loop::Role::logger) command.insert(command.end(), {"--out-log", log});
     all.push_back(
@@ -175,18 +180,26 @@ SuperviseOptions supervise_options(OnTheBus& robot, std::vector<Progress>& progr
   return options;
 }
 
-/// Whether the program of --controller ended well, but without the counters that a controller
-/// leaves.
-bool controller_never_joined(const RunOptions& options, const Supervision& supervision,
-                             const std::vector<node::Statistics>& statistics) {
-  const loop::Role controller = loop::Role::controller;
-  return !options.law_program.empty() &&
-         std::ranges::any_of(supervision.ends,
-                             [&](const ProcessEnd& end) {
-                               return end.name == loop::name(controller) && end.well() &&
-                                      !end.on_order;
-                             }) &&
-         std::ranges::find(statistics, controller, &node::Statistics::role) == statistics.end();
+/// A user's program that ended well, but without the counters that its role leaves: what is wrong;
+/// empty when there is none.
+std::string never_joined(const RunOptions& options, const Supervision& supervision,
+                         const std::vector<node::Statistics>& statistics) {
+  for (const loop::Role role : {loop::Role::controller, loop::Role::plant}) {
+    const std::string program = program_given(options, role);
+    const auto ended_well = [&](const ProcessEnd& end) {
+      return end.name == loop::name(role) && end.well() && !end.on_order;
+    };
+    if (program.empty() || std::ranges::none_of(supervision.ends, ended_well) ||
+        std::ranges::find(statistics, role, &node::Statistics::role) != statistics.end()) {
+      continue;
+    }
+    return fmt::format("--{} '{}': ended without having taken part; has it a main that calls {}?",
+                       loop::name(role), program,
+                       role == loop::Role::plant
+                           ? "node::run_process and plant::run_driver"
+                           : "tachless::run_controller (Python: tachless.run_controller)");
+  }
+  return {};
 }
 
 /// The other processes that ended because of the first cause, and what helps.
@@ -220,16 +233,13 @@ void conclude(OnTheBus& robot, const Supervision& supervision, const std::string
   } else if (supervision.culprit) {
     end.facts.fault = describe(supervision.ends[*supervision.culprit]);
   }
-  const bool never_joined = controller_never_joined(robot.options, supervision, end.statistics);
-  if (never_joined) {
+  if (std::string absent = never_joined(robot.options, supervision, end.statistics);
+      !absent.empty()) {
     end.code = ExitCode::peer_lost;
-    end.facts.fault = fmt::format(
-        "--controller '{}': ended without having taken part; has it a main that calls "
-        "tachless::run_controller (Python: tachless.run_controller)?",
-        robot.options.law_program);
+    end.facts.fault = std::move(absent);
+  } else {  // otherwise the others have only waited for the program
+    end.consequences = consequences(supervision, robot.options);
   }
-  // Otherwise the others have only waited for the program.
-  if (!never_joined) end.consequences = consequences(supervision, robot.options);
   conclusions.add(robot.run, *robot.out, std::move(end));
 }
 

@@ -61,6 +61,11 @@ void require_fitting_mode(const RunOptions& options, const experiment::Scenario&
         "type --mode lockstep, or leave --in-process out",
         scenario.source);
   }
+  if (!options.plant_program.empty() && lockstep) {
+    throw diagnostics::bad_usage(
+        "{}: --plant: loop.mode is lockstep, and a real robot does not wait; type --mode realtime",
+        scenario.source);
+  }
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {
@@ -106,6 +111,7 @@ void require_own_channels(const experiment::Scenario& one, const experiment::Sce
 std::string friction_text(const experiment::Scenario& scenario) {
   const robot::Model& model = *scenario.model;
   std::string text;
+  if (scenario.robot.compensates == experiment::Compensates::gravity_and_friction) return text;
   const auto add = [&](const char* key, const robot::Vector& of_urdf, const char* what) {
     if (of_urdf.isZero(0) || scenario.gives(key)) return;
     text += fmt::format("{}{}", text.empty() ? "" : ", ", what);
@@ -131,6 +137,11 @@ void judge(PlannedRun& run) {
   remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
   if (const std::string held = certificate::friction_text(loop); !held.empty()) {
     remarks.push_back({false, held});
+  }
+  if (scenario.robot.compensates != experiment::Compensates::nothing) {
+    remarks.push_back({false, fmt::format("robot.compensates is {}: a real arm is sent the torque "
+                                          "without g(q); log and certificate have the whole torque",
+                                          schema::name_of(scenario.robot.compensates))});
   }
   if (const std::string friction = friction_text(scenario); !friction.empty()) {
     remarks.push_back({false, friction});

@@ -15,6 +15,7 @@
 #include "loop/clock.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
+#include "robot/dynamics.h"
 #include "robot/model.h"
 
 namespace tachless::plant {
@@ -110,11 +111,14 @@ void GuardedRobot::start() {
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   state_ = driver_.read();
+  if (!emulated()) {
+    require_sound(tick);
+    apply_conventions();
+  }
   const auto ring = static_cast<std::int64_t>(past_.size());
   const std::int64_t now = std::max<std::int64_t>(tick, 0);
   past_[static_cast<std::size_t>(now % ring)] = state_;
   sensed_ = static_cast<std::size_t>(std::max<std::int64_t>(now - ring + 1, 0) % ring);
-  if (!emulated()) require_sound(tick);
   watch_limits(tick);
   return state_;
 }
@@ -140,6 +144,25 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
                   "the robot's driver read a number that is not finite {}; see its encoders",
                   when(tick));
   }
+}
+
+void GuardedRobot::apply_conventions() {
+  const experiment::RobotSpec& robot = scenario_.robot;
+  for (auto* positions : {&state_.q, &state_.theta}) {
+    if (positions->size() == 0) continue;
+    *positions = robot.joint_signs.cwiseProduct(*positions) + robot.joint_offsets_rad;
+  }
+  for (auto* velocities : {&state_.v, &state_.thetadot}) {
+    if (velocities->size() != 0) *velocities = robot.joint_signs.cwiseProduct(*velocities);
+  }
+}
+
+robot::Vector GuardedRobot::to_be_sent(const robot::Vector& tau) const {
+  robot::Vector sent = tau;
+  if (scenario_.robot.compensates != experiment::Compensates::nothing) {
+    sent -= robot::gravity_torque(*scenario_.model, state_.q);
+  }
+  return scenario_.robot.joint_signs.cwiseProduct(sent);
 }
 
 void GuardedRobot::watch_limits(std::int64_t tick) {
@@ -191,7 +214,8 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
       try_to_stop();
       driver_.rest(end_s);
     } else {
-      driver_.hold(drive_.applied().tau, end_s);
+      const robot::Vector& tau = drive_.applied().tau;
+      driver_.hold(emulated() ? tau : to_be_sent(tau), end_s);
     }
   } catch (const Failure&) {
     throw;

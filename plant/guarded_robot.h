@@ -91,6 +91,10 @@ class GuardedRobot {
   [[nodiscard]] bool at_rest() const;
 
  private:
+  /// `state_`, as the driver read it, in the scenario's coordinates.
+  void apply_conventions();
+  /// What a driver is given for the torque `tau` on the joints, by the scenario's conventions.
+  [[nodiscard]] robot::Vector to_be_sent(const robot::Vector& tau) const;
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
   void watch_limits(std::int64_t tick);

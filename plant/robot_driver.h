@@ -27,8 +27,10 @@ class RobotDriver {
   /// knows them). May be called before `start`.
   virtual ArmState read() = 0;
 
-  /// Motor torque [N m; N if prismatic] from now on, within the limits. `until_s` since the start
-  /// of the run is where the tick ends: an emulator moves on to there, a real robot does by itself.
+  /// Motor torque [N m; N if prismatic] from now on, within the limits; without what the arm adds
+  /// itself and in the driver's signs (robot.compensates, robot.joint_signs). `until_s` since the
+  /// start of the run is where the tick ends: an emulator moves on to there, a real robot does by
+  /// itself.
   virtual void hold(const robot::Vector& tau, double until_s) = 0;
 
   /// The protective stop, and the end of the run: no torque any more, brakes closed. Returns at

@@ -36,6 +36,9 @@ struct Run : RunOptions {
     command.add_option("--controller", law_program,
                        "The controller is this program, as typed in a shell: 'python3 law.py'; its "
                        "law is fed with what the scenario's would be");
+    command.add_option("--plant", plant_program,
+                       "The plant is this program, as typed in a shell: a robot's driver; realtime "
+                       "only");
     command
         .add_option("--placement", placement,
                     "On which CPUs: auto (lock-step: plant, controller and reference on one), or "
@@ -59,7 +62,8 @@ struct Run : RunOptions {
         "--in-process", in_process,
         "The loop in one process, without a bus: the same log, more than ten times faster; "
         "lockstep only");
-    for (const char* bus : {"--lcm-url", "--key-file", "--isolate", "--placement", "--watch"}) {
+    for (const char* bus :
+         {"--plant", "--lcm-url", "--key-file", "--isolate", "--placement", "--watch"}) {
       alone->excludes(command.get_option(bus));
     }
     auto* no_words = command.add_flag("-q,--quiet", quiet, "No progress and no table");
@@ -82,6 +86,7 @@ const Verb run_verb = verb_of<Run>(
     "300]'\n"
     "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate\n"
     "  tachless run scenarios/paper_rigid.yaml --controller 'python3 law.py'\n"
+    "  tachless run arm.yaml --plant ./own_driver --mode realtime\n"
     "  tachless run left.yaml right.yaml");
 
 }  // namespace tachless::launch

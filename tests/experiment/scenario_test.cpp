@@ -869,6 +869,26 @@ TEST(Scenario, CoulombFrictionIsTheUrdfsUnlessGiven) {
               HasSubstr("plant.drive.static_friction_Nm: 0.5 of joint elbow is below its Coulomb"));
 }
 
+TEST(Scenario, OfAnArmThatCompensatesHasAHoldingStartAndNoFrictionWhereItAddsThatToo) {
+  const std::string rubbing =
+      replaced(urdf, "<limit", "<dynamics damping=\"0.5\" friction=\"1\"/><limit");
+  const auto read = [&](const std::string& compensates, const std::string& other) {
+    return parse_scenario(minimal, rubbing, "f.yaml", {"robot.compensates=" + compensates, other});
+  };
+  const Scenario gravity = read("gravity", "controller.friction.coulomb=2");
+  EXPECT_EQ(gravity.plant.initial.torque, plant::InitialTorque::hold);
+  EXPECT_TRUE(gravity.plant.drive.dry_friction());
+  EXPECT_TRUE(gravity.controller.friction.given());
+  const Scenario both = read("gravity_and_friction", "controller.friction.coulomb=2");
+  EXPECT_FALSE(both.plant.drive.dry_friction());
+  EXPECT_THAT(values(both.plant.drive.viscous_friction_Nms_per_rad), ElementsAre(0, 0));
+  EXPECT_FALSE(both.controller.friction.given());
+  EXPECT_THAT(refusal([&] { read("gravity", "plant.initial.torque=zero"); }),
+              HasSubstr("plant.initial.torque: zero, but an arm that adds gravity itself"));
+  EXPECT_THAT(refusal([&] { read("gravity", "robot.joint_signs=[1, 0]"); }),
+              HasSubstr("robot.joint_signs: 0; allowed: 1 and -1"));
+}
+
 TEST(Scenario, RefusesAPayloadAndDisturbancesThatMakeNoSense) {
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"payload={mass_kg: 1, link: hand}", "plant.payload.link: \"hand\" is not in the URDF"},

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "diagnostics/logging.h"
+#include "robot/dynamics.h"
 #include "tests/plant/peers.h"
 #include "tests/support/counting_new.h"
 #include "tests/support/limited_elbow.h"
@@ -99,6 +100,26 @@ TEST(RobotDriver, IsStartedReadAndDrivenTickByTickAndStoppedAtTheEnd) {
   // TRUTH is what the driver knows, bit for bit.
   EXPECT_EQ(peers.truths[12].q, robot.state.q);
   EXPECT_TRUE(peers.truths[20].saturated[0]);
+}
+
+TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
+  const experiment::Scenario s = limited(
+      {"robot.gravity_m_per_s2=9.81", "robot.compensates=gravity", "robot.joint_signs=[-1, 1]",
+       "robot.joint_offsets_rad=[0.5, -0.25]", "plant.drive.torque_limit_Nm=1000"});
+  Peers peers(s);
+  Recording robot;
+  robot.state.q << 0.504, 0.247;
+  robot.state.v << 2, 3;
+  ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
+  const loop::truth::PlantTruth& truth = peers.truths[5];
+  EXPECT_EQ(truth.q, robot::Vector(Eigen::Vector2d(0.5 - 0.504, 0.247 - 0.25)));
+  EXPECT_EQ(truth.v, robot::Vector(Eigen::Vector2d(-2, 3)));
+  EXPECT_EQ(truth.tau, torque_of(4)) << "the log has the whole torque";
+  const robot::Vector sent = torque_of(4) - robot::gravity_torque(*s.model, truth.q);
+  EXPECT_EQ(robot.torques[5], robot::Vector(Eigen::Vector2d(-sent[0], sent[1])));
+  // Before the first command: what holds it at rest is what it adds itself, but for the 4 mrad
+  // between where it is and where the scenario begins.
+  EXPECT_LT(robot.torques[0].norm(), 1);
 }
 
 class AFailingRobot : public testing::Test {
@@ -283,7 +304,7 @@ TEST(RobotDriver, IsDrivenWithoutAnAllocationOfTheLoop) {
     ArmState state_{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}};
     std::size_t before_ = 0;
   };
-  const experiment::Scenario s = limited();
+  const experiment::Scenario s = limited({"robot.compensates=gravity"});
   Peers peers(s);
   peers.on_measurement = [](std::int64_t) {};
   peers.truths.reserve(100);

@@ -173,6 +173,10 @@ TEST_F(ExternalLaw, HasToTakePart) {
   EXPECT_THAT(errors_, HasSubstr("ended at the start with exit code 0"));
   EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 3);
   EXPECT_THAT(errors_, HasSubstr("no-such-program: not found"));
+  EXPECT_EQ(tachless(run("no", {"--plant", "true", "--mode", "realtime"})), 3);
+  EXPECT_THAT(errors_, HasSubstr("--plant 'true': ended without having taken part"));
+  EXPECT_EQ(tachless(run("no", {"--plant", "true"})), 2);
+  EXPECT_THAT(errors_, HasSubstr("--plant: loop.mode is lockstep, and a real robot does not wait"));
 }
 
 }  // namespace
