@@ -11,6 +11,7 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/fnv.h"
 #include "diagnostics/text.h"
+#include "experiment/joint_parameters.h"
 #include "experiment/motion_file.h"
 #include "experiment/reader.h"
 #include "experiment/yaml_tree.h"
@@ -168,10 +169,11 @@ void require_mechanics_for(robot::Model& model, Scenario& scenario) {
   if (!chosen) model.warnings.emplace_back("plant.mechanics is native: simbody " + why);
 }
 
-Scenario read_scenario(const YamlNode& root, const Description& plant, const Description& believed,
-                       Scenario scenario) {
-  scenario.text = emit_yaml(root);
+Scenario read_scenario(YamlNode root, const Description& plant, const Description& believed,
+                       const JointParameters& parameters, Scenario scenario) {
   robot::Model model = read_robot(root, "robot.urdf", plant, scenario);
+  add_joint_parameters(root, scenario, parameters, model);
+  scenario.text = emit_yaml(root);
   std::optional<robot::Model> believed_model;
   if (!believed.text.empty()) {
     believed_model = read_robot(root, "controller.urdf", believed, scenario);
@@ -344,6 +346,7 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
       located_tree(diagnostics::given_text(path, diagnostics::max_text_bytes), overrides, scenario);
   const fs::path directory = path.parent_path();
   const std::string motion = motion_text(root, scenario, directory);
+  const JointParameters parameters = take_joint_parameters(root, scenario, directory);
   const Place place{scenario, &root, ""};
   read_key(place.child("robot").child("urdf"), RobotSpec::urdf_key, scenario.robot);
   read_key(place.child("controller").child("urdf"), ControllerSpec::urdf_key, scenario.controller);
@@ -358,7 +361,7 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   };
   const Description plant = description("robot.urdf", scenario.robot.urdf_path);
   const Description believed = description("controller.urdf", scenario.controller.urdf_path);
-  Scenario read = read_scenario(root, plant, believed, std::move(scenario));
+  Scenario read = read_scenario(std::move(root), plant, believed, parameters, std::move(scenario));
   attach_motion(read, motion, directory);
   return read;
 }
@@ -367,7 +370,7 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
                         const std::string& source, const std::vector<std::string>& overrides) {
   Scenario scenario;
   scenario.source = source;
-  const YamlNode root = located_tree(text, overrides, scenario);
+  YamlNode root = located_tree(text, overrides, scenario);
   const std::string urdf_source = source + " (URDF)";
   Description plant{std::string(urdf_text), urdf_source}, believed;
   if (scenario.gives("controller.urdf")) {
@@ -382,7 +385,7 @@ Scenario parse_scenario(std::string_view text, std::string_view urdf_text,
     believed = {plant.text.substr(cut + end.size()), urdf_source};
     plant.text.resize(cut + end.size());
   }
-  return read_scenario(root, plant, believed, std::move(scenario));
+  return read_scenario(std::move(root), plant, believed, {}, std::move(scenario));
 }
 
 robot::UrdfOptions urdf_options(const std::vector<std::string>& overrides) {

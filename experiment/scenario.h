@@ -64,6 +64,7 @@ struct RobotSpec {
   std::map<std::string, double> locked;
   BaseSpec base;
   double gravity_m_per_s2 = 9.81;
+  std::string joint_parameters;  ///< as written in the scenario; a recorded one has the numbers
   Compensates compensates = Compensates::nothing;
   robot::Vector joint_signs;        ///< +1 or -1: q = sign q_driver + offset, tau_driver = sign tau
   robot::Vector joint_offsets_rad;  ///< [rad; m]
@@ -101,6 +102,12 @@ struct RobotSpec {
                   "Along -z of the world; the URDF's root link is in it at `robot.base`"}
           .in({0, 1000})
           .by_default(),
+      schema::Key{"joint_parameters", &RobotSpec::joint_parameters, "",
+                  "File with rotor inertia and friction by joint: an MJCF (`armature`, `damping`, "
+                  "`frictionloss`), or a YAML map from names to `rotor_inertia_kgm2`, "
+                  "`viscous_friction_Nms_per_rad`, `coulomb_friction_Nm`; relative to the "
+                  "scenario's file. What the scenario itself says of them goes first"}
+          .by_default("none"),
       schema::Key{
           "compensates", &RobotSpec::compensates, "",
           "What the arm's own controller adds to the torque that it is sent: that torque is "

@@ -160,7 +160,7 @@ Excitation excite(const experiment::Scenario& scenario, const std::vector<Kind>&
                                       overrides);
   };
   for (int i = 0; i < candidates; ++i) {
-    report(fmt::format("motion {} of {}", i + 1, candidates));
+    if (i % 10 == 0) report(fmt::format("motion {} of {}", i + 1, candidates));
     MatrixXd offset = draw(random, start, most, rows);
     std::vector<std::string> overrides = overrides_of(offset, start, scenario.loop.period_s);
     Motion motion = motion_of(with(overrides));

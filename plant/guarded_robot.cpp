@@ -65,6 +65,12 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
                              "no limit; a real robot needs one for each joint");
   }
   const Spec& spec = scenario.plant;
+  if (spec.following_error_rad) {
+    following_error_ = *spec.following_error_rad;
+  } else if (driver != nullptr) {
+    following_error_ = robot::Vector::Constant(model_.num_joints, 0.05);
+  }
+  if (following_error_.size() > 0) trajectory_ = reference::make_trajectory(scenario_);
   diagnostics::log_detail(driver != nullptr
                               ? "mechanics: the driver's robot"
                               : fmt::format("mechanics {}, integrated with accuracy {}",
@@ -120,6 +126,7 @@ const ArmState& GuardedRobot::read(std::int64_t tick) {
   past_[static_cast<std::size_t>(now % ring)] = state_;
   sensed_ = static_cast<std::size_t>(std::max<std::int64_t>(now - ring + 1, 0) % ring);
   watch_limits(tick);
+  if (trajectory_ && tick >= 0 && !stopped_) watch_following(tick);
   return state_;
 }
 
@@ -170,13 +177,32 @@ void GuardedRobot::watch_limits(std::int64_t tick) {
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
     const bool outside = state_.q[i] < model_.lower[i] || state_.q[i] > model_.upper[i];
-    const bool fast = emulated() && std::abs(state_.v[i]) > model_.velocity_limit[i];
+    const bool fast =
+        driver_.measures_velocity() && std::abs(state_.v[i]) > model_.velocity_limit[i];
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;
     if (!warns) throw Failure(ExitCode::protective_stop, limit_text(i, outside, tick));
     if (std::exchange(warned_[joint], true)) continue;
     diagnostics::log_warning(limit_text(i, outside, tick));
+  }
+}
+
+void GuardedRobot::watch_following(std::int64_t tick) {
+  const double time_s = static_cast<double>(tick) * scenario_.loop.period_s;
+  const robot::Vector error = (state_.q - trajectory_->at(time_s).q_ref).cwiseAbs();
+  if (tick == 0) first_error_ = error;
+  for (Eigen::Index i = 0; i < error.size(); ++i) {
+    if (!(error[i] > first_error_[i] + following_error_[i])) continue;
+    const auto j = static_cast<std::size_t>(i);
+    const char* unit = model_.joint_types[j] == robot::JointType::prismatic ? "m" : "rad";
+    throw Failure(ExitCode::protective_stop,
+                  "{} is {:.4g} {} from its reference at tick {}, at the start it was {:.4g} {} "
+                  "(plant.following_error_rad: {:.4g}); soft gains with friction need more, but "
+                  "first see joint_signs and whether the arm adds gravity itself "
+                  "(robot.compensates)",
+                  robot::joint_labels(model_).joint(j), error[i], unit, tick, first_error_[i], unit,
+                  following_error_[i]);
   }
 }
 

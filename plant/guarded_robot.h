@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "plant/drive.h"
 #include "plant/encoder.h"
 #include "plant/robot_driver.h"
+#include "reference/make_trajectory.h"
 #include "robot/model.h"
 
 namespace tachless::plant {
@@ -53,9 +55,10 @@ class GuardedRobot {
 
   /// The state at the beginning of `tick`.
   /// @throw diagnostics::Failure(protective_stop) when a real robot's is not finite, or, unless the
-  /// robot is stopped already, a joint is outside of its range or an emulated one too fast (with
-  /// plant.on_limit: warn an emulated one is warned of instead, once per joint); std::logic_error
-  /// when it has other joints than the scenario.
+  /// robot is stopped already, a joint is outside of its range, too fast (where that is measured;
+  /// with plant.on_limit: warn an emulated one is warned of instead, once per joint) or further
+  /// from its reference than plant.following_error_rad; std::logic_error when it has other joints
+  /// than the scenario.
   const ArmState& read(std::int64_t tick);
   [[nodiscard]] const ArmState& state() const { return state_; }  ///< as last read
   /// The encoders' readings of the measurement that `feed` chose; of an emulated robot's state some
@@ -98,6 +101,7 @@ class GuardedRobot {
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
   void watch_limits(std::int64_t tick);
+  void watch_following(std::int64_t tick);
   [[nodiscard]] std::string limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const;
 
   const experiment::Scenario& scenario_;
@@ -107,6 +111,9 @@ class GuardedRobot {
   Drive drive_;
   Encoder encoder_;
   loop::AnyMeasurement measurement_;
+  robot::Vector following_error_;  ///< limit; empty: none
+  std::optional<reference::Trajectory> trajectory_;
+  robot::Vector first_error_;  ///< |q - q_ref| at tick 0
   ArmState state_;
   std::vector<ArmState> past_;  ///< of the last ticks, a ring
   std::size_t sensed_ = 0;

@@ -330,6 +330,7 @@ struct Spec {
   PayloadSpec payload;
   std::vector<DisturbanceSpec> disturbances;
   OnLimit on_limit = OnLimit::stop;
+  std::optional<robot::Vector> following_error_rad;
 
   static constexpr std::tuple keys{
       schema::Key{"initial", &Spec::initial},
@@ -348,7 +349,12 @@ struct Spec {
       schema::Key{"on_limit", &Spec::on_limit, "",
                   "When a joint leaves the URDF's range or exceeds its velocity: `stop` ends the "
                   "run with exit code 5, `warn` says so once per joint and counts the ticks"}
-          .by_default()};
+          .by_default(),
+      schema::Key{"following_error_rad", &Spec::following_error_rad, "rad (m)",
+                  "The protective stop when a joint is further from its reference than at the "
+                  "start by more than this"}
+          .in(schema::positive)
+          .by_default("0.05 with a real robot, none with the emulator")};
 };
 
 }  // namespace tachless::plant

@@ -36,6 +36,7 @@ const std::vector<Rule> rules = {
     {"robot/", {"robot/"}, {"Eigen/"}},
     {"robot/decompositions.cpp", {"robot/"}, {"Eigen/", "unsupported/Eigen/MatrixFunctions"}},
     {"robot/urdf_text.cpp", {"robot/", "diagnostics/"}, {}},
+    {"robot/mjcf_joints.cpp", {"robot/"}, {"fmt/", "tinyxml.h"}},
     {"robot/urdf_xml.cpp", {"robot/"}, {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
@@ -63,7 +64,7 @@ const std::vector<Rule> rules = {
      true},
 
     {"plant/",
-     {"plant/", "robot/", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
+     {"plant/", "robot/", "reference/make_trajectory.h", "node/", "protocol/", "bus/", "experiment/", "loop/", "diagnostics/"},
      {"Eigen/"}},
     {"plant/spec.h", {"schema/", "robot/quantities.h"}, {}},
     {"plant/simbody_multibody.cpp", {"plant/multibody.h"}, {"Eigen/", "SimTKsimbody.h"}},

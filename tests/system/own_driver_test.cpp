@@ -54,7 +54,8 @@ class OwnDriver : public testing::Test {
 
 TEST_F(OwnDriver, MovesTheRobotToWhereTheReferenceEnds) {
   // No busy machine shall end this run.
-  play({"--set", "loop.max_missed=400", "--set", "loop.max_missed_share=1"});
+  play({"--set", "loop.max_missed=400", "--set", "loop.max_missed_share=1", "--set",
+        "plant.following_error_rad=100"});
   run.expect_all_done();
   const auto record = ticks();
   ASSERT_EQ(record.size(), 2000U);
@@ -70,8 +71,25 @@ TEST_F(OwnDriver, MovesTheRobotToWhereTheReferenceEnds) {
   }
 }
 
+TEST_F(OwnDriver, IsRunWithTheOthersByOneCommand) {
+  const TemporaryDirectory directory;
+  Program program("tachless",
+                  {"run", TACHLESS_SOURCE_DIR "/examples/own_driver/rig.yaml", "--plant",
+                   TACHLESS_BINARY_DIR "/installed/work/own_driver/build/own_driver", "--out",
+                   directory / "out", "--set", "loop.max_missed=400", "--set",
+                   "loop.max_missed_share=1", "--set", "plant.following_error_rad=100"},
+                  directory.path());
+  EXPECT_EQ(program.wait(), 0) << program.errors();
+  EXPECT_THAT(program.errors(), HasSubstr("stable at"));
+  logger::RunLog log = logger::RunLog::open(directory / "out" / "lcmlog");
+  logger::TickRecord record;
+  while (log.next(record)) continue;
+  EXPECT_EQ(log.summary().ticks, 2000U);
+}
+
 TEST_F(OwnDriver, StopsTheRobotWhenTheControllerDies) {
-  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=400"});
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=400", "--set",
+        "plant.following_error_rad=100"});
   wait_until_it_moves();
   run["controller"].signal(SIGKILL);
   for (const char* role : {"plant", "reference", "logger"}) {
@@ -93,7 +111,8 @@ TEST_F(OwnDriver, StopsTheRobotWhenTheControllerDies) {
 }
 
 TEST_F(OwnDriver, SaysSoWhenItsDrivesHaveBrakedByThemselves) {
-  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=1000"});
+  play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=1000", "--set",
+        "plant.following_error_rad=100"});
   wait_until_it_moves();
   // For longer than the rig's watchdog, and not so long that the others give up.
   run["plant"].signal(SIGSTOP);
