@@ -16,10 +16,14 @@ install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
   DESTINATION include/tachless COMPONENT development
   FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE
   PATTERN python EXCLUDE)
-foreach(example IN ITEMS own_law own_driver)  # each with its robot, which is a link in the tree
+foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)
-  install(FILES scenarios/robots/two_link.urdf DESTINATION ${shared}/examples/${example}
+  set(robot two_link)
+  if(example STREQUAL "iiwa")
+    set(robot iiwa7)
+  endif()
+  install(FILES scenarios/robots/${robot}.urdf DESTINATION ${shared}/examples/${example}
     COMPONENT development)
 endforeach()
 file(GLOB messages lcmtypes/*.lcm)

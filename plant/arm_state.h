@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "robot/quantities.h"
 
 namespace tachless::plant {
@@ -12,6 +14,8 @@ struct ArmState {
   robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
   /// Torque on the links that no drive gives [N m; N]; empty: none. For the log alone.
   robot::Vector disturbance{};
+  /// The robot's own time, from anywhere [s]; NaN: it tells none.
+  double time_s = std::numeric_limits<double>::quiet_NaN();
 };
 
 }  // namespace tachless::plant

@@ -110,9 +110,25 @@ void GuardedRobot::start() {
                       begin[i], robot::joint_labels(model_).joint(static_cast<std::size_t>(i)),
                       state_.q[i], start_tolerance));
     }
+    if (is_clock()) require_period();
   }
   started_ = true;
   driver_.start();
+}
+
+void GuardedRobot::require_period() {
+  std::array<double, 11> ticks{};
+  for (double& each : ticks) {
+    const double before_s = state_.time_s;
+    each = read(-1).time_s - before_s;
+    if (!std::isfinite(each)) return;
+  }
+  std::ranges::sort(ticks);  // some may have been missed
+  const double period_s = scenario_.loop.period_s, actual_s = ticks[ticks.size() / 2];
+  if (std::abs(actual_s - period_s) < 0.2 * period_s) return;
+  throw scenario_.complaint("loop.period_s",
+                            "{} s, but the arm's ticks are {:.3g} s apart; set one of the two",
+                            diagnostics::shortest(period_s), actual_s);
 }
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {

@@ -43,13 +43,16 @@ class GuardedRobot {
   /// An emulated robot's time is its ticks: it stands still when this process does.
   [[nodiscard]] bool emulated() const { return emulator_ != nullptr; }
 
+  [[nodiscard]] bool is_clock() const { return driver_.is_clock(); }
+
   /// The law is fed with the measurement of that channel suffix.
   /// @throw diagnostics::Failure(bad_usage) when the robot does not measure it,
   /// (protocol_violated) when there is no such measurement.
   void feed(std::string_view measurement);
 
   /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`.
-  /// @throw diagnostics::Failure(bad_usage) when it is elsewhere.
+  /// @throw diagnostics::Failure(bad_usage) when it is elsewhere, or its own ticks are not as long
+  /// as the scenario's.
   void start();
   static constexpr double start_tolerance = 0.01;  ///< [rad; m]
 
@@ -94,6 +97,7 @@ class GuardedRobot {
   [[nodiscard]] bool at_rest() const;
 
  private:
+  void require_period();
   /// `state_`, as the driver read it, in the scenario's coordinates.
   void apply_conventions();
   /// What a driver is given for the torque `tau` on the joints, by the scenario's conventions.

@@ -77,7 +77,8 @@ void run_lockstep(const experiment::Scenario& scenario, node::Link& link);
 /// for its command. A missed command holds the last torque. Too many in a row, or whatever else
 /// ends the run early, is a protective stop first: drives without torque, braking, recorded, for
 /// `longest_stop` at most. Notes in the statistics, as a fault with exit code 1, when more
-/// deadlines were missed than the scenario allows.
+/// deadlines were missed than the scenario allows. A robot that is the clock begins the ticks
+/// itself: its missed deadlines are those of its ticks, by its own time, that passed unanswered.
 void run_realtime(const experiment::Scenario& scenario, node::Link& link, RobotDriver* driver);
 
 }  // namespace tachless::plant

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <exception>
 #include <string>
+#include <utility>
 
 #include "bus/wire.h"
 #include "diagnostics/current_failure.h"
@@ -73,6 +75,10 @@ class RealtimeLoop : PlantLoop {
     return start_ + nanoseconds_of(static_cast<double>(tick) * scenario_.loop.period_s);
   }
   [[nodiscard]] Time end_of_tick() const {
+    // A robot that is the clock has waited in `act` already, or waits for its torque.
+    if (robot_.is_clock()) {
+      return acted_ ? Time() : asked_ + nanoseconds_of(scenario_.loop.period_s / 2);
+    }
     // Caught up with in no time, late ticks would all miss their commands.
     return std::max(deadline(tick_ + 1), tick_began_ + nanoseconds_of(scenario_.loop.period_s / 2));
   }
@@ -105,27 +111,38 @@ class RealtimeLoop : PlantLoop {
   }
 
   void start() {
-    start_ = Clock::now() + lead_in;
+    start_ = Clock::now() + (robot_.is_clock() ? 0ms : lead_in);
     commanded_at_ = start_;
     while (Clock::now() < start_) link_.receive(start_);
   }
 
   void begin_tick() {
     tick_began_ = Clock::now();
-    note_wake_up(tick_began_);
     ask(tick_began_);
+    note_wake_up(tick_began_);
     if (scenario_.loop.command_delay > 0) {
       act(held_ ? DriveFault::command_missed : DriveFault::none);
     }
   }
 
   void note_wake_up(Time now) {
-    const auto late = now - deadline(tick_);
+    const double period_s = scenario_.loop.period_s;
+    std::chrono::nanoseconds late = now - deadline(tick_);
+    bool missed = late > nanoseconds_of(period_s);
+    if (robot_.is_clock()) {
+      const double of_robot_s =
+          robot_.state().time_s - std::exchange(time_s_, robot_.state().time_s);
+      const auto passed = now - std::exchange(last_began_, now);
+      late = tick_ == 0 ? 0ns : std::chrono::abs(passed - nanoseconds_of(period_s));
+      const double gap_s =
+          std::isfinite(of_robot_s) ? of_robot_s : std::chrono::duration<double>(passed).count();
+      missed = tick_ > 0 && gap_s > 1.5 * period_s;
+    }
     node::PlantStatistics& statistics = link_.statistics().plant();
     statistics.wake_up_jitter_us.add(late);
     if (commands_.missed_in_a_row() == 0) longest_delay_ = 0ns;
     longest_delay_ = std::max<std::chrono::nanoseconds>(longest_delay_, late);
-    if (late > nanoseconds_of(scenario_.loop.period_s)) {
+    if (missed) {
       ++statistics.missed_deadlines;
       statistics.longest_miss = std::max(statistics.longest_miss, ++late_in_a_row_);
     } else {
@@ -147,7 +164,8 @@ class RealtimeLoop : PlantLoop {
     const auto now = Clock::now();
     if (fault != DriveFault::protective_stop && !robot_.emulated()) require_recent_torque(now);
     if (fault == DriveFault::none) commanded_at_ = now;
-    link_.statistics().work_us.add(robot_.advance(tick_));
+    const auto took = robot_.advance(tick_);
+    if (!robot_.is_clock()) link_.statistics().work_us.add(took);
   }
 
   void require_recent_torque(Time now) const {
@@ -258,6 +276,8 @@ class RealtimeLoop : PlantLoop {
   protocol::MissedCommandMonitor commands_;
   Time start_;
   Time tick_began_;    ///< tick_ did, on time or late
+  Time last_began_;    ///< of a robot that is the clock: when the tick before did
+  double time_s_ = 0;  ///< and its own time then
   Time asked_;         ///< when the measurement of tick_ was published
   Time commanded_at_;  ///< when the drives last got a torque that had come
   std::int64_t tick_ = -1;

@@ -20,6 +20,10 @@ class RobotDriver {
   /// velocities that `read` gives are for the log alone.
   [[nodiscard]] virtual bool measures_velocity() const = 0;
 
+  /// Whether the robot is the clock: its tick is over, and the next one begins, when `hold`
+  /// returns.
+  [[nodiscard]] virtual bool is_clock() const { return false; }
+
   /// Enables the drives: all processes have joined, and the first tick is milliseconds ahead.
   virtual void start() = 0;
 
@@ -39,6 +43,32 @@ class RobotDriver {
 
   /// Time goes on to `until_s` for a robot that is stopped: for an emulator.
   virtual void rest(double until_s) { static_cast<void>(until_s); }
+};
+
+/// A robot whose own controller is the clock (KUKA's FRI, libfranka): once in each of its ticks it
+/// tells what it measured and takes a torque. Ticks begin when it says so.
+class ClockDriver : public RobotDriver {
+ public:
+  [[nodiscard]] bool is_clock() const final { return true; }
+  ArmState read() final {
+    if (!fresh_) now_ = exchange({});
+    fresh_ = false;
+    return now_;
+  }
+  void hold(const robot::Vector& tau, double /*until_s*/) final {
+    now_ = exchange(tau);
+    fresh_ = true;
+  }
+  void rest(double /*until_s*/) final { hold({}, 0); }
+
+ private:
+  /// Answers the robot's tick with `tau` [N m; N] (empty, before `start` and after `stop`: with
+  /// nothing), waits for its next tick, and returns what the robot measured then, with `time_s` if
+  /// it tells its time. @throw diagnostics::Failure(protective_stop) when no tick comes
+  virtual ArmState exchange(const robot::Vector& tau) = 0;
+
+  ArmState now_;
+  bool fresh_ = false;  ///< `now_` is of a tick that has not been read
 };
 
 }  // namespace tachless::plant

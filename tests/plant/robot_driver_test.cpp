@@ -1,6 +1,7 @@
 // A driver in the emulator's place, against peers that answer at once.
 #include "plant/robot_driver.h"
 
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -120,6 +121,52 @@ TEST(RobotDriver, IsSentTheTorqueInItsOwnSignsAndWithoutTheGravityThatItAdds) {
   // Before the first command: what holds it at rest is what it adds itself, but for the 4 mrad
   // between where it is and where the scenario begins.
   EXPECT_LT(robot.torques[0].norm(), 1);
+}
+
+/// Is the clock, and goes on as soon as it is answered.
+class Ticking : public ClockDriver {
+ public:
+  [[nodiscard]] bool measures_velocity() const override { return false; }
+  void start() override {}
+  void stop() override { stopped = true; }
+  ArmState exchange(const robot::Vector& tau) override {
+    if (tau.size() > 0) torques.push_back(tau);
+    state.time_s += torques.size() == 10 ? 2 * period_s : period_s;  // it missed one
+    return state;
+  }
+
+  double period_s = 1e-3;
+  ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}, {}, 5};
+  std::vector<robot::Vector> torques;
+  bool stopped = false;
+};
+
+TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
+  for (const int delay : {0, 1}) {
+    const experiment::Scenario s =
+        limited({fmt::format("loop.command_delay={}", delay), "plant.drive.torque_limit_Nm=1000"});
+    Peers peers(s);
+    Ticking robot;
+    const Outcome outcome = run(s, peers, nullptr, &robot);
+    ASSERT_EQ(outcome.fault, "");
+    EXPECT_EQ(outcome.statistics.plant().missed_deadlines, 1);
+    ASSERT_EQ(robot.torques.size(), 30U);
+    EXPECT_EQ(robot.torques[0], delay == 0 ? torque_of(0) : robot::Vector::Zero(2));
+    EXPECT_EQ(robot.torques[20], torque_of(20 - delay));
+    EXPECT_EQ(outcome.statistics.plant().missed_commands, 0);
+    EXPECT_EQ(outcome.statistics.plant().wake_up_jitter_us.count(), 30);
+    EXPECT_TRUE(robot.stopped);
+  }
+}
+
+TEST(RobotDriver, ThatIsTheClockIsRefusedWhenItsTicksAreNotTheScenarios) {
+  Ticking robot;
+  robot.period_s = 2e-3;
+  const experiment::Scenario s = limited();
+  Peers peers(s);
+  EXPECT_THAT(run(s, peers, nullptr, &robot).fault,
+              HasSubstr("loop.period_s: 0.001 s, but the arm's ticks are 0.002 s apart"));
+  EXPECT_TRUE(robot.torques.empty());
 }
 
 class AFailingRobot : public testing::Test {

@@ -14,7 +14,7 @@ fail=0
 grep -rlF -e "$tree/" -e "$build/" "$prefix" | sed 's/$/: has a path of the build in it/' | grep . && fail=1
 find "$prefix" -type d -empty | sed 's/$/: is empty/' | grep . && fail=1
 
-for example in own_law own_driver; do
+for example in own_law own_driver iiwa; do
   rm -rf "$prefix/work/$example"
   mkdir -p "$prefix/work"
   cp -r "$prefix/share/tachless/examples/$example" "$prefix/work/$example"

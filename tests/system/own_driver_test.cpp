@@ -1,5 +1,5 @@
-// examples/own_driver, built against the installation, in the plant's place, with the real
-// reference, controller and logger.
+// examples/own_driver and examples/iiwa, built against the installation, in the plant's place, with
+// the real reference, controller and logger.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -133,6 +133,31 @@ TEST_F(OwnDriver, IsNotStartedAwayFromWhereTheScenarioBegins) {
     EXPECT_EQ(run[role].wait(), 3) << run[role].errors();
     EXPECT_THAT(run[role].errors(), HasSubstr("move the robot")) << role;
   }
+}
+
+TEST(IiwaDriver, MovesAnArmThatAddsGravityAndIsTheClock) {
+  const std::string built = TACHLESS_BINARY_DIR "/installed/work/iiwa/build/";
+  // LCM's hashes of the fields that RobotLocomotion/drake lists.
+  EXPECT_THAT(contents(built + "drake/lcmt_iiwa_status.hpp"), HasSubstr("0xf8b7dc0214255e51"));
+  EXPECT_THAT(contents(built + "drake/lcmt_iiwa_command.hpp"), HasSubstr("0x6ee3e3b9c640a99a"));
+
+  FourPrograms run{"../examples/iiwa/iiwa.yaml"};
+  const Program rig(built + "iiwa_rig", {system_test::scenarios + "../examples/iiwa/iiwa.yaml"},
+                    run.directory().path());
+  run.plant = built + "iiwa_driver";
+  run.settings = {"--set", "loop.max_missed=400", "--set", "loop.max_missed_share=1"};
+  run.start_all();
+  run.expect_all_done();
+  logger::RunLog log = logger::RunLog::open(run.log_path());
+  logger::TickRecord record;
+  robot::Vector q;
+  while (log.next(record)) {
+    if (record.truth) q = record.truth->q;
+  }
+  // Gravity twice would be 0.04 rad beside it at joint 2: g of some 60 N m over a kp of 1500.
+  ASSERT_EQ(q.size(), 7);
+  EXPECT_NEAR(q[1], 0.4, 0.02);
+  EXPECT_NEAR(q[3], -1.1, 0.02);
 }
 
 }  // namespace

@@ -1,0 +1,85 @@
+// A KUKA LBR iiwa by way of drake-iiwa-driver in the plant's place: docs/real_robot.md. That driver
+// has to run with --torque_only --time_step=0.001 (the period of the scenario): without
+// --torque_only it holds the last torque for ever when commands cease.
+
+#include "channels.h"
+#include "diagnostics/failure.h"
+#include "node/options.h"
+#include "node/run_role.h"
+#include "plant/node.h"
+#include "plant/robot_driver.h"
+
+using namespace tachless;
+
+namespace {
+
+using namespace std::chrono_literals;
+
+robot::Vector vector_of(const std::vector<double>& numbers) {
+  const auto size = std::min<std::size_t>(numbers.size(), robot::max_joints);
+  return Eigen::Map<const Eigen::VectorXd>(numbers.data(), static_cast<Eigen::Index>(size));
+}
+
+class IiwaDriver final : public plant::ClockDriver {
+ public:
+  explicit IiwaDriver(const bus::LcmUrl& url)
+      : channels_(url, iiwa::command_channel, iiwa::status_channel) {}
+
+  // What the status calls a velocity is a filtered difference of positions: for the log.
+  [[nodiscard]] bool measures_velocity() const override { return false; }
+
+  void start() override {}  // torque mode is chosen at the pendant
+
+  void stop() override {
+    // After 50 ms without a command drake-iiwa-driver holds the arm where it is.
+    if (status_.num_joints > 0) send(robot::Vector::Zero(status_.num_joints));
+  }
+
+ private:
+  plant::ArmState exchange(const robot::Vector& tau) override {
+    if (tau.size() > 0) send(tau);
+    // The first status may be that of a driver that has just been started.
+    const std::chrono::milliseconds longest = status_.num_joints == 0 ? 3000ms : 50ms;
+    if (!channels_.receive(status_, loop::Clock::now() + longest)) {
+      throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
+                                 "no message on {} for {} ms: does drake-iiwa-driver run, on this "
+                                 "LCM URL, and is the arm in torque mode?",
+                                 iiwa::status_channel, longest.count());
+    }
+    plant::ArmState state;
+    state.q = vector_of(status_.joint_position_measured);
+    state.v = vector_of(status_.joint_velocity_estimated);
+    state.time_s = 1e-6 * static_cast<double>(status_.utime);
+    return state;
+  }
+
+  void send(const robot::Vector& tau) {
+    command_.utime = status_.utime;
+    // The measured positions as set-points: nothing for a stiffness to pull at.
+    command_.num_joints = status_.num_joints;
+    command_.joint_position = status_.joint_position_measured;
+    command_.num_torques = static_cast<std::int32_t>(tau.size());
+    command_.joint_torque.assign(tau.begin(), tau.end());
+    channels_.send(command_);
+  }
+
+  iiwa::Channels<drake::lcmt_iiwa_command, drake::lcmt_iiwa_status> channels_;
+  drake::lcmt_iiwa_status status_{};
+  drake::lcmt_iiwa_command command_{};
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  constexpr auto role = loop::Role::plant;
+  return node::run_process(role, argc, argv, [](const node::ProcessOptions& options) {
+    IiwaDriver driver(node::parse_lcm_url(options.lcm_url));
+    return node::run_role(role, options, [&driver](const auto& scenario, auto& link) {
+      if (scenario.robot.channel_prefix == "IIWA") {
+        throw scenario.complaint("robot.name",
+                                 "iiwa: IIWA_COMMAND is drake-iiwa-driver's; take another name");
+      }
+      plant::run_driver(scenario, link, driver);
+    });
+  });
+}

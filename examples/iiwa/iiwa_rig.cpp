@@ -1,0 +1,71 @@
+// Plays drake-iiwa-driver with its arm, for trying the driver without one: iiwa_rig SCENARIO.
+// The arm adds gravity by itself, keeps its own time, and is held when no command has come for 50
+// ms.
+
+#include <cmath>
+#include <thread>
+
+#include "channels.h"
+#include "node/options.h"
+#include "plant/plant_model.h"
+#include "robot/dynamics.h"
+
+using namespace tachless;
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double step_s = 1e-4;
+constexpr double count = 1e-6;  // [rad]
+
+std::vector<double> numbers_of(const robot::Vector& x) { return {x.begin(), x.end()}; }
+
+void play(const experiment::Scenario& scenario) {
+  robot::Model model = plant::plant_model(scenario);
+  model.gravity.setZero();  // the arm's own controller cancels it
+  robot::Vector q = plant::initial_state(scenario, model).q;
+  robot::Vector v = robot::Vector::Zero(model.num_joints), tau = v;
+  iiwa::Channels<drake::lcmt_iiwa_status, drake::lcmt_iiwa_command> channels(
+      bus::parse_lcm_url(""), iiwa::status_channel, iiwa::command_channel);
+  drake::lcmt_iiwa_status status{};
+  drake::lcmt_iiwa_command command{};
+  status.num_joints = model.num_joints;
+  for (auto* unused : {&status.joint_position_commanded, &status.joint_position_ipo,
+                       &status.joint_torque_measured, &status.joint_torque_external}) {
+    *unused = numbers_of(robot::Vector::Zero(model.num_joints));
+  }
+  const double h = scenario.loop.period_s;
+  const auto start = loop::Clock::now();
+  auto commanded = start - 1s;
+  for (std::int64_t k = 0;; ++k) {
+    const auto begin = start + std::chrono::nanoseconds(std::llround(1e9 * h * double(k)));
+    while (loop::Clock::now() < begin) {
+      if (!channels.receive(command, begin)) continue;
+      if (command.num_torques != model.num_joints) continue;
+      tau = Eigen::Map<const Eigen::VectorXd>(command.joint_torque.data(), model.num_joints);
+      commanded = loop::Clock::now();
+    }
+    status.utime = std::llround(1e6 * h * double(k));
+    status.joint_position_measured = numbers_of((q / count).array().round() * count);
+    status.joint_velocity_estimated = numbers_of(v);
+    status.joint_torque_commanded = numbers_of(tau);
+    channels.send(status);
+    const bool held = loop::Clock::now() - commanded > 50ms;
+    for (double t = 0; t < h; t += step_s) {
+      if (held) {
+        v.setZero();
+      } else {
+        v += step_s * robot::forward_dynamics(model, q, v, tau);
+      }
+      q += step_s * v;
+    }
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 2;
+  play(experiment::load_scenario(argv[1]));
+}
