@@ -186,6 +186,7 @@ json run_json(RunLog& log) {
           {"num_ticks", log.info().num_ticks},
           {"num_joints", scenario.num_joints},
           {"flexible", scenario.robot.flexible.has_value()},
+          {"compensates", schema::name_of(scenario.robot.compensates)},
           {"ticks", summary.ticks},
           {"first_tick", summary.first_tick},
           {"last_tick", summary.last_tick},
@@ -236,12 +237,12 @@ std::string ranges(const json& missing_ticks) {
 
 std::string run_text(const json& run) {
   std::string text = fmt::format(
-      "run       {}: {}, {}, {} on {} ({} joints, {})\n"
+      "run       {}: {}, {}, {} on {} ({} joints, {}; the arm itself adds {})\n"
       "recorded  by version {}; controller fed with {}\n"
       "ticks     {} of {} at {:.9g} s",
       run["id"], run["scenario"], run["mode"], run["law"], run["robot"], run["num_joints"],
-      run["flexible"] ? "flexible" : "rigid", run["version"], run["measurement"], run["ticks"],
-      run["num_ticks"], run["period_s"].get<double>());
+      run["flexible"] ? "flexible" : "rigid", run["compensates"], run["version"],
+      run["measurement"], run["ticks"], run["num_ticks"], run["period_s"].get<double>());
   const bool has_ticks = run["ticks"] != 0;
   if (has_ticks) text += fmt::format(" ({} to {})", run["first_tick"], run["last_tick"]);
   text += fmt::format("\ngaps      {}\n", run["gaps"]);
