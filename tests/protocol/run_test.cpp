@@ -82,6 +82,8 @@ class SimulatedRun {
   std::int64_t widest() const { return widest_; }
   int conflicts() const { return conflicts_; }
   Time end() const { return now_; }
+  /// Its events, for tests/model/ticks.pml; of runs of less than 64 ticks.
+  const std::string& trace() const { return trace_; }
   /// By process and tick, how often it was computed.
   const std::map<std::pair<int, std::int64_t>, int>& computations() const { return computations_; }
 
@@ -142,20 +144,46 @@ class SimulatedRun {
       publish(plant, {Kind::tick, k, mix(1, k)});
       publish(plant, {Kind::measurement, k, measurements_[k]});
       tick_master_.asked(now_);
+      trace(0, k, k);
     }
   }
 
   void receive(Node to, const Message& message) {
+    // The messages that each takes, by their bit in tests/model/ticks.pml.
+    static const std::map<std::pair<Node, Kind>, int> taken = {
+        {{reference, Kind::tick}, 1},       {{controller, Kind::measurement}, 2},
+        {{controller, Kind::reference}, 4}, {{plant, Kind::command}, 8},
+        {{logger, Kind::tick}, 16},         {{logger, Kind::measurement}, 32},
+        {{logger, Kind::reference}, 64},    {{logger, Kind::command}, 128},
+        {{logger, Kind::state}, 256},       {{logger, Kind::truth}, 512},
+        {{plant, Kind::ack}, 1024}};
+    const auto found = taken.find({to, message.kind});
+    if (found == taken.end()) return;
+    std::int64_t tick = message.tick, count = 0;
     switch (to) {
       case plant:
-        return plant_receives(message);
+        plant_receives(message);
+        if (message.kind == Kind::ack) ++tick;
+        count =
+            message.kind == Kind::ack ? tick_master_.acknowledged() + 1 : tick_master_.next_tick();
+        break;
       case reference:
-        return reference_receives(message);
+        reference_receives(message);
+        count = reference_.newest() + 1;
+        break;
       case controller:
-        return controller_receives(message);
+        controller_receives(message);
+        count = controller_.next();
+        break;
       default:
-        return logger_receives(message);
+        logger_receives(message);
+        count = std::ssize(written_) / num_slots;
     }
+    trace(found->second, tick, count);
+  }
+
+  void trace(int kind, std::int64_t tick, std::int64_t count) {
+    trace_ += std::to_string((kind * 64 + tick) * 64 + count) + " ";
   }
 
   void note(Verdict verdict) { conflicts_ += verdict == Verdict::conflicting ? 1 : 0; }
@@ -257,6 +285,7 @@ class SimulatedRun {
   std::map<std::pair<Kind, std::int64_t>, std::uint64_t> inputs_;  ///< of the controller
   std::int64_t published_ = 0, repeats_ = 0, acks_ = 0, widest_ = 0;
   int conflicts_ = 0;
+  std::string trace_;
 };
 
 void expect_sound(const SimulatedRun& run, std::int64_t num_ticks,
@@ -319,6 +348,16 @@ TEST(ALockstepRun, RecoversFromHeavyLossWithoutAStorm) {
     // Measured 23 messages and 1.5 to 1.8 ms a tick; 6 messages and 0.1 ms in a clean run.
     EXPECT_LE(run.published(), 30 * num_ticks);
     EXPECT_LE(run.end() - Time{}, num_ticks * 4ms);
+  }
+}
+
+// tests/model/model_test.py replays them.
+TEST(ALockstepRun, GivesTracesForTheModel) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    SimulatedRun run(20, {.loss = 0.3, .duplication = 0.1, .straggling = 0.3}, seed);
+    run.run();
+    ASSERT_TRUE(run.finished());
+    RecordProperty("trace_" + std::to_string(seed), run.trace());
   }
 }
 
