@@ -38,8 +38,10 @@ class IiwaDriver final : public plant::ClockDriver {
  private:
   plant::ArmState exchange(const robot::Vector& tau) override {
     if (tau.size() > 0) send(tau);
-    // The first status may be that of a driver that has just been started.
-    const std::chrono::milliseconds longest = status_.num_joints == 0 ? 3000ms : 50ms;
+    // The first status may be that of a driver that has just been started. Later waits endanger
+    // nothing: without commands drake-iiwa-driver holds the arm itself (`stop`), and ticks that
+    // passed meanwhile are counted as missed.
+    const std::chrono::milliseconds longest = status_.num_joints == 0 ? 3000ms : 500ms;
     if (!channels_.receive(status_, loop::Clock::now() + longest)) {
       throw diagnostics::Failure(diagnostics::ExitCode::protective_stop,
                                  "no message on {} for {} ms: does drake-iiwa-driver run, on this "
