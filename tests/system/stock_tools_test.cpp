@@ -126,19 +126,26 @@ TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
   wait_until("watch to listen",
              [&] { return watch.output().find('\n') != std::string::npos || !watch.running(); });
   output_of("lcm-logplayer", {log}, directory);
+  std::map<std::string, std::size_t> expected;
+  for (const auto& [channel, messages] : messages_of(log)) expected[channel] = messages.size();
+  // The player has ended; what it sent may still be in the socket of `watch`, which reads no more once it is interrupted.
+  Json heard;
+  std::map<std::string, std::size_t> counted;
+  wait_until("watch to print the last message", [&] {
+    const std::string output = watch.output();
+    const std::size_t end = output.rfind('\n');
+    const std::size_t last = end == 0 ? std::string::npos : output.rfind('\n', end - 1);
+    heard = Json::parse(output.substr(last + 1, end - last));
+    counted.clear();
+    for (const auto& entry : heard["channels"]) counted[entry["channel"]] = entry["messages"];
+    return counted == expected || heard["lost_here"] != 0 || !watch.running();
+  });
   watch.signal(SIGINT);
   ASSERT_EQ(watch.wait(), 0) << watch.errors();
 
-  const std::string output = watch.output();
-  const std::size_t last = output.rfind('\n', output.size() - 2);
-  const Json heard = Json::parse(output.substr(last + 1));
   EXPECT_EQ(heard["undecodable"], 0);
   ASSERT_EQ(heard["lost_here"], 0);
-  std::map<std::string, std::size_t> expected;
-  for (const auto& [channel, messages] : messages_of(log)) expected[channel] = messages.size();
-  std::map<std::string, std::size_t> counted;
   for (const auto& entry : heard["channels"]) {
-    counted[entry["channel"]] = entry["messages"];
     EXPECT_EQ(entry["not_ours"], 0);
     EXPECT_EQ(entry["tick_gaps"].is_null() ? 0 : entry["tick_gaps"].get<int>(), 0)
         << entry["channel"];
