@@ -104,19 +104,20 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   diagnostics::UnfinishedFile(directory / "results.csv", remedy).write(sweep.table(rows));
   report::write_sweep_page(sweep.plan(), rows, colour, directory);
   const bool comparison = sweep.plan().is_comparison();
-  if (json) {
-    nlohmann::ordered_json all = {
-        {"directory", directory.string()}, {"runs", rows.size()}, {"outcomes", outcomes}};
-    if (comparison) all["laws"] = comparison_json(sweep.plan(), rows);
-    return diagnostics::json_text(all, 2) + "\n";
-  }
   std::vector<std::string> parts;
   for (const auto& [outcome, count] : outcomes)
     parts.push_back(fmt::format("{} {}", count, outcome));
-  return fmt::format("{}{} runs: {}\n  {}\n  {}\n",
-                     comparison ? comparison_table(sweep.plan(), rows) : "", rows.size(),
-                     diagnostics::joined(parts), (directory / "results.csv").string(),
-                     (directory / "index.html").string());
+  const std::string text =
+      fmt::format("{}{} runs: {}\n  {}\n  {}\n",
+                  comparison ? comparison_table(sweep.plan(), rows) : "", rows.size(),
+                  diagnostics::joined(parts), (directory / "results.csv").string(),
+                  (directory / "index.html").string());
+  if (!json) return text;
+  nlohmann::ordered_json all = {
+      {"directory", directory.string()}, {"runs", rows.size()}, {"outcomes", outcomes}};
+  if (comparison) all["laws"] = comparison_json(sweep.plan(), rows);
+  all["text"] = text;
+  return diagnostics::json_text(all, 2) + "\n";
 }
 
 std::string submit_to_slurm(const study::Sweep& sweep, int tasks) {

@@ -341,6 +341,8 @@ PYBIND11_MODULE(_tachless, module) {
       .def_readonly("snap", &Reference::snap);
   declare_robot(module);
   declare_run(module);
+  declare_linear(module);
+  declare_listener(module);
   module.def("run_controller", &run_controller);
 }
 

@@ -8,7 +8,7 @@
 
 #include "controller/registry.h"
 
-/// A control law that is a Python callable.
+/// A control law that is a Python callable; what the module's sources share.
 namespace tachless::python {
 
 namespace py = pybind11;
@@ -35,5 +35,9 @@ robot::Vector vector_of(const py::handle& object, int size, const std::string& w
 /// @param name as announced; the law measures what the scenario's controller.measurement says
 controller::ScenarioLaw python_law(const experiment::Scenario& scenario, const py::object& f,
                                    const std::string& name, Interrupt interrupt);
+
+/// The parts of the module with a source of their own.
+void declare_linear(py::module_& module);
+void declare_listener(py::module_& module);
 
 }  // namespace tachless::python

@@ -6,7 +6,9 @@ them and computes nothing itself. Angles are in rad, lengths in m, torques in N 
     run_controller(f)        your law as the controller of a run
     simulate(scenario)       the closed loop in this process, as arrays
     read(log)                a recorded run, as arrays
-    certify, design, identify  what the commands of these names find, as objects
+    certify, design, identify, sweep  what the commands of these names find, as objects
+    linear(scenario)         the loop's map of one period, as matrices
+    listen(channels)         the messages of a bus, as they come
     plot(run)                a picture of a run, by matplotlib
     Robot(urdf)              mechanics: inertia matrix, inverse and forward dynamics, poses
     Error                    an error of the programs: their message; its code is their exit code
@@ -14,13 +16,15 @@ them and computes nothing itself. Angles are in rad, lengths in m, torques in N 
 
 from __future__ import annotations
 
+import csv
+import dataclasses
 import json
 import os
 import pathlib
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -30,8 +34,8 @@ from . import _tachless
 from ._tachless import Error, Measurement, Reference, Run
 
 __version__: str = _tachless.version
-__all__ = ["Error", "Measurement", "Reference", "Result", "Robot", "Run", "certify", "design", "identify", "plot", "read",
-           "run_controller", "simulate"]
+__all__ = ["Error", "Linear", "Measurement", "Reference", "Result", "Robot", "Run", "certify", "design", "identify",
+           "linear", "listen", "plot", "read", "run_controller", "simulate", "sweep"]
 
 Path = Union[str, "os.PathLike[str]"]
 Law = Callable[[int, float, Measurement, Reference], ArrayLike]
@@ -231,6 +235,88 @@ def identify(*logs: Path, unknown: Sequence[str] = ("rotor", "viscous", "coulomb
         Error: a log that does not show them (code 2).
     """
     return _result("identify", [*logs, *_options({"unknown": list(unknown), "validate": validate, "write": write})], {})
+
+
+def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Optional[Path] = None,
+          overrides: Optional[Mapping[str, Any]] = None, **options: Any) -> Result:
+    """Many runs of a scenario with values varied, over all cores: tachless sweep.
+
+    Args:
+        vary: by key, as of --vary, values as a list or as text: {"controller.gains.kp*": "0.1:10:21:log"}.
+        out: a directory for results.csv and index.html; default: out/sweep-NAME.
+        overrides: values of the scenario by key.
+        options: the command's options: random, seed, laws, bandwidth, colour, threads.
+
+    Returns:
+        directory, runs, outcomes {name: count}, and table: the columns of results.csv by name, arrays (runs,), NaN where
+        a run has no such number.
+
+    Raises:
+        Error: the scenario, a key or an option is not valid (code 2).
+    """
+    axes = [f"--vary={key}={values if isinstance(values, str) else ','.join(map(repr, np.asarray(values).tolist()))}"
+            for key, values in (vary or {}).items()]
+    result = _result("sweep", [scenario, *axes, *_options({"out": out, **options})], overrides or {})
+    with open(os.path.join(result["directory"], "results.csv"), newline="", encoding="utf-8") as file:
+        rows = zip(*csv.reader(file))
+    result["table"] = {name: np.array(column if name in ("law", "outcome", "stopped") else [float(x or "nan") for x in column])
+                       for name, *column in rows}
+    return result
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Linear:
+    """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], period h [s]: deviations from rest at a posture (n,).
+
+    states names the entries of x, with units: q and v of the n links; of flexible joints theta and thetadot; the law's
+    memory, in units of its own; of a delay of d ticks the torques under way, tau[k-1] to tau[k-d], of which the last acts
+    now. u (n,) is a torque added to the law's, under way like it. An encoder's latency counts as delay of the torque.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    h: float
+    posture: np.ndarray
+    states: list[str]
+
+
+def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bool = False, **overrides: Any) -> Linear:
+    """The loop over one period, linearised about rest, its torque held: what certify examines.
+
+    y is the positions q, and the eigenvalues of A are the loop's modes. With open_loop the law's feedback is cut where its
+    torque leaves, and y is that torque negated: A - B C is the closed map, margins are those of y/u. Compensation of
+    gravity stays closed. Saturation, quantisation and dry friction are not in it.
+
+    Args:
+        posture: joint positions (n,), rad or m; default: where the reference begins.
+        overrides: values of the scenario by key.
+
+    Raises:
+        Error: the scenario is not valid, or its law cannot be linearised (code 2).
+    """
+    return Linear(**_tachless.linear(os.fspath(scenario), _settings(overrides), posture, open_loop))
+
+
+def listen(*channels: str, lcm_url: Optional[str] = None, seconds: float = 1e9) -> Iterator[dict[str, Any]]:
+    """The messages on a bus as they come: ``for m in listen("ARM_COMMAND"): print(m["tick"], m["torque"])``.
+
+    A message has channel, type, tagged (it has the tag of a key, which is not verified), utime [us], run, tick, and the
+    fields of its .lcm file by name, lists as arrays; the rows of a law's signals are value[0], value[1], ... Nothing is
+    sent and no run held up: what is taken too slowly is lost, which gaps in tick show. Ctrl-C ends it.
+
+    Args:
+        channels: names, as in tachless watch; none: all.
+        lcm_url: the bus; default: that of LCM_DEFAULT_URL, else that of the programs.
+        seconds: it ends after that long without a message.
+
+    Raises:
+        Error: the bus cannot be joined (code 2).
+    """
+    bus = _tachless.Listener(channels, lcm_url or "")
+    return ({name: np.array(value) if isinstance(value, list) else value for name, value in json.loads(text).items()}
+            for text in iter(lambda: bus.take(seconds), ""))
 
 
 def plot(run: Run, axes: Any = None) -> Any:

@@ -228,6 +228,117 @@ class Documentation(unittest.TestCase):
         self.assertLessEqual(law.end_lineno - law.lineno + 1, 15)
 
 
+class TheLinearLoop(unittest.TestCase):
+    still = scenarios / "regulation.yaml"
+    late = {"loop.command_delay": 1}
+
+    def test_its_modes_are_those_of_certify(self):
+        loop, found = tachless.linear(self.still, **self.late), tachless.certify(self.still, **self.late).sampled
+        radius = np.abs(np.linalg.eigvals(loop.A)).max()
+        # Two eigenvalue solvers, of a matrix with torques of 1e4 N m beside radians.
+        self.assertAlmostEqual(radius, found["spectral_radius"], delta=1e-9)
+        self.assertAlmostEqual(-np.log(radius) / loop.h, found["decay_per_s"], delta=1e-6 * found["decay_per_s"])
+        # From one joint beside the posture, at rest, the filter as after long there.
+        n, m = 2, len(loop.A) - 2
+        memory = slice(4, m)
+        settled = 0
+        for j in range(n):
+            x = np.zeros(len(loop.A))
+            x[j] = 1
+            x[memory] = np.linalg.solve(np.eye(m - 4) - loop.A[memory, memory], loop.A[memory, j])
+            for k in range(1, 1000):
+                x = loop.A @ x
+                if np.abs(loop.C @ x).max() > 0.01:
+                    settled = max(settled, k * loop.h)
+        self.assertAlmostEqual(settled, found["settling_s"], delta=1e-9)
+
+    def test_cut_open_it_has_the_gain_margin_of_certify(self):
+        cut, closed = tachless.linear(self.still, open_loop=True, **self.late), tachless.linear(self.still, **self.late)
+        np.testing.assert_allclose(cut.A - cut.B @ cut.C, closed.A, rtol=1e-12)
+        gain = tachless.certify(self.still, **self.late).sampled["margins"]["gain"]
+        for factor, stable in (0.999 * gain, True), (1.001 * gain, False):
+            self.assertEqual(np.abs(np.linalg.eigvals(cut.A - factor * cut.B @ cut.C)).max() < 1, stable)
+
+    def test_a_step_is_that_of_the_simulation(self):
+        rest, beside = np.array([0.5, -0.3]), 1e-6 * np.array([1, -2])
+        loop = tachless.linear(self.still, **self.late)
+        np.testing.assert_array_equal(loop.posture, rest)
+        self.assertEqual(loop.states, [
+            "q shoulder [rad]", "q elbow [rad]", "v shoulder [rad/s]", "v elbow [rad/s]", "memory 1", "memory 2", "memory 3",
+            "memory 4", "tau[k-1] shoulder [N m]", "tau[k-1] elbow [N m]"])
+        run = tachless.simulate(self.still, **self.late, **{"plant.initial.position_rad": rest + beside, "loop.duration_s": 0.2,
+                                                            "plant.integrator.accuracy": 1e-12})
+        # nu, e and tau of the tick before are the memory and what is under way.
+        states = np.hstack([run["q"][1:] - rest, run["v"][1:], run["nu"][:-1], run["error"][:-1],
+                            run["tau"][:-1] - tachless.Robot(arm).g(rest)])
+        for column, name in enumerate(loop.states):
+            # Of errors of 1e-6 the squares are 1e-6 of them; rounding of q = 0.5 is 1e-10 of them.
+            tolerance = 1e-5 * np.abs(states[:, column]).max()
+            np.testing.assert_allclose(states[:-1] @ loop.A[column], states[1:, column], rtol=0, atol=tolerance, err_msg=name)
+
+    def test_another_posture_and_motors_behind_springs(self):
+        there = tachless.linear(scenarios / "practical_flexible.yaml", [0.1, -0.2])
+        self.assertEqual(there.states[4:8], ["theta shoulder [rad]", "theta elbow [rad]", "thetadot shoulder [rad/s]",
+                                             "thetadot elbow [rad/s]"])
+        self.assertEqual((there.A.shape, there.B.shape), (2 * (len(there.states),), (len(there.states), 2)))
+        self.assertFalse(np.array_equal(there.A, tachless.linear(scenarios / "practical_flexible.yaml").A))
+
+    def test_errors_name_the_thing(self):
+        for words, arguments in [
+            (r"posture has the shape \(3\); needed: \(2,\)", {"posture": [0, 0, 0]}),
+            ("controller.law: robust_differentiator cannot be linearised", {
+                "controller.law": "robust_differentiator",
+                "controller.gains": {"kp": [400, 24], "kd": [10, 1], "lipschitz": 100}}),
+            ("controller.law.*nobody", {"controller.law": "nobody"}),
+        ]:
+            with self.assertRaisesRegex(tachless.Error, words) as raised:
+                tachless.linear(self.still, **arguments)
+            self.assertEqual(raised.exception.code, 2)
+
+
+class TheBus(Folder):
+    def in_a_network_of_its_own(self, text):
+        """stdout of a script, line by line."""
+        (self.folder / "script.py").write_text("import os, signal, subprocess, threading\nimport tachless\n" + text)
+        network = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && exec "
+        done = subprocess.run(["unshare", "-rn", "sh", "-c", f"{network}{sys.executable} {self.folder}/script.py"],
+                              capture_output=True, text=True, check=False, timeout=120)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        return done.stdout.splitlines()
+
+    def test_messages_are_those_that_the_log_has(self):
+        self.in_a_network_of_its_own(f"""
+commands = tachless.listen("ARM_COMMAND", seconds=0.2)
+everything = tachless.listen(seconds=0.2)
+subprocess.run(["{programs}/tachless", "run", "{paper}", "--duration", "0.005", "--out", "{self.folder}/run"], check=True,
+               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+log = tachless.read("{self.folder}/run")
+heard = list(commands)
+assert {{m["tick"]: m["torque"].tolist() for m in heard}} == dict(enumerate(log["tau"].tolist())), heard
+assert {{(m["channel"], m["type"], m["run"], m["tagged"]) for m in heard}} == {{("ARM_COMMAND", "tachless.torque_command_t", log.run_id, False)}}
+kinds = {{m["type"]: m for m in everything}}
+assert kinds["tachless.reference_t"]["position"].shape == (2,)
+assert kinds["tachless.participant_t"]["role"] in ("plant", "reference", "controller", "logger")
+assert "loria_ortega_rigid" in kinds["tachless.run_info_t"]["scenario"] and isinstance(kinds["tachless.tick_t"]["last"], bool)
+""")
+
+    def test_ctrl_c_ends_it_while_nothing_comes(self):
+        said = self.in_a_network_of_its_own("""
+threading.Timer(0.3, os.kill, [os.getpid(), signal.SIGINT]).start()
+try:
+    next(tachless.listen("ARM_COMMAND"))
+except KeyboardInterrupt:
+    print("ended")
+""")
+        self.assertEqual(said, ["ended"])
+
+    def test_what_is_no_bus(self):
+        with self.assertRaisesRegex(tachless.Error, "--lcm-url: .*carrier://pigeon"):
+            tachless.listen(lcm_url="carrier://pigeon")
+        with self.assertRaisesRegex(tachless.Error, "channel"):
+            tachless.listen(64 * "A")
+
+
 class TheCommands(Folder):
     def test_five_minutes_from_a_urdf_to_a_picture(self):
         # The ten lines of docs/python.md.
@@ -260,6 +371,22 @@ class TheCommands(Folder):
         with self.assertRaises(tachless.Error) as caught:
             tachless.identify(self.folder / "no_log")
         self.assertEqual(caught.exception.code, 2)
+
+    def test_sweep_is_what_the_command_finds(self):
+        scenario = scenarios / "practical_rigid.yaml"
+        found = tachless.sweep(scenario, {"controller.gains.kp*": [0.5, 1], "loop.command_delay": "0,1"},
+                               out=self.folder / "ours", overrides={"loop.duration_s": 0.1})
+        printed = tachless_command("sweep", scenario, "--set", "loop.duration_s=0.1", "--vary", "controller.gains.kp*=0.5,1",
+                                   "--vary", "loop.command_delay=0,1", "--out", self.folder / "theirs", "--quiet")
+        self.assertEqual(str(found).replace("ours", "theirs"), printed)
+        self.assertEqual((self.folder / "ours/results.csv").read_bytes(), (self.folder / "theirs/results.csv").read_bytes())
+        self.assertEqual((found.runs, sum(found.outcomes.values())), (4, 4))
+        np.testing.assert_array_equal(found.table["controller.gains.kp*"], [0.5, 0.5, 1, 1])
+        self.assertEqual(found.table["law"].tolist(), 4 * ["loria_ortega_rigid"])
+        with self.assertRaisesRegex(tachless.Error, "controller.gains.kp[*]=2:1:3.*"):
+            tachless.sweep(scenario, {"controller.gains.kp*": "2:1:3:4:5"}, out=self.folder / "none")
+        with self.assertRaisesRegex(tachless.Error, "nothing to vary"):
+            tachless.sweep(scenario, out=self.folder / "none")
 
     def test_design_writes_what_it_returns(self):
         found = tachless.design(arm, settling=0.5, write=self.folder / "arm.yaml")

@@ -144,6 +144,12 @@ const std::vector<Rule> rules = {
      {"python/", "controller/", "experiment/", "logger/", "plant/run_messages.h", "study/",
       "robot/", "loop/", "diagnostics/"},
      {"pybind11/", "Eigen/"}},
+    {"python/linear.cpp",
+     {"python/", "certificate/scenario_loop.h", "controller/registry.h", "experiment/"},
+     {"pybind11/"}},
+    {"python/listener.cpp",
+     {"python/", "bus/udp_transport.h", "monitor/bus_monitor.h", "node/options.h", "loop/", "diagnostics/"},
+     {"pybind11/", "nlohmann/"}},
 
     {"tests/", anything, anything, true},
     {"bench/", anything, anything, true},

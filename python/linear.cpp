@@ -1,0 +1,68 @@
+#include <fmt/format.h>
+#include <pybind11/eigen.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "certificate/scenario_loop.h"
+#include "controller/registry.h"
+#include "experiment/scenario.h"
+#include "python/python_law.h"
+
+namespace tachless::python {
+namespace {
+
+using Names = std::vector<std::string>;
+using py::literals::operator""_a;
+
+/// Of the `size` entries of the state of `certificate::CutLoop`.
+Names states_of(const experiment::Scenario& scenario, Eigen::Index size, int delay) {
+  const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
+  Names names;
+  const auto add = [&, &joints = joints](std::string_view what, const Names& units,
+                                         std::string_view per = "") {
+    for (std::size_t i = 0; i < joints.size(); ++i) {
+      names.push_back(fmt::format("{} {} [{}{}]", what, joints[i], units[i], per));
+    }
+  };
+  add("q", length);
+  add("v", length, "/s");
+  if (scenario.robot.flexible) {
+    add("theta", length);
+    add("thetadot", length, "/s");
+  }
+  const auto memory_end = static_cast<std::size_t>(size - delay * scenario.num_joints);
+  for (int i = 1; names.size() < memory_end; ++i) names.push_back(fmt::format("memory {}", i));
+  for (int k = 1; k <= delay; ++k) add(fmt::format("tau[k-{}]", k), effort);
+  return names;
+}
+
+py::dict linear(const std::filesystem::path& path, const Names& overrides,
+                const py::object& posture, bool open) {
+  const experiment::Scenario scenario = experiment::load_scenario(path, overrides);
+  const certificate::ScenarioLoop loop(scenario);
+  const auto& law = controller::law_facts(scenario.controller.law);
+  if (!law.no_linearisation.empty()) {
+    throw scenario.complaint("controller.law", fmt::format("{} cannot be linearised ({})", law.name,
+                                                           law.no_linearisation));
+  }
+  const int n = scenario.num_joints;
+  const robot::Vector q =
+      posture.is_none() ? loop.rest_at(0).q_ref : vector_of(posture, n, "posture");
+  const double h = scenario.loop.period_s;
+  const auto& [A, B, C] = certificate::cut(loop.at(certificate::constant_reference(q)), h);
+  const Eigen::MatrixXd positions = Eigen::MatrixXd::Identity(n, A.rows());
+  return py::dict("A"_a = open ? A : A + B * C, "B"_a = B, "C"_a = open ? -C : positions,
+                  "D"_a = Eigen::MatrixXd(Eigen::MatrixXd::Zero(n, n)), "h"_a = h,
+                  "posture"_a = array_of(q),
+                  "states"_a = states_of(scenario, A.rows(), loop.settings().command_delay));
+}
+
+}  // namespace
+
+void declare_linear(py::module_& module) { module.def("linear", &linear); }
+
+}  // namespace tachless::python

@@ -1,0 +1,71 @@
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <chrono>
+#include <exception>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "bus/udp_transport.h"
+#include "diagnostics/failure.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/time.h"
+#include "loop/clock.h"
+#include "monitor/bus_monitor.h"
+#include "node/options.h"
+#include "python/python_law.h"
+
+namespace tachless::python {
+namespace {
+
+using bus::UdpTransport;
+using loop::Clock;
+
+/// @param channels exact names; empty: all. @param url empty: $LCM_DEFAULT_URL, else the default
+std::unique_ptr<UdpTransport> joined(const std::vector<std::string>& channels,
+                                     const std::string& url) try {
+  auto transport = std::make_unique<UdpTransport>(node::parse_lcm_url(url));
+  for (const std::string& channel : channels) transport->subscribe(channel);
+  if (channels.empty()) transport->subscribe_all();
+  transport->read_in_batches(std::chrono::milliseconds(1));  // so that no sender waits for it
+  return transport;
+} catch (const std::exception& problem) {
+  throw diagnostics::bad_usage(problem.what());
+}
+
+/// The next message that can be decoded, as JSON; empty after so many seconds without one.
+std::string take(UdpTransport& transport, double seconds) {
+  const Clock::time_point end = Clock::now() + diagnostics::nanoseconds_of(seconds);
+  do {
+    std::vector<monitor::MessageField> fields;
+    monitor::Glance seen;
+    nlohmann::ordered_json json;
+    {
+      const py::gil_scoped_release unlocked;
+      // In short waits: Ctrl-C may have come in between.
+      const auto short_end = Clock::now() + std::chrono::milliseconds(50);
+      if (const auto message = transport.receive(std::min(end, short_end))) {
+        seen = monitor::glance(message->payload, &fields);
+        json["channel"] = message->channel;
+      }
+    }
+    if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    if (seen.type.empty() || seen.rejection != bus::Rejection::none) continue;
+    const auto& [utime, run, tick] = seen.stamp;
+    json.update({{"type", seen.type}, {"tagged", seen.tagged}});
+    json.update({{"utime", utime}, {"run", run}, {"tick", tick}});
+    for (const auto& [name, unit, value] : fields) json[name] = value;
+    return diagnostics::json_text(json);
+  } while (Clock::now() < end);
+  return "";
+}
+
+}  // namespace
+
+void declare_listener(py::module_& module) {
+  py::class_<UdpTransport>(module, "Listener").def(py::init(&joined)).def("take", &take);
+}
+
+}  // namespace tachless::python
