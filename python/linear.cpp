@@ -4,7 +4,6 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "certificate/scenario_loop.h"
@@ -22,8 +21,8 @@ using py::literals::operator""_a;
 Names states_of(const experiment::Scenario& scenario, Eigen::Index size, int delay) {
   const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
   Names names;
-  const auto add = [&, &joints = joints](std::string_view what, const Names& units,
-                                         std::string_view per = "") {
+  const auto add = [&, &joints = joints](const std::string& what, const Names& units,
+                                         const char* per = "") {
     for (std::size_t i = 0; i < joints.size(); ++i) {
       names.push_back(fmt::format("{} {} [{}{}]", what, joints[i], units[i], per));
     }

@@ -54,8 +54,7 @@ std::string take(UdpTransport& transport, double seconds) {
     if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     if (seen.type.empty() || seen.rejection != bus::Rejection::none) continue;
     const auto& [utime, run, tick] = seen.stamp;
-    json.update({{"type", seen.type}, {"tagged", seen.tagged}});
-    json.update({{"utime", utime}, {"run", run}, {"tick", tick}});
+    json.update({{"type", seen.type}, {"utime", utime}, {"run", run}, {"tick", tick}});
     for (const auto& [name, unit, value] : fields) json[name] = value;
     return diagnostics::json_text(json);
   } while (Clock::now() < end);

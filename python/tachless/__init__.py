@@ -248,8 +248,7 @@ def sweep(scenario: Path, vary: Optional[Mapping[str, Any]] = None, *, out: Opti
         options: the command's options: random, seed, laws, bandwidth, colour, threads.
 
     Returns:
-        directory, runs, outcomes {name: count}, and table: the columns of results.csv by name, arrays (runs,), NaN where
-        a run has no such number.
+        What --json has, and table: the columns of results.csv by name, arrays (runs,); NaN where there is no number.
 
     Raises:
         Error: the scenario, a key or an option is not valid (code 2).
@@ -269,8 +268,8 @@ class Linear:
     """x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k], period h [s]: deviations from rest at a posture (n,).
 
     states names the entries of x, with units: q and v of the n links; of flexible joints theta and thetadot; the law's
-    memory, in units of its own; of a delay of d ticks the torques under way, tau[k-1] to tau[k-d], of which the last acts
-    now. u (n,) is a torque added to the law's, under way like it. An encoder's latency counts as delay of the torque.
+    memory; of a delay of d ticks, encoder's latency included, the torques under way, tau[k-1] to tau[k-d], of which the last
+    acts now. u (n,) is a torque added to the law's, under way like it.
     """
 
     A: np.ndarray
@@ -285,9 +284,8 @@ class Linear:
 def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bool = False, **overrides: Any) -> Linear:
     """The loop over one period, linearised about rest, its torque held: what certify examines.
 
-    y is the positions q, and the eigenvalues of A are the loop's modes. With open_loop the law's feedback is cut where its
-    torque leaves, and y is that torque negated: A - B C is the closed map, margins are those of y/u. Compensation of
-    gravity stays closed. Saturation, quantisation and dry friction are not in it.
+    y is q, and the eigenvalues of A are the loop's modes. With open_loop the law's feedback is cut where its torque leaves,
+    and y is that torque negated: A - B C is the closed map. Compensation of gravity stays closed.
 
     Args:
         posture: joint positions (n,), rad or m; default: where the reference begins.
@@ -302,9 +300,8 @@ def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bo
 def listen(*channels: str, lcm_url: Optional[str] = None, seconds: float = 1e9) -> Iterator[dict[str, Any]]:
     """The messages on a bus as they come: ``for m in listen("ARM_COMMAND"): print(m["tick"], m["torque"])``.
 
-    A message has channel, type, tagged (it has the tag of a key, which is not verified), utime [us], run, tick, and the
-    fields of its .lcm file by name, lists as arrays; the rows of a law's signals are value[0], value[1], ... Nothing is
-    sent and no run held up: what is taken too slowly is lost, which gaps in tick show. Ctrl-C ends it.
+    A message has channel, type, utime [us], run, tick, and the fields of its .lcm file, lists as arrays. A key's tag is not
+    verified. No run is held up: what is taken too slowly is lost, as gaps in tick show. Ctrl-C ends it.
 
     Args:
         channels: names, as in tachless watch; none: all.

@@ -315,7 +315,7 @@ subprocess.run(["{programs}/tachless", "run", "{paper}", "--duration", "0.005", 
 log = tachless.read("{self.folder}/run")
 heard = list(commands)
 assert {{m["tick"]: m["torque"].tolist() for m in heard}} == dict(enumerate(log["tau"].tolist())), heard
-assert {{(m["channel"], m["type"], m["run"], m["tagged"]) for m in heard}} == {{("ARM_COMMAND", "tachless.torque_command_t", log.run_id, False)}}
+assert {{(m["channel"], m["type"], m["run"]) for m in heard}} == {{("ARM_COMMAND", "tachless.torque_command_t", log.run_id)}}
 kinds = {{m["type"]: m for m in everything}}
 assert kinds["tachless.reference_t"]["position"].shape == (2,)
 assert kinds["tachless.participant_t"]["role"] in ("plant", "reference", "controller", "logger")
