@@ -107,11 +107,10 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   std::vector<std::string> parts;
   for (const auto& [outcome, count] : outcomes)
     parts.push_back(fmt::format("{} {}", count, outcome));
-  const std::string text =
-      fmt::format("{}{} runs: {}\n  {}\n  {}\n",
-                  comparison ? comparison_table(sweep.plan(), rows) : "", rows.size(),
-                  diagnostics::joined(parts), (directory / "results.csv").string(),
-                  (directory / "index.html").string());
+  const std::string text = fmt::format(
+      "{}{} runs: {}\n  {}\n  {}\n", comparison ? comparison_table(sweep.plan(), rows) : "",
+      rows.size(), diagnostics::joined(parts), (directory / "results.csv").string(),
+      (directory / "index.html").string());
   if (!json) return text;
   nlohmann::ordered_json all = {
       {"directory", directory.string()}, {"runs", rows.size()}, {"outcomes", outcomes}};

@@ -148,7 +148,8 @@ const std::vector<Rule> rules = {
      {"python/", "certificate/scenario_loop.h", "controller/registry.h", "experiment/"},
      {"pybind11/"}},
     {"python/listener.cpp",
-     {"python/", "bus/udp_transport.h", "monitor/bus_monitor.h", "node/options.h", "loop/", "diagnostics/"},
+     {"python/", "bus/udp_transport.h", "monitor/bus_monitor.h", "node/options.h", "loop/",
+      "diagnostics/"},
      {"pybind11/", "nlohmann/"}},
 
     {"tests/", anything, anything, true},
