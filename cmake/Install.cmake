@@ -16,6 +16,15 @@ install(DIRECTORY ${TACHLESS_ROOMS} ${PROJECT_BINARY_DIR}/generated/diagnostics
   DESTINATION include/tachless COMPONENT development
   FILES_MATCHING PATTERN "*.h" PATTERN lcmtypes EXCLUDE PATTERN verb EXCLUDE
   PATTERN python EXCLUDE)
+# Installed, they are <tachless/robot/model.h>, to each other too.
+install(CODE [[
+  file(GLOB_RECURSE headers "$ENV{DESTDIR}${CMAKE_INSTALL_PREFIX}/include/tachless/*.h")
+  foreach(header IN LISTS headers)
+    file(READ "${header}" text)
+    string(REGEX REPLACE "#include \"([a-z]+/)" "#include \"tachless/\\1" text "${text}")
+    file(WRITE "${header}" "${text}")
+  endforeach()
+]] COMPONENT development)
 foreach(example IN ITEMS own_law own_driver iiwa)  # each with its robot, which is a link in the tree
   install(DIRECTORY examples/${example} DESTINATION ${shared}/examples COMPONENT development
     PATTERN *.urdf EXCLUDE)
@@ -37,5 +46,10 @@ configure_package_config_file(cmake/tachlessConfig.cmake.in tachlessConfig.cmake
 write_basic_package_version_file(tachlessConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/tachlessConfig.cmake ${PROJECT_BINARY_DIR}/tachlessConfigVersion.cmake
   cmake/FindClp.cmake cmake/FindHttplib.cmake cmake/FindLcm.cmake DESTINATION ${package} COMPONENT development)
+install(FILES package.xml DESTINATION ${shared} COMPONENT development)
+get_property(libraries GLOBAL PROPERTY TACHLESS_ARCHIVES)
+file(RELATIVE_PATH up /p/${CMAKE_INSTALL_LIBDIR}/pkgconfig /p)
+configure_file(cmake/tachless.pc.in tachless.pc @ONLY)
+install(FILES ${PROJECT_BINARY_DIR}/tachless.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 install(EXPORT tachless NAMESPACE tachless:: FILE tachlessTargets.cmake DESTINATION ${package}
   COMPONENT development)

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "bus/udp_transport.h"
+#include <tachless/bus/udp_transport.h>
 #include "drake/lcmt_iiwa_command.hpp"
 #include "drake/lcmt_iiwa_status.hpp"
 

@@ -2,12 +2,12 @@
 // has to run with --torque_only --time_step=0.001 (the period of the scenario): without
 // --torque_only it holds the last torque for ever when commands cease.
 
+#include <tachless/diagnostics/failure.h>
+#include <tachless/node/options.h>
+#include <tachless/node/run_role.h>
+#include <tachless/plant/node.h>
+#include <tachless/plant/robot_driver.h>
 #include "channels.h"
-#include "diagnostics/failure.h"
-#include "node/options.h"
-#include "node/run_role.h"
-#include "plant/node.h"
-#include "plant/robot_driver.h"
 
 using namespace tachless;
 

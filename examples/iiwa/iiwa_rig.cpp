@@ -5,10 +5,10 @@
 #include <cmath>
 #include <thread>
 
+#include <tachless/node/options.h>
+#include <tachless/plant/plant_model.h>
+#include <tachless/robot/dynamics.h>
 #include "channels.h"
-#include "node/options.h"
-#include "plant/plant_model.h"
-#include "robot/dynamics.h"
 
 using namespace tachless;
 

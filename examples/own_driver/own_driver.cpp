@@ -2,11 +2,11 @@
 
 #include <chrono>
 
-#include "node/options.h"
-#include "node/run_role.h"
-#include "plant/node.h"
-#include "plant/plant_model.h"
-#include "plant/robot_driver.h"
+#include <tachless/node/options.h>
+#include <tachless/node/run_role.h>
+#include <tachless/plant/node.h>
+#include <tachless/plant/plant_model.h>
+#include <tachless/plant/robot_driver.h>
 #include "rig.h"
 
 using namespace tachless;

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "robot/dynamics.h"
+#include <tachless/robot/dynamics.h>
 
 namespace tachless::own_driver {
 namespace {

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <optional>
 
-#include "robot/model.h"
+#include <tachless/robot/model.h>
 
 namespace tachless::own_driver {
 

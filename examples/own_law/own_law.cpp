@@ -6,11 +6,11 @@
 #include <tuple>
 #include <utility>
 
-#include "controller/law/law.h"
-#include "controller/program.h"
-#include "robot/dynamics.h"
-#include "robot/model.h"
-#include "schema/schema.h"
+#include <tachless/controller/law/law.h>
+#include <tachless/controller/program.h>
+#include <tachless/robot/dynamics.h>
+#include <tachless/robot/model.h>
+#include <tachless/schema/schema.h>
 
 using namespace tachless;
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs a build into BUILD/installed, as a user does, and builds the projects of examples/ against
-# that, from outside of the tree.
+# that, from outside of the tree, one of them by pkg-config too. package.xml is what REP 149 wants.
 set -euo pipefail
 tree=${1:?usage: install.sh SOURCE_DIR BUILD_DIR}
 build=${2:?usage: install.sh SOURCE_DIR BUILD_DIR}
@@ -21,4 +21,23 @@ for example in own_law own_driver iiwa; do
   cmake -S "$prefix/work/$example" -B "$prefix/work/$example/build" -G Ninja -DCMAKE_PREFIX_PATH="$prefix"
   cmake --build "$prefix/work/$example/build"
 done
+grep -rn '#include "' "$prefix/include" | grep -v '#include "tachless/' && fail=1
+
+PKG_CONFIG_PATH=$(dirname "$(find "$prefix" -name tachless.pc)")
+export PKG_CONFIG_PATH
+read -r -a flags < <(pkg-config --cflags --libs tachless)
+c++ -std=c++20 "$prefix/work/own_law/own_law.cpp" -o "$prefix/work/own_law/by_pkg_config" "${flags[@]}"
+"$prefix/work/own_law/by_pkg_config" --help | grep -q 'SCENARIO'
+
+/usr/bin/python3 - "$prefix/share/tachless/package.xml" "$(pkg-config --modversion tachless)" <<'END'
+import sys
+import xml.etree.ElementTree as xml
+
+package = xml.parse(sys.argv[1]).getroot()
+assert (package.tag, package.attrib) == ("package", {"format": "3"})
+assert [each.tag for each in package][:5] == ["name", "version", "description", "maintainer", "license"]
+assert {each.tag for each in package[5:-1]} == {"buildtool_depend", "build_depend", "depend", "exec_depend"}
+assert package.findtext("version") == sys.argv[2], "package.xml has another version than CMakeLists.txt"
+assert package[-1].tag == "export" and package.findtext("export/build_type") == "cmake"
+END
 exit $fail
