@@ -29,7 +29,7 @@ breathe_default_project = "tachless"
 breathe_default_members = ("members",)
 
 chapters = {
-    "Learn": "tutorial why_no_velocity faq gallery",
+    "Learn": "tutorial why_no_velocity examples faq gallery",
     "Do": "install robots tuning identification studies report own_law python realtime real_robot several_hosts several_robots containers",
     "Look up": "scenario laws/* trajectories plant protocol log faults security notation performance site/cpp site/python",
     "Understand": "paper certificate studies/* decisions/* style",
