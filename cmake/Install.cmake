@@ -48,7 +48,7 @@ install(FILES ${PROJECT_BINARY_DIR}/tachlessConfig.cmake ${PROJECT_BINARY_DIR}/t
   cmake/FindClp.cmake cmake/FindHttplib.cmake cmake/FindLcm.cmake DESTINATION ${package} COMPONENT development)
 install(FILES package.xml DESTINATION ${shared} COMPONENT development)
 get_property(libraries GLOBAL PROPERTY TACHLESS_ARCHIVES)
-file(RELATIVE_PATH up /p/${CMAKE_INSTALL_LIBDIR}/pkgconfig /p)
+string(REGEX REPLACE "[^/]+" ".." up ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 configure_file(cmake/tachless.pc.in tachless.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/tachless.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig COMPONENT development)
 install(EXPORT tachless NAMESPACE tachless:: FILE tachlessTargets.cmake DESTINATION ${package}
