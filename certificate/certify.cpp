@@ -123,11 +123,10 @@ void add(Group& group, std::string_view key, std::string_view name,
   const Region& region = c->region;
   group.add(
       key, name,
-      {{"epsilon_1", c->weights.eps_1},
-       {"epsilon_2", c->weights.eps_2},
+      {{"epsilon_1", json_of(c->weights.eps_1)},
+       {"epsilon_2", json_of(c->weights.eps_2)},
        {"rate_per_s", c->rate},
        {"error_rate_per_s", c->rate / 2},
-       {"rho", json_of(region.rho)},
        {"level", json_of(region.level)},
        {"ball", json_of(region.ball)},
        {"e_at_rest", json_of(region.e_at_rest)},

@@ -43,24 +43,36 @@ ErrorSystem flexible_error_system(const Eigen::VectorXd& stiffness,
                                   const Eigen::VectorXd& rotor_inertia, const FilterGains& link,
                                   const FilterGains& motor);
 
+inline Eigen::MatrixXd symmetric_part(const Eigen::MatrixXd& A) { return (A + A.transpose()) / 2; }
+
 /// The weights of the cross terms in
 ///
-///   V = 1/2 edot' M edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + eps_1 e' M edot - eps_2 nu' M edot.
+///   V = 1/2 edot' M edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (E1 e - E2 nu)' M edot,
+///
+/// E1 = diag(eps_1), E2 = diag(eps_2).
 using Weights = controller::law::LyapunovWeights;
+
+/// diag(Kp, Kd B^-1): of V's part in (e, nu).
+Eigen::MatrixXd stiffness_of(const ErrorSystem& system);
+
+/// N of delta = E1 e1 - E2 nu1 = N (e, nu), of the links.
+Eigen::MatrixXd delta_of(const ErrorSystem& system, const Weights& weights);
 
 /// P of V = 1/2 x' P x, x = (e, nu, edot).
 Eigen::MatrixXd lyapunov_matrix(const ErrorSystem& system, const Weights& weights,
                                 const Eigen::MatrixXd& link_M);
 
-/// Vdot = -x' Mm x exactly, with delta = eps_1 e1 - eps_2 nu1 of the links:
+/// Vdot = -x' Mm x exactly, with delta = E1 e1 - E2 nu1 of the links:
 ///
-///   eps_1 Kp   1/2 (eps_1 Kd - eps_2 Kp)   1/2 eps_1 (D - W)                   W = Cd' - Cd
-///              Kd B^-1 A - eps_2 Kd        -1/2 eps_2 A M - 1/2 eps_2 (D - W)  Cd = C(q, v_ref)
-///                              D + sym(Cd) + eps_2 sym(B M) - eps_1 M - sym C(q, delta)
+///   sym(E1 Kp)   1/2 (E1 Kd - Kp E2)       1/2 E1 (D - W)                 W = Cd' - Cd
+///                Kd B^-1 A - sym(E2 Kd)    -1/2 E2 A M - 1/2 E2 (D - W)   Cd = C(q, v_ref)
+///                             D + sym(Cd) + sym(E2 B M) - sym(E1 M) - sym C(q, delta)
 ///
 /// less 1/2 Kp_dot in the first and 1/2 Kd_dot B^-1 in the second block, in three parts: what is
 /// constant, what is linear in M, and what is linear in Cd. The term in delta is not in them: it is
-/// -sym C(q, delta) in the links' corner of the last block.
+/// -sym C(q, delta) in the links' corner of the last block. Of the weights nothing is used but that
+/// they are constant and that E2 commutes with A and B: delta' (Mdot - C(q, v) - Cd) edot is
+/// delta' (Cd' - Cd) edot + edot' C(q, delta) edot by Mdot = C + C' and C(q, x) y = C(q, y) x.
 Eigen::MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights);
 Eigen::MatrixXd decrease_of_inertia(const ErrorSystem& system, const Weights& weights,
                                     const Eigen::MatrixXd& link_M);

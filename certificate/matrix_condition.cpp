@@ -19,8 +19,6 @@ using Eigen::VectorXd;
 /// rho is certified strictly below the value at which Mm turns singular.
 constexpr double strictly_below = 1 - 1e-9;
 
-MatrixXd symmetric_part(const MatrixXd& A) { return (A + A.transpose()) / 2; }
-
 /// The square root of sum A_j^2, symmetric A_j: -R <= sum x_j A_j <= R for |x| <= 1, by the
 /// operator Cauchy-Schwarz inequality and because the square root is operator monotone.
 MatrixXd root_of_squares(const std::vector<MatrixXd>& A) {
@@ -47,21 +45,41 @@ MatrixXd whitened(const Eigen::LLT<MatrixXd>& llt, const MatrixXd& A) {
 struct Slack {
   MatrixXd M;         ///< of the links' M
   MatrixXd decrease;  ///< of Mm without delta
-  MatrixXd delta;     ///< of sym C(q, delta), |delta| = 1
+  MatrixXd delta;     ///< of sym C(q, delta), |delta|_L = 1
 
   /// Of V's matrix.
   [[nodiscard]] double of_lyapunov(const Weights& weights) const {
-    return spectral_norm(M) * (1 + std::hypot(weights.eps_1, weights.eps_2));
+    const auto size = weights.eps_1.array().square() + weights.eps_2.array().square();
+    return spectral_norm(M) * (1 + std::sqrt(size.maxCoeff()));
   }
 };
+
+/// C(q, L x) = sum x_j of these.
+std::vector<MatrixXd> combined(const std::vector<MatrixXd>& C, const MatrixXd& L) {
+  if (L.size() == 0) return C;
+  std::vector<MatrixXd> all;
+  for (Index j = 0; j < L.cols(); ++j) {
+    MatrixXd sum = MatrixXd::Zero(L.rows(), L.rows());
+    for (Index i = 0; i < L.rows(); ++i) sum += L(i, j) * C[static_cast<std::size_t>(i)];
+    all.push_back(std::move(sum));
+  }
+  return all;
+}
+
+/// sym C(q, delta) in the same way, |L^-1 delta| = |x|.
+std::vector<MatrixXd> coriolis_of_delta(const Inertia& inertia, const MatrixXd& L) {
+  std::vector<MatrixXd> all = combined(inertia.C, L);
+  for (MatrixXd& C : all) C = symmetric_part(C);
+  return all;
+}
 
 /// Mm with neither v_ref nor delta.
 MatrixXd decrease_at_rest(const ErrorSystem& system, const Weights& weights, const MatrixXd& M) {
   return decrease_constant(system, weights) + decrease_of_inertia(system, weights, M);
 }
 
-Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
-  const ErrorSystem& system = condition.systems[0];
+Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
+               const Weights& weights) {
   const Postures& postures = condition.postures;
   const Index N = system.num_errors(), n = system.num_links();
   Slack result{MatrixXd::Zero(n, n), MatrixXd::Zero(3 * N, 3 * N), MatrixXd::Zero(n, n)};
@@ -75,9 +93,11 @@ Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
     const double curvature = postures.chord_factor * h.order * h.order;
     std::vector<MatrixXd> of_C, of_decrease;
     for (const Inertia* part : {&h.cosine, &h.sine}) {
-      for (const MatrixXd& C : part->C) {
-        of_C.push_back(symmetric_part(C));
+      for (const MatrixXd& C : combined(part->C, condition.v_scale)) {
         of_decrease.push_back(decrease_of_coriolis(system, weights, C));
+      }
+      for (MatrixXd& C : coriolis_of_delta(*part, delta_scale(system, weights))) {
+        of_C.push_back(std::move(C));
       }
     }
     result.M += curvature * root_of_squares_scaled({h.cosine.M, h.sine.M}, scale_M);
@@ -91,7 +111,7 @@ Slack slack_of(const MatrixCondition& condition, const Weights& weights) {
   return result;
 }
 
-/// A matrix that is positive definite only when Mm is at delta = 0 for every |v_ref| <= B_d;
+/// A matrix that is positive definite only when Mm is at delta = 0 for every v_ref of the condition;
 /// nothing when the congruence fails, and then it is not.
 std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
                                     const Weights& weights, const Inertia& inertia,
@@ -108,15 +128,19 @@ std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const Erro
   const Eigen::LLT<MatrixXd> llt(at_rest);
   if (llt.info() != Eigen::Success) return {};
   std::vector<MatrixXd> scaled;
-  for (const MatrixXd& C : inertia.C) {
+  for (const MatrixXd& C : combined(inertia.C, condition.v_scale)) {
     scaled.push_back(whitened(llt, decrease_of_coriolis(system, weights, C)));
   }
   const MatrixXd L = llt.matrixL();
   return at_rest - condition.B_d * (L * root_of_squares(scaled) * L.transpose());
 }
 
+/// How many states that bind are given: the eigenvalues near the least one.
+constexpr Index few = 3;
+
+/// @param states receives those that bind, if it is given
 double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-              const Inertia& inertia, const Slack& slack) {
+              const Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   const auto F = decrease_at(condition, system, weights, inertia, slack);
   if (!F) return 0;
@@ -127,9 +151,13 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
   const Eigen::LLT<MatrixXd> root(llt.solve(E).middleRows(2 * N, n));
   const MatrixXd H = root.matrixL();
   MatrixXd sum = MatrixXd::Zero(n, n);
-  for (const MatrixXd& C : inertia.C) {
-    const MatrixXd scaled = H.transpose() * symmetric_part(C) * H;
+  for (const MatrixXd& C : coriolis_of_delta(inertia, delta_scale(system, weights))) {
+    const MatrixXd scaled = H.transpose() * C * H;
     sum.noalias() += scaled * scaled;
+  }
+  if (states != nullptr) {
+    const MatrixXd u = robot::symmetric_eigen(sum).vectors.rightCols(std::min(few, n));
+    *states = llt.solve(E * root.matrixU().solve(u));
   }
   const double largest = std::sqrt(std::max(0.0, largest_eigenvalue(sum))) +
                          largest_eigenvalue(H.transpose() * slack.delta * H);
@@ -137,7 +165,8 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
 }
 
 double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const Inertia& inertia, const Slack& slack) {
+               double rho, const Inertia& inertia, const Slack& slack,
+               MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   // P of the posture, enlarged by what it may be in between.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
@@ -146,19 +175,22 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
   P.diagonal().array() += slack.of_lyapunov(weights);
   const Eigen::LLT<MatrixXd> half_P(P / 2);
   auto F = decrease_at(condition, system, weights, inertia, slack);
-  if (!F) {
-    // Not certified; how far from it, to guide a search.
-    const MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
-    return std::min(0.0, smallest_eigenvalue(whitened(half_P, at_rest)));
-  }
-  if (rho != 0) {
-    std::vector<MatrixXd> symmetric;
-    for (const MatrixXd& C : inertia.C) symmetric.push_back(symmetric_part(C));
+  const bool certified = F.has_value();
+  // Not certified: how far from it, to guide a search.
+  if (!certified) F = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
+  if (certified && rho != 0) {
     const MatrixXd D =
-        root_of_squares_scaled(symmetric, inertia.M.diagonal().cwiseSqrt()) + slack.delta;
+        root_of_squares_scaled(coriolis_of_delta(inertia, delta_scale(system, weights)),
+                               inertia.M.diagonal().cwiseSqrt()) +
+        slack.delta;
     F->block(2 * N, 2 * N, n, n) -= rho * D;
   }
-  return smallest_eigenvalue(whitened(half_P, *F));
+  const MatrixXd scaled = whitened(half_P, *F);
+  if (states != nullptr) {
+    *states = half_P.matrixU().solve(robot::symmetric_eigen(scaled).vectors.leftCols(few));
+  }
+  const double least = smallest_eigenvalue(scaled);
+  return certified ? least : std::min(0.0, least);
 }
 
 /// Extremes of V over the postures.
@@ -173,14 +205,14 @@ struct Shape {
 /// slack, are at its ends.
 std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
                               const Weights& weights, const Slack& slack) {
-  const Index N = system.num_errors(), n = system.num_links();
-  MatrixXd G(2 * N, N), links = MatrixXd::Zero(n, 2 * N);
-  G << weights.eps_1 * MatrixXd::Identity(N, N), -weights.eps_2 * MatrixXd::Identity(N, N);
-  links.leftCols(n) = weights.eps_1 * MatrixXd::Identity(n, n);
-  links.middleCols(N, n) = -weights.eps_2 * MatrixXd::Identity(n, n);
-  MatrixXd K = MatrixXd::Zero(2 * N, 2 * N);
-  K.topLeftCorner(N, N) = system.kp;
-  K.bottomRightCorner(N, N) = system.kd_by_b();
+  const Index N = system.num_errors();
+  const auto [eps_1, eps_2] = weights.of(N);
+  MatrixXd G(2 * N, N);
+  G << MatrixXd(eps_1.asDiagonal()), MatrixXd((-eps_2).asDiagonal());
+  const MatrixXd K = stiffness_of(system);
+  const MatrixXd in_L = delta_scale(system, weights)
+                            .triangularView<Eigen::Lower>()
+                            .solve(delta_of(system, weights));
 
   const auto inverse_S = [&](const Inertia& inertia) -> std::optional<MatrixXd> {
     const MatrixXd M = system.inertia(inertia.M + slack.M);
@@ -195,7 +227,7 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
   Shape result;
   result.w = largest_over_postures([&](const Inertia& inertia) {
     const auto S = inverse_S(inertia);
-    return S ? largest_eigenvalue(links * *S * links.transpose()) : infinity;
+    return S ? largest_eigenvalue(in_L * *S * in_L.transpose()) : infinity;
   });
   if (std::isinf(result.w)) return {};
   result.alpha_2 = largest_over_postures([&](const Inertia& inertia) {
@@ -213,41 +245,18 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
   return result;
 }
 
-/// x = (log eps_2, log(eps_1 / eps_2)).
-Weights weights_of(const VectorXd& x) {
-  const double eps_2 = std::exp(x[0]);
-  return {eps_2 * std::exp(x[1]), eps_2};
-}
-
-/// From the best two points of a coarse grid; infinite where nothing is found. Mm's second block is
-/// positive only for eps_2 below a_i / b_i, and its third only for eps_1 / eps_2 below b_i.
-Minimum search(const ErrorSystem& system, const std::function<double(const VectorXd&)>& f) {
-  const double top = std::log(system.a.cwiseQuotient(system.b).minCoeff());
-  const double ratio_top = std::log(system.b.minCoeff());
-  std::vector<Minimum> starts;
-  for (double below = 0.7; below < 14; below += 1.1) {
-    for (double ratio_below = 0.7; ratio_below < 12; ratio_below += 1.1) {
-      const VectorXd x = Eigen::Vector2d(top - below, ratio_top - ratio_below);
-      starts.push_back({x, f(x)});
-    }
-  }
-  std::sort(starts.begin(), starts.end(),
-            [](const Minimum& a, const Minimum& b) { return a.value < b.value; });
-  Minimum best = starts[0];
-  for (std::size_t i = 0; i < 2 && !std::isinf(starts[i].value); ++i) {
-    const Minimum refined = minimise(f, starts[i].x, 0.3, 150);
-    if (refined.value < best.value) best = refined;
-  }
-  return best;
-}
-
 }  // namespace
 
+MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights) {
+  const MatrixXd N = delta_of(system, weights);
+  return (N * stiffness_of(system).llt().solve(N.transpose())).llt().matrixL();
+}
+
 std::optional<Region> MatrixCondition::region(const Weights& weights) const {
-  const Slack slack = slack_of(*this, weights);
   Extreme least{infinity, {}};
   Shape V;
   for (const ErrorSystem& system : systems) {
+    const Slack slack = slack_of(*this, system, weights);
     const Extreme of_system = postures.smallest(
         [&](const Inertia& inertia) { return rho_at(*this, system, weights, inertia, slack); },
         refine);
@@ -274,10 +283,17 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   return region;
 }
 
+double MatrixCondition::at(Goal goal, const Weights& weights, const ErrorSystem& system,
+                           const Inertia& inertia, MatrixXd& states) const {
+  const Slack slack = slack_of(*this, system, weights);
+  return goal == Goal::rate ? rate_at(*this, system, weights, 0, inertia, slack, &states)
+                            : rho_at(*this, system, weights, inertia, slack, &states);
+}
+
 Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
-  const Slack slack = slack_of(*this, weights);
   Extreme least{infinity, {}};
   for (const ErrorSystem& system : systems) {
+    const Slack slack = slack_of(*this, system, weights);
     const Extreme of_system = postures.smallest(
         [&](const Inertia& inertia) {
           return rate_at(*this, system, weights, rho, inertia, slack);
@@ -286,41 +302,6 @@ Extreme MatrixCondition::slowest(const Weights& weights, double rho) const {
     if (of_system.value < least.value) least = of_system;
   }
   return least;
-}
-
-/// Searches on the coarse postures; where the fine ones certify much less at the weights found,
-/// the postures that bind there join the coarse ones, and the search goes on from those weights.
-std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
-                                      Goal goal) {
-  constexpr int rounds = 6;
-  const auto f = [&](const VectorXd& x) {  // to be minimised
-    if (goal == Goal::rate) return -coarse.rate(weights_of(x), 0);
-    const auto region = coarse.region(weights_of(x));
-    return region ? -std::log(region->ball) : infinity;
-  };
-  const auto merit = [&](const Certified& c) {
-    return goal == Goal::rate ? c.rate : std::log(c.region.ball);
-  };
-  Minimum best = search(coarse.systems[0], f);
-  std::optional<Certified> result;
-  for (int round = 0; round < rounds && !std::isinf(best.value); ++round) {
-    const Weights weights = weights_of(best.x);
-    const Extreme slowest = fine.slowest(weights, 0);
-    const auto region = fine.region(weights);
-    if (region) {
-      Certified found{weights, *region, slowest.value};
-      if (!result || merit(found) > merit(*result)) result = std::move(found);
-    }
-    if (coarse.postures.kind != Postures::Kind::sampled) break;
-    coarse.postures.add(slowest.q);
-    if (region) coarse.postures.add(region->q);
-    if (f(best.x) - best.value <= 1e-2 * std::abs(best.value)) break;
-    // The old optimum may have no value any more: nearby, with a smaller eps_2, there is one.
-    VectorXd start = best.x;
-    for (int i = 0; i < 12 && std::isinf(f(start)); ++i) start[0] -= 0.2;
-    best = minimise(f, start, 0.3, 80);
-  }
-  return result;
 }
 
 }  // namespace tachless::certificate

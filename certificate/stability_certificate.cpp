@@ -20,19 +20,35 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
 
-/// sup |v_ref| over the run: between two instants |v_ref| exceeds its chord by at most
-/// dt^2/8 sup |jerk|.
-double velocity_bound(const experiment::Scenario& scenario) {
+/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|. Its axes
+/// are those of the motion's mean square, at least a thousandth of the longest.
+struct VelocityBound {
+  double speed = 0;
+  MatrixXd scale;
+};
+
+VelocityBound velocity_bound(const experiment::Scenario& scenario) {
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   constexpr int instants = 20000;
   const double dt = scenario.loop.duration_s / instants;
-  double speed = 0, jerk = 0;
+  MatrixXd v(scenario.num_joints, instants + 1), jerk = v;
   for (int k = 0; k <= instants; ++k) {
     const loop::ReferencePoint r = trajectory.at(k * dt);
-    speed = std::max(speed, r.v_ref.norm());
-    jerk = std::max(jerk, r.jerk_ref.norm());
+    v.col(k) = r.v_ref;
+    jerk.col(k) = r.jerk_ref;
   }
-  return speed == 0 ? 0 : speed + dt * dt / 8 * jerk;
+  // Between two instants v_ref is off its chord by at most dt^2/8 sup |jerk|, in either norm.
+  const auto most = [&](const MatrixXd& norm) {
+    const double size = (norm * v).colwise().norm().maxCoeff();
+    return size == 0 ? 0 : size + dt * dt / 8 * (norm * jerk).colwise().norm().maxCoeff();
+  };
+  VelocityBound bound{most(MatrixXd::Identity(v.rows(), v.rows())), {}};
+  if (bound.speed == 0) return bound;
+  const auto [values, vectors] = robot::symmetric_eigen(v * v.transpose());
+  const VectorXd axes = values.cwiseMax(1e-6 * values.maxCoeff()).cwiseSqrt();
+  bound.scale = vectors * axes.asDiagonal();
+  bound.scale *= most(axes.cwiseInverse().asDiagonal() * vectors.transpose());
+  return bound;
 }
 
 std::string refusal(const experiment::Scenario& scenario) {
@@ -88,16 +104,16 @@ class ErrorLoop {
   explicit ErrorLoop(const experiment::Scenario& scenario)
       : model_(error_model(scenario)),
         loop_(law_loop(scenario).value()),
-        B_d_(velocity_bound(scenario)),
+        velocity_(velocity_bound(scenario)),
         q_(scenario.plant.initial.position_rad),
-        friction_(friction_torques(scenario, B_d_ > 0)) {
+        friction_(friction_torques(scenario, velocity_.speed > 0)) {
     if (loop_.systems[0].rotor_inertia.size() > 0) friction_ = {};
   }
 
   [[nodiscard]] const ErrorSystem& system() const { return loop_.systems[0]; }
   [[nodiscard]] const std::optional<Weights>& own_weights() const { return loop_.weights; }
   [[nodiscard]] const robot::Model& model() const { return model_; }
-  [[nodiscard]] double B_d() const { return B_d_; }
+  [[nodiscard]] double B_d() const { return velocity_.speed; }
   [[nodiscard]] double V0(const Weights& weights) const {
     return lyapunov_value(system(), weights, model_, q_, loop_.initial);
   }
@@ -111,19 +127,20 @@ class ErrorLoop {
     MatrixCondition coarse{
         {},
         Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}),
-        B_d_,
-        false};
+        unit(),
+        false,
+        velocity_.scale};
     for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
       coarse.systems.push_back(loop_.systems[i]);
     }
     const MatrixCondition middle =
         proved()
-            ? MatrixCondition{fine().systems, fine().postures, B_d_, false}
+            ? MatrixCondition{fine().systems, fine().postures, unit(), false, velocity_.scale}
             : MatrixCondition{
                   loop_.systems,
                   Postures(model_,
                            {.circle_points = 90, .bound_between = false, .samples = samples(128)}),
-                  B_d_, false};
+                  unit(), false, velocity_.scale};
     const auto found = best_weights(coarse, middle, goal);
     return found ? certified(found->weights) : std::nullopt;
   }
@@ -163,6 +180,8 @@ class ErrorLoop {
     return c.region.e_reached * (root / std::sqrt(c.region.level));
   }
 
+  /// |scale^-1 v_ref|, if it moves.
+  [[nodiscard]] double unit() const { return velocity_.speed > 0 ? 1 : 0; }
   /// Fewer postures where each is looked at with many gains.
   [[nodiscard]] int samples(int of_constant) const {
     return loop_.systems.size() == 1 ? of_constant : of_constant / 8;
@@ -174,14 +193,14 @@ class ErrorLoop {
                Postures(model_, {.circle_points = constant ? 360 : 90,
                                  .bound_between = constant,
                                  .samples = samples(1024)}),
-               B_d_, constant};
+               unit(), constant, velocity_.scale};
     }
     return *fine_;
   }
 
   robot::Model model_;
   LawLoop loop_;
-  double B_d_;  ///< sup |v_ref|
+  VelocityBound velocity_;
   Vector q_;    ///< at the start
   FrictionTorques friction_;
   std::optional<MatrixCondition> fine_;
@@ -217,7 +236,7 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   }
   if (!result.constant && !result.own_weights && (result.proved || effort == Effort::full)) {
     tell("certified region: largest ball");
-    result.largest = loop.best(Goal::ball);
+    result.largest = loop.best(Goal::level);
   }
   const auto& choice = result.largest ? result.largest : result.fastest;
   result.provisos = provisos(scenario, choice ? &choice->region : nullptr);
@@ -228,7 +247,7 @@ std::optional<Region> largest_region(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
   ErrorLoop loop(scenario);
   if (loop.B_d() == 0) return {};
-  const auto found = loop.best(Goal::ball);
+  const auto found = loop.best(Goal::level);
   return found ? std::optional(found->region) : std::nullopt;
 }
 

@@ -111,7 +111,8 @@ Html certified_text(const RecordedRun& run) {
   const certificate::CertifiedRun& certified = *run.certified;
   const auto number = [](double x) { return fmt::format("{:.3g}", x); };
   Html text = html(" With ε<sub>1</sub> = {} 1/s, ε<sub>2</sub> = {}",
-                   number(certified.weights.eps_1), number(certified.weights.eps_2));
+                   certificate::list_text(certified.weights.eps_1),
+                   certificate::list_text(certified.weights.eps_2));
   if (certified.rate < 0) {
     text += html(
         " the matrix condition certifies V ≤ {} J, which does not hold this run's start with {} J: "

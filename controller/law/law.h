@@ -180,11 +180,28 @@ struct LoopState {
   loop::LawSignals controller;  ///< what the law logged for the same tick
 };
 
-/// The weights of the cross terms of V: eps_1 e' M edot - eps_2 nu' M edot. The paper's V (eq. 15)
-/// has one weight: eps_1 [1/s] and eps_2 [1] both epsilon.
+/// The weights of the cross terms of V, (eps_1 e - eps_2 nu)' M edot: diagonal matrices, by their
+/// diagonals, one number of each where it is common to all errors. The paper's V (eq. 15) has one
+/// weight: eps_1 and eps_2 both epsilon.
 struct LyapunovWeights {
-  double eps_1 = 0;  ///< [1/s]
-  double eps_2 = 0;  ///< [1]
+  Eigen::VectorXd eps_1;  ///< [1/s]
+  Eigen::VectorXd eps_2;  ///< [1]
+
+  LyapunovWeights() : LyapunovWeights(0, 0) {}
+  LyapunovWeights(double first, double second)
+      : LyapunovWeights(Eigen::VectorXd::Constant(1, first), Eigen::VectorXd::Constant(1, second)) {
+  }
+  LyapunovWeights(Eigen::VectorXd first, Eigen::VectorXd second)
+      : eps_1(std::move(first)), eps_2(std::move(second)) {}
+
+  /// Those of `count` errors from `begin` on.
+  [[nodiscard]] LyapunovWeights of(Eigen::Index count, Eigen::Index begin = 0) const {
+    const auto part = [&](const Eigen::VectorXd& eps) -> Eigen::VectorXd {
+      if (eps.size() == 1) return Eigen::VectorXd::Constant(count, eps[0]);
+      return eps.segment(begin, count);
+    };
+    return {part(eps_1), part(eps_2)};
+  }
 };
 
 /// A law with the Lyapunov function by which its stability is proved: its formula for people, and

@@ -45,8 +45,20 @@ inline std::vector<Eigen::VectorXd> polygon(double radius, int sides) {
   return corners;
 }
 
-/// The condition for two joints with polygons around v_ref and delta in place of sums of squares:
-/// positive at the corners, hence inside. Of the postures of `condition` alone.
+/// The largest |delta|^2 / (2 V), of V's whole matrix.
+inline double delta_by_V(const ErrorSystem& system, const Weights& weights, const Inertia& inertia) {
+  const Eigen::Index N = system.num_errors(), n = system.num_links();
+  const auto [eps_1, eps_2] = weights.of(N);
+  Eigen::MatrixXd of_x = Eigen::MatrixXd::Zero(n, 3 * N);
+  of_x.leftCols(n).diagonal() = eps_1.head(n);
+  of_x.middleCols(N, n).diagonal() = -eps_2.head(n);
+  const Eigen::MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
+  return largest_eigenvalue(of_x * P.inverse() * of_x.transpose());
+}
+
+/// The condition for two joints with polygons around v_ref and delta in place of sums of squares,
+/// positive at the corners, hence inside, and with the Euclidean norm of delta. Of the postures of
+/// `condition` alone.
 class PolygonCondition {
  public:
   PolygonCondition(MatrixCondition condition, int sides)
@@ -54,10 +66,8 @@ class PolygonCondition {
         v_ref_(polygon(condition_.B_d, sides)),
         delta_(polygon(1, sides)) {}
 
-  /// rho, level and ball are the polygons'.
+  /// Only rho, level and ball.
   [[nodiscard]] std::optional<Region> region(const Weights& weights) const {
-    auto region = condition_.region(weights);
-    if (!region) return region;
     double largest = 0;  // of delta's part of Mm over the rest, at |delta| = 1
     for_each_corner(weights, [&](const Inertia& inertia, const Eigen::MatrixXd& Mm) {
       const Eigen::MatrixXd none = at(weights, inertia, {});
@@ -66,10 +76,16 @@ class PolygonCondition {
         largest = std::max(largest, eigenvalues(D, Mm).maxCoeff());
       }
     });
-    region->rho = 1 / largest;
-    const double level = region->rho * region->rho / (2 * region->w);
-    region->ball *= std::sqrt(level / region->level);  // which is proportional to its square
-    region->level = level;
+    Region region;
+    region.rho = 1 / largest;
+    double w = 0, alpha_2 = 0;
+    for (const Inertia& inertia : condition_.postures.inertia) {
+      const ErrorSystem& system = condition_.systems[0];
+      w = std::max(w, delta_by_V(system, weights, inertia));
+      alpha_2 = std::max(alpha_2, largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2);
+    }
+    region.level = region.rho * region.rho / (2 * w);
+    region.ball = std::sqrt(region.level / alpha_2);
     return region;
   }
 

@@ -43,7 +43,9 @@ Independent independent(const robot::Model& model, const ErrorSystem& s, const W
   const VectorXd M_eddot = -C * edot - s.kp * e - s.kd * nu;
   const VectorXd nudot = s.b.cwiseProduct(edot) - s.a.cwiseProduct(nu);
   const Eigen::MatrixXd by_b = s.b.cwiseInverse().asDiagonal();
-  const VectorXd cross = w.eps_1 * e - w.eps_2 * nu, cross_dot = w.eps_1 * edot - w.eps_2 * nudot;
+  const auto [eps_1, eps_2] = w.of(N);
+  const VectorXd cross = eps_1.cwiseProduct(e) - eps_2.cwiseProduct(nu);
+  const VectorXd cross_dot = eps_1.cwiseProduct(edot) - eps_2.cwiseProduct(nudot);
   Independent result;
   result.V = edot.dot(M * edot) / 2 + e.dot(s.kp * e) / 2 + nu.dot(s.kd * by_b * nu) / 2 +
              cross.dot(M * edot);
@@ -68,11 +70,13 @@ void expect_identity(const robot::Model& model, const ErrorSystem& system, unsig
   const Eigen::Index N = system.num_errors(), n = system.num_links();
   for (int i = 0; i < 500; ++i) {
     const double eps = random.uniform(0.001, 0.1);
-    for (const Weights& w : {Weights{eps, eps}, Weights{random.uniform(0, 30), eps}}) {
+    const VectorXd each = VectorXd::NullaryExpr(N, [&] { return random.uniform(0.2, 5); });
+    for (const Weights& w : {Weights{eps, eps}, Weights{random.uniform(0, 30), eps},
+                             Weights{6 * each, eps * each.reverse()}}) {
       const Vector q = random.vector(n, std::numbers::pi), v_ref = random.vector(n, 2);
       VectorXd z(3 * N);
       for (Eigen::Index k = 0; k < 3 * N; ++k) z[k] = random.uniform(-1, 1);
-      const VectorXd delta = w.eps_1 * z.head(n) - w.eps_2 * z.segment(N, n);
+      const VectorXd delta = delta_of(system, w) * z.head(2 * N);
       const Inertia at = inertia_at(model, q);
       const Independent expected = independent(model, system, w, q, v_ref, z);
       const double Vdot = -z.dot(decrease_matrix(system, w, at, v_ref, delta) * z);
