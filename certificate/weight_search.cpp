@@ -178,7 +178,7 @@ class WeightSearch {
     return {optimum->x.head(n), size * optimum->x[n]};
   }
 
-  const MatrixCondition& on_;
+  const MatrixCondition& on_;  ///< to which postures may be added
   Goal goal_;
   std::vector<Cut> cuts_;
 };
@@ -205,34 +205,49 @@ VectorXd start(const MatrixCondition& coarse, const WeightSearch& search) {
   return best;
 }
 
-}  // namespace
+double merit(Goal goal, const Certified& c) {
+  return goal == Goal::rate ? c.rate : std::sqrt(2 * c.region.level);
+}
 
-std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
-                                      Goal goal) {
+/// From x on; the postures that bind what is found join the coarse ones. At least `best`.
+std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition& fine, Goal goal,
+                                  VectorXd x, std::optional<Certified> best) {
   constexpr int rounds = 6;
-  const auto merit = [&](const Certified& c) {
-    return goal == Goal::rate ? c.rate : std::sqrt(2 * c.region.level);
-  };
-  WeightSearch search(coarse, goal), rate(coarse, Goal::rate);
-  VectorXd x = start(coarse, search);
-  std::optional<Certified> result;
+  WeightSearch search(coarse, goal);
   for (int round = 0; round < rounds; ++round) {
-    // Where nothing is certified, weights of a positive rate come first.
-    if (std::isinf(search.merit(x))) x = rate.improved(round == 0 ? start(coarse, rate) : x);
+    if (best && std::isinf(search.merit(x))) x << best->weights.eps_1, best->weights.eps_2;
     x = search.improved(x);
+    const double promised = search.merit(x);
     const Weights weights = weights_of(x);
     const Extreme slowest = fine.slowest(weights, 0);
     const auto region = fine.region(weights);
     if (region) {
       Certified found{weights, *region, slowest.value};
-      if (!result || merit(found) > merit(*result)) result = std::move(found);
+      const double kept = merit(goal, found);
+      if (!best || kept > merit(goal, *best)) best = std::move(found);
+      if (promised < 1.02 * kept) break;
     }
     if (coarse.postures.kind != Postures::Kind::sampled) break;
     coarse.postures.add(slowest.q);
     if (region) coarse.postures.add(region->q);
-    if (region && search.merit(x) < 1.02 * merit({weights, *region, slowest.value})) break;
   }
-  return result;
+  return best;
+}
+
+}  // namespace
+
+std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
+                                      Goal goal) {
+  const auto from_grid = [&](Goal of) {
+    return improved(coarse, fine, of, start(coarse, WeightSearch(coarse, of)), {});
+  };
+  auto best = from_grid(goal);
+  if (best || goal == Goal::rate) return best;
+  best = from_grid(Goal::rate);  // where few weights have a level, those of a positive rate do
+  if (!best) return best;
+  VectorXd x(2 * best->weights.eps_1.size());
+  x << best->weights.eps_1, best->weights.eps_2;
+  return improved(coarse, fine, goal, x, best);
 }
 
 }  // namespace tachless::certificate
