@@ -117,6 +117,16 @@ Group reference_group(const Feasibility& f) {
   return group;
 }
 
+/// What of the torque limits the start may need, and where they end the region.
+std::string torque_text(const CertifiedRegion& c) {
+  std::string text =
+      fmt::format("this start needs at most {:.0f} % of a limit", 100 * c.torque->share);
+  if (c.torque->level >= c.region.level) return text + "; no limit is reached in the region";
+  const double part = std::sqrt(c.torque->level / c.region.level);
+  return text + fmt::format("; without saturation from rest up to |e_i| = {} (joint {} is first)",
+                            list_text(part * c.region.e_at_rest), c.torque->joint + 1);
+}
+
 void add(Group& group, std::string_view key, std::string_view name,
          const std::optional<CertifiedRegion>& c) {
   if (!c) return group.add(key, name, Json(), "nothing certified: no weights were found");
@@ -133,6 +143,8 @@ void add(Group& group, std::string_view key, std::string_view name,
        {"edot", json_of(region.edot)},
        {"unknown_torque_Nm", json_of(c->unknown_torque)},
        {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
+       {"torque_level", c->torque ? json_of(c->torque->level) : Json()},
+       {"torque_share", c->torque ? json_of(c->torque->share) : Json()},
        {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}},
       fmt::format("this start: {} (V = {:.4g} J of {:.4g} J)",
                   c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
@@ -140,6 +152,7 @@ void add(Group& group, std::string_view key, std::string_view name,
   group.add("", "  one rate alone, up to", Json(), list_text(region.edot));
   group.add("", "  small errors decay at", Json(),
             c->rate > 0 ? fmt::format("{:.4g} 1/s", c->rate / 2) : "no certified rate");
+  if (c->torque) group.add("", "  torque", Json(), torque_text(*c));
   if (c->unknown_torque.size() > 0) {
     group.add("", "  unknown torque at one joint, up to", Json(),
               list_text(c->unknown_torque) + " N m, constant; errors then end at 0");
@@ -258,10 +271,11 @@ std::string brief(const Certificate& all) {
   const auto& region = s.largest ? s.largest : s.fastest;
   if (!region) return text + line("certified region", "none: no weights were found");
   return text + line("certified region",
-                     fmt::format("{}: this start {}; from rest up to |e_i| = {}, one at a time",
+                     fmt::format("{}: this start {}; from rest up to |e_i| = {}, one at a time{}",
                                  s.proved ? "proved" : "at sampled postures",
                                  region->holds_initial_state() ? "is in it" : "is NOT in it",
-                                 list_text(region->region.e_at_rest)));
+                                 list_text(region->region.e_at_rest),
+                                 region->torque ? "; torque: " + torque_text(*region) : ""));
 }
 
 }  // namespace

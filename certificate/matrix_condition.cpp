@@ -111,8 +111,8 @@ Slack slack_of(const MatrixCondition& condition, const ErrorSystem& system,
   return result;
 }
 
-/// A matrix that is positive definite only when Mm is at delta = 0 for every v_ref of the condition;
-/// nothing when the congruence fails, and then it is not.
+/// A matrix that is positive definite only when Mm is at delta = 0 for every v_ref of the
+/// condition; nothing when the congruence fails, and then it is not.
 std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const ErrorSystem& system,
                                     const Weights& weights, const Inertia& inertia,
                                     const Slack& slack) {
@@ -165,8 +165,7 @@ double rho_at(const MatrixCondition& condition, const ErrorSystem& system, const
 }
 
 double rate_at(const MatrixCondition& condition, const ErrorSystem& system, const Weights& weights,
-               double rho, const Inertia& inertia, const Slack& slack,
-               MatrixXd* states = nullptr) {
+               double rho, const Inertia& inertia, const Slack& slack, MatrixXd* states = nullptr) {
   const Index N = system.num_errors(), n = system.num_links();
   // P of the posture, enlarged by what it may be in between.
   MatrixXd P = lyapunov_matrix(system, weights, inertia.M);
@@ -199,6 +198,7 @@ struct Shape {
   double alpha_2 = 0;  ///< V <= alpha_2 |x|^2
   VectorXd inertia;    ///< largest M_ii
   VectorXd inverse_S;  ///< largest (S^-1)_ii of the position errors
+  VectorXd feedback;   ///< largest g' S^-1 g of Kp e + Kd nu = g' (e, nu), of each joint
 };
 
 /// S is antitone and its inverse convex in M, so that the extremes over a chord, enlarged by the
@@ -210,9 +210,8 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
   MatrixXd G(2 * N, N);
   G << MatrixXd(eps_1.asDiagonal()), MatrixXd((-eps_2).asDiagonal());
   const MatrixXd K = stiffness_of(system);
-  const MatrixXd in_L = delta_scale(system, weights)
-                            .triangularView<Eigen::Lower>()
-                            .solve(delta_of(system, weights));
+  const MatrixXd in_L =
+      delta_scale(system, weights).triangularView<Eigen::Lower>().solve(delta_of(system, weights));
 
   const auto inverse_S = [&](const Inertia& inertia) -> std::optional<MatrixXd> {
     const MatrixXd M = system.inertia(inertia.M + slack.M);
@@ -236,11 +235,15 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
                    slack.of_lyapunov(weights) / 2;
   result.inertia = VectorXd::Zero(N);
   result.inverse_S = VectorXd::Zero(N);
+  result.feedback = VectorXd::Zero(N);
+  MatrixXd g(N, 2 * N);
+  g << system.kp, system.kd;
   for (const Inertia& inertia : condition.postures.inertia) {
     const auto S = inverse_S(inertia);
     if (!S) return {};
     result.inertia = result.inertia.cwiseMax(system.inertia(inertia.M + slack.M).diagonal());
     result.inverse_S = result.inverse_S.cwiseMax(S->diagonal().head(N));
+    result.feedback = result.feedback.cwiseMax((g * *S * g.transpose()).diagonal());
   }
   return result;
 }
@@ -262,13 +265,17 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
         refine);
     if (!(of_system.value > 0)) return {};
     if (of_system.value < least.value) least = of_system;
-    const auto shape = shape_of(*this, system, weights, slack);
+    auto shape = shape_of(*this, system, weights, slack);
     if (!shape) return {};
     V.w = std::max(V.w, shape->w);
     V.alpha_2 = std::max(V.alpha_2, shape->alpha_2);
     V.inertia = shape->inertia;  // does not depend on the gains
-    V.inverse_S = V.inverse_S.size() == 0 ? shape->inverse_S
-                                          : VectorXd(V.inverse_S.cwiseMax(shape->inverse_S));
+    if (V.inverse_S.size() > 0) {
+      shape->inverse_S = shape->inverse_S.cwiseMax(V.inverse_S);
+      shape->feedback = shape->feedback.cwiseMax(V.feedback);
+    }
+    V.inverse_S = shape->inverse_S;
+    V.feedback = shape->feedback;
   }
   Region region;
   region.rho = least.value;
@@ -280,6 +287,7 @@ std::optional<Region> MatrixCondition::region(const Weights& weights) const {
   region.e_at_rest = diameter * systems[0].kp.diagonal().cwiseInverse().cwiseSqrt();
   region.edot = diameter * V.inertia.cwiseInverse().cwiseSqrt();
   region.e_reached = diameter * V.inverse_S.cwiseSqrt();
+  region.feedback = V.feedback.cwiseSqrt();
   return region;
 }
 

@@ -23,7 +23,8 @@ struct Region {
   /// Largest |e_i| at any time from anywhere in the level set [rad; m]: where a prismatic joint's
   /// range was sampled, the certificate holds only while this is inside of it.
   Eigen::VectorXd e_reached;
-  robot::Vector q;  ///< the posture that binds rho
+  Eigen::VectorXd feedback;  ///< |Kp e + Kd nu|_i <= feedback_i sqrt(2 V) [N m/J^1/2]
+  robot::Vector q;           ///< the posture that binds rho
 };
 
 /// What weights are chosen for: the largest level, or the fastest rate in the limit of small errors,

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <random>
 #include <variant>
 
 #include "certificate/law_loop.h"
@@ -102,7 +104,8 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
 class ErrorLoop {
  public:
   explicit ErrorLoop(const experiment::Scenario& scenario)
-      : model_(error_model(scenario)),
+      : scenario_(scenario),
+        model_(error_model(scenario)),
         loop_(law_loop(scenario).value()),
         velocity_(velocity_bound(scenario)),
         q_(scenario.plant.initial.position_rad),
@@ -159,7 +162,51 @@ class ErrorLoop {
       result.rate_from_start =
           loop_.weights ? 0 : fine().rate(weights, std::sqrt(2 * region->w * result.V0));
     }
+    result.torque = torque(result);
     if (friction_.any() && std::isfinite(region->level)) result.friction_error = ultimate(result);
+    return result;
+  }
+
+  /// Of each joint's limit what the torque may take where V <= level.
+  [[nodiscard]] VectorXd torque_share(const Region& region, double level) const {
+    const VectorXd reach =
+        (region.e_reached * std::sqrt(level / region.level)).cwiseMin(std::numbers::pi);
+    const reference::Trajectory trajectory = reference::make_trajectory(scenario_);
+    std::mt19937_64 random(1);
+    std::uniform_real_distribution<double> part(-1, 1);
+    VectorXd torque = VectorXd::Zero(reach.size());
+    constexpr int instants = 64, errors = 16;
+    for (int k = 0; k < instants * errors; ++k) {
+      const auto r = trajectory.at(scenario_.loop.duration_s * (k / errors) / (instants - 1));
+      Vector q = r.q_ref;
+      for (Eigen::Index i = 0; i < q.size(); ++i) q[i] += reach[i] * part(random);
+      VectorXd each = robot::inverse_dynamics(model_, q, r.v_ref, r.a_ref).cwiseAbs();
+      if (const auto& friction = scenario_.controller.friction; friction.given()) {
+        each += friction.viscous.cwiseProduct(r.v_ref.cwiseAbs()) + friction.coulomb;
+      }
+      torque = torque.cwiseMax(each);
+    }
+    VectorXd feedback = region.feedback;
+    if (loop_.ki.size() > 0) feedback = (feedback.cwiseAbs2() + loop_.ki).cwiseSqrt();
+    torque += std::sqrt(2 * level) * feedback;
+    return torque.cwiseQuotient(VectorXd(*scenario_.plant.drive.torque_limit_Nm));
+  }
+  [[nodiscard]] std::optional<CertifiedRegion::Torque> torque(const CertifiedRegion& c) const {
+    const auto& limit = scenario_.plant.drive.torque_limit_Nm;
+    if (scenario_.robot.flexible || !limit || !limit->array().isFinite().any() ||
+        !std::isfinite(c.region.level)) {
+      return {};
+    }
+    CertifiedRegion::Torque result{c.region.level, torque_share(c.region, c.V0).maxCoeff()};
+    if (torque_share(c.region, result.level).maxCoeff(&result.joint) <= 1) return result;
+    double low = 0, high = 1;  // of sqrt(level)
+    for (int k = 0; k < 30; ++k) {
+      const double middle = (low + high) / 2;
+      const bool within = torque_share(c.region, c.region.level * middle * middle).maxCoeff() <= 1;
+      (within ? low : high) = middle;
+    }
+    result.level *= low * low;
+    torque_share(c.region, result.level).maxCoeff(&result.joint);
     return result;
   }
 
@@ -198,10 +245,11 @@ class ErrorLoop {
     return *fine_;
   }
 
+  const experiment::Scenario& scenario_;
   robot::Model model_;
   LawLoop loop_;
   VelocityBound velocity_;
-  Vector q_;    ///< at the start
+  Vector q_;  ///< at the start
   FrictionTorques friction_;
   std::optional<MatrixCondition> fine_;
 };

@@ -26,6 +26,15 @@ struct CertifiedRegion : Certified {
   /// nothing: there is none; empty: no bound is certified.
   std::optional<Eigen::VectorXd> friction_error;
 
+  /// Of a rigid robot with torque limits: the largest V of the region up to which no torque reaches
+  /// its limit [J], the joint that ends it, and the largest share of a limit from the start on.
+  /// |Feed-forward| + |Kp e + Kd nu| at most, the first at sampled instants and errors.
+  struct Torque {
+    double level = 0, share = 0;
+    Eigen::Index joint = 0;
+  };
+  std::optional<Torque> torque;
+
   [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level; }
 };
 

@@ -29,12 +29,21 @@ struct Descent {
   double V0 = 0, end = 0;  ///< [J]
   double over_level = 0;   ///< most that V was above the level
   double over_decay = 0;   ///< most that it was above the bound from a quarter of the level on
+  double torque_share = 0;  ///< largest |command| over the limit of 500 and 50 N m
 };
+
+constexpr double limits[] = {500, 50};  // [N m]
 
 class FromTheLevelSet {
  public:
   FromTheLevelSet(const experiment::Scenario& scenario, const ErrorSystem& system)
       : FromTheLevelSet(scenario, system, certified_run(scenario).value().weights) {}
+  /// From where no torque reaches its limit, as is said of the weights of the fastest rate.
+  FromTheLevelSet(const experiment::Scenario& scenario, const ErrorSystem& system,
+                  const CertifiedRegion& region)
+      : FromTheLevelSet(scenario, system, region.weights) {
+    level_ = region.torque.value().level;
+  }
 
   [[nodiscard]] double level() const { return level_; }
   [[nodiscard]] double rate() const { return rate_; }
@@ -53,6 +62,9 @@ class FromTheLevelSet {
         quarter_s = record.time_s;
         quarter_V = V;
       }
+      const Vector& tau = record.command.tau;
+      result.torque_share = std::max({result.torque_share, std::abs(tau[0]) / limits[0],
+                                      std::abs(tau[1]) / limits[1]});
       result.over_level = std::max(result.over_level, V - level_);
       if (quarter_s < INFINITY) {
         const double bound = quarter_V * std::exp(-rate_ * (record.time_s - quarter_s));
@@ -156,6 +168,30 @@ TEST(CertifiedLevelSet, OfTheRigidLoopIsLeftByNoRunAndAllConverge) {
 
 TEST(CertifiedLevelSet, OfTheFlexibleLoopIsLeftByNoRunAndAllConverge) {
   expect_descents("practical_flexible", flexible(practical_link(), practical_motor()), 250, "5e-5");
+}
+
+TEST(CertifiedTorque, IsReachedByNoRunFromItsLevel) {
+  const experiment::Scenario scenario = shipped(
+      "practical_rigid", {"loop.period_s=2e-4", "loop.duration_s=0.1", "loop.command_delay=0",
+                          "controller.feedforward_lead=none", "plant.mechanics=native",
+                          "plant.drive.torque_limit_Nm=[500, 50]"});
+  std::string why_not;
+  const auto found = stability_certificate(scenario, Effort::full, why_not);
+  ASSERT_TRUE(found && found->fastest && found->fastest->torque);
+  const CertifiedRegion& region = *found->fastest;
+  EXPECT_LT(region.torque->level, region.region.level);
+  EXPECT_GT(region.torque->level, region.V0);
+  EXPECT_LT(region.torque->share, 1);
+  const FromTheLevelSet from(scenario, rigid(practical_rigid()), region);
+  std::vector<Descent> descents(300);
+  process::parallel_for(descents.size(), [&](std::size_t i) { descents[i] = from.run(i + 1); });
+  double most = 0;
+  for (const Descent& each : descents) {
+    most = std::max(most, each.torque_share);
+    EXPECT_LE(each.over_level, 0);
+  }
+  EXPECT_LE(most, 1);
+  EXPECT_GT(most, 0.5) << "not small for no reason";
 }
 
 }  // namespace
