@@ -42,11 +42,9 @@ MatrixXd stiffness_of(const ErrorSystem& system) {
 }
 
 MatrixXd delta_of(const ErrorSystem& system, const Weights& weights) {
-  const Index N = system.num_errors(), n = system.num_links();
-  const auto [eps_1, eps_2] = weights.of(N);
-  MatrixXd result = MatrixXd::Zero(n, 2 * N);
-  result.leftCols(n).diagonal() = eps_1.head(n);
-  result.middleCols(N, n).diagonal() = -eps_2.head(n);
+  const auto [eps_1, eps_2] = weights.of(system.num_errors());
+  MatrixXd result(eps_1.size(), 2 * eps_1.size());
+  result << MatrixXd(eps_1.asDiagonal()), MatrixXd((-eps_2).asDiagonal());
   return result;
 }
 
@@ -70,8 +68,7 @@ MatrixXd decrease_constant(const ErrorSystem& system, const Weights& weights) {
   const auto [eps_1, eps_2] = weights.of(N);
   MatrixXd Mm = MatrixXd::Zero(3 * N, 3 * N);
   Mm.block(0, 0, N, N) = symmetric_part(eps_1.asDiagonal() * system.kp);
-  const MatrixXd coupling =
-      0.5 * (eps_1.asDiagonal() * system.kd - system.kp * eps_2.asDiagonal());
+  const MatrixXd coupling = 0.5 * (eps_1.asDiagonal() * system.kd - system.kp * eps_2.asDiagonal());
   Mm.block(0, N, N, N) = coupling;
   Mm.block(N, 0, N, N) = coupling.transpose();
   Mm.block(N, N, N, N) =

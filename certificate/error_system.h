@@ -55,7 +55,7 @@ using Weights = controller::law::LyapunovWeights;
 /// diag(Kp, Kd B^-1): of V's part in (e, nu).
 Eigen::MatrixXd stiffness_of(const ErrorSystem& system);
 
-/// N of delta = E1 e1 - E2 nu1 = N (e, nu), of the links.
+/// N of E1 e - E2 nu = N (e, nu); delta is the links' part.
 Eigen::MatrixXd delta_of(const ErrorSystem& system, const Weights& weights);
 
 /// P of V = 1/2 x' P x, x = (e, nu, edot).

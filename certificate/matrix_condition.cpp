@@ -119,10 +119,7 @@ std::optional<MatrixXd> decrease_at(const MatrixCondition& condition, const Erro
   const MatrixXd at_rest = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
   if (condition.B_d == 0) return at_rest;
   if (system.v_ref.size() > 0) {  // known
-    MatrixXd Cd = MatrixXd::Zero(inertia.M.rows(), inertia.M.cols());
-    for (Index j = 0; j < system.v_ref.size(); ++j) {
-      Cd += system.v_ref[j] * inertia.C[static_cast<std::size_t>(j)];
-    }
+    const MatrixXd Cd = combined(inertia.C, system.v_ref)[0];
     return at_rest + decrease_of_coriolis(system, weights, Cd);
   }
   const Eigen::LLT<MatrixXd> llt(at_rest);
@@ -206,12 +203,11 @@ struct Shape {
 std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSystem& system,
                               const Weights& weights, const Slack& slack) {
   const Index N = system.num_errors();
-  const auto [eps_1, eps_2] = weights.of(N);
-  MatrixXd G(2 * N, N);
-  G << MatrixXd(eps_1.asDiagonal()), MatrixXd((-eps_2).asDiagonal());
+  const MatrixXd G = delta_of(system, weights).transpose();
   const MatrixXd K = stiffness_of(system);
-  const MatrixXd in_L =
-      delta_scale(system, weights).triangularView<Eigen::Lower>().solve(delta_of(system, weights));
+  const MatrixXd in_L = delta_scale(system, weights)
+                            .triangularView<Eigen::Lower>()
+                            .solve(G.leftCols(system.num_links()).transpose());
 
   const auto inverse_S = [&](const Inertia& inertia) -> std::optional<MatrixXd> {
     const MatrixXd M = system.inertia(inertia.M + slack.M);
@@ -251,7 +247,7 @@ std::optional<Shape> shape_of(const MatrixCondition& condition, const ErrorSyste
 }  // namespace
 
 MatrixXd delta_scale(const ErrorSystem& system, const Weights& weights) {
-  const MatrixXd N = delta_of(system, weights);
+  const MatrixXd N = delta_of(system, weights).topRows(system.num_links());
   return (N * stiffness_of(system).llt().solve(N.transpose())).llt().matrixL();
 }
 

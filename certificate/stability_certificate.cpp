@@ -220,7 +220,12 @@ class ErrorLoop {
       const MatrixXd inverse = robot::inverse(at.M);
       of_y = std::max(of_y, friction_.on_y.dot(inverse.cwiseAbs() * friction_.on_y));
     }
-    const double s = std::sqrt(of_y) + std::sqrt(c.region.w) * friction_.on_delta.norm();
+    double of_delta = 0;
+    for (const ErrorSystem& each : loop_.systems) {
+      const MatrixXd L = delta_scale(each, c.weights);
+      of_delta = std::max(of_delta, (L.transpose() * friction_.on_delta).norm());
+    }
+    const double s = std::sqrt(of_y) + std::sqrt(c.region.w) * of_delta;
     const double root =
         (std::sqrt(2) * s + std::sqrt(2 * s * s + 4 * mu * friction_.power)) / (2 * mu);
     if (root * root > c.region.level / 4) return {};

@@ -75,11 +75,10 @@ std::pair<double, VectorXd> Cut::quotient(Goal goal, const MatrixXd& v_ref,
     of_den << e.cwiseProduct(p), -nu.cwiseProduct(p);
     den = 0.5 * (edot.dot(p) + e.dot(s.kp * e) + nu.dot(damper * nu)) + of_den.dot(x);
   } else {  // sqrt(u' S^-1 u), u = (E1 c, -E2 c), c' delta = edot' C(q, delta) edot
-    VectorXd c = VectorXd::Zero(N), u(2 * N);
+    VectorXd c = VectorXd::Zero(N);
     c.head(n) = along;
-    u << eps_1.cwiseProduct(c), -eps_2.cwiseProduct(c);
-    MatrixXd G(2 * N, N);
-    G << MatrixXd(eps_1.asDiagonal()), MatrixXd((-eps_2).asDiagonal());
+    const MatrixXd G = delta_of(s, weights_of(x)).transpose();
+    const VectorXd u = G * c;
     const VectorXd y = (stiffness_of(s) - G * M * G.transpose()).llt().solve(u);
     const VectorXd by = c + M * (G.transpose() * y);
     den = std::sqrt(u.dot(y));

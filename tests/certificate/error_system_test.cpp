@@ -76,7 +76,7 @@ void expect_identity(const robot::Model& model, const ErrorSystem& system, unsig
       const Vector q = random.vector(n, std::numbers::pi), v_ref = random.vector(n, 2);
       VectorXd z(3 * N);
       for (Eigen::Index k = 0; k < 3 * N; ++k) z[k] = random.uniform(-1, 1);
-      const VectorXd delta = delta_of(system, w) * z.head(2 * N);
+      const VectorXd delta = (delta_of(system, w) * z.head(2 * N)).head(n);
       const Inertia at = inertia_at(model, q);
       const Independent expected = independent(model, system, w, q, v_ref, z);
       const double Vdot = -z.dot(decrease_matrix(system, w, at, v_ref, delta) * z);
