@@ -175,11 +175,17 @@ double rate_at(const MatrixCondition& condition, const ErrorSystem& system, cons
   // Not certified: how far from it, to guide a search.
   if (!certified) F = decrease_at_rest(system, weights, inertia.M) - slack.decrease;
   if (certified && rho != 0) {
-    const MatrixXd D =
-        root_of_squares_scaled(coriolis_of_delta(inertia, delta_scale(system, weights)),
-                               inertia.M.diagonal().cwiseSqrt()) +
-        slack.delta;
-    F->block(2 * N, 2 * N, n, n) -= rho * D;
+    // After the congruence by which rho is found: positive inside of it.
+    const Eigen::LLT<MatrixXd> llt(*F);
+    if (llt.info() != Eigen::Success) return -infinity;
+    const MatrixXd E = MatrixXd::Identity(3 * N, 3 * N).middleCols(2 * N, n);
+    const Eigen::LLT<MatrixXd> root(llt.solve(E).middleRows(2 * N, n));
+    std::vector<MatrixXd> of_delta;
+    for (const MatrixXd& C : coriolis_of_delta(inertia, delta_scale(system, weights))) {
+      of_delta.push_back(root.matrixU() * C * root.matrixL());
+    }
+    const MatrixXd half = root.matrixU().solve(root_of_squares(of_delta));
+    F->block(2 * N, 2 * N, n, n) -= rho * (root.matrixU().solve(half.transpose()) + slack.delta);
   }
   const MatrixXd scaled = whitened(half_P, *F);
   if (states != nullptr) {

@@ -46,7 +46,8 @@ inline std::vector<Eigen::VectorXd> polygon(double radius, int sides) {
 }
 
 /// The largest |delta|^2 / (2 V), of V's whole matrix.
-inline double delta_by_V(const ErrorSystem& system, const Weights& weights, const Inertia& inertia) {
+inline double delta_by_V(const ErrorSystem& system, const Weights& weights,
+                         const Inertia& inertia) {
   const Eigen::Index N = system.num_errors(), n = system.num_links();
   const auto [eps_1, eps_2] = weights.of(N);
   Eigen::MatrixXd of_x = Eigen::MatrixXd::Zero(n, 3 * N);
@@ -82,7 +83,8 @@ class PolygonCondition {
     for (const Inertia& inertia : condition_.postures.inertia) {
       const ErrorSystem& system = condition_.systems[0];
       w = std::max(w, delta_by_V(system, weights, inertia));
-      alpha_2 = std::max(alpha_2, largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2);
+      alpha_2 =
+          std::max(alpha_2, largest_eigenvalue(lyapunov_matrix(system, weights, inertia.M)) / 2);
     }
     region.level = region.rho * region.rho / (2 * w);
     region.ball = std::sqrt(region.level / alpha_2);

@@ -72,7 +72,8 @@ struct IntegralLoop {
     for (int i = 0; i < 2; ++i) {
       sum += edot[i] * p[i] / 2.0 + gains.kp[i] * e[i] * e[i] / 2.0 +
              gains.kd[i] / gains.b[i] * nu[i] * nu[i] / 2.0 +
-             (weights.eps_1[i] * e[i] - weights.eps_2[i] * nu[i]) * p[i] + z[i] * z[i] / ki[i] / 2.0;
+             (weights.eps_1[i] * e[i] - weights.eps_2[i] * nu[i]) * p[i] +
+             z[i] * z[i] / ki[i] / 2.0;
     }
     return sum;
   }
@@ -281,15 +282,16 @@ void expect_identity(const robot::Model& model, unsigned seed) {
     const VectorXd M_eddot = -(C + D) * edot - Kp * e - Kd * nu;
     const VectorXd nudot = g.b * edot - g.a * nu;
     const VectorXd delta = w.eps_1.cwiseProduct(e) - w.eps_2.cwiseProduct(nu);
-    const double terms[] = {edot.dot(M_eddot),
-                            edot.dot(Mdot * edot) / 2,
-                            e.dot(Kp * edot),
-                            g.w * g.w * e.dot(rate * e) / 2,
-                            nu.dot(Kd * nudot) / g.b,
-                            g.damping * g.w * nu.dot(rate * nu) / g.b,
-                            (w.eps_1.cwiseProduct(edot) - w.eps_2.cwiseProduct(nudot)).dot(M * edot),
-                            delta.dot(Mdot * edot),
-                            delta.dot(M_eddot)};
+    const double terms[] = {
+        edot.dot(M_eddot),
+        edot.dot(Mdot * edot) / 2,
+        e.dot(Kp * edot),
+        g.w * g.w * e.dot(rate * e) / 2,
+        nu.dot(Kd * nudot) / g.b,
+        g.damping * g.w * nu.dot(rate * nu) / g.b,
+        (w.eps_1.cwiseProduct(edot) - w.eps_2.cwiseProduct(nudot)).dot(M * edot),
+        delta.dot(Mdot * edot),
+        delta.dot(M_eddot)};
     double Vdot = 0, size = 0;
     for (const double term : terms) {
       Vdot += term;

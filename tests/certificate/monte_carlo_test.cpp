@@ -26,13 +26,13 @@ using robot::Vector;
 
 /// What one run from the boundary of the level set did to V.
 struct Descent {
-  double V0 = 0, end = 0;  ///< [J]
-  double over_level = 0;   ///< most that V was above the level
-  double over_decay = 0;   ///< most that it was above the bound from a quarter of the level on
-  double torque_share = 0;  ///< largest |command| over the limit of 500 and 50 N m
+  double V0 = 0, end = 0;   ///< [J]
+  double over_level = 0;    ///< most that V was above the level
+  double over_decay = 0;    ///< most that it was above the bound from a quarter of the level on
+  double torque_share = 0;  ///< largest |command| over its limit
 };
 
-constexpr double limits[] = {500, 50};  // [N m]
+constexpr double limits[] = {40000, 10000};  // [N m]
 
 class FromTheLevelSet {
  public:
@@ -63,8 +63,8 @@ class FromTheLevelSet {
         quarter_V = V;
       }
       const Vector& tau = record.command.tau;
-      result.torque_share = std::max({result.torque_share, std::abs(tau[0]) / limits[0],
-                                      std::abs(tau[1]) / limits[1]});
+      result.torque_share = std::max(
+          {result.torque_share, std::abs(tau[0]) / limits[0], std::abs(tau[1]) / limits[1]});
       result.over_level = std::max(result.over_level, V - level_);
       if (quarter_s < INFINITY) {
         const double bound = quarter_V * std::exp(-rate_ * (record.time_s - quarter_s));
@@ -141,6 +141,7 @@ class FromTheLevelSet {
   double level_ = 0, rate_ = 0;
 };
 
+/// At 2e-4 s the torque that is held leaves the stiff flexible loop 0.5 % above the level.
 void expect_descents(const std::string& name, const ErrorSystem& system, std::size_t runs,
                      const std::string& period_s) {
   const FromTheLevelSet from(
@@ -174,7 +175,7 @@ TEST(CertifiedTorque, IsReachedByNoRunFromItsLevel) {
   const experiment::Scenario scenario = shipped(
       "practical_rigid", {"loop.period_s=2e-4", "loop.duration_s=0.1", "loop.command_delay=0",
                           "controller.feedforward_lead=none", "plant.mechanics=native",
-                          "plant.drive.torque_limit_Nm=[500, 50]"});
+                          "plant.drive.torque_limit_Nm=[40000, 10000]"});
   std::string why_not;
   const auto found = stability_certificate(scenario, Effort::full, why_not);
   ASSERT_TRUE(found && found->fastest && found->fastest->torque);
@@ -191,7 +192,7 @@ TEST(CertifiedTorque, IsReachedByNoRunFromItsLevel) {
     EXPECT_LE(each.over_level, 0);
   }
   EXPECT_LE(most, 1);
-  EXPECT_GT(most, 0.5) << "not small for no reason";
+  EXPECT_GT(most, 0.2) << "not small for no reason";
 }
 
 }  // namespace
