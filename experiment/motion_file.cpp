@@ -22,25 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view separators = ",; \t\r";
-
-/// The fields of a row: between commas, semicolons or white space.
-void split(std::string_view row, std::vector<std::string_view>& fields) {
-  fields.clear();
-  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
-    fields.push_back(row.substr(begin, end - begin));
-    begin = row.find_first_not_of(separators, end);
-  }
-}
-
-std::optional<double> number(std::string_view field) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-  if (error != std::errc{} || end != field.data() + field.size()) return {};
-  return value;
-}
-
 std::string digest_of(std::string_view text) {
   return fmt::format("{:016x}", diagnostics::fnv(text));
 }
@@ -66,9 +47,9 @@ class Table {
 
   void add_line(std::string_view line) {
     ++line_;
-    split(line.substr(0, line.find('#')), fields_);
+    split_row(line.substr(0, line.find('#')), fields_);
     if (fields_.empty()) return;
-    if (time_s_.empty() && !number(fields_.front())) {
+    if (time_s_.empty() && !number_in(fields_.front())) {
       read_header();
     } else {
       read_row();
@@ -131,7 +112,7 @@ class Table {
 
   double value(std::size_t column) const {
     const std::string_view field = fields_[columns_[column]];
-    const std::optional<double> x = number(field);
+    const std::optional<double> x = number_in(field);
     if (!x || !std::isfinite(*x)) refuse("\"{}\" is not a finite number", field);
     return *x;
   }
@@ -167,6 +148,23 @@ class Table {
 };
 
 }  // namespace
+
+void split_row(std::string_view row, std::vector<std::string_view>& fields) {
+  constexpr std::string_view separators = ",; \t\r";
+  fields.clear();
+  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
+    fields.push_back(row.substr(begin, end - begin));
+    begin = row.find_first_not_of(separators, end);
+  }
+}
+
+std::optional<double> number_in(std::string_view field) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
+  if (error != std::errc{} || end != field.data() + field.size()) return {};
+  return value;
+}
 
 std::string motion_text(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
   YamlNode* const reference = root.find("reference");

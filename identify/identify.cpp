@@ -1,13 +1,18 @@
 #include "identify/identify.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <utility>
 
 #include "identify/least_squares.h"
+#include "robot/urdf_xml.h"
 
 namespace tachless::identify {
 namespace {
@@ -56,18 +61,66 @@ std::vector<Identified::Check> check(const Recording& recording, const Parameter
   const Regression torque = regression(recording, parameters);
   const VectorXd before = torque.residual(VectorXd::Zero(values.size())),
                  after = torque.residual(values);
-  const Eigen::MatrixXd error = simulated_residual(recording, parameters, values);
+  Eigen::MatrixXd error;
+  if (recording.controlled) error = simulated_residual(recording, parameters, values);
   const robot::JointLabels labels = joint_labels(*recording.scenario.model);
   std::vector<Identified::Check> result;
   for (Eigen::Index i = 0; i < before.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     const double peak = std::max(1e-300, torque.peak[i]);
+    result.push_back({labels.name[at], labels.length[at], before[i] / peak, after[i] / peak, {}, {}});
+    if (error.size() == 0) continue;
     const VectorXd of_joint = error.col(i);
-    result.push_back({labels.name[at], labels.length[at], before[i] / peak, after[i] / peak,
-                      std::sqrt(of_joint.squaredNorm() / static_cast<double>(of_joint.size())),
-                      correlation_of(of_joint)});
+    result.back().position_error =
+        std::sqrt(of_joint.squaredNorm() / static_cast<double>(of_joint.size()));
+    result.back().correlation = correlation_of(of_joint);
   }
   return result;
+}
+
+void set_links(const Parameters& parameters, const VectorXd& values,
+               const experiment::Scenario& scenario, Identified& to) {
+  if (parameters.first(Kind::inertia) < 0) return;
+  const experiment::Scenario changed = parameters.plant(scenario, values);
+  for (std::size_t i = 0; i < changed.model->bodies.size(); ++i) {
+    const robot::Body &before = scenario.model->bodies[i], &after = changed.model->bodies[i];
+    to.links.push_back({before.link, before, after});
+  }
+}
+
+/// Output error of rotors, friction and payload, links as they are in `answer`, which becomes that.
+void simulate(const std::vector<Recording>& recordings, const Parameters& parameters,
+              const std::vector<Kind>& unknown, const Report& report, LeastSquares& answer,
+              Identified& to) {
+  std::vector<Kind> kinds;
+  for (const Kind kind : unknown) {
+    if (static_cast<std::size_t>(kind) < num_simulated_kinds) kinds.push_back(kind);
+  }
+  if (kinds.empty()) return;
+  std::vector<Recording> changed = recordings;
+  if (!to.links.empty()) {
+    for (Recording& each : changed) {
+      auto model = std::make_shared<robot::Model>(*each.scenario.model);
+      for (std::size_t i = 0; i < to.links.size(); ++i) {
+        static_cast<robot::MassProperties&>(model->bodies[i]) = to.links[i].after;
+      }
+      each.scenario.model = std::move(model);
+    }
+  }
+  const Parameters some(changed.front().scenario, kinds);
+  VectorXd start(some.size());
+  std::vector<Eigen::Index> place;
+  for (const Parameters::Entry& entry : some.entries()) {
+    place.push_back(std::ranges::find(parameters.entries(), entry.name, &Parameters::Entry::name) -
+                    parameters.entries().begin());
+    start[std::ssize(place) - 1] = answer.values[place.back()];
+  }
+  const Fit fit = output_error(changed, some, start, report);
+  to.condition = fit.condition;
+  for (std::size_t i = 0; i < place.size(); ++i) {
+    answer.values[place[i]] = fit.values[static_cast<Eigen::Index>(i)];
+    answer.half_width[place[i]] = fit.half_width[static_cast<Eigen::Index>(i)];
+  }
 }
 
 }  // namespace
@@ -80,41 +133,101 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   report("least squares on filtered positions and torques");
   std::vector<Regression> regressions;
   for (const Recording& each : recordings) regressions.push_back(regression(each, parameters));
-  const Fit fit = output_error(recordings, parameters, least_squares(regressions), report);
+  const experiment::Scenario& scenario = recordings.front().scenario;
+  LeastSquares answer = least_squares(regressions, parameters, *scenario.model);
   Identified result;
-  result.condition = fit.condition;
+  result.rank = answer.rank;
+  result.condition = answer.condition;
   result.validated = !validate.empty();
+  result.simulated = std::ranges::all_of(recordings, &Recording::controlled);
+  set_links(parameters, answer.values, scenario, result);
+  if (result.simulated) simulate(recordings, parameters, unknown, report, answer, result);
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
-    const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
-    result.parameters.push_back(
-        {entry, fit.values[i], fit.half_width[i],
-         doubt_about(entry, i, fit.half_width[i], recordings, regressions)});
+    const auto at = static_cast<std::size_t>(i);
+    const auto& entry = parameters.entries()[at];
+    Identified::Parameter each{entry, answer.values[i], answer.half_width[i], "", false};
+    if (!answer.sums[at].empty()) {
+      each.in_sum = !result.links.empty();
+      each.doubt = answer.sums[at] == "nothing" ? "it has no part in any torque"
+                                                : "only in sums with " + answer.sums[at];
+    } else if (entry.kind != Kind::inertia) {
+      each.doubt = doubt_about(entry, i, answer.half_width[i], recordings, regressions);
+    }
+    result.parameters.push_back(std::move(each));
   }
-  result.checks = check((validate.empty() ? recordings : validate).front(), parameters, fit.values);
-  result.overrides = parameters.overrides(fit.values);
+  result.checks =
+      check((validate.empty() ? recordings : validate).front(), parameters, answer.values);
+  result.overrides = parameters.overrides(answer.values);
   return result;
 }
 
+std::string urdf_of(const Identified& found, const experiment::Scenario& scenario) {
+  if (found.links.empty()) return scenario.robot.urdf_text;
+  std::map<std::string, robot::MassProperties> links;
+  for (const auto& [name, frame] : scenario.model->frames) {
+    if (frame.body >= 0) links[name];  // what is fixed to a link is in that one's
+  }
+  for (const Identified::Link& each : found.links) links[each.name] = each.after;
+  return robot::urdf_with_inertials(scenario.robot.urdf_text, links);
+}
+
 std::string text(const Identified& found, const std::string& name) {
-  std::string text = fmt::format("{}: 95 % intervals, condition {:.3g}\n", name, found.condition);
+  std::string text =
+      fmt::format("{}: 95 % intervals, condition {:.3g}{}\n", name, found.condition,
+                  found.simulated ? "" : "; by least squares, as no controller is known");
   for (const Identified::Parameter& each : found.parameters) {
+    if (each.entry.kind == Kind::inertia) continue;
+    if (each.in_sum) {
+      text += fmt::format("  {:<24} {:>10.4g} {}: {}\n", each.entry.name, each.value,
+                          each.entry.unit, each.doubt);
+      continue;
+    }
     text += fmt::format("  {:<24} {:>10.4g} +- {:.2g} {}{}\n", each.entry.name, each.value,
                         each.half_width, each.entry.unit,
                         each.doubt.empty() ? "" : ": not identifiable, " + each.doubt);
   }
-  text += fmt::format(
-      "  torque error on {}, rms over peak, unknowns zero -> identified; position error\n",
-      found.validated ? "data not used" : "the same data");
+  if (!found.links.empty()) {
+    const auto alone = std::ranges::count_if(found.parameters, [](const auto& each) {
+      return each.entry.kind == Kind::inertia && each.doubt.empty();
+    });
+    text += fmt::format(
+        "  links: of {} numbers {} combinations are determined, {} of the links' alone; the rest is "
+        "near the URDF's\n",
+        found.parameters.size(), found.rank, alone);
+    for (const Identified::Link& each : found.links) {
+      text += fmt::format("  {:<24} {:.4g} -> {:.4g} kg, centre [{:.3g}] -> [{:.3g}] m\n", each.name,
+                          each.before.mass, each.after.mass, fmt::join(each.before.p_Bcm, ", "),
+                          fmt::join(each.after.p_Bcm, ", "));
+    }
+  }
+  text += fmt::format("  torque error on {}, rms over peak, unknowns zero -> identified{}\n",
+                      found.validated ? "data not used" : "the same data",
+                      found.simulated ? "; position error" : "");
   for (const Identified::Check& each : found.checks) {
-    text += fmt::format("  {:<24} {:>6.2f} % -> {:.2f} %; {:.2g} {} rms, correlation {:.2f}\n",
-                        each.joint, 100 * each.before, 100 * each.after, each.position_error,
-                        each.unit, each.correlation);
+    text += fmt::format("  {:<24} {:>6.2f} % -> {:.2f} %", each.joint, 100 * each.before,
+                        100 * each.after);
+    if (each.position_error) {
+      text += fmt::format("; {:.2g} {} rms, correlation {:.2f}", *each.position_error, each.unit,
+                          *each.correlation);
+    }
+    text += "\n";
   }
   return text;
 }
 
 void to_json(nlohmann::ordered_json& json, const Identified& found) {
-  json = {{"condition", found.condition}, {"validated", found.validated}};
+  const auto list = [](const auto& vector) {
+    return std::vector<double>(vector.begin(), vector.end());
+  };
+  const auto mass = [&](const robot::MassProperties& of) -> nlohmann::ordered_json {
+    return {{"mass_kg", of.mass},
+            {"center_of_mass_m", list(of.p_Bcm)},
+            {"inertia_kgm2", list(inertial_of({of.mass, {0, 0, 0}, of.I_Bcm}).tail<6>())}};
+  };
+  json = {{"method", found.simulated ? "output error" : "least squares"},
+          {"condition", found.condition},
+          {"combinations", found.rank},
+          {"validated", found.validated}};
   for (const Identified::Parameter& each : found.parameters) {
     json["parameters"].push_back({{"name", each.entry.name},
                                   {"unit", each.entry.unit},
@@ -123,12 +236,17 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
                                   {"identifiable", each.doubt.empty()},
                                   {"doubt", each.doubt}});
   }
+  for (const Identified::Link& each : found.links) {
+    json["links"].push_back(
+        {{"name", each.name}, {"before", mass(each.before)}, {"after", mass(each.after)}});
+  }
   for (const Identified::Check& each : found.checks) {
     json["joints"].push_back({{"name", each.joint},
                               {"torque_error_before", each.before},
-                              {"torque_error", each.after},
-                              {"position_error", each.position_error},
-                              {"correlation", each.correlation}});
+                              {"torque_error", each.after}});
+    if (!each.position_error) continue;
+    json["joints"].back()["position_error"] = *each.position_error;
+    json["joints"].back()["correlation"] = *each.correlation;
   }
   json["overrides"] = found.overrides;
 }

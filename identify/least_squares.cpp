@@ -1,10 +1,14 @@
 #include "identify/least_squares.h"
 
-#include <Eigen/QR>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <utility>
 
+#include "identify/inertia.h"
+#include "identify/output_error.h"
 #include "robot/dynamics.h"
 
 namespace tachless::identify {
@@ -57,6 +61,24 @@ struct Models {
   plant::DriveSpec drive;
 };
 
+/// A model for each number of each body, all else without mass; of first moments, of a mass of 1 at
+/// 1 m.
+std::vector<robot::Model> unit_models(const robot::Model& bare) {
+  robot::Model empty = bare;
+  empty.rotor_inertia = robot::Vector::Zero(bare.num_joints);
+  for (robot::MassProperties& each : empty.bodies) each = {};
+  std::vector<robot::Model> all;
+  for (std::size_t body = 0; body < bare.bodies.size(); ++body) {
+    for (Eigen::Index c = 0; c < Inertial::SizeAtCompileTime; ++c) {
+      Inertial unit = Inertial::Unit(c);
+      if (c >= 1 && c <= 3) unit[0] = 1;
+      robot::MassProperties& of = all.emplace_back(empty).bodies[body];
+      of = mass_properties(unit);
+    }
+  }
+  return all;
+}
+
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
 }  // namespace
@@ -78,9 +100,15 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const MatrixXd q = filtered(recording.q, h);
   // What acts at t_k: the torque is held over each tick.
   MatrixXd tau = recording.tau;
-  tau.bottomRows(ticks - 1) = 0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
+  if (recording.controlled) {
+    tau.bottomRows(ticks - 1) =
+        0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
+  }
   MatrixXd left = filtered(tau, h);  // without the robot's own torque, below
   const MatrixXd whole = left;
+  const Eigen::Index inertia = parameters.first(Kind::inertia);
+  const std::vector<robot::Model> units =
+      inertia < 0 ? std::vector<robot::Model>() : unit_models(models.bare);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
   for (Eigen::Index k = 1; k + 1 < ticks; ++k) {
     const robot::Vector at = q.row(k).transpose();
@@ -107,6 +135,18 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
         case Kind::payload:
           column.row(k) =
               (robot::inverse_dynamics<double>(models.loaded, at, v, a) - own).transpose();
+          break;
+        case Kind::inertia:
+          column.row(k) = robot::inverse_dynamics<double>(
+                              units[static_cast<std::size_t>(i - inertia)], at, v, a)
+                              .transpose();
+          if (entry.component >= 1 && entry.component <= 3) {
+            column.row(k) -= columns[static_cast<std::size_t>(i - entry.component)].row(k);
+          }
+          break;
+        case Kind::offset:
+          column(k, entry.joint) = 1;
+          break;
       }
     }
   }
@@ -135,25 +175,81 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   return result;
 }
 
-VectorXd least_squares(const std::vector<Regression>& of) {
-  const Eigen::Index p = of.front().columns.cols(), n = of.front().peak.size();
-  VectorXd values = VectorXd::Zero(p), weight = VectorXd::Ones(n);
+namespace {
+
+constexpr int passes = 4;
+
+/// All rows, each weighted by its joint's.
+struct Weighted {
+  MatrixXd columns;
+  VectorXd torque;
+};
+
+Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight) {
+  Eigen::Index rows = 0, row = 0;
+  for (const Regression& each : of) rows += each.torque.size();
+  Weighted all{MatrixXd(rows, of.front().columns.cols()), VectorXd(rows)};
+  for (const Regression& each : of) {
+    for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
+      const double w = weight[each.joint[i]];
+      all.columns.row(row) = w * each.columns.row(i);
+      all.torque[row] = w * each.torque[i];
+    }
+  }
+  return all;
+}
+
+/// Which parameters are determined, alone or in sums, and how well.
+void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
+  constexpr double zero = 1e-11;  // of the scaled normal matrix's largest eigenvalue: a condition
+                                  // of 3e5
+  const VectorXd norm = rows.columns.colwise().norm().transpose().cwiseMax(1e-300);
+  const MatrixXd scaled = rows.columns * norm.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
+  const VectorXd& value = eigen.eigenvalues();
+  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
+  of.rank = value.size() - null;
+  of.condition = std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]);
+  const MatrixXd& V = eigen.eigenvectors();
+  const MatrixXd free = V.leftCols(null) * V.leftCols(null).transpose();
+  const MatrixXd inverse = V.rightCols(of.rank) *
+                           value.tail(of.rank).cwiseInverse().asDiagonal() *
+                           V.rightCols(of.rank).transpose();
+  const VectorXd residual = rows.torque - rows.columns * of.values;
+  of.half_width = half_widths(scaled, residual, inverse).cwiseQuotient(norm);
+  of.sums.resize(static_cast<std::size_t>(value.size()));
+  for (Eigen::Index i = 0; i < value.size(); ++i) {
+    if (free(i, i) < 1e-6) continue;
+    of.half_width[i] = std::numeric_limits<double>::infinity();
+    std::string& with = of.sums[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j < value.size(); ++j) {
+      if (j == i || std::abs(free(i, j)) < 0.2 * free(i, i)) continue;
+      const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
+      with += (with.empty() ? "" : ", ") + entry.name;
+    }
+    if (with.empty()) with = "nothing";
+  }
+}
+
+}  // namespace
+
+LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
+                           const robot::Model& model) {
+  const Eigen::Index n = of.front().peak.size();
+  LeastSquares result;
+  VectorXd weight = VectorXd::Ones(n);
   for (const Regression& each : of)
     weight = weight.cwiseMin(each.peak.cwiseMax(1e-9).cwiseInverse());
-  for (int pass = 0; pass < 3; ++pass) {
-    MatrixXd normal = MatrixXd::Zero(p, p);
-    VectorXd right = VectorXd::Zero(p), residual = VectorXd::Zero(n);
-    for (const Regression& each : of) {
-      const VectorXd w =
-          each.joint.unaryExpr([&](int j) { return weight[j] * weight[j]; }).cast<double>();
-      normal += each.columns.transpose() * w.asDiagonal() * each.columns;
-      right += each.columns.transpose() * w.cwiseProduct(each.torque);
-    }
-    values = normal.completeOrthogonalDecomposition().solve(right).cwiseMax(0);
-    for (const Regression& each : of) residual = residual.cwiseMax(each.residual(values));
+  for (int pass = 0; pass < passes; ++pass) {
+    const Weighted rows = weighted(of, weight);
+    result.values = possible_values(rows.columns.transpose() * rows.columns,
+                                    rows.columns.transpose() * rows.torque, parameters, model);
+    if (pass + 1 == passes) set_intervals(rows, parameters, result);
+    VectorXd residual = VectorXd::Zero(n);
+    for (const Regression& each : of) residual = residual.cwiseMax(each.residual(result.values));
     weight = residual.cwiseMax(1e-9).cwiseInverse();
   }
-  return values;
+  return result;
 }
 
 }  // namespace tachless::identify

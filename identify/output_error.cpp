@@ -88,24 +88,23 @@ Matrix weighted(Matrix rows, const VectorXd& spread) {
   return rows;
 }
 
-/// What the gradient varies by, from its sums over blocks of time: whatever the residual's colour.
-MatrixXd covariance(const MatrixXd& J, const Residual& r, const MatrixXd& inverse) {
-  const Eigen::Index length = r.size() / blocks;
-  MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
-  for (int b = 0; b < blocks; ++b) {
-    const VectorXd sum =
-        J.middleRows(b * length, length).transpose() * r.segment(b * length, length);
-    middle += sum * sum.transpose();
-  }
-  return inverse * middle * inverse;
-}
-
 /// A step of each parameter that the simulation resolves: from its value, or its share of torque.
 VectorXd difference_steps(const VectorXd& values, const VectorXd& scale) {
   return (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
 }
 
 }  // namespace
+
+VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& inverse) {
+  const Eigen::Index length = residual.size() / blocks;
+  MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
+  for (int b = 0; b < blocks; ++b) {
+    const VectorXd sum =
+        J.middleRows(b * length, length).transpose() * residual.segment(b * length, length);
+    middle += sum * sum.transpose();
+  }
+  return quantile * (inverse * middle * inverse).diagonal().cwiseMax(0).cwiseSqrt();
+}
 
 MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
                             const VectorXd& values) {
@@ -157,9 +156,7 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
     fit.condition = std::sqrt(eigen.eigenvalues().maxCoeff() /
                               std::max(1e-300, eigen.eigenvalues().minCoeff()));
     const MatrixXd inverse = normal.completeOrthogonalDecomposition().pseudoInverse();
-    fit.half_width =
-        quantile *
-        covariance(scaled, r, inverse).diagonal().cwiseMax(0).cwiseSqrt().cwiseQuotient(norm);
+    fit.half_width = half_widths(scaled, r, inverse).cwiseQuotient(norm);
     fit.residual = spread;
     const MatrixXd damped = normal + damping * MatrixXd::Identity(normal.rows(), normal.cols());
     const VectorXd step =

@@ -28,6 +28,12 @@ using Report = std::function<void(std::string_view what)>;
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);
 
+/// Half the 95 % intervals of a least-squares estimate from its Jacobian, the residual in order of
+/// time and the inverse of the normal matrix: what the gradient varies by, from its sums over blocks
+/// of time, whatever the residual's colour.
+Eigen::VectorXd half_widths(const Eigen::MatrixXd& J, const Eigen::VectorXd& residual,
+                            const Eigen::MatrixXd& inverse);
+
 /// Measured minus simulated positions [rad; m], a row per tick; fewer rows where the simulated run
 /// ended early.
 Eigen::MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,

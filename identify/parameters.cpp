@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -17,20 +18,59 @@ std::string unit_of(Kind kind, bool turns) {
     case Kind::viscous:
       return turns ? "N m s/rad" : "N s/m";
     case Kind::coulomb:
+    case Kind::offset:
       return turns ? "N m" : "N";
     case Kind::payload:
-      return "kg";
+    case Kind::inertia:
+      break;
   }
-  return "";
+  return "kg";
 }
 
+constexpr std::array<const char*, 10> component_names = {"mass", "mx",  "my",  "mz",  "Ixx",
+                                                         "Iyy",  "Izz", "Ixy", "Ixz", "Iyz"};
+
 }  // namespace
+
+Inertial inertial_of(const robot::MassProperties& body) {
+  const Eigen::Vector3d& c = body.p_Bcm;
+  const Eigen::Matrix3d I =
+      body.I_Bcm +
+      body.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  Inertial value;
+  value << body.mass, body.mass * c, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2);
+  return value;
+}
+
+robot::MassProperties mass_properties(const Inertial& value) {
+  robot::MassProperties body;
+  body.mass = value[0];
+  if (body.mass != 0) body.p_Bcm = value.segment<3>(1) / body.mass;
+  const Eigen::Vector3d& c = body.p_Bcm;
+  body.I_Bcm << value[4], value[7], value[8], value[7], value[5], value[9], value[8], value[9],
+      value[6];
+  body.I_Bcm -= body.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+  return body;
+}
 
 Parameters::Parameters(const experiment::Scenario& scenario, const std::vector<Kind>& unknown) {
   for (const Kind kind : unknown) {
     const std::string name(kind_names[static_cast<std::size_t>(kind)]);
     if (kind == Kind::payload) {
       entries_.push_back({kind, -1, name, unit_of(kind, true)});
+      continue;
+    }
+    if (kind == Kind::inertia) {
+      for (int body = 0; body < std::ssize(scenario.model->bodies); ++body) {
+        for (int c = 0; c < std::ssize(component_names); ++c) {
+          const auto at = static_cast<std::size_t>(c);
+          entries_.push_back(
+              {kind, body,
+               fmt::format("{} {}", component_names[at],
+                           scenario.model->bodies[static_cast<std::size_t>(body)].link),
+               c == 0 ? "kg" : c < 4 ? "kg m" : "kg m2", c});
+        }
+      }
       continue;
     }
     for (int i = 0; i < scenario.num_joints; ++i) {
@@ -40,6 +80,11 @@ Parameters::Parameters(const experiment::Scenario& scenario, const std::vector<K
           {kind, i, name + " " + scenario.model->joint_names[at], unit_of(kind, turns)});
     }
   }
+}
+
+Eigen::Index Parameters::first(Kind kind) const {
+  const auto found = std::ranges::find(entries_, kind, &Entry::kind);
+  return found == entries_.end() ? -1 : found - entries_.begin();
 }
 
 experiment::Scenario Parameters::plant(const experiment::Scenario& scenario,
@@ -63,11 +108,22 @@ experiment::Scenario Parameters::plant(const experiment::Scenario& scenario,
       case Kind::payload:
         changed.plant.payload.mass_kg = value;
         break;
+      case Kind::inertia:
+      case Kind::offset:
+        break;
     }
   }
   changed.plant.mechanics = plant::Mechanics::native;
   // What the recorded run did beyond the URDF's range and speed it does again, without a warning.
   auto model = std::make_shared<robot::Model>(*scenario.model);
+  if (const Eigen::Index first_of_bodies = first(Kind::inertia); first_of_bodies >= 0) {
+    for (std::size_t body = 0; body < model->bodies.size(); ++body) {
+      const Inertial change =
+          values.segment<10>(first_of_bodies + 10 * static_cast<Eigen::Index>(body));
+      robot::MassProperties& of_body = model->bodies[body];
+      if (!change.isZero(0)) of_body = mass_properties(inertial_of(of_body) + change);
+    }
+  }
   model->lower.setConstant(-robot::Model::unlimited);
   model->upper.setConstant(robot::Model::unlimited);
   model->velocity_limit.setConstant(robot::Model::unlimited);

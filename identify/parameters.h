@@ -7,28 +7,45 @@
 #include <vector>
 
 #include "experiment/scenario.h"
+#include "robot/model.h"
 
 namespace tachless::identify {
 
-enum class Kind { rotor, viscous, coulomb, payload };
-inline constexpr std::array<std::string_view, 4> kind_names = {"rotor", "viscous", "coulomb",
-                                                               "payload"};
+/// `inertia`: mass, first moments and inertia of every link; `offset`: of what a torque sensor or a
+/// motor current says.
+enum class Kind { rotor, viscous, coulomb, payload, inertia, offset };
+inline constexpr std::array<std::string_view, 6> kind_names = {"rotor",   "viscous", "coulomb",
+                                                               "payload", "inertia", "offset"};
+/// The first of them: those that a simulated loop shows.
+inline constexpr std::size_t num_simulated_kinds = 4;
+
+/// A rigid body as torques see it, linearly: mass [kg], first moments m c (x, y, z) [kg m] and
+/// inertia about the origin of its frame (xx, yy, zz, xy, xz, yz) [kg m2].
+using Inertial = Eigen::Matrix<double, 10, 1>;
+Inertial inertial_of(const robot::MassProperties& body);
+/// @param value with a mass other than zero, or without mass and first moments
+robot::MassProperties mass_properties(const Inertial& value);
 
 /// The unknown parameters of a robot as one vector: each kind's joints in order, the payload's mass
-/// as one number.
+/// as one number, ten for each body. Those of a body are counted from what the URDF has, so that
+/// zero is the URDF.
 class Parameters {
  public:
   struct Entry {
     Kind kind;
-    int joint;         ///< -1: the payload
-    std::string name;  ///< "rotor elbow"
+    int joint;         ///< -1: the payload; of `inertia` the index of the body
+    std::string name;  ///< "rotor elbow", "Izz forearm"
     std::string unit;
+    int component = 0;  ///< of an `Inertial`
   };
 
   Parameters(const experiment::Scenario& scenario, const std::vector<Kind>& unknown);
 
   [[nodiscard]] const std::vector<Entry>& entries() const { return entries_; }
   [[nodiscard]] Eigen::Index size() const { return std::ssize(entries_); }
+
+  /// Number of the first entry of a kind, -1 without.
+  [[nodiscard]] Eigen::Index first(Kind kind) const;
 
   /// The scenario with these values in its plant, ideal encoders and native mechanics.
   [[nodiscard]] experiment::Scenario plant(const experiment::Scenario& scenario,

@@ -29,7 +29,15 @@ robot::Vector links(const loop::AnyMeasurement& measurement) {
       measurement);
 }
 
-void require_motion(const Recording& recording) {
+}  // namespace
+
+void require_usable(const Recording& recording) {
+  const double seconds =
+      static_cast<double>(recording.num_ticks()) * recording.scenario.loop.period_s;
+  if (seconds < shortest_s) {
+    throw bad_usage("{}: {:.3g} s of positions and torques; at least {:g} s are needed",
+                    recording.source, seconds, shortest_s);
+  }
   const Eigen::RowVectorXd range =
       recording.q.colwise().maxCoeff() - recording.q.colwise().minCoeff();
   const robot::Vector count =
@@ -41,8 +49,6 @@ void require_motion(const Recording& recording) {
       "needed; record a run whose reference moves every joint",
       recording.source, range.maxCoeff(), needed);
 }
-
-}  // namespace
 
 Recording read_recording(const std::filesystem::path& log) {
   logger::RunLog run = logger::RunLog::open(log);
@@ -70,14 +76,9 @@ Recording read_recording(const std::filesystem::path& log) {
     missed += record.truth->fault == loop::truth::DriveFault::command_missed ? 1 : 0;
     ++ticks;
   }
-  const double seconds = static_cast<double>(ticks) * result.scenario.loop.period_s;
   if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || missed > 0) {
     throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
                     result.source, gaps, missed);
-  }
-  if (seconds < shortest_s) {
-    throw bad_usage("{}: {:.3g} s of positions and torques; at least {:g} s are needed",
-                    result.source, seconds, shortest_s);
   }
   if (static_cast<double>(saturated) > most_saturated * static_cast<double>(ticks)) {
     throw bad_usage("{}: a torque was at its limit in {} of {} ticks; record a slower motion",
@@ -86,7 +87,7 @@ Recording read_recording(const std::filesystem::path& log) {
   using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   result.q = Eigen::Map<const Rows>(q.data(), ticks, n);
   result.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
-  require_motion(result);
+  require_usable(result);
   return result;
 }
 

@@ -17,6 +17,9 @@ struct Recording {
   experiment::Scenario scenario;
   Eigen::MatrixXd q;    ///< measured positions [rad; m], a row per tick
   Eigen::MatrixXd tau;  ///< applied over the tick [N m; N], likewise
+  /// By the scenario's law, which can be simulated, with torques held over each tick; otherwise
+  /// torques are of the instant of the positions.
+  bool controlled = true;
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
 };
@@ -25,6 +28,14 @@ struct Recording {
 /// flexible or their positions not recorded, ticks or commands are missing, a torque was at its
 /// limit in more than 1 % of the ticks, the run is shorter than 2 s, or no joint moves
 Recording read_recording(const std::filesystem::path& log);
+
+/// From the table of another logger, as a YAML file beside it says what its columns are
+/// (docs/identification.md), on an even grid of the median of its steps.
+/// @throw diagnostics::Failure(bad_usage), one line: file, line, what is wrong, what is allowed
+Recording read_table(const std::filesystem::path& description);
+
+/// @throw diagnostics::Failure(bad_usage) for less than 2 s, or when no joint moves
+void require_usable(const Recording& recording);
 
 /// @throw diagnostics::Failure(bad_usage) unless both are of the same URDF, joints and gravity
 void require_same_robot(const Recording& first, const Recording& other);

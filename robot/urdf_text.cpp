@@ -1,9 +1,11 @@
 #include <fmt/format.h>
+#include <tinyxml.h>
 
 #include <algorithm>
 #include <cctype>
 #include <string>
 #include <string_view>
+#include <tuple>
 
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
@@ -62,6 +64,34 @@ std::string why_too_large(std::string_view text) {
   return fmt::format(
       "elements nested {} deep, {} attributes in one; allowed: {} levels, {} attributes",
       nesting.depth, nesting.attributes, max_depth, max_attributes);
+}
+
+std::string urdf_with_inertials(const std::string& text,
+                                const std::map<std::string, MassProperties>& links) {
+  TiXmlDocument document;
+  document.Parse(urdf_mechanics(text, "URDF").c_str(), nullptr, TIXML_ENCODING_UTF8);
+  TiXmlElement* const robot = document.FirstChildElement("robot");
+  for (auto* link = robot->FirstChildElement("link"); link; link = link->NextSiblingElement("link")) {
+    const auto found = links.find(link->Attribute("name"));
+    if (found == links.end()) continue;
+    while (TiXmlElement* old = link->FirstChildElement("inertial")) link->RemoveChild(old);
+    const auto& [mass, p, I] = found->second;
+    if (mass == 0 && I.isZero(0)) continue;
+    TiXmlElement inertial("inertial"), origin("origin"), weight("mass"), inertia("inertia");
+    origin.SetAttribute("xyz", fmt::format("{} {} {}", p.x(), p.y(), p.z()));
+    weight.SetAttribute("value", fmt::format("{}", mass));
+    for (const auto& [name, row, column] :
+         {std::tuple{"ixx", 0, 0}, {"iyy", 1, 1}, {"izz", 2, 2}, {"ixy", 0, 1}, {"ixz", 0, 2},
+          {"iyz", 1, 2}}) {
+      inertia.SetAttribute(name, fmt::format("{}", I(row, column)));
+    }
+    for (const TiXmlElement* each : {&origin, &weight, &inertia}) inertial.InsertEndChild(*each);
+    link->InsertEndChild(inertial);
+  }
+  TiXmlPrinter printer;
+  printer.SetIndent(" ");
+  document.Accept(&printer);
+  return printer.CStr();
 }
 
 bool is_urdf_name(std::string_view text) {

@@ -34,17 +34,21 @@ using identify::Recording;
 std::vector<Recording> read(const std::vector<fs::path>& logs) {
   std::vector<Recording> recordings;
   for (const fs::path& log : logs) {
-    recordings.push_back(identify::read_recording(logger::find_log(log)));
+    const bool table = log.extension() == ".yaml" || log.extension() == ".yml";
+    recordings.push_back(table ? identify::read_table(log)
+                               : identify::read_recording(logger::find_log(log)));
   }
   return recordings;
 }
 
-void add_unknown(CLI::App& command, std::vector<std::string>& unknown) {
-  command.add_option("--unknown", unknown, "Of rotor, viscous, coulomb, payload")
+/// Of the first `count` kinds.
+CLI::Option* add_unknown(CLI::App& command, std::vector<std::string>& unknown, std::size_t count) {
+  const std::vector<std::string> known(identify::kind_names.begin(),
+                                       identify::kind_names.begin() + static_cast<long>(count));
+  return command.add_option("--unknown", unknown, "Of " + diagnostics::joined(known))
       ->delimiter(',')
       ->default_str("rotor,viscous,coulomb")
-      ->check(CLI::IsMember(
-          std::vector<std::string>(identify::kind_names.begin(), identify::kind_names.end())));
+      ->check(CLI::IsMember(known));
 }
 
 std::vector<identify::Kind> kinds(const std::vector<std::string>& unknown) {
@@ -83,7 +87,7 @@ struct Excite {
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
-    add_unknown(command, unknown);
+    add_unknown(command, unknown, identify::num_simulated_kinds);
     command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
         ->check(CLI::Range(5, 60));
     command
@@ -135,11 +139,19 @@ struct Identify {
   std::vector<fs::path> logs, validate;
   std::vector<std::string> unknown = {"rotor", "viscous", "coulomb"};
   fs::path output;
-  bool force = false, json = false, quiet = false;
+  bool all = false, force = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
-    command.add_option("LOG", logs, "Logs of runs of one robot, or their directories")->required();
-    add_unknown(command, unknown);
+    command
+        .add_option("LOG", logs,
+                    "Logs of runs of one robot, or their directories; or YAML files that say what "
+                    "the columns of another logger's tables are")
+        ->required();
+    CLI::Option* const some = add_unknown(command, unknown, identify::kind_names.size());
+    command
+        .add_flag("--all", all,
+                  "Unknown: everything; rotor, viscous, coulomb, inertia of all links, offset")
+        ->excludes(some);
     command.add_option("--validate", validate, "A log that is not used, to check the result with");
     command.add_option("--write", output,
                        "The log's scenario with the result, as F.yaml, and its URDF beside it");
@@ -160,19 +172,22 @@ struct Identify {
                                    recordings.front().source);
     }
     Screen screen(quiet);
+    const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia", "offset"};
     const identify::Identified found = identify::identify(
-        recordings, kinds(unknown), others,
+        recordings, kinds(all ? everything : unknown), others,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
     if (json) {
-      nlohmann::ordered_json all = found;
-      all["text"] = identify::text(found, scenario.name);
-      std::cout << diagnostics::json_text(all, 2) << "\n";
+      nlohmann::ordered_json result = found;
+      result["text"] = identify::text(found, scenario.name);
+      std::cout << diagnostics::json_text(result, 2) << "\n";
     } else {
       std::cout << identify::text(found, scenario.name);
     }
     bool whole = true;
-    for (const auto& each : found.parameters) whole = whole && each.doubt.empty();
+    for (const auto& each : found.parameters) {
+      whole = whole && (each.doubt.empty() || each.in_sum);
+    }
     if (!whole) {
       diagnostics::log_error(
           "{}: not every parameter is identifiable{}; record a motion that "
@@ -191,10 +206,10 @@ struct Identify {
     std::vector<std::string> overrides = found.overrides;
     overrides.push_back(fmt::format("name={}", output.stem().string()));
     overrides.push_back(fmt::format("robot.urdf={}", urdf.filename().string()));
-    const std::string text = experiment::parse_scenario(scenario.text, scenario.robot.urdf_text,
-                                                        logs.front().string(), overrides)
-                                 .text;
-    diagnostics::UnfinishedFile(urdf, remedy).write(scenario.robot.urdf_text);
+    const std::string corrected = identify::urdf_of(found, scenario);
+    const std::string text =
+        experiment::parse_scenario(scenario.text, corrected, logs.front().string(), overrides).text;
+    diagnostics::UnfinishedFile(urdf, remedy).write(corrected);
     diagnostics::UnfinishedFile(output, remedy).write(text);
     if (json) return;
     std::cout << fmt::format("  type: tachless design {}\n",

@@ -1,0 +1,141 @@
+#include "identify/inertia.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <vector>
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::Matrix4d;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr int most_steps = 200;
+constexpr double prior = 0.5;      ///< standard deviation
+constexpr double smallest = 0.01;  ///< kg and m of what a body without mass may become
+
+/// A body's U: the log of its scale, the logs of three lengths, the entries 12, 23, 13 and the last
+/// column; lengths as multiples of the body's own.
+struct Shape {
+  Inertial numbers;
+  double length = 1;  ///< [m]
+
+  [[nodiscard]] Inertial inertial(const Inertial& at) const {
+    Matrix4d U = Matrix4d::Zero();
+    U.diagonal() << length * at.segment<3>(1).array().exp().matrix(), 1;
+    U(0, 1) = length * at[4];
+    U(1, 2) = length * at[5];
+    U(0, 2) = length * at[6];
+    U.topRightCorner<3, 1>() = length * at.tail<3>();
+    U *= std::exp(at[0]);
+    const Matrix4d P = U * U.transpose();
+    const Matrix3d I =
+        P.topLeftCorner<3, 3>().trace() * Matrix3d::Identity() - P.topLeftCorner<3, 3>();
+    Inertial value;
+    value << P(3, 3), P.topRightCorner<3, 1>(), I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2),
+        I(1, 2);
+    return value;
+  }
+  [[nodiscard]] Eigen::Matrix<double, 10, 10> derivative(const Inertial& at) const {
+    constexpr double step = 1e-6;
+    Eigen::Matrix<double, 10, 10> result;
+    for (Index i = 0; i < 10; ++i) {
+      const Inertial by = step * Inertial::Unit(i);
+      result.col(i) = (inertial(at + by) - inertial(at - by)) / (2 * step);
+    }
+    return result;
+  }
+};
+
+/// Of a body; what is a point, nothing or impossible gets as much more as it needs.
+Shape shape_of(const robot::MassProperties& body) {
+  const Inertial of = inertial_of(body);
+  Matrix3d I;
+  I << of[4], of[7], of[8], of[7], of[5], of[9], of[8], of[9], of[6];
+  Matrix4d P;
+  P << 0.5 * I.trace() * Matrix3d::Identity() - I, of.segment<3>(1), of.segment<3>(1).transpose(),
+      of[0];
+  if (of[0] < 1e-6) P(3, 3) = smallest;
+  for (double more = 1e-6;; more *= 2) {
+    P.diagonal().head<3>().array() += more * P(3, 3) * smallest * smallest;
+    // The reverse of the reverse's lower factor is upper triangular.
+    const Eigen::LLT<Matrix4d> factor(P.reverse());
+    if (factor.info() != Eigen::Success) continue;
+    const Matrix4d U = MatrixXd(factor.matrixL()).reverse();
+    Shape shape;
+    shape.length = U.diagonal().head<3>().maxCoeff() / U(3, 3);
+    const Matrix4d unit = U / (U(3, 3) * shape.length);
+    shape.numbers << std::log(U(3, 3)), unit.diagonal().head<3>().array().log().matrix(),
+        unit(0, 1), unit(1, 2), unit(0, 2), unit.topRightCorner<3, 1>();
+    return shape;
+  }
+}
+
+}  // namespace
+
+VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters& parameters,
+                         const robot::Model& model) {
+  const Index size = b.size(), links = parameters.first(Kind::inertia);
+  std::vector<Shape> shapes;
+  VectorXd z = VectorXd::Zero(size), stiffness = VectorXd::Zero(size);
+  for (const robot::Body& body : model.bodies) {
+    if (links < 0) break;
+    shapes.push_back(shape_of(body));
+    z.segment<10>(links + 10 * (std::ssize(shapes) - 1)) = shapes.back().numbers;
+  }
+  if (links >= 0) stiffness.segment(links, 10 * std::ssize(shapes)).setConstant(1 / (prior * prior));
+  const VectorXd first = z;
+  const auto for_each_body = [&](const auto& act) {
+    for (std::size_t i = 0; i < shapes.size(); ++i) act(i, links + 10 * static_cast<Index>(i));
+  };
+  const auto values_at = [&](const VectorXd& at) {
+    VectorXd x = at;
+    for_each_body([&](std::size_t i, Index from) {
+      x.segment<10>(from) =
+          shapes[i].inertial(at.segment<10>(from)) - inertial_of(model.bodies[i]);
+    });
+    return x;
+  };
+  const auto cost = [&](const VectorXd& at) {
+    const VectorXd x = values_at(at);
+    return 0.5 * x.dot(N * x) - b.dot(x) +
+           0.5 * (at - first).cwiseAbs2().dot(stiffness);
+  };
+  const auto bounded = [&](VectorXd at) {
+    for (Index i = 0; i < size; ++i) {
+      const Kind kind = parameters.entries()[static_cast<std::size_t>(i)].kind;
+      if (kind != Kind::inertia && kind != Kind::offset) at[i] = std::max(0.0, at[i]);
+    }
+    return at;
+  };
+  double now = cost(z), damping = 1e-6;
+  for (int step = 0; step < most_steps && damping < 1e12; ++step) {
+    MatrixXd J = MatrixXd::Identity(size, size);
+    for_each_body([&](std::size_t i, Index from) {
+      J.block<10, 10>(from, from) = shapes[i].derivative(z.segment<10>(from));
+    });
+    MatrixXd H = J.transpose() * N * J;
+    H.diagonal() += stiffness;
+    const VectorXd slope =
+        J.transpose() * (b - N * values_at(z)) - stiffness.cwiseProduct(z - first);
+    H.diagonal() *= 1 + damping;
+    H.diagonal().array() += 1e-12 * H.diagonal().maxCoeff();
+    const VectorXd next = bounded(z + H.ldlt().solve(slope));
+    const double there = cost(next);
+    if (!(there < now)) {
+      damping = std::max(1e-6, 10 * damping);
+      continue;
+    }
+    const bool small = now - there < 1e-12 * std::abs(now);
+    z = next;
+    now = there;
+    if (small) break;
+    damping /= 10;
+  }
+  return values_at(z);
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,164 @@
+// Positions and torques that another program has recorded: text in columns, and a YAML file that
+// says which is which.
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+#include <vector>
+
+#include "diagnostics/failure.h"
+#include "diagnostics/file_text.h"
+#include "experiment/motion_file.h"
+#include "experiment/reader.h"
+#include "identify/recording.h"
+
+namespace tachless::identify {
+namespace {
+
+using diagnostics::bad_usage;
+using robot::Vector;
+
+constexpr std::uintmax_t most_bytes = 512U << 20U;
+constexpr double longest_gap = 20;  ///< of the median step
+constexpr schema::Range column_number{1, 10000, false, false, true};
+
+/// The YAML file's keys.
+struct Description {
+  std::string scenario, table;
+  Vector position, torque, position_scale, torque_scale;
+  double time = 1;
+
+  static constexpr std::tuple keys{
+      schema::Key{"scenario", &Description::scenario},
+      schema::Key{"table", &Description::table},
+      schema::Key{"time_column", &Description::time}.in(column_number).by_default(),
+      schema::Key{"position_columns", &Description::position}.in(column_number),
+      schema::Key{"torque_columns", &Description::torque}.in(column_number),
+      schema::Key{"position_scale", &Description::position_scale}.by_default(1),
+      schema::Key{"torque_scale", &Description::torque_scale}.by_default(1)};
+};
+
+/// The table's rows: time, positions, torques.
+class Rows {
+ public:
+  Rows(const std::string& source, const Description& of) : source_(source) {
+    columns_.push_back(static_cast<std::size_t>(of.time));
+    for (const Vector* each : {&of.position, &of.torque}) {
+      for (const double column : *each) columns_.push_back(static_cast<std::size_t>(column));
+    }
+    scale_ = Eigen::VectorXd(std::ssize(columns_));
+    scale_ << 1, of.position_scale, of.torque_scale;
+  }
+
+  void add_line(std::string_view line) {
+    ++line_;
+    experiment::split_row(line.substr(0, line.find('#')), fields_);
+    if (fields_.empty()) return;
+    if (values_.empty() && !experiment::number_in(fields_.front())) return;  // a header
+    for (std::size_t i = 0; i < columns_.size(); ++i) {
+      if (columns_[i] > fields_.size()) {
+        throw bad_usage("{}:{}: {} columns, but column {} is asked for", source_, line_,
+                        fields_.size(), columns_[i]);
+      }
+      const std::string_view field = fields_[columns_[i] - 1];
+      const std::optional<double> value = experiment::number_in(field);
+      if (!value || !std::isfinite(*value)) {
+        throw bad_usage("{}:{}: \"{}\" in column {} is not a finite number", source_, line_, field,
+                        columns_[i]);
+      }
+      values_.push_back(*value * scale_[static_cast<Eigen::Index>(i)]);
+    }
+    const std::size_t width = columns_.size(), last = values_.size() - width;
+    if (last > 0 && !(values_[last] > values_[last - width])) {
+      throw bad_usage("{}:{}: time {:g} s is not after {:g} s; allowed: increasing times", source_,
+                      line_, values_[last], values_[last - width]);
+    }
+  }
+
+  /// A column per instant.
+  [[nodiscard]] Eigen::Map<const Eigen::MatrixXd> all() const {
+    const auto width = std::ssize(columns_);
+    return {values_.data(), width, std::ssize(values_) / width};
+  }
+
+ private:
+  std::string source_;
+  std::vector<std::size_t> columns_;
+  Eigen::VectorXd scale_;
+  std::vector<double> values_;
+  std::vector<std::string_view> fields_;
+  std::size_t line_ = 0;
+};
+
+/// Onto an even grid, by straight lines between the rows.
+void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording& to) {
+  const Eigen::Index count = rows.cols(), n = to.scenario.num_joints;
+  if (count < 2) throw bad_usage("{}: {} rows of numbers; allowed: at least 2", source, count);
+  const Eigen::VectorXd step = rows.row(0).tail(count - 1) - rows.row(0).head(count - 1);
+  std::vector<double> steps(step.begin(), step.end());
+  std::ranges::nth_element(steps, steps.begin() + std::ssize(steps) / 2);
+  const double h = steps[steps.size() / 2];
+  Eigen::Index widest = 0;
+  if (step.maxCoeff(&widest) > longest_gap * h) {
+    throw bad_usage("{}: nothing from {:g} to {:g} s, where the usual step is {:g} s; cut the table "
+                    "there and give both parts",
+                    source, rows(0, widest), rows(0, widest + 1), h);
+  }
+  const double begin = rows(0, 0);
+  const auto ticks = static_cast<Eigen::Index>((rows(0, count - 1) - begin) / h) + 1;
+  to.scenario.loop.period_s = h;
+  to.q.resize(ticks, n);
+  to.tau.resize(ticks, n);
+  for (Eigen::Index k = 0, at = 0; k < ticks; ++k) {
+    const double t = begin + static_cast<double>(k) * h;
+    while (at + 2 < count && rows(0, at + 1) < t) ++at;
+    const double share = (t - rows(0, at)) / (rows(0, at + 1) - rows(0, at));
+    const Eigen::VectorXd here = rows.col(at) + share * (rows.col(at + 1) - rows.col(at));
+    to.q.row(k) = here.segment(1, n).transpose();
+    to.tau.row(k) = here.tail(n).transpose();
+  }
+}
+
+}  // namespace
+
+Recording read_table(const std::filesystem::path& description) {
+  experiment::Scenario file;  // for complaints
+  file.source = description.string();
+  const experiment::YamlNode root = experiment::parse_yaml(
+      diagnostics::given_text(description, diagnostics::max_text_bytes), file.source);
+  const experiment::Place place{file, &root, ""};
+  const experiment::YamlNode* scenario = root.find("scenario");
+  if (scenario == nullptr || scenario->kind != experiment::YamlNode::Kind::scalar) {
+    throw bad_usage(
+        "{}: no scenario; allowed: a log, or a YAML file that says what the columns of a table are "
+        "(scenario, table, position_columns, torque_columns)",
+        file.source);
+  }
+  const std::filesystem::path directory = description.parent_path();
+  Recording result{file.source,
+                   experiment::load_scenario(directory / scenario->scalar),
+                   {},
+                   {},
+                   /*controlled=*/false};
+  if (result.scenario.robot.flexible) {
+    throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", file.source);
+  }
+  file.num_joints = result.scenario.num_joints;
+  Description described;
+  read(place, described);
+  const std::filesystem::path table = directory / described.table;
+  const std::string text = diagnostics::given_text(table, most_bytes);
+  Rows rows(table.string(), described);
+  for (std::size_t begin = 0; begin < text.size();) {
+    const std::size_t end = std::min(text.find('\n', begin), text.size());
+    rows.add_line(std::string_view(text).substr(begin, end - begin));
+    begin = end + 1;
+  }
+  set_even(rows.all(), table.string(), result);
+  require_usable(result);
+  return result;
+}
+
+}  // namespace tachless::identify
