@@ -24,10 +24,11 @@ constexpr double least_motion = 0.02;
 /// What an interval may leave open of a joint's largest torque.
 constexpr double most_open = 0.05;
 
-/// Why the parameter, number i, is not identifiable: the torque that its interval leaves open is a
-/// good part of what the joint does, or the joint hardly moves. A parameter that is zero within a
-/// narrow interval is identified.
-std::string doubt_about(const Parameters::Entry& entry, Eigen::Index i, double half_width,
+/// Why the parameter, number i, is not identifiable: its interval reaches zero and leaves open a good
+/// part of the joint's torque, or the joint hardly moves. A parameter that is zero within a narrow
+/// interval is identified.
+std::string doubt_about(const Parameters::Entry& entry, Eigen::Index i, double value,
+                        double half_width,
                         const std::vector<Recording>& recordings,
                         const std::vector<Regression>& regressions) {
   double range = 0, open = std::numeric_limits<double>::infinity();
@@ -46,8 +47,8 @@ std::string doubt_about(const Parameters::Entry& entry, Eigen::Index i, double h
   if (entry.joint >= 0 && range < least_motion) {
     return fmt::format("the joint moves by {:.2g} only", range);
   }
-  if (open < most_open) return "";
-  return fmt::format("its interval is {:.0f} % of the joint's torque", 100 * open);
+  if (open < most_open || half_width < std::abs(value)) return "";
+  return fmt::format("its interval reaches zero and is {:.0f} % of the joint's torque", 100 * open);
 }
 
 double correlation_of(const VectorXd& x) {
@@ -151,7 +152,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
       each.doubt = answer.sums[at] == "nothing" ? "it has no part in any torque"
                                                 : "only in sums with " + answer.sums[at];
     } else if (entry.kind != Kind::inertia) {
-      each.doubt = doubt_about(entry, i, answer.half_width[i], recordings, regressions);
+      each.doubt = doubt_about(entry, i, answer.values[i], answer.half_width[i], recordings, regressions);
     }
     result.parameters.push_back(std::move(each));
   }
