@@ -21,7 +21,8 @@ Recording hidden_run(double seconds) {
 TEST(Identify, LeastSquaresIsAStartAndOutputErrorTheAnswer) {
   const Recording run = hidden_run(3);
   const Parameters parameters(run.scenario, all);
-  const Eigen::VectorXd start = least_squares({regression(run, parameters)});
+  const Eigen::VectorXd start =
+      least_squares({regression(run, parameters)}, parameters, *run.scenario.model).values;
   const Fit fit = output_error({run}, parameters, start, ignore);
   for (Eigen::Index i = 0; i < truth.size(); ++i) {
     const std::string& name = parameters.entries()[static_cast<std::size_t>(i)].name;
