@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -24,12 +23,11 @@ constexpr double least_motion = 0.02;
 /// What an interval may leave open of a joint's largest torque.
 constexpr double most_open = 0.05;
 
-/// Why the parameter, number i, is not identifiable: its interval reaches zero and leaves open a good
-/// part of the joint's torque, or the joint hardly moves. A parameter that is zero within a narrow
-/// interval is identified.
+/// Why the parameter, number i, is not identifiable: its interval reaches zero and leaves open a
+/// good part of the joint's torque, or the joint hardly moves. A parameter that is zero within a
+/// narrow interval is identified.
 std::string doubt_about(const Parameters::Entry& entry, Eigen::Index i, double value,
-                        double half_width,
-                        const std::vector<Recording>& recordings,
+                        double half_width, const std::vector<Recording>& recordings,
                         const std::vector<Regression>& regressions) {
   double range = 0, open = std::numeric_limits<double>::infinity();
   for (std::size_t r = 0; r < recordings.size(); ++r) {
@@ -69,7 +67,8 @@ std::vector<Identified::Check> check(const Recording& recording, const Parameter
   for (Eigen::Index i = 0; i < before.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     const double peak = std::max(1e-300, torque.peak[i]);
-    result.push_back({labels.name[at], labels.length[at], before[i] / peak, after[i] / peak, {}, {}});
+    result.push_back(
+        {labels.name[at], labels.length[at], before[i] / peak, after[i] / peak, {}, {}});
     if (error.size() == 0) continue;
     const VectorXd of_joint = error.col(i);
     result.back().position_error =
@@ -89,48 +88,16 @@ void set_links(const Parameters& parameters, const VectorXd& values,
   }
 }
 
-/// Output error of rotors, friction and payload, links as they are in `answer`, which becomes that.
-void simulate(const std::vector<Recording>& recordings, const Parameters& parameters,
-              const std::vector<Kind>& unknown, const Report& report, LeastSquares& answer,
-              Identified& to) {
-  std::vector<Kind> kinds;
-  for (const Kind kind : unknown) {
-    if (static_cast<std::size_t>(kind) < num_simulated_kinds) kinds.push_back(kind);
-  }
-  if (kinds.empty()) return;
-  std::vector<Recording> changed = recordings;
-  if (!to.links.empty()) {
-    for (Recording& each : changed) {
-      auto model = std::make_shared<robot::Model>(*each.scenario.model);
-      for (std::size_t i = 0; i < to.links.size(); ++i) {
-        static_cast<robot::MassProperties&>(model->bodies[i]) = to.links[i].after;
-      }
-      each.scenario.model = std::move(model);
-    }
-  }
-  const Parameters some(changed.front().scenario, kinds);
-  VectorXd start(some.size());
-  std::vector<Eigen::Index> place;
-  for (const Parameters::Entry& entry : some.entries()) {
-    place.push_back(std::ranges::find(parameters.entries(), entry.name, &Parameters::Entry::name) -
-                    parameters.entries().begin());
-    start[std::ssize(place) - 1] = answer.values[place.back()];
-  }
-  const Fit fit = output_error(changed, some, start, report);
-  to.condition = fit.condition;
-  for (std::size_t i = 0; i < place.size(); ++i) {
-    answer.values[place[i]] = fit.values[static_cast<Eigen::Index>(i)];
-    answer.half_width[place[i]] = fit.half_width[static_cast<Eigen::Index>(i)];
-  }
-}
-
 }  // namespace
 
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,
                     const std::vector<Recording>& validate, const Report& report) {
   for (const Recording& each : recordings) require_same_robot(recordings.front(), each);
   for (const Recording& each : validate) require_same_robot(recordings.front(), each);
-  const Parameters parameters(recordings.front().scenario, unknown);
+  const bool simulated = std::ranges::all_of(recordings, &Recording::controlled);
+  std::vector<Kind> kinds = unknown;
+  if (simulated) std::erase(kinds, Kind::offset);  // the applied torque is known
+  const Parameters parameters(recordings.front().scenario, kinds);
   report("least squares on filtered positions and torques");
   std::vector<Regression> regressions;
   for (const Recording& each : recordings) regressions.push_back(regression(each, parameters));
@@ -140,19 +107,26 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   result.rank = answer.rank;
   result.condition = answer.condition;
   result.validated = !validate.empty();
-  result.simulated = std::ranges::all_of(recordings, &Recording::controlled);
+  result.simulated = simulated;
+  if (simulated) {
+    const Fit fit = output_error(recordings, parameters, answer.values, report);
+    result.condition = fit.condition;
+    answer.values = fit.values;
+    answer.half_width = fit.half_width;
+  }
   set_links(parameters, answer.values, scenario, result);
-  if (result.simulated) simulate(recordings, parameters, unknown, report, answer, result);
   for (Eigen::Index i = 0; i < parameters.size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
     const auto& entry = parameters.entries()[at];
     Identified::Parameter each{entry, answer.values[i], answer.half_width[i], "", false};
     if (!answer.sums[at].empty()) {
       each.in_sum = !result.links.empty();
+      each.half_width = std::numeric_limits<double>::infinity();
       each.doubt = answer.sums[at] == "nothing" ? "it has no part in any torque"
                                                 : "only in sums with " + answer.sums[at];
     } else if (entry.kind != Kind::inertia) {
-      each.doubt = doubt_about(entry, i, answer.values[i], answer.half_width[i], recordings, regressions);
+      each.doubt =
+          doubt_about(entry, i, answer.values[i], answer.half_width[i], recordings, regressions);
     }
     result.parameters.push_back(std::move(each));
   }
@@ -192,13 +166,14 @@ std::string text(const Identified& found, const std::string& name) {
       return each.entry.kind == Kind::inertia && each.doubt.empty();
     });
     text += fmt::format(
-        "  links: of {} numbers {} combinations are determined, {} of the links' alone; the rest is "
+        "  links: of {} numbers {} combinations are determined, {} of the links' alone; the rest "
+        "is "
         "near the URDF's\n",
         found.parameters.size(), found.rank, alone);
     for (const Identified::Link& each : found.links) {
-      text += fmt::format("  {:<24} {:.4g} -> {:.4g} kg, centre [{:.3g}] -> [{:.3g}] m\n", each.name,
-                          each.before.mass, each.after.mass, fmt::join(each.before.p_Bcm, ", "),
-                          fmt::join(each.after.p_Bcm, ", "));
+      text += fmt::format("  {:<24} {:.4g} -> {:.4g} kg, centre [{:.3g}] -> [{:.3g}] m\n",
+                          each.name, each.before.mass, each.after.mass,
+                          fmt::join(each.before.p_Bcm, ", "), fmt::join(each.after.p_Bcm, ", "));
     }
   }
   text += fmt::format("  torque error on {}, rms over peak, unknowns zero -> identified{}\n",
@@ -242,9 +217,8 @@ void to_json(nlohmann::ordered_json& json, const Identified& found) {
         {{"name", each.name}, {"before", mass(each.before)}, {"after", mass(each.after)}});
   }
   for (const Identified::Check& each : found.checks) {
-    json["joints"].push_back({{"name", each.joint},
-                              {"torque_error_before", each.before},
-                              {"torque_error", each.after}});
+    json["joints"].push_back(
+        {{"name", each.joint}, {"torque_error_before", each.before}, {"torque_error", each.after}});
     if (!each.position_error) continue;
     json["joints"].back()["position_error"] = *each.position_error;
     json["joints"].back()["correlation"] = *each.correlation;

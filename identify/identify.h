@@ -27,7 +27,7 @@ struct Identified {
   /// Of one joint, on the recordings or on data that was not used.
   struct Check {
     std::string joint, unit;
-    double before, after;   ///< torque error, rms over the peak: all unknowns zero; identified
+    double before, after;  ///< torque error, rms over the peak: all unknowns zero; identified
     /// Of measured minus simulated positions, where the loop can be simulated: rms [rad; m], and
     /// the correlation from tick to tick: 0 is white.
     std::optional<double> position_error, correlation;
@@ -35,7 +35,7 @@ struct Identified {
 
   std::vector<Parameter> parameters;  ///< those of links are what is added to the URDF's
   std::vector<Link> links;            ///< empty: taken as the URDF has them
-  Eigen::Index rank = 0;  ///< how many combinations of the parameters least squares determines
+  Eigen::Index rank = 0;   ///< how many combinations of the parameters least squares determines
   bool simulated = false;  ///< the answer is output error's; otherwise that of least squares
   double condition = 0;
   std::vector<Check> checks;
@@ -44,7 +44,7 @@ struct Identified {
 };
 
 /// Least squares on filtered positions and torques; then, of recordings of known laws, output error
-/// of the closed loop, with the links as least squares has left them.
+/// of the closed loop, which knows no offset.
 /// @param validate recordings that are only checked; empty: the checks are of `recordings`
 /// @throw diagnostics::Failure(bad_usage) for recordings of different robots
 Identified identify(const std::vector<Recording>& recordings, const std::vector<Kind>& unknown,

@@ -86,7 +86,8 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     shapes.push_back(shape_of(body));
     z.segment<10>(links + 10 * (std::ssize(shapes) - 1)) = shapes.back().numbers;
   }
-  if (links >= 0) stiffness.segment(links, 10 * std::ssize(shapes)).setConstant(1 / (prior * prior));
+  if (links >= 0)
+    stiffness.segment(links, 10 * std::ssize(shapes)).setConstant(1 / (prior * prior));
   const VectorXd first = z;
   const auto for_each_body = [&](const auto& act) {
     for (std::size_t i = 0; i < shapes.size(); ++i) act(i, links + 10 * static_cast<Index>(i));
@@ -94,15 +95,13 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
   const auto values_at = [&](const VectorXd& at) {
     VectorXd x = at;
     for_each_body([&](std::size_t i, Index from) {
-      x.segment<10>(from) =
-          shapes[i].inertial(at.segment<10>(from)) - inertial_of(model.bodies[i]);
+      x.segment<10>(from) = shapes[i].inertial(at.segment<10>(from)) - inertial_of(model.bodies[i]);
     });
     return x;
   };
   const auto cost = [&](const VectorXd& at) {
     const VectorXd x = values_at(at);
-    return 0.5 * x.dot(N * x) - b.dot(x) +
-           0.5 * (at - first).cwiseAbs2().dot(stiffness);
+    return 0.5 * x.dot(N * x) - b.dot(x) + 0.5 * (at - first).cwiseAbs2().dot(stiffness);
   };
   const auto bounded = [&](VectorXd at) {
     for (Index i = 0; i < size; ++i) {
@@ -121,9 +120,10 @@ VectorXd possible_values(const MatrixXd& N, const VectorXd& b, const Parameters&
     H.diagonal() += stiffness;
     const VectorXd slope =
         J.transpose() * (b - N * values_at(z)) - stiffness.cwiseProduct(z - first);
-    H.diagonal() *= 1 + damping;
-    H.diagonal().array() += 1e-12 * H.diagonal().maxCoeff();
-    const VectorXd next = bounded(z + H.ldlt().solve(slope));
+    const VectorXd unit = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    H = unit.asDiagonal() * H * unit.asDiagonal();
+    H.diagonal().setConstant(1 + damping);
+    const VectorXd next = bounded(z + unit.cwiseProduct(H.ldlt().solve(unit.cwiseProduct(slope))));
     const double there = cost(next);
     if (!(there < now)) {
       damping = std::max(1e-6, 10 * damping);

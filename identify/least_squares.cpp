@@ -201,9 +201,10 @@ Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight) {
 
 /// Which parameters are determined, alone or in sums, and how well.
 void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
-  constexpr double zero = 1e-11;  // of the scaled normal matrix's largest eigenvalue: a condition
-                                  // of 3e5
-  const VectorXd norm = rows.columns.colwise().norm().transpose().cwiseMax(1e-300);
+  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
+  constexpr double zero = 1e-9;
+  VectorXd norm = rows.columns.colwise().norm().transpose();
+  norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // less is rounding
   const MatrixXd scaled = rows.columns * norm.cwiseInverse().asDiagonal();
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
   const VectorXd& value = eigen.eigenvalues();
@@ -212,8 +213,7 @@ void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSqua
   of.condition = std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]);
   const MatrixXd& V = eigen.eigenvectors();
   const MatrixXd free = V.leftCols(null) * V.leftCols(null).transpose();
-  const MatrixXd inverse = V.rightCols(of.rank) *
-                           value.tail(of.rank).cwiseInverse().asDiagonal() *
+  const MatrixXd inverse = V.rightCols(of.rank) * value.tail(of.rank).cwiseInverse().asDiagonal() *
                            V.rightCols(of.rank).transpose();
   const VectorXd residual = rows.torque - rows.columns * of.values;
   of.half_width = half_widths(scaled, residual, inverse).cwiseQuotient(norm);

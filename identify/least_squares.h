@@ -24,15 +24,15 @@ struct Regression {
 
 Regression regression(const Recording& recording, const Parameters& parameters);
 
-/// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they can
-/// be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for
+/// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they
+/// can be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for
 /// `output_error`, and an answer only where no loop can be simulated.
 struct LeastSquares {
   Eigen::VectorXd values;
-  Eigen::VectorXd half_width;      ///< of the 95 % interval of each; infinite where not determined
-  std::vector<std::string> sums;   ///< of what a parameter is determined with only; empty: alone
-  Eigen::Index rank = 0;           ///< how many combinations of the parameters are determined
-  double condition = 0;            ///< of these, columns scaled
+  Eigen::VectorXd half_width;     ///< of the 95 % interval of each; infinite where not determined
+  std::vector<std::string> sums;  ///< of what a parameter is determined with only; empty: alone
+  Eigen::Index rank = 0;          ///< how many combinations of the parameters are determined
+  double condition = 0;           ///< of these, columns scaled
 };
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
                            const robot::Model& model);

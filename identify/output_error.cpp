@@ -10,6 +10,7 @@
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
+#include "identify/inertia.h"
 #include "process/parallel.h"
 #include "study/in_process_loop.h"
 
@@ -88,9 +89,35 @@ Matrix weighted(Matrix rows, const VectorXd& spread) {
   return rows;
 }
 
-/// A step of each parameter that the simulation resolves: from its value, or its share of torque.
-VectorXd difference_steps(const VectorXd& values, const VectorXd& scale) {
-  return (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
+/// A step of each parameter that the simulation resolves: from its value, or its share of torque;
+/// of a link's numbers, from that link.
+VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
+                          const Parameters& parameters, const robot::Model& model) {
+  VectorXd steps = (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
+  for (Eigen::Index i = 0; i < steps.size(); ++i) {
+    const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    if (entry.kind != Kind::inertia) continue;
+    const robot::MassProperties& link = model.bodies[static_cast<std::size_t>(entry.joint)];
+    constexpr double length = 0.1;
+    const double mass = std::max(0.1, link.mass);
+    steps[i] = 1e-3 * mass *
+               (entry.component == 0  ? 1
+                : entry.component < 4 ? length
+                                      : length * length);
+  }
+  return steps;
+}
+
+/// The inverse of a normal matrix, of unit diagonal, in the directions that it determines.
+MatrixXd determined_inverse(const MatrixXd& normal, double& condition) {
+  constexpr double zero = 1e-9;  // of the largest eigenvalue, as in least squares
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(normal);
+  const VectorXd& value = eigen.eigenvalues();
+  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
+  const Eigen::Index rank = value.size() - null;
+  const MatrixXd V = eigen.eigenvectors().rightCols(rank);
+  condition = std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]);
+  return V * value.tail(rank).cwiseInverse().asDiagonal() * V.transpose();
 }
 
 }  // namespace
@@ -141,30 +168,27 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
   }
   // What a parameter has to change for an effect: refined from the first Jacobian.
   VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
-  double damping = 0;
+  const robot::Model& model = *recordings.front().scenario.model;
   for (int iteration = 0; iteration < most_iterations; ++iteration) {
     report(fmt::format("simulating {} loops, pass {} of at most {}", parameters.size() + 1,
                        iteration + 1, most_iterations));
     const VectorXd spread = problem.spread(here).cwiseMax(1e-12);
-    const MatrixXd J =
-        weighted(problem.jacobian(fit.values, here, difference_steps(fit.values, scale)), spread);
+    const MatrixXd J = weighted(
+        problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
+        spread);
     const Residual r = weighted(here, spread);
     const VectorXd norm = J.colwise().norm().transpose().cwiseMax(1e-300);
     const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-    const MatrixXd normal = scaled.transpose() * scaled;
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(normal);
-    fit.condition = std::sqrt(eigen.eigenvalues().maxCoeff() /
-                              std::max(1e-300, eigen.eigenvalues().minCoeff()));
-    const MatrixXd inverse = normal.completeOrthogonalDecomposition().pseudoInverse();
+    const MatrixXd inverse = determined_inverse(scaled.transpose() * scaled, fit.condition);
     fit.half_width = half_widths(scaled, r, inverse).cwiseQuotient(norm);
     fit.residual = spread;
-    const MatrixXd damped = normal + damping * MatrixXd::Identity(normal.rows(), normal.cols());
-    const VectorXd step =
-        -damped.completeOrthogonalDecomposition().solve(scaled.transpose() * r).cwiseQuotient(norm);
+    const VectorXd step = possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r),
+                                          parameters, model) -
+                          fit.values;
     double best = r.squaredNorm(), shrink = 1;
     bool moved = false;
     for (int attempt = 0; attempt < 6 && !moved; ++attempt, shrink /= 3) {
-      const VectorXd candidate = (fit.values + shrink * step).cwiseMax(0);
+      const VectorXd candidate = fit.values + shrink * step;
       const Residual there = problem.residual(candidate);
       if (there.size() == 0 || weighted(there, spread).squaredNorm() >= best) continue;
       best = weighted(there, spread).squaredNorm();

@@ -22,15 +22,16 @@ struct Fit {
 using Report = std::function<void(std::string_view what)>;
 
 /// Gauss-Newton on measured minus simulated positions, joints weighted by their residual, from
-/// `start`; the derivatives are differences of simulations. The intervals hold for residuals of any
-/// colour: the covariance is that of the gradient's sums over blocks of time.
+/// `start`, to what a robot can have (inertia.h); the derivatives are differences of simulations.
+/// The intervals hold for residuals of any colour: the covariance is that of the gradient's sums
+/// over blocks of time.
 /// @throw diagnostics::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);
 
 /// Half the 95 % intervals of a least-squares estimate from its Jacobian, the residual in order of
-/// time and the inverse of the normal matrix: what the gradient varies by, from its sums over blocks
-/// of time, whatever the residual's colour.
+/// time and the inverse of the normal matrix: what the gradient varies by, from its sums over
+/// blocks of time, whatever the residual's colour.
 Eigen::VectorXd half_widths(const Eigen::MatrixXd& J, const Eigen::VectorXd& residual,
                             const Eigen::MatrixXd& inverse);
 

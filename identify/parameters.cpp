@@ -35,8 +35,7 @@ constexpr std::array<const char*, 10> component_names = {"mass", "mx",  "my",  "
 Inertial inertial_of(const robot::MassProperties& body) {
   const Eigen::Vector3d& c = body.p_Bcm;
   const Eigen::Matrix3d I =
-      body.I_Bcm +
-      body.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
+      body.I_Bcm + body.mass * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
   Inertial value;
   value << body.mass, body.mass * c, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2);
   return value;
@@ -68,7 +67,10 @@ Parameters::Parameters(const experiment::Scenario& scenario, const std::vector<K
               {kind, body,
                fmt::format("{} {}", component_names[at],
                            scenario.model->bodies[static_cast<std::size_t>(body)].link),
-               c == 0 ? "kg" : c < 4 ? "kg m" : "kg m2", c});
+               c == 0  ? "kg"
+               : c < 4 ? "kg m"
+                       : "kg m2",
+               c});
         }
       }
       continue;

@@ -102,9 +102,10 @@ void set_even(const Eigen::MatrixXd& rows, const std::string& source, Recording&
   const double h = steps[steps.size() / 2];
   Eigen::Index widest = 0;
   if (step.maxCoeff(&widest) > longest_gap * h) {
-    throw bad_usage("{}: nothing from {:g} to {:g} s, where the usual step is {:g} s; cut the table "
-                    "there and give both parts",
-                    source, rows(0, widest), rows(0, widest + 1), h);
+    throw bad_usage(
+        "{}: nothing from {:g} to {:g} s, where the usual step is {:g} s; cut the table "
+        "there and give both parts",
+        source, rows(0, widest), rows(0, widest + 1), h);
   }
   const double begin = rows(0, 0);
   const auto ticks = static_cast<Eigen::Index>((rows(0, count - 1) - begin) / h) + 1;

@@ -71,7 +71,8 @@ std::string urdf_with_inertials(const std::string& text,
   TiXmlDocument document;
   document.Parse(urdf_mechanics(text, "URDF").c_str(), nullptr, TIXML_ENCODING_UTF8);
   TiXmlElement* const robot = document.FirstChildElement("robot");
-  for (auto* link = robot->FirstChildElement("link"); link; link = link->NextSiblingElement("link")) {
+  for (auto* link = robot->FirstChildElement("link"); link;
+       link = link->NextSiblingElement("link")) {
     const auto found = links.find(link->Attribute("name"));
     if (found == links.end()) continue;
     while (TiXmlElement* old = link->FirstChildElement("inertial")) link->RemoveChild(old);
@@ -80,9 +81,12 @@ std::string urdf_with_inertials(const std::string& text,
     TiXmlElement inertial("inertial"), origin("origin"), weight("mass"), inertia("inertia");
     origin.SetAttribute("xyz", fmt::format("{} {} {}", p.x(), p.y(), p.z()));
     weight.SetAttribute("value", fmt::format("{}", mass));
-    for (const auto& [name, row, column] :
-         {std::tuple{"ixx", 0, 0}, {"iyy", 1, 1}, {"izz", 2, 2}, {"ixy", 0, 1}, {"ixz", 0, 2},
-          {"iyz", 1, 2}}) {
+    for (const auto& [name, row, column] : {std::tuple{"ixx", 0, 0},
+                                            {"iyy", 1, 1},
+                                            {"izz", 2, 2},
+                                            {"ixy", 0, 1},
+                                            {"ixz", 0, 2},
+                                            {"iyz", 1, 2}}) {
       inertia.SetAttribute(name, fmt::format("{}", I(row, column)));
     }
     for (const TiXmlElement* each : {&origin, &weight, &inertia}) inertial.InsertEndChild(*each);

@@ -172,7 +172,8 @@ struct Identify {
                                    recordings.front().source);
     }
     Screen screen(quiet);
-    const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia", "offset"};
+    const std::vector<std::string> everything = {"rotor", "viscous", "coulomb", "inertia",
+                                                 "offset"};
     const identify::Identified found = identify::identify(
         recordings, kinds(all ? everything : unknown), others,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });

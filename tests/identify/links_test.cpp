@@ -75,8 +75,7 @@ experiment::Scenario iiwa() {
 TEST(Links, SaysWhichCombinationsAreDetermined) {
   const experiment::Scenario scenario = iiwa();
   const Recording run = motion(scenario, changed(*scenario.model), 20, 0);
-  const Parameters parameters(scenario,
-                              {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia});
+  const Parameters parameters(scenario, {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::inertia});
   const LeastSquares found =
       least_squares({regression(run, parameters)}, parameters, *scenario.model);
   EXPECT_EQ(parameters.size(), 91);
@@ -125,7 +124,7 @@ TEST(Links, PredictsTheTorquesOfTheArmThatIsThereByLinksThatCanBe) {
 }
 
 TEST(Links, OfALogTheLoopIsSimulatedWithThem) {
-  const experiment::Scenario believed = scenario("practical_rigid", "20", 4);
+  const experiment::Scenario believed = scenario("practical_rigid", "20", 2.5);
   experiment::Scenario plant = believed;
   auto arm = std::make_shared<robot::Model>(*believed.model);
   arm->bodies[1].mass *= 1.2;
@@ -136,8 +135,8 @@ TEST(Links, OfALogTheLoopIsSimulatedWithThem) {
   EXPECT_TRUE(found.simulated);
   EXPECT_NEAR(found.parameters[0].value, 2, 0.02);
   EXPECT_NEAR(found.parameters[1].value, 1, 0.01);
-  // 20 % of a mass were 1e-3 rad beside it.
-  for (const Identified::Check& each : found.checks) EXPECT_LT(each.position_error, 1e-4);
+  // What is left is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad.
+  for (const Identified::Check& each : found.checks) EXPECT_LT(each.position_error, 4e-6);
 }
 
 class Table : public testing::Test {
