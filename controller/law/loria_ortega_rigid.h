@@ -20,7 +20,7 @@ class LoriaOrtegaRigid : public FilteredError<LoriaOrtegaRigid> {
       "A. Loria and R. Ortega, On tracking control of rigid and flexible joint robots, Appl. Math. "
       "and Comp. Sci. 5(2), 1995, eq. 4-5 and Prop. 1";
   static constexpr std::string_view proved =
-      "semiglobally asymptotically stable, in continuous time";
+      "semiglobally exponentially stable, in continuous time";
   static constexpr std::string_view conditions =
       "some eps > 0 lies above k_c B_d / (beta_3 l(B) l(D)) (25) and below 1/2 sqrt(l(Kp) / (2 "
       "L(D))) (19), 1/2 sqrt(l(Kd B^-1) / (2 L(D))) (20), 2 gamma_1 l(Kp) l(Kd B^-1 A) / (L(Kp) + "
