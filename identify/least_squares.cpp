@@ -81,6 +81,30 @@ std::vector<robot::Model> unit_models(const robot::Model& bare) {
 
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
+/// The rows at every few instants, without both ends.
+/// @param columns of each parameter, @param torque a row per tick, @param whole its scale
+Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
+                   const MatrixXd& whole, double h) {
+  const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
+  const auto edge = static_cast<Eigen::Index>(settle_s / h);
+  const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
+  Regression result{MatrixXd(instants * n, std::ssize(columns)), VectorXd(instants * n),
+                    Eigen::VectorXi(instants * n),
+                    whole.cwiseAbs().colwise().maxCoeff().transpose()};
+  Eigen::Index row = 0;
+  for (Eigen::Index instant = 0; instant < instants; ++instant) {
+    const Eigen::Index k = edge + instant * step;
+    for (Eigen::Index j = 0; j < n; ++j, ++row) {
+      for (std::size_t i = 0; i < columns.size(); ++i) {
+        result.columns(row, static_cast<Eigen::Index>(i)) = columns[i](k, j);
+      }
+      result.torque[row] = torque(k, j);
+      result.joint[row] = static_cast<int>(j);
+    }
+  }
+  return result;
+}
+
 }  // namespace
 
 VectorXd Regression::residual(const VectorXd& values) const {
@@ -155,24 +179,7 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   left = filtered(std::move(left), h);
   for (MatrixXd& column : columns) column = filtered(std::move(column), h);
 
-  const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
-  const auto edge = static_cast<Eigen::Index>(settle_s / h);
-  const Eigen::Index instants = (ticks - 2 * edge + step - 1) / step;
-  Regression result{MatrixXd(instants * n, p), VectorXd(instants * n),
-                    Eigen::VectorXi(instants * n),
-                    whole.cwiseAbs().colwise().maxCoeff().transpose()};
-  Eigen::Index row = 0;
-  for (Eigen::Index instant = 0; instant < instants; ++instant) {
-    const Eigen::Index k = edge + instant * step;
-    for (Eigen::Index j = 0; j < n; ++j, ++row) {
-      for (Eigen::Index i = 0; i < p; ++i) {
-        result.columns(row, i) = columns[static_cast<std::size_t>(i)](k, j);
-      }
-      result.torque[row] = left(k, j);
-      result.joint[row] = static_cast<int>(j);
-    }
-  }
-  return result;
+  return thinned(columns, left, whole, h);
 }
 
 namespace {
