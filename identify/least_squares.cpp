@@ -38,11 +38,6 @@ void low_pass(Eigen::Ref<VectorXd> x, double h) {
   }
 }
 
-MatrixXd filtered(MatrixXd x, double h) {
-  for (Eigen::Index i = 0; i < x.cols(); ++i) low_pass(x.col(i), h);
-  return x;
-}
-
 /// The robot without unknowns, and with one unit of the payload (or the same).
 struct Models {
   robot::Model bare, loaded;
@@ -107,6 +102,11 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
 
 }  // namespace
 
+MatrixXd low_passed(MatrixXd columns, double h) {
+  for (Eigen::Index i = 0; i < columns.cols(); ++i) low_pass(columns.col(i), h);
+  return columns;
+}
+
 VectorXd Regression::residual(const VectorXd& values) const {
   const VectorXd left = torque - columns * values;
   VectorXd sum = VectorXd::Zero(peak.size()), count = VectorXd::Zero(peak.size());
@@ -121,14 +121,14 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   const double h = recording.scenario.loop.period_s;
   const Eigen::Index ticks = recording.num_ticks(), n = recording.q.cols(), p = parameters.size();
   const Models models(recording, parameters);
-  const MatrixXd q = filtered(recording.q, h);
+  const MatrixXd q = low_passed(recording.q, h);
   // What acts at t_k: the torque is held over each tick.
   MatrixXd tau = recording.tau;
   if (recording.controlled) {
     tau.bottomRows(ticks - 1) =
         0.5 * (recording.tau.topRows(ticks - 1) + tau.bottomRows(ticks - 1));
   }
-  MatrixXd left = filtered(tau, h);  // without the robot's own torque, below
+  MatrixXd left = low_passed(tau, h);  // without the robot's own torque, below
   const MatrixXd whole = left;
   const Eigen::Index inertia = parameters.first(Kind::inertia);
   const std::vector<robot::Model> units =
@@ -176,8 +176,8 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   }
   left.row(0) = left.row(1);
   left.row(ticks - 1) = left.row(ticks - 2);
-  left = filtered(std::move(left), h);
-  for (MatrixXd& column : columns) column = filtered(std::move(column), h);
+  left = low_passed(std::move(left), h);
+  for (MatrixXd& column : columns) column = low_passed(std::move(column), h);
 
   return thinned(columns, left, whole, h);
 }

@@ -24,6 +24,9 @@ struct Regression {
 
 Regression regression(const Recording& recording, const Parameters& parameters);
 
+/// Columns through that low-pass (15 Hz). @param h their period [s]
+Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h);
+
 /// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they
 /// can be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for
 /// `output_error`, and an answer only where no loop can be simulated.

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "diagnostics/failure.h"
 
@@ -39,6 +42,14 @@ constexpr Verb verb_of(std::string_view name, std::string_view does, std::string
 /// long.
 void add_json(CLI::App& command, bool& json);
 void add_quiet(CLI::App& command, bool& quiet);
+
+/// For verbs that write a scenario: refuse, before the work, a name that is none, and a file that
+/// could not or should not be written after it.
+void require_scenario_name(const std::filesystem::path& file);
+void require_writable(const std::filesystem::path& file, bool force);
+/// Writes `input` with `overrides` and `changes` as `output`; its URDF stays where it is.
+void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
+                    const std::vector<std::string>& changes, const std::filesystem::path& output);
 
 #define TACHLESS_VERB(name) extern const Verb name##_verb;
 #include "launch/verbs.inc"

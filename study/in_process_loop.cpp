@@ -6,8 +6,9 @@
 namespace tachless::study {
 
 void run_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
-                    const std::function<bool(const TickRecord&)>& on_tick) {
-  plant::GuardedRobot robot(scenario);
+                    const std::function<bool(const TickRecord&)>& on_tick,
+                    plant::RobotDriver* driver) {
+  plant::GuardedRobot robot(scenario, driver);
   robot.feed(law->measurement());
   const reference::Trajectory trajectory = reference::make_trajectory(scenario);
   robot.start();

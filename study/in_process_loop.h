@@ -9,6 +9,7 @@
 #include "loop/measurements.h"
 #include "plant/arm_state.h"
 #include "plant/drive.h"
+#include "plant/robot_driver.h"
 
 namespace tachless::study {
 
@@ -30,7 +31,8 @@ struct TickRecord {
 /// robot, reference and law are the very objects of the processes, called in the same order at
 /// the same t_k = k h, so the records hold the bits that a lockstep run logs.
 ///
-/// `law`: the scenario's, or the one of another program in its place.
+/// `law`: the scenario's, or the one of another program in its place; `driver`: a robot in the
+/// emulator's place, whose time is the ticks.
 ///
 /// Calls `on_tick` for ticks 0 to num_ticks - 1, with a record that is valid during the call; the
 /// run ends early when it returns false.
@@ -38,7 +40,8 @@ struct TickRecord {
 /// diagnostics::Failure(protective_stop) naming tick and cause when a torque is not finite, a joint
 /// is beyond its limits (plant.on_limit: stop) or the plant cannot be integrated on.
 void run_in_process(const experiment::Scenario& scenario, controller::ScenarioLaw law,
-                    const std::function<bool(const TickRecord&)>& on_tick);
+                    const std::function<bool(const TickRecord&)>& on_tick,
+                    plant::RobotDriver* driver = nullptr);
 /// With `controller::scenario_law`, and its errors.
 void run_in_process(const experiment::Scenario& scenario,
                     const std::function<bool(const TickRecord&)>& on_tick);

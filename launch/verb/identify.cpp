@@ -27,6 +27,44 @@
 namespace tachless::launch {
 namespace {
 
+constexpr std::string_view remedy = "name another file with --write";
+
+}  // namespace
+
+void require_writable(const std::filesystem::path& file, bool force) {
+  if (file.empty()) return;
+  if (!force && std::filesystem::exists(file)) {
+    throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
+                                 file.string(), remedy);
+  }
+  diagnostics::UnfinishedFile(file, remedy);
+}
+
+void require_scenario_name(const std::filesystem::path& file) {
+  if (file.empty() || file.extension() == ".yaml" || file.extension() == ".yml") return;
+  throw diagnostics::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
+                               file.string());
+}
+
+void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
+                    const std::vector<std::string>& changes,
+                    const std::filesystem::path& output) {
+  namespace fs = std::filesystem;
+  overrides.insert(overrides.end(), changes.begin(), changes.end());
+  overrides.push_back(fmt::format("name={}", output.stem().string()));
+  const experiment::Scenario changed = experiment::load_scenario(input, overrides);
+  const fs::path urdf = fs::absolute(input.parent_path() / changed.robot.urdf_path);
+  const fs::path beside = fs::absolute(output).parent_path();
+  const std::string path =
+      urdf.lexically_normal().lexically_relative(beside.lexically_normal()).string();
+  diagnostics::UnfinishedFile(output, remedy)
+      .write(experiment::parse_scenario(changed.text, changed.robot.urdf_text, input.string(),
+                                        {fmt::format("robot.urdf={}", path)})
+                 .text);
+}
+
+namespace {
+
 namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 using identify::Recording;
@@ -61,24 +99,6 @@ std::vector<identify::Kind> kinds(const std::vector<std::string>& unknown) {
   return result;
 }
 
-constexpr std::string_view remedy = "name another file with --write";
-
-/// Refuses, before the work, a scenario's file that could not or should not be written after it.
-void require_writable(const fs::path& file, bool force) {
-  if (file.empty()) return;
-  if (!force && fs::exists(file)) {
-    throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
-                                 file.string(), remedy);
-  }
-  diagnostics::UnfinishedFile(file, remedy);
-}
-
-void require_scenario_name(const fs::path& file) {
-  if (file.empty() || file.extension() == ".yaml" || file.extension() == ".yml") return;
-  throw diagnostics::bad_usage("{}: --write makes a scenario; allowed: a name that ends with .yaml",
-                               file.string());
-}
-
 struct Excite {
   fs::path input, output;
   std::vector<std::string> overrides, unknown = {"rotor", "viscous", "coulomb"};
@@ -109,8 +129,6 @@ struct Excite {
     std::vector<std::string> changes = overrides;
     changes.insert(changes.end(), found.overrides.begin(), found.overrides.end());
     changes.push_back(fmt::format("name={}", output.stem().string()));
-    const fs::path urdf = fs::absolute(input.parent_path() / scenario.robot.urdf_path);
-    const fs::path beside = fs::absolute(output).parent_path();
     const experiment::Scenario moving = experiment::load_scenario(input, changes);
     const std::vector<std::string> objections =
         certificate::objections(certificate::certify(moving, false, show));
@@ -123,13 +141,7 @@ struct Excite {
       diagnostics::log_error("{}: {}; nothing written", input.string(), objection);
     }
     if (!objections.empty()) return ExitCode::check_said_no;
-    changes.push_back(fmt::format(
-        "robot.urdf={}",
-        urdf.lexically_normal().lexically_relative(beside.lexically_normal()).string()));
-    diagnostics::UnfinishedFile(output, remedy)
-        .write(experiment::parse_scenario(moving.text, moving.robot.urdf_text, input.string(),
-                                          {changes.back()})
-                   .text);
+    write_scenario(input, overrides, found.overrides, output);
     std::cout << fmt::format("  type: tachless run {}\n", diagnostics::printable(output.string()));
     return ExitCode::done;
   }

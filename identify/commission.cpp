@@ -1,0 +1,343 @@
+#include "identify/commission.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "diagnostics/failure.h"
+#include "identify/hypotheses.h"
+#include "identify/least_squares.h"
+#include "robot/dynamics.h"
+
+namespace tachless::identify {
+namespace {
+
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using experiment::Compensates;
+using experiment::Scenario;
+using robot::Vector;
+
+constexpr double of_speed = 0.1;       ///< of a joint's limit, never more
+constexpr double unlimited_speed = 1;      ///< [rad/s; m/s] where the URDF has none
+constexpr double longest_fall_s = 0.03;
+constexpr int least_fall = 5;          ///< ticks that have to be seen after the longest delay
+constexpr double following = 0.03;     ///< [rad; m], of the protective stop
+constexpr double reach = 0.016;        ///< [rad; m] of the references
+constexpr double joint_s = 3, all_s = 4;
+/// The sines: frequency, and share of the speed that is allowed.
+constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.3}, {2.9, 0.15}, {7, 0.1}}};
+
+std::string list(const Vector& values) { return fmt::format("[{:.9g}]", fmt::join(values, ", ")); }
+
+class Procedure {
+ public:
+  Procedure(const Scenario& scenario, const Trials& trials, const Report& report)
+      : scenario_(scenario), trials_(trials), report_(report), arm_(scenario) {
+    speed_ = scenario.model->velocity_limit;
+    for (double& each : speed_) each = of_speed * (std::isfinite(each) ? each : unlimited_speed);
+  }
+
+  Commissioned run() {
+    const Fall fall = let_go();
+    if ((fall.certain.array() < 0).any()) turn(fall.certain);
+    sends_gravity_ = fall.falls.value_or(false);
+    std::vector<Trial> moved;
+    for (int joint = 0; joint <= scenario_.num_joints; ++joint) moved.push_back(move(joint));
+    std::optional<bool> gravity;
+    if (sends_gravity_) gravity = true;
+    const ArmHypotheses arm(turned_);
+    const Explanation found =
+        explain(arm, moved, scenario_.loop.period_s, fall.certain.cwiseAbs(), gravity);
+    conclude(fall, found);
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] std::string name(Eigen::Index joint) const {
+    return robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(joint));
+  }
+
+  Scenario load(std::vector<std::string> overrides) const {
+    overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
+    return experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
+                                      overrides);
+  }
+
+  Trial trial(std::vector<std::string> overrides, double duration_s) {
+    overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
+    const double h = scenario_.loop.period_s;
+    overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
+    overrides.push_back(fmt::format("plant.following_error_rad={}", following));
+    overrides.emplace_back("plant.initial.torque=hold");
+    const Scenario changed = experiment::parse_scenario(
+        scenario_.text, scenario_.robot.urdf_text, scenario_.source, overrides);
+    Trial result = trials_(changed, overrides);
+    result_.seconds += static_cast<double>(result.q.rows()) * h;
+    result_.missed += result.missed;
+    result_.arm_is_clock = result.arm_is_clock;
+    if (result.q.rows() < changed.loop.num_ticks && result.stopped.empty()) {
+      result.stopped = "the run ended early";
+    }
+    if (changed.robot.compensates == Compensates::nothing) return result;
+    for (Eigen::Index k = 0; k < result.q.rows(); ++k) {
+      result.tau.row(k) -=
+          robot::gravity_torque(*changed.model, result.q.row(k).transpose()).transpose();
+    }
+    return result;
+  }
+
+  /// The law with these gains, and what it sends of gravity.
+  static std::vector<std::string> law(const Vector& kp, const Vector& kd, double rate,
+                                      bool sends_gravity) {
+    return {fmt::format("controller={{law: loria_ortega_rigid, filter: tustin, gains: {{kp: "
+                        "{}, kd: {}, a: {}, b: {}}}}}",
+                        list(kp), list(kd), rate, rate),
+            fmt::format("robot.compensates={}", sends_gravity ? "nothing" : "gravity")};
+  }
+
+  /// Some milliseconds without torque.
+  Fall let_go() {
+    const double h = scenario_.loop.period_s;
+    double most_s = longest_fall_s;
+    Eigen::Index first = 0;
+    for (const Vector& signs : arm_.signs()) {
+      const Vector most = 0.8 * speed_.cwiseQuotient(arm_.fall(signs).cwiseAbs().cwiseMax(1e-9));
+      Eigen::Index joint = 0;
+      if (most.minCoeff(&joint) >= most_s) continue;
+      most_s = most[joint];
+      first = joint;
+    }
+    const double needed_s = (longest_delay + least_fall) * h;
+    if (most_s < needed_s) {
+      throw scenario_.complaint(
+          "plant.initial.position_rad",
+          "gravity alone makes {} faster than a tenth of its limit within {:.2g} ms, {:.2g} are "
+          "needed to see what the arm adds; begin nearer to upright or hanging, a few tenths of a "
+          "rad from it",
+          name(first), 1e3 * most_s, 1e3 * needed_s);
+    }
+    report_("a moment without torque");
+    const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
+    std::vector<std::string> overrides = law(none, none, 1, false);
+    overrides.push_back(fmt::format("reference={{hold: {{position_rad: {}}}}}",
+                                    list(scenario_.plant.initial.position_rad)));
+    return judge_fall(arm_, trial(overrides, std::floor(most_s / h) * h), h);
+  }
+
+  /// From now on the scenario has these signs.
+  void turn(const Vector& signs) {
+    const Vector& offset = scenario_.robot.joint_offsets_rad;
+    const Vector turned = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
+    const Vector start =
+        offset + turned.cwiseProduct(scenario_.plant.initial.position_rad - offset);
+    turned_by_ = turned_by_.cwiseProduct(turned);
+    signs_ = {
+        fmt::format("robot.joint_signs={}", list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
+        fmt::format("plant.initial.position_rad={}", list(start))};
+    turned_ = load({fmt::format("reference={{hold: {{position_rad: {}}}}}", list(start))});
+  }
+
+  /// Some sines of that joint, of all if there is no such one.
+  Trial move(int joint) {
+    const bool all = joint == scenario_.num_joints;
+    const Vector& start = turned_.plant.initial.position_rad;
+    const double h = scenario_.loop.period_s;
+    // Soft enough for a delay of `longest_delay` beyond the loop's own.
+    const double rate = 0.1 / (h * (longest_delay + std::max(1, scenario_.loop.command_delay)));
+    std::vector<std::string> overrides = law(rate * rate * arm_.inertia(), 2 * rate * arm_.inertia(),
+                                             std::min(60 * rate, 1 / h), sends_gravity_);
+    Vector offset = start;
+    std::string terms;
+    for (const auto& [hz, share] : sines) {
+      Vector amplitude = Vector::Zero(start.size()), frequency = amplitude;
+      for (Eigen::Index i = 0; i < start.size(); ++i) {
+        frequency[i] = hz * (all ? 1 + 0.09 * static_cast<double>(i) : 1);
+        if (!all && i != joint) continue;
+        const double omega = 2 * std::numbers::pi * frequency[i];
+        amplitude[i] = std::min(share * speed_[i] / omega, reach / 2 / sines.size());
+      }
+      offset -= amplitude;  // from rest at the start
+      terms += fmt::format("{{amplitude_rad: {}, frequency_hz: {}, phase_rad: {:.17g}}}, ",
+                           list(amplitude), list(frequency), std::numbers::pi / 2);
+    }
+    overrides.push_back(
+        fmt::format("reference={{multi_sine: {{offset_rad: {}, terms: [{}]}}}}", list(offset), terms));
+    report_(all ? std::string("all joints") : name(joint));
+    Trial result = trial(overrides, all ? all_s : joint_s);
+    if (!result.stopped.empty()) ran_away(result);
+    return result;
+  }
+
+  [[noreturn]] void ran_away(const Trial& trial) const {
+    Eigen::Index joint = 0;
+    const Eigen::Index last = trial.q.rows() - 1, from = std::max<Eigen::Index>(0, last - 60);
+    if (last >= 1) (trial.q.row(last) - trial.q.row(0)).cwiseAbs().maxCoeff(&joint);
+    double sum = 0;  // of acceleration times torque
+    const Eigen::MatrixXd q = low_passed(trial.q, scenario_.loop.period_s);
+    for (Eigen::Index k = from + 1; k < last; ++k) {
+      sum += (q(k + 1, joint) - 2 * q(k, joint) + q(k - 1, joint)) * trial.tau(k, joint);
+    }
+    if (sum < 0 && last > 5) {
+      throw Failure(ExitCode::protective_stop,
+                    "{}: {} moves against its own torque: the driver's torque has another sign than "
+                    "its positions; correct the driver (robot.joint_signs turns both)",
+                    scenario_.source, name(joint));
+    }
+    throw Failure(ExitCode::protective_stop, "{}: not told apart, because {} ran away: {}",
+                  scenario_.source, name(joint), trial.stopped);
+  }
+
+  void conclude(const Fall& fall, const Explanation& found) {
+    const robot::JointLabels labels = robot::joint_labels(*scenario_.model);
+    std::vector<double> delays;
+    for (Eigen::Index i = 0; i < speed_.size(); ++i) {
+      const auto j = static_cast<std::size_t>(i);
+      const Explanation::Joint& of = found.joints[j];
+      Commissioned::Joint joint{name(i), labels.effort[j], {}, {}, of.viscous, of.dry, {}, of.noise};
+      const bool told = std::ranges::all_of(
+          found.signs, [&](const Vector& each) { return each[i] == found.signs.front()[i]; });
+      if (told) joint.turns = turned_by_[i] * found.signs.front()[i] < 0;
+      if (of.scale > 0) joint.scale = of.scale;
+      delays.push_back(of.delay);
+      joint.delay = of.delay;
+      result_.joints.push_back(std::move(joint));
+    }
+    if (fall.falls.value_or(false)) {
+      result_.adds_gravity = false;
+    } else if (found.gravity) {
+      result_.adds_gravity = !*found.gravity;
+    }
+    judge_delay(delays, found.delay);
+    judge_friction(found);
+    mend_signs(found.signs);
+    mend_scales();
+    mend_gravity();
+    mend_delay();
+  }
+
+  void judge_delay(std::vector<double> delays, int whole) {
+    std::ranges::sort(delays);
+    const double middle = delays[delays.size() / 2];
+    result_.delay_spread = delays.back() - delays.front();
+    if (std::abs(middle - whole) < 0.3 && result_.delay_spread < 0.8) {
+      result_.delay = whole + std::max(1, scenario_.loop.command_delay);
+    }
+  }
+
+  /// Against the friction that the scenario states for an arm that leaves it.
+  void judge_friction(const Explanation& found) {
+    const Scenario stated = load({"robot.compensates=nothing"});
+    const plant::DriveSpec& drive = stated.plant.drive;
+    double seen = 0, expected = 0;
+    for (std::size_t j = 0; j < found.joints.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      const Explanation::Joint& of = found.joints[j];
+      const double v = 0.2 * speed_[i];
+      const double there =
+          drive.coulomb_friction_Nm[i] + v * drive.viscous_friction_Nms_per_rad[i];
+      if (there <= 5 * of.resolution || of.scale <= 0) continue;
+      seen += of.scale * (of.dry + v * of.viscous) / there;
+      expected += 1;
+    }
+    if (expected == 0) return;
+    if (seen < 0.25 * expected) result_.adds_friction = true;
+    if (seen > 0.6 * expected) result_.adds_friction = false;
+  }
+
+  void misfit(const std::string& key, const std::string& what, bool mendable,
+              std::vector<std::string> overrides = {}) {
+    result_.misfits.push_back(fmt::format("{}: {}", key, what));
+    result_.mendable = result_.mendable && mendable;
+    result_.overrides.insert(result_.overrides.end(), overrides.begin(), overrides.end());
+  }
+
+  void mend_signs(std::vector<Vector> explanations) {
+    std::string either;
+    for (Vector& each : explanations) {
+      each = turned_by_.cwiseProduct(each);
+      if ((each.array() > 0).all()) return;  // as the scenario says
+      std::string joints;
+      for (Eigen::Index i = 0; i < each.size(); ++i) {
+        if (each[i] < 0) joints += (joints.empty() ? "" : ", ") + name(i);
+      }
+      either += (either.empty() ? "" : "; or else ") + joints;
+    }
+    const Vector signs = scenario_.robot.joint_signs.cwiseProduct(explanations.front());
+    const bool one = explanations.size() == 1;
+    misfit("robot.joint_signs",
+           fmt::format("turns against the URDF: {}; {}{}", either,
+                       one ? "write robot.joint_signs: " : "look which, and write robot.joint_signs",
+                       one ? list(signs) : ""),
+           one, {fmt::format("robot.joint_signs={}", list(signs))});
+  }
+
+  void mend_scales() {
+    for (const Commissioned::Joint& joint : result_.joints) {
+      if (!joint.scale || std::abs(*joint.scale - 1) < 0.1) continue;
+      misfit("scale of torque",
+             fmt::format("{} answers as to {:.3g} times the torque that it is sent; correct units or "
+                         "gear in the driver, or the URDF's inertia",
+                         joint.name, *joint.scale),
+             false);
+    }
+  }
+
+  void mend_gravity() {
+    const Compensates says = scenario_.robot.compensates;
+    if (!result_.adds_gravity) {
+      misfit("robot.compensates",
+             "not told apart whether the arm adds gravity; begin where gravity pulls more, with a "
+             "finer encoder",
+             false);
+      return;
+    }
+    Compensates is = Compensates::nothing;
+    if (*result_.adds_gravity) {
+      const bool friction = result_.adds_friction.value_or(says == Compensates::gravity_and_friction);
+      is = friction ? Compensates::gravity_and_friction : Compensates::gravity;
+    }
+    if (is == says) return;
+    misfit("robot.compensates",
+           fmt::format("{}, but the arm adds {}: {}; write robot.compensates: {}",
+                       schema::name_of(says), *result_.adds_gravity ? schema::name_of(is) : "nothing",
+                       says == Compensates::nothing ? "gravity would be sent twice"
+                       : is == Compensates::nothing ? "the arm would fall"
+                                                    : "friction would be counted wrongly",
+                       schema::name_of(is)),
+           true, {fmt::format("robot.compensates={}", schema::name_of(is))});
+  }
+
+  void mend_delay() {
+    if (!result_.delay) return;
+    const int latency = *result_.delay - std::max(1, scenario_.loop.command_delay);
+    if (latency == scenario_.plant.encoder.latency_ticks) return;
+    misfit("plant.encoder.latency_ticks",
+           fmt::format("{}, but a torque acts {} ticks after its reading; write "
+                       "plant.encoder.latency_ticks: {}",
+                       scenario_.plant.encoder.latency_ticks, *result_.delay, latency),
+           true, {fmt::format("plant.encoder.latency_ticks={}", latency)});
+  }
+
+  const Scenario& scenario_;
+  const Trials& trials_;
+  const Report& report_;
+  ArmHypotheses arm_;
+  Scenario turned_ = scenario_;  ///< with the signs that the fall has told
+  Vector turned_by_ = Vector::Ones(scenario_.num_joints);
+  std::vector<std::string> signs_;
+  Vector speed_;  ///< that no joint may exceed
+  bool sends_gravity_ = false;
+  Commissioned result_;
+};
+
+}  // namespace
+
+Commissioned commission(const Scenario& scenario, const Trials& trials, const Report& report) {
+  return Procedure(scenario, trials, report).run();
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,83 @@
+#include "identify/emulated_arm.h"
+
+#include <utility>
+
+#include "diagnostics/failure.h"
+#include "plant/plant_model.h"
+#include "robot/dynamics.h"
+#include "study/in_process_loop.h"
+
+namespace tachless::identify {
+
+EmulatedArm::EmulatedArm(experiment::Scenario scenario, DriveFaults hidden)
+    : scenario_(std::move(scenario)),
+      hidden_(std::move(hidden)),
+      model_(plant::plant_model(scenario_)),
+      encoder_(scenario_, model_),
+      now_(plant::initial_state(scenario_, model_)),
+      first_(now_.q) {
+  if (hidden_.scale.size() == 0) hidden_.scale = robot::Vector::Ones(model_.num_joints);
+  moved = fastest = robot::Vector::Zero(model_.num_joints);
+}
+
+void EmulatedArm::start() {
+  now_.v.setZero();
+  arm_.emplace(plant::make_arm(scenario_, model_, now_));
+  sent_.assign(static_cast<std::size_t>(hidden_.torque_delay),
+               robot::Vector::Zero(model_.num_joints));
+  past_.assign(static_cast<std::size_t>(scenario_.plant.encoder.latency_ticks), now_);
+}
+
+plant::ArmState EmulatedArm::read() {
+  plant::ArmState seen = now_;
+  if (arm_) {
+    past_.push_back(now_);
+    seen = past_.front();
+    past_.pop_front();
+  }
+  const experiment::RobotSpec& robot = scenario_.robot;
+  seen.q = encoder_.measure<loop::PositionMeasurement>(seen, readings_++).q;
+  seen.q = robot.joint_signs.cwiseProduct(seen.q - robot.joint_offsets_rad);
+  seen.v = robot.joint_signs.cwiseProduct(seen.v);
+  return seen;
+}
+
+void EmulatedArm::hold(const robot::Vector& tau, double until_s) {
+  sent_.push_back(scenario_.robot.joint_signs.cwiseProduct(tau.cwiseProduct(hidden_.scale)));
+  robot::Vector acts = sent_.front();
+  sent_.pop_front();
+  if (scenario_.robot.compensates != experiment::Compensates::nothing) {
+    acts += robot::gravity_torque(model_, now_.q);
+  }
+  arm_->advance(acts, until_s);
+  now_ = arm_->state();
+  moved = moved.cwiseMax((now_.q - first_).cwiseAbs());
+  fastest = fastest.cwiseMax(now_.v.cwiseAbs());
+}
+
+Trials trials_on(EmulatedArm& arm) {
+  return [&arm](const experiment::Scenario& scenario, const std::vector<std::string>& /*by*/) {
+    Trial result{Eigen::MatrixXd(scenario.loop.num_ticks, scenario.num_joints),
+                 Eigen::MatrixXd(scenario.loop.num_ticks, scenario.num_joints)};
+    Eigen::Index ticks = 0;
+    try {
+      study::run_in_process(
+          scenario, controller::scenario_law(scenario),
+          [&](const study::TickRecord& tick) {
+            result.q.row(ticks) =
+                std::get<loop::PositionMeasurement>(tick.measurement).q.transpose();
+            result.tau.row(ticks++) = tick.applied.tau.transpose();
+            return true;
+          },
+          &arm);
+    } catch (const diagnostics::Failure& failure) {
+      if (failure.code() != diagnostics::ExitCode::protective_stop) throw;
+      result.stopped = failure.what();
+    }
+    result.q.conservativeResize(ticks, Eigen::NoChange);
+    result.tau.conservativeResize(ticks, Eigen::NoChange);
+    return result;
+  };
+}
+
+}  // namespace tachless::identify

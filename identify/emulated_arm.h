@@ -1,0 +1,53 @@
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "experiment/scenario.h"
+#include "identify/commission.h"
+#include "plant/arm.h"
+#include "plant/encoder.h"
+#include "plant/robot_driver.h"
+#include "robot/model.h"
+
+namespace tachless::identify {
+
+/// What no scenario says of an arm's drives.
+struct DriveFaults {
+  robot::Vector scale{};  ///< torque that acts per torque sent; empty: 1
+  int torque_delay = 0;   ///< [ticks] until what is sent acts
+};
+
+/// The arm of a scenario behind a driver, with its signs, encoders and what it adds itself: a
+/// maker's arm in an emulator. At rest until `start`, and from `stop` on.
+class EmulatedArm final : public plant::RobotDriver {
+ public:
+  explicit EmulatedArm(experiment::Scenario scenario, DriveFaults hidden = {});
+  EmulatedArm(const EmulatedArm&) = delete;
+  EmulatedArm& operator=(const EmulatedArm&) = delete;
+
+  [[nodiscard]] bool measures_velocity() const override { return false; }
+  void start() override;
+  plant::ArmState read() override;
+  void hold(const robot::Vector& tau, double until_s) override;
+  void stop() override { arm_.reset(); }
+
+  robot::Vector moved, fastest;  ///< furthest from the start of all [rad; m], and speed
+
+ private:
+  experiment::Scenario scenario_;
+  DriveFaults hidden_;
+  robot::Model model_;
+  plant::Encoder encoder_;
+  plant::ArmState now_;
+  robot::Vector first_;
+  std::deque<robot::Vector> sent_;        ///< that does not act yet
+  std::deque<plant::ArmState> past_;      ///< that is not measured yet
+  std::optional<plant::Arm> arm_;         ///< while it moves
+  std::int64_t readings_ = 0;
+};
+
+/// Trials in this process on `arm`, which outlives them.
+Trials trials_on(EmulatedArm& arm);
+
+}  // namespace tachless::identify

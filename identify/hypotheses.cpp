@@ -1,0 +1,270 @@
+#include "identify/hypotheses.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "diagnostics/failure.h"
+#include "identify/least_squares.h"
+#include "robot/cholesky.h"
+#include "robot/dynamics.h"
+
+namespace tachless::identify {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double instant_s = 0.02;   ///< between rows of the regression: what passes the low-pass
+constexpr double edge_s = 0.25;  ///< left out at both ends of a trial
+constexpr double dependent = 3;  ///< rows of which one counts: the low-pass makes them alike
+constexpr double clear = 12;     ///< least difference of log-likelihoods that tells two apart
+constexpr double moving = 0.2;   ///< share of the largest speed below which dry friction is unclear
+constexpr double trusted = 5e-3;  ///< share of a joint's torque below which residuals are alike
+
+/// A moment of a trial.
+struct Instant {
+  std::size_t trial;
+  robot::Vector q, v, a;
+  std::array<robot::Vector, longest_delay + 3> sent;  ///< delayed by -1, 0, 1 … ticks
+};
+
+std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
+  std::vector<Instant> all;
+  for (std::size_t r = 0; r < trials.size(); ++r) {
+    const MatrixXd q = low_passed(trials[r].q, h);
+    MatrixXd sent = trials[r].tau;
+    const Eigen::Index ticks = q.rows(), edge = static_cast<Eigen::Index>(edge_s / h);
+    // What acts at t_k: the torque is held over each tick.
+    sent.bottomRows(ticks - 1) =
+        (0.5 * (trials[r].tau.topRows(ticks - 1) + trials[r].tau.bottomRows(ticks - 1))).eval();
+    sent = low_passed(std::move(sent), h);
+    const auto step = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(instant_s / h));
+    for (Eigen::Index k = edge; k < ticks - edge; k += step) {
+      Instant at{r, q.row(k).transpose(), (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
+                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h), {}};
+      for (std::size_t d = 0; d < at.sent.size(); ++d) {
+        at.sent[d] = sent.row(k + 1 - static_cast<Eigen::Index>(d)).transpose();
+      }
+      all.push_back(std::move(at));
+    }
+  }
+  return all;
+}
+
+/// Sent torque = (torque needed) / scale + viscous v + dry sign(v), of one joint for all delays.
+class JointFit {
+ public:
+  void add(double needed, double v, const Instant& at, Eigen::Index joint) {
+    const Eigen::Vector3d row(needed, v, v > 0 ? 1 : -1);
+    normal_ += row * row.transpose();
+    for (std::size_t d = 0; d < at.sent.size(); ++d) {
+      const double u = at.sent[d][joint];
+      right_[d] += u * row;
+      squares_[d] += u * u;
+    }
+    sum_ += at.sent[1][joint];
+    ++count_;
+  }
+  struct Result {
+    Eigen::Vector3d values;
+    double left, squares, deviation;  ///< over; of that what is trusted; of `dry`
+  };
+  [[nodiscard]] Result solve(std::size_t d) const {
+    const Eigen::Vector3d scale = normal_.diagonal().cwiseSqrt().cwiseMax(1e-12).cwiseInverse();
+    const Eigen::Matrix3d scaled = scale.asDiagonal() * normal_ * scale.asDiagonal();
+    const Eigen::Matrix3d inverse =
+        (scaled + 1e-10 * Eigen::Matrix3d::Identity()).ldlt().solve(Eigen::Matrix3d::Identity());
+    Eigen::Vector3d values = scale.cwiseProduct(inverse * scale.cwiseProduct(right_[d]));
+    if (values[0] < 0) values.setZero();  // the model's torque never helps the other way
+    const double left = squares_[d] - 2 * values.dot(right_[d]) + values.dot(normal_ * values);
+    const double squares = std::max(left, count_ * trusted * trusted * variance());
+    return {values, left, squares, scale[2] * std::sqrt(inverse(2, 2) * squares / count_ * dependent)};
+  }
+  [[nodiscard]] double count() const { return count_; }
+  /// Twice the log-likelihood's loss.
+  [[nodiscard]] double cost(std::size_t d) const {
+    if (count_ < 10) return 0;
+    return count_ / (2 * dependent) * std::log(std::max(1e-300, solve(d).squares / count_));
+  }
+
+ private:
+  [[nodiscard]] double variance() const {
+    const double mean = sum_ / count_;
+    return std::max(1e-12, squares_[1] / count_ - mean * mean);
+  }
+
+  Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
+  std::array<Eigen::Vector3d, longest_delay + 3> right_ = zeros();
+  std::array<double, longest_delay + 3> squares_{};
+  double sum_ = 0, count_ = 0;
+
+  static std::array<Eigen::Vector3d, longest_delay + 3> zeros() {
+    std::array<Eigen::Vector3d, longest_delay + 3> all;
+    all.fill(Eigen::Vector3d::Zero());
+    return all;
+  }
+};
+
+/// One hypothesis' fits and costs, by delay from 0.
+struct Candidate {
+  robot::Vector signs;
+  bool gravity;
+  std::vector<JointFit> joints;
+  std::array<double, longest_delay + 1> cost{};
+
+  [[nodiscard]] std::size_t delay() const {
+    return static_cast<std::size_t>(std::ranges::min_element(cost) - cost.begin());
+  }
+  [[nodiscard]] double least() const { return *std::ranges::min_element(cost); }
+};
+
+/// The vertex of the parabola through the residuals beside the best delay.
+double fractional_delay(const JointFit& joint, std::size_t d) {
+  const double before = joint.solve(d).left, at = joint.solve(d + 1).left,
+               after = joint.solve(d + 2).left;
+  const double bend = before - 2 * at + after;
+  const double shift = bend > 0 ? 0.5 * (before - after) / bend : 0;
+  return static_cast<double>(d) + std::clamp(shift, -1.0, 1.0);
+}
+
+}  // namespace
+
+ArmHypotheses::ArmHypotheses(const experiment::Scenario& scenario)
+    : model_(*scenario.model),
+      offset_(scenario.robot.joint_offsets_rad),
+      start_(scenario.plant.initial.position_rad) {
+  if (scenario.robot.flexible) {
+    throw scenario.complaint("robot.joints", "flexible; commission is for rigid joints");
+  }
+  const int n = scenario.num_joints;
+  if (n > most_joints) {
+    throw scenario.complaint("robot.urdf", "{} joints; commission is for at most {}: lock some", n,
+                             most_joints);
+  }
+  model_.rotor_inertia = scenario.robot.rigid_rotor_inertia_kgm2;
+  for (unsigned bits = 0; bits < 1U << static_cast<unsigned>(n); ++bits) {
+    robot::Vector each(n);
+    for (int i = 0; i < n; ++i) each[i] = (bits >> static_cast<unsigned>(i) & 1U) != 0U ? -1 : 1;
+    const robot::Vector q = offset_ + each.cwiseProduct(start_ - offset_);
+    const bool inside = ((q - model_.lower).array() >= -0.01).all() &&
+                        ((model_.upper - q).array() >= -0.01).all();
+    if (bits == 0 || inside) signs_.push_back(each);
+  }
+  const Eigen::MatrixXd M = robot::mass_matrix(model_, start_);
+  inertia_ = Eigen::MatrixXd(M.llt().solve(Eigen::MatrixXd::Identity(n, n))).diagonal().cwiseInverse();
+}
+
+robot::Vector ArmHypotheses::inertial(const robot::Vector& signs, const robot::Vector& q,
+                                      const robot::Vector& v, const robot::Vector& a) const {
+  const robot::Vector at = offset_ + signs.cwiseProduct(q - offset_);
+  const robot::Vector all = robot::inverse_dynamics<double>(model_, at, signs.cwiseProduct(v),
+                                                            signs.cwiseProduct(a));
+  return signs.cwiseProduct(all - robot::gravity_torque(model_, at));
+}
+
+robot::Vector ArmHypotheses::gravity(const robot::Vector& signs, const robot::Vector& q) const {
+  const robot::Vector at = offset_ + signs.cwiseProduct(q - offset_);
+  return signs.cwiseProduct(robot::gravity_torque(model_, at));
+}
+
+robot::Vector ArmHypotheses::fall(const robot::Vector& signs) const {
+  const robot::Vector at = offset_ + signs.cwiseProduct(start_ - offset_);
+  const robot::Vector none = robot::Vector::Zero(at.size());
+  return signs.cwiseProduct(robot::forward_dynamics(model_, at, none, none));
+}
+
+Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
+  const Eigen::Index n = trial.q.cols(), ticks = trial.q.rows();
+  const VectorXd weight = arm.inertia().cwiseSqrt();
+  const MatrixXd x = (trial.q.rowwise() - trial.q.row(0)) * weight.asDiagonal();
+  const double moved = x.squaredNorm();
+  Fall result{{}, robot::Vector::Ones(n), robot::Vector::Zero(n), 0};
+  const auto shape = [&](int delay) {
+    return VectorXd(VectorXd::LinSpaced(ticks, -delay * h, (static_cast<double>(ticks) - 1 - delay) * h)
+                        .cwiseMax(0)
+                        .array()
+                        .square() /
+                    2);
+  };
+  Eigen::MatrixX2d of_sign = Eigen::MatrixX2d::Zero(n, 2);  // best share explained with -1, +1
+  for (const robot::Vector& signs : arm.signs()) {
+    const VectorXd a = weight.cwiseProduct(arm.fall(signs));
+    const VectorXd along = x * a;
+    double best = 0;
+    for (int delay = 0; delay <= longest_delay - 1; ++delay) {
+      const VectorXd f = shape(delay);
+      const double part = std::max(0.0, f.dot(along));
+      best = std::max(best, part * part / std::max(1e-300, f.squaredNorm() * a.squaredNorm() * moved));
+    }
+    if (best > result.explained) {
+      result.explained = best;
+      result.signs = signs;
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+      double& share = of_sign(i, signs[i] > 0 ? 1 : 0);
+      share = std::max(share, best);
+    }
+  }
+  const VectorXd a = weight.cwiseProduct(arm.fall(robot::Vector::Ones(n)));
+  const double expected = (shape(longest_delay - 1) * a.transpose()).squaredNorm();
+  const double farthest = shape(longest_delay - 1)[ticks - 1] * arm.fall(robot::Vector::Ones(n)).cwiseAbs().maxCoeff();
+  if (farthest < 2e-5) return result;
+  if (moved > 0.04 * expected && result.explained > 0.7) result.falls = true;
+  if (moved < 0.0025 * expected) result.falls = false;
+  if (!result.falls.value_or(false)) return result;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (std::abs(of_sign(i, 1) - of_sign(i, 0)) > 0.1) result.certain[i] = result.signs[i];
+  }
+  return result;
+}
+
+Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double h,
+                    const robot::Vector& certain, std::optional<bool> gravity) {
+  const std::vector<Instant> rows = instants(trials, h);
+  const auto n = static_cast<std::size_t>(trials.front().q.cols());
+  robot::Vector fastest = robot::Vector::Zero(static_cast<Eigen::Index>(n));
+  for (const Instant& at : rows) fastest = fastest.cwiseMax(at.v.cwiseAbs());
+  std::vector<Candidate> all;
+  for (const robot::Vector& signs : arm.signs()) {
+    if ((signs.cwiseProduct(certain).array() < 0).any()) continue;
+    Candidate without{signs, false, std::vector<JointFit>(n), {}}, with = without;
+    with.gravity = true;
+    for (const Instant& at : rows) {
+      const robot::Vector needed = arm.inertial(signs, at.q, at.v, at.a);
+      const robot::Vector pull = arm.gravity(signs, at.q);
+      for (std::size_t j = 0; j < n; ++j) {
+        const auto i = static_cast<Eigen::Index>(j);
+        if (at.trial != j && at.trial != n) continue;
+        if (std::abs(at.v[i]) < moving * fastest[i]) continue;
+        without.joints[j].add(needed[i], at.v[i], at, i);
+        with.joints[j].add(needed[i] + pull[i], at.v[i], at, i);
+      }
+    }
+    for (Candidate* each : {&without, &with}) {
+      if (gravity && *gravity != each->gravity) continue;
+      for (std::size_t d = 0; d < each->cost.size(); ++d) {
+        for (const JointFit& joint : each->joints) each->cost[d] += joint.cost(d + 1);
+      }
+      all.push_back(std::move(*each));
+    }
+  }
+  const Candidate& best = *std::ranges::min_element(all, {}, &Candidate::least);
+  Explanation result{{best.signs}, best.gravity, static_cast<int>(best.delay()), {}};
+  for (const Candidate& each : all) {
+    if (each.least() - best.least() > clear) continue;
+    if (each.signs != best.signs) result.signs.push_back(each.signs);
+    if (each.gravity != best.gravity) result.gravity.reset();
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    const JointFit& fit = best.joints[j];
+    const JointFit::Result found = fit.solve(best.delay() + 1);
+    result.joints.push_back({found.values[0] > 0 ? 1 / found.values[0] : 0, found.values[1],
+                             found.values[2], std::sqrt(found.squares / std::max(1.0, fit.count())),
+                             fractional_delay(fit, best.delay()), found.deviation});
+  }
+  return result;
+}
+
+}  // namespace tachless::identify

@@ -1,0 +1,67 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "identify/commission.h"
+#include "robot/model.h"
+
+/// Which signs, gravity and delay explain how an arm moved.
+namespace tachless::identify {
+
+/// The arm as the scenario has it, and what it may be instead: joints that turn against it.
+class ArmHypotheses {
+ public:
+  /// @throw diagnostics::Failure(bad_usage) for flexible joints, and more than `most_joints`
+  explicit ArmHypotheses(const experiment::Scenario& scenario);
+  static constexpr int most_joints = 8;
+
+  /// Signs +1 or -1, relative to the scenario's; of those, the ones whose start is within the
+  /// joints' ranges.
+  [[nodiscard]] const std::vector<robot::Vector>& signs() const { return signs_; }
+  /// M a + C v and g of that hypothesis, in the scenario's coordinates [N m; N].
+  [[nodiscard]] robot::Vector inertial(const robot::Vector& signs, const robot::Vector& q,
+                                       const robot::Vector& v, const robot::Vector& a) const;
+  [[nodiscard]] robot::Vector gravity(const robot::Vector& signs, const robot::Vector& q) const;
+  /// Acceleration at the start without any torque [rad/s^2; m/s^2].
+  [[nodiscard]] robot::Vector fall(const robot::Vector& signs) const;
+  /// 1 / (M^-1)_ii at the start, what a joint's motor feels when the others are free. The same for
+  /// all signs where M is that of one posture.
+  [[nodiscard]] const robot::Vector& inertia() const { return inertia_; }
+
+ private:
+  robot::Model model_;
+  robot::Vector offset_, start_, inertia_;
+  std::vector<robot::Vector> signs_;
+};
+
+/// The start of a motion without torque.
+struct Fall {
+  std::optional<bool> falls;  ///< nothing: it moved too little, or would have
+  robot::Vector signs;        ///< that explain it best
+  robot::Vector certain;      ///< of `signs`, 0 where the other one explains it hardly less
+  double explained = 0;       ///< share of the motion
+};
+Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double period_s);
+
+inline constexpr int longest_delay = 6;  ///< [ticks] beyond the loop's own
+
+/// The best explanation of trials of one joint after the other and one of all joints.
+struct Explanation {
+  struct Joint {
+    double scale, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
+    double resolution;                         ///< of `dry` [N m; N]
+  };
+  std::vector<robot::Vector> signs;  ///< the best, and those that explain it hardly less well
+  std::optional<bool> gravity;       ///< acts unaided; nothing: not told apart
+  int delay = 0;
+  std::vector<Joint> joints;
+};
+/// @param trials the last one of all joints; `sent` in the place of `tau` [N m; N]
+/// @param certain signs that are known, 0: not
+Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double period_s,
+                    const robot::Vector& certain, std::optional<bool> gravity);
+
+}  // namespace tachless::identify

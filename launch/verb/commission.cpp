@@ -1,0 +1,139 @@
+// The verb that looks at an arm before its first run: commission.
+
+#include "identify/commission.h"
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "diagnostics/file_text.h"
+#include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
+#include "identify/emulated_arm.h"
+#include "launch/progress.h"
+#include "launch/run.h"
+#include "launch/verb.h"
+#include "logger/run_log.h"
+#include "node/options.h"
+
+namespace tachless::launch {
+namespace {
+
+namespace fs = std::filesystem;
+using diagnostics::ExitCode;
+
+/// What the log of a run on the bus holds, to its end or the protective stop.
+identify::Trial read_trial(const fs::path& log) {
+  logger::RunLog run = logger::RunLog::open(log);
+  const Eigen::Index n = run.scenario().num_joints;
+  std::vector<double> q, tau;
+  identify::Trial trial;
+  logger::TickRecord record;
+  while (run.next(record)) {
+    if (!record.measurement || !record.truth) continue;
+    if (record.truth->fault == loop::truth::DriveFault::protective_stop) break;
+    trial.missed += record.truth->fault == loop::truth::DriveFault::command_missed ? 1 : 0;
+    const auto& measured = std::get<loop::PositionMeasurement>(*record.measurement).q;
+    q.insert(q.end(), measured.begin(), measured.end());
+    tau.insert(tau.end(), record.truth->tau.begin(), record.truth->tau.end());
+  }
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto ticks = static_cast<Eigen::Index>(q.size()) / n;
+  trial.q = Eigen::Map<const Rows>(q.data(), ticks, n);
+  trial.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
+  const logger::RunSummary& summary = run.summary();
+  if (!summary.faults.empty()) {
+    trial.stopped = summary.faults.front().text;
+  } else if (summary.gaps() > 0) {
+    throw diagnostics::bad_usage("{}: {} messages of ticks are missing; commission again",
+                                 log.string(), summary.gaps());
+  }
+  return trial;
+}
+
+struct Commission {
+  RunOptions options;
+  fs::path output;
+  bool replace = false;
+
+  void declare(CLI::App& command) {
+    node::with_installed_scenarios(
+        node::add_scenario(command, options.scenario, options.overrides));
+    command.add_option("--plant", options.plant_program,
+                       "The arm's driver, as typed in a shell; default: an emulated arm of the "
+                       "scenario");
+    command.add_option("--out", options.out, "Where the logs go; default: out/NAME-commission");
+    command.add_option("--write", output, "The scenario with what was found, as a file");
+    command.add_flag("--force", replace, "Replace that file if it exists");
+    node::add_lcm_url(command, options.lcm_url);
+    node::add_key_file(command, options.key_file);
+    command.add_flag("--isolate", options.isolate, "In a private network namespace");
+    add_json(command, options.json);
+    add_quiet(command, options.quiet);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    require_scenario_name(output);
+    require_writable(output, replace);
+    const experiment::Scenario scenario =
+        experiment::load_scenario(options.scenario, options.overrides);
+    Screen screen(options.quiet);
+    const auto show = [&](std::string_view what) {
+      screen.show(fmt::format("commission: {}", what));
+    };
+    identify::EmulatedArm emulated(scenario);
+    const identify::Commissioned found = identify::commission(
+        scenario, options.plant_program.empty() ? trials_on(emulated) : on_the_bus(scenario), show);
+    screen.clear();
+    if (options.json) {
+      nlohmann::ordered_json all = found;
+      all["text"] = identify::text(found, scenario.name);
+      std::cout << diagnostics::json_text(all, 2) << "\n";
+    } else {
+      std::cout << identify::text(found, scenario.name);
+    }
+    const bool writes = !output.empty() && found.mendable;
+    for (const std::string& misfit : found.misfits) {
+      diagnostics::log_error("{}: {}{}", scenario.source, misfit,
+                             output.empty() ? "" : writes ? " (written)" : "; nothing written");
+    }
+    if (writes) write_scenario(options.scenario, options.overrides, found.overrides, output);
+    return found.misfits.empty() || writes ? ExitCode::done : ExitCode::check_said_no;
+  }
+
+ private:
+  /// Runs with the driver, each into a numbered folder.
+  [[nodiscard]] identify::Trials on_the_bus(const experiment::Scenario& scenario) const {
+    RunOptions of = options;
+    if (of.out.empty()) of.out = fs::path("out") / (scenario.name + "-commission");
+    of.mode = "realtime";
+    of.quiet = of.force = of.any_outcome = of.overwrite = true;
+    of.json = false;
+    return [of, number = 0](const experiment::Scenario& /*changed*/,
+                            const std::vector<std::string>& changes) mutable {
+      RunOptions next = of;
+      next.out /= std::to_string(++number);
+      next.overrides.insert(next.overrides.end(), changes.begin(), changes.end());
+      const ExitCode code = launch::run(next, {of.scenario});
+      of.isolate = false;  // it is, from the first run on
+      const fs::path log = next.out / "lcmlog";
+      if (code != ExitCode::done && (code != ExitCode::protective_stop || !fs::exists(log))) {
+        throw diagnostics::Failure(code, "{}: commissioning ended with run {}: see the line above",
+                                   of.scenario.string(), number);
+      }
+      return read_trial(log);
+    };
+  }
+};
+
+}  // namespace
+
+const Verb commission_verb = verb_of<Commission>(
+    "commission", "What an arm does with its torques: signs, scale, gravity, delay; before a run",
+    "  tachless commission scenarios/practical_rigid.yaml\n"
+    "  tachless commission arm.yaml --plant ./own_driver --write known.yaml");
+
+}  // namespace tachless::launch

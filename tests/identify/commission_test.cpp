@@ -1,0 +1,161 @@
+// Many arms with hidden conventions: what commission says of them is right or "not told apart", and
+// none moves further or faster than it may.
+
+#include "identify/commission.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "diagnostics/failure.h"
+#include "identify/emulated_arm.h"
+
+namespace tachless::identify {
+namespace {
+
+using testing::HasSubstr;
+
+/// An arm as it is, and the scenario of somebody who knows nothing of that.
+struct Hidden {
+  experiment::Scenario claimed, truth;
+  DriveFaults more;
+};
+
+std::string list(const robot::Vector& values) { return fmt::format("[{}]", fmt::join(values, ", ")); }
+
+struct ArmKind {
+  const char* scenario;
+  std::vector<double> posture;
+  std::vector<double> rotor;     ///< [kg m^2]
+  std::vector<double> friction;  ///< dry [N m]
+  std::string torque_limit;
+  int bits;
+};
+
+const std::vector<ArmKind> kinds = {
+    {"practical_rigid", {-1.3, 0.3}, {0.5, 0.1}, {0.5, 0.1}, "[400, 100]", 20},
+    {"practical_rigid", {1.75, -0.2}, {1, 0.2}, {1, 0.15}, "[400, 100]", 19},
+    {"ur5e", {0.2, -1.4, 0.3, -1.4, 0.4, 0.3}, {0.7, 0.7, 0.7, 0.2, 0.2, 0.2},
+     {0.6, 0.6, 0.6, 0.1, 0.1, 0.1}, "[150, 150, 150, 28, 28, 28]", 21},
+    {"iiwa_point_to_point", {0.3, 0.15, -0.4, -0.2, 0.3, 0.3, 0.2}, {0.6, 0.6, 0.4, 0.4, 0.2, 0.1, 0.1},
+     {0.5, 0.5, 0.3, 0.3, 0.2, 0.1, 0.1}, "[320, 320, 176, 176, 110, 40, 40]", 22}};
+
+Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool clean_scale) {
+  std::uniform_real_distribution<double> part(0, 1);
+  const auto flip = [&](double share) { return part(random) < share; };
+  std::vector<std::string> common = {
+      "plant.mechanics=native", "plant.integrator.accuracy=1e-8", "plant.on_limit=warn",
+      fmt::format("plant.encoder.resolution_bits={}", kind.bits), "loop.command_delay=1",
+      "plant.drive.torque_limit_Nm=" + kind.torque_limit,
+      fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}", fmt::join(kind.rotor, ", "))};
+  const auto n = static_cast<Eigen::Index>(kind.posture.size());
+  if (friction) {
+    common.push_back(fmt::format("plant.drive.coulomb_friction_Nm=[{}]", fmt::join(kind.friction, ", ")));
+  }
+  robot::Vector signs = robot::Vector::Ones(n), posture(n), scale = signs;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    posture[i] = kind.posture[static_cast<std::size_t>(i)];
+    if (flip(0.25)) signs[i] = -1;
+    if (!clean_scale) scale[i] = 0.7 * std::pow(2, part(random));
+  }
+  const std::string path = fmt::format("{}/scenarios/{}.yaml", TACHLESS_SOURCE_DIR, kind.scenario);
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), common.begin(), common.end());
+    return experiment::load_scenario(path, more);
+  };
+  const robot::Vector seen = signs.cwiseProduct(posture);
+  const double which = part(random);
+  const char* compensates =
+      which < 0.4 ? "nothing" : (which < 0.7 || !friction ? "gravity" : "gravity_and_friction");
+  const int delay = static_cast<int>(5 * part(random)), of_reading = static_cast<int>((delay + 1) * part(random));
+  const auto at = [](const robot::Vector& q) {
+    return fmt::format("plant.initial.position_rad={}", list(q));
+  };
+  const auto hold = [](const robot::Vector& q) {
+    return fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q));
+  };
+  return {with({at(seen), hold(seen)}),
+          with({at(posture), hold(posture), "robot.joint_signs=" + list(signs),
+                fmt::format("robot.compensates={}", compensates),
+                fmt::format("plant.encoder.latency_ticks={}", of_reading)}),
+          {scale, delay - of_reading}};
+}
+
+/// How often each thing was told.
+struct Tally {
+  int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0;
+  double farthest = 0, fastest = 0, scale = 0;
+
+  void check(const Hidden& arm, const std::string& what) {
+    SCOPED_TRACE(what);
+    EmulatedArm driver(arm.truth, arm.more);
+    Commissioned found;
+    ++arms;
+    try {
+      found = commission(arm.claimed, trials_on(driver), [](std::string_view) {});
+    } catch (const diagnostics::Failure& failure) {
+      std::cout << what << ": " << failure.what() << "\n";
+      ++refused;
+    }
+    const robot::Vector& limit = arm.truth.model->velocity_limit;
+    for (Eigen::Index i = 0; i < limit.size(); ++i) {
+      farthest = std::max(farthest, driver.moved[i]);
+      fastest = std::max(fastest, driver.fastest[i] / (std::isfinite(limit[i]) ? limit[i] : 1));
+    }
+    EXPECT_LT(driver.moved.maxCoeff(), 0.05);
+    if (found.joints.empty()) return;
+    const auto compensates = arm.truth.robot.compensates;
+    const bool gravity = compensates != experiment::Compensates::nothing;
+    if (found.adds_gravity) {
+      EXPECT_EQ(*found.adds_gravity, gravity);
+      ++this->gravity;
+    }
+    if (found.adds_friction) {
+      EXPECT_EQ(*found.adds_friction, compensates == experiment::Compensates::gravity_and_friction);
+      ++friction;
+    }
+    if (found.delay) {
+      EXPECT_EQ(*found.delay,
+                1 + arm.more.torque_delay + arm.truth.plant.encoder.latency_ticks);
+      ++delay;
+    } else std::cout << what << " delay " << arm.more.torque_delay + arm.truth.plant.encoder.latency_ticks << "\n" << text(found, what);
+    for (std::size_t j = 0; j < found.joints.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      const Commissioned::Joint& joint = found.joints[j];
+      ++joints;
+      if (joint.turns) {
+        ++signs;
+        EXPECT_EQ(*joint.turns, arm.truth.robot.joint_signs[i] < 0) << joint.name;
+      }
+      if (joint.scale) scale = std::max(scale, std::abs(*joint.scale / arm.more.scale[i] - 1));
+    }
+  }
+};
+
+/// TACHLESS_COMMISSION_ARMS=N tries N arms.
+TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
+  const char* many = std::getenv("TACHLESS_COMMISSION_ARMS");
+  std::mt19937 random(5);
+  Tally tally;
+  for (int arm = 0; arm < (many != nullptr ? std::atoi(many) : 40); ++arm) {
+    const ArmKind& kind = kinds[static_cast<std::size_t>(arm % 5 < 3 ? arm % 2 : arm % 5 - 1)];
+    tally.check(draw(random, kind, arm % 2 == 0, arm % 4 == 3), fmt::format("arm {}, {}", arm, kind.scenario));
+  }
+  std::cout << fmt::format(
+      "{} arms, {} refused; told: gravity {}, friction {}, delay {}, signs {} of {}; scale within "
+      "{:.3g}; moved {:.3g} rad, {:.3g} of the speed limit\n",
+      tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.signs,
+      tally.joints, tally.scale, tally.farthest, tally.fastest);
+  EXPECT_LT(tally.fastest, 0.1);
+}
+
+}  // namespace
+}  // namespace tachless::identify
