@@ -24,12 +24,13 @@ using robot::Vector;
 constexpr double of_speed = 0.1;       ///< of a joint's limit, never more
 constexpr double unlimited_speed = 1;      ///< [rad/s; m/s] where the URDF has none
 constexpr double longest_fall_s = 0.03;
+constexpr int least_hold = 9;          ///< ticks
 constexpr int least_fall = 5;          ///< ticks that have to be seen after the longest delay
 constexpr double following = 0.03;     ///< [rad; m], of the protective stop
 constexpr double reach = 0.016;        ///< [rad; m] of the references
 constexpr double joint_s = 3, all_s = 4;
 /// The sines: frequency, and share of the speed that is allowed.
-constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.3}, {2.9, 0.15}, {7, 0.1}}};
+constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
 
 std::string list(const Vector& values) { return fmt::format("[{:.9g}]", fmt::join(values, ", ")); }
 
@@ -44,7 +45,14 @@ class Procedure {
   Commissioned run() {
     const Fall fall = let_go();
     if ((fall.certain.array() < 0).any()) turn(fall.certain);
+    if (fall.moved && !fall.falls) {
+      throw Failure(ExitCode::check_said_no,
+                    "{}: robot.urdf: the arm moves without torque, but not as gravity pulls at the "
+                    "URDF's masses; see base, masses, joint_offsets_rad",
+                    scenario_.source);
+    }
     sends_gravity_ = fall.falls.value_or(false);
+    if (sends_gravity_ && !hold(fall)) return std::move(result_);
     std::vector<Trial> moved;
     for (int joint = 0; joint <= scenario_.num_joints; ++joint) moved.push_back(move(joint));
     std::optional<bool> gravity;
@@ -69,6 +77,7 @@ class Procedure {
 
   Trial trial(std::vector<std::string> overrides, double duration_s) {
     overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
+    if (last_.size() > 0) overrides.push_back(fmt::format("plant.initial.position_rad={}", list(last_)));
     const double h = scenario_.loop.period_s;
     overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
     overrides.push_back(fmt::format("plant.following_error_rad={}", following));
@@ -77,6 +86,10 @@ class Procedure {
         scenario_.text, scenario_.robot.urdf_text, scenario_.source, overrides);
     Trial result = trials_(changed, overrides);
     result_.seconds += static_cast<double>(result.q.rows()) * h;
+    if (result.q.rows() > 0) {
+      last_ = result.q.row(result.q.rows() - 1).transpose();
+      last_ = last_.cwiseMax(changed.model->lower).cwiseMin(changed.model->upper);
+    }
     result_.missed += result.missed;
     result_.arm_is_clock = result.arm_is_clock;
     if (result.q.rows() < changed.loop.num_ticks && result.stopped.empty()) {
@@ -121,20 +134,81 @@ class Procedure {
           name(first), 1e3 * most_s, 1e3 * needed_s);
     }
     report_("a moment without torque");
+    fall_s_ = std::floor(most_s / h) * h;
+    return judge_fall(arm_, still(false, fall_s_), h);
+  }
+
+  /// No torque of the law but gravity's, if any.
+  Trial still(bool sends_gravity, double duration_s) {
     const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
-    std::vector<std::string> overrides = law(none, none, 1, false);
+    std::vector<std::string> overrides = law(none, none, 1, sends_gravity);
     overrides.push_back(fmt::format("reference={{hold: {{position_rad: {}}}}}",
-                                    list(scenario_.plant.initial.position_rad)));
-    return judge_fall(arm_, trial(overrides, std::floor(most_s / h) * h), h);
+                                    list(turned_.plant.initial.position_rad)));
+    return trial(overrides, duration_s);
+  }
+
+  [[nodiscard]] Vector start_with(const Vector& signs) const {
+    const Vector& offset = scenario_.robot.joint_offsets_rad;
+    return offset + signs.cwiseProduct(scenario_.plant.initial.position_rad - offset);
+  }
+
+  /// A moment with gravity's torque. @return whether the scale of torque fits
+  bool hold(const Fall& fall) {
+    const double h = scenario_.loop.period_s;
+    report_("a moment with gravity's torque");
+    const ArmHypotheses arm(turned_);
+    const Vector pull = arm.gravity(Vector::Ones(scenario_.num_joints), arm.start());
+    double most_s = fall_s_;
+    for (const Vector& signs : fall.possible) {  // torques a half more, or with the other sign
+      for (const double scale : {1.5, -1.0}) {
+        const Vector a = arm.fall(signs.cwiseProduct(turned_by_), scale * pull).cwiseAbs();
+        most_s = std::min(most_s, speed_.cwiseQuotient(a.cwiseMax(1e-9)).minCoeff());
+      }
+    }
+    most_s = std::floor(most_s / h) * h;
+    if (most_s < least_hold * h) {
+      throw scenario_.complaint(
+          "plant.initial.position_rad",
+          "the arm falls, and whether gravity's torque holds it cannot be tried for the {} ms that "
+          "this takes: a wrong sign or scale would make a joint too fast; begin nearer to upright or "
+          "hanging",
+          1e3 * least_hold * h);
+    }
+    const Vector scale = scale_of_hold(arm, turned_by_.cwiseProduct(fall.acceleration), fall.onset,
+                                       still(true, most_s), h);
+    const bool told = (fall.certain.array() != 0).all();
+    bool fits = true;
+    for (Eigen::Index i = 0; i < scale.size(); ++i) {
+      const auto j = static_cast<std::size_t>(i);
+      Commissioned::Joint joint{name(i), robot::joint_labels(*scenario_.model).effort[j]};
+      if (fall.certain[i] != 0) joint.turns = fall.certain[i] < 0;
+      if (told && std::isfinite(scale[i])) joint.scale = scale[i];
+      fits = fits && !(std::abs(scale[i] - 1) > 0.25);
+      result_.joints.push_back(std::move(joint));
+    }
+    result_.adds_gravity = false;
+    if (fits) {
+      result_.joints.clear();
+      return true;
+    }
+    if (told) {
+      mend_signs({Vector::Ones(scale.size())});
+      mend_scales();
+    } else {
+      misfit("robot.joint_signs",
+             "gravity's torque does not hold the arm, because a joint turns against the URDF or the "
+             "torque's scale is wrong; not told apart: look which way each joint turns",
+             false);
+    }
+    return false;
   }
 
   /// From now on the scenario has these signs.
   void turn(const Vector& signs) {
+    turned_by_ = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
+    const Vector start = start_with(turned_by_);
     const Vector& offset = scenario_.robot.joint_offsets_rad;
-    const Vector turned = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
-    const Vector start =
-        offset + turned.cwiseProduct(scenario_.plant.initial.position_rad - offset);
-    turned_by_ = turned_by_.cwiseProduct(turned);
+    last_ = offset + turned_by_.cwiseProduct(last_ - offset);
     signs_ = {
         fmt::format("robot.joint_signs={}", list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
         fmt::format("plant.initial.position_rad={}", list(start))};
@@ -201,9 +275,11 @@ class Procedure {
       const bool told = std::ranges::all_of(
           found.signs, [&](const Vector& each) { return each[i] == found.signs.front()[i]; });
       if (told) joint.turns = turned_by_[i] * found.signs.front()[i] < 0;
-      if (of.scale > 0) joint.scale = of.scale;
-      delays.push_back(of.delay);
-      joint.delay = of.delay;
+      if (of.clean && of.scale > 0) {
+        joint.scale = of.scale;
+        joint.delay = of.delay;
+        delays.push_back(of.delay);
+      }
       result_.joints.push_back(std::move(joint));
     }
     if (fall.falls.value_or(false)) {
@@ -220,6 +296,7 @@ class Procedure {
   }
 
   void judge_delay(std::vector<double> delays, int whole) {
+    if (delays.empty()) return;
     std::ranges::sort(delays);
     const double middle = delays[delays.size() / 2];
     result_.delay_spread = delays.back() - delays.front();
@@ -272,12 +349,23 @@ class Procedure {
            fmt::format("turns against the URDF: {}; {}{}", either,
                        one ? "write robot.joint_signs: " : "look which, and write robot.joint_signs",
                        one ? list(signs) : ""),
-           one, {fmt::format("robot.joint_signs={}", list(signs))});
+           one,
+           {fmt::format("robot.joint_signs={}", list(signs)),
+            fmt::format("plant.initial.position_rad={}",
+                        list(start_with(explanations.front())))});
   }
 
   void mend_scales() {
     for (const Commissioned::Joint& joint : result_.joints) {
-      if (!joint.scale || std::abs(*joint.scale - 1) < 0.1) continue;
+      if (!joint.scale || std::abs(*joint.scale - 1) < 0.15) continue;
+      if (*joint.scale < 0) {
+        misfit("robot.joint_signs",
+               fmt::format("{} moves against its own torque; correct the driver: joint_signs turns "
+                           "position and torque",
+                           joint.name),
+               false);
+        continue;
+      }
       misfit("scale of torque",
              fmt::format("{} answers as to {:.3g} times the torque that it is sent; correct units or "
                          "gear in the driver, or the URDF's inertia",
@@ -331,6 +419,8 @@ class Procedure {
   std::vector<std::string> signs_;
   Vector speed_;  ///< that no joint may exceed
   bool sends_gravity_ = false;
+  double fall_s_ = 0;
+  Vector last_;  ///< where the arm was at the end of the last trial
   Commissioned result_;
 };
 

@@ -31,10 +31,10 @@ struct Commissioned {
   /// Nothing: not told apart.
   struct Joint {
     std::string name, unit;
-    std::optional<bool> turns;      ///< as the scenario says (robot.joint_signs), or against it
-    std::optional<double> scale;    ///< torque that acts per torque sent
+    std::optional<bool> turns{};      ///< as the scenario says (robot.joint_signs), or against it
+    std::optional<double> scale{};    ///< torque that acts per torque sent
     double viscous = 0, dry = 0;    ///< friction, in sent torque [N m s/rad; N s/m], [N m; N]
-    std::optional<double> delay;    ///< beyond the loop's own [ticks]
+    std::optional<double> delay{};    ///< beyond the loop's own [ticks]
     double noise = 0;               ///< torque that nothing explains, rms below 15 Hz [N m; N]
   };
 

@@ -21,12 +21,13 @@ constexpr double edge_s = 0.25;  ///< left out at both ends of a trial
 constexpr double dependent = 3;  ///< rows of which one counts: the low-pass makes them alike
 constexpr double clear = 12;     ///< least difference of log-likelihoods that tells two apart
 constexpr double moving = 0.2;   ///< share of the largest speed below which dry friction is unclear
+constexpr double noisy = 0.06;  ///< residual beside what moves a joint, above which it tells little
 constexpr double trusted = 5e-3;  ///< share of a joint's torque below which residuals are alike
 
 /// A moment of a trial.
 struct Instant {
   std::size_t trial;
-  robot::Vector q, v, a;
+  robot::Vector q, v, a, dry;  ///< the last one sign(v) through the low-pass, as torques are
   std::array<robot::Vector, longest_delay + 3> sent;  ///< delayed by -1, 0, 1 … ticks
 };
 
@@ -40,10 +41,13 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
     sent.bottomRows(ticks - 1) =
         (0.5 * (trials[r].tau.topRows(ticks - 1) + trials[r].tau.bottomRows(ticks - 1))).eval();
     sent = low_passed(std::move(sent), h);
+    MatrixXd dry = MatrixXd::Zero(ticks, q.cols());
+    for (Eigen::Index k = 1; k + 1 < ticks; ++k) dry.row(k) = (q.row(k + 1) - q.row(k - 1)).cwiseSign();
+    dry = low_passed(std::move(dry), h);
     const auto step = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(instant_s / h));
     for (Eigen::Index k = edge; k < ticks - edge; k += step) {
       Instant at{r, q.row(k).transpose(), (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
-                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h), {}};
+                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h), dry.row(k).transpose(), {}};
       for (std::size_t d = 0; d < at.sent.size(); ++d) {
         at.sent[d] = sent.row(k + 1 - static_cast<Eigen::Index>(d)).transpose();
       }
@@ -56,8 +60,8 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
 /// Sent torque = (torque needed) / scale + viscous v + dry sign(v), of one joint for all delays.
 class JointFit {
  public:
-  void add(double needed, double v, const Instant& at, Eigen::Index joint) {
-    const Eigen::Vector3d row(needed, v, v > 0 ? 1 : -1);
+  void add(double needed, const Instant& at, Eigen::Index joint) {
+    const Eigen::Vector3d row(needed, at.v[joint], at.dry[joint]);
     normal_ += row * row.transpose();
     for (std::size_t d = 0; d < at.sent.size(); ++d) {
       const double u = at.sent[d][joint];
@@ -65,6 +69,7 @@ class JointFit {
       squares_[d] += u * u;
     }
     sum_ += at.sent[1][joint];
+    needed_ += needed;
     ++count_;
   }
   struct Result {
@@ -83,6 +88,10 @@ class JointFit {
     return {values, left, squares, scale[2] * std::sqrt(inverse(2, 2) * squares / count_ * dependent)};
   }
   [[nodiscard]] double count() const { return count_; }
+  /// Of the torque that moves the joint, without its mean.
+  [[nodiscard]] double moving_squares(double per_scale) const {
+    return per_scale * per_scale * (normal_(0, 0) - needed_ * needed_ / std::max(1.0, count_));
+  }
   /// Twice the log-likelihood's loss.
   [[nodiscard]] double cost(std::size_t d) const {
     if (count_ < 10) return 0;
@@ -98,7 +107,7 @@ class JointFit {
   Eigen::Matrix3d normal_ = Eigen::Matrix3d::Zero();
   std::array<Eigen::Vector3d, longest_delay + 3> right_ = zeros();
   std::array<double, longest_delay + 3> squares_{};
-  double sum_ = 0, count_ = 0;
+  double sum_ = 0, needed_ = 0, count_ = 0;
 
   static std::array<Eigen::Vector3d, longest_delay + 3> zeros() {
     std::array<Eigen::Vector3d, longest_delay + 3> all;
@@ -127,6 +136,12 @@ double fractional_delay(const JointFit& joint, std::size_t d) {
   const double bend = before - 2 * at + after;
   const double shift = bend > 0 ? 0.5 * (before - after) / bend : 0;
   return static_cast<double>(d) + std::clamp(shift, -1.0, 1.0);
+}
+
+/// t^2 / 2 from tick `onset` on.
+VectorXd parabola(Eigen::Index ticks, int onset, double h) {
+  const VectorXd t = VectorXd::LinSpaced(ticks, 0, static_cast<double>(ticks - 1));
+  return ((t.array() - onset).cwiseMax(0) * h).square() / 2;
 }
 
 }  // namespace
@@ -169,10 +184,11 @@ robot::Vector ArmHypotheses::gravity(const robot::Vector& signs, const robot::Ve
   return signs.cwiseProduct(robot::gravity_torque(model_, at));
 }
 
-robot::Vector ArmHypotheses::fall(const robot::Vector& signs) const {
+robot::Vector ArmHypotheses::fall(const robot::Vector& signs, const robot::Vector& tau) const {
   const robot::Vector at = offset_ + signs.cwiseProduct(start_ - offset_);
   const robot::Vector none = robot::Vector::Zero(at.size());
-  return signs.cwiseProduct(robot::forward_dynamics(model_, at, none, none));
+  return signs.cwiseProduct(robot::forward_dynamics(
+      model_, at, none, tau.size() == 0 ? none : robot::Vector(signs.cwiseProduct(tau))));
 }
 
 Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
@@ -180,44 +196,73 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
   const VectorXd weight = arm.inertia().cwiseSqrt();
   const MatrixXd x = (trial.q.rowwise() - trial.q.row(0)) * weight.asDiagonal();
   const double moved = x.squaredNorm();
-  Fall result{{}, robot::Vector::Ones(n), robot::Vector::Zero(n), 0};
-  const auto shape = [&](int delay) {
-    return VectorXd(VectorXd::LinSpaced(ticks, -delay * h, (static_cast<double>(ticks) - 1 - delay) * h)
-                        .cwiseMax(0)
-                        .array()
-                        .square() /
-                    2);
-  };
-  Eigen::MatrixX2d of_sign = Eigen::MatrixX2d::Zero(n, 2);  // best share explained with -1, +1
+  Fall result;
+  result.signs = robot::Vector::Ones(n);
+  result.certain = robot::Vector::Zero(n);
+  std::vector<double> explained;  // by each of the signs
   for (const robot::Vector& signs : arm.signs()) {
     const VectorXd a = weight.cwiseProduct(arm.fall(signs));
     const VectorXd along = x * a;
     double best = 0;
-    for (int delay = 0; delay <= longest_delay - 1; ++delay) {
-      const VectorXd f = shape(delay);
+    for (int delay = 0; delay < longest_delay; ++delay) {
+      const VectorXd f = parabola(ticks, delay, h);
       const double part = std::max(0.0, f.dot(along));
-      best = std::max(best, part * part / std::max(1e-300, f.squaredNorm() * a.squaredNorm() * moved));
-    }
-    if (best > result.explained) {
-      result.explained = best;
+      const double share =
+          part * part / std::max(1e-300, f.squaredNorm() * a.squaredNorm() * moved);
+      best = std::max(best, share);
+      if (share <= result.explained) continue;
+      result.explained = share;
       result.signs = signs;
+      result.onset = delay;
     }
-    for (Eigen::Index i = 0; i < n; ++i) {
-      double& share = of_sign(i, signs[i] > 0 ? 1 : 0);
-      share = std::max(share, best);
-    }
+    explained.push_back(best);
   }
-  const VectorXd a = weight.cwiseProduct(arm.fall(robot::Vector::Ones(n)));
-  const double expected = (shape(longest_delay - 1) * a.transpose()).squaredNorm();
-  const double farthest = shape(longest_delay - 1)[ticks - 1] * arm.fall(robot::Vector::Ones(n)).cwiseAbs().maxCoeff();
-  if (farthest < 2e-5) return result;
-  if (moved > 0.04 * expected && result.explained > 0.7) result.falls = true;
+  const VectorXd f = parabola(ticks, result.onset, h);
+  result.acceleration =
+      ((trial.q.rowwise() - trial.q.row(0)).transpose() * f) / std::max(1e-300, f.squaredNorm());
+  const robot::Vector stated = arm.fall(robot::Vector::Ones(n));
+  const VectorXd least = parabola(ticks, longest_delay - 1, h);  // seen after the longest delay
+  const double expected = (least * weight.cwiseProduct(stated).transpose()).squaredNorm();
+  result.moved = moved > 0.04 * expected;
+  if (least[ticks - 1] * stated.cwiseAbs().maxCoeff() < 2e-5) return result;
+  if (result.moved && result.explained > 0.7) result.falls = true;
   if (moved < 0.0025 * expected) result.falls = false;
   if (!result.falls.value_or(false)) return result;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    if (std::abs(of_sign(i, 1) - of_sign(i, 0)) > 0.1) result.certain[i] = result.signs[i];
+  result.certain = result.signs;
+  for (std::size_t k = 0; k < explained.size(); ++k) {
+    if (1 - explained[k] > 0.01 + 4 * (1 - result.explained)) continue;
+    result.possible.push_back(arm.signs()[k]);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (arm.signs()[k][i] != result.signs[i]) result.certain[i] = 0;
+    }
   }
   return result;
+}
+
+robot::Vector scale_of_hold(const ArmHypotheses& arm, const robot::Vector& falling, int onset,
+                            const Trial& trial, double h) {
+  const Eigen::Index n = trial.q.cols(), ticks = trial.q.rows();
+  const robot::Vector as_stated = robot::Vector::Ones(n);
+  const MatrixXd x = (trial.q.rowwise() - trial.q.row(0)) -
+                     parabola(ticks, onset, h) * falling.transpose();
+  double least = std::numeric_limits<double>::infinity();
+  robot::Vector added;
+  for (int delay = onset; delay < longest_delay; ++delay) {
+    const VectorXd f = parabola(ticks, delay, h);
+    const VectorXd a = x.transpose() * f / f.squaredNorm();
+    const double left = (x - f * a.transpose()).squaredNorm();
+    if (left >= least) continue;
+    least = left;
+    added = a;
+  }
+  const robot::Vector none = robot::Vector::Zero(n), pull = arm.gravity(as_stated, arm.start());
+  robot::Vector scale = arm.inertial(as_stated, arm.start(), none, added).cwiseQuotient(pull);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double M = arm.inertial(as_stated, arm.start(), none, robot::Vector::Unit(n, i))[i];
+    const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // the rest is friction
+    if (std::abs(pull[i]) < 1.5 * M || std::abs(as_gravity - 1) > 0.1) scale[i] = std::numeric_limits<double>::quiet_NaN();
+  }
+  return scale;
 }
 
 Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double h,
@@ -238,8 +283,8 @@ Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, 
         const auto i = static_cast<Eigen::Index>(j);
         if (at.trial != j && at.trial != n) continue;
         if (std::abs(at.v[i]) < moving * fastest[i]) continue;
-        without.joints[j].add(needed[i], at.v[i], at, i);
-        with.joints[j].add(needed[i] + pull[i], at.v[i], at, i);
+        without.joints[j].add(needed[i], at, i);
+        with.joints[j].add(needed[i] + pull[i], at, i);
       }
     }
     for (Candidate* each : {&without, &with}) {
@@ -262,7 +307,8 @@ Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, 
     const JointFit::Result found = fit.solve(best.delay() + 1);
     result.joints.push_back({found.values[0] > 0 ? 1 / found.values[0] : 0, found.values[1],
                              found.values[2], std::sqrt(found.squares / std::max(1.0, fit.count())),
-                             fractional_delay(fit, best.delay()), found.deviation});
+                             fractional_delay(fit, best.delay()), found.deviation,
+                             found.left < noisy * noisy * fit.moving_squares(found.values[0])});
   }
   return result;
 }

@@ -25,11 +25,12 @@ class ArmHypotheses {
   [[nodiscard]] robot::Vector inertial(const robot::Vector& signs, const robot::Vector& q,
                                        const robot::Vector& v, const robot::Vector& a) const;
   [[nodiscard]] robot::Vector gravity(const robot::Vector& signs, const robot::Vector& q) const;
-  /// Acceleration at the start without any torque [rad/s^2; m/s^2].
-  [[nodiscard]] robot::Vector fall(const robot::Vector& signs) const;
+  /// Acceleration at the start [rad/s^2; m/s^2] under that torque; empty: none.
+  [[nodiscard]] robot::Vector fall(const robot::Vector& signs, const robot::Vector& tau = {}) const;
   /// 1 / (M^-1)_ii at the start, what a joint's motor feels when the others are free. The same for
   /// all signs where M is that of one posture.
   [[nodiscard]] const robot::Vector& inertia() const { return inertia_; }
+  [[nodiscard]] const robot::Vector& start() const { return start_; }
 
  private:
   robot::Model model_;
@@ -42,9 +43,19 @@ struct Fall {
   std::optional<bool> falls;  ///< nothing: it moved too little, or would have
   robot::Vector signs;        ///< that explain it best
   robot::Vector certain;      ///< of `signs`, 0 where the other one explains it hardly less
-  double explained = 0;       ///< share of the motion
+  std::vector<robot::Vector> possible;  ///< signs that explain it hardly less well
+  double explained = 0;                 ///< share of the motion
+  bool moved = false;         ///< by more than a fifth of what gravity would
+  robot::Vector acceleration;  ///< measured [rad/s^2; m/s^2]
+  int onset = 0;               ///< tick from which on it is seen
 };
 Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double period_s);
+
+/// Torque that acts per torque sent, from a like trial with gravity's torque in which `fall` goes
+/// on until that acts; not a number for joints that gravity hardly pulls at. Negative: the torque
+/// has another sign than the positions. @param arm with the signs that the fall has told
+robot::Vector scale_of_hold(const ArmHypotheses& arm, const robot::Vector& falling, int onset,
+                            const Trial& trial, double period_s);
 
 inline constexpr int longest_delay = 6;  ///< [ticks] beyond the loop's own
 
@@ -53,6 +64,7 @@ struct Explanation {
   struct Joint {
     double scale, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
     double resolution;                         ///< of `dry` [N m; N]
+    bool clean;  ///< `noise` is small beside the torque that moves it
   };
   std::vector<robot::Vector> signs;  ///< the best, and those that explain it hardly less well
   std::optional<bool> gravity;       ///< acts unaided; nothing: not told apart
