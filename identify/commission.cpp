@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "diagnostics/failure.h"
+#include "identify/findings.h"
 #include "identify/hypotheses.h"
 #include "identify/least_squares.h"
 #include "robot/dynamics.h"
@@ -17,30 +18,19 @@ namespace {
 
 using diagnostics::ExitCode;
 using diagnostics::Failure;
-using experiment::Compensates;
-using experiment::Scenario;
-using robot::Vector;
-
-constexpr double of_speed = 0.1;       ///< of a joint's limit, never more
-constexpr double unlimited_speed = 1;      ///< [rad/s; m/s] where the URDF has none
 constexpr double longest_fall_s = 0.03;
-constexpr int least_hold = 9;          ///< ticks
-constexpr int least_fall = 5;          ///< ticks that have to be seen after the longest delay
-constexpr double following = 0.03;     ///< [rad; m], of the protective stop
-constexpr double reach = 0.016;        ///< [rad; m] of the references
+constexpr int least_hold = 9;       ///< ticks
+constexpr int least_fall = 5;       ///< ticks that have to be seen after the longest delay
+constexpr double following = 0.03;  ///< [rad; m], of the protective stop
+constexpr double reach = 0.016;     ///< [rad; m] of the references
 constexpr double joint_s = 3, all_s = 4;
 /// The sines: frequency, and share of the speed that is allowed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
 
-std::string list(const Vector& values) { return fmt::format("[{:.9g}]", fmt::join(values, ", ")); }
-
-class Procedure {
+class Procedure : Findings {
  public:
   Procedure(const Scenario& scenario, const Trials& trials, const Report& report)
-      : scenario_(scenario), trials_(trials), report_(report), arm_(scenario) {
-    speed_ = scenario.model->velocity_limit;
-    for (double& each : speed_) each = of_speed * (std::isfinite(each) ? each : unlimited_speed);
-  }
+      : Findings(scenario), trials_(trials), report_(report), arm_(scenario) {}
 
   Commissioned run() {
     const Fall fall = let_go();
@@ -65,10 +55,6 @@ class Procedure {
   }
 
  private:
-  [[nodiscard]] std::string name(Eigen::Index joint) const {
-    return robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(joint));
-  }
-
   Scenario load(std::vector<std::string> overrides) const {
     overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
     return experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
@@ -77,13 +63,14 @@ class Procedure {
 
   Trial trial(std::vector<std::string> overrides, double duration_s) {
     overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
-    if (last_.size() > 0) overrides.push_back(fmt::format("plant.initial.position_rad={}", list(last_)));
+    if (last_.size() > 0)
+      overrides.push_back(fmt::format("plant.initial.position_rad={}", list(last_)));
     const double h = scenario_.loop.period_s;
     overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
     overrides.push_back(fmt::format("plant.following_error_rad={}", following));
     overrides.emplace_back("plant.initial.torque=hold");
-    const Scenario changed = experiment::parse_scenario(
-        scenario_.text, scenario_.robot.urdf_text, scenario_.source, overrides);
+    const Scenario changed = experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text,
+                                                        scenario_.source, overrides);
     Trial result = trials_(changed, overrides);
     result_.seconds += static_cast<double>(result.q.rows()) * h;
     if (result.q.rows() > 0) {
@@ -147,11 +134,6 @@ class Procedure {
     return trial(overrides, duration_s);
   }
 
-  [[nodiscard]] Vector start_with(const Vector& signs) const {
-    const Vector& offset = scenario_.robot.joint_offsets_rad;
-    return offset + signs.cwiseProduct(scenario_.plant.initial.position_rad - offset);
-  }
-
   /// A moment with gravity's torque. @return whether the scale of torque fits
   bool hold(const Fall& fall) {
     const double h = scenario_.loop.period_s;
@@ -166,13 +148,17 @@ class Procedure {
       }
     }
     most_s = std::floor(most_s / h) * h;
+    result_.adds_gravity = false;
     if (most_s < least_hold * h) {
-      throw scenario_.complaint(
-          "plant.initial.position_rad",
-          "the arm falls, and whether gravity's torque holds it cannot be tried for the {} ms that "
-          "this takes: a wrong sign or scale would make a joint too fast; begin nearer to upright or "
-          "hanging",
-          1e3 * least_hold * h);
+      mend_gravity();
+      misfit("plant.initial.position_rad",
+             fmt::format(
+                 "the arm falls, and nothing else is told: within the {:.3g} ms that a trial of "
+                 "gravity's torque takes, a wrong sign or scale would make a joint too fast; "
+                 "begin nearer to upright or hanging",
+                 1e3 * least_hold * h),
+             false);
+      return false;
     }
     const Vector scale = scale_of_hold(arm, turned_by_.cwiseProduct(fall.acceleration), fall.onset,
                                        still(true, most_s), h);
@@ -186,19 +172,20 @@ class Procedure {
       fits = fits && !(std::abs(scale[i] - 1) > 0.25);
       result_.joints.push_back(std::move(joint));
     }
-    result_.adds_gravity = false;
     if (fits) {
       result_.joints.clear();
       return true;
     }
+    mend_gravity();
     if (told) {
       mend_signs({Vector::Ones(scale.size())});
       mend_scales();
     } else {
-      misfit("robot.joint_signs",
-             "gravity's torque does not hold the arm, because a joint turns against the URDF or the "
-             "torque's scale is wrong; not told apart: look which way each joint turns",
-             false);
+      misfit(
+          "robot.joint_signs",
+          "gravity's torque does not hold the arm, because a joint turns against the URDF or the "
+          "torque's scale is wrong; not told apart: look which way each joint turns",
+          false);
     }
     return false;
   }
@@ -209,9 +196,9 @@ class Procedure {
     const Vector start = start_with(turned_by_);
     const Vector& offset = scenario_.robot.joint_offsets_rad;
     last_ = offset + turned_by_.cwiseProduct(last_ - offset);
-    signs_ = {
-        fmt::format("robot.joint_signs={}", list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
-        fmt::format("plant.initial.position_rad={}", list(start))};
+    signs_ = {fmt::format("robot.joint_signs={}",
+                          list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
+              fmt::format("plant.initial.position_rad={}", list(start))};
     turned_ = load({fmt::format("reference={{hold: {{position_rad: {}}}}}", list(start))});
   }
 
@@ -222,8 +209,9 @@ class Procedure {
     const double h = scenario_.loop.period_s;
     // Soft enough for a delay of `longest_delay` beyond the loop's own.
     const double rate = 0.1 / (h * (longest_delay + std::max(1, scenario_.loop.command_delay)));
-    std::vector<std::string> overrides = law(rate * rate * arm_.inertia(), 2 * rate * arm_.inertia(),
-                                             std::min(60 * rate, 1 / h), sends_gravity_);
+    std::vector<std::string> overrides =
+        law(rate * rate * arm_.inertia(), 2 * rate * arm_.inertia(), std::min(60 * rate, 1 / h),
+            sends_gravity_);
     Vector offset = start;
     std::string terms;
     for (const auto& [hz, share] : sines) {
@@ -238,8 +226,8 @@ class Procedure {
       terms += fmt::format("{{amplitude_rad: {}, frequency_hz: {}, phase_rad: {:.17g}}}, ",
                            list(amplitude), list(frequency), std::numbers::pi / 2);
     }
-    overrides.push_back(
-        fmt::format("reference={{multi_sine: {{offset_rad: {}, terms: [{}]}}}}", list(offset), terms));
+    overrides.push_back(fmt::format("reference={{multi_sine: {{offset_rad: {}, terms: [{}]}}}}",
+                                    list(offset), terms));
     report_(all ? std::string("all joints") : name(joint));
     Trial result = trial(overrides, all ? all_s : joint_s);
     if (!result.stopped.empty()) ran_away(result);
@@ -256,10 +244,11 @@ class Procedure {
       sum += (q(k + 1, joint) - 2 * q(k, joint) + q(k - 1, joint)) * trial.tau(k, joint);
     }
     if (sum < 0 && last > 5) {
-      throw Failure(ExitCode::protective_stop,
-                    "{}: {} moves against its own torque: the driver's torque has another sign than "
-                    "its positions; correct the driver (robot.joint_signs turns both)",
-                    scenario_.source, name(joint));
+      throw Failure(
+          ExitCode::protective_stop,
+          "{}: {} moves against its own torque: the driver's torque has another sign than "
+          "its positions; correct the driver (robot.joint_signs turns both)",
+          scenario_.source, name(joint));
     }
     throw Failure(ExitCode::protective_stop, "{}: not told apart, because {} ran away: {}",
                   scenario_.source, name(joint), trial.stopped);
@@ -271,7 +260,8 @@ class Procedure {
     for (Eigen::Index i = 0; i < speed_.size(); ++i) {
       const auto j = static_cast<std::size_t>(i);
       const Explanation::Joint& of = found.joints[j];
-      Commissioned::Joint joint{name(i), labels.effort[j], {}, {}, of.viscous, of.dry, {}, of.noise};
+      Commissioned::Joint joint{name(i),    labels.effort[j], {}, {},
+                                of.viscous, of.dry,           {}, of.noise};
       const bool told = std::ranges::all_of(
           found.signs, [&](const Vector& each) { return each[i] == found.signs.front()[i]; });
       if (told) joint.turns = turned_by_[i] * found.signs.front()[i] < 0;
@@ -295,133 +285,14 @@ class Procedure {
     mend_delay();
   }
 
-  void judge_delay(std::vector<double> delays, int whole) {
-    if (delays.empty()) return;
-    std::ranges::sort(delays);
-    const double middle = delays[delays.size() / 2];
-    result_.delay_spread = delays.back() - delays.front();
-    if (std::abs(middle - whole) < 0.3 && result_.delay_spread < 0.8) {
-      result_.delay = whole + std::max(1, scenario_.loop.command_delay);
-    }
-  }
-
-  /// Against the friction that the scenario states for an arm that leaves it.
-  void judge_friction(const Explanation& found) {
-    const Scenario stated = load({"robot.compensates=nothing"});
-    const plant::DriveSpec& drive = stated.plant.drive;
-    double seen = 0, expected = 0;
-    for (std::size_t j = 0; j < found.joints.size(); ++j) {
-      const auto i = static_cast<Eigen::Index>(j);
-      const Explanation::Joint& of = found.joints[j];
-      const double v = 0.2 * speed_[i];
-      const double there =
-          drive.coulomb_friction_Nm[i] + v * drive.viscous_friction_Nms_per_rad[i];
-      if (there <= 5 * of.resolution || of.scale <= 0) continue;
-      seen += of.scale * (of.dry + v * of.viscous) / there;
-      expected += 1;
-    }
-    if (expected == 0) return;
-    if (seen < 0.25 * expected) result_.adds_friction = true;
-    if (seen > 0.6 * expected) result_.adds_friction = false;
-  }
-
-  void misfit(const std::string& key, const std::string& what, bool mendable,
-              std::vector<std::string> overrides = {}) {
-    result_.misfits.push_back(fmt::format("{}: {}", key, what));
-    result_.mendable = result_.mendable && mendable;
-    result_.overrides.insert(result_.overrides.end(), overrides.begin(), overrides.end());
-  }
-
-  void mend_signs(std::vector<Vector> explanations) {
-    std::string either;
-    for (Vector& each : explanations) {
-      each = turned_by_.cwiseProduct(each);
-      if ((each.array() > 0).all()) return;  // as the scenario says
-      std::string joints;
-      for (Eigen::Index i = 0; i < each.size(); ++i) {
-        if (each[i] < 0) joints += (joints.empty() ? "" : ", ") + name(i);
-      }
-      either += (either.empty() ? "" : "; or else ") + joints;
-    }
-    const Vector signs = scenario_.robot.joint_signs.cwiseProduct(explanations.front());
-    const bool one = explanations.size() == 1;
-    misfit("robot.joint_signs",
-           fmt::format("turns against the URDF: {}; {}{}", either,
-                       one ? "write robot.joint_signs: " : "look which, and write robot.joint_signs",
-                       one ? list(signs) : ""),
-           one,
-           {fmt::format("robot.joint_signs={}", list(signs)),
-            fmt::format("plant.initial.position_rad={}",
-                        list(start_with(explanations.front())))});
-  }
-
-  void mend_scales() {
-    for (const Commissioned::Joint& joint : result_.joints) {
-      if (!joint.scale || std::abs(*joint.scale - 1) < 0.15) continue;
-      if (*joint.scale < 0) {
-        misfit("robot.joint_signs",
-               fmt::format("{} moves against its own torque; correct the driver: joint_signs turns "
-                           "position and torque",
-                           joint.name),
-               false);
-        continue;
-      }
-      misfit("scale of torque",
-             fmt::format("{} answers as to {:.3g} times the torque that it is sent; correct units or "
-                         "gear in the driver, or the URDF's inertia",
-                         joint.name, *joint.scale),
-             false);
-    }
-  }
-
-  void mend_gravity() {
-    const Compensates says = scenario_.robot.compensates;
-    if (!result_.adds_gravity) {
-      misfit("robot.compensates",
-             "not told apart whether the arm adds gravity; begin where gravity pulls more, with a "
-             "finer encoder",
-             false);
-      return;
-    }
-    Compensates is = Compensates::nothing;
-    if (*result_.adds_gravity) {
-      const bool friction = result_.adds_friction.value_or(says == Compensates::gravity_and_friction);
-      is = friction ? Compensates::gravity_and_friction : Compensates::gravity;
-    }
-    if (is == says) return;
-    misfit("robot.compensates",
-           fmt::format("{}, but the arm adds {}: {}; write robot.compensates: {}",
-                       schema::name_of(says), *result_.adds_gravity ? schema::name_of(is) : "nothing",
-                       says == Compensates::nothing ? "gravity would be sent twice"
-                       : is == Compensates::nothing ? "the arm would fall"
-                                                    : "friction would be counted wrongly",
-                       schema::name_of(is)),
-           true, {fmt::format("robot.compensates={}", schema::name_of(is))});
-  }
-
-  void mend_delay() {
-    if (!result_.delay) return;
-    const int latency = *result_.delay - std::max(1, scenario_.loop.command_delay);
-    if (latency == scenario_.plant.encoder.latency_ticks) return;
-    misfit("plant.encoder.latency_ticks",
-           fmt::format("{}, but a torque acts {} ticks after its reading; write "
-                       "plant.encoder.latency_ticks: {}",
-                       scenario_.plant.encoder.latency_ticks, *result_.delay, latency),
-           true, {fmt::format("plant.encoder.latency_ticks={}", latency)});
-  }
-
-  const Scenario& scenario_;
   const Trials& trials_;
   const Report& report_;
   ArmHypotheses arm_;
   Scenario turned_ = scenario_;  ///< with the signs that the fall has told
-  Vector turned_by_ = Vector::Ones(scenario_.num_joints);
   std::vector<std::string> signs_;
-  Vector speed_;  ///< that no joint may exceed
   bool sends_gravity_ = false;
   double fall_s_ = 0;
   Vector last_;  ///< where the arm was at the end of the last trial
-  Commissioned result_;
 };
 
 }  // namespace

@@ -16,10 +16,10 @@ namespace tachless::identify {
 
 /// What a run on the arm left, a row per tick, in the scenario's coordinates.
 struct Trial {
-  Eigen::MatrixXd q;  ///< measured [rad; m]
+  Eigen::MatrixXd q;    ///< measured [rad; m]
   Eigen::MatrixXd tau;  ///< given to the drives over the tick, what the arm adds included [N m; N]
   std::string stopped = {};  ///< why it ended early; empty: it did not
-  std::int64_t missed = 0;  ///< commands that did not come
+  std::int64_t missed = 0;   ///< commands that did not come
   bool arm_is_clock = false;
 };
 
@@ -31,10 +31,10 @@ struct Commissioned {
   /// Nothing: not told apart.
   struct Joint {
     std::string name, unit;
-    std::optional<bool> turns{};      ///< as the scenario says (robot.joint_signs), or against it
-    std::optional<double> scale{};    ///< torque that acts per torque sent
+    std::optional<bool> turns{};    ///< as the scenario says (robot.joint_signs), or against it
+    std::optional<double> scale{};  ///< torque that acts per torque sent
     double viscous = 0, dry = 0;    ///< friction, in sent torque [N m s/rad; N s/m], [N m; N]
-    std::optional<double> delay{};    ///< beyond the loop's own [ticks]
+    std::optional<double> delay{};  ///< beyond the loop's own [ticks]
     double noise = 0;               ///< torque that nothing explains, rms below 15 Hz [N m; N]
   };
 
@@ -44,7 +44,7 @@ struct Commissioned {
   double delay_spread = 0;   ///< between the joints [ticks]
   std::int64_t missed = 0;   ///< commands
   bool arm_is_clock = false;
-  double seconds = 0;        ///< of arm time
+  double seconds = 0;                  ///< of arm time
   std::vector<std::string> misfits;    ///< one line each: what does not fit, and the remedy
   bool mendable = true;                ///< `overrides` mend every misfit
   std::vector<std::string> overrides;  ///< what the scenario has to say, as for --set

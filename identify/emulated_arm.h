@@ -41,9 +41,9 @@ class EmulatedArm final : public plant::RobotDriver {
   plant::Encoder encoder_;
   plant::ArmState now_;
   robot::Vector first_;
-  std::deque<robot::Vector> sent_;        ///< that does not act yet
-  std::deque<plant::ArmState> past_;      ///< that is not measured yet
-  std::optional<plant::Arm> arm_;         ///< while it moves
+  std::deque<robot::Vector> sent_;    ///< that does not act yet
+  std::deque<plant::ArmState> past_;  ///< that is not measured yet
+  std::optional<plant::Arm> arm_;     ///< while it moves
   std::int64_t readings_ = 0;
 };
 

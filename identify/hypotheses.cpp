@@ -7,7 +7,6 @@
 
 #include "diagnostics/failure.h"
 #include "identify/least_squares.h"
-#include "robot/cholesky.h"
 #include "robot/dynamics.h"
 
 namespace tachless::identify {
@@ -16,11 +15,11 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double instant_s = 0.02;   ///< between rows of the regression: what passes the low-pass
-constexpr double edge_s = 0.25;  ///< left out at both ends of a trial
-constexpr double dependent = 3;  ///< rows of which one counts: the low-pass makes them alike
-constexpr double clear = 12;     ///< least difference of log-likelihoods that tells two apart
-constexpr double moving = 0.2;   ///< share of the largest speed below which dry friction is unclear
+constexpr double instant_s = 0.02;  ///< between rows of the regression: what passes the low-pass
+constexpr double edge_s = 0.25;     ///< left out at both ends of a trial
+constexpr double dependent = 3;     ///< rows of which one counts: the low-pass makes them alike
+constexpr double clear = 12;        ///< least difference of log-likelihoods that tells two apart
+constexpr double moving = 0.2;  ///< share of the largest speed below which dry friction is unclear
 constexpr double noisy = 0.06;  ///< residual beside what moves a joint, above which it tells little
 constexpr double trusted = 5e-3;  ///< share of a joint's torque below which residuals are alike
 
@@ -42,12 +41,17 @@ std::vector<Instant> instants(const std::vector<Trial>& trials, double h) {
         (0.5 * (trials[r].tau.topRows(ticks - 1) + trials[r].tau.bottomRows(ticks - 1))).eval();
     sent = low_passed(std::move(sent), h);
     MatrixXd dry = MatrixXd::Zero(ticks, q.cols());
-    for (Eigen::Index k = 1; k + 1 < ticks; ++k) dry.row(k) = (q.row(k + 1) - q.row(k - 1)).cwiseSign();
+    for (Eigen::Index k = 1; k + 1 < ticks; ++k)
+      dry.row(k) = (q.row(k + 1) - q.row(k - 1)).cwiseSign();
     dry = low_passed(std::move(dry), h);
     const auto step = std::max<Eigen::Index>(1, static_cast<Eigen::Index>(instant_s / h));
     for (Eigen::Index k = edge; k < ticks - edge; k += step) {
-      Instant at{r, q.row(k).transpose(), (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
-                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h), dry.row(k).transpose(), {}};
+      Instant at{r,
+                 q.row(k).transpose(),
+                 (q.row(k + 1) - q.row(k - 1)).transpose() / (2 * h),
+                 (q.row(k + 1) - 2 * q.row(k) + q.row(k - 1)).transpose() / (h * h),
+                 dry.row(k).transpose(),
+                 {}};
       for (std::size_t d = 0; d < at.sent.size(); ++d) {
         at.sent[d] = sent.row(k + 1 - static_cast<Eigen::Index>(d)).transpose();
       }
@@ -85,7 +89,8 @@ class JointFit {
     if (values[0] < 0) values.setZero();  // the model's torque never helps the other way
     const double left = squares_[d] - 2 * values.dot(right_[d]) + values.dot(normal_ * values);
     const double squares = std::max(left, count_ * trusted * trusted * variance());
-    return {values, left, squares, scale[2] * std::sqrt(inverse(2, 2) * squares / count_ * dependent)};
+    return {values, left, squares,
+            scale[2] * std::sqrt(inverse(2, 2) * squares / count_ * dependent)};
   }
   [[nodiscard]] double count() const { return count_; }
   /// Of the torque that moves the joint, without its mean.
@@ -163,19 +168,20 @@ ArmHypotheses::ArmHypotheses(const experiment::Scenario& scenario)
     robot::Vector each(n);
     for (int i = 0; i < n; ++i) each[i] = (bits >> static_cast<unsigned>(i) & 1U) != 0U ? -1 : 1;
     const robot::Vector q = offset_ + each.cwiseProduct(start_ - offset_);
-    const bool inside = ((q - model_.lower).array() >= -0.01).all() &&
-                        ((model_.upper - q).array() >= -0.01).all();
+    const bool inside =
+        ((q - model_.lower).array() >= -0.01).all() && ((model_.upper - q).array() >= -0.01).all();
     if (bits == 0 || inside) signs_.push_back(each);
   }
   const Eigen::MatrixXd M = robot::mass_matrix(model_, start_);
-  inertia_ = Eigen::MatrixXd(M.llt().solve(Eigen::MatrixXd::Identity(n, n))).diagonal().cwiseInverse();
+  inertia_ =
+      Eigen::MatrixXd(M.llt().solve(Eigen::MatrixXd::Identity(n, n))).diagonal().cwiseInverse();
 }
 
 robot::Vector ArmHypotheses::inertial(const robot::Vector& signs, const robot::Vector& q,
                                       const robot::Vector& v, const robot::Vector& a) const {
   const robot::Vector at = offset_ + signs.cwiseProduct(q - offset_);
-  const robot::Vector all = robot::inverse_dynamics<double>(model_, at, signs.cwiseProduct(v),
-                                                            signs.cwiseProduct(a));
+  const robot::Vector all =
+      robot::inverse_dynamics<double>(model_, at, signs.cwiseProduct(v), signs.cwiseProduct(a));
   return signs.cwiseProduct(all - robot::gravity_torque(model_, at));
 }
 
@@ -230,7 +236,7 @@ Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double h) {
   if (!result.falls.value_or(false)) return result;
   result.certain = result.signs;
   for (std::size_t k = 0; k < explained.size(); ++k) {
-    if (1 - explained[k] > 0.01 + 4 * (1 - result.explained)) continue;
+    if (1 - explained[k] > 0.0015 + 4 * (1 - result.explained)) continue;
     result.possible.push_back(arm.signs()[k]);
     for (Eigen::Index i = 0; i < n; ++i) {
       if (arm.signs()[k][i] != result.signs[i]) result.certain[i] = 0;
@@ -243,8 +249,8 @@ robot::Vector scale_of_hold(const ArmHypotheses& arm, const robot::Vector& falli
                             const Trial& trial, double h) {
   const Eigen::Index n = trial.q.cols(), ticks = trial.q.rows();
   const robot::Vector as_stated = robot::Vector::Ones(n);
-  const MatrixXd x = (trial.q.rowwise() - trial.q.row(0)) -
-                     parabola(ticks, onset, h) * falling.transpose();
+  const MatrixXd x =
+      (trial.q.rowwise() - trial.q.row(0)) - parabola(ticks, onset, h) * falling.transpose();
   double least = std::numeric_limits<double>::infinity();
   robot::Vector added;
   for (int delay = onset; delay < longest_delay; ++delay) {
@@ -260,7 +266,8 @@ robot::Vector scale_of_hold(const ArmHypotheses& arm, const robot::Vector& falli
   for (Eigen::Index i = 0; i < n; ++i) {
     const double M = arm.inertial(as_stated, arm.start(), none, robot::Vector::Unit(n, i))[i];
     const double as_gravity = falling[i] / arm.fall(as_stated)[i];  // the rest is friction
-    if (std::abs(pull[i]) < 1.5 * M || std::abs(as_gravity - 1) > 0.1) scale[i] = std::numeric_limits<double>::quiet_NaN();
+    if (std::abs(pull[i]) < 1.5 * M || std::abs(as_gravity - 1) > 0.1)
+      scale[i] = std::numeric_limits<double>::quiet_NaN();
   }
   return scale;
 }

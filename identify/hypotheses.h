@@ -45,9 +45,9 @@ struct Fall {
   robot::Vector certain;      ///< of `signs`, 0 where the other one explains it hardly less
   std::vector<robot::Vector> possible;  ///< signs that explain it hardly less well
   double explained = 0;                 ///< share of the motion
-  bool moved = false;         ///< by more than a fifth of what gravity would
-  robot::Vector acceleration;  ///< measured [rad/s^2; m/s^2]
-  int onset = 0;               ///< tick from which on it is seen
+  bool moved = false;                   ///< by more than a fifth of what gravity would
+  robot::Vector acceleration;           ///< measured [rad/s^2; m/s^2]
+  int onset = 0;                        ///< tick from which on it is seen
 };
 Fall judge_fall(const ArmHypotheses& arm, const Trial& trial, double period_s);
 
@@ -64,7 +64,7 @@ struct Explanation {
   struct Joint {
     double scale, viscous, dry, noise, delay;  ///< as in `Commissioned::Joint`
     double resolution;                         ///< of `dry` [N m; N]
-    bool clean;  ///< `noise` is small beside the torque that moves it
+    bool clean;                                ///< `noise` is small beside the torque that moves it
   };
   std::vector<robot::Vector> signs;  ///< the best, and those that explain it hardly less well
   std::optional<bool> gravity;       ///< acts unaided; nothing: not told apart

@@ -98,7 +98,9 @@ struct Commission {
     const bool writes = !output.empty() && found.mendable;
     for (const std::string& misfit : found.misfits) {
       diagnostics::log_error("{}: {}{}", scenario.source, misfit,
-                             output.empty() ? "" : writes ? " (written)" : "; nothing written");
+                             output.empty() ? ""
+                             : writes       ? " (written)"
+                                            : "; nothing written");
     }
     if (writes) write_scenario(options.scenario, options.overrides, found.overrides, output);
     return found.misfits.empty() || writes ? ExitCode::done : ExitCode::check_said_no;

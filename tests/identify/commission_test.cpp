@@ -29,7 +29,9 @@ struct Hidden {
   DriveFaults more;
 };
 
-std::string list(const robot::Vector& values) { return fmt::format("[{}]", fmt::join(values, ", ")); }
+std::string list(const robot::Vector& values) {
+  return fmt::format("[{}]", fmt::join(values, ", "));
+}
 
 struct ArmKind {
   const char* scenario;
@@ -41,24 +43,37 @@ struct ArmKind {
 };
 
 const std::vector<ArmKind> kinds = {
-    {"practical_rigid", {-1.35, 0.1}, {2, 0.3}, {0.5, 0.1}, "[400, 100]", 20},
-    {"practical_rigid", {1.7, -0.15}, {3, 0.4}, {1, 0.15}, "[400, 100]", 19},
-    {"ur5e", {0.2, -1.4, 0.3, -1.4, 0.4, 0.3}, {0.7, 0.7, 0.7, 0.2, 0.2, 0.2},
-     {0.6, 0.6, 0.6, 0.1, 0.1, 0.1}, "[150, 150, 150, 28, 28, 28]", 21},
-    {"iiwa_point_to_point", {0.3, 0.15, -0.4, -0.2, 0.3, 0.3, 0.2}, {0.6, 0.6, 0.4, 0.4, 0.2, 0.1, 0.1},
-     {0.5, 0.5, 0.3, 0.3, 0.2, 0.1, 0.1}, "[320, 320, 176, 176, 110, 40, 40]", 22}};
+    {"practical_rigid", {-1.45, 0.2}, {2, 0.5}, {0.5, 0.1}, "[400, 100]", 20},
+    {"practical_rigid", {1.65, -0.2}, {3, 0.6}, {1, 0.15}, "[400, 100]", 19},
+    {"ur5e",
+     {0.2, -1.4, 0.3, -1.4, 0.4, 0.3},
+     {0.7, 0.7, 0.7, 0.2, 0.2, 0.2},
+     {0.6, 0.6, 0.6, 0.1, 0.1, 0.1},
+     "[150, 150, 150, 28, 28, 28]",
+     21},
+    {"iiwa_point_to_point",
+     {0.3, 0.15, -0.4, -0.2, 0.3, 0.3, 0.2},
+     {0.6, 0.6, 0.4, 0.4, 0.2, 0.1, 0.1},
+     {0.5, 0.5, 0.3, 0.3, 0.2, 0.1, 0.1},
+     "[320, 320, 176, 176, 110, 40, 40]",
+     22}};
 
 Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild) {
   std::uniform_real_distribution<double> part(0, 1);
   const auto flip = [&](double share) { return part(random) < share; };
   std::vector<std::string> common = {
-      "plant.mechanics=native", "plant.integrator.accuracy=1e-8", "plant.on_limit=warn",
-      fmt::format("plant.encoder.resolution_bits={}", kind.bits), "loop.command_delay=1",
+      "plant.mechanics=native",
+      "plant.integrator.accuracy=1e-8",
+      "plant.on_limit=warn",
+      fmt::format("plant.encoder.resolution_bits={}", kind.bits),
+      "loop.command_delay=1",
       "plant.drive.torque_limit_Nm=" + kind.torque_limit,
-      fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}", fmt::join(kind.rotor, ", "))};
+      fmt::format("robot.joints={{rigid: {{rotor_inertia_kgm2: [{}]}}}}",
+                  fmt::join(kind.rotor, ", "))};
   const auto n = static_cast<Eigen::Index>(kind.posture.size());
   if (friction) {
-    common.push_back(fmt::format("plant.drive.coulomb_friction_Nm=[{}]", fmt::join(kind.friction, ", ")));
+    common.push_back(
+        fmt::format("plant.drive.coulomb_friction_Nm=[{}]", fmt::join(kind.friction, ", ")));
   }
   robot::Vector signs = robot::Vector::Ones(n), posture(n), scale = signs;
   for (Eigen::Index i = 0; i < n; ++i) {
@@ -75,7 +90,8 @@ Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild)
   const double which = part(random);
   const char* compensates =
       which < 0.4 ? "nothing" : (which < 0.7 || !friction ? "gravity" : "gravity_and_friction");
-  const int delay = static_cast<int>(5 * part(random)), of_reading = static_cast<int>((delay + 1) * part(random));
+  const int delay = static_cast<int>(5 * part(random)),
+            of_reading = static_cast<int>((delay + 1) * part(random));
   const auto at = [](const robot::Vector& q) {
     return fmt::format("plant.initial.position_rad={}", list(q));
   };
@@ -91,7 +107,8 @@ Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild)
 
 /// How often each thing was told.
 struct Tally {
-  int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0, scales = 0;
+  int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0,
+      scales = 0;
   double farthest = 0, fastest = 0, scale = 0;
 
   void check(const Hidden& arm, const std::string& what) {
@@ -115,10 +132,14 @@ struct Tally {
     }
     EXPECT_LT(driver.moved.maxCoeff(), 0.05);
     if (std::getenv("SHOW")) {
-      std::cout << what << " compensates " << static_cast<int>(arm.truth.robot.compensates) << " signs " << list(arm.truth.robot.joint_signs) << " delay " << arm.more.torque_delay << "+" << arm.truth.plant.encoder.latency_ticks << " scale " << list(arm.more.scale) << "\n  moved " << list(driver.moved) << " fast " << list(driver.fastest) << "\n" << text(found, what);
+      std::cout << what << " compensates " << static_cast<int>(arm.truth.robot.compensates)
+                << " signs " << list(arm.truth.robot.joint_signs) << " delay "
+                << arm.more.torque_delay << "+" << arm.truth.plant.encoder.latency_ticks
+                << " scale " << list(arm.more.scale) << "\n  moved " << list(driver.moved)
+                << " fast " << list(driver.fastest) << "\n"
+                << text(found, what);
       for (const auto& m : found.misfits) std::cout << "  ! " << m << "\n";
     }
-    if (found.joints.empty()) return;
     const auto compensates = arm.truth.robot.compensates;
     const bool gravity = compensates != experiment::Compensates::nothing;
     if (found.adds_gravity) {
@@ -130,8 +151,7 @@ struct Tally {
       ++friction;
     }
     if (found.delay) {
-      EXPECT_EQ(*found.delay,
-                1 + arm.more.torque_delay + arm.truth.plant.encoder.latency_ticks);
+      EXPECT_EQ(*found.delay, 1 + arm.more.torque_delay + arm.truth.plant.encoder.latency_ticks);
       ++delay;
     }
     for (std::size_t j = 0; j < found.joints.size(); ++j) {
@@ -150,6 +170,23 @@ struct Tally {
   }
 };
 
+/// The trap of an arm that adds gravity while the scenario says nothing.
+TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
+  std::vector<std::string> says = {
+      "plant.mechanics=native", "plant.initial.position_rad=[-1.45, 0.2]",
+      "robot.joints={rigid: {rotor_inertia_kgm2: [2, 0.5]}}",
+      "reference={hold: {position_rad: [-1.45, 0.2]}}", "plant.drive.torque_limit_Nm=[400, 100]"};
+  const std::string path = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
+  const experiment::Scenario silent = experiment::load_scenario(path, says);
+  says.emplace_back("robot.compensates=gravity");
+  EmulatedArm maker(experiment::load_scenario(path, says));
+  const Commissioned found = commission(silent, trials_on(maker), [](std::string_view) {});
+  ASSERT_EQ(found.misfits.size(), 1U);
+  EXPECT_THAT(found.misfits[0], HasSubstr("write robot.compensates: gravity"));
+  EXPECT_THAT(found.overrides, testing::ElementsAre("robot.compensates=gravity"));
+  EXPECT_TRUE(found.mendable);
+}
+
 /// TACHLESS_COMMISSION_ARMS=N tries N arms.
 TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
   const char* many = std::getenv("TACHLESS_COMMISSION_ARMS");
@@ -157,10 +194,12 @@ TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
   Tally tally;
   for (int arm = 0; arm < (many != nullptr ? std::atoi(many) : 40); ++arm) {
     const ArmKind& kind = kinds[static_cast<std::size_t>(arm % 8 < 6 ? arm % 2 : arm % 8 - 4)];
-    tally.check(draw(random, kind, arm % 2 == 0, arm % 7 == 3), fmt::format("arm {}, {}", arm, kind.scenario));
+    tally.check(draw(random, kind, arm % 2 == 0, arm % 7 == 3),
+                fmt::format("arm {}, {}", arm, kind.scenario));
   }
   std::cout << fmt::format(
-      "{} arms, {} refused; told: gravity {}, friction {}, delay {}, signs {} and scales {} of {}, within "
+      "{} arms, {} refused; told: gravity {}, friction {}, delay {}, signs {} and scales {} of {}, "
+      "within "
       "{:.3g}; moved {:.3g} rad, {:.3g} of the speed limit\n",
       tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.signs,
       tally.scales, tally.joints, tally.scale, tally.farthest, tally.fastest);

@@ -167,6 +167,39 @@ TEST_F(IdentifyVerb, RefusesALogThatDoesNotShowTheParameters) {
   expect_refusal({flexible}, "flexible joints");
 }
 
+TEST_F(IdentifyVerb, CommissionTellsWhatAnArmDoesAndRefusesPosturesThatAreNotSafe) {
+  const auto commission = [&](Words more) {
+    Words words = {"commission",
+                   TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml",
+                   "--quiet",
+                   "--set",
+                   "plant.mechanics=native",
+                   "--set",
+                   "plant.drive.torque_limit_Nm=[400, 100]"};
+    words.insert(words.end(), more.begin(), more.end());
+    return tachless(words);
+  };
+  const Words safe = {"--set", "plant.initial.position_rad=[-1.45, 0.2]", "--set",
+                      "robot.joints={rigid: {rotor_inertia_kgm2: [2, 0.5]}}"};
+  Words words = safe;
+  words.insert(words.end(), {"--set", "plant.encoder.latency_ticks=2", "--json", "--write",
+                             directory_ / "known.yaml"});
+  const Result result = commission(words);
+  ASSERT_EQ(result.code, 0) << result.errors;
+  const auto found = nlohmann::json::parse(result.output);
+  EXPECT_EQ(found["adds_gravity"], nlohmann::json(false));
+  EXPECT_EQ(found["delay_ticks"], nlohmann::json(3));
+  EXPECT_EQ(found["missed_command_is"], nlohmann::json());
+  EXPECT_EQ(found["misfits"].size(), 0U);
+  EXPECT_THAT(contents(directory_ / "known.yaml"), HasSubstr("latency_ticks: 2"));
+  EXPECT_THAT(commission(words).errors, HasSubstr("known.yaml: exists already"));
+
+  const Result stretched = commission({});
+  EXPECT_EQ(stretched.code, 2);
+  EXPECT_THAT(stretched.errors, HasSubstr("begin nearer to upright or hanging"));
+  EXPECT_EQ(std::ranges::count(stretched.errors, '\n'), 1) << stretched.errors;
+}
+
 TEST_F(IdentifyVerb, SaysWhatIsNotIdentifiableAndWritesNothing) {
   // One joint alone moves.
   const std::string log = run(

@@ -128,7 +128,7 @@ const std::vector<Rule> rules = {
      {"nlohmann/"}},
     {"identify/",
      {"identify/", "study/", "controller/registry.h", "reference/make_trajectory.h", "logger/", "experiment/", "robot/", "loop/",
-      "process/parallel.h", "diagnostics/"},
+      "plant/", "process/parallel.h", "diagnostics/"},
      {"Eigen/", "nlohmann/"}},
     {"monitor/", {"monitor/", "bus/", "loop/", "diagnostics/"}, {"nlohmann/", "fmt/"}, true},
     {"monitor/live_run.", {"monitor/", "bus/", "logger/run_log.h", "loop/", "diagnostics/"}, {}, true},
