@@ -126,7 +126,11 @@ struct Commission {
         throw diagnostics::Failure(code, "{}: commissioning ended with run {}: see the line above",
                                    of.scenario.string(), number);
       }
-      return read_trial(log);
+      identify::Trial trial = read_trial(log);
+      const auto text = diagnostics::file_text(next.out / "summary.json").value_or("{}");
+      trial.arm_is_clock =
+          nlohmann::json::parse(text, nullptr, false).value("robot_is_clock", false);
+      return trial;
     };
   }
 };

@@ -79,13 +79,14 @@ TEST(Summary, HasExactlyTheDocumentedKeysInTheirOrder) {
   std::vector<std::string> keys;
   for (const auto& [key, value] : summary.items()) keys.push_back(key);
   EXPECT_THAT(
-      keys, ElementsAre("scenario", "run_id", "mode", "law", "joints", "ticks", "period_s",
-                        "duration_s", "wall_s", "ticks_per_s", "real_time_factor", "placement",
-                        "predicted", "position_error_rad", "torque_Nm", "round_trip_us", "resends",
-                        "duplicates", "rejected", "missed_deadlines", "longest_miss",
-                        "missed_commands", "longest_command_miss", "late_commands", "skipped_ticks",
-                        "wake_up_jitter_us", "command_age_us", "saturated_ticks",
-                        "beyond_limit_ticks", "log", "outcome", "verdict", "fault"));
+      keys,
+      ElementsAre("scenario", "run_id", "mode", "law", "joints", "ticks", "period_s", "duration_s",
+                  "wall_s", "ticks_per_s", "real_time_factor", "placement", "predicted",
+                  "position_error_rad", "torque_Nm", "round_trip_us", "resends", "duplicates",
+                  "rejected", "missed_deadlines", "longest_miss", "missed_commands",
+                  "longest_command_miss", "late_commands", "skipped_ticks", "wake_up_jitter_us",
+                  "command_age_us", "saturated_ticks", "beyond_limit_ticks", "robot_is_clock",
+                  "log", "outcome", "verdict", "fault"));
 }
 
 TEST(Summary, TakesErrorsAndTorquesFromTheSignals) {
