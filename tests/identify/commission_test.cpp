@@ -43,8 +43,8 @@ struct ArmKind {
 };
 
 const std::vector<ArmKind> kinds = {
-    {"practical_rigid", {-1.45, 0.2}, {2, 0.5}, {0.5, 0.1}, "[400, 100]", 20},
-    {"practical_rigid", {1.65, -0.2}, {3, 0.6}, {1, 0.15}, "[400, 100]", 19},
+    {"practical_rigid", {0.25, 0.2}, {0.5, 0.1}, {0.5, 0.1}, "[400, 100]", 20},
+    {"practical_rigid", {2.9, 0.25}, {1, 0.2}, {1, 0.15}, "[400, 100]", 19},
     {"ur5e",
      {0.2, -1.4, 0.3, -1.4, 0.4, 0.3},
      {0.7, 0.7, 0.7, 0.2, 0.2, 0.2},
@@ -173,9 +173,9 @@ struct Tally {
 /// The trap of an arm that adds gravity while the scenario says nothing.
 TEST(Commission, NamesTheKeyWhereGravityWouldBeSentTwice) {
   std::vector<std::string> says = {
-      "plant.mechanics=native", "plant.initial.position_rad=[-1.45, 0.2]",
-      "robot.joints={rigid: {rotor_inertia_kgm2: [2, 0.5]}}",
-      "reference={hold: {position_rad: [-1.45, 0.2]}}", "plant.drive.torque_limit_Nm=[400, 100]"};
+      "plant.mechanics=native", "plant.initial.position_rad=[0.25, 0.2]",
+      "robot.joints={rigid: {rotor_inertia_kgm2: [0.5, 0.1]}}",
+      "reference={hold: {position_rad: [0.25, 0.2]}}", "plant.drive.torque_limit_Nm=[400, 100]"};
   const std::string path = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
   const experiment::Scenario silent = experiment::load_scenario(path, says);
   says.emplace_back("robot.compensates=gravity");
