@@ -125,6 +125,12 @@ class Procedure : Findings {
     return judge_fall(arm_, still(false, fall_s_), h);
   }
 
+  /// Of the soft law [1/s]: for a delay of `longest_delay` beyond the loop's own.
+  [[nodiscard]] double rate() const {
+    return 0.1 /
+           (scenario_.loop.period_s * (longest_delay + std::max(1, scenario_.loop.command_delay)));
+  }
+
   /// No torque of the law but gravity's, if any.
   Trial still(bool sends_gravity, double duration_s) {
     const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
@@ -172,6 +178,15 @@ class Procedure : Findings {
       fits = fits && !(std::abs(scale[i] - 1) > 0.25);
       result_.joints.push_back(std::move(joint));
     }
+    // What is sent of gravity may be wrong by as much as the soft law stops in time.
+    const Vector stopped = 0.3 * rate() * std::numbers::e * speed_.cwiseProduct(arm_.inertia());
+    for (const Vector& signs : fall.possible) {
+      const Vector wrong = arm.gravity(signs.cwiseProduct(turned_by_), arm.start()) - pull;
+      fits = fits && (wrong.cwiseAbs().array() <= stopped.array()).all();
+    }
+    for (Eigen::Index i = 0; i < scale.size(); ++i) {
+      fits = fits && !(std::abs((scale[i] - 1) * pull[i]) > stopped[i]);
+    }
     if (fits) {
       result_.joints.clear();
       return true;
@@ -180,12 +195,14 @@ class Procedure : Findings {
     if (told) {
       mend_signs({Vector::Ones(scale.size())});
       mend_scales();
-    } else {
-      misfit(
-          "robot.joint_signs",
-          "gravity's torque does not hold the arm, because a joint turns against the URDF or the "
-          "torque's scale is wrong; not told apart: look which way each joint turns",
-          false);
+    }
+    if (result_.mendable) {
+      misfit("robot.joint_signs",
+             "gravity's torque holds the arm too badly to go on: scale of torque, masses, or signs "
+             "that "
+             "the fall has not told apart; look which way each joint turns, or begin at another "
+             "posture",
+             false);
     }
     return false;
   }
@@ -207,11 +224,9 @@ class Procedure : Findings {
     const bool all = joint == scenario_.num_joints;
     const Vector& start = turned_.plant.initial.position_rad;
     const double h = scenario_.loop.period_s;
-    // Soft enough for a delay of `longest_delay` beyond the loop's own.
-    const double rate = 0.1 / (h * (longest_delay + std::max(1, scenario_.loop.command_delay)));
     std::vector<std::string> overrides =
-        law(rate * rate * arm_.inertia(), 2 * rate * arm_.inertia(), std::min(60 * rate, 1 / h),
-            sends_gravity_);
+        law(rate() * rate() * arm_.inertia(), 2 * rate() * arm_.inertia(),
+            std::min(60 * rate(), 1 / h), sends_gravity_);
     Vector offset = start;
     std::string terms;
     for (const auto& [hz, share] : sines) {

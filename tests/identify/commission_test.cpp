@@ -109,7 +109,7 @@ Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild)
 struct Tally {
   int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0,
       scales = 0;
-  double farthest = 0, fastest = 0, scale = 0;
+  double farthest = 0, fastest = 0, scale = 0;  ///< the last one's largest error
 
   void check(const Hidden& arm, const std::string& what) {
     SCOPED_TRACE(what);
@@ -203,7 +203,11 @@ TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
       "{:.3g}; moved {:.3g} rad, {:.3g} of the speed limit\n",
       tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.signs,
       tally.scales, tally.joints, tally.scale, tally.farthest, tally.fastest);
-  EXPECT_LT(tally.fastest, 0.1);
+  // Of 40 arms 40, 34 and 109 are told; what the motion does not show stays untold.
+  EXPECT_GE(tally.gravity, 0.9 * tally.arms);
+  EXPECT_GE(tally.delay, 0.7 * tally.arms);
+  EXPECT_GE(tally.scales, 0.7 * tally.joints);
+  EXPECT_LT(tally.scale, 0.1);  // with friction that hides up to 6 % of what moves a joint
 }
 
 }  // namespace
