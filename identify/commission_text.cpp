@@ -36,10 +36,11 @@ std::string text(const Commissioned& found, const std::string& name) {
            "Whether the arm adds gravity was not told apart."),
       says(found.adds_friction, "It adds friction.", "It does not add friction.",
            "Whether it adds friction was not told apart."),
-      found.delay ? fmt::format("Torque acts {} ticks after the reading, +- {:.2g} between joints.",
-                                *found.delay, found.delay_spread / 2)
-                  : fmt::format("The delay was not told apart: joints differ by {:.2g} ticks.",
-                                found.delay_spread),
+      found.delay
+          ? fmt::format("Delay from reading to torque in ticks: {}, +- {:.2g} between joints.",
+                        *found.delay, found.delay_spread / 2)
+          : fmt::format("The delay was not told apart: joints differ by {:.2g} ticks.",
+                        found.delay_spread),
       found.missed, found.arm_is_clock ? "arm" : "computer", found.seconds);
   std::vector<std::vector<std::string>> rows = {
       {"joint", "turns", "torque scale", "viscous", "dry", "noise", ""}};
