@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -124,6 +126,42 @@ TEST_F(IdentifyVerb, FromABareUrdfToGainsForTheArmThatIsThere) {
   EXPECT_THAT(text, AllOf(HasSubstr("coulomb: ["), HasSubstr("viscous: [")));
   step(
       {"run", directory_ / "stiff.yaml", "--in-process", "--quiet", "--out", directory_ / "stiff"});
+}
+
+TEST_F(IdentifyVerb, FindsLinksFromTheTableOfAnotherLogger) {
+  // Any program's table would do: this one is exported from a run of an arm with a heavier forearm,
+  // and read without the controller that ran.
+  const std::string log =
+      run("log", {"--set", "plant.payload={mass_kg: 0.4, center_of_mass_m: [0, 0, -0.1]}"});
+  ASSERT_EQ(tachless({"export", log, "-o", directory_ / "run.csv"}).code, 0);
+  std::ifstream table(directory_ / "run.csv");
+  std::string header;
+  std::getline(table, header);
+  const auto column = [&](const std::string& name) {
+    return std::to_string(
+        1 + std::count(header.begin(), header.begin() + static_cast<long>(header.find(name)), ','));
+  };
+  std::ofstream(directory_ / "run.yaml")
+      << "scenario: " TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml\ntable: run.csv\n"
+      << "time_column: " << column("t_s") << "\nposition_columns: ["
+      << column("q_measured_shoulder") << ", " << column("q_measured_elbow")
+      << "]\ntorque_columns: [" << column("tau_applied_shoulder") << ", "
+      << column("tau_applied_elbow") << "]\n";
+  const Result result = tachless({"identify", directory_ / "run.yaml", "--all", "--write",
+                                  directory_ / "known.yaml", "--quiet", "--json"});
+  ASSERT_EQ(result.code, 0) << result.errors;
+  const auto found = nlohmann::json::parse(result.output);
+  EXPECT_EQ(found["method"], "least squares");
+  for (const auto& joint : found["joints"]) {
+    EXPECT_LT(joint["torque_error"].get<double>(), 0.02) << joint;
+    EXPECT_FALSE(joint.contains("position_error"));
+  }
+  // The payload is part of the last link now; the scenario and its URDF say so.
+  const Result robot = tachless({"robot", directory_ / "known.urdf"});
+  EXPECT_EQ(robot.code, 0) << robot.errors;
+  EXPECT_THAT(contents(directory_ / "known.yaml"), HasSubstr("urdf: known.urdf"));
+  EXPECT_EQ(tachless({"certify", directory_ / "known.yaml", "--quiet"}).code, 0);
+  EXPECT_EQ(tachless({"identify", log, "--all", "--unknown", "rotor"}).code, 2);
 }
 
 TEST_F(IdentifyVerb, ExciteStaysWithinLimitsAndIsRefusedWhereItCannot) {
