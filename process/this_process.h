@@ -12,8 +12,8 @@ namespace tachless::process {
 /// real-time signals) sets the flag that is returned. A waiting system call ends early.
 const std::atomic<bool>& catch_interruptions();
 
-/// Gives this thread, and every one that it starts from now on, a nice value of 10: what runs at the
-/// usual one comes first, and does not take everything. Failure is harmless, and not reported.
+/// Gives this thread, and every one that it starts from now on, a nice value of 10: what runs at
+/// the usual one comes first, and does not take everything. Failure is harmless, and not reported.
 void set_low_priority();
 
 /// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG instead of

@@ -52,7 +52,7 @@ class Membership {
     /// The run has to begin before this; default: no limit.
     std::optional<std::chrono::nanoseconds> wait_limit;
     std::chrono::nanoseconds give_up = std::chrono::seconds(5);  ///< a peer silent so long is lost
-    bool counters_required = true;  ///< false on a bus without a key
+    bool counters_required = true;                               ///< false on a bus without a key
   };
 
   struct Announcement {

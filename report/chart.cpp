@@ -67,11 +67,10 @@ bool shown(const Chart& chart, const study::Point& point) {
 }
 
 bool has_something(const Chart& chart) {
-  return !chart.cells.empty() ||
-         std::ranges::any_of(chart.curves, [&](const Curve& curve) {
-           return std::ranges::any_of(
-               curve.points, [&](const study::Point& point) { return shown(chart, point); });
-         });
+  return !chart.cells.empty() || std::ranges::any_of(chart.curves, [&](const Curve& curve) {
+    return std::ranges::any_of(curve.points,
+                               [&](const study::Point& point) { return shown(chart, point); });
+  });
 }
 
 void cut_kick(Chart& chart, const std::string& unit) {

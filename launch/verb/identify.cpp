@@ -47,8 +47,7 @@ void require_scenario_name(const std::filesystem::path& file) {
 }
 
 void write_scenario(const std::filesystem::path& input, std::vector<std::string> overrides,
-                    const std::vector<std::string>& changes,
-                    const std::filesystem::path& output) {
+                    const std::vector<std::string>& changes, const std::filesystem::path& output) {
   namespace fs = std::filesystem;
   overrides.insert(overrides.end(), changes.begin(), changes.end());
   overrides.push_back(fmt::format("name={}", output.stem().string()));

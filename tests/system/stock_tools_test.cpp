@@ -128,7 +128,8 @@ TEST(StockTools, WatchHearsEveryMessageThatLcmLogplayerPlaysBack) {
   output_of("lcm-logplayer", {log}, directory);
   std::map<std::string, std::size_t> expected;
   for (const auto& [channel, messages] : messages_of(log)) expected[channel] = messages.size();
-  // The player has ended; what it sent may still be in the socket of `watch`, which reads no more once it is interrupted.
+  // The player has ended; what it sent may still be in the socket of `watch`, which reads no more
+  // once it is interrupted.
   Json heard;
   std::map<std::string, std::size_t> counted;
   wait_until("watch to print the last message", [&] {
