@@ -35,9 +35,8 @@ const std::vector<Rule> rules = {
 
     {"robot/", {"robot/"}, {"Eigen/"}},
     {"robot/decompositions.cpp", {"robot/"}, {"Eigen/", "unsupported/Eigen/MatrixFunctions"}},
-    {"robot/urdf_text.cpp", {"robot/", "diagnostics/"}, {}},
+    {"robot/urdf_text.cpp", {"robot/", "diagnostics/"}, {"tinyxml.h"}},
     {"robot/mjcf_joints.cpp", {"robot/"}, {"fmt/", "tinyxml.h"}},
-    {"robot/urdf_text.cpp", {"robot/", "diagnostics/"}, {"fmt/", "tinyxml.h"}},
     {"robot/urdf_xml.cpp", {"robot/"}, {"Eigen/", "tinyxml.h", "urdf_model/pose.h"}},
 
     {"loop/", {"loop/", "robot/quantities.h"}, {}},
