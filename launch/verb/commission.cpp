@@ -139,7 +139,7 @@ struct Commission {
 
 const Verb commission_verb = verb_of<Commission>(
     "commission", "What an arm does with its torques: signs, scale, gravity, delay; before a run",
-    "  tachless commission scenarios/practical_rigid.yaml\n"
+    "  tachless commission arm.yaml\n"
     "  tachless commission arm.yaml --plant ./own_driver --write known.yaml");
 
 }  // namespace tachless::launch
