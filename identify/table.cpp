@@ -21,6 +21,7 @@ using diagnostics::bad_usage;
 using robot::Vector;
 
 constexpr std::uintmax_t most_bytes = 512U << 20U;
+constexpr double most = 1e12;  ///< of a number in a table
 constexpr double longest_gap = 20;  ///< of the median step
 constexpr schema::Range column_number{1, 10000, false, false, true};
 
@@ -64,9 +65,9 @@ class Rows {
       }
       const std::string_view field = fields_[columns_[i] - 1];
       const std::optional<double> value = experiment::number_in(field);
-      if (!value || !std::isfinite(*value)) {
-        throw bad_usage("{}:{}: \"{}\" in column {} is not a finite number", source_, line_, field,
-                        columns_[i]);
+      if (!value || !(std::abs(*value) < most)) {
+        throw bad_usage("{}:{}: \"{}\" in column {} is not a finite number below {:g}", source_,
+                        line_, field, columns_[i], most);
       }
       values_.push_back(*value * scale_[static_cast<Eigen::Index>(i)]);
     }

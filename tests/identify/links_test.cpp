@@ -189,6 +189,7 @@ TEST_F(Table, IsPutOnAnEvenGridInOurUnits) {
 TEST_F(Table, IsRefusedWithTheLineAndWhatIsAllowed) {
   EXPECT_THAT(refusal(rows(400, "9.5; 1; 2\n")), HasSubstr("run.csv:402: 3 columns, but column 5"));
   EXPECT_THAT(refusal(rows(400, "9.5; 1; nan; 2; 2\n")), HasSubstr("\"nan\" in column 3"));
+  EXPECT_THAT(refusal(rows(400, "1e308; 1; 2; 3; 4\n")), HasSubstr("\"1e308\" in column 1"));
   EXPECT_THAT(refusal(rows(400, "5; 1; 2; 3; 4\n")), HasSubstr("allowed: increasing times"));
   EXPECT_THAT(refusal(rows(400, "15; 1; 2; 3; 4\n")), HasSubstr("cut the table there"));
   EXPECT_THAT(refusal(rows(100)), HasSubstr("at least 2 s"));
