@@ -21,7 +21,7 @@ using diagnostics::bad_usage;
 using robot::Vector;
 
 constexpr std::uintmax_t most_bytes = 512U << 20U;
-constexpr double most = 1e12;  ///< of a number in a table
+constexpr double most = 1e12;       ///< of a number in a table
 constexpr double longest_gap = 20;  ///< of the median step
 constexpr schema::Range column_number{1, 10000, false, false, true};
 
