@@ -70,11 +70,21 @@ std::string missing_in_realtime(const Evidence& evidence) {
   return "";
 }
 
+/// To the plant of a run without a key an outsider is the logger that acknowledges from the
+/// logger's address and announces its end; the logger itself then does not end well.
+bool logger_is_impersonated(const Evidence& evidence) {
+  const auto& hostility = evidence.plan.hostility;
+  return !evidence.plan.keyed && hostility && hostility->acknowledges &&
+         (hostility->forges || hostility->contradicts || hostility->announces) &&
+         evidence.of(Role::logger).code != ExitCode::done;
+}
+
 }  // namespace
 
 std::string a_good_end_has_a_whole_log(const Evidence& evidence) {
   for (const Role role : {Role::plant, Role::logger}) {
     if (evidence.of(role).code != ExitCode::done) continue;
+    if (role == Role::plant && logger_is_impersonated(evidence)) continue;
     const auto missing =
         evidence.plan.lockstep() ? missing_in_lockstep(evidence) : missing_in_realtime(evidence);
     if (!missing.empty()) return fmt::format("the {} ends with 0: {}", loop::name(role), missing);

@@ -74,6 +74,21 @@ TEST(Invariants, SayThatSomebodyEndsWellWithoutAWholeLog) {
   EXPECT_EQ(a_good_end_has_a_whole_log(evidence), "");
 }
 
+TEST(Invariants, LetAPlantEndWellThatAnOutsiderWasTheLoggerTo) {
+  Evidence evidence = failed();
+  evidence.result.of[Role::plant].code = ExitCode::done;
+  evidence.plan.hostility.emplace();
+  evidence.plan.hostility->acknowledges = true;
+  EXPECT_THAT(a_good_end_has_a_whole_log(evidence), HasSubstr("the plant ends with 0"));
+  evidence.plan.hostility->contradicts = true;
+  EXPECT_EQ(a_good_end_has_a_whole_log(evidence), "");
+  evidence.plan.keyed = true;
+  EXPECT_THAT(a_good_end_has_a_whole_log(evidence), HasSubstr("the plant ends with 0"));
+  evidence.plan.keyed = false;
+  evidence.result.of[Role::logger].code = ExitCode::done;
+  EXPECT_THAT(a_good_end_has_a_whole_log(evidence), HasSubstr("the plant ends with 0"));
+}
+
 TEST(Invariants, SayThatTheLogIsNotTheCleanOneUnlessAStrangerHasLiedWithoutAKey) {
   Evidence evidence = good();
   evidence.log[10].data = "other";
