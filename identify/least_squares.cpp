@@ -1,6 +1,5 @@
 #include "identify/least_squares.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -8,7 +7,6 @@
 #include <utility>
 
 #include "identify/inertia.h"
-#include "identify/output_error.h"
 #include "robot/dynamics.h"
 
 namespace tachless::identify {
@@ -208,29 +206,17 @@ Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight) {
 
 /// Which parameters are determined, alone or in sums, and how well.
 void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSquares& of) {
-  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
-  constexpr double zero = 1e-9;
   VectorXd norm = rows.columns.colwise().norm().transpose();
   norm = norm.cwiseMax(1e-10 * norm.maxCoeff());  // less is rounding
-  const MatrixXd scaled = rows.columns * norm.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
-  const VectorXd& value = eigen.eigenvalues();
-  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
-  of.rank = value.size() - null;
-  of.condition = std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]);
-  const MatrixXd& V = eigen.eigenvectors();
-  const MatrixXd free = V.leftCols(null) * V.leftCols(null).transpose();
-  const MatrixXd inverse = V.rightCols(of.rank) * value.tail(of.rank).cwiseInverse().asDiagonal() *
-                           V.rightCols(of.rank).transpose();
-  const VectorXd residual = rows.torque - rows.columns * of.values;
-  of.half_width = half_widths(scaled, residual, inverse).cwiseQuotient(norm);
-  of.sums.resize(static_cast<std::size_t>(value.size()));
-  for (Eigen::Index i = 0; i < value.size(); ++i) {
-    if (free(i, i) < 1e-6) continue;
+  static_cast<Precision&>(of) =
+      precision(rows.columns, norm, rows.torque - rows.columns * of.values);
+  of.sums.resize(static_cast<std::size_t>(norm.size()));
+  for (Eigen::Index i = 0; i < norm.size(); ++i) {
+    if (of.free(i, i) < 1e-6) continue;
     of.half_width[i] = std::numeric_limits<double>::infinity();
     std::string& with = of.sums[static_cast<std::size_t>(i)];
-    for (Eigen::Index j = 0; j < value.size(); ++j) {
-      if (j == i || std::abs(free(i, j)) < 0.2 * free(i, i)) continue;
+    for (Eigen::Index j = 0; j < norm.size(); ++j) {
+      if (j == i || std::abs(of.free(i, j)) < 0.2 * of.free(i, i)) continue;
       const auto& entry = parameters.entries()[static_cast<std::size_t>(j)];
       with += (with.empty() ? "" : ", ") + entry.name;
     }

@@ -4,8 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "identify/parameters.h"
-#include "identify/recording.h"
+#include "identify/output_error.h"
 
 namespace tachless::identify {
 
@@ -30,12 +29,9 @@ Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h);
 /// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they
 /// can be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for
 /// `output_error`, and an answer only where no loop can be simulated.
-struct LeastSquares {
+struct LeastSquares : Precision {  ///< widths infinite where not determined
   Eigen::VectorXd values;
-  Eigen::VectorXd half_width;     ///< of the 95 % interval of each; infinite where not determined
   std::vector<std::string> sums;  ///< of what a parameter is determined with only; empty: alone
-  Eigen::Index rank = 0;          ///< how many combinations of the parameters are determined
-  double condition = 0;           ///< of these, columns scaled
 };
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
                            const robot::Model& model);

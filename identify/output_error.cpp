@@ -5,7 +5,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <variant>
 
 #include "controller/registry.h"
@@ -108,29 +107,31 @@ VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
   return steps;
 }
 
-/// The inverse of a normal matrix, of unit diagonal, in the directions that it determines.
-MatrixXd determined_inverse(const MatrixXd& normal, double& condition) {
-  constexpr double zero = 1e-9;  // of the largest eigenvalue, as in least squares
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(normal);
-  const VectorXd& value = eigen.eigenvalues();
-  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
-  const Eigen::Index rank = value.size() - null;
-  const MatrixXd V = eigen.eigenvectors().rightCols(rank);
-  condition = std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]);
-  return V * value.tail(rank).cwiseInverse().asDiagonal() * V.transpose();
-}
-
 }  // namespace
 
-VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& inverse) {
+Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual) {
+  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
+  constexpr double zero = 1e-9;
+  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
+  const VectorXd& value = eigen.eigenvalues();
+  const MatrixXd& V = eigen.eigenvectors();
+  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
+  const Eigen::Index rank = value.size() - null;
+  const MatrixXd inverse = V.rightCols(rank) * value.tail(rank).cwiseInverse().asDiagonal() *
+                           V.rightCols(rank).transpose();
   const Eigen::Index length = residual.size() / blocks;
   MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
   for (int b = 0; b < blocks; ++b) {
     const VectorXd sum =
-        J.middleRows(b * length, length).transpose() * residual.segment(b * length, length);
+        scaled.middleRows(b * length, length).transpose() * residual.segment(b * length, length);
     middle += sum * sum.transpose();
   }
-  return quantile * (inverse * middle * inverse).diagonal().cwiseMax(0).cwiseSqrt();
+  const VectorXd half_width =
+      quantile * (inverse * middle * inverse).diagonal().cwiseMax(0).cwiseSqrt();
+  return {half_width.cwiseQuotient(norm), rank,
+          std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]),
+          V.leftCols(null) * V.leftCols(null).transpose()};
 }
 
 MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
@@ -177,10 +178,9 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
         problem.jacobian(fit.values, here, difference_steps(fit.values, scale, parameters, model)),
         spread);
     const Residual r = weighted(here, spread);
-    const VectorXd norm = J.colwise().norm().transpose().cwiseMax(1e-300);
-    const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-    const MatrixXd inverse = determined_inverse(scaled.transpose() * scaled, fit.condition);
-    fit.half_width = half_widths(scaled, r, inverse).cwiseQuotient(norm);
+    const Precision found = precision(J, J.colwise().norm().transpose().cwiseMax(1e-300), r);
+    fit.condition = found.condition;
+    fit.half_width = found.half_width;
     fit.residual = spread;
     const VectorXd step = possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r),
                                           parameters, model) -

@@ -1,12 +1,13 @@
 #include "identify/recording.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "diagnostics/failure.h"
-#include "logger/run_log.h"
 
 namespace tachless::identify {
 namespace {
@@ -50,43 +51,49 @@ void require_usable(const Recording& recording) {
       recording.source, range.maxCoeff(), needed);
 }
 
+Ticks read_ticks(logger::RunLog& log, bool to_stop) {
+  const Eigen::Index n = log.scenario().num_joints;
+  std::vector<double> q, tau;
+  Ticks result;
+  logger::TickRecord record;
+  while (log.next(record)) {
+    if (!record.measurement || !record.truth) continue;
+    const loop::truth::PlantTruth& truth = *record.truth;
+    if (to_stop && truth.fault == loop::truth::DriveFault::protective_stop) break;
+    const robot::Vector positions = links(*record.measurement);
+    if (positions.size() != n) {
+      throw bad_usage("{}: holds no positions of the joints (links)", log.path().string());
+    }
+    q.insert(q.end(), positions.begin(), positions.end());
+    tau.insert(tau.end(), truth.tau.begin(), truth.tau.end());
+    result.saturated += std::count(truth.saturated.begin(), truth.saturated.begin() + n, true) > 0;
+    result.missed += truth.fault == loop::truth::DriveFault::command_missed ? 1 : 0;
+  }
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto ticks = static_cast<Eigen::Index>(q.size()) / n;
+  result.q = Eigen::Map<const Rows>(q.data(), ticks, n);
+  result.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
+  return result;
+}
+
 Recording read_recording(const std::filesystem::path& log) {
   logger::RunLog run = logger::RunLog::open(log);
   Recording result{log.string(), run.scenario(), {}, {}};
   if (result.scenario.robot.flexible) {
     throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
   }
-  const Eigen::Index n = result.scenario.num_joints;
-  std::vector<double> q, tau;
-  std::int64_t saturated = 0, missed = 0, ticks = 0;
-  logger::TickRecord record;
-  while (run.next(record)) {
-    if (!record.measurement || !record.truth) continue;
-    const robot::Vector positions = links(*record.measurement);
-    if (positions.size() != n) {
-      throw bad_usage("{}: holds no positions of the joints (links)", result.source);
-    }
-    q.insert(q.end(), positions.begin(), positions.end());
-    tau.insert(tau.end(), record.truth->tau.begin(), record.truth->tau.end());
-    bool at_limit = false;
-    for (Eigen::Index i = 0; i < n; ++i) {
-      at_limit = at_limit || record.truth->saturated[static_cast<std::size_t>(i)];
-    }
-    saturated += at_limit ? 1 : 0;
-    missed += record.truth->fault == loop::truth::DriveFault::command_missed ? 1 : 0;
-    ++ticks;
-  }
-  if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || missed > 0) {
+  Ticks ticks = read_ticks(run);
+  if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
     throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
-                    result.source, gaps, missed);
+                    result.source, gaps, ticks.missed);
   }
-  if (static_cast<double>(saturated) > most_saturated * static_cast<double>(ticks)) {
+  result.q = std::move(ticks.q);
+  result.tau = std::move(ticks.tau);
+  if (static_cast<double>(ticks.saturated) >
+      most_saturated * static_cast<double>(result.num_ticks())) {
     throw bad_usage("{}: a torque was at its limit in {} of {} ticks; record a slower motion",
-                    result.source, saturated, ticks);
+                    result.source, ticks.saturated, result.num_ticks());
   }
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  result.q = Eigen::Map<const Rows>(q.data(), ticks, n);
-  result.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
   require_usable(result);
   return result;
 }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "experiment/scenario.h"
+#include "logger/run_log.h"
 
 /// Rotor inertia, friction and payload of a robot with rigid joints, from logs of its own runs:
 /// measured positions and applied torques. No velocity is measured, and the truth of an emulator is
@@ -23,6 +24,15 @@ struct Recording {
 
   [[nodiscard]] Eigen::Index num_ticks() const { return q.rows(); }
 };
+
+/// Positions and torques in a log, as in a Recording.
+struct Ticks {
+  Eigen::MatrixXd q, tau;
+  std::int64_t missed = 0, saturated = 0;  ///< ticks without a command, with a torque at its limit
+};
+/// @param to_stop not from a protective stop on
+/// @throw diagnostics::Failure(bad_usage) when positions of the joints are not recorded
+Ticks read_ticks(logger::RunLog& log, bool to_stop = false);
 
 /// @throw diagnostics::Failure(bad_usage), one line that says what the log lacks: the joints are
 /// flexible or their positions not recorded, ticks or commands are missing, a torque was at its

@@ -7,16 +7,17 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "identify/emulated_arm.h"
+#include "identify/recording.h"
 #include "launch/progress.h"
 #include "launch/run.h"
 #include "launch/verb.h"
-#include "logger/run_log.h"
 #include "node/options.h"
 
 namespace tachless::launch {
@@ -28,22 +29,9 @@ using diagnostics::ExitCode;
 /// What the log of a run on the bus holds, to its end or the protective stop.
 identify::Trial read_trial(const fs::path& log) {
   logger::RunLog run = logger::RunLog::open(log);
-  const Eigen::Index n = run.scenario().num_joints;
-  std::vector<double> q, tau;
-  identify::Trial trial;
-  logger::TickRecord record;
-  while (run.next(record)) {
-    if (!record.measurement || !record.truth) continue;
-    if (record.truth->fault == loop::truth::DriveFault::protective_stop) break;
-    trial.missed += record.truth->fault == loop::truth::DriveFault::command_missed ? 1 : 0;
-    const auto& measured = std::get<loop::PositionMeasurement>(*record.measurement).q;
-    q.insert(q.end(), measured.begin(), measured.end());
-    tau.insert(tau.end(), record.truth->tau.begin(), record.truth->tau.end());
-  }
-  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto ticks = static_cast<Eigen::Index>(q.size()) / n;
-  trial.q = Eigen::Map<const Rows>(q.data(), ticks, n);
-  trial.tau = Eigen::Map<const Rows>(tau.data(), ticks, n);
+  identify::Ticks ticks = identify::read_ticks(run, true);
+  identify::Trial trial{std::move(ticks.q), std::move(ticks.tau)};
+  trial.missed = ticks.missed;
   const logger::RunSummary& summary = run.summary();
   if (!summary.faults.empty()) {
     trial.stopped = summary.faults.front().text;
