@@ -55,8 +55,7 @@ class Procedure : Findings {
   }
 
  private:
-  Scenario load(std::vector<std::string> overrides) const {
-    overrides.insert(overrides.begin(), signs_.begin(), signs_.end());
+  [[nodiscard]] Scenario changed_by(const std::vector<std::string>& overrides) const {
     return experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
                                       overrides);
   }
@@ -69,8 +68,7 @@ class Procedure : Findings {
     overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
     overrides.push_back(fmt::format("plant.following_error_rad={}", following));
     overrides.emplace_back("plant.initial.torque=hold");
-    const Scenario changed = experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text,
-                                                        scenario_.source, overrides);
+    const Scenario changed = changed_by(overrides);
     Trial result = trials_(changed, overrides);
     result_.seconds += static_cast<double>(result.q.rows()) * h;
     if (result.q.rows() > 0) {
@@ -88,6 +86,10 @@ class Procedure : Findings {
           robot::gravity_torque(*changed.model, result.q.row(k).transpose()).transpose();
     }
     return result;
+  }
+
+  static std::string hold_at(const Vector& q) {
+    return fmt::format("reference={{hold: {{position_rad: {}}}}}", list(q));
   }
 
   /// The law with these gains, and what it sends of gravity.
@@ -135,8 +137,7 @@ class Procedure : Findings {
   Trial still(bool sends_gravity, double duration_s) {
     const Vector none = Vector::Constant(scenario_.num_joints, 1e-9);
     std::vector<std::string> overrides = law(none, none, 1, sends_gravity);
-    overrides.push_back(fmt::format("reference={{hold: {{position_rad: {}}}}}",
-                                    list(turned_.plant.initial.position_rad)));
+    overrides.push_back(hold_at(turned_.plant.initial.position_rad));
     return trial(overrides, duration_s);
   }
 
@@ -197,12 +198,12 @@ class Procedure : Findings {
       mend_scales();
     }
     if (result_.mendable) {
-      misfit("robot.joint_signs",
-             "gravity's torque holds the arm too badly to go on: scale of torque, masses, or signs "
-             "that "
-             "the fall has not told apart; look which way each joint turns, or begin at another "
-             "posture",
-             false);
+      misfit(
+          "robot.joint_signs",
+          "gravity's torque holds the arm too badly to go on: scale of torque, masses, or signs "
+          "that the fall has not told apart; look which way each joint turns, or begin at another "
+          "posture",
+          false);
     }
     return false;
   }
@@ -211,12 +212,13 @@ class Procedure : Findings {
   void turn(const Vector& signs) {
     turned_by_ = signs.unaryExpr([](double s) { return s < 0 ? -1.0 : 1.0; });
     const Vector start = start_with(turned_by_);
-    const Vector& offset = scenario_.robot.joint_offsets_rad;
-    last_ = offset + turned_by_.cwiseProduct(last_ - offset);
+    last_ = turned(last_, turned_by_, scenario_.robot.joint_offsets_rad);
     signs_ = {fmt::format("robot.joint_signs={}",
                           list(scenario_.robot.joint_signs.cwiseProduct(turned_by_))),
               fmt::format("plant.initial.position_rad={}", list(start))};
-    turned_ = load({fmt::format("reference={{hold: {{position_rad: {}}}}}", list(start))});
+    std::vector<std::string> overrides = signs_;
+    overrides.push_back(hold_at(start));
+    turned_ = changed_by(overrides);
   }
 
   /// Some sines of that joint, of all if there is no such one.

@@ -39,8 +39,7 @@ class Findings {
   }
 
   [[nodiscard]] Vector start_with(const Vector& signs) const {
-    const Vector& offset = scenario_.robot.joint_offsets_rad;
-    return offset + signs.cwiseProduct(scenario_.plant.initial.position_rad - offset);
+    return turned(scenario_.plant.initial.position_rad, signs, scenario_.robot.joint_offsets_rad);
   }
 
   void judge_delay(std::vector<double> delays, int whole) {

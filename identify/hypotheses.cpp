@@ -167,7 +167,7 @@ ArmHypotheses::ArmHypotheses(const experiment::Scenario& scenario)
   for (unsigned bits = 0; bits < 1U << static_cast<unsigned>(n); ++bits) {
     robot::Vector each(n);
     for (int i = 0; i < n; ++i) each[i] = (bits >> static_cast<unsigned>(i) & 1U) != 0U ? -1 : 1;
-    const robot::Vector q = offset_ + each.cwiseProduct(start_ - offset_);
+    const robot::Vector q = turned(start_, each, offset_);
     const bool inside =
         ((q - model_.lower).array() >= -0.01).all() && ((model_.upper - q).array() >= -0.01).all();
     if (bits == 0 || inside) signs_.push_back(each);
@@ -179,19 +179,19 @@ ArmHypotheses::ArmHypotheses(const experiment::Scenario& scenario)
 
 robot::Vector ArmHypotheses::inertial(const robot::Vector& signs, const robot::Vector& q,
                                       const robot::Vector& v, const robot::Vector& a) const {
-  const robot::Vector at = offset_ + signs.cwiseProduct(q - offset_);
+  const robot::Vector at = turned(q, signs, offset_);
   const robot::Vector all =
       robot::inverse_dynamics<double>(model_, at, signs.cwiseProduct(v), signs.cwiseProduct(a));
   return signs.cwiseProduct(all - robot::gravity_torque(model_, at));
 }
 
 robot::Vector ArmHypotheses::gravity(const robot::Vector& signs, const robot::Vector& q) const {
-  const robot::Vector at = offset_ + signs.cwiseProduct(q - offset_);
+  const robot::Vector at = turned(q, signs, offset_);
   return signs.cwiseProduct(robot::gravity_torque(model_, at));
 }
 
 robot::Vector ArmHypotheses::fall(const robot::Vector& signs, const robot::Vector& tau) const {
-  const robot::Vector at = offset_ + signs.cwiseProduct(start_ - offset_);
+  const robot::Vector at = turned(start_, signs, offset_);
   const robot::Vector none = robot::Vector::Zero(at.size());
   return signs.cwiseProduct(robot::forward_dynamics(
       model_, at, none, tau.size() == 0 ? none : robot::Vector(signs.cwiseProduct(tau))));

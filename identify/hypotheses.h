@@ -11,6 +11,13 @@
 /// Which signs, gravity and delay explain how an arm moved.
 namespace tachless::identify {
 
+/// Positions with joints turned about `offset` where `signs` is -1: another hypothesis' coordinates
+/// from the scenario's, and back.
+inline robot::Vector turned(const robot::Vector& q, const robot::Vector& signs,
+                            const robot::Vector& offset) {
+  return offset + signs.cwiseProduct(q - offset);
+}
+
 /// The arm as the scenario has it, and what it may be instead: joints that turn against it.
 class ArmHypotheses {
  public:
