@@ -53,9 +53,8 @@ class Problem {
 
   /// Root mean square per joint.
   [[nodiscard]] VectorXd spread(const Residual& residual) const {
-    const Eigen::Index n = recordings_.front().q.cols();
-    return residual.reshaped(n, residual.size() / n).rowwise().norm() /
-           std::sqrt(static_cast<double>(residual.size() / n));
+    const Eigen::Index n = recordings_.front().q.cols(), ticks = residual.size() / n;
+    return residual.reshaped(n, ticks).rowwise().norm() / std::sqrt(static_cast<double>(ticks));
   }
 
   /// By differences, one simulation per parameter.

@@ -63,8 +63,8 @@ UrdfTree read_urdf_xml(const std::string& text, const std::string& source,
 /// @throw std::invalid_argument as `read_urdf`
 Model model_of(UrdfTree tree, const std::string& source, const UrdfOptions& options);
 
-/// A URDF's mechanics (`urdf_mechanics`) with other <inertial>s for these links, in their own frames;
-/// without one for a link that has no mass and no inertia here.
+/// A URDF's mechanics (`urdf_mechanics`) with other <inertial>s for these links, in their own
+/// frames; without one for a link that has no mass and no inertia here.
 std::string urdf_with_inertials(const std::string& text,
                                 const std::map<std::string, MassProperties>& links);
 

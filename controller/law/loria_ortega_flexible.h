@@ -130,8 +130,7 @@ class LoriaOrtegaFlexible : public FlexibleLaw<LoriaOrtegaFlexibleGains> {
                        gains_.kd1.cwiseQuotient(gains_.b1).cwiseProduct(nu1), weights) +
            equation_15(e2, e2dot, nu2, robot_.rotor_inertia.cwiseProduct(e2dot),
                        gains_.kp2.cwiseProduct(e2),
-                       gains_.kd2.cwiseQuotient(gains_.b2).cwiseProduct(nu2), weights,
-                       e1.size()) +
+                       gains_.kd2.cwiseQuotient(gains_.b2).cwiseProduct(nu2), weights, e1.size()) +
            0.5 * weighted(robot_.stiffness, e1 - e2);
   }
 

@@ -144,8 +144,8 @@ struct FullState {
 inline double weighted(const Vector& d, const Vector& x) { return x.dot(d.cwiseProduct(x)); }
 
 /// Eq. 15 of Loria and Ortega (1995) for a rigid robot, with weights of each error [J]: 1/2 edot' M
-/// edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot, with `momentum` = M edot,
-/// `spring` = Kp e and `damper` = Kd B^-1 nu. Weights before `begin` are of other errors.
+/// edot + 1/2 e' Kp e + 1/2 nu' Kd B^-1 nu + (eps_1 e - eps_2 nu)' M edot, with `momentum` = M
+/// edot, `spring` = Kp e and `damper` = Kd B^-1 nu. Weights before `begin` are of other errors.
 inline double equation_15(const Vector& e, const Vector& edot, const Vector& nu,
                           const Vector& momentum, const Vector& spring, const Vector& damper,
                           const LyapunovWeights& weights, Eigen::Index begin = 0) {
