@@ -10,7 +10,6 @@
 #include <string_view>
 
 #include "bus/wire.h"
-#include "loop/signal_text.h"
 
 /// The members of `Codec`: loops over a message's table of fields. For the two files that
 /// instantiate them (wire.cpp, truth/truth_wire.cpp).

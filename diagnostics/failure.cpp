@@ -4,7 +4,6 @@
 
 #include <exception>
 
-#include "diagnostics/current_failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 

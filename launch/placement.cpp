@@ -4,7 +4,7 @@
 #include <unistd.h>
 
 #include "diagnostics/failure.h"
-#include "process/cpus.h"
+#include "process/this_process.h"
 
 namespace tachless::launch {
 

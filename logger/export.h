@@ -20,8 +20,8 @@ struct ExportResult {
 
 /// Writes the run in `log` from its start to `path`, front to back in bounded memory, with numbers
 /// that read back the same (%.17g): as CSV (`-`: to standard output) a header line, then a line per
-/// tick, where a value that the log lacks is an empty cell; as MCAP see mcap_table.h. The file
-/// appears under its name only when it is whole; an earlier one stays in place until then.
+/// tick, where a value that the log lacks is an empty cell; as MCAP see McapTable in export.cpp.
+/// The file appears under its name only when it is whole; an earlier one stays in place until then.
 /// @throw diagnostics::Failure(bad_usage) when the name ends in neither .csv nor .mcap, when `path`
 /// exists (without `force`) or cannot be written, or the disk is full.
 ExportResult export_run(RunLog& log, const std::filesystem::path& path, bool force = false);

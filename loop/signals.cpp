@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "loop/signal_text.h"
-
 namespace tachless::loop {
 
 std::string text_of(std::span<const Signal> signals) {

@@ -116,5 +116,7 @@ std::string text_of(std::span<const Signal> signals);
 /// The reverse; views into `text`. Nothing when it is not such a text, or declares more than
 /// `max_signals`; an empty text declares none.
 std::optional<std::vector<Signal>> parse_signals(std::string_view text);
+/// Whether `parse_signals` reads this text; allocates nothing.
+[[nodiscard]] bool are_signals(std::string_view text);
 
 }  // namespace tachless::loop

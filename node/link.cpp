@@ -10,7 +10,7 @@
 #include <random>
 #include <vector>
 
-#include "diagnostics/current_failure.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "diagnostics/time.h"

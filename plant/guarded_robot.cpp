@@ -9,7 +9,7 @@
 #include <utility>
 #include <variant>
 
-#include "diagnostics/current_failure.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "loop/clock.h"

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "bus/wire.h"
-#include "diagnostics/current_failure.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "diagnostics/time.h"
 #include "plant/node.h"

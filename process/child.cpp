@@ -17,7 +17,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
-#include "process/cpus.h"
+#include "process/this_process.h"
 
 namespace tachless::process {
 namespace {

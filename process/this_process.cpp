@@ -5,14 +5,17 @@
 #include <fmt/core.h>
 #include <net/if.h>
 #include <net/route.h>
+#include <sched.h>
 #include <sys/ioctl.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
+#include <cstddef>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -82,6 +85,27 @@ const std::atomic<bool>& catch_interruptions() {
 
 void set_low_priority() {
   [[maybe_unused]] const int refused = setpriority(PRIO_PROCESS, 0, 10);  // of this thread alone
+}
+
+std::vector<int> allowed_cpus() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  std::vector<int> cpus;
+  if (sched_getaffinity(0, sizeof set, &set) == 0) {
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+      if (CPU_ISSET(static_cast<std::size_t>(cpu), &set)) cpus.push_back(cpu);
+    }
+  }
+  if (cpus.empty()) cpus.push_back(std::max(sched_getcpu(), 0));
+  return cpus;
+}
+
+bool execute_on(const std::vector<int>& cpus) {
+  if (cpus.empty()) return true;
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  for (const int cpu : cpus) CPU_SET(static_cast<std::size_t>(cpu), &set);
+  return sched_setaffinity(0, sizeof set, &set) == 0;
 }
 
 void survive_file_size_limit() { std::signal(SIGXFSZ, SIG_IGN); }

@@ -2,8 +2,9 @@
 
 #include <atomic>
 #include <filesystem>
+#include <vector>
 
-/// This process: signal handling, core dumps, network namespace, installation paths. What is
+/// This process: signal handling, CPUs, core dumps, network namespace, installation paths. What is
 /// changed here stays so until the process ends.
 namespace tachless::process {
 
@@ -15,6 +16,13 @@ const std::atomic<bool>& catch_interruptions();
 /// Gives this thread, and every one that it starts from now on, a nice value of 10: what runs at
 /// the usual one comes first, and does not take everything. Failure is harmless, and not reported.
 void set_low_priority();
+
+/// The CPUs that this process may use, in ascending order; never empty.
+std::vector<int> allowed_cpus();
+
+/// From now on this thread executes on these CPUs alone; without change when there are none.
+/// @return false, and errno, when the system refuses
+bool execute_on(const std::vector<int>& cpus);
 
 /// From now on a write beyond the limit on file sizes (`ulimit -f`) fails with EFBIG instead of
 /// ending the process.

@@ -15,7 +15,7 @@
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
 #include "experiment/scenario.h"
-#include "logger/find_log.h"
+#include "logger/log_file.h"
 #include "logger/table.h"
 #include "plant/run_messages.h"
 #include "python/python_law.h"

@@ -21,7 +21,7 @@
 #include "identify/identify.h"
 #include "launch/progress.h"
 #include "launch/verb.h"
-#include "logger/find_log.h"
+#include "logger/log_file.h"
 #include "node/options.h"
 
 namespace tachless::launch {

@@ -6,7 +6,7 @@
 #include <string>
 
 #include "diagnostics/failure.h"
-#include "process/cpus.h"
+#include "process/this_process.h"
 
 namespace tachless::launch {
 namespace {

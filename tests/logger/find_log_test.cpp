@@ -1,4 +1,4 @@
-#include "logger/find_log.h"
+#include "logger/log_file.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "process/cpus.h"
+#include "process/this_process.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
