@@ -5,14 +5,12 @@
 #include <linux/sock_diag.h>
 #include <poll.h>
 #include <signal.h>
-#include <sys/socket.h>
 #include <sys/uio.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
-#include <system_error>
 
 #include "bus/lcm_packet.h"
 #include "bus/socket.h"

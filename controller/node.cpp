@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
-#include <memory>
 #include <span>
 #include <string>
 #include <utility>
@@ -13,7 +12,6 @@
 
 #include "bus/wire.h"
 #include "diagnostics/logging.h"
-#include "node/link.h"
 #include "protocol/responders.h"
 
 namespace tachless::controller {

@@ -2,7 +2,6 @@
 
 #include <fmt/core.h>
 
-#include <string>
 #include <tuple>
 
 #include "controller/law_socket.h"

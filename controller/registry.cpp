@@ -4,11 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 
 #include "controller/laws.h"
 #include "diagnostics/text.h"
-#include "loop/measurements.h"
 #include "robot/cholesky.h"
 
 namespace tachless::controller {

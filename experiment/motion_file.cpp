@@ -6,11 +6,9 @@
 #include <charconv>
 #include <cmath>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <variant>
-#include <vector>
 
 #include "diagnostics/file_text.h"
 #include "diagnostics/fnv.h"

@@ -1,7 +1,5 @@
 #include "experiment/scenario.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "diagnostics/failure.h"
 #include "identify/least_squares.h"
 #include "robot/dynamics.h"
 

@@ -1,7 +1,6 @@
 // Positions and torques that another program has recorded: text in columns, and a YAML file that
 // says which is which.
 
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>

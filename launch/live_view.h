@@ -1,7 +1,6 @@
 #pragma once
 
 #include <atomic>
-#include <optional>
 #include <thread>
 
 #include "bus/udp_transport.h"

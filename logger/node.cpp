@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -18,7 +17,6 @@
 #include "logger/log_file.h"
 #include "logger/run_messages.h"
 #include "logger/tick_tally.h"
-#include "node/link.h"
 #include "node/run_info.h"
 #include "protocol/log_window.h"
 #include "protocol/responders.h"

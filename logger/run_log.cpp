@@ -4,10 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <span>
 #include <tuple>
 #include <type_traits>
-#include <utility>
 
 #include "bus/truth/truth_wire.h"
 #include "diagnostics/failure.h"

@@ -1,16 +1,13 @@
 #include "node/link.h"
 
-#include <fmt/core.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <exception>
 #include <random>
 #include <vector>
 
-#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "diagnostics/time.h"

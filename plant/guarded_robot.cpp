@@ -5,18 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <string>
 #include <utility>
 #include <variant>
 
-#include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "loop/clock.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 #include "robot/dynamics.h"
-#include "robot/model.h"
 
 namespace tachless::plant {
 namespace {

@@ -1,4 +1,3 @@
-#include <utility>
 
 #include "plant/multibody.h"
 #include "robot/dynamics.h"

@@ -1,6 +1,5 @@
 #include "plant/plant_model.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "robot/cholesky.h"

@@ -1,16 +1,12 @@
 #include "reference/node.h"
 
-#include <fmt/core.h>
-
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
-#include <string>
 
 #include "bus/wire.h"
-#include "node/link.h"
 #include "protocol/responders.h"
 #include "reference/make_trajectory.h"
 

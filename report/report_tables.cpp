@@ -6,7 +6,6 @@
 #include <array>
 #include <initializer_list>
 #include <map>
-#include <string_view>
 #include <utility>
 
 #include "diagnostics/text.h"

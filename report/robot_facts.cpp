@@ -12,7 +12,6 @@
 #include "diagnostics/table.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
-#include "robot/model.h"
 
 namespace tachless::report {
 namespace {

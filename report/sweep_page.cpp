@@ -13,7 +13,6 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
-#include "report/figure.h"
 #include "report/html.h"
 #include "report/sweep_map.h"
 #include "study/measures.h"

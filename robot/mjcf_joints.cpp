@@ -7,7 +7,6 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <stdexcept>
 #include <string_view>
 #include <utility>
 

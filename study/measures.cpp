@@ -1,10 +1,8 @@
 #include "study/measures.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <iterator>
-#include <vector>
 
 #include "controller/registry.h"
 #include "diagnostics/failure.h"

@@ -18,7 +18,6 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/text.h"
 #include "process/parallel.h"
-#include "study/measures.h"
 
 namespace tachless::study {
 namespace {

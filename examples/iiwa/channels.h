@@ -1,9 +1,6 @@
 #pragma once
 
-#include <algorithm>
-#include <chrono>
 #include <cstddef>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>

@@ -3,7 +3,6 @@
 // ms.
 
 #include <cmath>
-#include <thread>
 
 #include <tachless/node/options.h>
 #include <tachless/plant/plant_model.h>
