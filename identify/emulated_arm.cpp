@@ -9,22 +9,15 @@
 
 namespace tachless::identify {
 
-EmulatedArm::EmulatedArm(experiment::Scenario scenario, DriveFaults hidden)
+EmulatedArm::EmulatedArm(experiment::Scenario scenario)
     : scenario_(std::move(scenario)),
-      hidden_(std::move(hidden)),
       model_(plant::plant_model(scenario_)),
       encoder_(scenario_, model_),
-      now_(plant::initial_state(scenario_, model_)),
-      first_(now_.q) {
-  if (hidden_.scale.size() == 0) hidden_.scale = robot::Vector::Ones(model_.num_joints);
-  moved = fastest = robot::Vector::Zero(model_.num_joints);
-}
+      now_(plant::initial_state(scenario_, model_)) {}
 
 void EmulatedArm::start() {
   now_.v.setZero();
   arm_.emplace(plant::make_arm(scenario_, model_, now_));
-  sent_.assign(static_cast<std::size_t>(hidden_.torque_delay),
-               robot::Vector::Zero(model_.num_joints));
   past_.assign(static_cast<std::size_t>(scenario_.plant.encoder.latency_ticks), now_);
 }
 
@@ -43,16 +36,12 @@ plant::ArmState EmulatedArm::read() {
 }
 
 void EmulatedArm::hold(const robot::Vector& tau, double until_s) {
-  sent_.push_back(scenario_.robot.joint_signs.cwiseProduct(tau.cwiseProduct(hidden_.scale)));
-  robot::Vector acts = sent_.front();
-  sent_.pop_front();
+  robot::Vector acts = scenario_.robot.joint_signs.cwiseProduct(tau);
   if (scenario_.robot.compensates != experiment::Compensates::nothing) {
     acts += robot::gravity_torque(model_, now_.q);
   }
   arm_->advance(acts, until_s);
   now_ = arm_->state();
-  moved = moved.cwiseMax((now_.q - first_).cwiseAbs());
-  fastest = fastest.cwiseMax(now_.v.cwiseAbs());
 }
 
 Trials trials_on(EmulatedArm& arm) {

@@ -12,17 +12,11 @@
 
 namespace tachless::identify {
 
-/// What no scenario says of an arm's drives.
-struct DriveFaults {
-  robot::Vector scale{};  ///< torque that acts per torque sent; empty: 1
-  int torque_delay = 0;   ///< [ticks] until what is sent acts
-};
-
 /// The arm of a scenario behind a driver, with its signs, encoders and what it adds itself: a
 /// maker's arm in an emulator. At rest until `start`, and from `stop` on.
-class EmulatedArm final : public plant::RobotDriver {
+class EmulatedArm : public plant::RobotDriver {
  public:
-  explicit EmulatedArm(experiment::Scenario scenario, DriveFaults hidden = {});
+  explicit EmulatedArm(experiment::Scenario scenario);
   EmulatedArm(const EmulatedArm&) = delete;
   EmulatedArm& operator=(const EmulatedArm&) = delete;
 
@@ -32,16 +26,13 @@ class EmulatedArm final : public plant::RobotDriver {
   void hold(const robot::Vector& tau, double until_s) override;
   void stop() override { arm_.reset(); }
 
-  robot::Vector moved, fastest;  ///< furthest from the start of all [rad; m], and speed
+  [[nodiscard]] const plant::ArmState& state() const { return now_; }  ///< exact
 
  private:
   experiment::Scenario scenario_;
-  DriveFaults hidden_;
   robot::Model model_;
   plant::Encoder encoder_;
   plant::ArmState now_;
-  robot::Vector first_;
-  std::deque<robot::Vector> sent_;    ///< that does not act yet
   std::deque<plant::ArmState> past_;  ///< that is not measured yet
   std::optional<plant::Arm> arm_;     ///< while it moves
   std::int64_t readings_ = 0;

@@ -10,9 +10,11 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <deque>
 #include <iostream>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "diagnostics/failure.h"
@@ -22,6 +24,40 @@ namespace tachless::identify {
 namespace {
 
 using testing::HasSubstr;
+
+/// What no scenario says of an arm's drives.
+struct DriveFaults {
+  robot::Vector scale;   ///< torque that acts per torque sent
+  int torque_delay = 0;  ///< [ticks] until what is sent acts
+};
+
+class FaultyArm final : public EmulatedArm {
+ public:
+  FaultyArm(const experiment::Scenario& scenario, DriveFaults faults)
+      : EmulatedArm(scenario), faults_(std::move(faults)), first_(state().q) {}
+
+  void start() override {
+    EmulatedArm::start();
+    sent_.assign(static_cast<std::size_t>(faults_.torque_delay),
+                 robot::Vector::Zero(first_.size()));
+  }
+  void hold(const robot::Vector& tau, double until_s) override {
+    sent_.push_back(tau.cwiseProduct(faults_.scale));
+    EmulatedArm::hold(sent_.front(), until_s);
+    sent_.pop_front();
+    moved = moved.cwiseMax((state().q - first_).cwiseAbs());
+    fastest = fastest.cwiseMax(state().v.cwiseAbs());
+  }
+
+ private:
+  DriveFaults faults_;
+  robot::Vector first_;
+  std::deque<robot::Vector> sent_;  ///< that does not act yet
+
+ public:
+  /// Furthest from the start of all [rad; m], and speed.
+  robot::Vector moved = robot::Vector::Zero(first_.size()), fastest = moved;
+};
 
 /// An arm as it is, and the scenario of somebody who knows nothing of that.
 struct Hidden {
@@ -113,7 +149,7 @@ struct Tally {
 
   void check(const Hidden& arm, const std::string& what) {
     SCOPED_TRACE(what);
-    EmulatedArm driver(arm.truth, arm.more);
+    FaultyArm driver(arm.truth, arm.more);
     Commissioned found;
     ++arms;
     try {
