@@ -47,6 +47,12 @@ std::optional<std::size_t> unlikeness(const std::string& word, const std::string
   return 1 + distance;
 }
 
+/// Characters of UTF-8 text.
+std::size_t length_of(std::string_view text) {
+  return static_cast<std::size_t>(
+      std::ranges::count_if(text, [](char c) { return (c & 0xc0) != 0x80; }));
+}
+
 }  // namespace
 
 std::string shortest(double value) {
@@ -125,6 +131,23 @@ std::string printable(std::string_view text) {
   return result;
 }
 
+void split_row(std::string_view row, std::vector<std::string_view>& fields) {
+  constexpr std::string_view separators = ",; \t\r";
+  fields.clear();
+  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
+    fields.push_back(row.substr(begin, end - begin));
+    begin = row.find_first_not_of(separators, end);
+  }
+}
+
+std::optional<double> number_in(std::string_view text) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return {};
+  return value;
+}
+
 std::string csv_field(std::string_view given) {
   double number = 0;
   const char* const end = given.data() + given.size();
@@ -149,6 +172,25 @@ std::optional<std::string> nearest_of(std::string_view word,
     nearest = candidate;
   }
   return nearest;
+}
+
+std::string table(const std::vector<std::vector<std::string>>& rows, std::string_view alignment) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()));
+    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], length_of(row[i]));
+  }
+  std::string text;
+  for (const auto& row : rows) {
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      const std::string blank(widths[i] - length_of(row[i]), ' ');
+      const bool left = alignment[std::min(i, alignment.size() - 1)] == 'l';
+      text += "  " + (left ? row[i] + blank : blank + row[i]);
+    }
+    text.erase(text.find_last_not_of(' ') + 1);
+    text += '\n';
+  }
+  return text;
 }
 
 }  // namespace tachless::diagnostics

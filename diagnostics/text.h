@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-/// Text helpers that fmt does not have: lists, numbers, suggestions for a misspelt name. No
+/// Text helpers that fmt does not have: lists, numbers, tables, suggestions for a misspelt name. No
 /// escaping for HTML (report/) and no YAML (experiment/).
 namespace tachless::diagnostics {
 
@@ -36,6 +36,12 @@ std::size_t utf8_length(std::string_view text);
 /// line for people passes through it.
 std::string printable(std::string_view text);
 
+/// The fields of a table's row: between commas, semicolons or white space.
+void split_row(std::string_view row, std::vector<std::string_view>& fields);
+
+/// The number that a text is, in C's form without a sign +; nothing where it is none.
+std::optional<double> number_in(std::string_view text);
+
 /// A field of a CSV file (RFC 4180): in quotes where its characters ask for them. Text that a
 /// spreadsheet would take for a formula, since it begins with = + - @ and is not a number, gets a '
 /// before it.
@@ -57,5 +63,10 @@ template <class Range>
 std::optional<std::string> nearest(std::string_view word, const Range& candidates) {
   return nearest_of(word, {std::begin(candidates), std::end(candidates)});
 }
+
+/// Rows of cells as lines: two spaces before each cell, columns as wide as their widest cell.
+/// @param alignment a letter for each column, l to the left or r to the right; the last one is for
+/// all that follow. Not empty.
+std::string table(const std::vector<std::vector<std::string>>& rows, std::string_view alignment);
 
 }  // namespace tachless::diagnostics

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <memory>
 #include <stdexcept>
@@ -45,9 +44,9 @@ class Table {
 
   void add_line(std::string_view line) {
     ++line_;
-    split_row(line.substr(0, line.find('#')), fields_);
+    diagnostics::split_row(line.substr(0, line.find('#')), fields_);
     if (fields_.empty()) return;
-    if (time_s_.empty() && !number_in(fields_.front())) {
+    if (time_s_.empty() && !diagnostics::number_in(fields_.front())) {
       read_header();
     } else {
       read_row();
@@ -110,7 +109,7 @@ class Table {
 
   double value(std::size_t column) const {
     const std::string_view field = fields_[columns_[column]];
-    const std::optional<double> x = number_in(field);
+    const std::optional<double> x = diagnostics::number_in(field);
     if (!x || !std::isfinite(*x)) refuse("\"{}\" is not a finite number", field);
     return *x;
   }
@@ -146,23 +145,6 @@ class Table {
 };
 
 }  // namespace
-
-void split_row(std::string_view row, std::vector<std::string_view>& fields) {
-  constexpr std::string_view separators = ",; \t\r";
-  fields.clear();
-  for (std::size_t begin = row.find_first_not_of(separators); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(row.find_first_of(separators, begin), row.size());
-    fields.push_back(row.substr(begin, end - begin));
-    begin = row.find_first_not_of(separators, end);
-  }
-}
-
-std::optional<double> number_in(std::string_view field) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-  if (error != std::errc{} || end != field.data() + field.size()) return {};
-  return value;
-}
 
 std::string motion_text(YamlNode& root, const Scenario& scenario, const fs::path& directory) {
   YamlNode* const reference = root.find("reference");

@@ -1,22 +1,14 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "experiment/scenario.h"
 #include "experiment/yaml_tree.h"
 
 /// The table of `reference: {file: …}`.
 namespace tachless::experiment {
-
-/// The fields of a table's row: between commas, semicolons or white space.
-void split_row(std::string_view row, std::vector<std::string_view>& fields);
-
-/// The number that a field is; nothing where it is none.
-std::optional<double> number_in(std::string_view field);
 
 /// The table's text where the tree names one, whose digest goes into the tree; empty otherwise.
 /// @param scenario for complaints @param directory of the scenario

@@ -2,7 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "diagnostics/table.h"
+#include "diagnostics/text.h"
 #include "identify/commission.h"
 
 namespace tachless::identify {

@@ -1,7 +1,6 @@
 // Positions and torques that another program has recorded: text in columns, and a YAML file that
 // says which is which.
 
-
 #include <algorithm>
 #include <cmath>
 #include <string_view>
@@ -9,7 +8,7 @@
 
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
-#include "experiment/motion_file.h"
+#include "diagnostics/text.h"
 #include "experiment/reader.h"
 #include "identify/recording.h"
 
@@ -54,16 +53,16 @@ class Rows {
 
   void add_line(std::string_view line) {
     ++line_;
-    experiment::split_row(line.substr(0, line.find('#')), fields_);
+    diagnostics::split_row(line.substr(0, line.find('#')), fields_);
     if (fields_.empty()) return;
-    if (values_.empty() && !experiment::number_in(fields_.front())) return;  // a header
+    if (values_.empty() && !diagnostics::number_in(fields_.front())) return;  // a header
     for (std::size_t i = 0; i < columns_.size(); ++i) {
       if (columns_[i] > fields_.size()) {
         throw bad_usage("{}:{}: {} columns, but column {} is asked for", source_, line_,
                         fields_.size(), columns_[i]);
       }
       const std::string_view field = fields_[columns_[i] - 1];
-      const std::optional<double> value = experiment::number_in(field);
+      const std::optional<double> value = diagnostics::number_in(field);
       if (!value || !(std::abs(*value) < most)) {
         throw bad_usage("{}:{}: \"{}\" in column {} is not a finite number below {:g}", source_,
                         line_, field, columns_[i], most);

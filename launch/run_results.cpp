@@ -21,7 +21,6 @@
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
-#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 #include "report/figure.h"
 #include "report/recorded_run.h"

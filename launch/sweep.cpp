@@ -14,7 +14,6 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
-#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 #include "process/child.h"
 #include "report/sweep_page.h"

@@ -131,7 +131,6 @@ class LogReader {
   void rewind();
 
   [[nodiscard]] const Damage& damage() const { return damage_; }
-  [[nodiscard]] std::uint64_t size_bytes() const { return size_; }
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:

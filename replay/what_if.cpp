@@ -11,7 +11,6 @@
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
-#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 #include "logger/table.h"
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "report/html.h"
-#include "study/envelope.h"
+#include "study/tracking.h"
 
 /// Charts as data. Knows nothing of runs; drawn by figure.h, and by the page's script.
 namespace tachless::report {

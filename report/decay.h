@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "study/envelope.h"
+#include "study/tracking.h"
 
 namespace tachless::report {
 

@@ -12,7 +12,6 @@
 #include "logger/run_log.h"
 #include "report/decay.h"
 #include "robot/model.h"
-#include "study/envelope.h"
 #include "study/tracking.h"
 #include "study/verdict.h"
 

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "diagnostics/failure.h"
-#include "diagnostics/table.h"
+#include "diagnostics/text.h"
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
 

@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "certificate/certify.h"
-#include "diagnostics/table.h"
 #include "diagnostics/text.h"
 
 namespace tachless::report {

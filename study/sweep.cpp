@@ -30,13 +30,6 @@ constexpr std::int64_t ticks_between_looks = 256;  // whether to go on
 
 std::string field(double value) { return std::isnan(value) ? "" : diagnostics::shortest(value); }
 
-/// NaN where there is none.
-double value_of(const std::string& text) {
-  double value = NAN;
-  std::from_chars(text.data(), text.data() + text.size(), value);
-  return value;
-}
-
 std::string head_of(const SweepPlan& plan) {
   std::string head = "case,law";
   for (const Axis& axis : plan.axes) head += "," + axis.name();
@@ -74,7 +67,7 @@ std::optional<SweepRow> row_of(const SweepPlan& plan, const std::string& line) {
   SweepRow row{
       line, plan.at(index), *schema::value_of<Outcome>(fields[2 + values]), {}, fields.back()};
   for (std::size_t i = 0; i < columns; ++i) {
-    row.measures.push_back(value_of(fields[3 + values + i]));
+    row.measures.push_back(diagnostics::number_in(fields[3 + values + i]).value_or(NAN));
   }
   return row;
 }

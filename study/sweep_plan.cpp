@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -28,11 +27,8 @@ Failure refused(const std::string& axis, std::string_view problem) {
 }
 
 std::optional<double> number(const std::string& text) {
-  double value = 0;
-  const char* end = text.data() + text.size();
-  const auto [read_to, error] = std::from_chars(text.data(), end, value);
-  if (error != std::errc() || read_to != end || !std::isfinite(value)) return {};
-  return value;
+  const auto value = diagnostics::number_in(text);
+  return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 /// Along the axis, `share` of the way from low to high.

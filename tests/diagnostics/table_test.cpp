@@ -1,4 +1,4 @@
-#include "diagnostics/table.h"
+#include "diagnostics/text.h"
 
 #include <gtest/gtest.h>
 

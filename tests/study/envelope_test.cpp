@@ -1,4 +1,4 @@
-#include "study/envelope.h"
+#include "study/tracking.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
