@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "diagnostics/failure.h"
+#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "diagnostics/version.h"
@@ -23,6 +24,11 @@ namespace tachless::launch {
 void add_json(CLI::App& command, bool& json) { command.add_flag("--json", json, "As JSON"); }
 void add_quiet(CLI::App& command, bool& quiet) {
   command.add_flag("-q,--quiet", quiet, "No progress on stderr");
+}
+
+void print(bool json, nlohmann::ordered_json all, const std::string& text) {
+  all["text"] = text;
+  std::cout << (json ? diagnostics::json_text(all, 2) + "\n" : text);
 }
 
 namespace {

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -43,6 +44,10 @@ constexpr Verb verb_of(std::string_view name, std::string_view does, std::string
 void add_json(CLI::App& command, bool& json);
 void add_quiet(CLI::App& command, bool& quiet);
 
+/// On stdout: `text`, or, with --json, `all` with `text` in it.
+void print(bool json, nlohmann::ordered_json all, const std::string& text);
+
+inline constexpr std::string_view write_remedy = "name another file with --write";
 /// For verbs that write a scenario: refuse, before the work, a name that is none, and a file that
 /// could not or should not be written after it.
 void require_scenario_name(const std::filesystem::path& file);

@@ -4,14 +4,12 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
-#include <iostream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "diagnostics/file_text.h"
-#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "identify/emulated_arm.h"
 #include "identify/recording.h"
@@ -76,13 +74,7 @@ struct Commission {
     const identify::Commissioned found = identify::commission(
         scenario, options.plant_program.empty() ? trials_on(emulated) : on_the_bus(scenario), show);
     screen.clear();
-    if (options.json) {
-      nlohmann::ordered_json all = found;
-      all["text"] = identify::text(found, scenario.name);
-      std::cout << diagnostics::json_text(all, 2) << "\n";
-    } else {
-      std::cout << identify::text(found, scenario.name);
-    }
+    print(options.json, found, identify::text(found, scenario.name));
     const bool writes = !output.empty() && found.mendable;
     for (const std::string& misfit : found.misfits) {
       diagnostics::log_error("{}: {}{}", scenario.source, misfit,

@@ -7,13 +7,13 @@
 #include <algorithm>
 #include <filesystem>
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "certificate/certify.h"
 #include "diagnostics/file_text.h"
-#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "experiment/scenario.h"
@@ -25,19 +25,14 @@
 #include "node/options.h"
 
 namespace tachless::launch {
-namespace {
-
-constexpr std::string_view remedy = "name another file with --write";
-
-}  // namespace
 
 void require_writable(const std::filesystem::path& file, bool force) {
   if (file.empty()) return;
   if (!force && std::filesystem::exists(file)) {
     throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
-                                 file.string(), remedy);
+                                 file.string(), write_remedy);
   }
-  diagnostics::UnfinishedFile(file, remedy);
+  diagnostics::UnfinishedFile(file, write_remedy);
 }
 
 void require_scenario_name(const std::filesystem::path& file) {
@@ -56,7 +51,7 @@ void write_scenario(const std::filesystem::path& input, std::vector<std::string>
   const fs::path beside = fs::absolute(output).parent_path();
   const std::string path =
       urdf.lexically_normal().lexically_relative(beside.lexically_normal()).string();
-  diagnostics::UnfinishedFile(output, remedy)
+  diagnostics::UnfinishedFile(output, write_remedy)
       .write(experiment::parse_scenario(changed.text, changed.robot.urdf_text, input.string(),
                                         {fmt::format("robot.urdf={}", path)})
                  .text);
@@ -189,13 +184,7 @@ struct Identify {
         recordings, kinds(all ? everything : unknown), others,
         [&](std::string_view what) { screen.show(fmt::format("identify: {}", what)); });
     screen.clear();
-    if (json) {
-      nlohmann::ordered_json result = found;
-      result["text"] = identify::text(found, scenario.name);
-      std::cout << diagnostics::json_text(result, 2) << "\n";
-    } else {
-      std::cout << identify::text(found, scenario.name);
-    }
+    print(json, found, identify::text(found, scenario.name));
     bool whole = true;
     for (const auto& each : found.parameters) {
       whole = whole && (each.doubt.empty() || each.in_sum);
@@ -221,8 +210,8 @@ struct Identify {
     const std::string corrected = identify::urdf_of(found, scenario);
     const std::string text =
         experiment::parse_scenario(scenario.text, corrected, logs.front().string(), overrides).text;
-    diagnostics::UnfinishedFile(urdf, remedy).write(corrected);
-    diagnostics::UnfinishedFile(output, remedy).write(text);
+    diagnostics::UnfinishedFile(urdf, write_remedy).write(corrected);
+    diagnostics::UnfinishedFile(output, write_remedy).write(text);
     if (json) return;
     std::cout << fmt::format("  type: tachless design {}\n",
                              diagnostics::printable(output.string()));

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <iostream>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -16,7 +17,6 @@
 #include "certificate/design.h"
 #include "controller/registry.h"
 #include "diagnostics/file_text.h"
-#include "diagnostics/json_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "experiment/scenario.h"
@@ -29,11 +29,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using diagnostics::ExitCode;
-
-/// Refuses, before the work, a file that could not be written after it.
-void require_writable(const fs::path& file, std::string_view remedy) {
-  if (!file.empty()) diagnostics::UnfinishedFile(file, remedy);
-}
 
 void require_known_law(const experiment::Scenario& scenario) {
   try {
@@ -71,14 +66,9 @@ struct Certify {
         scenario, paper,
         [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); });
     screen.clear();
-    if (json) {
-      nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
-      all.update(to_json(result));
-      all["text"] = page(result, scenario, full);
-      std::cout << diagnostics::json_text(all, 2) << "\n";
-    } else {
-      std::cout << page(result, scenario, full);
-    }
+    nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
+    all.update(to_json(result));
+    print(json, std::move(all), page(result, scenario, full));
     const std::vector<std::string> objections = certificate::objections(result);
     for (const std::string& objection : objections) {
       diagnostics::log_error("{}: {}", input.string(), objection);
@@ -137,7 +127,6 @@ nlohmann::ordered_json to_json(const certificate::Design& design,
   json["limited_by"] = design.binds;
   json["warnings"] = design.warnings;
   json["reached"] = !design.missed;
-  json["text"] = text(design, scenario);
   return json;
 }
 
@@ -200,19 +189,13 @@ struct Design {
   [[nodiscard]] ExitCode run() const {
     const experiment::Scenario scenario = load({});
     warn(scenario);
-    const std::string_view remedy = "name another file with --write";
-    if (!force && !output.empty() && fs::exists(output)) {
-      throw diagnostics::bad_usage("{}: exists already; {}, or replace it with --force",
-                                   output.string(), remedy);
-    }
-    require_writable(output, remedy);
+    require_writable(output, force);
     Screen screen(quiet);
     const certificate::Design design =
         certificate::design(scenario, whole_goal(scenario.num_joints),
                             [&](std::string_view what) { screen.show(what); });
     screen.clear();
-    std::cout << (json ? diagnostics::json_text(to_json(design, scenario), 2) + "\n"
-                       : text(design, scenario));
+    print(json, to_json(design, scenario), text(design, scenario));
     for (const std::string& warning : design.warnings) diagnostics::log_warning(warning);
     if (design.missed) {
       diagnostics::log_error("{}: settles in {}, not in {:g} s: limited by {}{}", input.string(),
@@ -223,7 +206,7 @@ struct Design {
       return ExitCode::check_said_no;
     }
     if (!output.empty()) {
-      diagnostics::UnfinishedFile(output, remedy).write(designed_text(scenario, design));
+      diagnostics::UnfinishedFile(output, write_remedy).write(designed_text(scenario, design));
       if (!json) {
         std::cout << fmt::format("  type: tachless run {}\n",
                                  diagnostics::printable(output.string()));
