@@ -60,7 +60,7 @@ struct Builder {
            Slot slot, Get get) {
     constexpr bool per_joint = !std::is_enum_v<Member>;
     const auto [revolute, prismatic] = column_units(unit);
-    Quantity quantity{name, {}, description, slot, {}, !std::is_same_v<Member, Vector>, {}};
+    Quantity quantity{name, {}, description, slot, {}, {}};
     if (per_joint) quantity.joints = model.joint_names;
     for (std::size_t i = 0; i < (per_joint ? model.joint_types.size() : 1); ++i) {
       const bool slides = model.joint_types[i] == robot::JointType::prismatic;

@@ -25,7 +25,6 @@ struct Quantity {
   std::string description;
   Slot slot;                        ///< the message it comes from; missing with it
   std::vector<std::string> joints;  ///< as columns name them; empty: one number, of no joint
-  bool whole = false;               ///< numbers are integers
 
   /// The values of a record that `has(record, slot)`: as many as `units`.
   std::function<void(const TickRecord&, double* values)> read;

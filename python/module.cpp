@@ -147,9 +147,7 @@ struct Run {
 
   Run(const experiment::Scenario& of, const loop::LawInfo& by)
       : scenario(of.name),
-        law(of.controller.law == experiment::external_law
-                ? fmt::format("{} ({})", by.name, experiment::external_law)
-                : of.controller.law),
+        law(of.controller.law_text()),
         text(of.text),
         period_s(of.loop.period_s),
         joints(of.model->joint_names) {
@@ -234,6 +232,7 @@ Run simulate(const std::filesystem::path& path, const std::vector<std::string>& 
   }
   controller::ScenarioLaw law = own ? python_law(scenario, f, name, Interrupt::passed_on)
                                     : controller::scenario_law(scenario);
+  if (own) scenario.controller.announced = law->name();
   const py::gil_scoped_release unlocked;
   Run run(scenario, controller::law_info(*law));
   study::run_in_process(scenario, std::move(law), [&](const study::TickRecord& tick) {
