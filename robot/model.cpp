@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <random>
 #include <stdexcept>
 
 #include "robot/cholesky.h"
@@ -127,15 +128,6 @@ std::pair<double, double> finite_range(const Model& model, int joint) {
   return {std::max(lower, middle - reach), std::min(upper, middle + reach)};
 }
 
-Vector random_posture(const Model& model, std::mt19937& random) {
-  Vector q(model.num_joints);
-  for (int j = 0; j < model.num_joints; ++j) {
-    const auto [low, high] = finite_range(model, j);
-    q[j] = low + (high - low) * (random() / 4294967296.0);
-  }
-  return q;
-}
-
 std::vector<std::string> farthest_leaves(const Model& model) {
   std::vector<std::string> leaves;
   Reach far{0, 0};
@@ -202,7 +194,10 @@ std::vector<std::string> joints_without_inertia(const Model& model) {
   for (int k = 0; k < postures; ++k) {
     std::vector<std::string> joints = joints_without_inertia(model, mass_matrix<double>(model, q));
     if (!joints.empty()) return joints;
-    q = random_posture(model, random);
+    for (int j = 0; j < model.num_joints; ++j) {
+      const auto [low, high] = finite_range(model, j);
+      q[j] = low + (high - low) * (random() / 4294967296.0);
+    }
   }
   return {};
 }

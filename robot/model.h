@@ -4,7 +4,6 @@
 #include <array>
 #include <limits>
 #include <map>
-#include <random>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -102,9 +101,6 @@ Vector nearest_to_zero(const Model& model);
 
 /// A joint's range; where it has none on a side, half a turn or 1 m from where it is nearest to 0.
 std::pair<double, double> finite_range(const Model& model, int joint);
-
-/// Each joint anywhere in its `finite_range`.
-Vector random_posture(const Model& model, std::mt19937& random);
 
 /// What becomes of a moving body that has an inertia which no body can have.
 enum class CheckInertia { refuse, warn };

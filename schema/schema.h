@@ -26,8 +26,7 @@
 ///   };
 ///
 /// Reading, checking, error messages and documentation follow from the keys. This header does not
-/// read anything itself (experiment/ reads YAML). It stays C++17-clean: the Simbody translation
-/// unit includes it.
+/// read anything itself (experiment/ reads YAML).
 namespace tachless::schema {
 
 /// The numbers that a value may take; NaN and the infinities never are among them.
@@ -220,11 +219,6 @@ constexpr Shape shape_of_member() {
 /// The shape of values of type `Member`; that of an optional is the shape of what it may hold.
 template <class Member>
 inline constexpr Shape shape_of = shape_of_member<Member>();
-
-/// The shape of each entry under a name of the user's choice.
-template <class T>
-inline constexpr bool has_names_of_choice =
-    shape_of<T> == Shape::named_joints || shape_of<T> == Shape::named_numbers;
 
 /// What may be written for a value of that shape: "a finite number in (0, 1]". `choices` are the
 /// names of a choice or of the alternatives.

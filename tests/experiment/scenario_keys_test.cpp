@@ -16,6 +16,11 @@ namespace {
 
 using ::testing::HasSubstr;
 
+/// Whether its entries stand under names of the user's choice.
+template <class T>
+constexpr bool has_names_of_choice = schema::shape_of<T> == schema::Shape::named_joints ||
+                                     schema::shape_of<T> == schema::Shape::named_numbers;
+
 /// Calls `visit(path, key)` for each key of `Struct` and for each below, and `visit(path)` for what
 /// only has others below. Entries of a list go without index; "<name>" stands for the user's
 /// choice.
@@ -26,7 +31,7 @@ void for_each_path(const std::string& prefix, const Visit& visit) {
         using Value = typename schema::ValueOf<Member>::Type;
         constexpr schema::Shape shape = schema::shape_of<Member>;
         const std::string path = prefix + std::string(key.name);
-        if constexpr (schema::has_names_of_choice<Value>) {
+        if constexpr (has_names_of_choice<Value>) {
           visit(path);
           visit(path + ".<name>", key);
         } else if constexpr (shape == schema::Shape::map) {
@@ -99,7 +104,7 @@ std::string scenario_key_table() {
   const auto add_row = [&]<class Owner, class Member>(const std::string& path,
                                                       const schema::Key<Owner, Member>& key) {
     std::string allowed = schema::allowed_text(key);
-    if constexpr (schema::has_names_of_choice<Member>) {
+    if constexpr (has_names_of_choice<Member>) {
       using Entry = typename Member::mapped_type;
       allowed = schema::allowed_text(schema::Key<Member, Entry>("", nullptr).in(key.range));
     }
