@@ -191,7 +191,7 @@ class ExternalLaw final : public AnyLaw {
             std::chrono::duration<double>(scenario.loop.give_up_s))),
         codecs_(info_.measurement, law_layout(scenario, *this)) {}
 
-  [[nodiscard]] std::string_view name() const override { return info_.name; }
+  [[nodiscard]] std::string_view name() const override { return info_.law; }
   [[nodiscard]] std::string_view measurement() const override { return info_.measurement; }
   [[nodiscard]] std::span<const loop::Signal> signals() const override { return signals_; }
 
@@ -243,12 +243,9 @@ void serve_law(int socket, const MakeLaw& make_law) {
   const experiment::Scenario scenario =
       experiment::parse_scenario(run.scenario, run.robot_description, "--serve");
   ScenarioLaw law = make_law(scenario);
-  const loop::LawInfo info = law_info(*law);
   loop::Participant self;
+  static_cast<loop::LawInfo&>(self) = law_info(*law);
   self.role = loop::Role::controller;
-  self.law = info.name;
-  self.measurement = info.measurement;
-  self.signals = info.signals;
   if (!caller.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self))) return;
   answer(caller, law_layout(scenario, *law), *law);
 }
@@ -265,9 +262,8 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
                   "which this version does not know",
                   command, self.measurement, self.signals);
   }
-  loop::LawInfo info{self.law, self.measurement, self.signals};
-  scenario.require_law(info);  // no program gets a measurement that the scenario does not name
-  return std::make_unique<ExternalLaw>(std::move(program), std::move(info), scenario);
+  scenario.require_law(self);  // no program gets a measurement that the scenario does not name
+  return std::make_unique<ExternalLaw>(std::move(program), self, scenario);
 }
 
 std::vector<std::string> shell_command(const std::string& command,

@@ -72,7 +72,7 @@ class Node {
   virtual void act(Role from, std::int64_t tick, Verdict verdict) = 0;
 
   void join() {
-    diagnostics::log_detail("law {}, measures {}, publishes its signals {}", info_.name,
+    diagnostics::log_detail("law {}, measures {}, publishes its signals {}", info_.law,
                             info_.measurement, info_.signals);
     link_.join(info_, {});
   }

@@ -26,11 +26,11 @@ int run_controller(int argc, const char* const* argv, const controller::MakeLaw&
     if (info.measurement != measurement) {
       throw scenario.complaint("controller.measurement",
                                fmt::format("{}, but the law {} of this program needs {}",
-                                           measurement, info.name, info.measurement));
+                                           measurement, info.law, info.measurement));
     }
-    if (info.name.size() > loop::max_participant_text) {
-      throw diagnostics::bad_usage("the law's name has {} characters; allowed: {}",
-                                   info.name.size(), loop::max_participant_text);
+    if (info.law.size() > loop::max_participant_text) {
+      throw diagnostics::bad_usage("the law's name has {} characters; allowed: {}", info.law.size(),
+                                   loop::max_participant_text);
     }
     return made;
   });

@@ -312,11 +312,11 @@ std::optional<schema::Refusal> Scenario::refusal() const {
 
 void Scenario::require_law(const loop::LawInfo& law) const {
   const bool external = controller.law == external_law;
-  if (!external && law.name != controller.law) {
+  if (!external && law.law != controller.law) {
     throw complaint(
         "controller.law",
         "{}, but the controller runs the law \"{}\"; for a law of your own, write law: {}",
-        controller.law, law.name, external_law);
+        controller.law, law.law, external_law);
   }
   if (external && law.measurement != controller.measurement) {
     throw complaint("controller.measurement", "{}, but the controller needs \"{}\"",

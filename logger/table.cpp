@@ -127,8 +127,7 @@ std::string Quantity::column(std::size_t component) const {
 }
 
 std::vector<Quantity> quantities_of(const RunLog& log) {
-  return quantities_of(log.scenario(),
-                       {log.info().law, log.info().measurement, log.info().signals});
+  return quantities_of(log.scenario(), log.info());
 }
 
 std::vector<Quantity> quantities_of(const experiment::Scenario& scenario,

@@ -59,7 +59,7 @@ using PerRole = std::array<std::int64_t, num_roles>;
 
 /// What a controller announces of its law.
 struct LawInfo {
-  std::string name;         ///< what it calls itself
+  std::string law;          ///< what it calls itself
   std::string measurement;  ///< channel suffix of what it needs
   std::string signals;      ///< rows of LawSignals, as `text_of` gives them
 };
@@ -77,7 +77,7 @@ struct Tick {
   static constexpr auto fields = std::tuple{number("last", "", Kind::flag, &Tick::last)};
 };
 
-struct Participant {
+struct Participant : LawInfo {  ///< a law of a controller alone
   std::int64_t instance = 0;
   std::int64_t scenario_digest = 0;
   std::int32_t pid = 0;
@@ -86,10 +86,7 @@ struct Participant {
   double error_norm = 0;  ///< controller only: newest position error [rad]
   Role role = Role::plant;
   std::string host;
-  std::string scenario;     ///< its name, for messages to people
-  std::string law;          ///< controller only: what its law calls itself
-  std::string measurement;  ///< controller only: channel suffix of what it needs
-  std::string signals;      ///< controller only: what its law declares, as `text_of` gives it
+  std::string scenario;  ///< its name, for messages to people
   std::string fault;
   std::int64_t counter = 0;  ///< rises with every announcement of an instance
   /// Of one process of each role that the sender has heard: its instance, and the newest of its
@@ -110,9 +107,9 @@ struct Participant {
                  text("scenario", longest, &Value::scenario),
                  text("host", longest, &Value::host),
                  number("pid", "", Kind::int32, &Value::pid),
-                 text("law", longest, &Value::law),
-                 text("measurement", longest, &Value::measurement),
-                 text("signals", longest, &Value::signals),
+                 text<Value, std::string>("law", longest, &Value::law),
+                 text<Value, std::string>("measurement", longest, &Value::measurement),
+                 text<Value, std::string>("signals", longest, &Value::signals),
                  number("fault_code", "", Kind::uint8, &Value::fault_code, 0, 255),
                  text("fault", longest, &Value::fault),
                  number("instance", "", Kind::int64, &Value::instance),
@@ -124,14 +121,11 @@ struct Participant {
                  number("truth_digest", "", Kind::int64, &Value::truth_digest)};
 };
 
-struct RunInfo {
+struct RunInfo : LawInfo {
   std::int64_t num_ticks = 0;
   double period_s = 0;
   std::string version;
   std::string robot;
-  std::string law;
-  std::string measurement;
-  std::string signals;  ///< rows of LawSignals, as `text_of` gives them
   std::string scenario;
   std::string robot_description;
 
@@ -144,9 +138,9 @@ struct RunInfo {
                         std::numeric_limits<double>::denorm_min()),
                  text("version", max_size, &Value::version),
                  text("robot", max_size, &Value::robot),
-                 text("law", max_size, &Value::law),
-                 text("measurement", max_size, &Value::measurement),
-                 text("signals", max_size, &Value::signals),
+                 text<Value, std::string>("law", max_size, &Value::law),
+                 text<Value, std::string>("measurement", max_size, &Value::measurement),
+                 text<Value, std::string>("signals", max_size, &Value::signals),
                  text("scenario", max_size, &Value::scenario),
                  text("robot_description", max_size, &Value::robot_description)};
 };

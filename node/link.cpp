@@ -117,9 +117,7 @@ void Link::on(const std::string& channel, Handler handler) {
 
 void Link::join(const loop::LawInfo& law, const Handler& other) {
   const auto begin = Clock::now();
-  self_.who.law = law.name;
-  self_.who.measurement = law.measurement;
-  self_.who.signals = law.signals;
+  static_cast<loop::LawInfo&>(self_.who) = law;
   membership_.emplace(self_, begin);
   next_notice_ = begin + first_notice;
   while (!membership_->joined()) {

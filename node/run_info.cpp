@@ -8,13 +8,11 @@ namespace tachless::node {
 std::vector<std::byte> run_info(const experiment::Scenario& scenario, std::int64_t run,
                                 const loop::LawInfo& law) {
   loop::RunInfo info;
+  static_cast<loop::LawInfo&>(info) = law;
   info.num_ticks = scenario.loop.num_ticks;
   info.period_s = scenario.loop.period_s;
   info.version = diagnostics::version;
   info.robot = scenario.robot.channel_prefix;
-  info.law = law.name;
-  info.measurement = law.measurement;
-  info.signals = law.signals;
   info.scenario = scenario.text;
   info.robot_description = scenario.robot.urdf_text;
   bus::Codec<loop::RunInfo> codec(

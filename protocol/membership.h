@@ -128,8 +128,7 @@ class Membership {
   /// What the controller announces; empty before it is known.
   [[nodiscard]] loop::LawInfo law() const {
     const Peer* peer = peers_.find(loop::Role::controller);
-    if (peer == nullptr) return {};
-    return {peer->participant.law, peer->participant.measurement, peer->participant.signals};
+    return peer != nullptr ? loop::LawInfo(peer->participant) : loop::LawInfo();
   }
 
   /// "the controller (process 123 on host arm-1, 10.0.0.2:4123)"; "the controller" if unknown.

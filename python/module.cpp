@@ -213,7 +213,7 @@ Run read(const std::filesystem::path& path, std::int64_t id) {
   const py::gil_scoped_release unlocked;
   logger::RunLog log =
       logger::RunLog::open(logger::find_log(path), id == 0 ? std::nullopt : std::optional(id));
-  Run run(log.scenario(), {log.info().law, log.info().measurement, log.info().signals});
+  Run run(log.scenario(), log.info());
   run.run = log.run();
   loop::TickRecord record;
   while (log.next(record)) run.add(record);

@@ -55,7 +55,7 @@ void require_fitting(const logger::RunLog& log, const experiment::Scenario& scen
 void require_measured(const logger::RunLog& log, const loop::LawInfo& law) {
   if (measured(loop::measurement_of(log.info().measurement), law.measurement)) return;
   refuse(log, "law {} needs the measurement {}, which cannot be had from the recorded one, {}",
-         law.name, law.measurement, log.info().measurement);
+         law.law, law.measurement, log.info().measurement);
 }
 
 /// A replay as it goes on.

@@ -64,7 +64,7 @@ Comparison compare(logger::RunLog& log, const std::vector<std::string>& override
   result.csv = folder / "replay.csv";
   controller::ScenarioLaw law = make_law(result.scenario);  // complains before files are made
   if (result.scenario.controller.law == experiment::external_law) {
-    result.scenario.controller.announced = controller::law_info(*law).name;
+    result.scenario.controller.announced = controller::law_info(*law).law;
   }
   const std::string was = log.scenario().controller.law_text();
   const std::string is = result.scenario.controller.law_text();

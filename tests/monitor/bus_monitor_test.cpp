@@ -265,7 +265,7 @@ TEST(Glance, SurvivesDamagedMessages) {
       encoded(loop::Layout{3, 0, 0}, loop::LawSignals{}),
       encoded(loop::Layout{}, loop::Participant{}),
       encoded(loop::Layout{},
-              loop::RunInfo{1, 1.0, "1", "ARM", "own", "POSITION", "e:rad", "a: b", "<robot/>"})};
+              loop::RunInfo{{"own", "POSITION", "e:rad"}, 1, 1.0, "1", "ARM", "a: b", "<robot/>"})};
   std::mt19937 random(1);
   for (int i = 0; i < 20'000; ++i) {
     auto message = originals[random() % originals.size()];

@@ -41,13 +41,11 @@ RecordedRun recorded_run(const std::string& scenario, const std::vector<std::str
   const int n = result.scenario.num_joints;
   const auto num_signals = loop::parse_signals(signals).value().size();
   const auto layout = loop::layout(n, robot.flexible.has_value(), static_cast<int>(num_signals));
-  result.info = {result.scenario.loop.num_ticks,
+  result.info = {{result.scenario.controller.law, measurement, signals},
+                 result.scenario.loop.num_ticks,
                  result.scenario.loop.period_s,
                  "0.2.0",
                  robot.channel_prefix,
-                 result.scenario.controller.law,
-                 measurement,
-                 signals,
                  result.scenario.text,
                  robot.urdf_text};
   const auto channel = [&](std::string_view suffix) {
