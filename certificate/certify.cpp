@@ -79,6 +79,19 @@ Group loop_group(const Prediction& p) {
     group.add("margin_q", "modulus margin", json_of(p.margin_q),
               fmt::format("{}, at q = {}", modulus_text(g), list_text(p.margin_q)));
   }
+  if (p.missed) {
+    const MissedTicks& m = *p.missed;
+    group.add("missed", "missed commands",
+              {{"commands", m.commands},
+               {"measurements", m.measurements ? Json(*m.measurements) : Json()},
+               {"unstable", m.unstable ? Json(*m.unstable) : Json()},
+               {"unstable_hits", m.unstable ? Json(m.hits) : Json()}},
+              missed_text(m));
+    if (m.measurements) {
+      group.add("", "missed measurements", Json(),
+                fmt::format("any pattern of at most {} in a row is stable", *m.measurements));
+    }
+  }
   group.add("gain_Nm_per_rad", "torque per angle", json_of(p.gain_Nm_per_rad),
             list_text(p.gain_Nm_per_rad) + " N m/rad");
   group.add("stiffness_Nm_per_rad", "stiffness at rest", json_of(p.stiffness),
@@ -250,8 +263,15 @@ std::string largest_share(const Feasibility& f) {
                      part(of_speed, speed, "speed"));
 }
 
-/// What matters most: four lines, with dry friction five.
-std::string brief(const Certificate& all) {
+/// With what a run in realtime lets go by.
+std::string missed_text(const MissedTicks& missed, const experiment::LoopSpec& loop) {
+  const std::string text = certificate::missed_text(missed);
+  if (loop.max_missed <= missed.commands) return text;
+  return text + fmt::format(" (loop.max_missed is {}: NOT covered)", loop.max_missed);
+}
+
+/// What matters most: four lines; one more with dry friction, and in realtime.
+std::string brief(const Certificate& all, const experiment::Scenario& scenario) {
   const auto line = [](std::string_view label, std::string_view text) {
     return fmt::format("  {:<17} {}\n", label, text);
   };
@@ -260,6 +280,9 @@ std::string brief(const Certificate& all) {
   text += line("margins", margins ? fmt::format("modulus {}; {}", modulus_text(*margins),
                                                 margins_text(*margins))
                                   : "none");
+  if (all.loop.missed && scenario.loop.mode == experiment::Mode::realtime) {
+    text += line("missed commands", missed_text(*all.loop.missed, scenario.loop));
+  }
   if (const std::string held = friction_text(all.loop); !held.empty()) {
     text += line("friction", held);
   }
@@ -301,7 +324,7 @@ std::string page(const Certificate& certificate, const experiment::Scenario& sce
   std::string text =
       fmt::format("{}: {}, h = {}, delay {}\n", scenario.name, scenario.controller.law,
                   period_text(scenario.loop.period_s), scenario.loop.command_delay);
-  if (!full) text += brief(certificate);
+  if (!full) text += brief(certificate, scenario);
   for (const Group& group : groups(certificate)) {
     if (!full && group.key != "paper") continue;
     text += fmt::format("\n{}\n", group.heading);

@@ -128,6 +128,20 @@ void find_margins(Prediction& result, const ScenarioLoop& scenario_loop,
   result.margin_q = rests[static_cast<std::size_t>(at)].q_ref;
 }
 
+/// At the postures alone: the least of each number, and an unstable pattern where commands are it.
+void find_missed(Prediction& result, const std::vector<SampledLoop>& loops) {
+  const double h = result.settings.period_s;
+  const std::vector<MissedTicks> all =
+      parallel_map(loops.size(), [&](std::size_t i) { return missed_ticks(loops[i], h); });
+  const auto worst = std::ranges::min_element(all, {}, &MissedTicks::commands);
+  result.missed = *worst;
+  for (const MissedTicks& each : all) {
+    if (each.measurements)
+      result.missed->measurements = std::min(*each.measurements, *result.missed->measurements);
+  }
+  find_unstable_pattern(loops[static_cast<std::size_t>(worst - all.begin())], h, *result.missed);
+}
+
 void find_settling(Prediction& result, const ScenarioLoop& scenario_loop,
                    const std::vector<SampledLoop>& loops, std::size_t slowest) {
   const double h = result.settings.period_s;
@@ -233,6 +247,8 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
   if (effort == Effort::full && result.unstable_q.size() == 0) {
     tell("sampled loop: margins");
     find_margins(result, scenario_loop, loops, rests);
+    tell("sampled loop: missed ticks");
+    find_missed(result, loops);
   }
   return result;
 }
@@ -262,6 +278,21 @@ std::string margins_text(const Margins& margins) {
 std::string modulus_text(const Margins& margins) {
   return fmt::format("{:.2g} (common to all torques), {:.2g} (independent)", margins.modulus,
                      margins.modulus_independent);
+}
+
+std::string missed_text(const MissedTicks& missed) {
+  std::string text =
+      missed.commands == most_missed
+          ? fmt::format("any pattern of {} in a row is stable", most_missed)
+      : missed.commands > 0
+          ? fmt::format("any pattern of at most {} in a row is stable", missed.commands)
+          : "not even single ones are proved stable";
+  if (missed.unstable) {
+    text +=
+        fmt::format("; {} in a row and {} hit{}, again and again, {} not", *missed.unstable,
+                    missed.hits, missed.hits == 1 ? "" : "s", missed.commands > 0 ? "is" : "are");
+  }
+  return text;
 }
 
 std::string friction_text(const Prediction& prediction) {

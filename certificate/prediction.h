@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "certificate/missed_ticks.h"
 #include "certificate/sampled_limit.h"
 #include "certificate/scenario_loop.h"
 
@@ -51,7 +52,8 @@ struct Prediction {
   std::optional<Eigen::VectorXd> count_Nm;  ///< torque per encoder count; nothing: ideal encoder
   /// Of each the least over the postures; nothing with quick effort or where one is unstable.
   std::optional<Margins> margins;
-  robot::Vector margin_q;  ///< the posture with the least modulus margin
+  robot::Vector margin_q;             ///< the posture with the least modulus margin
+  std::optional<MissedTicks> missed;  ///< as the margins
 
   /// Of an unstable loop: errors grow by e in 1 / that time [1/s].
   [[nodiscard]] double growth_per_s() const;
@@ -84,6 +86,8 @@ std::string settling_text(double seconds);
 std::string margins_text(const Margins& margins);
 /// "0.61 (common to all torques), 0.45 (independent)".
 std::string modulus_text(const Margins& margins);
+/// "any pattern of at most 12 in a row is stable; 21 in a row and 4 hits, again and again, is not".
+std::string missed_text(const MissedTicks& missed);
 /// Where dry friction may hold the joints, as a sentence; empty.
 std::string friction_text(const Prediction& prediction);
 /// "[1.2, 3]".

@@ -17,26 +17,6 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 
-/// After balancing (Parlett and Reinsch, 1969), which Eigen leaves out: torques of 1e7 N m stand
-/// beside radians, and a slow pole at a short period is within 1e-7 of 1.
-VectorXcd balanced_eigenvalues(MatrixXd map) {
-  for (bool done = false; !done;) {
-    done = true;
-    for (Index i = 0; i < map.rows(); ++i) {
-      const double own = std::abs(map(i, i));
-      const double column = map.col(i).cwiseAbs().sum() - own;
-      const double row = map.row(i).cwiseAbs().sum() - own;
-      if (!(column > 0) || !(row > 0)) continue;
-      const double f = std::exp2(std::round(std::log2(row / column) / 2));
-      if (column * f + row / f >= 0.95 * (column + row)) continue;
-      map.col(i) *= f;
-      map.row(i) /= f;
-      done = false;
-    }
-  }
-  return robot::eigenvalues(map);
-}
-
 /// The last stable value before `outside`, which is not, by bisection.
 template <class Stable>
 double edge(double inside, double outside, double precision, const Stable& stable) {
@@ -76,25 +56,8 @@ class Response {
     one_plus.diagonal().array() += 1;
     return robot::smallest_singular_value(one_plus);
   }
-  /// From well below the slowest mode to half the sampling rate, and those of the closed loop's
-  /// poles: a resonance may be narrower than any grid.
   [[nodiscard]] std::vector<double> frequencies(int num_points) const {
-    const double highest = std::numbers::pi / period_s_;
-    double slowest = highest;
-    for (const auto& p : poles_) {
-      const double w = std::abs(std::log(p)) / period_s_;
-      if (w > 0) slowest = std::min(slowest, w);
-    }
-    const double lowest = std::max(1e-2 * slowest, 1e-6 * highest);
-    const double ratio = std::pow(highest / lowest, 1.0 / num_points);
-    std::vector<double> w;
-    for (int k = 0; k <= num_points; ++k) w.push_back(lowest * std::pow(ratio, k));
-    for (const auto& p : poles_) {
-      const double at = std::arg(p) / period_s_;
-      if (at > lowest && at < highest) w.push_back(at);
-    }
-    std::ranges::sort(w);
-    return w;
+    return certificate::frequencies(poles_, period_s_, num_points);
   }
 
  private:
@@ -102,35 +65,6 @@ class Response {
   MatrixXcd A_, B_, C_;  ///< in Schur's coordinates
   VectorXcd poles_;      ///< of the closed loop
 };
-
-/// The least f over the frequencies, refined between the neighbours of the lowest minima.
-template <class F>
-double least_over(const std::vector<double>& w, const F& f) {
-  constexpr std::size_t refined = 3;
-  std::vector<double> value;
-  for (const double each : w) value.push_back(f(each));
-  std::vector<std::pair<double, std::size_t>> minima;
-  for (std::size_t k = 0; k < w.size(); ++k) {
-    const bool before = k == 0 || value[k] <= value[k - 1];
-    if (before && (k + 1 == w.size() || value[k] <= value[k + 1])) minima.emplace_back(value[k], k);
-  }
-  std::ranges::sort(minima);
-  double least = minima.front().first;
-  for (std::size_t m = 0; m < std::min(refined, minima.size()); ++m) {
-    const std::size_t k = minima[m].second;
-    double low = w[k == 0 ? 0 : k - 1], high = w[std::min(k + 1, w.size() - 1)];
-    for (int i = 0; i < 30; ++i) {
-      const double third = (high - low) / 3;
-      if (f(low + third) < f(high - third)) {
-        high -= third;
-      } else {
-        low += third;
-      }
-    }
-    least = std::min(least, f((low + high) / 2));
-  }
-  return least;
-}
 
 std::complex<double> nearest(const VectorXcd& values, const std::complex<double>& value) {
   std::complex<double> best = values[0];
@@ -211,10 +145,6 @@ void crossings(const Response& response, const std::vector<double>& w, Margins& 
 }
 
 }  // namespace
-
-double spectral_radius(const MatrixXd& map) {
-  return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
-}
 
 CutLoop cut(const SampledLoop& loop, double period_s) {
   return cut(loop.plant, loop.law(period_s), period_s, loop.delay);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 
+#include "certificate/frequencies.h"
 #include "certificate/linear_loop.h"
 
 /// Whether the loop of a law that runs at a fixed period is stable, how far from the limit, and
@@ -21,7 +22,6 @@ struct SampledLoop {
 
 CutLoop cut(const SampledLoop& loop, double period_s);
 
-double spectral_radius(const Eigen::MatrixXd& map);
 /// Of the map of one period.
 double radius_at(const SampledLoop& loop, double period_s);
 

@@ -19,10 +19,14 @@
 #include "bus/lcm_url.h"
 #include "bus/network_check.h"
 #include "bus/udp_transport.h"
+#include "certificate/prediction.h"
+#include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
+#include "diagnostics/logging.h"
 #include "diagnostics/time.h"
 #include "launch/doctor.h"
 #include "launch/live_view.h"
+#include "launch/run.h"
 #include "launch/verb.h"
 #include "monitor/bus_monitor.h"
 #include "monitor/watch.h"
@@ -38,17 +42,67 @@ using diagnostics::ExitCode;
 using loop::Clock;
 using Json = nlohmann::ordered_json;
 
+/// @param summary of a run in realtime  @param loop what is predicted of it
+Finding judge_timing(const Json& summary, const certificate::Prediction& loop,
+                     const std::string& scenario) {
+  const auto missed = summary.at("missed_commands").get<std::int64_t>();
+  const auto row = summary.at("longest_command_miss").get<std::int64_t>();
+  const std::string seen = fmt::format(
+      "{} of {} commands missed, at most {} in a row; the slowest came {:g} us after its "
+      "measurement",
+      missed, summary.at("ticks").get<std::int64_t>(), row,
+      summary.at("command_age_us").at("max").get<double>());
+  if (!loop.missed) return {"timing", seen + "; what the loop bears is not known"};
+  const std::string what = fmt::format("{}; {}", seen, certificate::missed_text(*loop.missed));
+  if (row <= loop.missed->commands) return {"timing", what};
+  return {"timing", what,
+          fmt::format("tachless certify {} --full; softer gains bear more, real-time rights "
+                      "(docs/realtime.md) miss less",
+                      scenario)};
+}
+
+/// A new directory, and its end with this.
+class PrivateDirectory {
+ public:
+  PrivateDirectory() {
+    std::string name = (fs::temp_directory_path() / "tachless-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) {
+      throw diagnostics::bad_usage("{}: no directory can be made there; set TMPDIR", name);
+    }
+    path = name;
+  }
+  PrivateDirectory(const PrivateDirectory&) = delete;
+  PrivateDirectory& operator=(const PrivateDirectory&) = delete;
+  ~PrivateDirectory() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+
+  fs::path path;
+};
+
 struct Doctor {
   std::string lcm_url = node::default_lcm_url;
+  fs::path scenario;
+  double seconds = 60;
   bool json = false;
 
   void declare(CLI::App& command) {
     node::add_lcm_url(command, lcm_url);
+    CLI::Option* const given = node::with_installed_scenarios(command.add_option(
+        "--scenario", scenario,
+        "Run this scenario in realtime, in a private network, and compare the commands it misses "
+        "with those that its loop bears"));
+    command.add_option("--seconds", seconds, "Length of that run")
+        ->check(CLI::Range(1.0, 3600.0))
+        ->capture_default_str()
+        ->needs(given);
     add_json(command, json);
   }
 
   [[nodiscard]] ExitCode run() const {
-    const std::vector<Finding> findings = examine(lcm_url, ".");
+    std::vector<Finding> findings = examine(lcm_url, ".");
+    if (!scenario.empty()) findings.push_back(timing());
     Json list = Json::array();
     for (const auto& [subject, what, remedy] : findings) {
       list.push_back({{"subject", subject},
@@ -61,6 +115,29 @@ struct Doctor {
     }
     if (json) std::cout << diagnostics::json_text(list, 2) << "\n";
     return std::ranges::all_of(findings, &Finding::ok) ? ExitCode::done : ExitCode::check_said_no;
+  }
+
+ private:
+  /// The four programs of the scenario on this machine against what its loop bears.
+  [[nodiscard]] Finding timing() const {
+    const certificate::Prediction loop =
+        certificate::analyse(experiment::load_scenario(scenario, {}), certificate::Effort::full);
+    const PrivateDirectory directory;
+    RunOptions options;
+    options.out = directory.path / "run";
+    options.mode = "realtime";
+    options.duration_s = fmt::format("{:g}", seconds);
+    options.overrides = {"loop.max_missed_share=1"};  // is judged here
+    options.isolate = options.any_outcome = options.quiet = true;
+    diagnostics::log_info("runs {} in realtime for {:g} s", scenario.string(), seconds);
+    const ExitCode code = launch::run(options, {scenario});
+    if (code != ExitCode::done) {
+      return {"timing", fmt::format("the run ended with exit code {}", static_cast<int>(code)),
+              fmt::format("tachless run {} --mode realtime", scenario.string())};
+    }
+    return judge_timing(
+        Json::parse(diagnostics::file_text(options.out / "summary.json").value_or("null")), loop,
+        scenario.string());
   }
 };
 
@@ -212,6 +289,7 @@ const Verb doctor_verb = verb_of<Doctor>(
     "doctor", "Checks this machine's setup; prints the command that fixes each problem",
     "  tachless doctor\n"
     "  tachless doctor --json\n"
+    "  tachless doctor --scenario scenarios/practical_rigid.yaml --seconds 60\n"
     "  tachless doctor --lcm-url 'udpm://239.255.76.67:7700?ttl=1'\n"
     "Exit code 0 when there is no problem, 1 otherwise.");
 

@@ -1,0 +1,56 @@
+#include "certificate/frequencies.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "robot/decompositions.h"
+
+namespace tachless::certificate {
+
+using Eigen::Index;
+using Eigen::VectorXcd;
+
+// After balancing (Parlett and Reinsch, 1969), which Eigen leaves out: torques of 1e7 N m stand
+// beside radians, and a slow pole at a short period is within 1e-7 of 1.
+VectorXcd balanced_eigenvalues(Eigen::MatrixXd map) {
+  for (bool done = false; !done;) {
+    done = true;
+    for (Index i = 0; i < map.rows(); ++i) {
+      const double own = std::abs(map(i, i));
+      const double column = map.col(i).cwiseAbs().sum() - own;
+      const double row = map.row(i).cwiseAbs().sum() - own;
+      if (!(column > 0) || !(row > 0)) continue;
+      const double f = std::exp2(std::round(std::log2(row / column) / 2));
+      if (column * f + row / f >= 0.95 * (column + row)) continue;
+      map.col(i) *= f;
+      map.row(i) /= f;
+      done = false;
+    }
+  }
+  return robot::eigenvalues(map);
+}
+
+double spectral_radius(const Eigen::MatrixXd& map) {
+  return balanced_eigenvalues(map).cwiseAbs().maxCoeff();
+}
+
+std::vector<double> frequencies(const VectorXcd& poles, double period_s, int num_points) {
+  const double highest = std::numbers::pi / period_s;
+  double slowest = highest;
+  for (const auto& p : poles) {
+    const double w = std::abs(std::log(p)) / period_s;
+    if (w > 0) slowest = std::min(slowest, w);
+  }
+  const double lowest = std::max(1e-2 * slowest, 1e-6 * highest);
+  const double ratio = std::pow(highest / lowest, 1.0 / num_points);
+  std::vector<double> w;
+  for (int k = 0; k <= num_points; ++k) w.push_back(lowest * std::pow(ratio, k));
+  for (const auto& p : poles) {
+    const double at = std::arg(p) / period_s;
+    if (at > lowest && at < highest) w.push_back(at);
+  }
+  std::ranges::sort(w);
+  return w;
+}
+
+}  // namespace tachless::certificate

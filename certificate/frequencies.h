@@ -1,0 +1,49 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+/// At which frequencies a sampled loop is looked at, and the least value over them.
+namespace tachless::certificate {
+
+/// Eigenvalues of a one-period map.
+Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
+double spectral_radius(const Eigen::MatrixXd& map);
+
+/// From well below the slowest mode to half the sampling rate, and those of the closed loop's
+/// poles: a resonance may be narrower than any grid [rad/s], rising.
+std::vector<double> frequencies(const Eigen::VectorXcd& poles, double period_s, int num_points);
+
+/// The least f over the frequencies, refined between the neighbours of the lowest minima.
+template <class F>
+double least_over(const std::vector<double>& w, const F& f) {
+  constexpr std::size_t refined = 3;
+  std::vector<double> value;
+  for (const double each : w) value.push_back(f(each));
+  std::vector<std::pair<double, std::size_t>> minima;
+  for (std::size_t k = 0; k < w.size(); ++k) {
+    const bool before = k == 0 || value[k] <= value[k - 1];
+    if (before && (k + 1 == w.size() || value[k] <= value[k + 1])) minima.emplace_back(value[k], k);
+  }
+  std::ranges::sort(minima);
+  double least = minima.front().first;
+  for (std::size_t m = 0; m < std::min(refined, minima.size()); ++m) {
+    const std::size_t k = minima[m].second;
+    double low = w[k == 0 ? 0 : k - 1], high = w[std::min(k + 1, w.size() - 1)];
+    for (int i = 0; i < 30; ++i) {
+      const double third = (high - low) / 3;
+      if (f(low + third) < f(high - third)) {
+        high -= third;
+      } else {
+        low += third;
+      }
+    }
+    least = std::min(least, f((low + high) / 2));
+  }
+  return least;
+}
+
+}  // namespace tachless::certificate
