@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <functional>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "certificate/design_problem.h"
@@ -30,9 +33,11 @@ using loop::ReferencePoint;
 using process::parallel_map;
 using robot::Vector;
 
-constexpr int more_postures = 200, worst_postures = 6;
-constexpr int searched_postures = 4, search_evaluations = 50, rounds = 5;
-constexpr int steps_of_a_start = 20, steps_of_a_round = 60;
+constexpr int pool_size = 400, first_postures = 16, most_added = 3;
+constexpr int searched_postures = 6, search_evaluations = 50, rounds = 3;
+constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4;
+constexpr int most_steps = most_starts * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+constexpr double slower = 1.02;  // another posture has to settle that much later to count
 constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
 
 class Search {
@@ -41,30 +46,43 @@ class Search {
       : scenario_(scenario),
         goal_(goal),
         law_(scenario, goal),
-        labels_(robot::joint_labels(*scenario.model)),
-        rests_(law_.first_rests()) {
+        labels_(robot::joint_labels(*scenario.model)) {
     law_.choose_variables();
-    problem_ = law_.at(rests_);
+    problem_ = law_.at(law_.first_rests());
+    std::vector<ReferencePoint> pool;
+    for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
+    pool_ = law_.at(pool);
+    way_ = law_.at(law_.loop().rest_points(reference_postures));
+    in_pool_.resize(pool_.loops.size());
+    on_way_.resize(way_.loops.size());
+    for (std::size_t k = 0; k < first_postures; ++k) {
+      add(problem_, pool_, k, range_share);
+      in_pool_[k] = 1;
+    }
   }
 
   Design found(const OnProgress& tell) {
-    best_.theta = best_start(tell);
-    for (int round = 0; round < rounds; ++round) {
-      const std::string what = fmt::format("design: round {} of at most {}", round + 1, rounds);
-      search(what, tell);
-      tell(what + ", other postures");
-      if (!add_worst(round)) break;
+    const auto [first, second] = best_starts(tell);
+    best_ = climbed("design: the best start", first.theta, steps_of_a_round, tell);
+    if (second.theta.size() > 0) {
+      const FoundGains other =
+          climbed("design: the second best start", second.theta, steps_of_a_round, tell);
+      if (other.settling_s < best_.settling_s) best_ = other;
     }
+    for (int round = 0; round < rounds && add_worst(); ++round) {
+      best_ = climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
+                      steps_of_a_round, tell);
+    }
+    if (!std::isfinite(best_.settling_s)) refuse();
     for (int attempt = 0; attempt < 3; ++attempt) {
       Design design = result(tell);
       if (!design.loop.stable || !design.loop.margins) break;
       if (design.loop.margins->modulus >= goal_.modulus - margin_tolerance) return design;
-      rests_.push_back(constant_reference(design.loop.margin_q));
-      const double between = goal_.modulus - design.loop.margins->modulus;  // its frequencies
-      const double margin = problem_.margin + between;
-      problem_ = law_.at(rests_);
-      problem_.margin = margin;
-      search("design: a posture of the reference more", tell);
+      add(problem_, law_.at({constant_reference(design.loop.margin_q)}), 0, 1);
+      problem_.margin += goal_.modulus - design.loop.margins->modulus;  // between its frequencies
+      best_ =
+          climbed("design: a posture of the reference more", best_.theta, steps_of_a_round, tell);
+      if (!std::isfinite(best_.settling_s)) break;
     }
     refuse();
   }
@@ -80,32 +98,86 @@ class Search {
 
   // ---- search -----------------------------------------------------------------------------------
 
-  void search(const std::string& what, const OnProgress& tell) {
-    best_ =
-        faster_gains(problem_, best_.theta, steps_of_a_round, [&](int step, const FoundGains& now) {
-          tell(fmt::format("{}, step {}: settles in {}, modulus {:.3f}", what, step,
-                           settling_text(now.settling_s), now.modulus));
+  FoundGains climbed(const std::string& what, const VectorXd& theta, int steps,
+                     const OnProgress& tell, bool adding = true) {
+    const int end = done_ + steps;
+    const FoundGains found = faster_gains(
+        problem_, theta, steps,
+        [&](GainProblem& problem, const VectorXd& here) {
+          return adding && add_lacking(problem, here);
+        },
+        [&](int step, const FoundGains& now) {
+          ++done_;
+          const std::chrono::duration<double> so_far = std::chrono::steady_clock::now() - begin_;
+          const double left = std::max(0, most_steps - done_) * so_far.count() / done_;
+          tell(fmt::format("{}, step {}: {}, at most {:.0f} s left", what, step,
+                           std::isfinite(now.settling_s)
+                               ? fmt::format("settles in {}, modulus {:.3f}",
+                                             settling_text(now.settling_s), now.modulus)
+                               : "no margin yet",
+                           std::ceil(left)));
         });
-    if (!std::isfinite(best_.settling_s)) refuse();
+    done_ = end;
+    return found;
   }
 
-  /// The best of some starts after some steps each: by the rule, at the largest w that has half the
-  /// margin and at a quarter of it; where these come to nothing, at the largest that has it all. Of
-  /// a rule that has less, the w with the most.
-  VectorXd best_start(const OnProgress& tell) {
+  static void add(GainProblem& problem, const GainProblem& from, std::size_t which, double share) {
+    problem.share.push_back(share);
+    problem.loops.push_back(from.loops[which]);
+    problem.rests.push_back(from.rests[which]);
+  }
+
+  /// Least moduli at the postures of the pool, ascending, with their numbers.
+  [[nodiscard]] std::vector<std::pair<double, std::size_t>> worst_of_pool(
+      const VectorXd& theta) const {
+    const std::vector<double> modulus = least_moduli(pool_, theta);
+    std::vector<std::pair<double, std::size_t>> order;
+    for (std::size_t k = 0; k < modulus.size(); ++k) order.emplace_back(modulus[k], k);
+    std::ranges::sort(order);
+    return order;
+  }
+
+  /// Of the postures in the joints' range those with the least modulus, where it lacks, and of the
+  /// motion the one that settles last.
+  bool add_lacking(GainProblem& problem, const VectorXd& theta) {
+    const std::size_t before = problem.loops.size();
+    for (const auto& [modulus, k] : worst_of_pool(theta)) {
+      if (modulus >= range_share * problem.margin || problem.loops.size() == before + most_added)
+        break;
+      if (!std::exchange(in_pool_[k], 1)) add(problem, pool_, k, range_share);
+    }
+    const std::vector<double> settling = settling_times(way_, theta);
+    double known = 0;
+    for (std::size_t k = 0; k < settling.size(); ++k) {
+      const bool first = k == 0 || k + 1 == settling.size() || 2 * k + 1 == settling.size();
+      if (on_way_[k] || first) known = std::max(known, settling[k]);
+    }
+    const auto last =
+        static_cast<std::size_t>(std::ranges::max_element(settling) - settling.begin());
+    if (settling[last] > slower * known) {
+      on_way_[last] = 1;
+      problem.settling.push_back(problem.loops.size());
+      add(problem, way_, last, 1);
+    }
+    return problem.loops.size() > before;
+  }
+
+  /// The best two of some starts after some steps each: by the rule, with the inertias of joints
+  /// when the others are free or halfway to when they are held, at the largest w that has half the
+  /// margin; where these come to nothing, at the largest that has it all. Of a rule that has less,
+  /// the w with the most.
+  std::pair<FoundGains, FoundGains> best_starts(const OnProgress& tell) {
     struct Start {
-      double filter_ratio, damping, part_of_margin, slower;
+      double filter_ratio, damping, part_of_margin, held;
     };
-    constexpr std::array starts = {Start{4, 1, 0.5, 1},   Start{20, 1, 0.5, 1},
-                                   Start{4, 1, 0.5, 4},   Start{20, 1, 0.5, 4},
-                                   Start{20, 1, 1.02, 1}, Start{1e9, 3, 1.02, 1}};
-    FoundGains best;
+    constexpr std::array starts = {Start{4, 1, 0.5, 0.5}, Start{20, 1, 0.5, 0.5},
+                                   Start{4, 1, 0.5, 0},   Start{20, 1, 0.5, 0},
+                                   Start{20, 1, 1.02, 0}, Start{1e9, 3, 1.02, 0}};
+    std::vector<FoundGains> all(2);
     for (const Start& start : starts) {
-      if (start.part_of_margin > 1 && std::isfinite(best.settling_s)) break;
-      tell(
-          fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()));
+      if (start.part_of_margin > 1 && std::isfinite(all[0].settling_s)) break;
       const auto gains_at = [&](double w) -> VectorXd {
-        return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping))
+        return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping, true, start.held))
             .cwiseMax(problem_.lower)
             .cwiseMin(problem_.upper);
       };
@@ -120,14 +192,14 @@ class Search {
         if (modulus > start.part_of_margin * goal_.modulus) break;
       }
       if (best_w == 0) continue;
-      const bool all = modulus > start.part_of_margin * goal_.modulus;
-      const FoundGains found =
-          faster_gains(problem_, gains_at(best_w / (all ? start.slower : 1)),
-                       all ? steps_of_a_start : steps_of_a_round, [](int, const FoundGains&) {});
-      if (found.settling_s < best.settling_s) best = found;
+      const bool enough = modulus > start.part_of_margin * goal_.modulus;
+      all.push_back(climbed(
+          fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()),
+          gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false));
+      std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
     }
-    if (!std::isfinite(best.settling_s)) refuse();
-    return best.theta;
+    if (!std::isfinite(all[0].settling_s)) refuse();
+    return {all[0], std::isfinite(all[1].settling_s) ? all[1] : FoundGains{}};
   }
 
   /// The least modulus at a posture; above 1 beyond the joints' ranges.
@@ -138,30 +210,23 @@ class Search {
     return least_moduli(law_.at({constant_reference(q)}), best_.theta)[0];
   }
 
-  /// Adds the worst of other postures, the first of them searched from there; whether there was one
-  /// without the margin.
-  bool add_worst(int round) {
-    std::vector<ReferencePoint> at;
-    for (int k = 1; k <= more_postures; ++k) {
-      at.push_back(rest_in_range(law_.model(), 1000 + round * more_postures + k));
-    }
-    const std::vector<double> modulus = least_moduli(law_.at(at), best_.theta);
-    std::vector<std::pair<double, std::size_t>> order;
-    for (std::size_t i = 0; i < modulus.size(); ++i) order.emplace_back(modulus[i], i);
-    std::ranges::sort(order);
-    const auto searched = parallel_map(searched_postures, [&](std::size_t k) {
-      return minimise([&](const VectorXd& q) { return modulus_at(q); }, at[order[k].second].q_ref,
-                      0.3, search_evaluations);
+  /// The worst postures near the worst of the pool.
+  [[nodiscard]] std::vector<Minimum> worst_postures() const {
+    const auto order = worst_of_pool(best_.theta);
+    return parallel_map(searched_postures, [&](std::size_t k) {
+      return minimise([&](const VectorXd& q) { return modulus_at(q); },
+                      pool_.rests[order[k].second].q_ref, 0.3, search_evaluations);
     });
-    worst_ = *std::ranges::min_element(searched, {}, &Minimum::value);
-    for (const Minimum& each : searched) {
-      if (each.value < problem_.margin) rests_.push_back(constant_reference(each.x));
+  }
+
+  /// Adds those of them that lack the margin; whether there were any.
+  bool add_worst() {
+    const std::size_t before = problem_.loops.size();
+    for (const Minimum& each : worst_postures()) {
+      if (each.value >= range_share * problem_.margin) continue;
+      add(problem_, law_.at({constant_reference(each.x)}), 0, range_share);
     }
-    for (std::size_t k = 0; k < worst_postures && order[k].first < problem_.margin; ++k) {
-      rests_.push_back(at[order[k].second]);
-    }
-    problem_ = law_.at(rests_);
-    return worst_.value < problem_.margin;
+    return problem_.loops.size() > before;
   }
 
   // ---- result -----------------------------------------------------------------------------------
@@ -173,8 +238,8 @@ class Search {
                     percent < 10 ? fmt::format("{:.1g}", percent) : fmt::format("{:.0f}", percent));
     switch (binding.kind) {
       case Binding::Kind::margin:
-        return fmt::format("the modulus margin at q = {}{}", list_text(rests_[binding.which].q_ref),
-                           much);
+        return fmt::format("the modulus margin at q = {}{}",
+                           list_text(problem_.rests[binding.which].q_ref), much);
       case Binding::Kind::count:
         return fmt::format("the torque of one encoder count on {}{}", labels_.joint(binding.which),
                            much);
@@ -193,9 +258,11 @@ class Search {
     for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
     const experiment::Scenario scenario = law_.with(design.gains);
     design.loop = analyse(scenario, Effort::full, tell);
-    design.modulus_in_range = worst_.value;
-    design.range_q = worst_.x;
-    design.postures_in_range = more_postures;
+    const std::vector<Minimum> all = worst_postures();
+    const Minimum& worst = *std::ranges::min_element(all, {}, &Minimum::value);
+    design.modulus_in_range = worst.value;
+    design.range_q = worst.x;
+    design.postures_in_range = pool_size;
     tell("design: certified region");
     if (const auto region = largest_region(scenario)) design.certified_error = region->e_at_rest;
     add_friction(design);
@@ -235,10 +302,12 @@ class Search {
   DesignGoal goal_;
   DesignProblem law_;
   robot::JointLabels labels_;
-  std::vector<ReferencePoint> rests_;
-  GainProblem problem_;  ///< at these
+  GainProblem problem_;
+  GainProblem pool_, way_;              ///< in the joints' range; along the motion
+  std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
   FoundGains best_;
-  Minimum worst_;  ///< of the modulus over the joints' range
+  int done_ = 0;  ///< steps, for the time that is left
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace

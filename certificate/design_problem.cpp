@@ -27,14 +27,18 @@ using process::parallel_map;
 using robot::Vector;
 
 constexpr int settling_postures = 3, margin_postures = 4;  // of the reference's motion
-constexpr int first_postures = 16;
-constexpr double gain_difference = 1e-4;  // of the logarithm of a gain
+constexpr int mean_postures = 16;                          // in the joints' range
+constexpr double gain_difference = 1e-4;                   // of the logarithm of a gain
 
-/// The geometric mean over the postures of m_j = 1 / (M^-1)_jj.
-Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoint>& rests) {
+/// The geometric mean over the postures of m_j = 1 / (M^-1)_jj, or of M_jj.
+Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoint>& rests,
+                       bool held) {
   Vector sum = Vector::Zero(model.num_joints);
   for (const ReferencePoint& rest : rests) {
-    sum.array() -= robot::inverse(robot::mass_matrix(model, rest.q_ref)).diagonal().array().log();
+    const Eigen::MatrixXd M = robot::mass_matrix(model, rest.q_ref);
+    const VectorXd own =
+        held ? VectorXd(M.diagonal()) : VectorXd(robot::inverse(M).diagonal().cwiseInverse());
+    sum.array() += own.array().log();
   }
   return (sum / static_cast<double>(rests.size())).array().exp();
 }
@@ -83,14 +87,18 @@ DesignProblem::DesignProblem(const experiment::Scenario& scenario, const DesignG
       law_(tuned_law(scenario.controller.law)),
       model_(plant_of(scenario)),
       mean_(tuning_of(scenario)),
+      held_inertia_(mean_.inertia),
       loop_(with(by_rule(1, 10))) {
   rests_ = loop_.rest_points(settling_postures);
-  problem_.num_settling = rests_.size();
+  for (std::size_t k = 0; k < rests_.size(); ++k) problem_.settling.push_back(k);
   if (loop_.moves()) {
     for (const ReferencePoint& rest : loop_.rest_points(margin_postures)) rests_.push_back(rest);
   }
-  for (int k = 1; k <= first_postures; ++k) rests_.push_back(rest_in_range(model_, k));
-  mean_.inertia = mean_of_inertia(scenario.robot.flexible ? *scenario.model : model_, rests_);
+  std::vector<ReferencePoint> all = rests_;
+  for (int k = 1; k <= mean_postures; ++k) all.push_back(rest_in_range(model_, k));
+  const robot::Model& links = scenario.robot.flexible ? *scenario.model : model_;
+  mean_.inertia = mean_of_inertia(links, all, false);
+  held_inertia_ = mean_of_inertia(links, all, true);
 }
 
 experiment::Scenario DesignProblem::with(const Gains& gains) const {
@@ -106,8 +114,9 @@ std::string DesignProblem::name_of(std::size_t variable) const {
          robot::joint_labels(*scenario_.model).joint(variable % count);
 }
 
-Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b) const {
+Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, double held) const {
   Tuning tuning = mean_;
+  tuning.inertia.array() *= (held_inertia_.array() / mean_.inertia.array()).pow(held);
   tuning.w = w;
   tuning.damping = damping;
   tuning.filter = std::min(r * w, rate());
@@ -177,8 +186,10 @@ GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
     const SampledLoop loop = loop_.at(rests[i]);
     return {loop.plant, loop.law(h), h, loop.delay};
   });
-  problem.feedback = [this, rests](const VectorXd& theta, std::size_t rest, bool derivatives) {
-    return feedback(theta, rests[rest], derivatives);
+  problem.rests = rests;
+  problem.share.assign(rests.size(), 1);
+  problem.feedback = [this](const VectorXd& theta, const ReferencePoint& rest, bool derivatives) {
+    return feedback(theta, rest, derivatives);
   };
   return problem;
 }
@@ -196,7 +207,7 @@ void DesignProblem::choose_variables() {
                   law_.name);
   }
   const LinearLaw first = feedback_at(start_, rests_.front()),
-                  last = feedback_at(start_, rests_.back());
+                  last = feedback_at(start_, rest_in_range(model_, mean_postures));
   const double size = first.D.cwiseAbs().maxCoeff();
   by_joint_ = (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
               (first.B - last.B).isZero(1e-5);  // also without a memory

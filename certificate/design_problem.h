@@ -24,8 +24,11 @@ class DesignProblem {
   void choose_variables();
 
   /// By the rule of thumb, filters r times as fast as the two poles and no faster than 1 / h.
+  /// @param held from 0 to 1: from the inertia of a joint when the others are free to that when
+  /// they are held
   /// @param one_b kd b is split so that b = 1 / h; else b = a, and v_ref + nu is about the velocity
-  [[nodiscard]] Gains by_rule(double w, double r, double damping = 1, bool one_b = true) const;
+  [[nodiscard]] Gains by_rule(double w, double r, double damping = 1, bool one_b = true,
+                              double held = 0) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
   /// The feedback terms about rest in a posture.
@@ -34,8 +37,7 @@ class DesignProblem {
   [[nodiscard]] GainProblem at(const std::vector<loop::ReferencePoint>& rests) const;
 
   [[nodiscard]] experiment::Scenario with(const Gains& gains) const;
-  /// Some of the reference and some of the joints' range; settling is judged at the first
-  /// `num_settling` of them.
+  /// Some of the reference; settling is judged at the first of them.
   [[nodiscard]] const std::vector<loop::ReferencePoint>& first_rests() const { return rests_; }
   [[nodiscard]] const ScenarioLoop& loop() const { return loop_; }
   [[nodiscard]] const robot::Model& model() const { return model_; }
@@ -55,6 +57,7 @@ class DesignProblem {
   const controller::LawFacts& law_;
   robot::Model model_;
   controller::law::Tuning mean_;  ///< with the mean inertias
+  robot::Vector held_inertia_;    ///< mean of M_jj
   ScenarioLoop loop_;
   std::vector<loop::ReferencePoint> rests_;
   Gains start_;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <numbers>
 
 #include "robot/decompositions.h"
 
@@ -16,6 +17,9 @@ using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
+
+constexpr int num_frequencies = 80;
+constexpr double lowest_rad_per_s = 1;
 
 /// Only the rows of one joint, of vectors that each have an entry per joint.
 MatrixXd rows_of_joint(const MatrixXd& all, Index joint, Index n) {
@@ -63,6 +67,16 @@ FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s) {
   return at;
 }
 
+std::vector<double> kept_frequencies(double period_s) {
+  const double highest = 0.999 * std::numbers::pi / period_s;
+  std::vector<double> w;
+  for (int k = 0; k < num_frequencies; ++k) {
+    w.push_back(lowest_rad_per_s * std::pow(highest / lowest_rad_per_s,
+                                            static_cast<double>(k) / (num_frequencies - 1)));
+  }
+  return w;
+}
+
 RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period_s, int delay)
     : n_(plant.num_joints), period_s_(period_s) {
   LinearLaw compensation{MatrixXd(0, 0),  MatrixXd(0, law.D.cols()),
@@ -80,6 +94,8 @@ RestLoop::RestLoop(const LinearPlant& plant, const LinearLaw& law, double period
   T_ = T;
   UB_ = U.adjoint() * B_;
   CU_ = C_ * U;
+  w_ = kept_frequencies(period_s);
+  for (const double w : w_) at_w_.push_back(new_response(w));
 }
 
 MatrixXd RestLoop::closed(const LinearLaw& law) const {
@@ -106,6 +122,12 @@ MatrixXd RestLoop::displaced(const LinearLaw& law) const {
 }
 
 MatrixXcd RestLoop::response(double w) const {
+  const auto kept = std::ranges::lower_bound(w_, w);
+  if (kept != w_.end() && *kept == w) return at_w_[static_cast<std::size_t>(kept - w_.begin())];
+  return new_response(w);
+}
+
+MatrixXcd RestLoop::new_response(double w) const {
   MatrixXcd resolvent = -T_;
   resolvent.diagonal().array() += std::polar(1.0, w * period_s_);
   const MatrixXcd state = resolvent.triangularView<Eigen::Upper>().solve(UB_);

@@ -32,6 +32,9 @@ struct FeedbackAt {
 };
 FeedbackAt at_frequency(const Feedback& feedback, double w, double period_s);
 
+/// The frequencies at which a RestLoop keeps its response, ascending [rad/s].
+std::vector<double> kept_frequencies(double period_s);
+
 /// A plant at rest with its compensation of gravity closed and its delay: everything but the gains.
 class RestLoop {
  public:
@@ -57,11 +60,14 @@ class RestLoop {
 
  private:
   [[nodiscard]] Eigen::MatrixXcd response(double w) const;
+  [[nodiscard]] Eigen::MatrixXcd new_response(double w) const;
 
   Eigen::Index n_ = 0;
   double period_s_ = 0;
-  Eigen::MatrixXd A_, B_, C_;     ///< from torque to measurement
-  Eigen::MatrixXcd T_, UB_, CU_;  ///< in Schur's coordinates
+  std::vector<double> w_;               ///< kept_frequencies
+  std::vector<Eigen::MatrixXcd> at_w_;  ///< the responses there
+  Eigen::MatrixXd A_, B_, C_;           ///< from torque to measurement
+  Eigen::MatrixXcd T_, UB_, CU_;        ///< in Schur's coordinates
 };
 
 /// The errors of all joints from each alone, a row for each of some instants from begin to end.

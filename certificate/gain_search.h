@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "certificate/gain_rows.h"
+#include "loop/signals.h"
 
 /// The gains of a law that settle first with a modulus margin kept at all postures, by sequential
 /// linear programming in the logarithms theta of the gains. For a time T that is shortened each
@@ -16,15 +17,18 @@ namespace tachless::certificate {
 
 struct GainProblem {
   std::vector<RestLoop> loops;
-  std::size_t num_settling = 0;  ///< the first of them are those whose errors are looked at
-  /// theta → the law about a loop's posture, with its derivatives where they are asked for.
-  std::function<Feedback(const Eigen::VectorXd& theta, std::size_t loop, bool derivatives)>
+  std::vector<loop::ReferencePoint> rests;  ///< where they are
+  std::vector<std::size_t> settling;        ///< those whose errors are looked at
+  /// theta → the law about a posture, with its derivatives where they are asked for.
+  std::function<Feedback(const Eigen::VectorXd& theta, const loop::ReferencePoint& rest,
+                         bool derivatives)>
       feedback;
   bool same_everywhere = false;  ///< that of loop 0 is that of all
   bool resonant = false;         ///< poles may be little damped: flexible joints
   Eigen::VectorXd lower, upper;  ///< of theta
   Eigen::VectorXd most_gain;     ///< torque per measured angle, each joint's own
   double margin = 0.5;
+  std::vector<double> share;  ///< of the margin, that a loop has to keep
   double settling_s = 0;  ///< that is enough: from there on, more margin; 0: as fast as possible
 };
 
@@ -48,8 +52,16 @@ FoundGains judged(const GainProblem& problem, const Eigen::VectorXd& theta);
 /// The least modulus at each of the loops.
 std::vector<double> least_moduli(const GainProblem& problem, const Eigen::VectorXd& theta);
 
-/// From there, where all loops must be stable, in so many steps at most. Deterministic.
-FoundGains faster_gains(GainProblem problem, const Eigen::VectorXd& theta, int most_steps,
+/// The settling time at each of the loops, infinite where it is unstable [s].
+std::vector<double> settling_times(const GainProblem& problem, const Eigen::VectorXd& theta);
+
+/// Adds to the problem loops at which these gains lack something; whether there were any.
+using AddLoops = std::function<bool(GainProblem& problem, const Eigen::VectorXd& theta)>;
+
+/// From there, where all loops must be stable, in so many steps at most; every few steps and at the
+/// end loops are added. Deterministic.
+FoundGains faster_gains(GainProblem& problem, const Eigen::VectorXd& theta, int most_steps,
+                        const AddLoops& add,
                         const std::function<void(int step, const FoundGains&)>& tell);
 
 /// The constraints that bind at these gains, the one that costs most first.
