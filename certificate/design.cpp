@@ -70,8 +70,10 @@ class Search {
       if (other.settling_s < best_.settling_s) best_ = other;
     }
     for (int round = 0; round < rounds && add_worst(); ++round) {
-      best_ = climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
-                      steps_of_a_round, tell);
+      const FoundGains next =
+          climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
+                  steps_of_a_round, tell);
+      if (std::isfinite(next.settling_s) || !std::isfinite(best_.settling_s)) best_ = next;
     }
     if (!std::isfinite(best_.settling_s)) refuse();
     for (int attempt = 0; attempt < 3; ++attempt) {

@@ -155,9 +155,10 @@ FoundGains faster_gains(GainProblem& problem, const VectorXd& start, int most_st
   int accepted = 0;
   for (int step = 0; step < most_steps; ++step) {
     bool moved = false;
-    const bool goes_on = climb.step(moved) && step + 1 < most_steps;
+    const bool goes_on = climb.step(moved);
     accepted += moved ? 1 : 0;
     tell(step, climb.best());
+    if (step + 1 == most_steps) break;  // what lacks there is for what comes next
     if (goes_on && (!moved || accepted % steps_between_loops != 0)) continue;
     const VectorXd here =
         goes_on || !std::isfinite(climb.best().settling_s) ? climb.theta() : climb.best().theta;
