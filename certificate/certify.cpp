@@ -197,6 +197,26 @@ Group region_group(const Certificate& all) {
   return group;
 }
 
+Group nonlinear_group(const Certificate& all) {
+  Group group{"sampled_nonlinear",
+              "Sampled loop, nonlinear (the one-tick map as coded, its reference held)",
+              {}};
+  if (!all.nonlinear) {
+    group.add("none", "none", all.no_nonlinear, all.no_nonlinear);
+    return group;
+  }
+  const SampledRegion& r = *all.nonlinear;
+  group.add("status", "status", "searched",
+            fmt::format("searched in {} directions, not proved", r.directions));
+  group.add("directions", "", r.directions, "");
+  group.add("q_ref", "at q =", json_of(r.q_ref), list_text(r.q_ref));
+  group.add("e_at_rest", "e up to, alone from rest", json_of(r.e_at_rest), list_text(r.e_at_rest));
+  group.add("edot", "edot up to, alone", json_of(r.edot), list_text(r.edot));
+  group.add("no_end_found", r.cut ? "no end found" : "", r.cut,
+            fmt::format("up to where the search ends, an error of {:.3g}", r.widest));
+  return group;
+}
+
 /// The paper's numbers, each with its equation.
 Group paper_group(const PaperConditions& paper) {
   Group group{"paper", "Conditions as Loria and Ortega (1995) print them (one weight eps)", {}};
@@ -236,6 +256,9 @@ Json json_of(const Group& group) {
 std::vector<Group> groups(const Certificate& certificate) {
   std::vector<Group> all = {loop_group(certificate.loop), reference_group(certificate.feasibility),
                             region_group(certificate)};
+  if (certificate.nonlinear || !certificate.no_nonlinear.empty()) {
+    all.push_back(nonlinear_group(certificate));
+  }
   if (certificate.paper) all.push_back(paper_group(*certificate.paper));
   return all;
 }
@@ -303,11 +326,13 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
 
 }  // namespace
 
-Certificate certify(const experiment::Scenario& scenario, bool paper, const OnProgress& tell) {
+Certificate certify(const experiment::Scenario& scenario, bool paper, const OnProgress& tell,
+                    bool nonlinear) {
   Certificate result;
   result.feasibility = feasibility(scenario);
   result.loop = analyse(scenario, Effort::full, tell);
   result.stability = stability_certificate(scenario, Effort::full, result.no_stability, tell);
+  if (nonlinear) result.nonlinear = sampled_region(scenario, result.no_nonlinear, tell);
   if (paper) result.paper = paper_conditions(scenario, result.no_stability);
   return result;
 }

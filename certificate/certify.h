@@ -7,6 +7,7 @@
 
 #include "certificate/feasibility.h"
 #include "certificate/prediction.h"
+#include "certificate/sampled_region.h"
 #include "certificate/stability_certificate.h"
 
 /// `tachless certify`: what is known of a scenario before it is run, for people and as JSON.
@@ -16,14 +17,17 @@ struct Certificate {
   Prediction loop;
   Feasibility feasibility;
   std::optional<StabilityCertificate> stability;
-  std::optional<PaperConditions> paper;  ///< where it was asked for
-  std::string no_stability;              ///< why there is none
+  std::optional<PaperConditions> paper;    ///< where it was asked for
+  std::string no_stability;                ///< why there is none
+  std::optional<SampledRegion> nonlinear;  ///< where it was asked for
+  std::string no_nonlinear;                ///< why there is none; empty: not asked for
 };
 
 /// @param paper with the conditions that Loria and Ortega (1995) print
+/// @param nonlinear with the search for the region of the loop as it is sampled
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
 Certificate certify(const experiment::Scenario& scenario, bool paper,
-                    const OnProgress& tell = no_progress);
+                    const OnProgress& tell = no_progress, bool nonlinear = false);
 
 /// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
 /// Empty when nothing stands against it.

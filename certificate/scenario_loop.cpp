@@ -70,41 +70,55 @@ std::array<Vector, 4> state_on(const ReferencePoint& r, const robot::Model& mode
 }
 
 template <class L>
-LinearLaw linear_law_of(const experiment::Scenario& scenario, const ReferencePoint& reference,
-                        const std::array<Vector, 4>& state) {
+SteppedLaw stepped_law_of(const experiment::Scenario& scenario, const ReferencePoint& reference,
+                          const std::array<Vector, 4>& state) {
   const L law = controller::make_law<L>(scenario);
   typename L::Measurement nominal;
-  std::vector<Part> measured;
+  SteppedLaw result;
   const std::vector<Vector*> parts = parts_of(nominal);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i] == nullptr) continue;
     *parts[i] = state[i];  // of a rigid robot's motors: empty
-    if (state[i].size() > 0) measured.push_back(static_cast<Part>(i));
+    if (state[i].size() > 0) result.measured.push_back(static_cast<Part>(i));
   }
   // That of a loop under way: what a law knows only from a step before, such as the torque that it
   // commanded, is missing in the memory that it starts with.
   auto memory = law.step(law.start(nominal, reference), nominal, reference).memory;
-  const LawStep step = [&](const VectorXd& memory_in, const VectorXd& measurement_in) {
+  result.memory = packed(vectors_of(memory));
+  result.measurement = packed(parts);
+  result.start = [=](const VectorXd& measurement_in) {
+    typename L::Measurement own = nominal;
+    unpack(measurement_in, parts_of(own));
+    auto first = law.start(own, reference);
+    return packed(vectors_of(first));
+  };
+  result.step = [=](const VectorXd& memory_in, const VectorXd& measurement_in) {
     auto before = memory;
     typename L::Measurement own = nominal;
     unpack(memory_in, vectors_of(before));
     unpack(measurement_in, parts_of(own));
-    auto result = law.step(before, own, reference);
-    return std::pair<VectorXd, VectorXd>(packed(vectors_of(result.memory)), result.command.tau);
+    auto next = law.step(before, own, reference);
+    return std::pair<VectorXd, VectorXd>(packed(vectors_of(next.memory)), next.command.tau);
   };
-  return linearised(step, packed(vectors_of(memory)), packed(parts), std::move(measured));
+  return result;
 }
 
-LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
-                     const std::array<Vector, 4>& state) {
-  LinearLaw result;
+SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
+                       const std::array<Vector, 4>& state) {
+  SteppedLaw result;
   const auto take = [&]<class L>(std::type_identity<L> /*type*/) {
     if constexpr (controller::law::MadeOfVectors<typename L::Memory>) {
-      result = linear_law_of<L>(scenario, reference, state);
+      result = stepped_law_of<L>(scenario, reference, state);
     }
   };
   controller::with_law(scenario.controller.law, take);
   return result;
+}
+
+LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
+                     const std::array<Vector, 4>& state) {
+  const SteppedLaw law = stepped_law(scenario, reference, state);
+  return linearised(law.step, law.memory, law.measurement, law.measured);
 }
 
 /// What of the law's gradient D is there because of gravity.
@@ -198,6 +212,10 @@ LinearLaw ScenarioLoop::law_with(const std::map<std::string, Vector>& gains,
   ScenarioLoop loop = *this;
   loop.scenario_ = std::make_shared<const experiment::Scenario>(std::move(other));
   return loop.at(reference).law(settings_.period_s);
+}
+
+SteppedLaw ScenarioLoop::stepped(const ReferencePoint& reference) const {
+  return stepped_law(*scenario_, reference, state_on(reference, model_, *scenario_));
 }
 
 MatrixXd ScenarioLoop::map_at(double t_s) const {

@@ -20,6 +20,15 @@
 /// in it. Also the Lyapunov function that its law declares.
 namespace tachless::certificate {
 
+/// A law as a function, its reference held, as vectors of numbers: memory and measurement at rest
+/// there, and the memory with which it starts from a measurement.
+struct SteppedLaw {
+  LawStep step;
+  std::function<Eigen::VectorXd(const Eigen::VectorXd&)> start;
+  Eigen::VectorXd memory, measurement;
+  std::vector<Part> measured;
+};
+
 class ScenarioLoop {
  public:
   /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
@@ -38,6 +47,9 @@ class ScenarioLoop {
   /// The law about rest there with these gains in place of the scenario's.
   [[nodiscard]] LinearLaw law_with(const std::map<std::string, robot::Vector>& gains,
                                    const loop::ReferencePoint& reference) const;
+
+  /// The law itself, not linearised, with the reference held at that point.
+  [[nodiscard]] SteppedLaw stepped(const loop::ReferencePoint& reference) const;
 
   /// The map of one period of the scenario from time t [s] on: the law at t, the plant half a
   /// period later.

@@ -81,6 +81,13 @@ ArmState Arm::state() const {
           xdot_.tail(num_motors)};
 }
 
+void Arm::set_state(const ArmState& state, double time_s) {
+  x_ << state.q, state.theta;
+  xdot_ << state.v, state.thetadot;
+  now_s_ = time_s;
+  step_s_ = 0;
+}
+
 /// The right-hand side: accelerations of (q, theta) at a time, a position and a velocity.
 void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdot,
                      Coordinates& xddot) {

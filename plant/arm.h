@@ -39,6 +39,8 @@ class Arm {
   Arm(const robot::Model& model, const ArmOptions& options, const ArmState& initial);
 
   [[nodiscard]] ArmState state() const;
+  /// To another state at another time, as if constructed so.
+  void set_state(const ArmState& state, double time_s);
 
   /// What the arm would do now under motor torque `tau` [N m]: the right-hand side that `advance`
   /// integrates.

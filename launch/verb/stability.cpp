@@ -64,7 +64,8 @@ struct Certify {
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
         scenario, paper,
-        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); });
+        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); },
+        full || json);
     screen.clear();
     nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
     all.update(to_json(result));

@@ -1,0 +1,116 @@
+#include "certificate/sampled_region.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "process/parallel.h"
+#include "robot/dynamics.h"
+#include "study/in_process_loop.h"
+#include "tests/certificate/scenarios.h"
+
+namespace tachless::certificate {
+namespace {
+
+using namespace testing;
+using Eigen::VectorXd;
+using robot::Vector;
+
+/// At 1 kHz with one tick of delay, held at rest at q.
+experiment::Scenario held_at(const std::string& q, std::vector<std::string> more = {}) {
+  more.insert(more.end(), {"reference={hold: {position_rad: " + q + "}}",
+                           "plant.encoder.resolution_bits=null", "plant.mechanics=native",
+                           "loop.duration_s=0.4", "plant.initial.torque=hold"});
+  return shipped("practical_rigid", more);
+}
+
+SampledRegion region_of(const experiment::Scenario& scenario) {
+  std::string why_not;
+  auto region = sampled_region(scenario, why_not);
+  if (!region) throw std::runtime_error(why_not);
+  return *region;
+}
+
+TEST(OneTick, HasTheLinearLoopAsItsGradient) {
+  const OneTick F(held_at("[0.3, 0.8]"), Eigen::Vector2d(0.3, 0.8));
+  const Eigen::MatrixXd A = F.linear();
+  ASSERT_EQ(A.rows(), 10);  // q, v, nu, e before, torque under way
+  const VectorXd scale = (VectorXd(10) << 1, 1, 40, 40, 40, 40, 1, 1, 4e4, 2400).finished();
+  EXPECT_LT(F(VectorXd::Zero(10)).cwiseQuotient(scale).norm(), 1e-12);
+  for (Eigen::Index i = 0; i < 10; ++i) {
+    const VectorXd dx = 1e-5 * scale[i] * VectorXd::Unit(10, i);
+    const VectorXd column = (F(dx) - F(-dx)) / (2e-5 * scale[i]);
+    // Differences of rounded values, 1e-16 / 1e-5, and of the third order.
+    EXPECT_LT((column - A.col(i)).cwiseQuotient(scale).norm() * scale[i], 1e-7) << i;
+  }
+}
+
+/// Published figures of an independent program at q = 0: 1.22 and 2.39 rad.
+TEST(SampledRegion, OfTheTwoLinkArmAtOneKilohertz) {
+  const SampledRegion region = region_of(held_at("[0, 0]"));
+  std::cout << region.e_at_rest.transpose() << " | " << region.edot.transpose() << " widest "
+            << region.widest << "\n";
+  EXPECT_GE(region.e_at_rest[0], 1.2);
+  EXPECT_GE(region.e_at_rest[1], 2.3);
+  EXPECT_GE(region.directions, 4000);
+  EXPECT_FALSE(region.cut);
+}
+
+TEST(SampledRegion, IsNotClaimedWhereThereIsNone) {
+  std::string why_not;
+  EXPECT_FALSE(sampled_region(held_at("[0, 0]", {"loop.period_s=0.01"}), why_not));
+  EXPECT_THAT(why_not, ::testing::HasSubstr("unstable"));
+  EXPECT_FALSE(
+      sampled_region(held_at("[0, 0]", {"plant.drive.coulomb_friction_Nm=[1, 1]"}), why_not));
+  EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
+}
+
+/// The loop of a run, from random directions of (q, v) on the boundary.
+TEST(SampledRegion, IsLeftByNoRunFromItsBoundaryAndAllConverge) {
+  const experiment::Scenario held = held_at("[0, 0]");
+  const SampledRegion region = region_of(held);
+  const OneTick F(held, region.q_ref);
+  constexpr std::size_t runs = 1000;
+  struct Descent {
+    double V0 = 0, end = 0, largest_growth = 0;
+  };
+  std::vector<Descent> descents(runs);
+  process::parallel_for(runs, [&](std::size_t i) {
+    std::mt19937_64 random(i + 1);
+    std::normal_distribution<double> normal;
+    VectorXd plant =
+        (VectorXd(4) << normal(random), normal(random), 50 * normal(random), 50 * normal(random))
+            .finished();
+    plant /= std::sqrt(region.V(F.start(plant)));  // the filter starts linearly
+    experiment::Scenario scenario = held;
+    scenario.plant.initial.position_rad = region.q_ref + plant.head(2);
+    scenario.plant.initial.velocity_rad_per_s = plant.tail(2);
+    scenario.plant.initial.torque = plant::InitialTorque::zero;  // gravity at q_ref
+    VectorXd memory;
+    double before = infinity;
+    study::run_in_process(scenario, [&](const study::TickRecord& record) {
+      VectorXd x(10);
+      x << record.truth.q - region.q_ref, record.truth.v, 0, 0, 0, 0, record.applied.tau;
+      x.segment(4, 4) = record.tick == 0 ? F.start(plant).segment(4, 4) : memory;
+      memory = (VectorXd(4) << record.controller.value[1], record.controller.value[0]).finished();
+      const double V = region.V(x);
+      Descent& descent = descents[i];
+      if (record.tick == 0) descent.V0 = V;
+      if (V > 1e-12) descent.largest_growth = std::max(descent.largest_growth, V / before);
+      before = descent.end = V;
+      return true;
+    });
+  });
+  for (const Descent& each : descents) {
+    EXPECT_NEAR(each.V0, 1, 1e-9);
+    EXPECT_LT(each.largest_growth, 1);
+    EXPECT_LT(each.end, 1e-6);
+  }
+}
+
+}  // namespace
+}  // namespace tachless::certificate
