@@ -82,6 +82,10 @@ Recording read_recording(const std::filesystem::path& log) {
   if (result.scenario.robot.flexible) {
     throw bad_usage("{}: a robot with flexible joints; identify is for rigid ones", result.source);
   }
+  if (result.scenario.plant.dry_run) {
+    throw bad_usage("{}: a dry run, in which the robot was sent nothing; record a run of it",
+                    result.source);
+  }
   Ticks ticks = read_ticks(run);
   if (const std::uint64_t gaps = run.summary().gaps(); gaps > 0 || ticks.missed > 0) {
     throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",

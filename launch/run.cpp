@@ -118,7 +118,13 @@ ExitCode in_this_process(const std::vector<PlannedRun>& runs) {
 
 ExitCode run(const RunOptions& options, const std::vector<std::filesystem::path>& scenarios) {
   const std::vector<PlannedRun> runs = plan_runs(options, scenarios);
-  return options.in_process ? in_this_process(runs) : run_on_bus(runs);
+  if (options.in_process) return in_this_process(runs);
+  for (const PlannedRun& each : runs) {
+    if (!options.ramp) break;
+    const ExitCode code = ramp(options, each);
+    if (code != ExitCode::done) return code;
+  }
+  return run_on_bus(runs);
 }
 
 }  // namespace tachless::launch

@@ -47,7 +47,9 @@ struct RunOptions {
   bool quiet = false;
   bool verbose = false;
   bool json = false;
-  bool watch = false;  ///< show it in a browser while it goes on
+  bool watch = false;    ///< show it in a browser while it goes on
+  bool dry_run = false;  ///< `plant_program` sends nothing to its robot
+  bool ramp = false;     ///< first bring the robot of `plant_program` to where the scenario begins
 
   [[nodiscard]] std::vector<std::string> all_overrides() const;
   /// `line`, after "<robot>: " where there are several.
@@ -163,6 +165,13 @@ class Conclusions {
 /// no usable multicast. Returns whether it did.
 /// @throw diagnostics::Failure(bad_usage)
 bool prepare_network(const RunOptions& options);
+
+/// Brings the robot of the run's driver from where it stands to where the scenario begins, by a run
+/// of the scenario's law along a slow motion, with its own log: at most a tenth of each joint's
+/// limits of speed, and of torque beyond what holds it.
+/// @return of the run that ended badly, or done; @throw diagnostics::Failure(check_said_no) when
+/// the robot is outside of its range or has not arrived, otherwise as `run`
+diagnostics::ExitCode ramp(const RunOptions& options, const PlannedRun& run);
 
 /// Carries out `runs` at once, each in four processes on the bus, to its conclusion.
 /// @return and @throw as `run`

@@ -66,6 +66,10 @@ void require_fitting_mode(const RunOptions& options, const experiment::Scenario&
         "{}: --plant: loop.mode is lockstep, and a real robot does not wait; type --mode realtime",
         scenario.source);
   }
+  if (options.plant_program.empty() && scenario.plant.dry_run) {
+    throw scenario.complaint("plant.dry_run",
+                             "true, but the robot is emulated; allowed: with --plant PROGRAM");
+  }
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {
@@ -162,6 +166,7 @@ std::vector<std::string> RunOptions::all_overrides() const {
   }
   if (!mode.empty()) all.push_back("loop.mode=" + mode);
   if (!duration_s.empty()) all.push_back("loop.duration_s=" + duration_s);
+  if (dry_run) all.emplace_back("plant.dry_run=true");
   return all;
 }
 

@@ -10,7 +10,6 @@
 
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
-#include "loop/clock.h"
 #include "plant/plant_model.h"
 #include "plant/spec.h"
 #include "robot/dynamics.h"
@@ -55,6 +54,7 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
       driver_(driver == nullptr ? *emulator_ : *driver),
       drive_(make_drive(scenario, model_)),
       encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
+      speed_(robot::Vector::Zero(model_.num_joints)),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {
   const auto& limit = scenario.plant.drive.torque_limit_Nm;
   if (driver != nullptr && (!limit || !limit->allFinite())) {
@@ -62,6 +62,11 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
                              "no limit; a real robot needs one for each joint");
   }
   const Spec& spec = scenario.plant;
+  if (driver == nullptr && spec.dry_run) {
+    throw scenario.complaint("plant.dry_run",
+                             "true, but the robot is emulated; allowed: with a driver (--plant)");
+  }
+  stopped_ = spec.dry_run;
   if (spec.following_error_rad) {
     following_error_ = *spec.following_error_rad;
   } else if (driver != nullptr) {
@@ -97,20 +102,25 @@ void GuardedRobot::feed(std::string_view measurement) {
 void GuardedRobot::start() {
   if (!emulated()) {
     read(-1);
-    const robot::Vector begin = initial_state(scenario_, model_).q;
-    for (Eigen::Index i = 0; i < begin.size(); ++i) {
-      if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
-      throw scenario_.complaint(
-          "plant.initial.position_rad",
-          fmt::format("{:.6g} for {}, which is at {:.6g}; move the robot to within {:.6g} of where "
-                      "the scenario begins, or begin where it is",
-                      begin[i], robot::joint_labels(model_).joint(static_cast<std::size_t>(i)),
-                      state_.q[i], start_tolerance));
-    }
+    if (!scenario_.plant.dry_run) require_start();
     if (is_clock()) require_period();
   }
+  if (scenario_.plant.dry_run) return;
   started_ = true;
   driver_.start();
+}
+
+void GuardedRobot::require_start() const {
+  const robot::Vector begin = initial_state(scenario_, model_).q;
+  for (Eigen::Index i = 0; i < begin.size(); ++i) {
+    if (std::abs(state_.q[i] - begin[i]) <= start_tolerance) continue;
+    throw scenario_.complaint(
+        "plant.initial.position_rad",
+        "{:.6g} for {}, which is at {:.6g}; move the robot to within {:.6g} of where the scenario "
+        "begins (run --ramp), or begin where it is",
+        begin[i], robot::joint_labels(model_).joint(static_cast<std::size_t>(i)), state_.q[i],
+        start_tolerance);
+  }
 }
 
 void GuardedRobot::require_period() {
@@ -129,10 +139,16 @@ void GuardedRobot::require_period() {
 }
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
+  const auto asked = emulated() ? Clock::time_point() : Clock::now();
   state_ = driver_.read();
   if (!emulated()) {
     require_sound(tick);
     apply_conventions();
+  }
+  if (driver_.measures_velocity()) {
+    speed_ = state_.v;
+  } else {
+    measure_speed(asked);
   }
   const auto ring = static_cast<std::int64_t>(past_.size());
   const std::int64_t now = std::max<std::int64_t>(tick, 0);
@@ -185,13 +201,24 @@ robot::Vector GuardedRobot::to_be_sent(const robot::Vector& tau) const {
   return scenario_.robot.joint_signs.cwiseProduct(sent);
 }
 
+void GuardedRobot::measure_speed(Clock::time_point asked) {
+  if (mark_.q.size() != 0) {
+    const double own_s = state_.time_s - mark_.time_s;
+    const double passed_s = std::isfinite(own_s)
+                                ? own_s
+                                : std::chrono::duration<double>(Clock::now() - mark_.asked).count();
+    if (passed_s < speed_window_s) return;
+    speed_ = (state_.q - mark_.q) / passed_s;
+  }
+  mark_ = {state_.q, asked, state_.time_s};
+}
+
 void GuardedRobot::watch_limits(std::int64_t tick) {
   const bool warns = emulated() && scenario_.plant.on_limit == OnLimit::warn;
   for (Eigen::Index i = 0; i < state_.q.size(); ++i) {
     // An emulated state that is not finite is none of these; it ends the run elsewhere.
     const bool outside = state_.q[i] < model_.lower[i] || state_.q[i] > model_.upper[i];
-    const bool fast =
-        driver_.measures_velocity() && std::abs(state_.v[i]) > model_.velocity_limit[i];
+    const bool fast = std::abs(speed_[i]) > model_.velocity_limit[i];
     const auto joint = static_cast<std::size_t>(i);
     beyond_limit_[joint] = warns && (outside || fast);
     if (stopped_ || (!outside && !fast)) continue;
@@ -227,7 +254,7 @@ std::string GuardedRobot::limit_text(Eigen::Index joint, bool outside, std::int6
                             state_.q[joint], unit, when(tick), model_.lower[joint],
                             model_.upper[joint], unit)
               : fmt::format("moves at {:.6g} {}/s {}, faster than its limit of {:.6g} {}/s",
-                            state_.v[joint], unit, when(tick), model_.velocity_limit[joint], unit);
+                            speed_[joint], unit, when(tick), model_.velocity_limit[joint], unit);
   const char* remedy = "";
   if (emulated()) {
     remedy = scenario_.plant.on_limit == OnLimit::warn

@@ -11,6 +11,7 @@
 
 #include "diagnostics/failure.h"
 #include "experiment/scenario.h"
+#include "loop/clock.h"
 #include "loop/measurements.h"
 #include "plant/arm_state.h"
 #include "plant/drive.h"
@@ -50,7 +51,8 @@ class GuardedRobot {
   /// (protocol_violated) when there is no such measurement.
   void feed(std::string_view measurement);
 
-  /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`.
+  /// The run begins now. A real robot has to be where the scenario begins, to `start_tolerance`;
+  /// with plant.dry_run it may be anywhere, is not started, and counts as stopped.
   /// @throw diagnostics::Failure(bad_usage) when it is elsewhere, or its own ticks are not as long
   /// as the scenario's.
   void start();
@@ -58,8 +60,9 @@ class GuardedRobot {
 
   /// The state at the beginning of `tick`.
   /// @throw diagnostics::Failure(protective_stop) when a real robot's is not finite, or, unless the
-  /// robot is stopped already, a joint is outside of its range, too fast (where that is measured;
-  /// with plant.on_limit: warn an emulated one is warned of instead, once per joint) or further
+  /// robot is stopped already, a joint is outside of its range, too fast (by its velocity or, where
+  /// that is not measured, on the average of 20 ms; with plant.on_limit: warn an emulated one is
+  /// warned of instead, once per joint) or further
   /// from its reference than plant.following_error_rad; std::logic_error when it has other joints
   /// than the scenario.
   const ArmState& read(std::int64_t tick);
@@ -97,6 +100,7 @@ class GuardedRobot {
   [[nodiscard]] bool at_rest() const;
 
  private:
+  void require_start() const;
   void require_period();
   /// `state_`, as the driver read it, in the scenario's coordinates.
   void apply_conventions();
@@ -104,6 +108,10 @@ class GuardedRobot {
   [[nodiscard]] robot::Vector to_be_sent(const robot::Vector& tau) const;
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
+  /// `speed_` of a robot that does not measure it: the mean over `speed_window_s` and more, by the
+  /// robot's own time or from before the first reading to now: never more than it was.
+  /// @param asked the time before `state_` was read
+  void measure_speed(loop::Clock::time_point asked);
   void watch_limits(std::int64_t tick);
   void watch_following(std::int64_t tick);
   [[nodiscard]] std::string limit_text(Eigen::Index joint, bool outside, std::int64_t tick) const;
@@ -119,6 +127,13 @@ class GuardedRobot {
   std::optional<reference::Trajectory> trajectory_;
   robot::Vector first_error_;  ///< |q - q_ref| at tick 0
   ArmState state_;
+  robot::Vector speed_;  ///< of each joint [rad/s; m/s]
+  static constexpr double speed_window_s = 0.02;
+  struct {
+    robot::Vector q;
+    loop::Clock::time_point asked;
+    double time_s = 0;
+  } mark_;                      ///< where the window of `speed_` begins
   std::vector<ArmState> past_;  ///< of the last ticks, a ring
   std::size_t sensed_ = 0;
   std::array<bool, robot::max_joints> beyond_limit_{}, warned_{};

@@ -331,6 +331,7 @@ struct Spec {
   std::vector<DisturbanceSpec> disturbances;
   OnLimit on_limit = OnLimit::stop;
   std::optional<robot::Vector> following_error_rad;
+  bool dry_run = false;
 
   static constexpr std::tuple keys{
       schema::Key{"initial", &Spec::initial},
@@ -354,7 +355,11 @@ struct Spec {
                   "The protective stop when a joint is further from its reference than at the "
                   "start by more than this"}
           .in(schema::positive)
-          .by_default("0.05 with a real robot, none with the emulator")};
+          .by_default("0.05 with a real robot, none with the emulator"),
+      schema::Key{"dry_run", &Spec::dry_run, "",
+                  "A real robot is read and sent nothing, its drives are not enabled; everything "
+                  "else is as in a run"}
+          .by_default()};
 };
 
 }  // namespace tachless::plant

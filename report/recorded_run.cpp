@@ -168,6 +168,10 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     yardsticks.saturated_ticks.push_back(static_cast<std::int64_t>(ticks.count));
   }
   run.verdict = judge(run.tracking, yardsticks);
+  if (run.scenario.plant.dry_run) {
+    run.verdict = {};
+    run.verdict.reason = "a dry run, the robot was sent nothing";
+  }
   if (const std::int64_t ticks = run.summary.last_tick + 1; ticks < run.info.num_ticks) {
     run.verdict.outcome = study::Outcome::stopped;
     run.verdict.reason = fmt::format("ended after {} of {} ticks", ticks, run.info.num_ticks);

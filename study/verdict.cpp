@@ -279,7 +279,7 @@ std::string text(const Verdict& verdict, const robot::JointLabels& joints) {
     case Outcome::not_judged:
       break;
   }
-  return "not judged: too few ticks";
+  return fmt::format("not judged: {}", verdict.reason.empty() ? "too few ticks" : verdict.reason);
 }
 
 }  // namespace tachless::study

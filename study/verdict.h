@@ -22,7 +22,7 @@ enum class Outcome {
   followed,      ///< at most 5 %
   lags,          ///< more, and the motion makes it
   slow,          ///< more, and it decays
-  not_judged,    ///< too few ticks
+  not_judged,    ///< too few ticks, or a dry run
   rests_beside,  ///< more, and it is constant
   stuck,         ///< so, without speed, and the joint has dry friction
   saturated,     ///< a joint was at its torque limit for more than half of the run
@@ -65,7 +65,7 @@ struct Verdict {
   double counted_from_s = 0;   ///< that is counted from the motion's end; 0: from the start
   double saturated_share = 0;  ///< largest of the joints' shares of ticks
   double friction = 0, stiffness = 0;  ///< of the joint that decides, where known
-  std::string reason;                  ///< why it was stopped, interrupted
+  std::string reason;                  ///< why it was stopped, interrupted, not judged
 
   [[nodiscard]] std::string_view word() const { return schema::name_of(outcome); }
 };

@@ -39,6 +39,17 @@ struct Run : RunOptions {
     command.add_option("--plant", plant_program,
                        "The plant is this program, as typed in a shell: a robot's driver; realtime "
                        "only");
+    auto* driver = command.get_option("--plant");
+    command
+        .add_flag("--dry-run", dry_run,
+                  "All of a run, but --plant's robot is sent nothing: what would it be sent?")
+        ->needs(driver);
+    command
+        .add_flag("--ramp", ramp,
+                  "First bring --plant's robot slowly from where it stands to where the scenario "
+                  "begins, under the scenario's law")
+        ->needs(driver)
+        ->excludes(command.get_option("--dry-run"));
     command
         .add_option("--placement", placement,
                     "On which CPUs: auto (lock-step: plant, controller and reference on one), or "
@@ -87,6 +98,7 @@ const Verb run_verb = verb_of<Run>(
     "  tachless run scenarios/practical_rigid.yaml --mode realtime --out out/rt --isolate\n"
     "  tachless run scenarios/paper_rigid.yaml --controller 'python3 law.py'\n"
     "  tachless run arm.yaml --plant ./own_driver --mode realtime\n"
+    "  tachless run arm.yaml --plant ./own_driver --ramp\n"
     "  tachless run left.yaml right.yaml");
 
 }  // namespace tachless::launch

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstddef>
 #include <functional>
 #include <limits>
@@ -157,6 +158,56 @@ TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
     EXPECT_EQ(outcome.statistics.plant().wake_up_jitter_us.count(), 30);
     EXPECT_TRUE(robot.stopped);
   }
+}
+
+TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnything) {
+  const experiment::Scenario s = limited({"plant.dry_run=true"});
+  Peers peers(s);
+  Recording robot;
+  robot.state.q << 1, -2;
+  const Outcome outcome = run(s, peers, nullptr, &robot);
+  ASSERT_EQ(outcome.fault, "");
+  EXPECT_EQ(robot.calls, std::string(31, 'r'));
+  // The log has what it would have been sent, within its limits.
+  ASSERT_EQ(peers.truths.size(), 30U);
+  EXPECT_EQ(peers.truths[5].tau, torque_of(4));
+  EXPECT_EQ(peers.truths[20].tau[0], 4);
+
+  Ticking clock;
+  Peers others(s);
+  EXPECT_EQ(run(s, others, nullptr, &clock).fault, "");
+  EXPECT_TRUE(clock.torques.empty());
+  EXPECT_FALSE(clock.stopped);
+}
+
+TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
+  /// Its elbow moves on by `step` in each of its ticks.
+  class Moving final : public Ticking {
+   public:
+    ArmState exchange(const robot::Vector& tau) override {
+      if (tau.size() > 0) state.q[1] += step;
+      return Ticking::exchange(tau);
+    }
+    double step = 0;
+  };
+  const auto fault = [](double step, bool tells_time) {
+    const experiment::Scenario s =
+        with_limited_elbow(limited({"plant.following_error_rad=1e6"}),
+                           R"(lower="-1e9" upper="1e9" effort="100" velocity="1.5")");
+    Peers peers(s);
+    Moving robot;
+    robot.step = step;
+    if (!tells_time) robot.state.time_s = NAN;
+    return run(s, peers, nullptr, &robot).fault;
+  };
+  EXPECT_EQ(fault(1.4e-3, true), "");
+  EXPECT_THAT(fault(1.6e-3, true),
+              AllOf(HasSubstr("joint 2 (elbow) moves at 1.6 rad/s at tick 20, faster than its "
+                              "limit of 1.5 rad/s"),
+                    Not(HasSubstr("on_limit"))));
+  // By this process's time: a tick of 1 rad lasts less than 0.6 s however busy the machine is.
+  EXPECT_THAT(fault(1, false), HasSubstr("faster than its limit of 1.5 rad/s"));
+  EXPECT_EQ(fault(0, false), "");
 }
 
 TEST(RobotDriver, ThatIsTheClockIsRefusedWhenItsTicksAreNotTheScenarios) {

@@ -4,9 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -87,6 +90,27 @@ TEST_F(OwnDriver, IsRunWithTheOthersByOneCommand) {
   EXPECT_EQ(log.summary().ticks, 2000U);
 }
 
+TEST_F(OwnDriver, IsSentNothingInADryRun) {
+  const TemporaryDirectory directory;
+  Program program("tachless",
+                  {"run", TACHLESS_SOURCE_DIR "/examples/own_driver/rig.yaml", "--plant",
+                   TACHLESS_BINARY_DIR "/installed/work/own_driver/build/own_driver", "--out",
+                   directory / "out", "--set", "loop.max_missed=400", "--set",
+                   "loop.max_missed_share=1", "--set", "plant.initial.position_rad=[0.1, 0]",
+                   "--dry-run"},
+                  directory.path());
+  EXPECT_EQ(program.wait(), 0) << program.errors();
+  EXPECT_THAT(program.output(), HasSubstr("not judged: a dry run"));
+  logger::RunLog log = logger::RunLog::open(directory / "out" / "lcmlog");
+  logger::TickRecord record;
+  double most = 0;
+  while (log.next(record)) {
+    if (record.truth) EXPECT_EQ(record.truth->q, robot::Vector::Zero(2));
+    if (record.command) most = std::max(most, record.command->tau.cwiseAbs().maxCoeff());
+  }
+  EXPECT_GT(most, 1) << "the law commands, the rig is not where the reference is";
+}
+
 TEST_F(OwnDriver, StopsTheRobotWhenTheControllerDies) {
   play({"--set", "loop.duration_s=60", "--set", "loop.max_missed=400", "--set",
         "plant.following_error_rad=100"});
@@ -160,6 +184,62 @@ TEST(IiwaDriver, MovesAnArmThatAddsGravityAndIsTheClock) {
   ASSERT_EQ(q.size(), 7);
   EXPECT_NEAR(q[1], 0.4, 0.02);
   EXPECT_NEAR(q[3], -1.1, 0.02);
+}
+
+TEST(IiwaDriver, RampsAnArmFromWhereItStandsToTheStart) {
+  const std::string built = TACHLESS_BINARY_DIR "/installed/work/iiwa/build/";
+  const std::string folder = TACHLESS_SOURCE_DIR "/examples/iiwa/";
+  const TemporaryDirectory directory;
+  std::string elsewhere = contents(folder + "iiwa.yaml");
+  const auto replace = [&](const std::string& from, const std::string& to) {
+    ASSERT_NE(elsewhere.find(from), std::string::npos) << from;
+    elsewhere.replace(elsewhere.find(from), from.size(), to);
+  };
+  replace("iiwa7.urdf", folder + "iiwa7.urdf");
+  replace("position_rad: [0, 0.3, 0, -1.0, 0, 0.8, 0]",
+          "position_rad: [0.05, 0.2, -0.1, -1.1, 0.05, 0.8, 0]");
+  std::ofstream(directory / "elsewhere.yaml") << elsewhere;
+  const Program rig(built + "iiwa_rig", {directory / "elsewhere.yaml"}, directory.path());
+  const std::vector<std::string> command = {"run",
+                                            folder + "iiwa.yaml",
+                                            "--plant",
+                                            built + "iiwa_driver",
+                                            "--out",
+                                            directory / "out",
+                                            "--set",
+                                            "loop.max_missed=400",
+                                            "--set",
+                                            "loop.max_missed_share=1",
+                                            "--set",
+                                            "plant.following_error_rad=1"};
+  Program without("tachless", command, directory.path());
+  EXPECT_EQ(without.wait(), 2);
+  EXPECT_THAT(without.errors(), HasSubstr("(run --ramp)"));
+  std::vector<std::string> with_ramp = command;
+  with_ramp.push_back("--ramp");
+  Program program("tachless", with_ramp, directory.path());
+  EXPECT_EQ(program.wait(), 0) << program.errors();
+  EXPECT_THAT(program.errors(), HasSubstr("ramp: joint "));
+  logger::RunLog log = logger::RunLog::open(directory / "out-ramp" / "ramp" / "lcmlog");
+  logger::TickRecord record;
+  robot::Vector before;
+  double speed = 0;
+  std::int64_t at = 0;
+  while (log.next(record)) {
+    if (!record.truth) continue;
+    if (record.tick % 50 == 0) {
+      if (before.size() > 0 && record.tick == at + 50) {
+        speed = std::max(speed, (record.truth->q - before).cwiseAbs().maxCoeff() / 0.05);
+      }
+      before = record.truth->q;
+      at = record.tick;
+    }
+  }
+  // The slowest of the joints' limits is 1.71 rad/s; a tenth of it is the ramp's, missed commands
+  // of a busy machine add.
+  EXPECT_GT(speed, 0.05);
+  EXPECT_LT(speed, 0.3);
+  EXPECT_TRUE(std::filesystem::exists(directory.path() / "out" / "report.html"));
 }
 
 }  // namespace
