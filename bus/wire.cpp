@@ -92,6 +92,7 @@ TACHLESS_MESSAGE(LawSignals, controller_state_t)
 TACHLESS_MESSAGE(Participant, participant_t)
 TACHLESS_MESSAGE(RunInfo, run_info_t)
 TACHLESS_MESSAGE(LogAck, log_ack_t)
+TACHLESS_MESSAGE(GainChange, gains_t)
 #undef TACHLESS_MESSAGE
 
 }  // namespace tachless::bus

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <variant>
@@ -17,6 +19,9 @@ namespace tachless::controller {
 
 /// Why a step is not kept: the torque, or what is logged, is not finite.
 diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, std::int64_t tick);
+
+/// Why gains that a reference brought are not used.
+diagnostics::Failure gains_refused(std::string_view gains, std::string_view problem);
 
 /// What one step of a law gave; valid until its next one.
 struct Outcome {
@@ -57,14 +62,20 @@ class AnyLaw {
   /// In realtime the commands that the plant lets be missed in a row, and one; in lockstep 1.
   [[nodiscard]] int longest_gap() const { return longest_gap_; }
 
-  /// The step of `tick`. @throw diagnostics::Failure(protective_stop) when the torque, or what is
-  /// logged, is not finite: the law is of no use from then on. std::logic_error unless `tick` is
-  /// later than the last one, std::bad_variant_access for another type of measurement.
+  /// The step of `tick`, with the reference's gains where it has other ones than the last: the
+  /// memory stays. @throw diagnostics::Failure(protective_stop) when the torque, or what is
+  /// logged, is not finite, or the gains are none of this law's: the law is of no use from then on.
+  /// std::logic_error unless `tick` is later than the last one, std::bad_variant_access for another
+  /// type of measurement.
   Outcome step(std::int64_t tick, const loop::AnyMeasurement& measurement,
                const loop::ReferencePoint& reference) {
     const std::int64_t gap = tick - tick_;
     if (gap < 1) throw std::logic_error("controller::AnyLaw: ticks go forward");
     const bool anew = !started_ || gap > longest_gap_;
+    if (reference.gains != gains_) {
+      retune(reference.gains);
+      gains_ = reference.gains;
+    }
     compute(tick, measurement, reference, anew ? 0 : static_cast<int>(gap));
     if (!loop::all_finite(command_) || !loop::all_finite(signals_of_step_)) {
       throw not_finite(name(), command_.tau, tick);
@@ -85,18 +96,34 @@ class AnyLaw {
   virtual void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
                        const loop::ReferencePoint& reference, int ticks) = 0;
 
+  /// Takes other gains (experiment::gains_text; empty: the scenario's) from this step on.
+  /// @throw diagnostics::Failure(protective_stop) when it cannot
+  virtual void retune(std::string_view gains) {
+    throw gains_refused(gains, "this law does not change them");
+  }
+
   int longest_gap_;
   std::int64_t tick_ = -1;
   bool started_ = false;
+  std::string gains_;  ///< of the last step's reference
 };
 
 /// A law of C++ as an AnyLaw, with the friction that the scenario has it feed forward, if any.
 template <law::Law L>
 class LawWithMemory final : public AnyLaw {
  public:
+  /// The law with these gains. @throw diagnostics::Failure(bad_usage) when they are none of it
+  using Retuned = std::function<L(std::string_view gains)>;
+
+  /// @param retuned none: the gains may not change
   LawWithMemory(L law, const experiment::LoopSpec& loop,
-                const experiment::FrictionSpec& friction = {}, double lead_s = 0)
-      : AnyLaw(loop), law_(std::move(law)), friction_(friction), lead_s_(lead_s) {}
+                const experiment::FrictionSpec& friction = {}, double lead_s = 0,
+                Retuned retuned = {})
+      : AnyLaw(loop),
+        law_(std::move(law)),
+        friction_(friction),
+        lead_s_(lead_s),
+        retuned_(std::move(retuned)) {}
 
   [[nodiscard]] std::string_view name() const override { return L::name; }
   [[nodiscard]] std::string_view measurement() const override { return L::Measurement::suffix; }
@@ -124,12 +151,22 @@ class LawWithMemory final : public AnyLaw {
     reference_ = reference;
   }
 
+  void retune(std::string_view gains) override {
+    if (!retuned_) throw gains_refused(gains, "controller.gains_may_change is false");
+    try {
+      law_ = retuned_(gains);
+    } catch (const diagnostics::Failure& problem) {
+      throw gains_refused(gains, problem.what());
+    }
+  }
+
   L law_;
   typename L::Memory memory_;
   typename L::Measurement measurement_;
   loop::ReferencePoint reference_;
   experiment::FrictionSpec friction_;
   double lead_s_;
+  Retuned retuned_;
 };
 
 }  // namespace tachless::controller

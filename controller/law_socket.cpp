@@ -196,6 +196,7 @@ class ExternalLaw final : public AnyLaw {
   [[nodiscard]] std::span<const loop::Signal> signals() const override { return signals_; }
 
  private:
+  void retune(std::string_view /*gains*/) override {}  // the program does, with the reference
   /// The program counts the ticks between two measurements itself.
   void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
                const loop::ReferencePoint& reference, int /*ticks*/) override {

@@ -7,6 +7,7 @@
 
 #include "controller/laws.h"
 #include "diagnostics/text.h"
+#include "experiment/gains.h"
 #include "robot/cholesky.h"
 
 namespace tachless::controller {
@@ -212,6 +213,21 @@ diagnostics::Failure not_finite(std::string_view law, const robot::Vector& tau, 
           "soften the gains",
           joint > tau.size() ? "the state" : fmt::format("the torque of joint {}", joint), law,
           tick};
+}
+
+diagnostics::Failure gains_refused(std::string_view gains, std::string_view problem) {
+  return {diagnostics::ExitCode::protective_stop,
+          "the gains \"{}\" of a reference are not used: {}", gains, problem};
+}
+
+experiment::Scenario with_gains(experiment::Scenario scenario, std::string_view gains) {
+  if (gains.empty()) return scenario;
+  const auto changed = experiment::read_gains(gains, scenario.num_joints);
+  if (!changed) {
+    throw diagnostics::bad_usage("\"{}\" is not name=number,number;name=number", gains);
+  }
+  for (const auto& [name, value] : *changed) scenario.controller.gains[name] = value;
+  return scenario;
 }
 
 loop::LawInfo law_info(const AnyLaw& law) {

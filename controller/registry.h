@@ -180,12 +180,22 @@ L make_law(const experiment::Scenario& scenario, const LawFacts& law = law_facts
 
 using ScenarioLaw = std::unique_ptr<AnyLaw>;
 
+/// The scenario with the gains of a message (experiment::gains_text) in place of those of the same
+/// name. @throw diagnostics::Failure(bad_usage) when that text is none
+experiment::Scenario with_gains(experiment::Scenario scenario, std::string_view gains);
+
 /// The law L over the scenario's run. @throw diagnostics::Failure(bad_usage) as `make_law`.
 template <class L>
 ScenarioLaw law_over_run(const experiment::Scenario& scenario, const LawFacts& law) {
-  return std::make_unique<LawWithMemory<L>>(make_law<L>(scenario, law), scenario.loop,
-                                            scenario.controller.friction,
-                                            law_settings(scenario).feedforward_lead_s);
+  typename LawWithMemory<L>::Retuned retuned;
+  if (scenario.controller.gains_may_change) {
+    retuned = [scenario, law](std::string_view gains) {
+      return make_law<L>(with_gains(scenario, gains), law);
+    };
+  }
+  return std::make_unique<LawWithMemory<L>>(
+      make_law<L>(scenario, law), scenario.loop, scenario.controller.friction,
+      law_settings(scenario).feedforward_lead_s, std::move(retuned));
 }
 
 /// What the law's controller announces of it.

@@ -171,6 +171,7 @@ struct ControllerSpec {
   std::string urdf_path;    ///< as written in the scenario; empty: the law's robot is the plant's
   /// Each of length num_joints, or its square: a matrix, row by row.
   std::map<std::string, robot::Vector> gains;
+  bool gains_may_change = false;
   FrictionSpec friction;
   controller::law::Discretisation filter = controller::law::Discretisation::first_order_hold;
   controller::law::FilterStart filter_start = controller::law::FilterStart::at_error;
@@ -197,6 +198,9 @@ struct ControllerSpec {
       urdf_key,
       schema::Key{"gains", &ControllerSpec::gains, "",
                   "The law's gains by name; which ones, with units and ranges, the law says"},
+      schema::Key{"gains_may_change", &ControllerSpec::gains_may_change, "",
+                  "`tachless gains` may change them in a run"}
+          .by_default(),
       schema::Key{"friction", &ControllerSpec::friction},
       schema::Key{"filter", &ControllerSpec::filter, "",
                   "How the filter b p/(p + a) is discretised"}

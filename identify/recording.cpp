@@ -91,6 +91,10 @@ Recording read_recording(const std::filesystem::path& log) {
     throw bad_usage("{}: {} messages of ticks and {} commands are missing; record the run again",
                     result.source, gaps, ticks.missed);
   }
+  if (!run.summary().gains.empty()) {
+    throw bad_usage("{}: the law's gains change at tick {}; record a run whose gains stay",
+                    result.source, run.summary().gains.front().tick);
+  }
   result.q = std::move(ticks.q);
   result.tau = std::move(ticks.tau);
   if (static_cast<double>(ticks.saturated) >

@@ -171,6 +171,10 @@ json run_json(RunLog& log) {
     faults.push_back(
         {{"role", loop::name(fault.role)}, {"tick", fault.tick}, {"text", printable(fault.text)}});
   }
+  json gains = json::array();
+  for (const auto& [tick, changed] : summary.gains) {
+    gains.push_back({{"tick", tick}, {"gains", printable(changed)}});
+  }
   json foreign = json::object();
   for (const auto& [id, count] : summary.foreign_runs) foreign[std::to_string(id)] = count;
   const experiment::Scenario& scenario = log.scenario();
@@ -197,6 +201,7 @@ json run_json(RunLog& log) {
           {"too_late", summary.too_late},
           {"foreign_messages", summary.foreign_messages},
           {"foreign_runs", foreign},
+          {"gains", gains},
           {"faults", faults}};
 }
 
@@ -270,6 +275,9 @@ std::string run_text(const json& run) {
   line(run["wrong_tick"], "with a tick outside of the run or at odds with its time");
   line(run["too_late"], "too far out of order to be used");
   line(run["foreign_messages"], "of other runs");
+  for (const json& change : run["gains"]) {
+    text += fmt::format("gains     from tick {}: {}\n", change["tick"], change["gains"]);
+  }
   for (const json& fault : run["faults"]) {
     text +=
         fmt::format("fault     {} at tick {}: {}\n", fault["role"], fault["tick"], fault["text"]);

@@ -299,6 +299,11 @@ class RunLog::Window {
     if (summary_.first_tick < 0) summary_.first_tick = record.tick;
     summary_.last_tick = record.tick;
     ++summary_.ticks;
+    if (record.reference && record.reference->gains != gains_) {
+      gains_ = record.reference->gains;
+      auto& changes = summary_.gains;
+      if (changes.size() < RunSummary::max_listed) changes.push_back({record.tick, gains_});
+    }
     for (const Slot slot : loop::all_slots) {
       if (!has(record, slot)) continue;
       ++piece(slot).count;
@@ -327,6 +332,7 @@ class RunLog::Window {
   bool at_end_ = false;             // the file has been read to its end
   bool finished_ = false;
   std::array<std::int64_t, loop::num_slots> last_seen_{};
+  std::string gains_;  ///< of the last reference handed out
 };
 
 RunLog::RunLog(const std::filesystem::path& path, std::optional<std::int64_t> run)

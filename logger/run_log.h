@@ -60,6 +60,12 @@ struct ParticipantFault {
   std::string text;                     ///< cause
 };
 
+/// Gains of the law that are not those of the tick before.
+struct GainsSince {
+  std::int64_t tick = 0;
+  std::string gains;  ///< as experiment::gains_text; empty: the scenario's again
+};
+
 /// What was found on the way. Final once `RunLog::next` has returned false.
 struct RunSummary {
   static constexpr std::size_t max_listed = 100;  ///< runs and faults
@@ -76,6 +82,7 @@ struct RunSummary {
   std::uint64_t foreign_messages = 0;  ///< of other runs of this robot
   std::map<std::int64_t, std::uint64_t> foreign_runs;  ///< the first `max_listed` of them
   std::vector<ParticipantFault> faults;                ///< the first `max_listed`, each once
+  std::vector<GainsSince> gains;                       ///< changes; the first `max_listed`
 
   /// One of `pieces`.
   [[nodiscard]] const PieceSummary& of(Slot piece) const { return pieces[index(piece)]; }

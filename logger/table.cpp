@@ -80,15 +80,19 @@ struct Builder {
     loop::for_each_field<Value>([&]<class Member>(const loop::Field<Value, Member>& field) {
       const bool wanted = number >= first && number < last;
       ++number;
-      if (!wanted || (field.count == loop::Count::motors && layout.num_motors == 0) ||
-          (field.name == "disturbance" && !disturbed)) {
+      if constexpr (std::is_same_v<Member, std::string>) {
         return;
+      } else {
+        if (!wanted || (field.count == loop::Count::motors && layout.num_motors == 0) ||
+            (field.name == "disturbance" && !disturbed)) {
+          return;
+        }
+        add<Member>(fmt::format("{}{}", field.symbol, symbol_suffix), field.unit,
+                    fmt::format("{}{}", field.meaning, meaning_suffix), loop::slot_of<Value>(),
+                    [member = field.member](const TickRecord& record) -> const Member& {
+                      return loop::get<Value>(record).*member;
+                    });
       }
-      add<Member>(fmt::format("{}{}", field.symbol, symbol_suffix), field.unit,
-                  fmt::format("{}{}", field.meaning, meaning_suffix), loop::slot_of<Value>(),
-                  [member = field.member](const TickRecord& record) -> const Member& {
-                    return loop::get<Value>(record).*member;
-                  });
     });
   }
 };

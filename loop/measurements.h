@@ -97,12 +97,14 @@ Wanted part_of(const Had& had) {
   return wanted;
 }
 
-/// On the straight line from `a` (share 0) to `b` (share 1), field by field.
+/// On the straight line from `a` (share 0) to `b` (share 1), field by field of numbers.
 template <class Value>
 Value between(const Value& a, const Value& b, double share) {
   Value result;
-  for_each_field<Value>([&](const auto& field) {
-    result.*field.member = a.*field.member + share * (b.*field.member - a.*field.member);
+  for_each_field<Value>([&]<class Member>(const Field<Value, Member>& field) {
+    if constexpr (!std::is_same_v<Member, std::string>) {
+      result.*field.member = a.*field.member + share * (b.*field.member - a.*field.member);
+    }
   });
   return result;
 }

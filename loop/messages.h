@@ -153,12 +153,20 @@ struct LogAck {
   static constexpr auto fields = std::tuple{number("missing", "", Kind::int64, &LogAck::missing)};
 };
 
+/// `tachless gains` -> reference; `Stamp::tick` is the newest that the sender has seen.
+struct GainChange {
+  std::string gains;  ///< as experiment::gains_text
+
+  static constexpr std::string_view type = "tachless.gains_t", suffix = "GAINS";
+  static constexpr auto fields = std::tuple{text("gains", max_gains_text, &GainChange::gains)};
+};
+
 /// Types of messages; `loop/truth` adds one.
 template <class... Value>
 struct TypeList {};
 using Messages = TypeList<Tick, PositionMeasurement, MotorPositionMeasurement, LinkStateMeasurement,
                           StateMeasurement, ReferencePoint, TorqueCommand, LawSignals, Participant,
-                          RunInfo, LogAck>;
+                          RunInfo, LogAck, GainChange>;
 
 /// Calls `f(std::type_identity<Value>())` for each type of the list, in order.
 template <class... Value, class F>

@@ -61,9 +61,13 @@ struct StateMeasurement {
       per_motor("motor_velocity", "thetadot", "rad/s", &Value::thetadot, "motor velocity")};
 };
 
-/// A C4 reference at one instant.
+/// Most characters of a law's gains in a message.
+inline constexpr int max_gains_text = 4000;
+
+/// A C4 reference at one instant, and the gains to follow it with.
 struct ReferencePoint {
   robot::Vector q_ref, v_ref, a_ref, jerk_ref, snap_ref;
+  std::string gains{};  ///< as experiment::gains_text; empty: those of the scenario
 
   using Value = ReferencePoint;
   static constexpr std::string_view type = "tachless.reference_t", suffix = "REFERENCE";
@@ -72,7 +76,8 @@ struct ReferencePoint {
       per_joint("velocity", "v_ref", "rad/s", &Value::v_ref, "reference velocity"),
       per_joint("acceleration", "a_ref", "rad/s^2", &Value::a_ref, "reference acceleration"),
       per_joint("jerk", "jerk_ref", "rad/s^3", &Value::jerk_ref, "reference jerk"),
-      per_joint("snap", "snap_ref", "rad/s^4", &Value::snap_ref, "reference snap")};
+      per_joint("snap", "snap_ref", "rad/s^4", &Value::snap_ref, "reference snap"),
+      text("gains", max_gains_text, &Value::gains)};
 };
 
 /// Positive torque accelerates the joint.

@@ -5,8 +5,12 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
+#include <utility>
 
 #include "bus/wire.h"
+#include "diagnostics/logging.h"
+#include "experiment/gains.h"
 #include "protocol/responders.h"
 #include "reference/make_trajectory.h"
 
@@ -23,6 +27,7 @@ class Node {
       : link_(link),
         period_s_(scenario.loop.period_s),
         last_tick_(scenario.loop.num_ticks - 1),
+        num_joints_(scenario.num_joints),
         trajectory_(make_trajectory(scenario)),
         tick_port_(bus::port<loop::Tick>(scenario.robot.channel_prefix,
                                          loop::layout(scenario.num_joints, false))),
@@ -31,6 +36,10 @@ class Node {
         responder_(scenario.loop.num_ticks, reference_port_.codec.longest(),
                    scenario.loop.mode == experiment::Mode::realtime) {
     if (scenario.loop.mode == experiment::Mode::realtime) pace_.emplace(period_s_);
+    if (scenario.controller.gains_may_change) {
+      link_.on(loop::channel<loop::GainChange>(scenario.robot.channel_prefix),
+               [this](const bus::Datagram& datagram) { on_gains(datagram); });
+    }
     link_.on(tick_port_.channel, [this](const bus::Datagram& datagram) {
       loop::Stamp stamp;
       loop::Tick tick;
@@ -71,6 +80,24 @@ class Node {
     link_.statistics().ticks = responder_.newest() + 1;
   }
 
+  /// A change of the law's gains: counts when its sender has seen the last one. Recorded ones have
+  /// not.
+  void on_gains(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    loop::GainChange change;
+    if (!link_.accept(gains_codec_, datagram, stamp, change)) return;
+    if (!experiment::read_gains(change.gains, num_joints_)) {
+      link_.accept(bus::Rejection::bad_value, stamp);
+      return;
+    }
+    const std::int64_t newest = responder_.newest();
+    if (stamp.tick <= changed_at_) return link_.count(Verdict::too_old);
+    if (newest < 0 || stamp.tick > newest) return link_.count(Verdict::not_asked);
+    gains_ = std::move(change.gains);
+    changed_at_ = newest + 1;
+    diagnostics::log_info("the law's gains from tick {} on: {}", changed_at_, gains_);
+  }
+
   void publish(std::span<const std::byte> reference) {
     link_.transport().publish(reference_port_.channel, reference);
   }
@@ -80,7 +107,8 @@ class Node {
   std::span<const std::byte> compute(std::int64_t k) {
     const auto begin = Clock::now();
     const double time_s = static_cast<double>(k) * period_s_;
-    const loop::ReferencePoint reference = trajectory_.at(time_s);
+    loop::ReferencePoint reference = trajectory_.at(time_s);
+    reference.gains = gains_;
     if (!bus::all_finite(reference)) {
       throw diagnostics::Failure(
           diagnostics::ExitCode::protective_stop,
@@ -97,9 +125,13 @@ class Node {
   node::Link& link_;
   double period_s_;
   std::int64_t last_tick_;
+  int num_joints_;
   Trajectory trajectory_;
   bus::Port<loop::Tick> tick_port_;
   bus::Port<loop::ReferencePoint> reference_port_;
+  bus::Codec<loop::GainChange> gains_codec_{loop::Layout{}};
+  std::string gains_;             ///< changed in this run; empty: the scenario's
+  std::int64_t changed_at_ = -1;  ///< the tick of the first reference with them
   protocol::ReferenceResponder responder_;
   std::optional<protocol::Pace> pace_;  ///< in realtime
 };

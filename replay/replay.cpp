@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "diagnostics/failure.h"
+#include "experiment/gains.h"
 
 namespace tachless::replay {
 namespace {
@@ -105,14 +106,24 @@ bool command_follows(logger::RunLog& log, logger::TickRecord& record) {
   return false;
 }
 
+/// Whether a replay is to show other gains than those of the run, whatever these became in it.
+bool changes_gains(const experiment::Scenario& recorded, const experiment::Scenario& scenario) {
+  return scenario.controller.law != recorded.controller.law ||
+         !scenario.controller.gains_may_change ||
+         experiment::gains_text(scenario.controller.gains) !=
+             experiment::gains_text(recorded.controller.gains);
+}
+
 /// Steps `law` through the log.
 void step_through(logger::RunLog& log, const experiment::Scenario& scenario,
                   controller::AnyLaw& law, Progress& comparison) {
   const bool realtime = scenario.loop.mode == experiment::Mode::realtime;
   Replay& result = comparison.result;
+  const bool own_gains = changes_gains(log.scenario(), scenario);
   logger::TickRecord record;
   std::int64_t next = 0;
   while (result.stopped_by.empty() && log.next(record)) {
+    if (own_gains && record.reference) record.reference->gains.clear();
     if (realtime && !record.command && !record.controller_state) {
       ++comparison.pending_passed_over;
       continue;

@@ -152,7 +152,8 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     add_tracking(run.tracking, record, t_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
     if (record.truth) add_drives(run, record, t_s);
-    if (lyapunov && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);
+    const bool changed = record.reference && !record.reference->gains.empty();
+    if (lyapunov && !changed && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);
   }
   if (lyapunov) run.lyapunov_decay = fit_decay(run.lyapunov.points());
   for (const study::JointTracking& joint : run.tracking.joints()) {

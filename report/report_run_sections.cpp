@@ -99,6 +99,10 @@ Html events_list(const RecordedRun& run) {
     if (piece.absent() || piece.missing.count == 0) continue;
     items += html("<li>No {} in {}</li>", piece.channel, ticks_text(piece.missing.count));
   }
+  for (const auto& [tick, gains] : run.summary.gains) {
+    items += html("<li>Gains of the law from tick {}: {}</li>", tick,
+                  gains.empty() ? "the scenario's" : gains);
+  }
   for (const auto& fault : run.summary.faults) {
     items += html("<li>Fault of the {} at tick {}: {}</li>", loop::name(fault.role), fault.tick,
                   fault.text);

@@ -1,9 +1,11 @@
 #include "controller/any_law.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <memory>
+#include <string>
 
 #include "controller/law/loria_ortega_rigid.h"
 #include "controller/registry.h"
@@ -144,6 +146,55 @@ TEST(AnyLaw, RefusesToGoBack) {
   take(stepper, 5);
   EXPECT_THROW(stepper.step(5, ramp(5), at_zero()), std::logic_error);
   EXPECT_THROW(stepper.step(4, ramp(4), at_zero()), std::logic_error);
+}
+
+/// With other gains from its reference of a tick on.
+TEST(AnyLaw, TakesTheGainsOfAReferenceFromItsTickOnAndKeepsItsMemory) {
+  const experiment::Scenario s = scenario({"controller.gains_may_change=true"});
+  const ScenarioLaw changed = scenario_law(s), unchanged = scenario_law(s);
+  const std::string gains = "kp=300,100;kd=20,5";
+  const auto softer = make_law<LoriaOrtegaRigid>(with_gains(s, gains));
+  auto memory = make_law<LoriaOrtegaRigid>(s).start(ramp(0), at_zero());
+  for (std::int64_t k = 0; k < 30; ++k) {
+    loop::ReferencePoint reference = at_zero();
+    if (k >= 10) reference.gains = gains;
+    const robot::Vector tau = changed->step(k, ramp(k), reference).command.tau;
+    const robot::Vector before = unchanged->step(k, ramp(k), at_zero()).command.tau;
+    if (k < 10) {
+      EXPECT_EQ(tau, before) << k;
+      memory = make_law<LoriaOrtegaRigid>(s).step(memory, ramp(k), at_zero()).memory;
+    } else {
+      const auto step = softer.step(memory, ramp(k), at_zero());
+      EXPECT_EQ(tau, step.command.tau) << k;
+      EXPECT_NE(tau, before) << k;
+      memory = step.memory;
+    }
+  }
+  // And back to the scenario's, whose memory has gone on as the other's: a and b are the same.
+  EXPECT_EQ(changed->step(30, ramp(30), at_zero()).command.tau,
+            unchanged->step(30, ramp(30), at_zero()).command.tau);
+}
+
+TEST(AnyLaw, StopsForGainsThatAreNoneOfItsOwn) {
+  const auto fault = [](const std::string& gains, const char* may_change) -> std::string {
+    const ScenarioLaw law = scenario_law(scenario({may_change}));
+    loop::ReferencePoint reference = at_zero();
+    reference.gains = gains;
+    try {
+      law->step(0, ramp(0), reference);
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::protective_stop);
+      return failure.what();
+    }
+    return "";
+  };
+  const char* const may = "controller.gains_may_change=true";
+  EXPECT_EQ(fault("kp=300,100", may), "");
+  EXPECT_THAT(fault("kp=300,100", "controller.gains_may_change=false"),
+              testing::HasSubstr("controller.gains_may_change is false"));
+  EXPECT_THAT(fault("kp=-1", may), testing::HasSubstr("kp"));
+  EXPECT_THAT(fault("ki=1", may), testing::HasSubstr("ki"));
+  EXPECT_THAT(fault("kp", may), testing::HasSubstr("is not name=number"));
 }
 
 }  // namespace

@@ -1,0 +1,217 @@
+// The verb that changes the law's gains in a run: gains.
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "bus/authenticated.h"
+#include "bus/key.h"
+#include "bus/udp_transport.h"
+#include "bus/wire.h"
+#include "certificate/prediction.h"
+#include "controller/registry.h"
+#include "diagnostics/logging.h"
+#include "experiment/gains.h"
+#include "launch/verb.h"
+#include "logger/run_log.h"
+#include "node/options.h"
+
+namespace tachless::launch {
+namespace {
+
+using namespace std::chrono_literals;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using loop::Clock;
+
+constexpr auto longest_wait = 3s;  // RUN_INFO comes once a second
+constexpr auto send_again = 20ms;
+
+/// A robot's run as it goes on: what is needed to change its gains. Takes no part in it.
+class RunningRobot {
+ public:
+  /// @param robot its name, in any case
+  RunningRobot(const std::string& robot, const bus::LcmUrl& url, const std::optional<bus::Key>& key)
+      : transport_(url), bus_(transport_, key), prefix_(robot) {
+    for (char& c : prefix_) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    for (const std::string& channel :
+         {loop::channel<loop::Participant>(prefix_), loop::channel<loop::RunInfo>(prefix_),
+          loop::channel<loop::ReferencePoint>(prefix_), loop::channel<loop::Tick>(prefix_)}) {
+      bus_.subscribe(channel);
+    }
+  }
+
+  /// @throw diagnostics::Failure(peer_lost) when there is none
+  void find() {
+    const auto until = Clock::now() + longest_wait;
+    while (newest_ < 0 && receive(until)) {
+    }
+    if (newest_ >= 0) return;
+    throw Failure(ExitCode::peer_lost,
+                  "{}: no run of that robot is heard on this bus; type: tachless watch; with a key "
+                  "each program needs --key-file",
+                  prefix_);
+  }
+
+  [[nodiscard]] const experiment::Scenario& scenario() const { return run_->scenario; }
+  [[nodiscard]] std::int64_t run() const { return run_->run_id; }
+  [[nodiscard]] const std::string& gains() const { return gains_; }  ///< in force
+
+  /// Sends them until a reference has them. @return that one's tick, which the plant has begun
+  /// @throw diagnostics::Failure(peer_lost) when none has
+  std::int64_t change(const std::string& gains) {
+    bus::Codec<loop::GainChange> codec{loop::Layout{}};
+    const loop::Stamp stamp{0, run(), newest_};  // of all copies: only one counts
+    const std::string channel = loop::channel<loop::GainChange>(prefix_);
+    const auto until = Clock::now() + longest_wait;
+    while (gains_ != gains && Clock::now() < until) {
+      bus_.publish(channel, codec.encode(stamp, {gains}));
+      const auto again = Clock::now() + send_again;
+      while (gains_ != gains && receive(again)) {
+      }
+    }
+    const std::int64_t tick = changed_at_;
+    while (gains_ == gains && begun_ < tick && Clock::now() < until) receive(until);
+    if (gains_ == gains && begun_ >= tick) return tick;
+    throw Failure(ExitCode::peer_lost, "{}: the run has not taken the gains within {} s", prefix_,
+                  std::chrono::seconds(longest_wait).count());
+  }
+
+ private:
+  /// Takes one message, if one comes.
+  bool receive(Clock::time_point until) {
+    const auto datagram = bus_.receive(until);
+    if (!datagram) return false;
+    loop::Stamp stamp;
+    if (datagram->channel == loop::channel<loop::Participant>(prefix_)) {
+      loop::Participant who;
+      const auto rejection = participants_.decode(datagram->payload, stamp, who);
+      if (rejection == bus::Rejection::none && who.role == loop::Role::plant &&
+          who.state == loop::ParticipantState::running) {
+        bus_.enter(stamp.run, who.roster);
+      }
+    } else if (datagram->channel == loop::channel<loop::RunInfo>(prefix_)) {
+      take_info(*datagram);
+    } else if (run_) {
+      take_tick(*datagram);
+    }
+    return true;
+  }
+
+  void take_info(const bus::Datagram& datagram) {
+    if (run_ && bus::stamp_of(datagram.payload).run == run_->run_id) return;
+    logger::RunDescription found;
+    if (!logger::read_run_info(datagram.channel, datagram.payload, "RUN_INFO", found).empty()) {
+      return;
+    }
+    references_.emplace(found.layout);
+    run_ = std::move(found);
+    newest_ = begun_ = -1;
+  }
+
+  void take_tick(const bus::Datagram& datagram) {
+    loop::Stamp stamp;
+    loop::Tick tick;
+    loop::ReferencePoint reference;
+    if (datagram.channel == loop::channel<loop::Tick>(prefix_)) {
+      const auto rejection = ticks_.decode(datagram.payload, stamp, tick);
+      if (rejection == bus::Rejection::none && stamp.run == run()) begun_ = stamp.tick;
+      return;
+    }
+    const auto rejection = references_->decode(datagram.payload, stamp, reference);
+    if (rejection != bus::Rejection::none || stamp.run != run() || stamp.tick <= newest_) return;
+    newest_ = stamp.tick;
+    if (reference.gains != gains_) changed_at_ = stamp.tick;
+    gains_ = reference.gains;
+  }
+
+  bus::UdpTransport transport_;
+  bus::Authenticated bus_;
+  std::string prefix_;
+  bus::Codec<loop::Participant> participants_{loop::Layout{}};
+  bus::Codec<loop::Tick> ticks_{loop::Layout{}};
+  std::optional<bus::Codec<loop::ReferencePoint>> references_;  ///< as of `run_`
+  std::optional<logger::RunDescription> run_;
+  std::int64_t newest_ = -1, begun_ = -1;  ///< newest tick with a reference; that the plant began
+  std::string gains_;                      ///< of the newest reference
+  std::int64_t changed_at_ = -1;           ///< the tick of the first reference seen with them
+};
+
+struct GainsVerb {
+  std::string robot;
+  std::vector<std::string> changes;
+  std::string lcm_url = node::default_lcm_url;
+  std::string key_file;
+  bool json = false;
+
+  void declare(CLI::App& command) {
+    command.add_option("ROBOT", robot, "Name of the robot whose run goes on (robot.name)")
+        ->required();
+    command.add_option("GAIN=VALUE", changes, "As in controller.gains: 'kp=[400, 300]', a=200")
+        ->required();
+    node::add_lcm_url(command, lcm_url);
+    node::add_key_file(command, key_file);
+    add_json(command, json);
+  }
+
+  [[nodiscard]] ExitCode run() const {
+    RunningRobot running(robot, node::parse_lcm_url(lcm_url), bus::read_key_file(key_file));
+    running.find();
+    const experiment::Scenario changed = changed_scenario(running.scenario(), running.gains());
+    const certificate::Prediction loop = certificate::analyse(changed, certificate::Effort::quick);
+    if (!loop.unknown.empty() || !loop.stable) {
+      throw diagnostics::bad_usage("{}: these gains are not sent: {}", robot,
+                                   certificate::text(loop));
+    }
+    const std::string gains = experiment::gains_text(changed.controller.gains);
+    const std::int64_t tick = running.change(gains);
+    const double time_s = static_cast<double>(tick) * changed.loop.period_s;
+    print(json,
+          {{"robot", robot},
+           {"run", running.run()},
+           {"tick", tick},
+           {"time_s", time_s},
+           {"gains", gains}},
+          fmt::format("{}: from tick {} ({:.4g} s) on {}\n{}\n", robot, tick, time_s, gains,
+                      certificate::text(loop)));
+    return ExitCode::done;
+  }
+
+ private:
+  /// The scenario of the run with the gains that are to be.
+  [[nodiscard]] experiment::Scenario changed_scenario(const experiment::Scenario& recorded,
+                                                      const std::string& in_force) const {
+    if (!recorded.controller.gains_may_change) {
+      throw diagnostics::bad_usage(
+          "{}: its gains may not change in a run; start it with --set "
+          "controller.gains_may_change=true",
+          robot);
+    }
+    std::vector<std::string> overrides;
+    for (const std::string& change : changes) overrides.push_back("controller.gains." + change);
+    const experiment::Scenario given = experiment::parse_scenario(
+        recorded.text, recorded.robot.urdf_text, recorded.source, overrides);
+    experiment::Scenario changed = controller::with_gains(recorded, in_force);
+    for (const std::string& change : changes) {
+      const std::string name = change.substr(0, change.find_first_of("=[."));
+      changed.controller.gains[name] = given.controller.gains.at(name);
+    }
+    controller::scenario_law(changed);  // refuses what the law cannot work with
+    return changed;
+  }
+};
+
+}  // namespace
+
+const Verb gains_verb = verb_of<GainsVerb>(
+    "gains", "Changes the law's gains in a run that goes on, if its loop stays stable",
+    "  tachless run scenarios/practical_rigid.yaml --mode realtime --duration 60 \\\n"
+    "      --set controller.gains_may_change=true &\n"
+    "  tachless gains arm 'kp=[300, 200]' 'kd=[60, 40]'\n"
+    "Exit code 2 when the gains are refused, 3 when there is no such run.");
+
+}  // namespace tachless::launch

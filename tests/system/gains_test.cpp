@@ -1,0 +1,134 @@
+// Gains changed while the four programs run: `tachless gains`, the log, and its replay.
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "logger/run_log.h"
+#include "tests/support/private_network.h"
+#include "tests/system/four_programs.h"
+
+using namespace tachless;
+
+namespace {
+
+using system_test::FourPrograms;
+using system_test::roles;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class GainsInARun : public testing::Test {
+ protected:
+  /// Two joints in simulation time, for as long as the test wants.
+  void play(std::vector<std::string> more = {}) {
+    run.settings = {"--set", "loop.duration_s=10000"};
+    run.settings.insert(run.settings.end(), more.begin(), more.end());
+    run.start_all();
+    wait_until("the log grows", [&] { return run.log_size() > 50'000; });
+  }
+  /// The verb's exit code; `said` is what it printed.
+  int change(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "gains");
+    Program program("tachless", arguments, run.directory().path());
+    const int code = program.wait();
+    said = program.output() + program.errors();
+    return code;
+  }
+  int tachless(const std::vector<std::string>& arguments) {
+    Program program("tachless", arguments, run.directory().path());
+    const int code = program.wait();
+    said = program.output() + program.errors();
+    return code;
+  }
+  void end() {
+    run["plant"].signal(SIGINT);
+    for (const char* role : roles) run[role].wait();
+  }
+
+  FourPrograms run{"practical_rigid.yaml"};
+  std::string said;
+};
+
+const std::vector<std::string> may_change = {"--set", "controller.gains_may_change=true"};
+
+TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
+  play(may_change);
+  ASSERT_EQ(change({"arm", "kp=[300, 100]", "--json"}), 0) << said;
+  const auto first = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  EXPECT_THAT(first.at("gains").get<std::string>(), HasSubstr("kp=300,100"));
+  // What is not named stays as the first change has left it.
+  ASSERT_EQ(change({"ARM", "kd=[40, 12]", "--json"}), 0) << said;
+  const auto second = nlohmann::json::parse(said.substr(0, said.rfind('}') + 1));
+  EXPECT_THAT(second.at("gains").get<std::string>(),
+              AllOf(HasSubstr("kp=300,100"), HasSubstr("kd=40,12")));
+  end();
+
+  logger::RunLog log = logger::RunLog::open(run.log_path());
+  logger::TickRecord record;
+  while (log.next(record)) continue;
+  const auto& changes = log.summary().gains;
+  ASSERT_EQ(changes.size(), 2U);
+  EXPECT_EQ(changes[0].tick, first.at("tick"));
+  EXPECT_EQ(changes[1].tick, second.at("tick"));
+  EXPECT_EQ(changes[1].gains, second.at("gains"));
+  EXPECT_GT(log.summary().last_tick, changes[1].tick + 1);
+
+  EXPECT_EQ(tachless({"replay", run.log_path()}), 0) << said;
+  EXPECT_EQ(tachless({"info", run.log_path()}), 0) << said;
+  EXPECT_THAT(said, HasSubstr("gains     from tick " + std::to_string(changes[0].tick)));
+  // The log without its changes is not what the controller has computed.
+  std::string bytes = contents(run.log_path());
+  const std::string gains = changes[0].gains;
+  std::string other = gains;
+  other.replace(other.find("kp=300"), 6, "kp=299");
+  for (std::size_t at = bytes.find(gains); at != std::string::npos; at = bytes.find(gains, at)) {
+    bytes.replace(at, other.size(), other);
+  }
+  const std::string forged = (run.directory() / "forged").string();
+  std::ofstream(forged, std::ios::binary) << bytes;
+  EXPECT_EQ(tachless({"replay", forged}), 1) << said;
+  EXPECT_THAT(said, HasSubstr("tick " + std::to_string(changes[0].tick)));
+}
+
+TEST_F(GainsInARun, AreRefusedWhereTheyAreUnstableUnknownOrNotAllowed) {
+  EXPECT_EQ(change({"arm", "kp=1"}), 3);
+  EXPECT_THAT(said, HasSubstr("no run of that robot is heard"));
+  play(may_change);
+  EXPECT_EQ(change({"arm", "kp=1e9"}), 2);
+  EXPECT_THAT(said, AllOf(HasSubstr("not sent"), HasSubstr("unstable")));
+  EXPECT_EQ(change({"arm", "ki=3"}), 2);
+  EXPECT_THAT(said, HasSubstr("ki"));
+  EXPECT_EQ(change({"arm", "kp=-3"}), 2);
+  EXPECT_EQ(change({"arm", "nonsense"}), 2);
+  end();
+  logger::RunLog log = logger::RunLog::open(run.log_path());
+  logger::TickRecord record;
+  while (log.next(record)) continue;
+  EXPECT_TRUE(log.summary().gains.empty());
+}
+
+TEST_F(GainsInARun, StayWhereTheScenarioDoesNotLetThemChange) {
+  play();
+  EXPECT_EQ(change({"arm", "kp=[300, 100]"}), 2);
+  EXPECT_THAT(said, HasSubstr("controller.gains_may_change=true"));
+  end();
+}
+
+TEST_F(GainsInARun, NeedTheKeyOfTheBus) {
+  const std::string key = (run.directory() / "key").string();
+  std::ofstream(key) << std::string(32, 'k');
+  std::filesystem::permissions(key, std::filesystem::perms::owner_read);
+  std::vector<std::string> more = may_change;
+  more.insert(more.end(), {"--key-file", key});
+  play(more);
+  EXPECT_EQ(change({"arm", "kp=[300, 100]"}), 3) << said;
+  EXPECT_EQ(change({"arm", "kp=[300, 100]", "--key-file", key}), 0) << said;
+  end();
+}
+
+}  // namespace
