@@ -2,6 +2,7 @@
 
 #include <array>
 #include <tachless/controller_state_t.hpp>
+#include <tachless/gains_t.hpp>
 #include <tachless/link_state_measurement_t.hpp>
 #include <tachless/log_ack_t.hpp>
 #include <tachless/motor_position_measurement_t.hpp>

@@ -137,7 +137,7 @@ concept OutputFeedbackLaw = Law<L> && PositionOnly<typename L::Measurement>;
 
 /// From what a law's rule of thumb for its gains starts: two poles at the bandwidth w for each
 /// joint taken alone. A law that has one declares `static Gains tuned(const Tuning&)`. The rule
-/// looks at no margin: `design` does (certificate/design.h).
+/// looks at no margin: `design` does (tuning/design.h).
 struct Tuning {
   double w = 0;            ///< bandwidth [rad/s]
   double damping = 1;      ///< of the two poles

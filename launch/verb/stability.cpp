@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "certificate/certify.h"
-#include "certificate/design.h"
 #include "controller/registry.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
@@ -23,6 +22,7 @@
 #include "launch/progress.h"
 #include "launch/verb.h"
 #include "node/options.h"
+#include "tuning/design.h"
 
 namespace tachless::launch {
 namespace {
@@ -79,11 +79,11 @@ struct Certify {
 };
 
 /// For people.
-std::string text(const certificate::Design& design, const experiment::Scenario& scenario) {
+std::string text(const tuning::Design& design, const experiment::Scenario& scenario) {
   std::string text =
       fmt::format("{}: gains of {} at h = {}, delay {}\n", scenario.name, scenario.controller.law,
                   diagnostics::period_text(scenario.loop.period_s), scenario.loop.command_delay);
-  for (const std::string& gain : certificate::overrides_of(design)) {
+  for (const std::string& gain : tuning::overrides_of(design)) {
     text += fmt::format("  --set '{}'\n", gain);
   }
   const auto line = [&](const std::string& what) { text += "  " + what + "\n"; };
@@ -113,12 +113,11 @@ std::string text(const certificate::Design& design, const experiment::Scenario& 
   return text;
 }
 
-nlohmann::ordered_json to_json(const certificate::Design& design,
-                               const experiment::Scenario& scenario) {
+nlohmann::ordered_json to_json(const tuning::Design& design, const experiment::Scenario& scenario) {
   const auto list = [](const robot::Vector& v) { return std::vector<double>(v.begin(), v.end()); };
   nlohmann::ordered_json json = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
   for (const auto& [gain, values] : design.gains) json["gains"][gain] = list(values);
-  json["overrides"] = certificate::overrides_of(design);
+  json["overrides"] = tuning::overrides_of(design);
   json["sampled"] = to_json(design.loop);
   json["settling_mean_s"] = design.loop.modes.settling_mean_s;
   json["stiffness"] = list(design.stiffness);
@@ -134,7 +133,7 @@ nlohmann::ordered_json to_json(const certificate::Design& design,
 struct Design {
   fs::path input;
   std::vector<std::string> overrides;
-  certificate::DesignGoal goal;
+  tuning::DesignGoal goal;
   std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
   fs::path output;
@@ -192,9 +191,8 @@ struct Design {
     warn(scenario);
     require_writable(output, force);
     Screen screen(quiet);
-    const certificate::Design design =
-        certificate::design(scenario, whole_goal(scenario.num_joints),
-                            [&](std::string_view what) { screen.show(what); });
+    const tuning::Design design = tuning::design(scenario, whole_goal(scenario.num_joints),
+                                                 [&](std::string_view what) { screen.show(what); });
     screen.clear();
     print(json, to_json(design, scenario), text(design, scenario));
     for (const std::string& warning : design.warnings) diagnostics::log_warning(warning);
@@ -217,8 +215,8 @@ struct Design {
   }
 
  private:
-  [[nodiscard]] certificate::DesignGoal whole_goal(int num_joints) const {
-    certificate::DesignGoal whole = goal;
+  [[nodiscard]] tuning::DesignGoal whole_goal(int num_joints) const {
+    tuning::DesignGoal whole = goal;
     if (stiffness.empty() && rest_error.empty()) return whole;
     if (stiffness.size() > 1 && std::ssize(stiffness) != num_joints) {
       throw diagnostics::bad_usage("--stiffness has {} numbers; allowed: 1, or {}, one a joint",
@@ -286,8 +284,8 @@ struct Design {
 
   /// The scenario with the design's gains, as text.
   [[nodiscard]] std::string designed_text(const experiment::Scenario& scenario,
-                                          const certificate::Design& design) const {
-    std::vector<std::string> gains = certificate::overrides_of(design);
+                                          const tuning::Design& design) const {
+    std::vector<std::string> gains = tuning::overrides_of(design);
     const auto add_path = [&](const char* key, const fs::path& urdf) {
       gains.push_back(fmt::format("{}={}", key, path_of(input.parent_path() / urdf)));
     };

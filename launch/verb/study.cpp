@@ -13,7 +13,6 @@
 #include <string>
 #include <vector>
 
-#include "certificate/design.h"
 #include "certificate/prediction.h"
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
@@ -24,6 +23,7 @@
 #include "process/parallel.h"
 #include "process/this_process.h"
 #include "study/measures.h"
+#include "tuning/design.h"
 
 namespace tachless::launch {
 namespace {
@@ -72,7 +72,7 @@ std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scen
   const auto rests =
       certificate::ScenarioLoop(scenario).rest_points(certificate::reference_postures);
   const auto least = [&](double hz, const auto& postures) {
-    plan.laws = {{law, certificate::rule_of_thumb(scenario, law, hz, filter_ratio)}};
+    plan.laws = {{law, tuning::rule_of_thumb(scenario, law, hz, filter_ratio)}};
     const experiment::Scenario tuned = plan.scenario(plan.at(0));
     const certificate::ScenarioLoop loop(tuned);
     const std::vector<double> each = process::parallel_map(postures.size(), [&](std::size_t i) {
@@ -91,7 +91,7 @@ std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scen
       (least(middle, binding).first >= modulus ? low : high) = middle;
     }
     const auto [found, where] = least(low, rests);
-    if (found >= modulus) return certificate::rule_of_thumb(scenario, law, low, filter_ratio);
+    if (found >= modulus) return tuning::rule_of_thumb(scenario, law, low, filter_ratio);
     binding.push_back(rests[where]);
   }
 }
@@ -215,9 +215,9 @@ struct Sweep {
       if (margin && !controller::law_facts(law).no_linearisation.empty()) continue;
       for (const double ratio : filters) {
         screen.show(fmt::format("{}: tuned, filters {:g} times as fast", law, ratio));
-        study::SweepLaw tuned{
-            law, margin ? at_margin(plan, scenario, law, *margin, ratio)
-                        : certificate::rule_of_thumb(scenario, law, bandwidth_hz, ratio)};
+        study::SweepLaw tuned{law, margin
+                                       ? at_margin(plan, scenario, law, *margin, ratio)
+                                       : tuning::rule_of_thumb(scenario, law, bandwidth_hz, ratio)};
         // A law without a filter is the same whatever the ratio.
         const bool known = std::ranges::find(plan.laws, tuned.overrides,
                                              &study::SweepLaw::overrides) != plan.laws.end();

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "certificate/design.h"
 #include "certificate/prediction.h"
 #include "certificate/scenario_loop.h"
 #include "experiment/scenario.h"
@@ -16,6 +15,7 @@
 #include "study/measures.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
+#include "tuning/design.h"
 
 namespace tachless::certificate {
 namespace {
@@ -154,7 +154,7 @@ TEST(SampledLimit, IsThatOfRunsOfSixJointsWithGainsOfDesign) {
   experiment::Scenario scenario = experiment::parse_scenario(
       experiment::urdf_scenario(robot::model_from_urdf(urdf, "chain"), {"chain", "chain.urdf"}),
       urdf, "chain");
-  scenario.controller.gains = design(scenario, {}).gains;
+  scenario.controller.gains = tuning::design(scenario, {}).gains;
   hold_at_the_end(scenario);
   for (const int delay : {0, 1}) {
     scenario.loop.command_delay = delay;

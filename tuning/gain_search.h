@@ -5,15 +5,15 @@
 #include <string>
 #include <vector>
 
-#include "certificate/gain_rows.h"
 #include "loop/signals.h"
+#include "tuning/gain_rows.h"
 
 /// The gains of a law that settle first with a modulus margin kept at all postures, by sequential
 /// linear programming in the logarithms theta of the gains. For a time T that is shortened each
 /// time it is met, the variable s bounds the logarithms of all errors from T on, from
 /// each joint alone; a step minimises s + 60 v with v what the margins lack, within a trust region.
 /// Not the spectral radius: it has no derivative where poles meet, which is where optima lie.
-namespace tachless::certificate {
+namespace tachless::tuning {
 
 struct GainProblem {
   std::vector<RestLoop> loops;
@@ -41,9 +41,10 @@ struct Binding {
 
 struct FoundGains {
   Eigen::VectorXd theta;
-  double settling_s = infinity;  ///< of what was looked at; infinite: nothing keeps the margin
-  double modulus = 0;            ///< the least
-  std::size_t worst = 0;         ///< and its loop
+  double settling_s =
+      certificate::infinity;  ///< of what was looked at; infinite: nothing keeps the margin
+  double modulus = 0;         ///< the least
+  std::size_t worst = 0;      ///< and its loop
 };
 
 /// Whether all loops are stable, and the least modulus.
@@ -67,4 +68,4 @@ FoundGains faster_gains(GainProblem& problem, const Eigen::VectorXd& theta, int 
 /// The constraints that bind at these gains, the one that costs most first.
 std::vector<Binding> bindings(const GainProblem& problem, const FoundGains& gains);
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

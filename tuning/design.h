@@ -17,7 +17,7 @@
 ///
 /// with which friction makes no slow pole: for one joint and r → infinity
 /// m s^2 + (2 w m + d) s + kp = (s + w)(m s + w m + d).
-namespace tachless::certificate {
+namespace tachless::tuning {
 
 /// Of the margin, what postures beside the motion have to keep: the search finds few of those where
 /// it is least.
@@ -36,7 +36,7 @@ struct DesignGoal {
 struct Design {
   std::map<std::string, robot::Vector> gains;
   std::vector<std::string> binds;  ///< what keeps it from being faster, the costliest first
-  Prediction loop;                 ///< with these gains, as `certify` prints it
+  certificate::Prediction loop;    ///< with these gains, as `certify` prints it
   /// Torque per angle at rest, each joint's own, and the errors at which Coulomb friction holds it
   /// [N m/rad], [rad]; the latter empty without such friction.
   robot::Vector stiffness, stuck_error;
@@ -55,7 +55,7 @@ struct Design {
 /// Deterministic. @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque
 /// limit below gravity, a motion that is too fast, margins that no gains have.
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
-              const OnProgress& tell = no_progress);
+              const certificate::OnProgress& tell = certificate::no_progress);
 
 /// The gains as overrides of a scenario: "controller.gains.kp=[…]".
 std::vector<std::string> overrides_of(const Design& design);
@@ -68,4 +68,4 @@ std::vector<std::string> overrides_of(const Design& design);
 std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,
                                        double hz, double filter_ratio = 10);
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

@@ -4,12 +4,14 @@
 #include <string>
 #include <vector>
 
-#include "certificate/design.h"
-#include "certificate/gain_search.h"
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
+#include "tuning/design.h"
+#include "tuning/gain_search.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
+
+using certificate::ScenarioLoop;
 
 using Gains = std::map<std::string, robot::Vector>;
 
@@ -69,4 +71,4 @@ class DesignProblem {
 /// At rest in number `k` of a sequence within the joints' limits, where they have some.
 loop::ReferencePoint rest_in_range(const robot::Model& model, int k);
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

@@ -1,4 +1,4 @@
-#include "certificate/design.h"
+#include "tuning/design.h"
 
 #include <fmt/format.h>
 
@@ -11,9 +11,7 @@
 #include <numeric>
 #include <utility>
 
-#include "certificate/design_problem.h"
 #include "certificate/feasibility.h"
-#include "certificate/gain_search.h"
 #include "certificate/linear_loop.h"
 #include "certificate/postures.h"
 #include "certificate/stability_certificate.h"
@@ -21,8 +19,12 @@
 #include "diagnostics/failure.h"
 #include "process/parallel.h"
 #include "robot/model.h"
+#include "tuning/design_problem.h"
+#include "tuning/gain_search.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
+
+using namespace certificate;
 namespace {
 
 using diagnostics::ExitCode;
@@ -360,4 +362,4 @@ std::vector<std::string> overrides_of(const Design& design) {
   return all;
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

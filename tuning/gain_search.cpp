@@ -1,4 +1,4 @@
-#include "certificate/gain_search.h"
+#include "tuning/gain_search.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,10 +8,12 @@
 #include <tuple>
 #include <utility>
 
-#include "certificate/gain_point.h"
 #include "process/parallel.h"
+#include "tuning/gain_point.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
+
+using namespace certificate;
 namespace {
 
 using Eigen::Index;
@@ -209,4 +211,4 @@ std::vector<Binding> bindings(const GainProblem& problem, const FoundGains& gain
   return all;
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

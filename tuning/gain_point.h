@@ -5,10 +5,10 @@
 #include <utility>
 #include <vector>
 
-#include "certificate/gain_search.h"
+#include "tuning/gain_search.h"
 
 /// The problem of a search for gains at one point, and the linear programme about that.
-namespace tachless::certificate {
+namespace tachless::tuning {
 
 constexpr double settled = 0.01;
 constexpr double price_of_margin = 60;
@@ -69,4 +69,4 @@ struct Linearised {
 Linearised programme_at(const GainProblem& problem, const GainPoint& point, double T,
                         const Eigen::VectorXd& log_errors, double radius);
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

@@ -1,4 +1,4 @@
-#include "certificate/gain_rows.h"
+#include "tuning/gain_rows.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -9,7 +9,9 @@
 
 #include "robot/decompositions.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
+
+using namespace certificate;
 namespace {
 
 using Eigen::Index;
@@ -203,4 +205,4 @@ Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, d
   return result;
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

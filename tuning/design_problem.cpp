@@ -1,4 +1,4 @@
-#include "certificate/design_problem.h"
+#include "tuning/design_problem.h"
 
 #include <fmt/format.h>
 
@@ -14,7 +14,9 @@
 #include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
+
+using namespace certificate;
 namespace {
 
 using controller::law::Tuning;
@@ -252,4 +254,4 @@ void DesignProblem::set_bounds() {
   }
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

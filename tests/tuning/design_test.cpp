@@ -1,4 +1,4 @@
-#include "certificate/design.h"
+#include "tuning/design.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,9 +19,10 @@
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
 namespace {
 
+using namespace certificate;
 using namespace testing;
 using ::testing::Contains;
 using ::testing::HasSubstr;
@@ -303,4 +304,4 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
 }
 
 }  // namespace
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning

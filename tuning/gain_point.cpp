@@ -1,4 +1,4 @@
-#include "certificate/gain_point.h"
+#include "tuning/gain_point.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,9 @@
 #include "process/parallel.h"
 #include "robot/decompositions.h"
 
-namespace tachless::certificate {
+namespace tachless::tuning {
+
+using namespace certificate;
 namespace {
 
 using Eigen::Index;
@@ -236,4 +238,4 @@ Linearised programme_at(const GainProblem& problem, const GainPoint& point, doub
   return result;
 }
 
-}  // namespace tachless::certificate
+}  // namespace tachless::tuning
