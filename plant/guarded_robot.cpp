@@ -33,6 +33,12 @@ experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
   return scenario;
 }
 
+/// Its brakes open under a torque: unless the scenario says otherwise, that which holds it.
+Drive first_holding(experiment::Scenario scenario, const robot::Model& model) {
+  if (!scenario.gives("plant.initial.torque")) scenario.plant.initial.torque = InitialTorque::hold;
+  return make_drive(scenario, model);
+}
+
 }  // namespace
 
 bool all_finite(const ArmState& state) {
@@ -52,7 +58,7 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
       model_(plant_model(scenario)),
       emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
-      drive_(make_drive(scenario, model_)),
+      drive_(driver == nullptr ? make_drive(scenario, model_) : first_holding(scenario, model_)),
       encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
       speed_(robot::Vector::Zero(model_.num_joints)),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {

@@ -79,7 +79,7 @@ struct InitialState {
       schema::Key{"torque", &InitialState::torque, "",
                   "Of the drives until the first command acts (`loop.command_delay`): none, or "
                   "what holds the robot at rest in its initial posture"}
-          .by_default()};
+          .by_default("zero; hold with a real robot")};
 };
 
 /// What computes the links' inertia matrix and bias.

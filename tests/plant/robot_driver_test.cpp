@@ -160,6 +160,25 @@ TEST(RobotDriver, ThatIsTheClockIsAnsweredOncePerTickAndCountsByItsOwnTime) {
   }
 }
 
+TEST(RobotDriver, IsHeldFromTheFirstTickOnUnlessTheScenarioSaysOtherwise) {
+  const std::vector<std::string> hanging = {
+      "robot.gravity_m_per_s2=9.81", "plant.drive.torque_limit_Nm=1000",
+      "plant.initial.position_rad=[0.3, 0.2]", "plant.following_error_rad=100"};
+  const auto first_torque = [](const experiment::Scenario& s) {
+    Recording robot;
+    robot.state.q << 0.3, 0.2;
+    EXPECT_EQ(drive(s, robot).fault, "");
+    return robot.torques.at(0);
+  };
+  const experiment::Scenario s = limited(hanging);
+  const robot::Vector q = s.plant.initial.position_rad;
+  EXPECT_EQ(first_torque(s), robot::gravity_torque(*s.model, q));
+  EXPECT_GT(first_torque(s).norm(), 1);
+  std::vector<std::string> without = hanging;
+  without.emplace_back("plant.initial.torque=zero");
+  EXPECT_EQ(first_torque(limited(without)), robot::Vector::Zero(2));
+}
+
 TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnything) {
   const experiment::Scenario s = limited({"plant.dry_run=true"});
   Peers peers(s);
