@@ -35,10 +35,9 @@ using AllMessages = decltype(with_truth(Messages()));
 
 /// Whether messages of the type are sent for every tick of a run, and have a slot.
 template <class Value>
-constexpr bool once_per_tick = !std::is_same_v<Value, Participant> &&
-                               !std::is_same_v<Value, RunInfo> &&
-                               !std::is_same_v<Value, LogAck> &&
-                               !std::is_same_v<Value, GainChange>;
+constexpr bool once_per_tick =
+    !std::is_same_v<Value, Participant> && !std::is_same_v<Value, RunInfo> &&
+    !std::is_same_v<Value, LogAck> && !std::is_same_v<Value, GainChange>;
 
 /// The slot of a message type.
 template <class Value>

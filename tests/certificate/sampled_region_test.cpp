@@ -22,9 +22,9 @@ using robot::Vector;
 
 /// At 1 kHz with one tick of delay, held at rest at q.
 experiment::Scenario held_at(const std::string& q, std::vector<std::string> more = {}) {
-  more.insert(more.end(), {"reference={hold: {position_rad: " + q + "}}",
-                           "plant.encoder.resolution_bits=null", "plant.mechanics=native",
-                           "loop.duration_s=0.4", "plant.initial.torque=hold"});
+  more.insert(more.end(),
+              {"reference={hold: {position_rad: " + q + "}}", "plant.encoder.resolution_bits=null",
+               "plant.mechanics=native", "loop.duration_s=0.4", "plant.initial.torque=hold"});
   return shipped("practical_rigid", more);
 }
 

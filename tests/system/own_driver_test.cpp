@@ -92,13 +92,13 @@ TEST_F(OwnDriver, IsRunWithTheOthersByOneCommand) {
 
 TEST_F(OwnDriver, IsSentNothingInADryRun) {
   const TemporaryDirectory directory;
-  Program program("tachless",
-                  {"run", TACHLESS_SOURCE_DIR "/examples/own_driver/rig.yaml", "--plant",
-                   TACHLESS_BINARY_DIR "/installed/work/own_driver/build/own_driver", "--out",
-                   directory / "out", "--set", "loop.max_missed=400", "--set",
-                   "loop.max_missed_share=1", "--set", "plant.initial.position_rad=[0.1, 0]",
-                   "--dry-run"},
-                  directory.path());
+  Program program(
+      "tachless",
+      {"run", TACHLESS_SOURCE_DIR "/examples/own_driver/rig.yaml", "--plant",
+       TACHLESS_BINARY_DIR "/installed/work/own_driver/build/own_driver", "--out",
+       directory / "out", "--set", "loop.max_missed=400", "--set", "loop.max_missed_share=1",
+       "--set", "plant.initial.position_rad=[0.1, 0]", "--dry-run"},
+      directory.path());
   EXPECT_EQ(program.wait(), 0) << program.errors();
   EXPECT_THAT(program.output(), HasSubstr("not judged: a dry run"));
   logger::RunLog log = logger::RunLog::open(directory / "out" / "lcmlog");
@@ -200,18 +200,10 @@ TEST(IiwaDriver, RampsAnArmFromWhereItStandsToTheStart) {
           "position_rad: [0.05, 0.2, -0.1, -1.1, 0.05, 0.8, 0]");
   std::ofstream(directory / "elsewhere.yaml") << elsewhere;
   const Program rig(built + "iiwa_rig", {directory / "elsewhere.yaml"}, directory.path());
-  const std::vector<std::string> command = {"run",
-                                            folder + "iiwa.yaml",
-                                            "--plant",
-                                            built + "iiwa_driver",
-                                            "--out",
-                                            directory / "out",
-                                            "--set",
-                                            "loop.max_missed=400",
-                                            "--set",
-                                            "loop.max_missed_share=1",
-                                            "--set",
-                                            "plant.following_error_rad=1"};
+  const std::vector<std::string> command = {
+      "run",   folder + "iiwa.yaml",      "--plant", built + "iiwa_driver",
+      "--out", directory / "out",         "--set",   "loop.max_missed=400",
+      "--set", "loop.max_missed_share=1", "--set",   "plant.following_error_rad=1"};
   Program without("tachless", command, directory.path());
   EXPECT_EQ(without.wait(), 2);
   EXPECT_THAT(without.errors(), HasSubstr("(run --ramp)"));
