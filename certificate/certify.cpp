@@ -327,12 +327,13 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
 }  // namespace
 
 Certificate certify(const experiment::Scenario& scenario, bool paper, const OnProgress& tell,
-                    bool nonlinear) {
+                    bool full) {
   Certificate result;
   result.feasibility = feasibility(scenario);
-  result.loop = analyse(scenario, Effort::full, tell);
+  const bool may_miss = scenario.loop.mode == experiment::Mode::realtime;
+  result.loop = analyse(scenario, full || may_miss ? Effort::full : Effort::margins, tell);
   result.stability = stability_certificate(scenario, Effort::full, result.no_stability, tell);
-  if (nonlinear) result.nonlinear = sampled_region(scenario, result.no_nonlinear, tell);
+  if (full) result.nonlinear = sampled_region(scenario, result.no_nonlinear, tell);
   if (paper) result.paper = paper_conditions(scenario, result.no_stability);
   return result;
 }

@@ -244,12 +244,12 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
   result.stiffness = least_stiffness(loops, h);
   const VectorXd held = friction_torques(scenario, false).on_delta;
   if (held.size() > 0 && !held.isZero(0)) result.rest_error = held.cwiseQuotient(result.stiffness);
-  if (effort == Effort::full && result.unstable_q.size() == 0) {
-    tell("sampled loop: margins");
-    find_margins(result, scenario_loop, loops, rests);
-    tell("sampled loop: missed ticks");
-    find_missed(result, loops);
-  }
+  if (effort == Effort::quick || result.unstable_q.size() > 0) return result;
+  tell("sampled loop: margins");
+  find_margins(result, scenario_loop, loops, rests);
+  if (effort == Effort::margins) return result;
+  tell("sampled loop: missed ticks");
+  find_missed(result, loops);
   return result;
 }
 

@@ -22,7 +22,8 @@ inline void no_progress(std::string_view /*what*/) {}
 
 /// How much is computed. Less effort leaves numbers out and gives no other ones.
 enum class Effort {
-  quick,  ///< without margins: well under 0.1 s for two joints, for every run
+  quick,    ///< without margins: well under 0.1 s for two joints, for every run
+  margins,  ///< without missed ticks, which take seconds for seven joints
   full,
 };
 
@@ -53,7 +54,7 @@ struct Prediction {
   /// Of each the least over the postures; nothing with quick effort or where one is unstable.
   std::optional<Margins> margins;
   robot::Vector margin_q;             ///< the posture with the least modulus margin
-  std::optional<MissedTicks> missed;  ///< as the margins
+  std::optional<MissedTicks> missed;  ///< with full effort, where there are margins
 
   /// Of an unstable loop: errors grow by e in 1 / that time [1/s].
   [[nodiscard]] double growth_per_s() const;

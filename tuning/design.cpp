@@ -261,7 +261,7 @@ class Search {
     }
     for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
     const experiment::Scenario scenario = law_.with(design.gains);
-    design.loop = analyse(scenario, Effort::full, tell);
+    design.loop = analyse(scenario, Effort::margins, tell);
     const std::vector<Minimum> all = worst_postures();
     const Minimum& worst = *std::ranges::min_element(all, {}, &Minimum::value);
     design.modulus_in_range = worst.value;

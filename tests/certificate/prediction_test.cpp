@@ -36,6 +36,7 @@ TEST(Prediction, WithLessEffortHasFewerNumbersAndNoOtherOnes) {
     ASSERT_TRUE(quick.limit_s);
     EXPECT_GT(*quick.limit_s, quick.settings.period_s);
     EXPECT_FALSE(quick.margins);
+    EXPECT_FALSE(analyse(scenario, Effort::margins).missed);
     ASSERT_TRUE(full.margins);
     EXPECT_GT(full.margins->phase_deg, 1);
   }
