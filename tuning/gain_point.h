@@ -10,6 +10,9 @@
 /// The problem of a search for gains at one point, and the linear programme about that.
 namespace tachless::tuning {
 
+using certificate::FeedbackAt;
+using certificate::LinearProgramme;
+
 constexpr double settled = 0.01;
 constexpr double price_of_margin = 60;
 constexpr double margin_kept = 0.003;  // of it for what is between the frequencies

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "certificate/gain_rows.h"
 #include "loop/signals.h"
-#include "tuning/gain_rows.h"
 
 /// The gains of a law that settle first with a modulus margin kept at all postures, by sequential
 /// linear programming in the logarithms theta of the gains. For a time T that is shortened each
@@ -14,6 +14,10 @@
 /// each joint alone; a step minimises s + 60 v with v what the margins lack, within a trust region.
 /// Not the spectral radius: it has no derivative where poles meet, which is where optima lie.
 namespace tachless::tuning {
+
+using certificate::Feedback;
+using certificate::LinearLaw;
+using certificate::RestLoop;
 
 struct GainProblem {
   std::vector<RestLoop> loops;

@@ -104,11 +104,11 @@ const std::vector<Rule> rules = {
     {"certificate/postures.cpp",
      {"certificate/", "process/parallel.h", "robot/"},
      {"Eigen/", "nlopt.h"}},
+    {"certificate/linear_programme.cpp", {"certificate/"}, {"Eigen/", "coin/"}},
     {"tuning/",
      {"tuning/", "certificate/", "controller/registry.h", "controller/law/", "experiment/",
       "loop/signals.h", "process/parallel.h", "robot/", "diagnostics/failure.h"},
      {"Eigen/", "fmt/"}},
-    {"tuning/linear_programme.cpp", {"tuning/"}, {"Eigen/", "coin/"}},
 
     {"study/",
      {"study/", "robot/", "controller/registry.h", "reference/make_trajectory.h",

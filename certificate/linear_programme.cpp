@@ -1,11 +1,11 @@
-#include "tuning/linear_programme.h"
+#include "certificate/linear_programme.h"
 
 #include <coin/Clp_C_Interface.h>
 
 #include <limits>
 #include <memory>
 
-namespace tachless::tuning {
+namespace tachless::certificate {
 
 using Eigen::Index;
 
@@ -37,4 +37,4 @@ std::optional<Optimum> solution(const LinearProgramme& programme) {
                  Eigen::Map<const Eigen::VectorXd>(Clp_dualRowSolution(model.get()), rows)};
 }
 
-}  // namespace tachless::tuning
+}  // namespace tachless::certificate

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-namespace tachless::tuning {
+namespace tachless::certificate {
 
 /// The smallest cost' x with lower <= x <= upper and gradient' x >= least in each row.
 struct LinearProgramme {
@@ -24,4 +24,4 @@ struct Optimum {
 /// By the dual simplex method of COIN-OR's Clp. Nothing when there is no x.
 std::optional<Optimum> solution(const LinearProgramme& programme);
 
-}  // namespace tachless::tuning
+}  // namespace tachless::certificate

@@ -1,4 +1,4 @@
-#include "tuning/gain_rows.h"
+#include "certificate/gain_rows.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -9,9 +9,7 @@
 
 #include "robot/decompositions.h"
 
-namespace tachless::tuning {
-
-using namespace certificate;
+namespace tachless::certificate {
 namespace {
 
 using Eigen::Index;
@@ -205,4 +203,4 @@ Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, d
   return result;
 }
 
-}  // namespace tachless::tuning
+}  // namespace tachless::certificate

@@ -4,16 +4,13 @@
 #include <vector>
 
 #include "certificate/linear_loop.h"
+#include "certificate/linear_programme.h"
 #include "certificate/sampled_limit.h"
-#include "tuning/linear_programme.h"
 
 /// What a loop at rest asks of the gains of its law, and its derivatives by them: the distance of
 /// L(exp(iwh)) from -1 and the errors from each joint alone. The derivatives are by the logarithms
 /// of gains, numbered kind by kind, joint by joint within a kind.
-namespace tachless::tuning {
-
-using certificate::LinearLaw;
-using certificate::LinearPlant;
+namespace tachless::certificate {
 
 /// A law's feedback terms, D without the compensation, and their derivatives.
 struct Feedback {
@@ -81,4 +78,4 @@ struct Errors {
 Errors errors(const RestLoop& loop, const LinearLaw& feedback, double begin_s, double end_s,
               int most_instants);
 
-}  // namespace tachless::tuning
+}  // namespace tachless::certificate
