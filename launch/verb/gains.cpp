@@ -159,6 +159,12 @@ struct GainsVerb {
   }
 
   [[nodiscard]] ExitCode run() const {
+    for (const std::string& change : changes) {
+      if (change.find('=') == std::string::npos) {
+        throw diagnostics::bad_usage("{}: no '='; write GAIN=VALUE, such as 'kp=[400, 300]'",
+                                     change);
+      }
+    }
     RunningRobot running(robot, node::parse_lcm_url(lcm_url), bus::read_key_file(key_file));
     running.find();
     const experiment::Scenario changed = changed_scenario(running.scenario(), running.gains());
