@@ -119,6 +119,10 @@ struct LiveRun::Run {
     references[static_cast<std::size_t>(stamp.tick) % references.size()] = {stamp.tick,
                                                                             reference.q_ref};
     note("q_ref", stamp, reference.q_ref);
+    if (reference.gains == gains) return;
+    gains = reference.gains;
+    events.push_back(fmt::format("gains from {:.4g} s: {}", seconds(stamp),
+                                 gains.empty() ? "the scenario's" : gains));
   }
   void on(const loop::Stamp& stamp, const loop::AnyMeasurement& any, std::int64_t /*ns*/) {
     if (truth) return;
@@ -207,6 +211,7 @@ struct LiveRun::Run {
   loop::truth::DriveFault fault = loop::truth::DriveFault::none;
   std::array<bool, robot::max_joints> saturated{};
   std::array<std::string, loop::num_roles> faults;  ///< by role, as events
+  std::string gains;                                ///< of the newest reference
   std::vector<std::string> events;
 };
 

@@ -88,6 +88,13 @@ TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   played.say_all(run);
   played.say(fault_message(run, "the arm is gone"));
   played.say(fault_message(run, "again"));
+  bus::Codec<loop::ReferencePoint> codec(loop::layout(2, false));
+  loop::ReferencePoint reference = *run.ticks.back().reference;
+  reference.gains = "kp=300,100";
+  const auto bytes = codec.encode({0, run.run, run.ticks.back().tick}, reference);
+  for (int i = 0; i < 2; ++i) {
+    played.live.take({"ARM_REFERENCE", bytes, "10.0.0.1:1", 0, 2'000'000'000'000});
+  }
   std::int64_t missed = 0;
   for (const loop::TickRecord& tick : run.ticks) {
     missed += tick.truth->fault == loop::truth::DriveFault::command_missed ? 1 : 0;
@@ -96,6 +103,8 @@ TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   EXPECT_EQ(stretch["missed"], missed);
   const std::string events = stretch["events"].dump();
   EXPECT_THAT(events, ::testing::HasSubstr("the arm"));
+  EXPECT_THAT(events, ::testing::HasSubstr("kp=300,100"));
+  EXPECT_EQ(stretch["events"].size(), 2U) << "each change once";
   EXPECT_THAT(events, ::testing::Not(::testing::HasSubstr("again"))) << "one fault of a role";
 }
 
