@@ -241,8 +241,9 @@ void LogReader::rewind() {
 std::optional<LogEvent> LogReader::next() {
   while (position_ < size_) {
     const auto event = event_at(position_);
-    if (event && !is_followed(*event)) {
-      // Damage follows, or its own length is damaged: then it spans the events after it.
+    if (event && (!is_followed(*event) || event->number - 1 != number_)) {
+      // Damage follows, or its own length is damaged: then it spans the events after it. So does
+      // garbage behind damage that happens to look like an event.
       const std::uint64_t inner = find_event(position_ + 1, event->end());
       if (inner < event->end()) {
         skip(inner);

@@ -34,9 +34,10 @@ experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
 }
 
 /// Its brakes open under a torque: unless the scenario says otherwise, that which holds it.
-Drive first_holding(experiment::Scenario scenario, const robot::Model& model) {
+Drive first_holding(experiment::Scenario scenario) {
   if (!scenario.gives("plant.initial.torque")) scenario.plant.initial.torque = InitialTorque::hold;
-  return make_drive(scenario, model);
+  scenario.plant.payload = {};  // the emulator's
+  return make_drive(scenario, plant_model(scenario));
 }
 
 }  // namespace
@@ -58,7 +59,7 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
       model_(plant_model(scenario)),
       emulator_(driver == nullptr ? std::make_unique<EmulatedRobot>(scenario_, model_) : nullptr),
       driver_(driver == nullptr ? *emulator_ : *driver),
-      drive_(driver == nullptr ? make_drive(scenario, model_) : first_holding(scenario, model_)),
+      drive_(driver == nullptr ? make_drive(scenario, model_) : first_holding(scenario)),
       encoder_(emulated() ? scenario : with_ideal_encoders(scenario), model_),
       speed_(robot::Vector::Zero(model_.num_joints)),
       past_(emulated() ? static_cast<std::size_t>(scenario.plant.encoder.latency_ticks) + 1 : 1) {

@@ -159,9 +159,8 @@ TEST(EveryField, IsItsOwnMember) {
 
 template <class Type>
 class CodecOfFixedSize : public testing::Test {};
-using FixedSizeTypes =
-    testing::Types<TickType, PositionType, MotorPositionType, LinkStateType, StateType,
-                   ReferenceType, CommandType, ControllerStateType, LogAckType>;
+using FixedSizeTypes = testing::Types<TickType, PositionType, MotorPositionType, LinkStateType,
+                                      StateType, CommandType, ControllerStateType, LogAckType>;
 TYPED_TEST_SUITE(CodecOfFixedSize, FixedSizeTypes);
 
 TYPED_TEST(CodecOfFixedSize, DoesNotAllocateOnceConstructed) {
@@ -191,15 +190,20 @@ TYPED_TEST(CodecOfArrays, RejectsHostileCounts) {
   codec_checks::rejects_counts<TypeParam>(body, {2, 2, 2});
 }
 TYPED_TEST(CodecOfArrays, RejectsAMessageOfAnotherJointCount) {
-  EXPECT_EQ(verdict<TypeParam>({2, 2, 2}, sample<TypeParam>({3, 3, 2})), Rejection::wrong_size);
+  // A text makes a message longer than another one, so that its count is looked at.
+  const auto rejection = loop::has_field<typename TypeParam::Value>("gains")
+                             ? Rejection::wrong_count
+                             : Rejection::wrong_size;
+  EXPECT_EQ(verdict<TypeParam>({2, 2, 2}, sample<TypeParam>({3, 3, 2})), rejection);
   EXPECT_EQ(verdict<TypeParam>({3, 3, 2}, sample<TypeParam>({2, 2, 2})), Rejection::wrong_size);
 }
 TYPED_TEST(CodecOfArrays, RejectsNonFiniteReals) {
   const loop::Layout layout{3, 3, 2};
-  const Bytes bytes = sample<TypeParam>(layout);
-  const std::size_t counts = (bytes.size() - body) % 8 == 0 ? 8 : 4;
-  codec_checks::rejects_non_finite<TypeParam>(body + counts, (bytes.size() - body - counts) / 8,
-                                              layout);
+  constexpr std::size_t text =
+      loop::has_field<typename TypeParam::Value>("gains") ? 4 + sizeof("gains") : 0;
+  const std::size_t size = sample<TypeParam>(layout).size() - text;
+  const std::size_t counts = (size - body) % 8 == 0 ? 8 : 4;
+  codec_checks::rejects_non_finite<TypeParam>(body + counts, (size - body - counts) / 8, layout);
 }
 TYPED_TEST(CodecOfArrays, RefusesImpossibleLayouts) {
   using Value = typename TypeParam::Value;

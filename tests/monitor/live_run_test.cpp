@@ -104,7 +104,8 @@ TEST(LiveRun, CountsMissedCommandsAndSaysWhatHappened) {
   const std::string events = stretch["events"].dump();
   EXPECT_THAT(events, ::testing::HasSubstr("the arm"));
   EXPECT_THAT(events, ::testing::HasSubstr("kp=300,100"));
-  EXPECT_EQ(stretch["events"].size(), 2U) << "each change once";
+  const std::size_t at = events.find("gains from");
+  EXPECT_EQ(events.find("gains from", at + 1), std::string::npos) << "each change once";
   EXPECT_THAT(events, ::testing::Not(::testing::HasSubstr("again"))) << "one fault of a role";
 }
 
