@@ -7,7 +7,9 @@
 #include <cmath>
 #include <fstream>
 #include <set>
+#include <string_view>
 #include <variant>
+#include <vector>
 
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
@@ -164,7 +166,10 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   }
   run.summary = log.summary();
   study::Yardsticks yardsticks = study::yardsticks(run.scenario);
-  yardsticks.stiffness = certificate::stiffness(run.scenario);
+  const std::vector<std::string_view> laws = controller::law_names();
+  if (std::ranges::find(laws, run.scenario.controller.law) != laws.end()) {
+    yardsticks.stiffness = certificate::stiffness(run.scenario);
+  }
   for (const Stretches& ticks : run.saturated) {
     yardsticks.saturated_ticks.push_back(static_cast<std::int64_t>(ticks.count));
   }

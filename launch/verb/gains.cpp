@@ -48,8 +48,7 @@ class RunningRobot {
   /// @throw diagnostics::Failure(peer_lost) when there is none
   void find() {
     const auto until = Clock::now() + longest_wait;
-    while (newest_ < 0 && receive(until)) {
-    }
+    while (newest_ < 0 && Clock::now() < until) receive(until);
     if (newest_ >= 0) return;
     throw Failure(ExitCode::peer_lost,
                   "{}: no run of that robot is heard on this bus; type: tachless watch; with a key "
@@ -71,8 +70,7 @@ class RunningRobot {
     while (gains_ != gains && Clock::now() < until) {
       bus_.publish(channel, codec.encode(stamp, {gains}));
       const auto again = Clock::now() + send_again;
-      while (gains_ != gains && receive(again)) {
-      }
+      while (gains_ != gains && Clock::now() < again) receive(again);
     }
     const std::int64_t tick = changed_at_;
     while (gains_ == gains && begun_ < tick && Clock::now() < until) receive(until);
@@ -83,9 +81,9 @@ class RunningRobot {
 
  private:
   /// Takes one message, if one comes.
-  bool receive(Clock::time_point until) {
+  void receive(Clock::time_point until) {
     const auto datagram = bus_.receive(until);
-    if (!datagram) return false;
+    if (!datagram) return;
     loop::Stamp stamp;
     if (datagram->channel == loop::channel<loop::Participant>(prefix_)) {
       loop::Participant who;
@@ -99,7 +97,6 @@ class RunningRobot {
     } else if (run_) {
       take_tick(*datagram);
     }
-    return true;
   }
 
   void take_info(const bus::Datagram& datagram) {

@@ -7,7 +7,10 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
+#include <span>
+#include <string>
 
+#include "bus/wire.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/logging.h"
 #include "report/report_sections.h"
@@ -194,6 +197,32 @@ TEST_F(Report, ShowsWhatWentWrong) {
   EXPECT_THAT(page, HasSubstr("The log is damaged"));
   EXPECT_THAT(page, Not(HasSubstr("<encoder>")));
   EXPECT_THAT(page, HasSubstr("<figure id=\"events-1\" class=\"live wide\""));
+}
+
+TEST_F(Report, NamesALawThatThisVersionDoesNotKnow) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
+  std::string& info = messages[0].data;
+  const std::string law = "loria_ortega_rigid";
+  for (std::size_t at = info.find(law); at != std::string::npos; at = info.find(law, at)) {
+    info.replace(at, law.size(), "loria_ortega_frigi");
+  }
+  EXPECT_THAT(page_of({run("a", messages)}), HasSubstr("loria_ortega_frigi"));
+}
+
+TEST_F(Report, NamesAChangeOfGains) {
+  auto messages = support::in_process_log(support::shortened("practical_rigid.yaml", "0.1"));
+  bus::Codec<loop::ReferencePoint> codec(loop::layout(2, false));
+  for (std::size_t tick = 40; tick < 100; ++tick) {
+    std::string& data = messages[1 + 6 * tick + 2].data;
+    loop::Stamp stamp;
+    loop::ReferencePoint reference;
+    ASSERT_EQ(codec.decode(std::as_bytes(std::span(data)), stamp, reference), bus::Rejection::none);
+    reference.gains = "kp=300,100";
+    const auto bytes = codec.encode(stamp, reference);
+    data.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  }
+  EXPECT_THAT(page_of({run("a", messages)}),
+              HasSubstr("Gains of the law from tick 40: kp=300,100"));
 }
 
 TEST_F(Report, OverlaysRunsWithALegend) {
