@@ -211,7 +211,7 @@ TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
   };
   const auto fault = [](double step, bool tells_time) {
     const experiment::Scenario s =
-        with_limited_elbow(limited({"plant.following_error_rad=1e9", "loop.duration_s=0.2"}),
+        with_limited_elbow(limited({"plant.following_error_rad=1e9", "loop.duration_s=3"}),
                            R"(lower="-1e9" upper="1e9" effort="100" velocity="1.5")");
     Peers peers(s);
     Moving robot;
