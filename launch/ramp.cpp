@@ -46,7 +46,8 @@ Vector end_of(const fs::path& path) {
 /// those of torque beyond what holds the arm still.
 double duration(const experiment::Scenario& scenario, const Vector& from, const Vector& to) {
   const robot::Model model = plant::plant_model(scenario);
-  const Vector limit = *scenario.plant.drive.torque_limit_Nm;  // a driver's robot has one
+  const Vector limit = scenario.plant.drive.torque_limit_Nm.value_or(
+      Vector::Constant(model.num_joints, robot::Model::unlimited));
   reference::trajectory::PointToPoint motion{from, to, 0, 1};
   constexpr int points = 200;
   double seconds = shortest_s;
