@@ -142,7 +142,9 @@ TEST_P(MissedTicksOf, AreStableInEveryPatternTried) {
   ASSERT_GE(missed.commands, 1);
   EXPECT_LT(remaining(missed.commands, false), 1e-2);
   ASSERT_TRUE(missed.measurements.has_value());
-  if (*missed.measurements > 0) EXPECT_LT(remaining(*missed.measurements, true), 1e-2);
+  if (*missed.measurements > 0) {
+    EXPECT_LT(remaining(*missed.measurements, true), 1e-2);
+  }
 }
 
 TEST_P(MissedTicksOf, AreUnstableInThePatternThatIsNamed) {

@@ -105,7 +105,9 @@ TEST_F(OwnDriver, IsSentNothingInADryRun) {
   logger::TickRecord record;
   double most = 0;
   while (log.next(record)) {
-    if (record.truth) EXPECT_EQ(record.truth->q, robot::Vector::Zero(2));
+    if (record.truth) {
+      EXPECT_EQ(record.truth->q, robot::Vector::Zero(2));
+    }
     if (record.command) most = std::max(most, record.command->tau.cwiseAbs().maxCoeff());
   }
   EXPECT_GT(most, 1) << "the law commands, the rig is not where the reference is";
