@@ -17,6 +17,22 @@ using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 
+/// What of a map's state a law measures, and the torque that it gives, each in rows.
+struct LawRows {
+  MatrixXd measured, torque;
+};
+LawRows rows_of(const LinearLaw& law, const LinearPlant& plant, Index size) {
+  const Index n = plant.num_joints;
+  LawRows rows{MatrixXd::Zero(n * static_cast<Index>(law.measured.size()), size), {}};
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    rows.measured.block(static_cast<Index>(i) * n, static_cast<Index>(law.measured[i]) * n, n, n)
+        .setIdentity();
+  }
+  rows.torque = law.D * rows.measured;
+  rows.torque.middleCols(plant.A.rows(), law.A.rows()) += law.C;
+  return rows;
+}
+
 /// The loop between the errors (of the torque, of the measured positions) and what drives them
 /// (increments of the law's torque, second differences of the positions).
 class Gains {
@@ -28,13 +44,7 @@ class Gains {
     const MatrixXd map = open.closed();
     const Index n = loop.plant.num_joints, x = loop.plant.A.rows(), m = law.A.rows();
     const auto parts = static_cast<Index>(law.measured.size());
-    MatrixXd measured = MatrixXd::Zero(n * parts, map.rows());
-    for (Index i = 0; i < parts; ++i) {
-      measured.block(i * n, static_cast<Index>(law.measured[static_cast<std::size_t>(i)]) * n, n, n)
-          .setIdentity();
-    }
-    MatrixXd torque = law.D * measured;
-    torque.middleCols(x, m) += law.C;
+    const auto [measured, torque] = rows_of(law, loop.plant, map.rows());
     MatrixXd into_law = MatrixXd::Zero(map.rows(), n * parts);
     into_law.middleRows(x, m) = law.B;
 
@@ -126,14 +136,8 @@ HeldMaps held_maps(const SampledLoop& loop, double period_s) {
   const LinearLaw law = loop.law(period_s);
   const CutLoop open = cut(loop.plant, law, period_s, loop.delay);
   const MatrixXd map = open.closed();
-  const Index n = loop.plant.num_joints, x = loop.plant.A.rows(), m = law.A.rows(),
-              all = map.rows();
-  MatrixXd torque = MatrixXd::Zero(n, all);
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    torque.middleCols(static_cast<Index>(law.measured[i]) * n, n) +=
-        law.D.middleCols(static_cast<Index>(i) * n, n);
-  }
-  torque.middleCols(x, m) += law.C;
+  const Index n = loop.plant.num_joints, all = map.rows();
+  const MatrixXd torque = rows_of(law, loop.plant, all).torque;
   HeldMaps maps{MatrixXd::Zero(all + n, all + n), MatrixXd::Zero(all + n, all + n)};
   maps.hit.topLeftCorner(all, all) = map;
   maps.hit.bottomLeftCorner(n, all) = torque;

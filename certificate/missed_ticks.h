@@ -45,7 +45,7 @@ HeldMaps held_maps(const SampledLoop& loop, double period_s);
 MissedTicks missed_ticks(const SampledLoop& loop, double period_s);
 
 /// Fewest commands in a row, in patterns of so many misses and 1 to 4 hits, repeated, that make it
-/// unstable; looked for above `from`. Sets `unstable` and `hits`.
+/// unstable; looked for above `commands`. Sets `unstable` and `hits`.
 void find_unstable_pattern(const SampledLoop& loop, double period_s, MissedTicks& result);
 
 }  // namespace tachless::certificate

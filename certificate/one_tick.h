@@ -34,7 +34,6 @@ class OneTick {
   [[nodiscard]] Eigen::Index size() const;
   [[nodiscard]] const robot::Vector& q_ref() const { return reference_.q_ref; }
   [[nodiscard]] int delay() const { return settings_.command_delay; }
-  [[nodiscard]] double period_s() const { return settings_.period_s; }
 
  private:
   [[nodiscard]] Eigen::VectorXd measured(const Eigen::VectorXd& plant) const;

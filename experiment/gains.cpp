@@ -4,10 +4,10 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <system_error>
 #include <vector>
+
+#include "diagnostics/text.h"
 
 namespace tachless::experiment {
 namespace {
@@ -32,11 +32,9 @@ bool is_name(std::string_view text) {
 std::optional<robot::Vector> read_numbers(std::string_view text, int num_joints) {
   std::vector<double> values;
   for (const std::string_view number : split(text, ',')) {
-    double value = 0;
-    const auto [end, error] = std::from_chars(number.data(), number.data() + number.size(), value);
-    if (error != std::errc{} || end != number.data() + number.size()) return {};
-    if (!std::isfinite(value)) return {};
-    values.push_back(value);
+    const std::optional<double> value = diagnostics::number_in(number);
+    if (!value || !std::isfinite(*value)) return {};
+    values.push_back(*value);
   }
   if (values.size() == 1) return robot::Vector::Constant(num_joints, values.front());
   const auto n = static_cast<std::size_t>(num_joints);

@@ -18,8 +18,12 @@ using experiment::Compensates;
 using experiment::Scenario;
 using robot::Vector;
 
-inline constexpr double of_speed = 0.1;       ///< of a joint's limit, never more
-inline constexpr double unlimited_speed = 1;  ///< [rad/s; m/s] where the URDF has none
+/// That a joint of an arm which is not known yet never exceeds: a tenth of its limit, 1 where the
+/// URDF has none [rad/s; m/s].
+inline Vector careful_speed(const robot::Model& model) {
+  return model.velocity_limit.unaryExpr(
+      [](double limit) { return 0.1 * (std::isfinite(limit) ? limit : 1.0); });
+}
 
 inline std::string list(const Vector& values) {
   return fmt::format("[{:.9g}]", fmt::join(values, ", "));
@@ -29,9 +33,7 @@ inline std::string list(const Vector& values) {
 class Findings {
  protected:
   explicit Findings(const Scenario& scenario)
-      : scenario_(scenario), speed_(scenario.model->velocity_limit) {
-    for (double& each : speed_) each = of_speed * (std::isfinite(each) ? each : unlimited_speed);
-  }
+      : scenario_(scenario), speed_(careful_speed(*scenario.model)) {}
 
   [[nodiscard]] std::string name(Eigen::Index joint) const {
     return robot::joint_labels(*scenario_.model).joint(static_cast<std::size_t>(joint));

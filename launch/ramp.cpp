@@ -1,13 +1,13 @@
 // The way from where an arm stands to where a scenario begins: run --ramp.
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
 #include "diagnostics/logging.h"
+#include "identify/findings.h"
 #include "launch/run.h"
 #include "logger/run_log.h"
 #include "plant/guarded_robot.h"
@@ -21,14 +21,12 @@ namespace {
 namespace fs = std::filesystem;
 using diagnostics::ExitCode;
 using diagnostics::Failure;
+using identify::list;
 using robot::Vector;
 
-constexpr double share = 0.1;          ///< of speed and torque limits
-constexpr double unlimited_speed = 1;  ///< [rad/s; m/s] where the URDF has none
+constexpr double share = 0.1;  ///< of the torque limits
 constexpr double look_s = 0.1;
 constexpr double shortest_s = 1, rest_s = 1;
-
-std::string list(const Vector& values) { return fmt::format("[{:.9g}]", fmt::join(values, ", ")); }
 
 /// The joints' positions that a run has measured last, in the scenario's coordinates.
 Vector end_of(const fs::path& path) {
@@ -52,12 +50,9 @@ double duration(const experiment::Scenario& scenario, const Vector& from, const 
   constexpr int points = 200;
   double seconds = shortest_s;
   const auto at = [&](int i) { return motion.at(motion.duration_s * i / points); };
+  const Vector speed = identify::careful_speed(model);
   for (int i = 0; i <= points; ++i) {
-    for (Eigen::Index j = 0; j < from.size(); ++j) {
-      const double most = model.velocity_limit[j];
-      seconds = std::max(seconds, std::abs(at(i).v_ref[j]) /
-                                      (share * (std::isfinite(most) ? most : unlimited_speed)));
-    }
+    seconds = std::max(seconds, at(i).v_ref.cwiseAbs().cwiseQuotient(speed).maxCoeff());
   }
   motion.duration_s = seconds;
   double used = 0;  // of the torque that is allowed; it falls with the square of the duration

@@ -26,6 +26,17 @@ constexpr double least_promise = 0.02;  // of s: about 0.4 % of the settling tim
 constexpr int steps_between_loops = 5;
 constexpr double near_best = 0.97;  // T that near the settling time reached is not tried
 
+/// When the errors at these loops are last above 1 %, looked at for at least twice as long.
+std::vector<double> settling_times(const GainPoint& point, const std::vector<std::size_t>& loops) {
+  double end_s = 0.1;
+  std::vector<double> times;
+  do {
+    end_s *= 4;
+    times = point.settling_s(end_s, loops);
+  } while (std::ranges::max(times) > 0.5 * end_s && end_s < 1e4);
+  return times;
+}
+
 }  // namespace
 
 FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
@@ -33,11 +44,7 @@ FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
   FoundGains found{theta};
   if (!point.stable()) return found;
   std::tie(found.modulus, found.worst) = point.least_modulus();
-  double end_s = 0.1;
-  do {
-    end_s *= 4;
-    found.settling_s = point.settling_s(end_s);
-  } while (found.settling_s > 0.5 * end_s && end_s < 1e4);
+  found.settling_s = std::ranges::max(settling_times(point, problem.settling));
   return found;
 }
 
@@ -50,13 +57,7 @@ std::vector<double> settling_times(const GainProblem& problem, const VectorXd& t
   const GainPoint point(problem, theta);
   std::vector<std::size_t> all(problem.loops.size());
   std::iota(all.begin(), all.end(), 0);
-  double end_s = 0.1;
-  std::vector<double> times;
-  do {
-    end_s *= 4;
-    times = point.settling_s(end_s, all);
-  } while (std::ranges::max(times) > 0.5 * end_s && end_s < 1e4);
-  return times;
+  return settling_times(point, all);
 }
 
 namespace {
