@@ -244,7 +244,8 @@ struct LoopSpec {
           .in({0, plant::max_delay_ticks})
           .by_default(),
       schema::Key{"max_missed", &LoopSpec::max_missed, "ticks",
-                  "Realtime: commands missed in a row before the protective stop"}
+                  "Realtime: commands missed in a row before the protective stop. Not given, "
+                  "`run --plant` takes what the loop is proved to bear, if that is less"}
           .in({0, 1e6})
           .by_default(),
       schema::Key{"max_missed_share", &LoopSpec::max_missed_share, "",

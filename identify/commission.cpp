@@ -24,6 +24,7 @@ constexpr int least_fall = 5;       ///< ticks that have to be seen after the lo
 constexpr double following = 0.03;  ///< [rad; m], of the protective stop
 constexpr double reach = 0.016;     ///< [rad; m] of the references
 constexpr double joint_s = 3, all_s = 4;
+constexpr double longest_unsent_s = 0.02;
 /// The sines: frequency, and share of the speed that is allowed.
 constexpr std::array<std::pair<double, double>, 3> sines = {{{0.7, 0.18}, {2.9, 0.09}, {7, 0.06}}};
 
@@ -51,6 +52,7 @@ class Procedure : Findings {
     const Explanation found =
         explain(arm, moved, scenario_.loop.period_s, fall.certain.cwiseAbs(), gravity);
     conclude(fall, found);
+    if (found.gravity) withhold(fall, std::move(moved), *found.gravity);
     return std::move(result_);
   }
 
@@ -67,6 +69,7 @@ class Procedure : Findings {
     const double h = scenario_.loop.period_s;
     overrides.push_back(fmt::format("loop.duration_s={:.12g}", std::round(duration_s / h) * h));
     overrides.push_back(fmt::format("plant.following_error_rad={}", following));
+    overrides.push_back(fmt::format("loop.max_missed={}", scenario_.loop.max_missed));
     overrides.emplace_back("plant.initial.torque=hold");
     const Scenario changed = changed_by(overrides);
     Trial result = trials_(changed, overrides);
@@ -221,8 +224,8 @@ class Procedure : Findings {
     turned_ = changed_by(overrides);
   }
 
-  /// Some sines of that joint, of all if there is no such one.
-  Trial move(int joint) {
+  /// Some sines of that joint, of all if there is no such one; see plant.withheld_ticks.
+  Trial move(int joint, int withheld = 0) {
     const bool all = joint == scenario_.num_joints;
     const Vector& start = turned_.plant.initial.position_rad;
     const double h = scenario_.loop.period_s;
@@ -245,10 +248,41 @@ class Procedure : Findings {
     }
     overrides.push_back(fmt::format("reference={{multi_sine: {{offset_rad: {}, terms: [{}]}}}}",
                                     list(offset), terms));
-    report_(all ? std::string("all joints") : name(joint));
+    overrides.push_back(fmt::format("plant.withheld_ticks={}", withheld));
+    report_(withheld > 0 ? std::string("all joints, with torques that are not sent")
+            : all        ? std::string("all joints")
+                         : name(joint));
     Trial result = trial(overrides, all ? all_s : joint_s);
-    if (!result.stopped.empty()) ran_away(result);
+    if (!result.stopped.empty() && withheld == 0) ran_away(result);
     return result;
+  }
+
+  /// Whether torques that are not sent are those before, or none: which explains the motion of all
+  /// joints better. @param moved the trials that have been explained
+  void withhold(const Fall& fall, std::vector<Trial> moved, bool gravity) {
+    const double h = scenario_.loop.period_s;
+    const int ticks = std::max(1, static_cast<int>(std::min(longest_unsent_s, fall_s_ / 2) / h));
+    Trial held = move(scenario_.num_joints, ticks);
+    if (!held.stopped.empty()) {
+      result_.unsent = Unsent::ends_the_run;
+      result_.unsent_text = held.stopped;
+      return;
+    }
+    plant::Spec plant;
+    plant.withheld_ticks = ticks;
+    Trial zeroed = held;
+    for (Eigen::Index k = 1; k < held.tau.rows(); ++k) {
+      if (!plant::withheld(plant, k)) continue;
+      held.tau.row(k) = held.tau.row(k - 1);
+      zeroed.tau.row(k).setZero();
+    }
+    const ArmHypotheses arm(turned_);
+    const auto cost = [&](const Trial& trial) {
+      moved.back() = trial;
+      return explain(arm, moved, h, fall.certain.cwiseAbs(), gravity).cost;
+    };
+    const double more = cost(zeroed) - cost(held);
+    if (std::abs(more) > clear) result_.unsent = more > 0 ? Unsent::held : Unsent::zeroed;
   }
 
   [[noreturn]] void ran_away(const Trial& trial) const {

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "experiment/scenario.h"
@@ -27,6 +29,12 @@ struct Trial {
 using Trials = std::function<Trial(const experiment::Scenario& scenario,
                                    const std::vector<std::string>& overrides)>;
 
+/// What an arm's drives do in a tick for which nothing is sent.
+enum class Unsent { held, zeroed, ends_the_run };
+constexpr std::array<std::string_view, 3> names(Unsent /*type*/) {
+  return {"held", "zeroed", "ends_the_run"};
+}
+
 struct Commissioned {
   /// Nothing: not told apart.
   struct Joint {
@@ -41,8 +49,10 @@ struct Commissioned {
   std::vector<Joint> joints;
   std::optional<bool> adds_gravity, adds_friction;
   std::optional<int> delay;  ///< from the reading to the torque [ticks]
-  double delay_spread = 0;   ///< between the joints [ticks]
-  std::int64_t missed = 0;   ///< commands
+  std::optional<Unsent> unsent;
+  std::string unsent_text;  ///< why the run ended
+  double delay_spread = 0;  ///< between the joints [ticks]
+  std::int64_t missed = 0;  ///< commands
   bool arm_is_clock = false;
   double seconds = 0;                  ///< of arm time
   std::vector<std::string> misfits;    ///< one line each: what does not fit, and the remedy
@@ -51,8 +61,9 @@ struct Commissioned {
 };
 
 /// A moment without torque, so short that gravity cannot make a joint faster than a tenth of its
-/// limit, then a run for each joint in turn and one of all together: some slow sines about the
-/// start, under a soft law whose gravity torque is sent only if the arm fell. Of signs, gravity,
+/// limit, then a run for each joint in turn and two of all together: some slow sines about the
+/// start, under a soft law whose gravity torque is sent only if the arm fell; in the last one a
+/// tenth of the torques is not sent. Of signs, gravity,
 /// and delay that combination is taken which explains the torques sent by the URDF's mechanics with
 /// the least residual, if by a clear margin.
 /// @throw diagnostics::Failure(bad_usage) where the arm cannot be moved safely or the joints are

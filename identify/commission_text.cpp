@@ -21,6 +21,19 @@ std::string says(const std::optional<bool>& told, const char* yes, const char* n
   return *told ? yes : no;
 }
 
+std::string unsent_text(const Commissioned& found) {
+  if (!found.unsent) return "was not told apart";
+  switch (*found.unsent) {
+    case Unsent::held:
+      return "is the torque before";
+    case Unsent::zeroed:
+      return "is none";
+    case Unsent::ends_the_run:
+      break;
+  }
+  return "ended the run: " + found.unsent_text;
+}
+
 }  // namespace
 
 std::string text(const Commissioned& found, const std::string& name) {
@@ -29,8 +42,9 @@ std::string text(const Commissioned& found, const std::string& name) {
     if (joint.turns.value_or(false)) turning += joint.name + " turns against the URDF. ";
   }
   std::string text = fmt::format(
-      "{}: {}{} {} {} Commands missed: {}; what the arm does then was not seen, the last torque is "
-      "sent again. The clock is the {}. {:.3g} s of motion.\n\n",
+      "{}: {}{} {} {} Commands missed: {}. The arm's torque where none is sent {}. The clock is "
+      "the "
+      "{}. {:.3g} s of motion.\n\n",
       name, turning,
       says(found.adds_gravity, "The arm adds gravity itself.", "The arm does not add gravity.",
            "Whether the arm adds gravity was not told apart."),
@@ -41,7 +55,7 @@ std::string text(const Commissioned& found, const std::string& name) {
                         *found.delay, found.delay_spread / 2)
           : fmt::format("The delay was not told apart: joints differ by {:.2g} ticks.",
                         found.delay_spread),
-      found.missed, found.arm_is_clock ? "arm" : "computer", found.seconds);
+      found.missed, unsent_text(found), found.arm_is_clock ? "arm" : "computer", found.seconds);
   std::vector<std::vector<std::string>> rows = {
       {"joint", "turns", "torque scale", "viscous", "dry", "noise", ""}};
   for (const Commissioned::Joint& joint : found.joints) {
@@ -59,7 +73,8 @@ void to_json(nlohmann::ordered_json& json, const Commissioned& found) {
           {"delay_ticks", json_of(found.delay)},
           {"delay_spread_ticks", found.delay_spread},
           {"missed_commands", found.missed},
-          {"missed_command_is", nullptr},
+          {"unsent_torque", found.unsent ? nlohmann::ordered_json(schema::name_of(*found.unsent))
+                                         : nlohmann::ordered_json(nullptr)},
           {"clock", found.arm_is_clock ? "arm" : "computer"},
           {"arm_time_s", found.seconds},
           {"joints", nlohmann::ordered_json::array()},

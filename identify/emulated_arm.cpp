@@ -18,6 +18,7 @@ EmulatedArm::EmulatedArm(experiment::Scenario scenario)
 void EmulatedArm::start() {
   now_.v.setZero();
   arm_.emplace(plant::make_arm(scenario_, model_, now_));
+  last_ = robot::Vector::Zero(model_.num_joints);
   past_.assign(static_cast<std::size_t>(scenario_.plant.encoder.latency_ticks), now_);
 }
 
@@ -36,6 +37,7 @@ plant::ArmState EmulatedArm::read() {
 }
 
 void EmulatedArm::hold(const robot::Vector& tau, double until_s) {
+  last_ = tau;
   robot::Vector acts = scenario_.robot.joint_signs.cwiseProduct(tau);
   if (scenario_.robot.compensates != experiment::Compensates::nothing) {
     acts += robot::gravity_torque(model_, now_.q);
@@ -44,10 +46,11 @@ void EmulatedArm::hold(const robot::Vector& tau, double until_s) {
   now_ = arm_->state();
 }
 
-Trials trials_on(EmulatedArm& arm) {
+Trials trials_on(plant::RobotDriver& arm) {
   return [&arm](const experiment::Scenario& scenario, const std::vector<std::string>& /*by*/) {
     Trial result{Eigen::MatrixXd(scenario.loop.num_ticks, scenario.num_joints),
                  Eigen::MatrixXd(scenario.loop.num_ticks, scenario.num_joints)};
+    result.arm_is_clock = arm.is_clock();
     Eigen::Index ticks = 0;
     try {
       study::run_in_process(

@@ -25,8 +25,15 @@ class EmulatedArm : public plant::RobotDriver {
   plant::ArmState read() override;
   void hold(const robot::Vector& tau, double until_s) override;
   void stop() override { arm_.reset(); }
+  /// Its drives hold the torque of the tick before.
+  void rest(double until_s) override {
+    if (moves()) hold(last_, until_s);
+  }
 
   [[nodiscard]] const plant::ArmState& state() const { return now_; }  ///< exact
+
+ protected:
+  [[nodiscard]] bool moves() const { return arm_.has_value(); }
 
  private:
   experiment::Scenario scenario_;
@@ -35,10 +42,11 @@ class EmulatedArm : public plant::RobotDriver {
   plant::ArmState now_;
   std::deque<plant::ArmState> past_;  ///< that is not measured yet
   std::optional<plant::Arm> arm_;     ///< while it moves
+  robot::Vector last_;                ///< torque [N m; N]
   std::int64_t readings_ = 0;
 };
 
 /// Trials in this process on `arm`, which outlives them.
-Trials trials_on(EmulatedArm& arm);
+Trials trials_on(plant::RobotDriver& arm);
 
 }  // namespace tachless::identify

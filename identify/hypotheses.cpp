@@ -17,7 +17,6 @@ using Eigen::VectorXd;
 constexpr double instant_s = 0.02;  ///< between rows of the regression: what passes the low-pass
 constexpr double edge_s = 0.25;     ///< left out at both ends of a trial
 constexpr double dependent = 3;     ///< rows of which one counts: the low-pass makes them alike
-constexpr double clear = 12;        ///< least difference of log-likelihoods that tells two apart
 constexpr double moving = 0.2;  ///< share of the largest speed below which dry friction is unclear
 constexpr double noisy = 0.06;  ///< residual beside what moves a joint, above which it tells little
 constexpr double trusted = 5e-3;  ///< share of a joint's torque below which residuals are alike
@@ -302,7 +301,7 @@ Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, 
     }
   }
   const Candidate& best = *std::ranges::min_element(all, {}, &Candidate::least);
-  Explanation result{{best.signs}, best.gravity, static_cast<int>(best.delay()), {}};
+  Explanation result{{best.signs}, best.gravity, static_cast<int>(best.delay()), {}, best.least()};
   for (const Candidate& each : all) {
     if (each.least() - best.least() > clear) continue;
     if (each.signs != best.signs) result.signs.push_back(each.signs);

@@ -76,7 +76,9 @@ struct Explanation {
   std::optional<bool> gravity;       ///< acts unaided; nothing: not told apart
   int delay = 0;
   std::vector<Joint> joints;
+  double cost = 0;  ///< twice the log-likelihood's loss
 };
+inline constexpr double clear = 12;  ///< least difference of costs that tells two apart
 /// @param trials the last one of all joints; `sent` in the place of `tau` [N m; N]
 /// @param certain signs that are known, 0: not
 Explanation explain(const ArmHypotheses& arm, const std::vector<Trial>& trials, double period_s,

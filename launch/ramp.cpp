@@ -75,6 +75,7 @@ class Ramp {
     each_.ramp = each_.json = each_.watch = false;
     each_.overwrite = true;
     each_.run_id = 0;
+    each_.overrides = run.options.overrides;  // with loop.max_missed, where that is found
   }
 
   /// Whether the arm stands where the scenario begins, in the end.

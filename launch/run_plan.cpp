@@ -127,6 +127,19 @@ std::string friction_text(const experiment::Scenario& scenario) {
   return text;
 }
 
+/// A real robot goes without commands for no longer than its loop is proved to bear, and than any.
+void bound_missed(PlannedRun& run) {
+  const experiment::Scenario& scenario = run.scenario;
+  if (run.options.plant_program.empty() || scenario.gives("loop.max_missed")) return;
+  const auto missed = certificate::analyse(scenario, certificate::Effort::full).missed;
+  if (!missed || missed->commands >= scenario.loop.max_missed) return;
+  run.options.overrides.push_back(fmt::format("loop.max_missed={}", missed->commands));
+  run.scenario = experiment::load_scenario(run.options.scenario, run.options.all_overrides());
+  run.remarks.push_back({false, fmt::format("loop.max_missed is {}, as many commands in a row as "
+                                            "the loop is proved to bear",
+                                            missed->commands)});
+}
+
 void judge(PlannedRun& run) {
   const RunOptions& options = run.options;
   const experiment::Scenario& scenario = run.scenario;
@@ -139,6 +152,7 @@ void judge(PlannedRun& run) {
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
   std::vector<Remark>& remarks = run.remarks;
   remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
+  bound_missed(run);
   if (const std::string held = certificate::friction_text(loop); !held.empty()) {
     remarks.push_back({false, held});
   }

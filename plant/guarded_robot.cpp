@@ -69,9 +69,9 @@ GuardedRobot::GuardedRobot(const experiment::Scenario& scenario, RobotDriver* dr
                              "no limit; a real robot needs one for each joint");
   }
   const Spec& spec = scenario.plant;
-  if (driver == nullptr && spec.dry_run) {
-    throw scenario.complaint("plant.dry_run",
-                             "true, but the robot is emulated; allowed: with a driver (--plant)");
+  if (driver == nullptr && (spec.dry_run || spec.withheld_ticks > 0)) {
+    throw scenario.complaint(spec.dry_run ? "plant.dry_run" : "plant.withheld_ticks",
+                             "given, but the robot is emulated; allowed: with a driver (--plant)");
   }
   stopped_ = spec.dry_run;
   if (spec.following_error_rad) {
@@ -283,8 +283,8 @@ std::chrono::nanoseconds GuardedRobot::advance(std::int64_t tick) {
   const auto begin = Clock::now();
   const double end_s = static_cast<double>(tick + 1) * scenario_.loop.period_s;
   try {
-    if (stopped_) {
-      try_to_stop();
+    if (stopped_) try_to_stop();
+    if (stopped_ || withheld(scenario_.plant, tick)) {
       driver_.rest(end_s);
     } else {
       const robot::Vector& tau = drive_.applied().tau;

@@ -41,7 +41,8 @@ class RobotDriver {
   /// once, while the robot still comes to rest. Called again if it throws.
   virtual void stop() = 0;
 
-  /// Time goes on to `until_s` for a robot that is stopped: for an emulator.
+  /// Nothing is sent for a tick: the robot is stopped, or `commission` looks what it does then. For
+  /// an emulator, whose time goes on to `until_s`.
   virtual void rest(double until_s) { static_cast<void>(until_s); }
 };
 
@@ -62,8 +63,8 @@ class ClockDriver : public RobotDriver {
   void rest(double /*until_s*/) final { hold({}, 0); }
 
  private:
-  /// Answers the robot's tick with `tau` [N m; N] (empty, before `start` and after `stop`: with
-  /// nothing), waits for its next tick, and returns what the robot measured then, with `time_s` if
+  /// Answers the robot's tick with `tau` [N m; N] (empty, before `start`, after `stop` and where a
+  /// command is withheld: with nothing), waits for its next tick, and returns what the robot measured then, with `time_s` if
   /// it tells its time. @throw diagnostics::Failure(protective_stop) when no tick comes
   virtual ArmState exchange(const robot::Vector& tau) = 0;
 

@@ -332,6 +332,7 @@ struct Spec {
   OnLimit on_limit = OnLimit::stop;
   std::optional<robot::Vector> following_error_rad;
   bool dry_run = false;
+  int withheld_ticks = 0;
 
   static constexpr std::tuple keys{
       schema::Key{"initial", &Spec::initial},
@@ -359,7 +360,18 @@ struct Spec {
       schema::Key{"dry_run", &Spec::dry_run, "",
                   "A real robot is read and sent nothing, its drives are not enabled; everything "
                   "else is as in a run"}
+          .by_default(),
+      schema::Key{"withheld_ticks", &Spec::withheld_ticks, "ticks",
+                  "A real robot is sent nothing in so many ticks in a row, the last of each ten "
+                  "times as many; what it does then is for `commission` to see"}
+          .in({0, 1000})
           .by_default()};
 };
+
+/// Whether a real robot is sent nothing in `tick`.
+inline bool withheld(const Spec& plant, std::int64_t tick) {
+  const std::int64_t ticks = plant.withheld_ticks;
+  return ticks > 0 && tick % (10 * ticks) >= 9 * ticks;
+}
 
 }  // namespace tachless::plant

@@ -29,6 +29,8 @@ using testing::HasSubstr;
 struct DriveFaults {
   robot::Vector scale;   ///< torque that acts per torque sent
   int torque_delay = 0;  ///< [ticks] until what is sent acts
+  bool zeroes = false;   ///< where nothing is sent
+  bool is_clock = false;
 };
 
 class FaultyArm final : public EmulatedArm {
@@ -38,10 +40,12 @@ class FaultyArm final : public EmulatedArm {
 
   void start() override {
     EmulatedArm::start();
+    last_ = robot::Vector::Zero(first_.size());
     sent_.assign(static_cast<std::size_t>(faults_.torque_delay),
                  robot::Vector::Zero(first_.size()));
   }
   void hold(const robot::Vector& tau, double until_s) override {
+    last_ = tau;
     sent_.push_back(tau.cwiseProduct(faults_.scale));
     EmulatedArm::hold(sent_.front(), until_s);
     sent_.pop_front();
@@ -49,14 +53,46 @@ class FaultyArm final : public EmulatedArm {
     fastest = fastest.cwiseMax(state().v.cwiseAbs());
   }
 
+  void rest(double until_s) override {
+    if (moves()) hold(faults_.zeroes ? robot::Vector::Zero(first_.size()) : last_, until_s);
+  }
+
  private:
   DriveFaults faults_;
-  robot::Vector first_;
+  robot::Vector first_, last_;
   std::deque<robot::Vector> sent_;  ///< that does not act yet
 
  public:
   /// Furthest from the start of all [rad; m], and speed.
   robot::Vector moved = robot::Vector::Zero(first_.size()), fastest = moved;
+};
+
+/// Its ticks are those of the arm.
+class ClockedArm final : public plant::ClockDriver {
+ public:
+  ClockedArm(FaultyArm& arm, double period_s) : arm_(arm), period_s_(period_s) {}
+
+  [[nodiscard]] bool measures_velocity() const override { return false; }
+  void start() override {
+    arm_.start();
+    ticks_ = -1;
+  }
+  void stop() override { arm_.stop(); }
+
+ private:
+  plant::ArmState exchange(const robot::Vector& tau) override {
+    const double until_s = static_cast<double>(++ticks_) * period_s_;
+    if (tau.size() > 0) {
+      arm_.hold(tau, until_s);
+    } else if (ticks_ > 0) {
+      arm_.rest(until_s);
+    }
+    return arm_.read();
+  }
+
+  FaultyArm& arm_;
+  double period_s_;
+  std::int64_t ticks_ = 0;
 };
 
 /// An arm as it is, and the scenario of somebody who knows nothing of that.
@@ -138,22 +174,27 @@ Hidden draw(std::mt19937& random, const ArmKind& kind, bool friction, bool wild)
           with({at(posture), hold(posture), "robot.joint_signs=" + list(signs),
                 fmt::format("robot.compensates={}", compensates),
                 fmt::format("plant.encoder.latency_ticks={}", of_reading)}),
-          {scale, delay - of_reading}};
+          {scale, delay - of_reading, flip(0.5), flip(0.5)}};
 }
 
 /// How often each thing was told.
 struct Tally {
   int arms = 0, refused = 0, gravity = 0, friction = 0, delay = 0, joints = 0, signs = 0,
-      scales = 0;
+      scales = 0, unsent = 0;
   double farthest = 0, fastest = 0, scale = 0;  ///< the last one's largest error
 
   void check(const Hidden& arm, const std::string& what) {
     SCOPED_TRACE(what);
     FaultyArm driver(arm.truth, arm.more);
+    ClockedArm clocked(driver, arm.truth.loop.period_s);
+    plant::RobotDriver& as_driven =
+        arm.more.is_clock ? static_cast<plant::RobotDriver&>(clocked) : driver;
     Commissioned found;
     ++arms;
     try {
-      found = commission(arm.claimed, trials_on(driver), [](std::string_view) {});
+      found = commission(arm.claimed, trials_on(as_driven), [](std::string_view) {});
+      EXPECT_EQ(found.arm_is_clock, arm.more.is_clock);
+      EXPECT_LT(found.seconds, 90);
     } catch (const diagnostics::Failure& failure) {
       std::cout << what << ": " << failure.what() << "\n";
       ++refused;
@@ -189,6 +230,10 @@ struct Tally {
     if (found.delay) {
       EXPECT_EQ(*found.delay, 1 + arm.more.torque_delay + arm.truth.plant.encoder.latency_ticks);
       ++delay;
+    }
+    if (found.unsent) {
+      EXPECT_EQ(*found.unsent, arm.more.zeroes ? Unsent::zeroed : Unsent::held);
+      ++unsent;
     }
     for (std::size_t j = 0; j < found.joints.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
@@ -234,11 +279,12 @@ TEST(Commission, IsRightAboutHiddenArmsOrSaysThatItDoesNotKnow) {
                 fmt::format("arm {}, {}", arm, kind.scenario));
   }
   std::cout << fmt::format(
-      "{} arms, {} refused; told: gravity {}, friction {}, delay {}, signs {} and scales {} of {}, "
+      "{} arms, {} refused; told: gravity {}, friction {}, delay {}, unsent {}, signs {} and "
+      "scales {} of {}, "
       "within "
       "{:.3g}; moved {:.3g} rad, {:.3g} of the speed limit\n",
-      tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.signs,
-      tally.scales, tally.joints, tally.scale, tally.farthest, tally.fastest);
+      tally.arms, tally.refused, tally.gravity, tally.friction, tally.delay, tally.unsent,
+      tally.signs, tally.scales, tally.joints, tally.scale, tally.farthest, tally.fastest);
   // Of 40 arms 40, 34 and 109 are told; what the motion does not show stays untold.
   EXPECT_GE(tally.gravity, 0.9 * tally.arms);
   EXPECT_GE(tally.delay, 0.7 * tally.arms);

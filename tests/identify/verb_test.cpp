@@ -227,7 +227,7 @@ TEST_F(IdentifyVerb, CommissionTellsWhatAnArmDoesAndRefusesPosturesThatAreNotSaf
   const auto found = nlohmann::json::parse(result.output);
   EXPECT_EQ(found["adds_gravity"], nlohmann::json(false));
   EXPECT_EQ(found["delay_ticks"], nlohmann::json(3));
-  EXPECT_EQ(found["missed_command_is"], nlohmann::json());
+  EXPECT_EQ(found["unsent_torque"], nlohmann::json("held"));
   EXPECT_EQ(found["misfits"].size(), 0U);
   EXPECT_THAT(contents(directory_ / "known.yaml"), HasSubstr("latency_ticks: 2"));
   EXPECT_THAT(commission(words).errors, HasSubstr("known.yaml: exists already"));

@@ -103,6 +103,26 @@ TEST_P(OneAnalysis, IsBehindCertifyTheLineBeforeARunAndItsSummary) {
   }
 }
 
+/// Of a real robot alone, and only where nothing else is given.
+TEST(MaxMissed, IsWhatTheLoopIsProvedToBear) {
+  const auto planned = [](const char* driver, std::vector<std::string> more) {
+    RunOptions options;
+    options.mode = "realtime";
+    options.plant_program = driver;
+    options.overrides = std::move(more);
+    return plan_runs(options, {TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml"})[0];
+  };
+  const PlannedRun run = planned("driver", {});
+  const certificate::Prediction full =
+      certificate::analyse(run.scenario, certificate::Effort::full);
+  ASSERT_LT(full.missed->commands, 20);
+  EXPECT_EQ(run.scenario.loop.max_missed, full.missed->commands);
+  EXPECT_EQ(run.options.overrides,
+            std::vector<std::string>{fmt::format("loop.max_missed={}", full.missed->commands)});
+  EXPECT_EQ(planned("driver", {"loop.max_missed=30"}).scenario.loop.max_missed, 30);
+  EXPECT_EQ(planned("", {}).scenario.loop.max_missed, 20);
+}
+
 /// F_c/kp of a law whose stiffness is no gain: w^2 M(q_ref), the least over the motion.
 TEST(RestError, IsThatOfTheStiffnessThatTheLawHas) {
   const Case scheduled = twenty()[18];
