@@ -51,6 +51,8 @@ Group loop_group(const Prediction& p) {
                      : "NO: errors grow by e each " + period_text(1 / p.growth_per_s()));
   group.add("period_s", "", p.settings.period_s, "");
   group.add("delay", "", p.settings.command_delay, "");
+  group.add("not_counted", p.not_counted.empty() ? "" : "not counted", p.not_counted,
+            p.not_counted);
   group.add("limit_s", "largest stable period", json_of(p.limit_s),
             fmt::format("{} (at q = {})", limit_text(p.limit_s), list_text(p.limit_q)));
   group.add("limit_q", "", json_of(p.limit_q), "");
@@ -309,6 +311,7 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
   if (const std::string held = friction_text(all.loop); !held.empty()) {
     text += line("friction", held);
   }
+  if (!all.loop.not_counted.empty()) text += line("not counted", all.loop.not_counted);
   std::string reference = largest_share(all.feasibility);
   for (const std::string& problem : all.feasibility.impossible) reference = problem;
   text += line("reference", reference);

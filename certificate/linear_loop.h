@@ -19,7 +19,7 @@ inline constexpr double infinity = std::numeric_limits<double>::infinity();
 enum class Part { q = 0, v = 1, theta = 2, thetadot = 3 };
 
 /// xdot = A x + B tau in deviations x = (q, v) from the reference, (q, v, theta, thetadot) with
-/// flexible joints.
+/// flexible joints; torques of current loops that lag come last.
 struct LinearPlant {
   Eigen::MatrixXd A, B;
   Eigen::Index num_joints = 0;

@@ -91,8 +91,13 @@ class Gains {
 std::vector<MatrixXd> scalings(const SampledLoop& loop, double period_s) {
   const Index n = loop.plant.num_joints;
   MatrixXd mobility = MatrixXd::Zero(n, n);
-  for (Index k = 0; k < loop.plant.B.rows(); k += n) mobility += loop.plant.B.middleRows(k, n);
-  const auto [values, vectors] = robot::symmetric_eigen(mobility);
+  // Behind current loops, which come last, that of their torques; scaled torques break its
+  // symmetry.
+  const Index x = loop.plant.A.rows();
+  const bool lags = x % (2 * n) != 0;
+  const MatrixXd& B = lags ? MatrixXd(loop.plant.A.topRightCorner(x - n, n)) : loop.plant.B;
+  for (Index k = 0; k < B.rows(); k += n) mobility += B.middleRows(k, n);
+  const auto [values, vectors] = robot::symmetric_eigen((mobility + mobility.transpose()) / 2);
   const LinearLaw law = loop.law(period_s);
   Eigen::VectorXd own = Eigen::VectorXd::Zero(n);
   for (Index part = 0; part < static_cast<Index>(law.measured.size()); ++part) {

@@ -27,16 +27,21 @@ OneTick::OneTick(const experiment::Scenario& scenario, const robot::Vector& q_re
       settings_(loop_.settings()),
       law_(loop_.stepped(reference_)),
       arms_(std::make_shared<Arms>()) {
+  torque_ = robot::gravity_torque(model_, q_ref);
   auto native = std::make_shared<experiment::Scenario>(scenario);
   native->plant.mechanics = plant::Mechanics::native;
   native->plant.initial = {};
   native->plant.initial.position_rad = q_ref;
   native->plant.initial.velocity_rad_per_s = robot::Vector::Zero(q_ref.size());
+  // Rest is at the reference whatever the torques' scale.
+  native->plant.drive.torque_offset_Nm =
+      torque_ - native->plant.drive.torque_scale.cwiseProduct(torque_);
   scenario_ = std::move(native);
   const plant::ArmState rest = plant::initial_state(*scenario_, model_);
-  plant_.resize(2 * (rest.q.size() + rest.theta.size()));
-  plant_ << rest.q, rest.v, rest.theta, rest.thetadot;
-  torque_ = robot::gravity_torque(model_, q_ref);
+  const bool lags = scenario.plant.drive.current_loop_hz.has_value();
+  const robot::Vector currents = lags ? torque_ : VectorXd();
+  plant_.resize(2 * (rest.q.size() + rest.theta.size()) + currents.size());
+  plant_ << rest.q, rest.v, rest.theta, rest.thetadot, currents;
   limit_ = VectorXd::Constant(q_ref.size(), infinity);
   if (const auto& limit = scenario.plant.drive.torque_limit_Nm) limit_ = *limit;
 }
@@ -73,9 +78,12 @@ VectorXd OneTick::operator()(const VectorXd& x) const {
   VectorXd queue(under_way + n);  // with the newest
   queue << newest, x.tail(under_way);
   next.tail(under_way) = queue.head(under_way);
-  const plant::ArmState state = p == 2 * n ? plant::ArmState{now.head(n), now.tail(n), {}, {}}
-                                           : plant::ArmState{now.head(n), now.segment(n, n),
-                                                             now.segment(2 * n, n), now.tail(n)};
+  plant::ArmState state{now.head(n), now.segment(n, n), {}, {}};
+  if (p >= 4 * n) {
+    state.theta = now.segment(2 * n, n);
+    state.thetadot = now.segment(3 * n, n);
+  }
+  if (p % (2 * n) != 0) state.torque = now.tail(n);
   try {
     std::optional<plant::Arm> arm;
     {
@@ -89,7 +97,7 @@ VectorXd OneTick::operator()(const VectorXd& x) const {
     arm->set_state(state, 0);
     arm->advance(torque_ + queue.tail(n), settings_.period_s);
     const plant::ArmState after = arm->state();
-    next.head(p) << after.q, after.v, after.theta, after.thetadot;
+    next.head(p) << after.q, after.v, after.theta, after.thetadot, after.torque;
     next.head(p) -= plant_;
     const std::lock_guard lock(arms_->mutex);
     arms_->idle.push_back(std::move(*arm));

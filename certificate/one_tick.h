@@ -9,10 +9,11 @@ namespace tachless::certificate {
 
 /// One period of a scenario's loop with its reference held at a posture, as it is coded: the
 /// emulator's arm over the tick with the torque held, friction included; the law's own step; torque
-/// limits; delay. Encoders are ideal; disturbances and torque rates are not in it.
+/// limits; delay. Encoders are ideal; disturbances, torque offsets and rates are not in it.
 ///
 /// The state x is the deviation from rest there, in the order of `cut`: the plant's (q, v), with
-/// flexible joints (q, v, theta, thetadot); the law's memory before the tick; the torques under
+/// flexible joints (q, v, theta, thetadot), and of current loops that lag the torques; the law's
+/// memory before the tick; the torques under
 /// way, the newest first.
 class OneTick {
  public:

@@ -197,6 +197,20 @@ std::string rate_text(double period_s) {
   return hz >= 1000 ? fmt::format("{:.4g} kHz", hz / 1000) : fmt::format("{:.4g} Hz", hz);
 }
 
+/// What of the emulated arm is in no linear loop.
+std::string uncounted(const plant::Spec& plant, const experiment::RobotSpec& robot) {
+  std::vector<std::string_view> all;
+  const auto add = [&](bool there, std::string_view what) {
+    if (there) all.push_back(what);
+  };
+  add(plant.drive.command_age_jitter_ticks > 0, "plant.drive.command_age_jitter_ticks");
+  add(!plant.drive.torque_offset_Nm.isZero(0), "plant.drive.torque_offset_Nm");
+  add(!plant.encoder.eccentricity_rad.isZero(0), "plant.encoder.eccentricity_rad");
+  add(robot.flexible && !robot.flexible->motor_coulomb_friction_Nm.isZero(0),
+      "robot.joints.flexible.motor_coulomb_friction_Nm");
+  return diagnostics::joined(all);
+}
+
 }  // namespace
 
 double Prediction::growth_per_s() const { return std::log(radius) / settings.period_s; }
@@ -215,6 +229,7 @@ VectorXd own_gain(const LinearLaw& law) {
 Prediction analyse(const experiment::Scenario& scenario, Effort effort, const OnProgress& tell) {
   Prediction result;
   result.settings = controller::law_settings(scenario);
+  result.not_counted = uncounted(scenario.plant, scenario.robot);
   result.unknown = controller::law_facts(scenario.controller.law).no_linearisation;
   if (!result.unknown.empty()) return result;
   const double h = result.settings.period_s;

@@ -81,7 +81,7 @@ MatrixXd displaced(const SampledLoop& loop, const MatrixXd& map) {
   const Index memory = map.rows() - plant - loop.delay * n;
   MatrixXd state = MatrixXd::Zero(map.rows(), n);
   state.topRows(n).setIdentity();
-  if (plant == 4 * n) state.middleRows(2 * n, n).setIdentity();
+  if (plant >= 4 * n) state.middleRows(2 * n, n).setIdentity();
   if (memory == 0) return state;
   const MatrixXd kept =
       MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory);

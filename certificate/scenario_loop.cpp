@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>
@@ -159,6 +160,20 @@ ScenarioLoop::Motion motion_of(const experiment::Scenario& scenario,
           span_s * std::min(last + 1, instants) / instants, false};
 }
 
+/// Behind the drives' torque scale and current loops, whose torques are further states then.
+LinearPlant with_drives(LinearPlant arm, const plant::DriveSpec& drive) {
+  arm.B *= VectorXd(drive.torque_scale).asDiagonal();
+  if (!drive.current_loop_hz) return arm;
+  const Index x = arm.A.rows(), n = arm.num_joints;
+  const VectorXd rate = 2 * std::numbers::pi * *drive.current_loop_hz;
+  LinearPlant whole{MatrixXd::Zero(x + n, x + n), MatrixXd::Zero(x + n, n), n};
+  whole.A.topLeftCorner(x, x) = arm.A;
+  whole.A.topRightCorner(x, n) = arm.B;
+  whole.A.bottomRightCorner(n, n).diagonal() = -rate;
+  whole.B.bottomRows(n).diagonal() = rate;
+  return whole;
+}
+
 }  // namespace
 
 robot::Model plant_of(const experiment::Scenario& scenario) {
@@ -177,16 +192,17 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario)
 }
 
 LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
-  const VectorXd& friction = scenario_->plant.drive.viscous_friction_Nms_per_rad;
+  const plant::DriveSpec& drives = scenario_->plant.drive;
+  const VectorXd& friction = drives.viscous_friction_Nms_per_rad;
   const auto& drive = scenario_->robot.flexible;
-  if (!drive) return rigid_plant(model_, reference, friction);
+  if (!drive) return with_drives(rigid_plant(model_, reference, friction), drives);
   LinearPlant plant = flexible_plant(model_, reference, drive->stiffness, drive->rotor_inertia,
                                      drive->motor_damping);
   // Of the links: M^-1 K stands in the block beside.
   const Index n = plant.num_joints;
   plant.A.block(n, n, n, n) -= plant.A.block(n, 2 * n, n, n) *
                                friction.cwiseQuotient(VectorXd(drive->stiffness)).asDiagonal();
-  return plant;
+  return with_drives(std::move(plant), drives);
 }
 
 SampledLoop ScenarioLoop::at(const ReferencePoint& reference,

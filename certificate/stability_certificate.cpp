@@ -84,6 +84,9 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
                            "feed forward in full (controller.friction), disturbs"
                          : "dry friction is not in the region: it disturbs");
   }
+  if (drive.current_loop_hz || !(drive.torque_scale.array() == 1).all()) {
+    result.emplace_back("current loops and the torques' scale (plant.drive) are not in it");
+  }
   if (!scenario.plant.disturbances.empty()) result.emplace_back("disturbances are not in it");
   if (scenario.believed_model) {
     result.emplace_back("the law's robot (controller.urdf) is not the plant's");

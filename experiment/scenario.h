@@ -61,6 +61,7 @@ struct RobotSpec {
   /// robot::urdf_mechanics of the file, followed by that of controller.urdf if there is one
   std::string urdf_text;
   robot::CheckInertia check_inertia = robot::CheckInertia::refuse;
+  std::map<std::string, std::string> xacro;  ///< arguments of a urdf_path that ends in .xacro
   std::map<std::string, double> locked;
   BaseSpec base;
   double gravity_m_per_s2 = 9.81;
@@ -77,6 +78,11 @@ struct RobotSpec {
 
   static constexpr schema::Key urdf_key{"urdf", &RobotSpec::urdf_path, "",
                                         "URDF file, absolute or relative to the scenario's file"};
+  static constexpr schema::Key xacro_key =
+      schema::Key{"xacro", &RobotSpec::xacro, "",
+                  "Argument of the program `xacro`, which makes a URDF of `robot.urdf` where that "
+                  "ends in `.xacro`"}
+          .by_default("none");
   // What the URDF is read with.
   static constexpr schema::Key check_inertia_key =
       schema::Key{"check_inertia", &RobotSpec::check_inertia, "",
@@ -95,6 +101,7 @@ struct RobotSpec {
                   "Prefix of the channels, in upper case: letters, digits, `_`, at most 32"}
           .by_default(),
       urdf_key,
+      xacro_key,
       check_inertia_key,
       locked_key,
       base_key,

@@ -156,6 +156,7 @@ void judge(PlannedRun& run) {
   if (const std::string held = certificate::friction_text(loop); !held.empty()) {
     remarks.push_back({false, held});
   }
+  if (!loop.not_counted.empty()) remarks.push_back({false, "not counted: " + loop.not_counted});
   if (scenario.robot.compensates != experiment::Compensates::nothing) {
     remarks.push_back({false, fmt::format("robot.compensates is {}: a real arm is sent the torque "
                                           "without g(q); log and certificate have the whole torque",

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 #include <utility>
 
@@ -42,9 +43,13 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
     : num_joints_(model.num_joints),
       accuracy_(options.accuracy),
       flexible_(options.flexible != nullptr),
+      torque_scale_(options.drive.torque_scale),
+      torque_offset_(options.drive.torque_offset_Nm),
       dry_friction_(friction_of(options.drive)),
       disturbances_(options.disturbances),
       tau_(robot::Vector::Zero(model.num_joints)),
+      lag_(initial.torque),
+      since_s_(options.start_s),
       now_s_(options.start_s) {
   const Eigen::Index n = num_joints_, num_motors = flexible_ ? n : 0;
   require_size(initial.q, n);
@@ -56,6 +61,15 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
   viscous_friction_ = or_zero(options.drive.viscous_friction_Nms_per_rad);
   require_size(rigid_rotor_inertia_, n);
   require_size(viscous_friction_, n);
+  current_rate_ = tau_;
+  if (const auto& hz = options.drive.current_loop_hz) current_rate_ = 2 * std::numbers::pi * *hz;
+  if (torque_scale_.size() == 0) torque_scale_ = robot::Vector::Ones(n);
+  torque_offset_ = or_zero(torque_offset_);
+  lag_ = or_zero(lag_);
+  require_size(current_rate_, n);
+  require_size(torque_scale_, n);
+  require_size(torque_offset_, n);
+  require_size(lag_, n);
   if (flexible_) {
     K_ = options.flexible->stiffness;
     J_ = options.flexible->rotor_inertia;
@@ -63,6 +77,8 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
     if (K_.size() != n || J_.size() != n || motor_damping_.size() != n || !(J_.array() > 0).all()) {
       throw std::logic_error("plant::Arm: flexible joints need K, J > 0 and damping per joint");
     }
+    const robot::Vector dry = or_zero(options.flexible->motor_coulomb_friction_Nm);
+    if ((dry.array() > 0).any()) motor_friction_ = {dry, dry, robot::Vector::Ones(n)};
   }
   x_.resize(n + num_motors);
   x_ << initial.q, initial.theta;
@@ -77,14 +93,26 @@ Arm::Arm(const robot::Model& model, const ArmOptions& options, const ArmState& i
 
 ArmState Arm::state() const {
   const Eigen::Index num_motors = x_.size() - num_joints_;
-  return {x_.head(num_joints_), xdot_.head(num_joints_), x_.tail(num_motors),
-          xdot_.tail(num_motors)};
+  ArmState state{x_.head(num_joints_), xdot_.head(num_joints_), x_.tail(num_motors),
+                 xdot_.tail(num_motors)};
+  if (current_rate_.isZero(0)) return state;
+  state.torque = tau_;
+  for (Eigen::Index i = 0; i < num_joints_; ++i) state.torque[i] = torque(i, now_s_);
+  return state;
+}
+
+double Arm::torque(Eigen::Index joint, double time_s) const {
+  const double rate = current_rate_[joint];
+  return rate == 0 ? tau_[joint]
+                   : tau_[joint] + lag_[joint] * std::exp(-rate * (time_s - since_s_));
 }
 
 void Arm::set_state(const ArmState& state, double time_s) {
   x_ << state.q, state.theta;
   xdot_ << state.v, state.thetadot;
-  now_s_ = time_s;
+  tau_.setZero();
+  lag_ = state.torque.size() > 0 ? state.torque : tau_;
+  since_s_ = now_s_ = time_s;
   step_s_ = 0;
 }
 
@@ -99,35 +127,44 @@ void Arm::accelerate(double time_s, const Coordinates& x, const Coordinates& xdo
   for (Eigen::Index i = 0; i < n; ++i) {
     links.M(i, i) += rigid_rotor_inertia_[i];
     load_[i] -= viscous_friction_[i] * v_[i];
+    const double drive = torque_scale_[i] * torque(i, time_s) + torque_offset_[i];
     if (flexible_) {
       const double spring = K_[i] * (x[n + i] - q_[i]);
       load_[i] += spring;
-      xddot[n + i] = (tau_[i] - spring - motor_damping_[i] * xdot[n + i]) / J_[i];
+      xddot[n + i] = (drive - spring - motor_damping_[i] * xdot[n + i]) / J_[i];
     } else {
-      load_[i] += tau_[i];
+      load_[i] += drive;
     }
   }
   if (disturbances_ != nullptr) disturbances_->add(time_s, q_, load_);
   dry_friction_.solve(links.M, v_.data(), load_);
   xddot.head(n) = load_;
+  if (!motor_friction_.present()) return;
+  load_ = xddot.tail(n).cwiseProduct(J_);
+  robot::Matrix J = J_.asDiagonal();
+  motor_friction_.solve(J, xdot.data() + n, load_);
+  xddot.tail(n) = load_;
 }
 
 /// Which joints stick from now on.
 void Arm::choose_sticking() {
-  if (!dry_friction_.present()) return;
+  if (!dry_friction_.present() && !motor_friction_.present()) return;
   dry_friction_.stick(xdot_.data());
+  motor_friction_.stick(xdot_.data() + num_joints_);
   accelerate(now_s_, x_, xdot_, xddot_);
   dry_friction_.release();
+  motor_friction_.release();
 }
 
 ArmAcceleration Arm::acceleration(const robot::Vector& tau) {
   require_size(tau, num_joints_);
-  const DryFriction friction = dry_friction_;
+  const DryFriction friction = dry_friction_, of_motors = motor_friction_;
   const robot::Vector held = std::exchange(tau_, tau);
   choose_sticking();
   accelerate(now_s_, x_, xdot_, xddot_);
   tau_ = held;
   dry_friction_ = friction;
+  motor_friction_ = of_motors;
   return {xddot_.head(num_joints_), xddot_.tail(x_.size() - num_joints_)};
 }
 
@@ -135,7 +172,9 @@ void Arm::advance(const robot::Vector& tau, double time_s) {
   require_size(tau, num_joints_);
   const double from_s = now_s_;
   if (!(time_s > from_s)) throw std::logic_error("plant::Arm: time must move forward");
+  for (Eigen::Index i = 0; i < num_joints_; ++i) lag_[i] = torque(i, now_s_) - tau[i];
   tau_ = tau;
+  since_s_ = now_s_;
   try {
     while (now_s_ < time_s) {
       double end_s = time_s;
@@ -197,6 +236,7 @@ void Arm::take_step(double end_s) {
   now_s_ = last && taken == h ? end_s : now_s_ + taken;
   if (!change_s) return;
   dry_friction_.stop(xdot_.data());
+  motor_friction_.stop(xdot_.data() + num_joints_);
   choose_sticking();
 }
 
@@ -204,10 +244,13 @@ void Arm::take_step(double end_s) {
 /// slide, or rather the first instant found beyond; shortens the step to that. Nothing when none
 /// does. The bracket is halved every third time at least, so it closes whatever the function.
 std::optional<double> Arm::shorten_to_change(double h) {
-  if (!dry_friction_.present()) return {};
+  if (!dry_friction_.present() && !motor_friction_.present()) return {};
   const auto violation = [this](double step_s) {
-    if (dry_friction_.sticks()) accelerate(now_s_ + step_s, next_x_, next_xdot_, xddot_);
-    return dry_friction_.violation(next_xdot_.data());
+    if (dry_friction_.sticks() || motor_friction_.sticks()) {
+      accelerate(now_s_ + step_s, next_x_, next_xdot_, xddot_);
+    }
+    return std::max(dry_friction_.violation(next_xdot_.data()),
+                    motor_friction_.violation(next_xdot_.data() + num_joints_));
   };
   double high = violation(h);
   if (!(high > 0)) return {};
@@ -272,6 +315,9 @@ double Arm::try_step(double h) {
 void Arm::brake(const robot::Vector& damping) {
   require_size(damping, num_joints_);
   (flexible_ ? motor_damping_ : viscous_friction_) += damping;
+  tau_.setZero();
+  lag_.setZero();
+  torque_offset_.setZero();
 }
 
 }  // namespace tachless::plant

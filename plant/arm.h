@@ -22,16 +22,16 @@ struct ArmAcceleration {
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
   double accuracy = 1e-9;                   ///< of an integrator's step, relative
-  DriveSpec drive;                          ///< of which the friction; empty vectors are none
+  DriveSpec drive;  ///< of which friction, current loop, scale and offset; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   Disturbances* disturbances = nullptr;     ///< outlive the arm; none when null
   double start_s = 0;                       ///< time of the initial state
 };
 
-/// A multibody arm whose motor torque is held over each call of `advance`: the paper's eq. 1
-/// (flexible joints) or eq. 2 (rigid ones) with friction and disturbances, integrated by Merson's
-/// Runge-Kutta method. Rotors of flexible joints are pinned to the ground (Spong's simplification),
-/// so each is a scalar equation.
+/// A multibody arm whose motor torque is asked for over each call of `advance`, and follows: the
+/// paper's eq. 1 (flexible joints) or eq. 2 (rigid ones) with friction and disturbances, integrated
+/// by Merson's Runge-Kutta method. Rotors of flexible joints are pinned to the ground (Spong's
+/// simplification), so each is a scalar equation.
 class Arm {
  public:
   /// The arm of `model` (gravity, added rotor inertia and payload included).
@@ -51,8 +51,8 @@ class Arm {
   /// @throw std::runtime_error with time and cause when the integrator gives up.
   void advance(const robot::Vector& tau, double time_s);
 
-  /// Adds viscous braking [N m s/rad] at the motors (links if rigid), from now on: the
-  /// protective stop.
+  /// The drives are off, and viscous braking [N m s/rad] is added at the motors (links if rigid),
+  /// from now on: the protective stop.
   void brake(const robot::Vector& damping);
 
  private:
@@ -62,6 +62,8 @@ class Arm {
   static constexpr std::size_t num_stages = 5;
 
   void accelerate(double time_s, const Coordinates& x, const Coordinates& xdot, Coordinates& xddot);
+  /// Of the drives, `tau_` being asked for [N m; N].
+  [[nodiscard]] double torque(Eigen::Index joint, double time_s) const;
   void choose_sticking();
   void integrate(double end_s);
   void take_step(double end_s);
@@ -73,10 +75,14 @@ class Arm {
   double accuracy_;
   bool flexible_;
   robot::Vector K_, J_, motor_damping_, rigid_rotor_inertia_, viscous_friction_;
-  DryFriction dry_friction_;
+  robot::Vector current_rate_;  ///< of the current loops [rad/s]; 0: the torque acts at once
+  robot::Vector torque_scale_, torque_offset_;
+  DryFriction dry_friction_, motor_friction_;
   Disturbances* disturbances_;
 
-  robot::Vector tau_;     ///< held
+  robot::Vector tau_;  ///< asked for
+  robot::Vector lag_;  ///< what the drives gave above it at since_s_, when that began
+  double since_s_;
   Coordinates x_, xdot_;  ///< at now_s_
   double now_s_;
   double step_s_ = 0;  ///< the length that the next step is tried with

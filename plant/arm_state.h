@@ -14,6 +14,8 @@ struct ArmState {
   robot::Vector thetadot;  ///< motor velocity [rad/s]; empty on a rigid robot
   /// Torque on the links that no drive gives [N m; N]; empty: none. For the log alone.
   robot::Vector disturbance{};
+  /// Of the drives' current loops, where they lag [N m; N]; empty: zero.
+  robot::Vector torque{};
   /// The robot's own time, from anywhere [s]; NaN: it tells none.
   double time_s = std::numeric_limits<double>::quiet_NaN();
 };

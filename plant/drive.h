@@ -1,10 +1,13 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 
 #include "loop/signals.h"
+#include "plant/encoder.h"
 #include "plant/spec.h"
 #include "robot/quantities.h"
 
@@ -21,7 +24,8 @@ struct AppliedTorque {
 ///
 /// With `command_delay` 0 the command of tick k acts over tick k; `applied` is then read after
 /// `accept`. With d > 0 it acts over tick k + d, over the first d ticks the initial torque, and
-/// `applied` may be read before the command has come. When no command comes the last one is held.
+/// `applied` may be read before the command has come. With jitter j a command is up to j ticks
+/// older, drawn for each tick by a seed. When no command comes the last one is held.
 /// From tick to tick the torque changes by no more than its rate allows, and from the initial one
 /// at first.
 class Drive {
@@ -29,12 +33,16 @@ class Drive {
   /// @param limit [N m; N if prismatic], positive, `Model::unlimited` for none.
   /// @param change [N m; N] that is possible from one tick to the next; empty: any.
   /// @param initial torque; empty: zero.
-  /// @throw std::logic_error if `command_delay` is not in 0 to `max_delay_ticks` or a limit is not
+  /// @throw std::logic_error if a delay is not in 0 to `max_delay_ticks` or a limit is not
   /// positive.
   Drive(const robot::Vector& limit, int command_delay, const robot::Vector& change = {},
-        const robot::Vector& initial = {})
-      : limit_(limit), change_(change), num_slots_(static_cast<std::size_t>(command_delay) + 1) {
-    if (command_delay < 0 || command_delay > max_delay_ticks) {
+        const robot::Vector& initial = {}, int jitter = 0, std::uint64_t seed = 1)
+      : limit_(limit),
+        change_(change),
+        num_slots_(static_cast<std::size_t>(command_delay + jitter) + 1),
+        jitter_(jitter),
+        seed_(seed) {
+    if (std::min(command_delay, jitter) < 0 || std::max(command_delay, jitter) > max_delay_ticks) {
       throw std::logic_error("plant::Drive: command_delay is out of range");
     }
     if (!(limit.array() > 0).all() || !(change.array() > 0).all()) {
@@ -73,6 +81,7 @@ class Drive {
     now_ = (now_ + 1) % num_slots_;
     accepted_[now_] = accepted_[last];
     before_ = applied_.tau;
+    ++tick_;
     act();
   }
 
@@ -87,7 +96,10 @@ class Drive {
 
  private:
   void act() {
-    applied_ = accepted_[(now_ + 1) % num_slots_];
+    // The oldest slot is that of command_delay + jitter ticks ago.
+    const auto younger =
+        jitter_ == 0 ? 0 : static_cast<std::size_t>((jitter_ + 1) * standard_uniform(seed_, tick_));
+    applied_ = accepted_[(now_ + 1 + younger) % num_slots_];
     for (Eigen::Index i = 0; i < change_.size(); ++i) {
       const double wanted = applied_.tau[i] - before_[i];
       if (std::abs(wanted) <= change_[i]) continue;
@@ -97,11 +109,14 @@ class Drive {
   }
 
   robot::Vector limit_, change_;
-  std::size_t num_slots_;  ///< command_delay + 1
+  std::size_t num_slots_;  ///< command_delay + jitter + 1
+  int jitter_;
+  std::uint64_t seed_;
+  std::int64_t tick_ = 0;
   bool stopped_ = false;
   /// What has been accepted: that of this tick at `now_`, and behind it, in a ring, that of
-  /// command_delay ticks ago, which acts.
-  std::array<AppliedTorque, max_delay_ticks + 1> accepted_;
+  /// command_delay + jitter ticks ago, the oldest that may act.
+  std::array<AppliedTorque, 2 * max_delay_ticks + 1> accepted_;
   std::size_t now_ = 0;
   AppliedTorque applied_;
   robot::Vector before_;  ///< torque over the tick before

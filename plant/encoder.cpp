@@ -42,17 +42,36 @@ double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t chan
          std::cos(2 * std::numbers::pi * uniform(random[2], random[3]));
 }
 
+double standard_uniform(std::uint64_t seed, std::int64_t tick) {
+  constexpr std::uint32_t channel = 32;  // of encoders and disturbances others
+  const auto t = static_cast<std::uint64_t>(tick);
+  const Block random = philox(
+      {static_cast<std::uint32_t>(t), static_cast<std::uint32_t>(t >> 32), channel, 0}, seed);
+  return uniform(random[0], random[1]);
+}
+
 Encoder::Encoder(const experiment::Scenario& scenario, const robot::Model& model)
-    : count_(experiment::encoder_count(scenario, model)),
+    : eccentricity_(scenario.plant.encoder.eccentricity_rad),
+      phase_(scenario.plant.encoder.eccentricity_phase_rad),
+      count_(experiment::encoder_count(scenario, model)),
       position_noise_(scenario.plant.encoder.noise_std_rad),
       velocity_noise_(scenario.plant.encoder.velocity_noise_std_rad_per_s),
-      seed_(scenario.plant.encoder.seed) {}
+      seed_(scenario.plant.encoder.seed) {
+  for (Eigen::Index i = 0; i < eccentricity_.size(); ++i) {
+    const bool slides =
+        model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::prismatic;
+    if (slides) eccentricity_[i] = 0;
+  }
+}
 
 robot::Vector Encoder::read(const robot::Vector& exact, Channel channel, std::int64_t tick) const {
   const bool position = channel == Channel::link_position || channel == Channel::motor_position;
   const double noise = position ? position_noise_ : velocity_noise_;
   robot::Vector measured = exact;
   for (Eigen::Index i = 0; i < exact.size(); ++i) {
+    if (channel == Channel::link_position && eccentricity_.size() > 0 && eccentricity_[i] > 0) {
+      measured[i] += eccentricity_[i] * std::sin(exact[i] + phase_[i]);
+    }
     if (noise > 0) {
       measured[i] += noise * standard_normal(seed_, tick, static_cast<std::uint32_t>(channel),
                                              static_cast<std::uint32_t>(i));

@@ -15,9 +15,9 @@ namespace tachless::plant {
 /// the noise is drawn by a counter-based generator, from the seed, the tick, the joint and the
 /// channel, so that repeating a tick repeats its noise and no channel shifts another's.
 ///
-/// Position: noise is added first, then the sum is rounded to the nearest count. A revolute joint
-/// has 2^bits counts a revolution, a prismatic joint 2^bits counts over its URDF range. Velocity:
-/// noise only.
+/// Position: a link that turns has its eccentricity; noise is added, then the sum is rounded to the
+/// nearest count. A revolute joint has 2^bits counts a revolution, a prismatic joint 2^bits counts
+/// over its URDF range. Velocity: noise only.
 class Encoder {
  public:
   /// @throw diagnostics::Failure(bad_usage) when a prismatic joint has a resolution but no range.
@@ -47,6 +47,7 @@ class Encoder {
   [[nodiscard]] robot::Vector read(const robot::Vector& exact, Channel channel,
                                    std::int64_t tick) const;
 
+  robot::Vector eccentricity_, phase_;
   robot::Vector count_;  ///< width of one [rad; m if prismatic]; 0 for an ideal encoder
   double position_noise_;
   double velocity_noise_;
@@ -68,5 +69,7 @@ void require_encoders(const experiment::Scenario& scenario) {
 /// so that every standard library gives the same numbers.
 double standard_normal(std::uint64_t seed, std::int64_t tick, std::uint32_t channel,
                        std::uint32_t joint);
+/// Uniform in (0, 1), of drives' delays, by the same generator.
+double standard_uniform(std::uint64_t seed, std::int64_t tick);
 
 }  // namespace tachless::plant

@@ -37,6 +37,7 @@ experiment::Scenario with_ideal_encoders(experiment::Scenario scenario) {
 Drive first_holding(experiment::Scenario scenario) {
   if (!scenario.gives("plant.initial.torque")) scenario.plant.initial.torque = InitialTorque::hold;
   scenario.plant.payload = {};  // the emulator's
+  scenario.plant.drive.command_age_jitter_ticks = 0;
   return make_drive(scenario, plant_model(scenario));
 }
 

@@ -35,6 +35,13 @@ robot::Vector after_impact(const robot::Model& before, const robot::Model& after
   return v;
 }
 
+/// Of the drives until the first command acts.
+robot::Vector initial_torque(const experiment::Scenario& scenario, const robot::Model& model,
+                             const robot::Vector& q) {
+  if (scenario.plant.initial.torque == InitialTorque::hold) return robot::gravity_torque(model, q);
+  return robot::Vector::Zero(q.size());
+}
+
 }  // namespace
 
 robot::Model plant_model(const experiment::Scenario& scenario) {
@@ -53,6 +60,9 @@ ArmState initial_state(const experiment::Scenario& scenario, const robot::Model&
         state.q + robot::gravity_torque(model, state.q).cwiseQuotient(drive->stiffness));
     state.thetadot =
         initial.motor_velocity_rad_per_s.value_or(robot::Vector::Zero(model.num_joints));
+  }
+  if (scenario.plant.drive.current_loop_hz) {
+    state.torque = initial_torque(scenario, model, state.q);
   }
   return state;
 }
@@ -74,12 +84,9 @@ Drive make_drive(const experiment::Scenario& scenario, const robot::Model& model
   if (spec.torque_rate_limit_Nm_per_s) {
     change = *spec.torque_rate_limit_Nm_per_s * scenario.loop.period_s;
   }
-  robot::Vector initial;
-  if (scenario.plant.initial.torque == InitialTorque::hold) {
-    initial = robot::gravity_torque(model, initial_state(scenario, model).q);
-  }
   return Drive(spec.torque_limit_Nm.value_or(unlimited), scenario.loop.command_delay, change,
-               initial);
+               initial_torque(scenario, model, initial_state(scenario, model).q),
+               spec.command_age_jitter_ticks, spec.seed);
 }
 
 robot::Vector protective_stop_damping(const experiment::Scenario& scenario,
@@ -111,6 +118,10 @@ ArmState EmulatedRobot::read() {
 }
 
 void EmulatedRobot::hold(const robot::Vector& tau, double until_s) {
+  if (const double late = scenario_.plant.drive.delay_fraction; late > 0) {
+    if (before_.size() == 0) before_ = tau;
+    advance(before_, now_s_ + late * (until_s - now_s_));
+  }
   // A change at the end of a tick, but for rounding, is one at the beginning of the next.
   const double same_s = 1e-9 * scenario_.loop.period_s;
   while (num_changed_ < changes_.size() && changes_[num_changed_].at_s < until_s - same_s) {
@@ -122,6 +133,7 @@ void EmulatedRobot::hold(const robot::Vector& tau, double until_s) {
     arm_ = make_arm(scenario_, *model_, state, now_s_, &disturbances_);
   }
   advance(tau, until_s);
+  before_ = tau;
 }
 
 void EmulatedRobot::advance(const robot::Vector& tau, double until_s) {

@@ -34,6 +34,7 @@ struct FlexibleDrive {
   robot::Vector stiffness;      ///< K [N m/rad]
   robot::Vector rotor_inertia;  ///< J [kg m2], on the link side of the gear
   robot::Vector motor_damping;  ///< [N m s/rad]
+  robot::Vector motor_coulomb_friction_Nm;
 
   static constexpr std::string_view name = "flexible";
   static constexpr std::tuple keys{
@@ -45,6 +46,10 @@ struct FlexibleDrive {
           .in(schema::positive),
       schema::Key{"motor_damping_Nms_per_rad", &FlexibleDrive::motor_damping, "N m s/rad",
                   "Viscous damping of the motor"}
+          .in(schema::not_negative)
+          .by_default(0),
+      schema::Key{"motor_coulomb_friction_Nm", &FlexibleDrive::motor_coulomb_friction_Nm, "N m",
+                  "Against the motion of the motor, whatever its speed; holds a motor at rest"}
           .in(schema::not_negative)
           .by_default(0)};
 };
@@ -114,6 +119,7 @@ struct EncoderSpec {
   double velocity_noise_std_rad_per_s = 0;
   std::uint64_t seed = 1;
   EncoderSide side = EncoderSide::both;
+  robot::Vector eccentricity_rad, eccentricity_phase_rad;  ///< empty: none
 
   static constexpr std::tuple keys{
       schema::Key{"resolution_bits", &EncoderSpec::resolution_bits, "bit",
@@ -140,7 +146,15 @@ struct EncoderSpec {
           .by_default(),
       schema::Key{"side", &EncoderSpec::side, "",
                   "Where encoders are; `motor` needs flexible joints"}
-          .by_default()};
+          .by_default(),
+      schema::Key{"eccentricity_rad", &EncoderSpec::eccentricity_rad, "rad",
+                  "a of q + a sin(q + phase), which the encoder of a link that turns reads; the "
+                  "motor's and those of prismatic joints have none"}
+          .in({0, 1, false, true})
+          .by_default(0),
+      schema::Key{"eccentricity_phase_rad", &EncoderSpec::eccentricity_phase_rad, "rad",
+                  "Of the eccentricity"}
+          .by_default(0)};
 };
 
 struct DriveSpec {
@@ -150,6 +164,11 @@ struct DriveSpec {
   robot::Vector coulomb_friction_Nm;
   std::optional<robot::Vector> static_friction_Nm;  ///< nothing: Coulomb's
   robot::Vector stribeck_velocity_rad_per_s;
+  std::optional<robot::Vector> current_loop_hz;  ///< nothing: the torque acts at once
+  robot::Vector torque_scale, torque_offset_Nm;  ///< empty: 1 and 0
+  int command_age_jitter_ticks = 0;
+  std::uint64_t seed = 1;
+  double delay_fraction = 0;  ///< no key: of a tick, on top of loop.command_delay, in [0, 1)
 
   /// Whether any joint has friction that can hold it.
   [[nodiscard]] bool dry_friction() const {
@@ -185,7 +204,29 @@ struct DriveSpec {
                   "rad/s (m/s)",
                   "Speed v_s of the fall from static to Coulomb's friction: exp(-(v/v_s)²)"}
           .in(schema::positive)
-          .by_default(0.01)};
+          .by_default(0.01),
+      schema::Key{"current_loop_hz", &DriveSpec::current_loop_hz, "Hz",
+                  "Bandwidth of the drive's current loop: its torque follows with the lag "
+                  "1/(2π bandwidth) of first order; null = at once"}
+          .in(schema::positive)
+          .by_default("`null`")
+          .or_null(),
+      schema::Key{"torque_scale", &DriveSpec::torque_scale, "",
+                  "Torque that acts over the torque that the drive is taken to give, such as an "
+                  "error of its torque constant"}
+          .in(schema::positive)
+          .by_default(1),
+      schema::Key{"torque_offset_Nm", &DriveSpec::torque_offset_Nm, "N m (N)",
+                  "Acts on top, whatever is commanded"}
+          .by_default(0),
+      schema::Key{"command_age_jitter_ticks", &DriveSpec::command_age_jitter_ticks, "ticks",
+                  "Largest age of a command on top of `loop.command_delay`, drawn anew each tick "
+                  "from 0 to this, each as likely"}
+          .in({0, max_delay_ticks})
+          .by_default(),
+      schema::Key{"seed", &DriveSpec::seed, "", "Of that age: the same seed gives the same run"}
+          .in({0, 9007199254740992.0})
+          .by_default()};
 };
 
 /// What is wrong with a list that has not `size` numbers.

@@ -33,6 +33,7 @@ Names states_of(const experiment::Scenario& scenario, Eigen::Index size, int del
     add("theta", length);
     add("thetadot", length, "/s");
   }
+  if (scenario.plant.drive.current_loop_hz) add("torque of the current loop", effort);
   const auto memory_end = static_cast<std::size_t>(size - delay * scenario.num_joints);
   for (int i = 1; names.size() < memory_end; ++i) names.push_back(fmt::format("memory {}", i));
   for (int k = 1; k <= delay; ++k) add(fmt::format("tau[k-{}]", k), effort);

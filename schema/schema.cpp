@@ -48,6 +48,8 @@ std::string allowed_text(Shape shape, const Range& range,
         return "a map whose values are a finite number or a list with one per joint" + each;
       case Shape::named_numbers:
         return "a map whose values are finite numbers" + each;
+      case Shape::named_texts:
+        return "a map whose values are text";
       case Shape::one_of:
         return fmt::format("a map with exactly one of {}", fmt::join(choices, ", "));
       case Shape::map:

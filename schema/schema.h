@@ -176,6 +176,7 @@ enum class Shape {
   joints_list,    ///< list of `joints`
   named_joints,   ///< map from names of the user's choice to `joints`
   named_numbers,  ///< map from names of the user's choice to numbers
+  named_texts,    ///< the same to texts
   one_of,         ///< std::variant of structs that have `name` and `keys`
   map,            ///< struct that has `keys`
   list_of_maps,   ///< list of them
@@ -211,6 +212,7 @@ constexpr Shape shape_of_member() {
   if constexpr (std::is_same_v<T, std::vector<robot::Vector>>) return Shape::joints_list;
   if constexpr (std::is_same_v<T, std::map<std::string, robot::Vector>>) return Shape::named_joints;
   if constexpr (std::is_same_v<T, std::map<std::string, double>>) return Shape::named_numbers;
+  if constexpr (std::is_same_v<T, std::map<std::string, std::string>>) return Shape::named_texts;
   if constexpr (is_made_by<std::vector, T>) return Shape::list_of_maps;
   if constexpr (is_made_by<std::variant, T>) return Shape::one_of;
   return Shape::map;

@@ -19,7 +19,8 @@ using ::testing::HasSubstr;
 /// Whether its entries stand under names of the user's choice.
 template <class T>
 constexpr bool has_names_of_choice = schema::shape_of<T> == schema::Shape::named_joints ||
-                                     schema::shape_of<T> == schema::Shape::named_numbers;
+                                     schema::shape_of<T> == schema::Shape::named_numbers ||
+                                     schema::shape_of<T> == schema::Shape::named_texts;
 
 /// Calls `visit(path, key)` for each key of `Struct` and for each below, and `visit(path)` for what
 /// only has others below. Entries of a list go without index; "<name>" stands for the user's
