@@ -354,10 +354,18 @@ std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, con
 }
 
 std::vector<std::string> overrides_of(const Design& design) {
+  Index n = robot::max_joints;
+  for (const auto& [name, value] : design.gains) n = std::min(n, value.size());
   std::vector<std::string> all;
   for (const auto& [name, value] : design.gains) {
-    all.push_back(fmt::format("controller.gains.{}=[{:.4g}]", name,
-                              fmt::join(value.begin(), value.end(), ", ")));
+    std::vector<std::string> rows;
+    for (Index row = 0; row < value.size(); row += n) {
+      const Vector of = value.segment(row, n);
+      rows.push_back(fmt::format("[{:.4g}]", fmt::join(of.begin(), of.end(), ", ")));
+    }
+    all.push_back(
+        fmt::format("controller.gains.{}={}", name,
+                    rows.size() == 1 ? rows[0] : fmt::format("[{}]", fmt::join(rows, ", "))));
   }
   return all;
 }

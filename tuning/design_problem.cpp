@@ -45,6 +45,12 @@ Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoi
   return (sum / static_cast<double>(rests.size())).array().exp();
 }
 
+robot::Matrix mean_matrix(const robot::Model& model, const std::vector<ReferencePoint>& rests) {
+  robot::Matrix sum = robot::Matrix::Zero(model.num_joints, model.num_joints);
+  for (const ReferencePoint& rest : rests) sum += robot::mass_matrix(model, rest.q_ref);
+  return sum / static_cast<double>(rests.size());
+}
+
 /// Of inertias of 1.
 Tuning tuning_of(const experiment::Scenario& scenario) {
   Tuning tuning;
@@ -101,6 +107,7 @@ DesignProblem::DesignProblem(const experiment::Scenario& scenario, const DesignG
   const robot::Model& links = scenario.robot.flexible ? *scenario.model : model_;
   mean_.inertia = mean_of_inertia(links, all, false);
   held_inertia_ = mean_of_inertia(links, all, true);
+  mean_matrix_ = mean_matrix(links, all);
 }
 
 experiment::Scenario DesignProblem::with(const Gains& gains) const {
@@ -128,13 +135,31 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
   if (kp != all.end() && kp->second.size() == friction.size() && kp->second == tuning.kp()) {
     kp->second += w * friction;
   }
+  for (const controller::Parameter& each : law_.parameters) {
+    if (each.shape != schema::Shape::matrix || mean_matrix_.size() == 0) continue;
+    Vector& value = all.at(std::string(each.name));
+    value = (value[0] / tuning.inertia[0] * mean_matrix_).reshaped();
+  }
   // Only kd b counts in the loop; with one b for all joints the matrix condition certifies more
   // than with b = a.
   if (one_b && all.contains("b") && all.contains("kd") && all["kd"].size() == all["b"].size()) {
     all["kd"] = all["kd"].cwiseProduct(all["b"]) / rate();
     all["b"].setConstant(rate());
   }
+  follow(all);
   return all;
+}
+
+void DesignProblem::follow(Gains& all) const {
+  if (!kinds_.empty() && !has_own_gains_ && all.contains("b")) all["b"] = all["a"];
+  if (!all.contains("ki")) return;
+  Tuning slowest = mean_;
+  slowest.w = all["kp"].cwiseQuotient(mean_.inertia).cwiseSqrt().minCoeff();
+  slowest.filter = all["a"].minCoeff();
+  const Gains rule = law_.tuned(slowest);
+  all["ki"] = rule.at("ki").cwiseProduct(all["kp"]).cwiseQuotient(rule.at("kp"));
+  all["eps_1"] = rule.at("eps_1");
+  all["eps_2"].setConstant(rule.at("eps_2")[0] * rule.at("b")[0] / all["b"].minCoeff());
 }
 
 Index DesignProblem::per_kind() const { return by_joint_ ? model_.num_joints : 1; }
@@ -148,6 +173,7 @@ Gains DesignProblem::gains(const VectorXd& theta) const {
       all[kinds_[kind]] *= std::exp(theta[first]);
     }
   }
+  follow(all);
   return all;
 }
 VectorXd DesignProblem::theta_of(const Gains& gains) const {
@@ -198,20 +224,28 @@ GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
 
 void DesignProblem::choose_variables() {
   start_ = by_rule(10, 10);
+  has_own_gains_ = std::ranges::any_of(law_.parameters, [](const controller::Parameter& each) {
+    return each.shape == schema::Shape::joints;
+  });
   for (const controller::Parameter& each : law_.parameters) {
-    const bool redundant = each.name.front() == 'b' || each.name == "measurement_noise";
-    if (each.shape == schema::Shape::joints && !redundant) kinds_.emplace_back(each.name);
+    const bool redundant =
+        each.name.front() == 'b' || each.name == "ki" || each.name == "measurement_noise";
+    const bool varies =
+        has_own_gains_ ? each.shape == schema::Shape::joints
+                       : each.shape == schema::Shape::number || each.shape == schema::Shape::matrix;
+    if (varies && !redundant) kinds_.emplace_back(each.name);
   }
+  follow(start_);
   if (kinds_.empty()) {
     throw Failure(ExitCode::check_said_no,
-                  "design varies gains of each joint, and {} has none: tune it by hand, or take "
+                  "design varies gains, and {} has none: tune it by hand, or take "
                   "loria_ortega_rigid",
                   law_.name);
   }
   const LinearLaw first = feedback_at(start_, rests_.front()),
                   last = feedback_at(start_, rest_in_range(model_, mean_postures));
   const double size = first.D.cwiseAbs().maxCoeff();
-  by_joint_ = (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
+  by_joint_ = has_own_gains_ && (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
               (first.B - last.B).isZero(1e-5);  // also without a memory
   problem_.same_everywhere = by_joint_;
   problem_.resonant = scenario_.robot.flexible.has_value();
@@ -244,7 +278,13 @@ void DesignProblem::set_bounds() {
     problem_.upper.head(per_kind()) =
         theta_of(by_rule(2 * std::numbers::pi * *goal_.bandwidth_hz, 10)).head(per_kind());
   }
-  if (!by_joint_) return;
+  if (!by_joint_) {
+    if (!goal_.start_error && !goal_.least_kp) return;
+    throw Failure(ExitCode::check_said_no,
+                  "--stiffness, --rest-error and --start-error are for gains of each joint, and {} "
+                  "is varied as a whole: take loria_ortega_rigid",
+                  law_.name);
+  }
   if (goal_.start_error && limit) {
     problem_.upper.head(n) =
         problem_.upper.head(n).cwiseMin(VectorXd((*limit / *goal_.start_error).array().log()));

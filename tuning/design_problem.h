@@ -49,6 +49,9 @@ class DesignProblem {
 
  private:
   void set_bounds();
+  /// Gains that others determine: b of a law without gains of each joint, and an integral's, by the
+  /// rule for the slowest joint.
+  void follow(Gains& all) const;
   [[nodiscard]] double rate() const { return 1 / scenario_.loop.period_s; }
   [[nodiscard]] Eigen::Index per_kind() const;
   [[nodiscard]] Feedback feedback(const Eigen::VectorXd& theta, const loop::ReferencePoint& rest,
@@ -60,10 +63,12 @@ class DesignProblem {
   robot::Model model_;
   controller::law::Tuning mean_;  ///< with the mean inertias
   robot::Vector held_inertia_;    ///< mean of M_jj
+  robot::Matrix mean_matrix_;     ///< of M
   ScenarioLoop loop_;
   std::vector<loop::ReferencePoint> rests_;
   Gains start_;
   std::vector<std::string> kinds_;  ///< names of the gains that vary
+  bool has_own_gains_ = true;       ///< of each joint
   bool by_joint_ = true;            ///< each joint's of its own; otherwise one factor for all
   GainProblem problem_;
 };

@@ -136,6 +136,7 @@ struct Design {
   tuning::DesignGoal goal;
   std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
+  std::string structure;
   fs::path output;
   bool json = false, quiet = false, force = false;
 
@@ -178,6 +179,11 @@ struct Design {
         .add_option("--period", period_s,
                     "Sampling period [s]; default: the scenario's, 1 ms for a URDF")
         ->check(CLI::PositiveNumber);
+    command
+        .add_option("--structure", structure,
+                    "diagonal, matrix or scheduled: the law loria_ortega_rigid, _matrix, with one "
+                    "constant matrix for all postures, or _scheduled, with M(q_ref)")
+        ->check(CLI::IsMember({"diagonal", "matrix", "scheduled"}));
     command.add_option("--from", from, "Of a URDF: where the motion begins [rad; m], one a joint")
         ->delimiter(',');
     command.add_option("--write", output, "The scenario with these gains, as a file");
@@ -249,6 +255,11 @@ struct Design {
   /// The scenario, that of a bare URDF from text, with these overrides.
   [[nodiscard]] experiment::Scenario load(std::vector<std::string> more) const {
     if (period_s > 0) more.push_back(fmt::format("loop.period_s={}", period_s));
+    if (!structure.empty()) {
+      const char* law = structure == "diagonal" ? "rigid" : structure.c_str();
+      more.insert(more.begin(),
+                  {"controller.gains={}", fmt::format("controller.law=loria_ortega_{}", law)});
+    }
     more.insert(more.begin(), overrides.begin(), overrides.end());
     if (!bare_urdf()) return experiment::load_scenario(input, more);
     const std::string urdf = diagnostics::given_text(input, diagnostics::max_text_bytes);
