@@ -113,11 +113,7 @@ MatrixXd RestLoop::displaced(const LinearLaw& law) const {
       std::ranges::find(law.measured, Part::theta) != law.measured.end()) {
     state.middleRows(2 * n_, n_).setIdentity();
   }
-  if (m > 0) {
-    const auto at_rest =
-        robot::solution(MatrixXd::Identity(m, m) - law.A, law.B * (C_ * state.topRows(x)));
-    if (at_rest) state.bottomRows(m) = *at_rest;
-  }
+  state.bottomRows(m) = first_memory(law, C_ * state.topRows(x));
   return state;
 }
 

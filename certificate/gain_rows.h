@@ -44,7 +44,7 @@ class RestLoop {
   /// The map of one period.
   [[nodiscard]] Eigen::MatrixXd closed(const LinearLaw& feedback) const;
   /// Of `closed`: a column for each joint displaced alone by 1, its rotor with it and the law's
-  /// memory as if it had been so for long.
+  /// memory as a run begins there.
   [[nodiscard]] Eigen::MatrixXd displaced(const LinearLaw& feedback) const;
 
   /// The least |1 + eigenvalue of L| at each of these frequencies; where it is above `enough` for

@@ -104,6 +104,14 @@ LinearLaw linearised(const LawStep& law, const VectorXd& memory, const VectorXd&
           std::move(measured)};
 }
 
+MatrixXd first_memory(const LinearLaw& law, const MatrixXd& measured) {
+  const Index m = law.A.rows();
+  if (law.start.size() > 0) return law.start * measured;
+  if (m == 0) return MatrixXd::Zero(0, measured.cols());
+  const auto at_rest = robot::solution(MatrixXd::Identity(m, m) - law.A, law.B * measured);
+  return at_rest ? MatrixXd(*at_rest) : MatrixXd::Zero(m, measured.cols());
+}
+
 LinearPlant held(const LinearPlant& plant, double period_s) {
   const Index m = plant.A.rows(), n = plant.B.cols();
   MatrixXd joined = MatrixXd::Zero(m + n, m + n);

@@ -47,7 +47,13 @@ struct LinearLaw {
   std::vector<Part> measured;
   /// The part of D that compensates gravity by the model: no gain of the feedback. Empty: none.
   Eigen::MatrixXd compensation = {};
+  /// The memory that it begins a run with, by its first measurement. Empty: not known.
+  Eigen::MatrixXd start = {};
 };
+
+/// The memory of a run that begins with these deviations of the measurement, each in a column:
+/// where `start` is not known that after long, of a law that forgets, else 0.
+Eigen::MatrixXd first_memory(const LinearLaw& law, const Eigen::MatrixXd& measured);
 
 /// Any law as a function of its memory and measurement, both written as vectors: (memory,
 /// measurement) -> (next memory, torque); the reference is held fixed inside.

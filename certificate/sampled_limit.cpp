@@ -74,27 +74,26 @@ std::complex<double> nearest(const VectorXcd& values, const std::complex<double>
   return best;
 }
 
-/// States of `map` (plant, memory, torques under way), one for each joint displaced alone by 1, its
-/// rotor with it, the law's memory as after long where it forgets, else 0, and no torque under way.
-MatrixXd displaced(const SampledLoop& loop, const MatrixXd& map) {
-  const Index n = loop.plant.num_joints, plant = loop.plant.A.rows();
-  const Index memory = map.rows() - plant - loop.delay * n;
-  MatrixXd state = MatrixXd::Zero(map.rows(), n);
+/// States of the loop (plant, memory, torques under way), one for each joint displaced alone by 1,
+/// its rotor with it, the law's memory as a run begins there, and no torque under way.
+MatrixXd displaced(const SampledLoop& loop, const LinearLaw& law) {
+  const Index n = loop.plant.num_joints, plant = loop.plant.A.rows(), memory = law.A.rows();
+  MatrixXd state = MatrixXd::Zero(plant + memory + loop.delay * n, n);
   state.topRows(n).setIdentity();
   if (plant >= 4 * n) state.middleRows(2 * n, n).setIdentity();
-  if (memory == 0) return state;
-  const MatrixXd kept =
-      MatrixXd::Identity(memory, memory) - map.block(plant, plant, memory, memory);
-  const auto at_rest =
-      robot::solution(kept, map.block(plant, 0, memory, plant) * state.topRows(plant));
-  if (at_rest) state.middleRows(plant, memory) = *at_rest;
+  MatrixXd measured(n * std::ssize(law.measured), n);
+  for (Index i = 0; i < std::ssize(law.measured); ++i) {
+    const auto part = static_cast<Index>(law.measured[static_cast<std::size_t>(i)]);
+    measured.middleRows(i * n, n) = state.middleRows(part * n, n);
+  }
+  state.middleRows(plant, memory) = first_memory(law, measured);
   return state;
 }
 
 /// When the errors from each of `displaced` are last above 1 %, in steps of several periods where
 /// it takes long.
-Eigen::VectorXd settling_times(const SampledLoop& loop, const MatrixXd& map, double period_s,
-                               double decay_per_s) {
+Eigen::VectorXd settling_times(const SampledLoop& loop, const LinearLaw& law, const MatrixXd& map,
+                               double period_s, double decay_per_s) {
   constexpr double part = 0.01, most_steps = 2000;
   const Index n = loop.plant.num_joints;
   // Several slowest modes together need longer than one; more than threefold none has been seen.
@@ -103,7 +102,7 @@ Eigen::VectorXd settling_times(const SampledLoop& loop, const MatrixXd& map, dou
     MatrixXd step = map;
     double step_s = period_s;
     for (; longest_s > most_steps * step_s; step_s *= 2) step *= step;
-    MatrixXd state = displaced(loop, map);
+    MatrixXd state = displaced(loop, law);
     Eigen::VectorXd settled_s = Eigen::VectorXd::Zero(n);
     for (double t = step_s; t <= longest_s; t += step_s) {
       state = step * state;
@@ -192,7 +191,7 @@ Modes modes(const SampledLoop& loop, double period_s) {
   result.decay_per_s = decay;
   result.settling_s = result.settling_mean_s = infinity;
   if (result.stable) {
-    const Eigen::VectorXd each = settling_times(loop, map, period_s, result.decay_per_s);
+    const Eigen::VectorXd each = settling_times(loop, law, map, period_s, result.decay_per_s);
     result.settling_s = each.maxCoeff();
     result.settling_mean_s = each.mean();
   }

@@ -119,7 +119,17 @@ SteppedLaw stepped_law(const experiment::Scenario& scenario, const ReferencePoin
 LinearLaw linear_law(const experiment::Scenario& scenario, const ReferencePoint& reference,
                      const std::array<Vector, 4>& state) {
   const SteppedLaw law = stepped_law(scenario, reference, state);
-  return linearised(law.step, law.memory, law.measurement, law.measured);
+  LinearLaw result = linearised(law.step, law.memory, law.measurement, law.measured);
+  // Some begin with less memory than they have from a step on.
+  if (law.start(law.measurement).size() != law.memory.size()) return result;
+  result.start.resize(law.memory.size(), law.measurement.size());
+  constexpr double by = 1e-6;
+  for (Index i = 0; i < law.measurement.size(); ++i) {
+    const VectorXd moved = by * VectorXd::Unit(law.measurement.size(), i);
+    result.start.col(i) =
+        (law.start(law.measurement + moved) - law.start(law.measurement - moved)) / (2 * by);
+  }
+  return result;
 }
 
 /// What of the law's gradient D is there because of gravity.
