@@ -360,8 +360,10 @@ std::vector<std::string> overrides_of(const Design& design) {
   for (const auto& [name, value] : design.gains) {
     std::vector<std::string> rows;
     for (Index row = 0; row < value.size(); row += n) {
-      const Vector of = value.segment(row, n);
-      rows.push_back(fmt::format("[{:.4g}]", fmt::join(of.begin(), of.end(), ", ")));
+      const bool one = value.size() == n && (value.array() == value[0]).all();
+      const Vector of = value.segment(row, one ? 1 : n);
+      const std::string text = fmt::format("{:.4g}", fmt::join(of.begin(), of.end(), ", "));
+      rows.push_back(one ? text : "[" + text + "]");
     }
     all.push_back(
         fmt::format("controller.gains.{}={}", name,
