@@ -45,6 +45,7 @@ class Recording : public RobotDriver {
     torques.push_back(tau);
     ends.push_back(until_s);
   }
+  void rest(double /*until_s*/) override { calls += '-'; }
   void stop() override {
     calls += 'x';
     if (failing_stops-- > 0) throw std::runtime_error("the brake's line is open");
@@ -197,6 +198,18 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   EXPECT_EQ(run(s, others, nullptr, &clock).fault, "");
   EXPECT_TRUE(clock.torques.empty());
   EXPECT_FALSE(clock.stopped);
+}
+
+/// In 2 of each 20 ticks, for `commission`.
+TEST(RobotDriver, IsSentNothingWhereTorquesAreWithheld) {
+  const experiment::Scenario s = limited({"plant.withheld_ticks=2"});
+  Peers peers(s);
+  Recording robot;
+  ASSERT_EQ(run(s, peers, nullptr, &robot).fault, "");
+  std::string expected = "rs";
+  for (int tick = 0; tick < 30; ++tick) expected += tick == 18 || tick == 19 ? "r-" : "rh";
+  EXPECT_EQ(robot.calls, expected + "x");
+  EXPECT_THROW(GuardedRobot{s}, diagnostics::Failure);  // emulated
 }
 
 TEST(RobotDriver, IsStoppedWhereItsPositionsMoveFasterThanAllowed) {
