@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <numbers>
 
 #include "tests/certificate/scenarios.h"
 
@@ -87,6 +88,29 @@ TEST(Prediction, FindsTheWorstPostureBetweenThoseOfTheList) {
   }
   EXPECT_LE(found.margins.value().modulus, modulus + 1e-5);
   EXPECT_LE(worst_radius, 1 + 1e-6);
+}
+
+/// A lag of 1/(2 pi f) is about as much delay; a fast loop is none.
+TEST(Prediction, CountsCurrentLoopsAndNamesWhatItDoesNotCount) {
+  const auto margin_s = [](const std::string& hz) {
+    return analyse(shipped("practical_rigid", {"plant.drive.current_loop_hz=" + hz}),
+                   Effort::margins)
+        .margins.value()
+        .delay_s;
+  };
+  const double ideal_s = margin_s("null");
+  EXPECT_NEAR(margin_s("1e5"), ideal_s, 5e-6);
+  EXPECT_NEAR(margin_s("200"), ideal_s - 1 / (2 * std::numbers::pi * 200), 1e-4);
+  EXPECT_FALSE(
+      analyse(shipped("practical_rigid", {"plant.drive.current_loop_hz=5"}), Effort::quick).stable);
+  EXPECT_EQ(analyse(shipped("practical_rigid"), Effort::quick).not_counted, "");
+  EXPECT_EQ(analyse(shipped("practical_rigid", {"plant.drive.command_age_jitter_ticks=2",
+                                                "plant.drive.torque_offset_Nm=1",
+                                                "plant.encoder.eccentricity_rad=1e-3"}),
+                    Effort::quick)
+                .not_counted,
+            "plant.drive.command_age_jitter_ticks, plant.drive.torque_offset_Nm, "
+            "plant.encoder.eccentricity_rad");
 }
 
 TEST(Prediction, TextHasLimitAndSettlingTime) {

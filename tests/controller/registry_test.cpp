@@ -53,7 +53,7 @@ experiment::Scenario rigid_scenario() {
 
 experiment::Scenario flexible_scenario(const std::string& law) {
   experiment::Scenario scenario = rigid_scenario();
-  scenario.robot.flexible = plant::FlexibleDrive{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0)};
+  scenario.robot.flexible = plant::FlexibleDrive{pair(1e4, 2e4), pair(0.1, 0.2), pair(0, 0), {}};
   scenario.controller.law = law;
   scenario.controller.gains.clear();
   for (const std::string_view gain : parameter_names(law_facts(law))) {

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <numbers>
 #include <stdexcept>
 #include <string>
 #include <thread>
@@ -261,6 +263,59 @@ TEST_P(EveryArm, GivesTheSameBitsForTheSameCallsWhateverOtherArmsDo) {
   }
 }
 
+/// v' I = s i + o with i' = (tau - i) / T, from tick to tick; and no torque once it is stopped.
+TEST_P(EveryArm, IsDrivenThroughCurrentLoopsWithTheirScaleAndOffset) {
+  const double I = 2, hz = 40, s = 1.1, o = -0.3, h = 1e-3;
+  const double T = 1 / (2 * std::numbers::pi * hz), left = std::exp(-h / T);
+  ArmOptions with = options(1e-12);
+  with.drive.current_loop_hz = Vector::Constant(1, hz);
+  with.drive.torque_scale = Vector::Constant(1, s);
+  with.drive.torque_offset_Nm = Vector::Constant(1, o);
+  ArmState start = rigid_state(Vector::Zero(1), Vector::Zero(1));
+  start.torque = Vector::Constant(1, 4);
+  Arm arm(testing::turntable(I), with, start);
+  Torques torques(1, 20);
+  double v = 0, i = 4;
+  for (int k = 0; k < 100; ++k) {
+    const Vector tau = torques.next();
+    if (k == 50) {  // the state is all that it knows
+      const ArmState now = arm.state();
+      arm.set_state(now, 0.05);
+    }
+    arm.advance(tau, (k + 1) * h);
+    v += (s * (tau[0] * h + (i - tau[0]) * T * (1 - left)) + o * h) / I;
+    i = tau[0] + (i - tau[0]) * left;
+    ASSERT_NEAR(arm.state().torque[0], i, 1e-12);
+    ASSERT_NEAR(arm.state().v[0], v, 1e-11);  // 100 steps of accuracy 1e-12
+  }
+  arm.brake(Vector::Constant(1, 5));
+  arm.advance(Vector::Zero(1), 0.2);
+  EXPECT_EQ(arm.state().torque[0], 0);
+  EXPECT_NEAR(arm.state().v[0], v * std::exp(-5 * 0.1 / I), 1e-9);
+}
+
+/// A motor whose spring pulls nothing slides by (tau - Fc) / J, comes to rest, and stays there.
+TEST_P(EveryArm, HasMotorsWithDryFriction) {
+  FlexibleDrive drive;
+  drive.stiffness = Vector::Constant(1, 1e-9);
+  drive.rotor_inertia = Vector::Constant(1, 0.1);
+  drive.motor_coulomb_friction_Nm = Vector::Constant(1, 0.5);
+  ArmState start = rigid_state(Vector::Zero(1), Vector::Zero(1));
+  start.theta = start.thetadot = Vector::Zero(1);
+  Arm arm(testing::turntable(2), options(1e-12, &drive), start);
+  const auto advance = [&](double tau, double until_s) {
+    arm.advance(Vector::Constant(1, tau), until_s);
+    return arm.state();
+  };
+  EXPECT_EQ(advance(0.4999, 0.1).theta[0], 0) << "held to the last bit";
+  EXPECT_NEAR(advance(0.8, 0.2).thetadot[0], 3 * 0.1, 1e-9);
+  const double there = 0.5 * 3 * 0.01 + 0.3 * 0.3 / (2 * 5);  // to rest within 0.06 s
+  const ArmState rest = advance(0, 0.3);
+  EXPECT_NEAR(rest.theta[0], there, 1e-9);
+  EXPECT_EQ(rest.thetadot[0], 0);
+  EXPECT_EQ(advance(-0.4999, 0.5).theta[0], rest.theta[0]);
+}
+
 TEST_P(EveryArm, BrakesTheMotorsOfAFlexibleRobot) {
   const robot::Model model = robot::testing::two_link();
   const FlexibleDrive drive = two_link_drive();
@@ -375,9 +430,9 @@ TEST(BothMechanics, MoveRandomRobotsAlike) {
 TEST(BothMechanics, MoveFlexibleJointsAlike) {
   for (unsigned seed = 2; seed <= 6; ++seed) {
     const robot::Model model = chain(seed);
-    const FlexibleDrive flexible{Vector::Constant(model.num_joints, 2000.0),
-                                 Vector::Constant(model.num_joints, 0.2),
-                                 Vector::Constant(model.num_joints, 0.1)};
+    const FlexibleDrive flexible{
+        Vector::Constant(model.num_joints, 2000.0), Vector::Constant(model.num_joints, 0.2),
+        Vector::Constant(model.num_joints, 0.1), Vector::Constant(model.num_joints, 0.3)};
     EXPECT_LT(largest_distance(model, &flexible, seed), agreement) << "seed " << seed;
   }
 }

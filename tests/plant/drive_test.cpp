@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
+#include <vector>
 
 #include "robot/model.h"
 
@@ -65,6 +67,33 @@ TEST(Drive, ChangesItsTorqueNoFasterThanItCanAndFlagsIt) {
     d.end_tick();
     EXPECT_EQ(d.applied().tau, command(0, 0).tau);
   }
+}
+
+TEST(Drive, TakesCommandsOfAnyAgeUpToTheJitterEachAsOftenBySeed) {
+  constexpr int delay = 2, jitter = 3, ticks = 4000;
+  const auto ages = [](std::uint64_t seed) {
+    Drive d(Eigen::Vector2d(1e9, 1e9), delay, {}, {}, jitter, seed);
+    std::vector<int> all;
+    for (int k = 0; k < ticks; ++k) {
+      const double before = d.applied().tau[0];
+      if (!d.accept(command(k, 0))) throw std::logic_error("finite");
+      if (k > 0) {
+        EXPECT_EQ(d.applied().tau[0], before) << "the age is the tick's";
+      }
+      if (k >= delay + jitter) all.push_back(k - static_cast<int>(d.applied().tau[0]));
+      d.end_tick();
+    }
+    return all;
+  };
+  const std::vector<int> found = ages(1);
+  for (int age = delay; age <= delay + jitter; ++age) {
+    // A quarter of 4000, with a standard deviation of 27.
+    EXPECT_NEAR(std::ranges::count(found, age), ticks / 4, 110) << age;
+  }
+  EXPECT_EQ(*std::ranges::min_element(found), delay);
+  EXPECT_EQ(*std::ranges::max_element(found), delay + jitter);
+  EXPECT_EQ(found, ages(1));
+  EXPECT_NE(found, ages(2));
 }
 
 TEST(Drive, LimitsEachJointAndFlagsIt) {

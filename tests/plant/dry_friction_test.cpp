@@ -150,8 +150,8 @@ TEST_P(DryFriction, FallsFromStaticToCoulombsAsStribecksCurve) {
 
 TEST_P(DryFriction, LetsALinkGoInTheMiddleOfATickWhenItsSpringPullsHardEnough) {
   constexpr double K = 100, J = 0.2, tau = 3, Fs = 4;
-  const FlexibleDrive drive{Vector::Constant(1, K), Vector::Constant(1, J),
-                            Vector::Constant(1, 0.0)};
+  const FlexibleDrive drive{
+      Vector::Constant(1, K), Vector::Constant(1, J), Vector::Constant(1, 0.0), {}};
   ArmOptions with = options({Fs, Fs});
   with.flexible = &drive;
   ArmState start = at(0, 0);

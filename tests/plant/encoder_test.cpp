@@ -73,6 +73,16 @@ TEST(Encoder, RoundsToTheNearestCountOfARevolutionOrOfTheRange) {
   EXPECT_EQ(measured(-7.6 * turn, 3.4 * slide), Vector(Eigen::Vector2d(-8 * turn, 3 * slide)));
 }
 
+TEST(Encoder, OfALinkThatTurnsIsEccentric) {
+  experiment::Scenario s = scenario(true);
+  s.plant.encoder.eccentricity_rad = Vector::Constant(2, 1e-3);
+  s.plant.encoder.eccentricity_phase_rad = Eigen::Vector2d(0.4, 0.4);
+  const ArmState at = state(0.7, 0.3);
+  const auto read = Encoder(s, revolute_and_prismatic()).measure<loop::LinkStateMeasurement>(at, 0);
+  EXPECT_EQ(read.q, Vector(at.q + Eigen::Vector2d(1e-3 * std::sin(1.1), 0)));
+  EXPECT_EQ(read.theta, at.theta);
+}
+
 TEST(Encoder, HasAQuantisationErrorUniformOverACount) {
   experiment::Scenario s = scenario();
   s.plant.encoder.resolution_bits = Vector::Constant(2, 12);

@@ -10,7 +10,12 @@ namespace tachless::support {
 inline std::vector<std::string> rough_plant(bool friction) {
   std::vector<std::string> all = {
       "loop.command_delay=3",
-      "plant.encoder={resolution_bits: [16, 14], noise_std_rad: 1.0e-5, latency_ticks: 2}",
+      "plant.encoder={resolution_bits: [16, 14], noise_std_rad: 1.0e-5, latency_ticks: 2, "
+      "eccentricity_rad: 1.0e-3, eccentricity_phase_rad: 1}",
+      "plant.drive.current_loop_hz=[300, 200]",
+      "plant.drive.torque_scale=[1.05, 0.97]",
+      "plant.drive.torque_offset_Nm=[0.5, -0.2]",
+      "plant.drive.command_age_jitter_ticks=2",
       "plant.drive.torque_limit_Nm=[150, 40]",
       "plant.drive.torque_rate_limit_Nm_per_s=[1.0e+4, 5.0e+3]",
       "plant.payload={mass_kg: 0.5, inertia_kgm2: [0.01, 0, 0, 0.02, 0, 0.02], center_of_mass_m: "
