@@ -12,6 +12,7 @@
 #include "experiment/joint_parameters.h"
 #include "experiment/motion_file.h"
 #include "experiment/reader.h"
+#include "experiment/xacro.h"
 #include "experiment/yaml_tree.h"
 #include "loop/measurements.h"
 #include "robot/urdf_xml.h"
@@ -347,12 +348,13 @@ Scenario load_scenario(const fs::path& path, const std::vector<std::string>& ove
   const JointParameters parameters = take_joint_parameters(root, scenario, directory);
   const Place place{scenario, &root, ""};
   read_key(place.child("robot").child("urdf"), RobotSpec::urdf_key, scenario.robot);
+  read_key(place.child("robot").child("xacro"), RobotSpec::xacro_key, scenario.robot);
   read_key(place.child("controller").child("urdf"), ControllerSpec::urdf_key, scenario.controller);
   const auto description = [&](const std::string& key, const std::string& written) -> Description {
     if (written.empty()) return {};
     const fs::path urdf_path = directory / written;
     try {
-      return {diagnostics::given_text(urdf_path, diagnostics::max_text_bytes), urdf_path.string()};
+      return {urdf_text(urdf_path, scenario.robot.xacro), urdf_path.string()};
     } catch (const diagnostics::Failure& failure) {
       throw scenario.complaint(key, failure.what());
     }

@@ -84,6 +84,11 @@ void require_static_above_coulomb(const Scenario& scenario) {
 }  // namespace
 
 void require_consistent(const Scenario& scenario) {
+  const RobotSpec& robot = scenario.robot;
+  if (!robot.xacro.empty() && !robot.urdf_path.ends_with(".xacro")) {
+    throw scenario.complaint("robot.xacro", "arguments, but robot.urdf is {}; allowed: .xacro",
+                             robot.urdf_path);
+  }
   require_possible_initial_state(scenario);
   require_motors_only_behind_springs(scenario);
   require_static_above_coulomb(scenario);

@@ -56,6 +56,7 @@ const std::vector<Rule> rules = {
      {"experiment/", "plant/spec.h", "controller/law/filter.h", "reference/trajectories.h",
       "robot/", "schema/", "loop/measurements.h", "diagnostics/"},
      {"fmt/"}},
+    {"experiment/xacro.cpp", {"experiment/", "process/child.h", "diagnostics/"}, {"fmt/"}, true},
     {"experiment/yaml_tree.cpp", {"experiment/", "diagnostics/"}, {"yaml-cpp/"}},
 
     {"node/",
@@ -123,8 +124,9 @@ const std::vector<Rule> rules = {
      {}},
 
     {"report/",
-     {"report/", "certificate/", "controller/registry.h", "logger/", "node/statistics.h",
-      "process/", "study/", "experiment/", "schema/", "robot/", "loop/", "diagnostics/"},
+     {"report/", "certificate/", "controller/registry.h", "identify/least_squares.h", "logger/",
+      "node/statistics.h", "process/", "study/", "experiment/", "schema/", "robot/", "loop/",
+      "diagnostics/"},
      {"Eigen/", "nlohmann/", "sodium.h"},
      true},
     {"replay/",
