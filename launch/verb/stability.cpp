@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "certificate/certify.h"
+#include "certificate/witness.h"
 #include "controller/registry.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
@@ -43,13 +44,37 @@ void warn(const experiment::Scenario& scenario) {
   for (const std::string& warning : scenario.model->warnings) diagnostics::log_warning(warning);
 }
 
+/// @throw diagnostics::Failure(bad_usage) when there is neither one number nor one for each joint
+robot::Vector one_a_joint(std::string_view option, const std::vector<double>& given, int joints) {
+  if (given.size() > 1 && std::ssize(given) != joints) {
+    throw diagnostics::bad_usage("{} has {} numbers; allowed: 1, or {}, one a joint", option,
+                                 given.size(), joints);
+  }
+  robot::Vector all(joints);
+  for (int i = 0; i < joints; ++i) {
+    all[i] = given[given.size() == 1 ? 0 : static_cast<std::size_t>(i)];
+  }
+  return all;
+}
+
 struct Certify {
   fs::path input;
   std::vector<std::string> overrides;
+  fs::path witness;
+  std::vector<double> errors = {0.3};
   bool full = false, paper = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
+    command.add_option("--witness", witness,
+                       "Also writes what a region of the sampled loop of one or two joints is "
+                       "proved with, for tests/certificate/check_witness.py");
+    command
+        .add_option("--witness-error", errors,
+                    "That it is to hold, one alone from rest [rad]: one number, or one for each "
+                    "joint; default: 0.3")
+        ->delimiter(',')
+        ->check(CLI::PositiveNumber);
     command.add_flag("--full", full, "All numbers in place of five lines");
     command.add_flag(
         "--paper", paper,
@@ -61,6 +86,7 @@ struct Certify {
   [[nodiscard]] ExitCode run() const {
     const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
     warn(scenario);
+    write_witness(scenario);
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
         scenario, paper,
@@ -75,6 +101,14 @@ struct Certify {
       diagnostics::log_error("{}: {}", input.string(), objection);
     }
     return objections.empty() ? ExitCode::done : ExitCode::check_said_no;
+  }
+
+ private:
+  void write_witness(const experiment::Scenario& scenario) const {
+    if (witness.empty()) return;
+    const robot::Vector each = one_a_joint("--witness-error", errors, scenario.num_joints);
+    diagnostics::UnfinishedFile(witness, "name another file with --witness")
+        .write(certificate::witness(scenario, each));
   }
 };
 
@@ -224,14 +258,8 @@ struct Design {
   [[nodiscard]] tuning::DesignGoal whole_goal(int num_joints) const {
     tuning::DesignGoal whole = goal;
     if (stiffness.empty() && rest_error.empty()) return whole;
-    if (stiffness.size() > 1 && std::ssize(stiffness) != num_joints) {
-      throw diagnostics::bad_usage("--stiffness has {} numbers; allowed: 1, or {}, one a joint",
-                                   stiffness.size(), num_joints);
-    }
     robot::Vector least = robot::Vector::Zero(num_joints);
-    for (int i = 0; i < num_joints && !stiffness.empty(); ++i) {
-      least[i] = stiffness[stiffness.size() == 1 ? 0 : static_cast<std::size_t>(i)];
-    }
+    if (!stiffness.empty()) least = one_a_joint("--stiffness", stiffness, num_joints);
     if (!rest_error.empty()) least = least.cwiseMax(rest_error[0] / rest_error[1]);
     whole.least_kp = least;
     return whole;
