@@ -306,6 +306,11 @@ class Loop:
             upper[rows, axis], lower[rows, axis] = middle, middle
             low, high = np.concatenate([low, upper]), np.concatenate([lower, high])
 
+    def alone(self):
+        """The largest error of each joint alone, from rest with nu = 0 and no torque but gravity's [rad]."""
+        starts = np.eye(4 * self.n)[:self.n] - self.beta[:, None] * np.eye(4 * self.n)[2 * self.n:3 * self.n]
+        return 1 / np.linalg.norm(starts @ self.L, axis=1)
+
     def check_rounding(self):
         """gamma: what w adds to |x+|, and no torque beyond its limit."""
         n = self.n
@@ -359,13 +364,8 @@ def main():
     except (OSError, Rejected) as problem:
         print(f"{sys.argv[1]}: rejected: {problem}")
         sys.exit(1)
-    n = loop.n
-    alone = []
-    for i in range(n):
-        x = np.eye(4 * n)[i] - loop.beta[i] * np.eye(4 * n)[2 * n + i]  # nu = 0
-        alone.append(1 / np.linalg.norm(loop.L.T @ x))
     print(f"{sys.argv[1]}: accepted: {boxes} boxes; one error alone from rest up to "
-          f"{np.array2string(np.array(alone), precision=3)} rad; |x| falls by {loop.rho:.6g} a tick, "
+          f"{np.array2string(loop.alone(), precision=3)} rad; |x| falls by {loop.rho:.6g} a tick, "
           f"to {loop.gamma / (1 - loop.rho):.3g}")
 
 

@@ -3,11 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "certificate/witness.h"
+#include "diagnostics/failure.h"
 #include "process/parallel.h"
 #include "robot/dynamics.h"
 #include "study/in_process_loop.h"
@@ -92,6 +97,38 @@ TEST(SampledRegion, IsNotClaimedWhereThereIsNone) {
   EXPECT_FALSE(
       sampled_region(held_at("[0, 0]", {"plant.drive.coulomb_friction_Nm=[1, 1]"}), why_not));
   EXPECT_THAT(why_not, ::testing::HasSubstr("friction"));
+}
+
+/// What check_witness.py claims, of the loop as coded: |F(x)| <= rho |x| + gamma where |x| <= 1.
+TEST(Witness, HoldsOfTheOneTickMapAsCoded) {
+  const experiment::Scenario held = held_at("[0, 1.5]", {"plant.encoder.resolution_bits=20"});
+  const auto json = nlohmann::json::parse(witness(held, Vector(Eigen::Vector2d(0.3, 0.6))));
+  Eigen::MatrixXd L(8, 8);
+  for (int i = 0; i < 64; ++i) L(i / 8, i % 8) = json["L"][i / 8][i % 8];
+  const OneTick F(held, Eigen::Vector2d(0, 1.5));
+  const double phi = json["phi"][0], beta = json["beta"][0], rho = json["rho"];
+  const auto size = [&](const VectorXd& x) {  // of (q, v, nu, e before, torque)
+    VectorXd z(8);
+    z << x.head(4), phi * x.segment(4, 2) - beta * x.segment(6, 2), x.tail(2);
+    return (L.transpose() * z).norm();
+  };
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> normal;
+  double largest = 0;
+  for (int k = 0; k < 3000; ++k) {
+    const VectorXd y = VectorXd::NullaryExpr(8, [&] { return normal(random); }).normalized();
+    const VectorXd z = L.transpose().triangularView<Eigen::Upper>().solve(y);
+    VectorXd x = VectorXd::Zero(10);
+    x << z.head(4), z.segment(4, 2) / phi, 0, 0, z.tail(2);
+    ASSERT_NEAR(size(x), 1, 1e-9);
+    largest = std::max(largest, size(F(x)));
+  }
+  std::cout << "largest growth " << largest << " of " << rho << "\n";
+  EXPECT_LE(largest, rho);
+  EXPECT_GT(largest, 0.9);  // somewhere the loop is as slow as that
+  EXPECT_THROW((void)witness(shipped("iiwa_point_to_point"), Vector(Vector::Constant(7, 0.3))),
+               diagnostics::Failure);
+  EXPECT_THROW((void)witness(held, Vector(Eigen::Vector2d(30, 30))), diagnostics::Failure);
 }
 
 /// The loop of a run, from random directions of (q, v) on the boundary.

@@ -1,0 +1,88 @@
+#!/usr/bin/env python3
+"""check_witness.py on what `tachless certify --witness` writes: witness_test.py TACHLESS SCENARIOS."""
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+from check_witness import check, checksum
+from interval import Rejected
+
+TACHLESS, SCENARIOS = sys.argv[1], Path(sys.argv[2])
+
+URDF = """<robot name="pendulum"><link name="base"/>
+<link name="rod"><inertial><origin xyz="0 0 -0.4"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="swing" type="continuous"><parent link="base"/><child link="rod"/><axis xyz="0 -1 0"/>
+</joint></robot>"""
+SCENARIO = """name: pendulum
+robot: {name: arm, urdf: pendulum.urdf, joints: rigid}
+plant:
+  initial: {position_rad: [0.5], velocity_rad_per_s: [0]}
+  encoder: {resolution_bits: 20}
+  drive: {torque_limit_Nm: 2000, viscous_friction_Nms_per_rad: 0.1}
+reference: {hold: {position_rad: [0.5]}}
+controller:
+  law: loria_ortega_rigid
+  gains: {kp: [1500], kd: [40], a: [1000], b: [1000]}
+  filter: tustin
+loop: {mode: lockstep, period_s: 1.0e-3, duration_s: 1.0, command_delay: 1}
+"""
+
+
+def witness(scenario, error):
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "witness.json"
+        subprocess.run([TACHLESS, "certify", scenario, "--witness", file, "--witness-error", error, "--quiet"],
+                       check=True, stdout=subprocess.DEVNULL)
+        return file.read_text(encoding="utf-8")
+
+
+def one_joint(error):
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "pendulum.urdf").write_text(URDF, encoding="utf-8")
+        file = Path(folder) / "pendulum.yaml"
+        file.write_text(SCENARIO, encoding="utf-8")
+        return witness(file, error)
+
+
+class Witness(unittest.TestCase):
+    def test_two_joints_at_one_kilohertz(self):
+        loop, boxes = check(witness(SCENARIOS / "practical_rigid.yaml", "0.3,0.6"))
+        print("practical_rigid:", boxes, "boxes, from rest", loop.alone())
+        self.assertTrue((loop.alone() >= [0.3, 0.6]).all())
+
+    def test_one_joint(self):
+        loop, boxes = check(one_joint("0.5"))
+        print("one joint:", boxes, "boxes, from rest", loop.alone())
+        self.assertGreaterEqual(loop.alone()[0], 0.5)
+
+    def test_every_changed_digit_is_refused(self):
+        text = one_joint("0.5")
+        digits = [m.start() for m in re.finditer(r"\d", text)]
+        for at in digits[:: max(1, len(digits) // 60)]:
+            other = text[:at] + str((int(text[at]) + 1) % 10) + text[at + 1:]
+            with self.assertRaises(Rejected, msg=f"digit {at}"):
+                check(other)
+
+    def test_what_is_not_so_is_refused_with_the_right_checksum_too(self):
+        right = json.loads(one_joint("0.5"))
+
+        def changed(**numbers):
+            text = json.dumps({**right, **numbers, "checksum": ""}, indent=1)
+            return json.dumps({**json.loads(text), "checksum": checksum(text)}, indent=1)
+
+        check(changed())
+        wrong = {"kd": [10 * right["kd"][0]], "kp": [0.0], "phi": [-1.5], "period_s": 5e-3, "rho": 0.9, "gamma": 0.0,
+                 "quantum": [1e-2], "torque_limit": [100.0], "M": [[[0.05]], [[0.0]], [[0.0]]],
+                 "viscous": [-200.0], "L": [[x / 20 for x in row] for row in right["L"]]}
+        for key, value in wrong.items():
+            with self.assertRaises(Rejected, msg=key):
+                check(changed(**{key: value, "boxes": 300}))
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
