@@ -17,6 +17,7 @@ EmulatedArm::EmulatedArm(experiment::Scenario scenario)
 
 void EmulatedArm::start() {
   now_.v.setZero();
+  if (now_.torque.size() > 0) now_.torque = robot::gravity_torque(model_, now_.q);
   arm_.emplace(plant::make_arm(scenario_, model_, now_));
   last_ = robot::Vector::Zero(model_.num_joints);
   past_.assign(static_cast<std::size_t>(scenario_.plant.encoder.latency_ticks), now_);

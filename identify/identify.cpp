@@ -96,7 +96,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   for (const Recording& each : validate) require_same_robot(recordings.front(), each);
   const bool simulated = std::ranges::all_of(recordings, &Recording::controlled);
   std::vector<Kind> kinds = unknown;
-  if (simulated) std::erase(kinds, Kind::offset);  // the applied torque is known
+  std::erase(kinds, simulated ? Kind::offset : Kind::delay);  // that torque is known as it acts
   const Parameters parameters(recordings.front().scenario, kinds);
   report("least squares on filtered positions and torques");
   std::vector<Regression> regressions;
@@ -132,7 +132,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   }
   result.checks =
       check((validate.empty() ? recordings : validate).front(), parameters, answer.values);
-  result.overrides = parameters.overrides(answer.values);
+  result.overrides = parameters.overrides(scenario, answer.values);
   return result;
 }
 

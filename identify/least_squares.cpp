@@ -1,5 +1,6 @@
 #include "identify/least_squares.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -75,13 +76,17 @@ std::vector<robot::Model> unit_models(const robot::Model& bare) {
 double sign(double x) { return x > 0 ? 1 : x < 0 ? -1 : 0; }
 
 /// The rows at every few instants, without both ends.
-/// @param columns of each parameter, @param torque a row per tick, @param whole its scale
+/// @param columns of each parameter, @param torque a row per tick, @param whole its scale, which is
+/// `applied` through the filter once less
 Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
-                   const MatrixXd& whole, double h) {
+                   const MatrixXd& whole, const MatrixXd& applied, double h) {
   const auto step = static_cast<Eigen::Index>(std::max(1.0, std::floor(0.2 / (cutoff_hz * h))));
   const auto edge = static_cast<Eigen::Index>(settle_s / h);
   const Eigen::Index instants = (torque.rows() - 2 * edge + step - 1) / step, n = torque.cols();
-  Regression result{MatrixXd(instants * n, std::ssize(columns)), VectorXd(instants * n),
+  Regression result{MatrixXd(instants * n, std::ssize(columns)),
+                    VectorXd(instants * n),
+                    VectorXd(instants * n),
+                    VectorXd(instants * n),
                     Eigen::VectorXi(instants * n),
                     whole.cwiseAbs().colwise().maxCoeff().transpose()};
   Eigen::Index row = 0;
@@ -92,6 +97,8 @@ Regression thinned(const std::vector<MatrixXd>& columns, const MatrixXd& torque,
         result.columns(row, static_cast<Eigen::Index>(i)) = columns[i](k, j);
       }
       result.torque[row] = torque(k, j);
+      result.applied[row] = applied(k, j);
+      result.time_s[row] = static_cast<double>(k) * h;
       result.joint[row] = static_cast<int>(j);
     }
   }
@@ -128,7 +135,8 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   }
   MatrixXd left = low_passed(tau, h);  // without the robot's own torque, below
   const MatrixXd whole = left;
-  const Eigen::Index inertia = parameters.first(Kind::inertia);
+  const Eigen::Index inertia = parameters.first(Kind::inertia),
+                     delay = parameters.first(Kind::delay);
   const std::vector<robot::Model> units =
       inertia < 0 ? std::vector<robot::Model>() : unit_models(models.bare);
   std::vector<MatrixXd> columns(static_cast<std::size_t>(p), MatrixXd::Zero(ticks, n));
@@ -141,6 +149,9 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
     for (Eigen::Index j = 0; j < n; ++j)
       friction[j] += models.drive.coulomb_friction_Nm[j] * sign(v[j]);
     left.row(k) -= (own + friction).transpose();
+    // Over a delay of d ticks: tau(t - d h) = tau - d h taudot.
+    const Eigen::RowVectorXd per_tick = 0.5 * (whole.row(k + 1) - whole.row(k - 1));
+    if (delay >= 0) left.row(k) += recording.scenario.loop.command_delay * per_tick;
     for (Eigen::Index i = 0; i < p; ++i) {
       const auto& entry = parameters.entries()[static_cast<std::size_t>(i)];
       MatrixXd& column = columns[static_cast<std::size_t>(i)];
@@ -157,6 +168,9 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
         case Kind::payload:
           column.row(k) =
               (robot::inverse_dynamics<double>(models.loaded, at, v, a) - own).transpose();
+          break;
+        case Kind::delay:
+          column.row(k) = per_tick;
           break;
         case Kind::inertia:
           column.row(k) = robot::inverse_dynamics<double>(
@@ -177,12 +191,14 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
   left = low_passed(std::move(left), h);
   for (MatrixXd& column : columns) column = low_passed(std::move(column), h);
 
-  return thinned(columns, left, whole, h);
+  return thinned(columns, left, whole, low_passed(whole, h), h);
 }
 
 namespace {
 
 constexpr int passes = 4;
+constexpr int blocks = 60;        ///< of time, for the covariance
+constexpr double quantile = 2.0;  ///< Student's, 97.5 % at 59 degrees of freedom
 
 /// All rows, each weighted by its joint's.
 struct Weighted {
@@ -225,6 +241,31 @@ void set_intervals(const Weighted& rows, const Parameters& parameters, LeastSqua
 }
 
 }  // namespace
+
+Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual) {
+  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
+  constexpr double zero = 1e-9;
+  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
+  const VectorXd& value = eigen.eigenvalues();
+  const MatrixXd& V = eigen.eigenvectors();
+  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
+  const Eigen::Index rank = value.size() - null;
+  const MatrixXd inverse = V.rightCols(rank) * value.tail(rank).cwiseInverse().asDiagonal() *
+                           V.rightCols(rank).transpose();
+  const Eigen::Index length = residual.size() / blocks;
+  MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
+  for (int b = 0; b < blocks; ++b) {
+    const VectorXd sum =
+        scaled.middleRows(b * length, length).transpose() * residual.segment(b * length, length);
+    middle += sum * sum.transpose();
+  }
+  const VectorXd half_width =
+      quantile * (inverse * middle * inverse).diagonal().cwiseMax(0).cwiseSqrt();
+  return {half_width.cwiseQuotient(norm), rank,
+          std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]),
+          V.leftCols(null) * V.leftCols(null).transpose()};
+}
 
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
                            const robot::Model& model) {

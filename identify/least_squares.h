@@ -4,7 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "identify/output_error.h"
+#include "identify/parameters.h"
+#include "identify/recording.h"
 
 namespace tachless::identify {
 
@@ -14,7 +15,9 @@ namespace tachless::identify {
 struct Regression {
   Eigen::MatrixXd columns;  ///< torque per parameter
   Eigen::VectorXd torque;   ///< [N m; N] beyond what the robot takes whose unknowns are all zero
-  Eigen::VectorXi joint;    ///< of the row
+  Eigen::VectorXd applied;  ///< [N m; N] all of it
+  Eigen::VectorXd time_s;   ///< of the row, from the recording's start
+  Eigen::VectorXi joint;    ///< likewise
   Eigen::VectorXd peak;     ///< largest filtered torque of each joint [N m; N]
 
   /// Root mean square of what `values` leave of the torque, per joint [N m; N].
@@ -25,6 +28,18 @@ Regression regression(const Recording& recording, const Parameters& parameters);
 
 /// Columns through that low-pass (15 Hz). @param h their period [s]
 Eigen::MatrixXd low_passed(Eigen::MatrixXd columns, double h);
+
+/// How well a least-squares estimate is determined.
+struct Precision {
+  Eigen::VectorXd half_width;  ///< of the 95 % intervals
+  Eigen::Index rank = 0;       ///< combinations that are determined: eigenvalues above 1e-9
+  double condition = 0;        ///< of these: square root of the eigenvalues' ratio
+  Eigen::MatrixXd free;        ///< projector onto the others
+};
+/// From the Jacobian, its columns' norms, by which it is scaled, and the residual in order of time:
+/// what the gradient varies by, from its sums over blocks of time, whatever the residual's colour.
+Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
+                    const Eigen::VectorXd& residual);
 
 /// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they
 /// can be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for

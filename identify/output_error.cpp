@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <variant>
@@ -20,8 +19,6 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int most_iterations = 12;
-constexpr int blocks = 60;          ///< of time, for the covariance
-constexpr double quantile = 2.0;    ///< Student's, 97.5 % at 59 degrees of freedom
 constexpr double good_step = 0.02;  ///< of half an interval's width: then it has converged
 
 /// All recordings' residuals at once: a column vector, tick by tick, joints weighted.
@@ -94,6 +91,7 @@ VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
   VectorXd steps = (1e-3 * values.cwiseAbs()).cwiseMax(1e-3 * scale);
   for (Eigen::Index i = 0; i < steps.size(); ++i) {
     const Parameters::Entry& entry = parameters.entries()[static_cast<std::size_t>(i)];
+    if (entry.kind == Kind::delay) steps[i] = 0.1;
     if (entry.kind != Kind::inertia) continue;
     const robot::MassProperties& link = model.bodies[static_cast<std::size_t>(entry.joint)];
     constexpr double length = 0.1;
@@ -107,31 +105,6 @@ VectorXd difference_steps(const VectorXd& values, const VectorXd& scale,
 }
 
 }  // namespace
-
-Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& residual) {
-  // Of the scaled normal matrix's largest eigenvalue: a condition of 3e4.
-  constexpr double zero = 1e-9;
-  const MatrixXd scaled = J * norm.cwiseInverse().asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled.transpose() * scaled);
-  const VectorXd& value = eigen.eigenvalues();
-  const MatrixXd& V = eigen.eigenvectors();
-  const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
-  const Eigen::Index rank = value.size() - null;
-  const MatrixXd inverse = V.rightCols(rank) * value.tail(rank).cwiseInverse().asDiagonal() *
-                           V.rightCols(rank).transpose();
-  const Eigen::Index length = residual.size() / blocks;
-  MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
-  for (int b = 0; b < blocks; ++b) {
-    const VectorXd sum =
-        scaled.middleRows(b * length, length).transpose() * residual.segment(b * length, length);
-    middle += sum * sum.transpose();
-  }
-  const VectorXd half_width =
-      quantile * (inverse * middle * inverse).diagonal().cwiseMax(0).cwiseSqrt();
-  return {half_width.cwiseQuotient(norm), rank,
-          std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]),
-          V.leftCols(null) * V.leftCols(null).transpose()};
-}
 
 MatrixXd simulated_residual(const Recording& recording, const Parameters& parameters,
                             const VectorXd& values) {

@@ -5,6 +5,7 @@
 #include <string_view>
 #include <vector>
 
+#include "identify/least_squares.h"
 #include "identify/parameters.h"
 #include "identify/recording.h"
 
@@ -28,18 +29,6 @@ using Report = std::function<void(std::string_view what)>;
 /// @throw diagnostics::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);
-
-/// How well a least-squares estimate is determined.
-struct Precision {
-  Eigen::VectorXd half_width;  ///< of the 95 % intervals
-  Eigen::Index rank = 0;       ///< combinations that are determined: eigenvalues above 1e-9
-  double condition = 0;        ///< of these: square root of the eigenvalues' ratio
-  Eigen::MatrixXd free;        ///< projector onto the others
-};
-/// From the Jacobian, its columns' norms, by which it is scaled, and the residual in order of time:
-/// what the gradient varies by, from its sums over blocks of time, whatever the residual's colour.
-Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
-                    const Eigen::VectorXd& residual);
 
 /// Measured minus simulated positions [rad; m], a row per tick; fewer rows where the simulated run
 /// ended early.

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <utility>
 
@@ -20,12 +21,17 @@ std::string unit_of(Kind kind, bool turns) {
     case Kind::coulomb:
     case Kind::offset:
       return turns ? "N m" : "N";
+    case Kind::delay:
+      return "ticks";
     case Kind::payload:
     case Kind::inertia:
       break;
   }
   return "kg";
 }
+
+/// Just below the next tick after the longest that drives have.
+constexpr double longest_delay = plant::max_delay_ticks + 0.999;
 
 constexpr std::array<const char*, 10> component_names = {"mass", "mx",  "my",  "mz",  "Ixx",
                                                          "Iyy",  "Izz", "Ixy", "Ixz", "Iyz"};
@@ -55,7 +61,7 @@ robot::MassProperties mass_properties(const Inertial& value) {
 Parameters::Parameters(const experiment::Scenario& scenario, const std::vector<Kind>& unknown) {
   for (const Kind kind : unknown) {
     const std::string name(kind_names[static_cast<std::size_t>(kind)]);
-    if (kind == Kind::payload) {
+    if (kind == Kind::payload || kind == Kind::delay) {
       entries_.push_back({kind, -1, name, unit_of(kind, true)});
       continue;
     }
@@ -110,6 +116,10 @@ experiment::Scenario Parameters::plant(const experiment::Scenario& scenario,
       case Kind::payload:
         changed.plant.payload.mass_kg = value;
         break;
+      case Kind::delay:
+        changed.loop.command_delay = static_cast<int>(std::clamp(value, 0.0, longest_delay));
+        drive.delay_fraction = std::clamp(value, 0.0, longest_delay) - changed.loop.command_delay;
+        break;
       case Kind::inertia:
       case Kind::offset:
         break;
@@ -145,7 +155,8 @@ std::vector<double> Parameters::of(Kind kind, const Eigen::VectorXd& values) con
   return found;
 }
 
-std::vector<std::string> Parameters::overrides(const Eigen::VectorXd& values) const {
+std::vector<std::string> Parameters::overrides(const experiment::Scenario& scenario,
+                                               const Eigen::VectorXd& values) const {
   constexpr std::array<std::pair<Kind, const char*>, 5> keys = {
       {{Kind::rotor, "robot.joints={{rigid: {{rotor_inertia_kgm2: [{:.6g}]}}}}"},
        {Kind::viscous, "plant.drive.viscous_friction_Nms_per_rad=[{:.6g}]"},
@@ -159,6 +170,14 @@ std::vector<std::string> Parameters::overrides(const Eigen::VectorXd& values) co
   }
   for (const double mass : of(Kind::payload, values)) {
     result.push_back(fmt::format("plant.payload.mass_kg={:.6g}", mass));
+  }
+  for (const double delay : of(Kind::delay, values)) {
+    const int whole = static_cast<int>(std::lround(delay)), own = scenario.loop.command_delay;
+    result.push_back(fmt::format("loop.command_delay={}", std::min(whole, own)));
+    result.push_back(
+        fmt::format("plant.encoder.latency_ticks={}",
+                    std::min(plant::max_delay_ticks,
+                             scenario.plant.encoder.latency_ticks + std::max(0, whole - own))));
   }
   return result;
 }

@@ -12,12 +12,13 @@
 namespace tachless::identify {
 
 /// `inertia`: mass, first moments and inertia of every link; `offset`: of what a torque sensor or a
-/// motor current says.
-enum class Kind { rotor, viscous, coulomb, payload, inertia, offset };
-inline constexpr std::array<std::string_view, 6> kind_names = {"rotor",   "viscous", "coulomb",
-                                                               "payload", "inertia", "offset"};
-/// The first of them: those that a simulated loop shows.
-inline constexpr std::size_t num_simulated_kinds = 4;
+/// motor current says; `delay`: from a measurement until the torque computed from it acts, in ticks
+/// and parts of one.
+enum class Kind { rotor, viscous, coulomb, payload, delay, inertia, offset };
+inline constexpr std::array<std::string_view, 7> kind_names = {
+    "rotor", "viscous", "coulomb", "payload", "delay", "inertia", "offset"};
+/// The first of them: those that a motion can be chosen for.
+inline constexpr std::size_t num_motion_kinds = 4;
 
 /// A rigid body as torques see it, linearly: mass [kg], first moments m c (x, y, z) [kg m] and
 /// inertia about the origin of its frame (xx, yy, zz, xy, xz, yz) [kg m2].
@@ -33,7 +34,7 @@ class Parameters {
  public:
   struct Entry {
     Kind kind;
-    int joint;         ///< -1: the payload; of `inertia` the index of the body
+    int joint;         ///< -1: the payload, the delay; of `inertia` the index of the body
     std::string name;  ///< "rotor elbow", "Izz forearm"
     std::string unit;
     int component = 0;  ///< of an `Inertial`
@@ -52,8 +53,10 @@ class Parameters {
                                            const Eigen::VectorXd& values) const;
 
   /// "plant.drive.coulomb_friction_Nm=[1, 2]" …: what writes them into a scenario. Friction is what
-  /// the law feeds forward, too.
-  [[nodiscard]] std::vector<std::string> overrides(const Eigen::VectorXd& values) const;
+  /// the law feeds forward, too. Of a delay the whole ticks: what `scenario` has not in its own
+  /// goes to the encoder's latency, which round the loop is the same and is sent to no arm.
+  [[nodiscard]] std::vector<std::string> overrides(const experiment::Scenario& scenario,
+                                                   const Eigen::VectorXd& values) const;
 
  private:
   [[nodiscard]] std::vector<double> of(Kind kind, const Eigen::VectorXd& values) const;

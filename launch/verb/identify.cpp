@@ -101,7 +101,7 @@ struct Excite {
 
   void declare(CLI::App& command) {
     node::with_installed_scenarios(node::add_scenario(command, input, overrides));
-    add_unknown(command, unknown, identify::num_simulated_kinds);
+    add_unknown(command, unknown, identify::num_motion_kinds);
     command.add_option("--duration", goal.duration_s, "Of the motion [s]; default: 20")
         ->check(CLI::Range(5, 60));
     command
@@ -207,6 +207,7 @@ struct Identify {
     std::vector<std::string> overrides = found.overrides;
     overrides.push_back(fmt::format("name={}", output.stem().string()));
     overrides.push_back(fmt::format("robot.urdf={}", urdf.filename().string()));
+    if (!scenario.robot.xacro.empty()) overrides.emplace_back("robot.xacro={}");
     const std::string corrected = identify::urdf_of(found, scenario);
     const std::string text =
         experiment::parse_scenario(scenario.text, corrected, logs.front().string(), overrides).text;

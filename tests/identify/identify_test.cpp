@@ -1,7 +1,10 @@
 // Identification of one emulated arm whose parameters the law and the recorded scenario do not
 // know.
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <numbers>
 
 #include "diagnostics/failure.h"
 #include "identify/least_squares.h"
@@ -34,6 +37,30 @@ TEST(Identify, LeastSquaresIsAStartAndOutputErrorTheAnswer) {
   EXPECT_LT((fit.values - truth).norm(), 0.1 * (start - truth).norm());
   // What is left is the encoder's: a count of 2 pi / 2^20 is 6e-6 rad, uniform over it 1.7e-6 rms.
   EXPECT_LT(fit.residual.maxCoeff(), 4e-6);
+}
+
+/// The recorded scenario has one tick of delay. A current loop's lag is the fraction.
+TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
+  const experiment::Scenario believed = scenario("practical_rigid", "20", 3);
+  const std::vector<Kind> unknown = {Kind::rotor, Kind::viscous, Kind::coulomb, Kind::payload,
+                                     Kind::delay};
+  for (const bool lags : {false, true}) {
+    experiment::Scenario plant = hidden(believed, truth);
+    plant.loop.command_delay = 3;
+    if (lags) plant.plant.drive.current_loop_hz = Eigen::Vector2d(400, 400);
+    const Identified found = identify({record(believed, plant)}, unknown, {}, ignore);
+    const Identified::Parameter& delay = found.parameters.back();
+    EXPECT_EQ(delay.doubt, "");
+    const double lag = 1 / (2 * std::numbers::pi * 400 * 1e-3);  // [ticks]
+    // A lag is a delay to the first order of its product with the frequency, here 0.4 ms at 3 Hz.
+    EXPECT_NEAR(delay.value, 3 + (lags ? lag : 0), 0.05);
+    EXPECT_LT(delay.half_width, 0.05);
+    for (Eigen::Index i = 0; i < truth.size(); ++i) {
+      EXPECT_NEAR(found.parameters[static_cast<std::size_t>(i)].value, truth[i], 0.01 * truth[i]);
+    }
+    EXPECT_THAT(found.overrides, ::testing::Contains("plant.encoder.latency_ticks=2"));
+    EXPECT_THAT(found.overrides, ::testing::Contains("loop.command_delay=1"));
+  }
 }
 
 TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
