@@ -19,7 +19,7 @@ namespace tachless::launch {
 using loop::Clock;
 
 void show_live(bus::UdpTransport& transport, LiveServer& server, Clock::time_point end,
-               const std::atomic<bool>& interrupted) {
+               const std::atomic<bool>& interrupted, const RobotVisuals& visuals) {
   constexpr std::size_t most_robots = 16;
   constexpr auto stretch = std::chrono::milliseconds(25);
   struct Robot {
@@ -39,7 +39,10 @@ void show_live(bus::UdpTransport& transport, LiveServer& server, Clock::time_poi
       const logger::RunDescription* const run = robot.live.run();
       if (run == nullptr) continue;
       if (std::exchange(robot.shown, run->run_id) != run->run_id) {
-        server.begin(run->info.robot, report::live_page(*run));
+        const auto own = visuals.find(run->info.robot);
+        server.begin(
+            run->info.robot,
+            report::live_page(*run, own == visuals.end() ? report::Visuals() : own->second));
       }
       if (std::string text = robot.live.stretch(); !text.empty()) {
         server.add(run->info.robot, std::move(text));
@@ -48,7 +51,8 @@ void show_live(bus::UdpTransport& transport, LiveServer& server, Clock::time_poi
   }
 }
 
-LiveView::LiveView(const bus::LcmUrl& url) : transport_(url) {
+LiveView::LiveView(const bus::LcmUrl& url, RobotVisuals visuals)
+    : transport_(url), visuals_(std::move(visuals)) {
   transport_.subscribe_all();
   diagnostics::log_info("watch the run at {}", server_.url());
   const char* const display = std::getenv("DISPLAY");
@@ -59,7 +63,7 @@ LiveView::LiveView(const bus::LcmUrl& url) : transport_(url) {
   }
   thread_ = std::thread([this] {
     process::set_low_priority();
-    show_live(transport_, server_, Clock::time_point::max(), over_);
+    show_live(transport_, server_, Clock::time_point::max(), over_, visuals_);
   });
 }
 

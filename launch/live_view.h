@@ -1,25 +1,30 @@
 #pragma once
 
 #include <atomic>
+#include <map>
+#include <string>
 #include <thread>
 
 #include "bus/udp_transport.h"
 #include "launch/live_server.h"
 #include "loop/clock.h"
+#include "report/visuals.h"
 
 namespace tachless::launch {
 
+using RobotVisuals = std::map<std::string, report::Visuals>;
+
 /// Shows through `server` the runs of all robots whose messages come, until `end` or an
-/// interruption. @param transport receives all channels
+/// interruption. @param transport receives all channels  @param visuals of robots by name
 void show_live(bus::UdpTransport& transport, LiveServer& server, loop::Clock::time_point end,
-               const std::atomic<bool>& interrupted);
+               const std::atomic<bool>& interrupted, const RobotVisuals& visuals = {});
 
 /// That, beside a run, in a thread of the least priority: prints the address, and opens it in the
 /// desktop's browser where there is one.
 class LiveView {
  public:
   /// @throw diagnostics::Failure(bad_usage) as LiveServer
-  explicit LiveView(const bus::LcmUrl& url);
+  LiveView(const bus::LcmUrl& url, RobotVisuals visuals);
   LiveView(const LiveView&) = delete;
   LiveView& operator=(const LiveView&) = delete;
   ~LiveView();
@@ -27,6 +32,7 @@ class LiveView {
  private:
   bus::UdpTransport transport_;
   LiveServer server_{0};
+  RobotVisuals visuals_;
   std::atomic<bool> over_ = false;
   std::thread thread_;
 };

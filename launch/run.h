@@ -17,6 +17,7 @@
 #include "node/statistics.h"
 #include "process/file_descriptor.h"
 #include "report/summary.h"
+#include "report/visuals.h"
 
 /// `tachless run`, from its options to the exit code: what it runs, worked out and checked before
 /// anything is started (run_plan.cpp), carried out in four processes each (run_on_bus.cpp) or in
@@ -56,6 +57,10 @@ struct RunOptions {
   [[nodiscard]] std::string named(std::string_view line) const;
 };
 
+/// The measurement of the law in whose place `options.law_program` comes; empty where the
+/// scenario's law is external already, or stays. @throw diagnostics::Failure(bad_usage)
+std::string measurement_wanted(const RunOptions& options);
+
 /// The law that a scenario is run under: its own, or that of `law_program` if there is one.
 controller::MakeLaw make_law(const std::string& law_program);
 
@@ -72,6 +77,8 @@ struct PlannedRun {
   std::vector<Remark> remarks = {};
   certificate::Prediction predicted = {};
 
+  /// Of the robot, from the scenario's URDF file.
+  [[nodiscard]] report::Visuals visuals() const;
   /// On stderr; with --quiet the warnings alone.
   void print_remarks() const;
   /// That of a run which has not begun.

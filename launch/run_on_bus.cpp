@@ -270,7 +270,11 @@ ExitCode run_on_bus(const std::vector<PlannedRun>& runs) {
         {processes_of(each), supervise_options(each, progress, supervised.size(), screen)});
   }
   std::optional<LiveView> view;
-  if (common.watch) view.emplace(node::parse_lcm_url(common.lcm_url));
+  if (common.watch) {
+    RobotVisuals visuals;
+    for (const PlannedRun& run : runs) visuals[run.scenario.robot.channel_prefix] = run.visuals();
+    view.emplace(node::parse_lcm_url(common.lcm_url), std::move(visuals));
+  }
   const Clock::time_point begun = Clock::now();
   const std::vector<Supervision> ends = supervise(supervised);
   const double wall_s = std::chrono::duration<double>(Clock::now() - begun).count();

@@ -38,21 +38,6 @@ void require_open_files(std::size_t runs) {
       needed);
 }
 
-/// The measurement of the law in whose place `options.law_program` comes; empty where the
-/// scenario's law is external already, or stays.
-std::string measurement_wanted(const RunOptions& options) {
-  if (options.law_program.empty()) return {};
-  const experiment::Scenario scenario =
-      experiment::load_scenario(options.scenario, options.overrides);
-  const std::string& law = scenario.controller.law;
-  if (law == experiment::external_law) return {};
-  try {
-    return std::string(controller::law_facts(law).measurement);
-  } catch (const std::invalid_argument& problem) {
-    throw scenario.complaint("controller.law", problem.what());
-  }
-}
-
 void require_fitting_mode(const RunOptions& options, const experiment::Scenario& scenario) {
   const bool lockstep = scenario.loop.mode == experiment::Mode::lockstep;
   if (options.in_process && !lockstep) {
@@ -173,6 +158,19 @@ void judge(PlannedRun& run) {
 
 }  // namespace
 
+std::string measurement_wanted(const RunOptions& options) {
+  if (options.law_program.empty()) return {};
+  const experiment::Scenario scenario =
+      experiment::load_scenario(options.scenario, options.overrides);
+  const std::string& law = scenario.controller.law;
+  if (law == experiment::external_law) return {};
+  try {
+    return std::string(controller::law_facts(law).measurement);
+  } catch (const std::invalid_argument& problem) {
+    throw scenario.complaint("controller.law", problem.what());
+  }
+}
+
 std::vector<std::string> RunOptions::all_overrides() const {
   std::vector<std::string> all = overrides;
   if (!law_program.empty()) {
@@ -194,6 +192,10 @@ controller::MakeLaw make_law(const std::string& law_program) {
 
 std::string RunOptions::named(std::string_view line) const {
   return robot.empty() ? std::string(line) : fmt::format("{}: {}", robot, line);
+}
+
+report::Visuals PlannedRun::visuals() const {
+  return report::read_visuals(options.scenario.parent_path() / scenario.robot.urdf_path);
 }
 
 void PlannedRun::print_remarks() const {

@@ -96,6 +96,7 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
                            out / "tracking.svg", remedy);
     });
     recorded->outcome = outcome;
+    recorded->visuals = run.visuals();
     attempt([&] { report::write_report({*std::move(recorded)}, out / "report.html"); });
   }
   if (run.options.json) {

@@ -182,7 +182,7 @@ var report = (() => {
     chart.line.style.transform = `translateX(${x}px)`;
     chart.curves.forEach((curve, i) => {
       // The first and the last point are somewhere in their stretches of ticks.
-      const stretch = data.end_s / 500, last = curve.x[curve.x.length - 1];
+      const stretch = data.live ? 0.2 : data.end_s / 500, last = curve.x[curve.x.length - 1];
       const there = chart.y_axis && state.t >= curve.x[0] - stretch && state.t <= last + stretch;
       chart.keys.children[i].lastChild.textContent = there ? short(value(curve, state.t), 4) : '';
     });

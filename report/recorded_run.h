@@ -11,6 +11,7 @@
 #include "certificate/stability_certificate.h"
 #include "logger/run_log.h"
 #include "report/decay.h"
+#include "report/visuals.h"
 #include "robot/model.h"
 #include "study/tracking.h"
 #include "study/verdict.h"
@@ -36,6 +37,7 @@ struct RecordedRun : logger::RunDescription {
   std::size_t number = 0;  ///< among the runs of a report
   std::string label;       ///< in legends
   robot::JointLabels joints;
+  Visuals visuals;  ///< none: the robot is drawn from simple shapes
 
   study::Tracking tracking;
   study::Verdict verdict;

@@ -1,7 +1,6 @@
 #include "report/report.h"
 
 #include <fmt/format.h>
-#include <sodium.h>
 
 #include <algorithm>
 #include <bit>
@@ -30,13 +29,8 @@ constexpr std::string_view remedy = "name another place with -o";
 
 std::string base64(const std::vector<float>& values) {
   static_assert(std::endian::native == std::endian::little);
-  const std::size_t size = values.size() * sizeof(float);
-  constexpr int variant = sodium_base64_VARIANT_ORIGINAL;
-  std::string text(sodium_base64_encoded_len(size, variant), '\0');
-  sodium_bin2base64(text.data(), text.size(), reinterpret_cast<const unsigned char*>(values.data()),
-                    size, variant);
-  text.pop_back();  // the NUL that ends it
-  return text;
+  return report::base64(
+      {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)});
 }
 
 Json curve_of(const Curve& curve) {
@@ -72,6 +66,10 @@ Json chart_of(const Chart& chart) {
 }
 
 Json numbers(const Eigen::Vector3d& x) { return {x[0], x[1], x[2]}; }
+Json rows(const Eigen::Matrix3d& R) {
+  const Eigen::Matrix3d stored = R.transpose();  // Eigen stores columns
+  return std::vector<double>(stored.data(), stored.data() + 9);
+}
 
 /// Points of a body (-1: the ground) to which a link is drawn from its origin: its children's
 /// joints, the ends of the tree; without either, twice as far as its centre of mass.
@@ -89,12 +87,11 @@ Json ends_of(const robot::Model& model, int body) {
 
 Json robot_of(const Overlay& all, const RecordedRun& run) {
   const robot::Model& model = *run.scenario.model;
-  Json bodies = Json::array(), tools = Json::array();
+  Json bodies = Json::array(), tools = Json::array(), links = Json::object();
   for (int k = 0; k < static_cast<int>(model.bodies.size()); ++k) {
     const robot::Body& body = model.bodies[static_cast<std::size_t>(k)];
-    const Eigen::Matrix3d rows = body.R_PB.transpose();  // Eigen stores columns
     bodies.push_back({{"parent", body.parent},
-                      {"R", std::vector<double>(rows.data(), rows.data() + 9)},
+                      {"R", rows(body.R_PB)},
                       {"p", numbers(body.p_PB)},
                       {"axis", numbers(body.axis_B)},
                       {"prismatic", body.type == robot::JointType::prismatic},
@@ -107,6 +104,9 @@ Json robot_of(const Overlay& all, const RecordedRun& run) {
     const robot::Frame& frame = model.frames.at(link);
     tools.push_back({{"body", frame.body}, {"p", numbers(frame.p_BF)}});
   }
+  for (const auto& [name, frame] : model.frames) {
+    links[name] = {{"body", frame.body}, {"R", rows(frame.R_BF)}, {"p", numbers(frame.p_BF)}};
+  }
   std::vector<std::size_t> joints(run.joints.name.size());
   for (std::size_t joint = 0; joint < all.joints.size(); ++joint) {
     if (const auto own = all.joint_of(run, joint)) joints[*own] = joint;
@@ -114,7 +114,8 @@ Json robot_of(const Overlay& all, const RecordedRun& run) {
   return {{"number", run.number}, {"label", Html(run.label).markup()},
           {"bodies", bodies},     {"colour", colour_of(run.number)},
           {"tools", tools},       {"ends", ends_of(model, -1)},
-          {"joints", joints}};
+          {"joints", joints},     {"urdf", run.visuals.urdf},
+          {"links", links},       {"meshes", run.visuals.meshes}};
 }
 
 Html script(const std::string& text) {
@@ -172,9 +173,10 @@ Html results(const std::vector<RecordedRun>& runs, bool scripted) {
 
 Html lead_of(const Overlay& all) {
   if (all.live) {
-    return Html(
-        "A run that goes on: its messages as they are on the bus, not verified. The newest minute "
-        "is kept.");
+    return html(
+        "A run of <a href=\"/\">{}</a> that goes on: its messages as they are on the bus, not "
+        "verified. The newest minute is kept.",
+        all.runs[0].info.robot);
   }
   return html("Recorded position, torque and controller signals of {} of the loop, tick by tick.",
               all.alone() ? "one run" : fmt::format("{} runs", all.runs.size()));
@@ -199,7 +201,9 @@ Html footer_of(const Overlay& all) {
 /// The page's scripts with their data.
 Html scripts_of(const Libraries& libraries, const Overlay& all,
                 const std::vector<ReportSection>& sections) {
-  return libraries.scripts +
+  const bool meshes = std::ranges::any_of(
+      all.runs, [](const RecordedRun& run) { return !run.visuals.meshes.empty(); });
+  return libraries.scripts + (meshes ? libraries.mesh_readers : Html()) +
          Html::from_markup("<script type=\"application/json\" id=\"data\">" +
                            page_data(all, sections) + "</script>\n") +
          script(page_js) + script(robot_js);
@@ -271,19 +275,26 @@ std::string page_data(const Overlay& all, const std::vector<ReportSection>& sect
 
 Libraries read_libraries(const std::filesystem::path& root) {
   Libraries libraries;
-  for (const char* name : {"dygraphs/dygraph.min.js", "three/three.min.js",
-                           "three/examples/js/controls/OrbitControls.js"}) {
+  for (const char* name :
+       {"dygraphs/dygraph.min.js", "three/three.min.js",
+        "three/examples/js/controls/OrbitControls.js", "three/examples/js/loaders/STLLoader.js",
+        "three/examples/js/loaders/OBJLoader.js", "three/examples/js/loaders/ColladaLoader.js"}) {
     const auto text = diagnostics::file_text(root / name);
     // What would end the element early is no library as Debian has it.
-    if (!text || text->find("</script") != std::string::npos) return {{}, (root / name).string()};
-    libraries.scripts += script(*text);
+    if (!text || text->find("</script") != std::string::npos) {
+      return {{}, (root / name).string(), {}};
+    }
+    const bool reader = std::string_view(name).find("loaders") != std::string_view::npos;
+    (reader ? libraries.mesh_readers : libraries.scripts) += script(*text);
   }
   return libraries;
 }
 
-std::string live_page(const logger::RunDescription& of, const Libraries& libraries) {
+std::string live_page(const logger::RunDescription& of, const Visuals& visuals,
+                      const Libraries& libraries) {
   std::vector<RecordedRun> runs;
   RecordedRun& run = runs.emplace_back(of);
+  run.visuals = visuals;
   // One tick in which nothing is zero: every chart has its curves, whose points come later.
   const robot::Vector one = robot::Vector::Ones(run.layout.num_joints);
   run.tracking.add(0, one, 0 * one, run.layout.num_motors > 0 ? one : robot::Vector(), one);

@@ -15,8 +15,9 @@ namespace tachless::report {
 
 /// Of Debian's libjs-dygraphs and libjs-three.
 struct Libraries {
-  Html scripts;         ///< one script element each
-  std::string missing;  ///< the first file that cannot be read; empty: none
+  Html scripts;            ///< one script element each
+  std::string missing;     ///< the first file that cannot be read; empty: none
+  Html mesh_readers = {};  ///< of STL, OBJ and DAE, for pages with meshes
 };
 
 /// Reads them where Debian installs them; `root` is for tests.
@@ -30,7 +31,7 @@ void write_report(const std::vector<RecordedRun>& runs, const std::filesystem::p
 
 /// The page of a run that goes on, for a browser: the charts and the robot of a report, without
 /// points; page.js takes those from `events`, as monitor::LiveRun gives them.
-std::string live_page(const logger::RunDescription& of,
+std::string live_page(const logger::RunDescription& of, const Visuals& visuals = {},
                       const Libraries& libraries = read_libraries());
 
 /// The page: facts and results as tables, the sections with their charts, each run's scenario.

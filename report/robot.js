@@ -1,5 +1,5 @@
-// The robots of a report in 3D, by three.js: cylinders between joints, as the log's mechanics have
-// them (a log holds no visuals), the tool's path, and the reference's posture as a ghost.
+// The robots of a report in 3D, by three.js: the visuals of their URDF, cylinders between joints where
+// a body has none, the tool's path, and the reference's posture as a ghost.
 'use strict';
 var report_robot = (() => {
   const vector = a => new THREE.Vector3(...a);
@@ -15,8 +15,88 @@ var report_robot = (() => {
     return mesh;
   }
 
-  /// A tree of groups, one for each body, that `pose` moves.
-  function build(run, radius, link, joint) {
+  function placed({R, p}) {
+    const group = new THREE.Group();
+    group.applyMatrix(new THREE.Matrix4().set(R[0], R[1], R[2], p[0], R[3], R[4], R[5], p[1], R[6], R[7], R[8], p[2], 0, 0, 0, 1));
+    return group;
+  }
+
+  function numbers(element, name, otherwise) {
+    const values = element && element.hasAttribute(name) ? element.getAttribute(name).trim().split(/\s+/).map(Number) : [];
+    return values.length === otherwise.length && values.every(Number.isFinite) ? values : otherwise;
+  }
+
+  const text_of = bytes => new TextDecoder().decode(bytes);
+  const readers = {
+    stl: bytes => {
+      const geometry = new THREE.STLLoader().parse(bytes.buffer);
+      geometry.computeVertexNormals();  // many files have zeros for them
+      return new THREE.Mesh(geometry);
+    },
+    obj: bytes => new THREE.OBJLoader().parse(text_of(bytes)),
+    dae: bytes => {
+      const {scene} = new THREE.ColladaLoader().parse(text_of(bytes), '');
+      scene.quaternion.set(0, 0, 0, 1);  // upright as the file has it, not as three.js would
+      return scene;
+    },
+  };
+
+  /// What a <geometry> holds; nothing for what cannot be drawn.
+  function shape_of(run, element) {
+    const radius = numbers(element, 'radius', [0])[0];
+    if (element.tagName === 'box') return new THREE.Mesh(new THREE.BoxBufferGeometry(...numbers(element, 'size', [0, 0, 0])));
+    if (element.tagName === 'sphere') return new THREE.Mesh(new THREE.SphereBufferGeometry(radius, 24, 16));
+    if (element.tagName === 'cylinder') {
+      const geometry = new THREE.CylinderBufferGeometry(radius, radius, numbers(element, 'length', [0])[0], 24);
+      return new THREE.Mesh(geometry.rotateX(Math.PI / 2));
+    }
+    const name = element.getAttribute('filename');
+    run.read = run.read || new Map();
+    if (!run.read.has(name)) {
+      run.read.set(name, null);
+      try {
+        const bytes = Uint8Array.from(atob(run.meshes[name]), each => each.charCodeAt(0));
+        run.read.set(name, readers[name.split('.').pop().toLowerCase()](bytes));
+      } catch (error) {
+        console.warn(`${name} is not drawn: ${error.message}`);
+      }
+    }
+    const mesh = run.read.get(name) && run.read.get(name).clone();
+    if (mesh) mesh.scale.multiply(vector(numbers(element, 'scale', [1, 1, 1])));
+    return mesh;
+  }
+
+  /// Draws the visuals. @return the bodies (-1: the ground) that have one
+  function dress(run, group_of, material) {
+    const dressed = new Set(), robot = new DOMParser().parseFromString(run.urdf, 'application/xml');
+    const colours = new Map();
+    const colour = element => element && numbers(element.querySelector('color'), 'rgba', [0, 0, 0, 0]);
+    for (const each of robot.querySelectorAll('material')) {
+      if (each.querySelector('color')) colours.set(each.getAttribute('name'), colour(each));
+    }
+    for (const visual of [...robot.querySelectorAll('robot > link > visual')].slice(0, 1000)) {
+      const frame = run.links[visual.parentElement.getAttribute('name')];
+      const element = visual.querySelector('geometry > *'), origin = visual.querySelector('origin');
+      const shape = frame && element && shape_of(run, element);
+      if (!shape) continue;
+      const given = visual.querySelector('material');
+      const own = material(given && (given.querySelector('color') ? colour(given) : colours.get(given.getAttribute('name'))));
+      shape.traverse(each => {
+        if (!each.isMesh) return;
+        each.material = own;
+        if (!each.geometry.attributes.normal) each.geometry.computeVertexNormals();
+      });
+      const at = new THREE.Group();
+      at.position.set(...numbers(origin, 'xyz', [0, 0, 0]));
+      at.rotation.set(...numbers(origin, 'rpy', [0, 0, 0]), 'ZYX');
+      group_of(frame.body).add(placed(frame).add(at.add(shape)));
+      dressed.add(frame.body);
+    }
+    return dressed;
+  }
+
+  /// A tree of groups, one for each body, that `pose` moves. @param visual the material of a colour
+  function build(run, radius, link, joint, visual) {
     const ground = new THREE.Group();
     const bodies = run.bodies.map(body => Object.assign(new THREE.Group(), {body}));
     const draw = (group, ends) => {
@@ -24,13 +104,13 @@ var report_robot = (() => {
         if (end.length() > 1e-6) group.add(cylinder(new THREE.Vector3(), end, radius, link));
       }
     };
-    draw(ground, run.ends);
-    for (const group of bodies) {
-      const {parent, R, p, axis, ends} = group.body;
-      const placed = new THREE.Group();
-      placed.applyMatrix(new THREE.Matrix4().set(R[0], R[1], R[2], p[0], R[3], R[4], R[5], p[1], R[6], R[7], R[8], p[2], 0, 0, 0, 1));
-      placed.add(group);
-      (parent < 0 ? ground : bodies[parent]).add(placed);
+    const group_of = body => body < 0 ? ground : bodies[body];
+    const dressed = dress(run, group_of, visual);
+    if (!dressed.has(-1)) draw(ground, run.ends);
+    for (const [k, group] of bodies.entries()) {
+      const {parent, axis, ends} = group.body;
+      group_of(parent).add(placed(group.body).add(group));
+      if (dressed.has(k)) continue;
       const half = vector(axis).multiplyScalar(1.6 * radius);
       group.add(cylinder(half.clone().negate(), half, 1.5 * radius, joint));
       draw(group, ends);
@@ -38,7 +118,7 @@ var report_robot = (() => {
     const tools = run.tools.map(({body, p}) => {
       const tool = new THREE.Object3D();
       tool.position.set(...p);
-      return (body < 0 ? ground : bodies[body]).add(tool), tool;
+      return group_of(body).add(tool), tool;
     });
     return {ground, bodies, tools};
   }
@@ -78,13 +158,15 @@ var report_robot = (() => {
     const radius = 0.035 * reach / Math.sqrt(run.bodies.length / 2 + 1);
     const material = options => new THREE.MeshLambertMaterial(options);
     const colour = several ? run.colour : '#f08a1d';
-    const robot = Object.assign(build(run, radius, material({color: colour}), material({color: '#5c6b80'})), {q, reach});
+    const visual = rgba => material({color: several || !rgba ? colour : new THREE.Color(...rgba)});
+    const robot = Object.assign(build(run, radius, material({color: colour}), material({color: '#5c6b80'}), visual), {q, reach});
     robot.ground.position.x = aside;
     scene.add(robot.ground);
     const q_ref = run.joints.map(joint => signal(run.number, 'q_ref', joint));
     if (q_ref.every(Boolean)) {
-      const ghost = material({color: '#8899aa', transparent: true, opacity: 0.6, depthWrite: false});
-      robot.ghost = Object.assign(build(run, 0.85 * radius, ghost, ghost), {q: q_ref});
+      const ghost = material({color: '#8899aa', transparent: true, opacity: 0.6, depthWrite: false,
+        polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 2});  // behind the robot where both are
+      robot.ghost = Object.assign(build(run, 0.85 * radius, ghost, ghost, () => ghost), {q: q_ref});
       robot.ground.add(robot.ghost.ground);
     }
     const path = end_s ? add_paths(robot, end_s, colour) : new THREE.Box3();

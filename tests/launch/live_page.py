@@ -134,6 +134,8 @@ def refuses_others(port):
         pass
 
 
+VISUAL = rb"\u003cvisual>"  # as the page's data have it
+
 STATE = """JSON.stringify({
   version: typeof report === 'undefined' ? 0 : report.state.version, t: globalThis.report?.data.end_s, at: globalThis.report?.state.t,
   drawn: globalThis.report_robot?.drawn && report_robot.robots.length,
@@ -168,10 +170,15 @@ def main():
             refuses_others(port)
             # On the wall clock: a run in lock-step takes every core it gets, and the page's server runs
             # at low priority. Whatever ticks a busy machine misses; ended when all is seen.
-            with started(run_command(tachless, scenario, place / "watched", 3600, "--mode", "realtime",
-                                     "--set", "loop.max_missed=1000000", "--set", "loop.max_missed_share=1"),
-                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL):
+            with open(place / "run.txt", "w+") as own, started(
+                    run_command(tachless, scenario, place / "watched", 3600, "--mode", "realtime", "--watch",
+                                "--set", "loop.max_missed=1000000", "--set", "loop.max_missed_share=1"),
+                    stdout=own, stderr=own):
                 wait("the run's page", lambda: b'id="motion"' in get(port, "/")[1])
+                assert VISUAL not in get(port, "/")[1], "a bus names no files"
+                own_port = int(wait("its own address", lambda: re.search(
+                    r"127.0.0.1:(\d+)/", (place / "run.txt").read_text())).group(1))
+                wait("its own page with the URDF's visuals", lambda: VISUAL in get(own_port, "/")[1])
                 refuses_others(port)
                 browser = Browser(place / "profile", f"http://127.0.0.1:{port}/")
                 try:

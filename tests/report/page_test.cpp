@@ -6,9 +6,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <vector>
 
 #include "report/report.h"
 #include "robot/kinematics.h"
@@ -214,6 +216,99 @@ TEST_F(Page, ShowsWildNumbersAndRobotsSideBySide) {
   EXPECT_EQ(browsed.console, "");
   EXPECT_THAT(browsed.output,
               HasSubstr("bodies 4,7; apart true; alarm The robots have other joints"));
+}
+
+/// The corners of a box about the origin, and the two triangles of each side.
+std::vector<Eigen::Vector3f> corners(float x, float y, float z) {
+  std::vector<Eigen::Vector3f> all;
+  for (int k = 0; k < 8; ++k) {
+    all.emplace_back((k & 4) != 0 ? x / 2 : -x / 2, (k & 2) != 0 ? y / 2 : -y / 2,
+                     (k & 1) != 0 ? z / 2 : -z / 2);
+  }
+  return all;
+}
+constexpr std::array<std::array<int, 3>, 12> triangles = {{{0, 1, 3},
+                                                           {0, 3, 2},
+                                                           {4, 6, 7},
+                                                           {4, 7, 5},
+                                                           {0, 4, 5},
+                                                           {0, 5, 1},
+                                                           {2, 3, 7},
+                                                           {2, 7, 6},
+                                                           {0, 2, 6},
+                                                           {0, 6, 4},
+                                                           {1, 5, 7},
+                                                           {1, 7, 3}}};
+
+/// Boxes as binary STL without normals, as OBJ, and as Collada in centimetres.
+void write_meshes(const fs::path& folder) {
+  std::string stl(84, '\0'), obj, points, sides;
+  stl[80] = 12;
+  const std::vector<Eigen::Vector3f> of_stl = corners(100, 100, 1000);
+  for (const auto& triangle : triangles) {
+    stl += std::string(12, '\0');
+    for (const int k : triangle) {
+      stl.append(reinterpret_cast<const char*>(of_stl[static_cast<std::size_t>(k)].data()), 12);
+    }
+    stl += std::string(2, '\0');
+    sides += fmt::format("{} ", fmt::join(triangle, " "));
+  }
+  for (const auto& p : corners(.2F, .2F, .2F)) obj += fmt::format("v {} {} {}\n", p[0], p[1], p[2]);
+  for (const auto& [a, b, c] : triangles) obj += fmt::format("f {} {} {}\n", a + 1, b + 1, c + 1);
+  for (const auto& p : corners(10, 60, 10)) points += fmt::format("{} {} {} ", p[0], p[1], p[2]);
+  fs::create_directories(folder / "arm" / "meshes");
+  std::ofstream(folder / "long.STL") << stl;
+  std::ofstream(folder / "cube.obj") << obj;
+  std::ofstream(folder / "arm" / "meshes" / "flat.dae")
+      << R"(<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit meter="0.01"/><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="24">)"
+      << points << R"(</float_array><technique_common><accessor source="#a" count="8" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+</accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="12"><input semantic="VERTEX" source="#v" offset="0"/><p>)"
+      << sides << R"(</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>)";
+}
+
+TEST_F(Page, ShowsTheVisualsOfTheUrdf) {
+  const auto scenario = support::shortened("practical_rigid.yaml", "0.1");
+  std::string urdf = logger::read_file(TACHLESS_SOURCE_DIR "/scenarios/robots/two_link.urdf");
+  const auto put = [&](const std::string& shape, const std::string& mesh) {
+    const std::size_t at = urdf.find(shape);
+    ASSERT_NE(at, urdf.npos) << shape;
+    urdf.replace(at, shape.size(), "<mesh filename=\"" + mesh + "\"/>");
+  };
+  put(R"(<cylinder radius="0.05" length="1"/>)", R"(long.STL" scale="0.001 0.001 0.001)");
+  put(R"(<sphere radius="0.05"/>)", "cube.obj");
+  put(R"(<cylinder radius="0.11" length="0.03"/>)", "package://arm/meshes/flat.dae");
+  put(R"(<cylinder radius="0.15" length="0.06"/>)", "not_there.stl");
+  const fs::path folder = directory_.path() / "urdf", page = directory_.path() / "report.html";
+  write_meshes(folder);
+  std::ofstream(folder / "arm.urdf") << urdf;
+  std::vector<RecordedRun> runs;
+  runs.push_back(recorded("one", scenario));
+  runs[0].visuals = read_visuals(folder / "arm.urdf");
+  EXPECT_EQ(runs[0].visuals.meshes.size(), 3U);
+  write_report(runs, page);
+  const Browsed browsed = tried(page, R"(
+  const {THREE} = page, of = mesh => mesh.body ? mesh : of(mesh.parent);
+  report_robot.robots[0].bodies.forEach((group, k) => group.traverse(mesh => {
+    if (!mesh.isMesh || of(mesh) !== group) return;
+    mesh.geometry.computeBoundingBox();
+    const inside = new THREE.Matrix4().getInverse(group.matrixWorld).multiply(mesh.matrixWorld);
+    const {min, max} = mesh.geometry.boundingBox.clone().applyMatrix4(inside);
+    say(k + ': ' + [...min.toArray(), ...max.toArray()].map(x => x.toFixed(2)).join(' ') + ' #' + mesh.material.color.getHexString());
+  }));
+)");
+  EXPECT_THAT(browsed.console, HasSubstr("not_there.stl is not drawn"));
+  // By body: link1; link2 and its tip; the rotor's cylinder of the mechanics; the belt disc.
+  EXPECT_THAT(browsed.output, HasSubstr("0: -0.05 -0.05 -1.00 0.05 0.05 0.00 #2659a6; 1: "));
+  EXPECT_THAT(browsed.output, HasSubstr("1: -0.10 -0.10 -1.10 0.10 0.10 -0.90 #"));
+  EXPECT_THAT(browsed.output, HasSubstr("3: -0.05 -0.15 -0.35 0.05 -0.05 0.25 #"));
 }
 
 // Every text of a run that reaches the page.
