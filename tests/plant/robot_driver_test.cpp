@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "diagnostics/logging.h"
+#include "plant/guarded_robot.h"
 #include "robot/dynamics.h"
 #include "tests/plant/peers.h"
 #include "tests/support/counting_new.h"
@@ -138,7 +139,7 @@ class Ticking : public ClockDriver {
   }
 
   double period_s = 1e-3;
-  ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}, {}, 5};
+  ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}, {}, {}, 5};
   std::vector<robot::Vector> torques;
   bool stopped = false;
 };
