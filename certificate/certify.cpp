@@ -330,11 +330,11 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
 }  // namespace
 
 Certificate certify(const experiment::Scenario& scenario, bool paper, const OnProgress& tell,
-                    bool full) {
+                    bool full, const LawAnswers& answers) {
   Certificate result;
   result.feasibility = feasibility(scenario);
   const bool may_miss = scenario.loop.mode == experiment::Mode::realtime;
-  result.loop = analyse(scenario, full || may_miss ? Effort::full : Effort::margins, tell);
+  result.loop = analyse(scenario, full || may_miss ? Effort::full : Effort::margins, tell, answers);
   result.stability = stability_certificate(scenario, Effort::full, result.no_stability, tell);
   if (full) result.nonlinear = sampled_region(scenario, result.no_nonlinear, tell);
   if (paper) result.paper = paper_conditions(scenario, result.no_stability);
@@ -351,7 +351,7 @@ std::vector<std::string> objections(const Certificate& certificate) {
 
 std::string page(const Certificate& certificate, const experiment::Scenario& scenario, bool full) {
   std::string text =
-      fmt::format("{}: {}, h = {}, delay {}\n", scenario.name, scenario.controller.law,
+      fmt::format("{}: {}, h = {}, delay {}\n", scenario.name, scenario.controller.law_text(),
                   period_text(scenario.loop.period_s), scenario.loop.command_delay);
   if (!full) text += brief(certificate, scenario);
   for (const Group& group : groups(certificate)) {

@@ -25,9 +25,11 @@ struct Certificate {
 
 /// @param paper with the conditions that Loria and Ortega (1995) print
 /// @param full with the region of the loop as it is sampled, and missed ticks in lock-step too
+/// @param answers as of `analyse`
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
 Certificate certify(const experiment::Scenario& scenario, bool paper,
-                    const OnProgress& tell = no_progress, bool full = false);
+                    const OnProgress& tell = no_progress, bool full = false,
+                    const LawAnswers& answers = {});
 
 /// Why a run of it cannot do what it is to do: an unstable loop, torque or speed beyond a limit.
 /// Empty when nothing stands against it.

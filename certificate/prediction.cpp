@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "certificate/gain_rows.h"
+#include "certificate/law_answers.h"
 #include "certificate/law_loop.h"
 #include "certificate/postures.h"
 #include "controller/registry.h"
@@ -211,31 +212,13 @@ std::string uncounted(const plant::Spec& plant, const experiment::RobotSpec& rob
   return diagnostics::joined(all);
 }
 
-}  // namespace
-
-double Prediction::growth_per_s() const { return std::log(radius) / settings.period_s; }
-
-VectorXd own_gain(const LinearLaw& law) {
-  const Eigen::Index n = law.D.rows();
-  VectorXd gain = VectorXd::Zero(n);
-  for (std::size_t i = 0; i < law.measured.size(); ++i) {
-    if (law.measured[i] != Part::q && law.measured[i] != Part::theta) continue;
-    const auto block = law.D.middleCols(static_cast<Eigen::Index>(i) * n, n);
-    gain = gain.cwiseMax(block.diagonal().cwiseAbs());
-  }
-  return gain;
-}
-
-Prediction analyse(const experiment::Scenario& scenario, Effort effort, const OnProgress& tell) {
-  Prediction result;
-  result.settings = controller::law_settings(scenario);
-  result.not_counted = uncounted(scenario.plant, scenario.robot);
-  result.unknown = controller::law_facts(scenario.controller.law).no_linearisation;
-  if (!result.unknown.empty()) return result;
+/// Fills in what follows `unknown` and `settings`. @throw NoLinearModel
+void examine(Prediction& result, const experiment::Scenario& scenario, Effort effort,
+             const OnProgress& tell, const LawAnswers& answers) {
   const double h = result.settings.period_s;
 
   tell("sampled loop: largest period");
-  const ScenarioLoop scenario_loop(scenario);
+  const ScenarioLoop scenario_loop(scenario, answers);
   const std::vector<ReferencePoint> rests = scenario_loop.rest_points(reference_postures);
   const std::vector<SampledLoop> loops = loops_at(scenario_loop, rests);
   const std::vector<double> radius =
@@ -259,12 +242,47 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
   result.stiffness = least_stiffness(loops, h);
   const VectorXd held = friction_torques(scenario, false).on_delta;
   if (held.size() > 0 && !held.isZero(0)) result.rest_error = held.cwiseQuotient(result.stiffness);
-  if (effort == Effort::quick || result.unstable_q.size() > 0) return result;
+  if (effort == Effort::quick || result.unstable_q.size() > 0) return;
   tell("sampled loop: margins");
   find_margins(result, scenario_loop, loops, rests);
-  if (effort == Effort::margins) return result;
+  if (effort == Effort::margins) return;
   tell("sampled loop: missed ticks");
   find_missed(result, loops);
+}
+
+}  // namespace
+
+double Prediction::growth_per_s() const { return std::log(radius) / settings.period_s; }
+
+VectorXd own_gain(const LinearLaw& law) {
+  const Eigen::Index n = law.D.rows();
+  VectorXd gain = VectorXd::Zero(n);
+  for (std::size_t i = 0; i < law.measured.size(); ++i) {
+    if (law.measured[i] != Part::q && law.measured[i] != Part::theta) continue;
+    const auto block = law.D.middleCols(static_cast<Eigen::Index>(i) * n, n);
+    gain = gain.cwiseMax(block.diagonal().cwiseAbs());
+  }
+  return gain;
+}
+
+Prediction analyse(const experiment::Scenario& scenario, Effort effort, const OnProgress& tell,
+                   const LawAnswers& answers) {
+  Prediction result;
+  result.settings = controller::law_settings(scenario);
+  result.not_counted = uncounted(scenario.plant, scenario.robot);
+  if (!answers) {
+    result.unknown = controller::law_facts(scenario.controller.law).no_linearisation;
+    if (!result.unknown.empty()) return result;
+  }
+  try {
+    examine(result, scenario, effort, tell, answers);
+  } catch (const NoLinearModel& why) {
+    const Prediction begun = result;
+    result = {};
+    result.settings = begun.settings;
+    result.not_counted = begun.not_counted;
+    result.unknown = why.what();
+  }
   return result;
 }
 

@@ -61,9 +61,10 @@ struct Prediction {
   [[nodiscard]] double growth_per_s() const;
 };
 
+/// @param answers of the scenario's law where that is external; without them nothing is known of it
 /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
 Prediction analyse(const experiment::Scenario& scenario, Effort effort,
-                   const OnProgress& on_progress = no_progress);
+                   const OnProgress& on_progress = no_progress, const LawAnswers& answers = {});
 
 /// Torque per measured angle of each joint's own position [N m/rad]; the larger one where link and
 /// motor are both measured.

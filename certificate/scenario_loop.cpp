@@ -1,9 +1,13 @@
 #include "certificate/scenario_loop.h"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <map>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>
@@ -11,6 +15,7 @@
 #include <variant>
 #include <vector>
 
+#include "certificate/law_answers.h"
 #include "controller/law/parts.h"
 #include "controller/laws.h"
 #include "controller/registry.h"
@@ -192,12 +197,72 @@ robot::Model plant_of(const experiment::Scenario& scenario) {
   return experiment::with_payload(scenario, std::move(model));
 }
 
-ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario)
+/// The law of another program; its models are kept, since an analysis needs each several times.
+struct ScenarioLoop::AskedLaw {
+  LawAnswers answers;
+  std::string measurement;  ///< suffix
+  Index window = 0;
+  std::map<std::vector<double>, LinearLaw> known;
+  std::map<double, Index> orders;  ///< of the models at a period
+  std::mutex mutex;
+
+  LinearLaw at(double period_s, const ReferencePoint& reference,
+               const std::array<Vector, 4>& state) {
+    const std::lock_guard lock(mutex);
+    std::vector<double> key = {period_s};
+    for (const Vector* each : {&reference.q_ref, &reference.v_ref, &reference.a_ref}) {
+      key.insert(key.end(), each->begin(), each->end());
+    }
+    const auto found = known.find(key);
+    if (found != known.end()) return found->second;
+    loop::AnyMeasurement at_rest = loop::measurement_of(measurement).value();
+    std::vector<Part> measured;
+    const auto parts = [](loop::AnyMeasurement& of) {
+      return std::visit([](auto& each) { return parts_of(each); }, of);
+    };
+    for (std::size_t i = 0; i < state.size(); ++i) {
+      Vector* part = parts(at_rest)[i];
+      if (part == nullptr) continue;
+      *part = state[i];
+      if (state[i].size() > 0) measured.push_back(static_cast<Part>(i));
+    }
+    const VectorXd nominal = packed(parts(at_rest));
+    const Ask ask = [&](const MatrixXd& deviations) {
+      std::vector<loop::AnyMeasurement> all(static_cast<std::size_t>(deviations.cols()), at_rest);
+      for (Index k = 0; k < deviations.cols(); ++k) {
+        unpack(nominal + deviations.col(k), parts(all[static_cast<std::size_t>(k)]));
+      }
+      const std::vector<Vector> torques = answers(period_s, all, reference);
+      MatrixXd result(torques[0].size(), deviations.cols());
+      for (Index k = 0; k < result.cols(); ++k)
+        result.col(k) = torques[static_cast<std::size_t>(k)];
+      return result;
+    };
+    if (window == 0) window = window_of(ask, nominal.size());
+    LinearLaw law = realised(ask, nominal.size(), window, 4 * window);
+    const Index states = orders.try_emplace(period_s, law.A.rows()).first->second;
+    if (states != law.A.rows()) {
+      throw NoLinearModel(
+          fmt::format("it has {} states at one posture and {} at another", states, law.A.rows()));
+    }
+    law.measured = measured;
+    law.compensation = MatrixXd::Zero(law.D.rows(), law.D.cols());
+    return known[key] = law;
+  }
+};
+
+ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario, const LawAnswers& answers)
     : scenario_(std::make_shared<const experiment::Scenario>(scenario)),
       model_(plant_of(scenario)),
       trajectory_(reference::make_trajectory(scenario)),
       motion_(motion_of(scenario, trajectory_)) {
-  controller::scenario_law(scenario);  // refuses what it cannot work with
+  if (answers) {
+    asked_ = std::make_shared<AskedLaw>();
+    asked_->answers = answers;
+    asked_->measurement = scenario.controller.measurement;
+  } else {
+    controller::scenario_law(scenario);  // refuses what it cannot work with
+  }
   settings_ = controller::law_settings(scenario);
 }
 
@@ -217,8 +282,9 @@ LinearPlant ScenarioLoop::plant(const ReferencePoint& reference) const {
 
 SampledLoop ScenarioLoop::at(const ReferencePoint& reference,
                              const controller::law::Settings& settings) const {
-  const auto law = [scenario = scenario_, settings, reference,
+  const auto law = [scenario = scenario_, asked = asked_, settings, reference,
                     state = state_on(reference, model_, *scenario_)](double period_s) {
+    if (asked) return asked->at(period_s, reference, state);
     experiment::Scenario at_period = *scenario;
     at_period.controller.filter = settings.filter;
     at_period.loop.command_delay = settings.command_delay;
@@ -246,8 +312,10 @@ SteppedLaw ScenarioLoop::stepped(const ReferencePoint& reference) const {
 
 MatrixXd ScenarioLoop::map_at(double t_s) const {
   const ReferencePoint at_tick = trajectory_.at(t_s);
-  const LinearLaw law = linear_law(*scenario_, at_tick, state_on(at_tick, model_, *scenario_));
   const double h = settings_.period_s;
+  const auto state = state_on(at_tick, model_, *scenario_);
+  const LinearLaw law =
+      asked_ ? asked_->at(h, at_tick, state) : linear_law(*scenario_, at_tick, state);
   return cut(plant(trajectory_.at(t_s + h / 2)), law, h, settings_.command_delay).closed();
 }
 

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "certificate/sampled_limit.h"
 #include "controller/law/law.h"
 #include "experiment/scenario.h"
+#include "loop/measurements.h"
 #include "loop/signals.h"
 #include "reference/make_trajectory.h"
 #include "robot/jet.h"
@@ -29,13 +31,21 @@ struct SteppedLaw {
   std::vector<Part> measured;
 };
 
+/// The torques that a law of another program answers to measurements, tick by tick from the first
+/// of a run at that period on, its reference held. From any thread.
+using LawAnswers = std::function<std::vector<robot::Vector>(
+    double period_s, std::span<const loop::AnyMeasurement>, const loop::ReferencePoint&)>;
+
 class ScenarioLoop {
  public:
-  /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it.
-  explicit ScenarioLoop(const experiment::Scenario& scenario);
+  /// @param answers of the external law; empty: the law is one of the catalogue
+  /// @throw diagnostics::Failure(bad_usage) when law, robot or reference cannot be made of it,
+  /// NoLinearModel (of what follows too) when those answers are of no linear law.
+  explicit ScenarioLoop(const experiment::Scenario& scenario, const LawAnswers& answers = {});
 
   /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
-  /// `controller::LawFacts::no_linearisation` is empty.
+  /// `controller::LawFacts::no_linearisation` is empty, or there are answers: then no part of the
+  /// law is known to compensate gravity, and `settings` are not the law's.
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const {
     return at(reference, settings_);
   }
@@ -73,12 +83,14 @@ class ScenarioLoop {
 
  private:
   [[nodiscard]] LinearPlant plant(const loop::ReferencePoint& reference) const;
+  struct AskedLaw;
 
   std::shared_ptr<const experiment::Scenario> scenario_;
   controller::law::Settings settings_;
   robot::Model model_;  ///< of the plant
   reference::Trajectory trajectory_;
   Motion motion_;
+  std::shared_ptr<AskedLaw> asked_;
 };
 
 /// The robot as the plant has it: rotors of rigid joints and payload included.

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -28,6 +29,10 @@ constexpr std::chrono::seconds start_limit{30};  // an interpreter, its packages
 constexpr std::chrono::seconds end_limit{2};
 constexpr std::int64_t no_tick = -1;
 
+Clock::duration duration_of(double seconds) {
+  return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
+
 /// Of the four messages of a tick.
 struct Codecs {
   bus::Codec<loop::AnyMeasurement> measurement;
@@ -46,22 +51,26 @@ Failure no_message(std::string_view expected) {
           expected};
 }
 
-void answer(LawSocket& socket, const loop::Layout& layout, AnyLaw& law) {
-  Codecs codecs(law.measurement(), layout);
+/// Answers each tick, from the first of a run on with a law that is made anew.
+/// @return the RUN_INFO that came in place of a tick; empty when the other end is closed
+std::span<const std::byte> answer(LawSocket& socket, const loop::Layout& layout, ScenarioLaw law,
+                                  const std::function<ScenarioLaw()>& anew) {
+  Codecs codecs(law->measurement(), layout);
   loop::Stamp stamp;
   loop::AnyMeasurement measurement;
   loop::ReferencePoint reference;
-  for (;;) {
+  for (std::int64_t last = no_tick;; last = stamp.tick) {
     const auto message = socket.receive();
-    if (message.empty()) return;
+    if (message.empty()) return {};
     if (codecs.measurement.decode(message, stamp, measurement) != bus::Rejection::none) {
-      throw no_message(law.measurement());
+      return message;
     }
     if (!socket.receive(codecs.reference, stamp, reference)) throw no_message("REFERENCE");
-    const Outcome outcome = law.step(stamp.tick, measurement, reference);
+    if (stamp.tick <= last) law = anew();
+    const Outcome outcome = law->step(stamp.tick, measurement, reference);
     if (!socket.send(codecs.command.encode(stamp, outcome.command)) ||
         !socket.send(codecs.state.encode(stamp, outcome.signals))) {
-      return;
+      return {};
     }
   }
 }
@@ -75,6 +84,8 @@ std::pair<process::FileDescriptor, process::FileDescriptor> socket_pair() {
   }
   return {process::FileDescriptor(ends[0]), process::FileDescriptor(ends[1])};
 }
+
+}  // namespace
 
 /// The program that computes the law.
 class Program {
@@ -92,8 +103,36 @@ class Program {
   Program& operator=(const Program&) = delete;
   ~Program() { end(); }
 
-  void send(std::span<const std::byte> message) { socket_.send(message); }
+  /// Tells it the run. @return the law that it announces
+  loop::LawInfo begin(const experiment::Scenario& scenario) {
+    socket_.send(node::run_info(scenario, 1, {}));
+    loop::Participant self;
+    receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit);
+    if (!loop::parse_signals(self.signals) ||
+        !loop::with_measurement(self.measurement, [](auto) {})) {
+      throw Failure(ExitCode::protocol_violated,
+                    "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
+                    "which this version does not know",
+                    command_, self.measurement, self.signals);
+    }
+    scenario.require_law(self);  // no program gets a measurement that the scenario does not name
+    return self;
+  }
 
+  void ask(Codecs& codecs, std::int64_t tick, double period_s,
+           const loop::AnyMeasurement& measurement, const loop::ReferencePoint& reference) {
+    const loop::Stamp stamp{std::llround(static_cast<double>(tick) * period_s * 1e6), 1, tick};
+    socket_.send(codecs.measurement.encode(stamp, measurement));
+    socket_.send(codecs.reference.encode(stamp, reference));
+  }
+  /// Its answer to what it was asked. @throw as `receive`
+  void take(const Codecs& codecs, std::int64_t tick, Clock::duration limit,
+            loop::TorqueCommand& command, loop::LawSignals& state) {
+    receive(codecs.command, tick, command, limit);
+    receive(codecs.state, tick, state, limit);
+  }
+
+ private:
   /// @throw diagnostics::Failure: peer_lost after `limit`, protective_stop for a number that is not
   /// finite, protocol_violated for anything else that is no `Value` of this tick
   template <class Value>
@@ -122,7 +161,6 @@ class Program {
     }
   }
 
- private:
   static std::string when(std::int64_t tick) {
     return tick == no_tick ? "at the start" : fmt::format("at tick {}", tick);
   }
@@ -178,6 +216,8 @@ class Program {
   process::Child child_;
 };
 
+namespace {
+
 class ExternalLaw final : public AnyLaw {
  public:
   ExternalLaw(std::unique_ptr<Program> program, loop::LawInfo info,
@@ -187,8 +227,7 @@ class ExternalLaw final : public AnyLaw {
         info_(std::move(info)),
         signals_(loop::parse_signals(info_.signals).value()),
         period_s_(scenario.loop.period_s),
-        limit_(std::chrono::duration_cast<Clock::duration>(
-            std::chrono::duration<double>(scenario.loop.give_up_s))),
+        limit_(duration_of(scenario.loop.give_up_s)),
         codecs_(info_.measurement, law_layout(scenario, *this)) {}
 
   [[nodiscard]] std::string_view name() const override { return info_.law; }
@@ -200,12 +239,8 @@ class ExternalLaw final : public AnyLaw {
   /// The program counts the ticks between two measurements itself.
   void compute(std::int64_t tick, const loop::AnyMeasurement& measurement,
                const loop::ReferencePoint& reference, int /*ticks*/) override {
-    const double time_s = static_cast<double>(tick) * period_s_;
-    const loop::Stamp asked{std::llround(time_s * 1e6), 1, tick};
-    program_->send(codecs_.measurement.encode(asked, measurement));
-    program_->send(codecs_.reference.encode(asked, reference));
-    program_->receive(codecs_.command, tick, command_, limit_);
-    program_->receive(codecs_.state, tick, signals_of_step_, limit_);
+    program_->ask(codecs_, tick, period_s_, measurement, reference);
+    program_->take(codecs_, tick, limit_, command_, signals_of_step_);
   }
 
   std::unique_ptr<Program> program_;
@@ -236,35 +271,69 @@ std::span<const std::byte> LawSocket::receive() {
 
 void serve_law(int socket, const MakeLaw& make_law) {
   LawSocket caller{process::FileDescriptor(socket)};
-  loop::Stamp stamp;
-  loop::RunInfo run;
-  if (!caller.receive(bus::Codec<loop::RunInfo>(loop::Layout{}), stamp, run)) {
-    throw no_message("RUN_INFO");
-  }
-  const experiment::Scenario scenario =
-      experiment::parse_scenario(run.scenario, run.robot_description, "--serve");
-  ScenarioLaw law = make_law(scenario);
-  loop::Participant self;
-  static_cast<loop::LawInfo&>(self) = law_info(*law);
-  self.role = loop::Role::controller;
-  if (!caller.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self))) return;
-  answer(caller, law_layout(scenario, *law), *law);
+  auto message = caller.receive();
+  std::string expected = "RUN_INFO";
+  do {
+    loop::Stamp stamp;
+    loop::RunInfo run;
+    const bus::Codec<loop::RunInfo> codec(loop::Layout{});
+    if (codec.decode(message, stamp, run) != bus::Rejection::none) throw no_message(expected);
+    const experiment::Scenario scenario =
+        experiment::parse_scenario(run.scenario, run.robot_description, "--serve");
+    ScenarioLaw law = make_law(scenario);
+    loop::Participant self;
+    static_cast<loop::LawInfo&>(self) = law_info(*law);
+    self.role = loop::Role::controller;
+    if (!caller.send(bus::Codec<loop::Participant>(loop::Layout{}).encode(stamp, self))) return;
+    const loop::Layout layout = law_layout(scenario, *law);
+    expected = law->measurement();
+    message = answer(caller, layout, std::move(law), [&] { return make_law(scenario); });
+  } while (!message.empty());
 }
 
 ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command) {
   auto program = std::make_unique<Program>(scenario, command);
-  program->send(node::run_info(scenario, 1, {}));
-  loop::Participant self;
-  program->receive(bus::Codec<loop::Participant>(loop::Layout{}), no_tick, self, start_limit);
-  if (!loop::parse_signals(self.signals) ||
-      !loop::with_measurement(self.measurement, [](auto) {})) {
-    throw Failure(ExitCode::protocol_violated,
-                  "--controller '{}': announces the measurement \"{}\" and the signals \"{}\", "
-                  "which this version does not know",
-                  command, self.measurement, self.signals);
+  loop::LawInfo info = program->begin(scenario);
+  return std::make_unique<ExternalLaw>(std::move(program), std::move(info), scenario);
+}
+
+LawProgram::LawProgram(const experiment::Scenario& scenario, const std::string& command)
+    : scenario_(scenario),
+      program_(std::make_shared<Program>(scenario, command)),
+      info_(program_->begin(scenario)) {}
+
+std::vector<robot::Vector> LawProgram::answers(double period_s,
+                                               std::span<const loop::AnyMeasurement> measurements,
+                                               const loop::ReferencePoint& reference) {
+  constexpr std::size_t under_way = 16;  // ticks; far from what sockets hold
+  const std::lock_guard lock(mutex_);
+  if (period_s != scenario_.loop.period_s) {
+    scenario_ =
+        experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
+                                   {fmt::format("loop.period_s={:.17g}", period_s),
+                                    fmt::format("loop.duration_s={:.17g}", 10 * period_s)});
+    scenario_.loop.period_s = period_s;
+    info_ = program_->begin(scenario_);
   }
-  scenario.require_law(self);  // no program gets a measurement that the scenario does not name
-  return std::make_unique<ExternalLaw>(std::move(program), self, scenario);
+  const auto limit = duration_of(scenario_.loop.give_up_s);
+  const auto signals = loop::parse_signals(info_.signals).value();
+  Codecs codecs(info_.measurement,
+                loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
+                             static_cast<int>(signals.size())));
+  std::vector<robot::Vector> torques;
+  for (std::size_t sent = 0; torques.size() < measurements.size();) {
+    for (; sent < std::min(torques.size() + under_way, measurements.size()); ++sent) {
+      program_->ask(codecs, static_cast<std::int64_t>(sent), period_s, measurements[sent],
+                    reference);
+    }
+    while (torques.size() < sent) {
+      loop::TorqueCommand command;
+      loop::LawSignals state;
+      program_->take(codecs, static_cast<std::int64_t>(torques.size()), limit, command, state);
+      torques.push_back(command.tau);
+    }
+  }
+  return torques;
 }
 
 std::vector<std::string> shell_command(const std::string& command,

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
+#include <mutex>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "bus/wire.h"
@@ -40,7 +43,8 @@ class LawSocket {
   std::vector<std::byte> buffer_ = std::vector<std::byte>(loop::max_run_info_size);
 };
 
-/// Answers on the descriptor `socket`, which becomes its own, until the other end is closed.
+/// Answers on the descriptor `socket`, which becomes its own, until the other end is closed. A
+/// RUN_INFO after the first one, or a tick that is not later than the last, begins a run anew.
 /// @throw diagnostics::Failure bad_usage (scenario, law), protective_stop (a torque that is not
 /// finite), protocol_violated (what came is no message)
 void serve_law(int socket, const MakeLaw& make_law);
@@ -53,6 +57,30 @@ void serve_law(int socket, const MakeLaw& make_law);
 /// say what it needs), later at a step its own code when it ends, peer_lost when it does not
 /// answer within loop.give_up_s
 ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string& command);
+
+class Program;
+
+/// The same program asked again and again what its law commands: without a run, from any thread.
+class LawProgram {
+ public:
+  /// @throw diagnostics::Failure as `external_law`
+  LawProgram(const experiment::Scenario& scenario, const std::string& command);
+
+  /// What the law calls itself.
+  [[nodiscard]] const std::string& law() const { return info_.law; }
+
+  /// Its torques [N m] for these measurements, tick by tick from 0 of a run at that period that
+  /// begins here, the reference held. @throw diagnostics::Failure as a step of `external_law`
+  std::vector<robot::Vector> answers(double period_s,
+                                     std::span<const loop::AnyMeasurement> measurements,
+                                     const loop::ReferencePoint& reference);
+
+ private:
+  experiment::Scenario scenario_;  ///< at the period of the run that the program has begun
+  std::shared_ptr<Program> program_;
+  loop::LawInfo info_;
+  std::mutex mutex_;
+};
 
 /// What starts `command` with further arguments in a shell.
 std::vector<std::string> shell_command(const std::string& command,

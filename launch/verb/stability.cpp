@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,12 +17,14 @@
 
 #include "certificate/certify.h"
 #include "certificate/witness.h"
+#include "controller/law_socket.h"
 #include "controller/registry.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
 #include "diagnostics/text.h"
 #include "experiment/scenario.h"
 #include "launch/progress.h"
+#include "launch/run.h"
 #include "launch/verb.h"
 #include "node/options.h"
 #include "tuning/design.h"
@@ -62,6 +66,7 @@ struct Certify {
   std::vector<std::string> overrides;
   fs::path witness;
   std::vector<double> errors = {0.3};
+  std::string law_program;
   bool full = false, paper = false, json = false, quiet = false;
 
   void declare(CLI::App& command) {
@@ -75,6 +80,10 @@ struct Certify {
                     "joint; default: 0.3")
         ->delimiter(',')
         ->check(CLI::PositiveNumber);
+    command.add_option(
+        "--controller", law_program,
+        "The law is that of this program, as typed in a shell: 'python3 law.py'; its "
+        "linear model is made of what it answers to small deviations");
     command.add_flag("--full", full, "All numbers in place of five lines");
     command.add_flag(
         "--paper", paper,
@@ -84,19 +93,33 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
-    const experiment::Scenario scenario = experiment::load_scenario(input, overrides);
+    RunOptions options;
+    options.scenario = input;
+    options.overrides = overrides;
+    options.law_program = law_program;
+    options.measurement = measurement_wanted(options);
+    experiment::Scenario scenario = experiment::load_scenario(input, options.all_overrides());
     warn(scenario);
     write_witness(scenario);
+    std::optional<controller::LawProgram> program;
+    certificate::LawAnswers answers;
+    if (!law_program.empty()) {
+      program.emplace(scenario, law_program);
+      scenario.controller.announced = program->law();
+      answers = std::bind_front(&controller::LawProgram::answers, &*program);
+    }
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
         scenario, paper,
-        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); },
-        full || json);
+        [&](std::string_view what) { screen.show(fmt::format("certify: {}", what)); }, full || json,
+        answers);
     screen.clear();
-    nlohmann::ordered_json all = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
+    nlohmann::ordered_json all = {{"scenario", scenario.name},
+                                  {"law", scenario.controller.law_text()}};
     all.update(to_json(result));
     print(json, std::move(all), page(result, scenario, full));
-    const std::vector<std::string> objections = certificate::objections(result);
+    std::vector<std::string> objections = certificate::objections(result);
+    if (answers && !result.loop.unknown.empty()) objections.push_back(text(result.loop));
     for (const std::string& objection : objections) {
       diagnostics::log_error("{}: {}", input.string(), objection);
     }

@@ -203,13 +203,16 @@ def _options(values: Mapping[str, Any]) -> list[str]:
     return [f"--{key.replace('_', '-')}={value}" for key, value in text.items()]
 
 
-def certify(scenario: Path, **overrides: Any) -> Result:
+def certify(scenario: Path, controller: Optional[str] = None, **overrides: Any) -> Result:
     """Is the scenario's loop stable, with what margins, from which errors: tachless certify.
+
+    Args:
+        controller: the program with the law, as typed in a shell: "python3 law.py".
 
     Raises:
         Error: the scenario is not valid (code 2).
     """
-    return _result("certify", [scenario], overrides)
+    return _result("certify", [scenario, *_options({"controller": controller})], overrides)
 
 
 def design(robot: Path, *, write: Optional[Path] = None, overrides: Optional[Mapping[str, Any]] = None,

@@ -170,6 +170,23 @@ class Controllers(Folder):
         self.run_paper(law, "--in-process", out="alone")
         self.assertEqual((self.folder / "run/lcmlog").read_bytes(), (self.folder / "alone/lcmlog").read_bytes())
 
+    def test_certify_asks_it(self):
+        text = (examples / "loria_ortega.py").read_text().replace("__file__", repr(str(examples / "loria_ortega.py")))
+        # The period that it is asked at, in place of one of its own.
+        text = text.replace("    if k > 0:", "    h = t / k if k else 0\n    if k > 0:")
+        own = tachless.certify(paper, controller=self.script(text)).sampled
+        inside = tachless.certify(paper).sampled
+        # Margins: its compensation of gravity is not known apart.
+        for key, part in {"limit_s": 1e-5, "spectral_radius": 1e-7, "settling_s": 1e-4, "margins": 1e-5}.items():
+            is_, expected = (np.array(list(x[key].values()) if key == "margins" else x[key]) for x in (own, inside))
+            np.testing.assert_allclose(is_, expected, rtol=part, err_msg=key)
+        for torque, why in {"np.random.normal(size=2)": "two identical experiments differ",
+                            "np.clip(-5e5 * (m.q - r.q), -1, 1)": "its answers do not superpose"}.items():
+            result = tachless.certify(paper, controller=self.script(
+                f"tachless.run_controller(lambda k, t, m, r: {torque}, name='f')\n"))
+            self.assertTrue(result.objection)
+            self.assertIn(why, result.messages)
+
     def test_what_the_law_raises_ends_the_run(self):
         law = self.script("def broken(k, t, m, r):\n    return 1 / (100 - k) * m.q\ntachless.run_controller(broken)\n")
         said = self.run_paper(law, code=5)
