@@ -61,17 +61,18 @@ TEST(OneTick, OfLaggingScaledDrivesHasTheLinearLoopAsItsGradient) {
         shipped(flexible ? "practical_flexible" : "practical_rigid",
                 {"loop.period_s=1e-3", "loop.command_delay=2", "plant.encoder.resolution_bits=null",
                  "reference={hold: {position_rad: [0.3, 0.8]}}", "loop.duration_s=0.4",
-                 "plant.drive.current_loop_hz=[100, 60]", "plant.drive.torque_scale=[1.1, 0.9]"});
+                 "plant.drive.current_loop_hz=[100, 60]", "plant.drive.torque_scale=[1.1, 0.9]",
+                 "plant.integrator.accuracy=1e-12"});
     const OneTick F(scenario, Eigen::Vector2d(0.3, 0.8));
     const Eigen::MatrixXd A = F.linear();
     const Eigen::Index size = A.rows();
     ASSERT_EQ(F.plant_size(), flexible ? 10 : 6);
     EXPECT_LT(F(VectorXd::Zero(size)).norm(), 1e-8);
     for (Eigen::Index i = 0; i < size; ++i) {
-      const double step = 1e-6;
+      const double step = 1e-5;
       const VectorXd dx = step * VectorXd::Unit(size, i);
       const VectorXd column = (F(dx) - F(-dx)) / (2 * step);
-      // Differences of torques of 1e5 N m per rad with rounding, and of the third order.
+      // The integrator's 1e-12 over the step, differences of the law, and the third order.
       const VectorXd error =
           (column - A.col(i)).cwiseAbs() - 1e-6 * A.cwiseAbs().rowwise().maxCoeff();
       EXPECT_LT(error.maxCoeff(), 1e-6) << flexible << " " << i;

@@ -96,6 +96,7 @@ TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
                                              : "practical_rigid";
     if (only != nullptr && std::string(robot) != only) continue;
     tally.add(robot, bits, many != nullptr ? 20 : 10, arm % 5 % 3);
+    if (many != nullptr) tally.print();
   }
   tally.print();
   // The goals of the medians; 6 arms have 66 intervals, of which 95 % is 63 +- 2.
