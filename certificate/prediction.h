@@ -31,7 +31,7 @@ enum class Effort {
 inline constexpr int reference_postures = 17;
 
 struct Prediction {
-  std::string unknown;  ///< why the law cannot be linearised; empty: it can, and the rest holds
+  std::string unknown;      ///< why the law cannot be linearised; empty: it can, and the rest holds
   std::string not_counted;  ///< what of the emulated arm is in none of the numbers; empty: all is
   controller::law::Settings settings;
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <map>
 #include <mutex>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <type_traits>

@@ -110,6 +110,11 @@ void require_covered(const experiment::Scenario& s, const robot::Model& model, i
   if (drive.dry_friction()) complain("dry friction");
   if (drive.torque_rate_limit_Nm_per_s) complain("a torque rate limit");
   if (s.plant.encoder.noise_std_rad > 0) complain("noise");
+  if (!s.plant.encoder.eccentricity_rad.isZero(0)) complain("an eccentric encoder");
+  if (drive.current_loop_hz || (drive.torque_scale.array() != 1).any() ||
+      !drive.torque_offset_Nm.isZero(0) || drive.command_age_jitter_ticks > 0) {
+    complain("a drive that lags, scales, adds torque or delays by chance");
+  }
   if (s.plant.payload.mass_kg > 0 || !s.plant.disturbances.empty() || s.believed_model) {
     complain("payload, disturbance or a robot of the law's own");
   }

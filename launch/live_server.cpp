@@ -110,8 +110,9 @@ std::string LiveServer::page(const std::string& robot) {
   const auto found = robot.empty() && robots_.size() == 1 ? robots_.begin() : robots_.find(robot);
   if (found != robots_.end()) return found->second.page;
   return waiting_page(report::html("Runs of{}", report::each(robots_, [](const auto& each) {
-    return report::html(" <a href=\"/?robot={0}\">{0}</a>", each.first);
-  })));
+                                     return report::html(" <a href=\"/?robot={0}\">{0}</a>",
+                                                         each.first);
+                                   })));
 }
 
 std::string LiveServer::events(const std::string& robot, std::int64_t& next) {

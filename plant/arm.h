@@ -21,7 +21,7 @@ struct ArmAcceleration {
 
 struct ArmOptions {
   Mechanics mechanics = Mechanics::simbody;
-  double accuracy = 1e-9;                   ///< of an integrator's step, relative
+  double accuracy = 1e-9;  ///< of an integrator's step, relative
   DriveSpec drive;  ///< of which friction, current loop, scale and offset; empty vectors are none
   const FlexibleDrive* flexible = nullptr;  ///< rigid joints when null
   Disturbances* disturbances = nullptr;     ///< outlive the arm; none when null

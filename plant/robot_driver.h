@@ -64,8 +64,9 @@ class ClockDriver : public RobotDriver {
 
  private:
   /// Answers the robot's tick with `tau` [N m; N] (empty, before `start`, after `stop` and where a
-  /// command is withheld: with nothing), waits for its next tick, and returns what the robot measured then, with `time_s` if
-  /// it tells its time. @throw diagnostics::Failure(protective_stop) when no tick comes
+  /// command is withheld: with nothing), waits for its next tick, and returns what the robot
+  /// measured then, with `time_s` if it tells its time. @throw
+  /// diagnostics::Failure(protective_stop) when no tick comes
   virtual ArmState exchange(const robot::Vector& tau) = 0;
 
   ArmState now_;

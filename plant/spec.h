@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "plant/load_spec.h"
 #include "robot/quantities.h"
 #include "schema/schema.h"
 
@@ -225,131 +226,6 @@ struct DriveSpec {
           .in({0, max_delay_ticks})
           .by_default(),
       schema::Key{"seed", &DriveSpec::seed, "", "Of that age: the same seed gives the same run"}
-          .in({0, 9007199254740992.0})
-          .by_default()};
-};
-
-/// What is wrong with a list that has not `size` numbers.
-inline schema::Refusal numbers_refusal(std::string_view key, const std::vector<double>& given,
-                                       int size) {
-  return {std::string(key),
-          std::to_string(given.size()) + " numbers; allowed: " + std::to_string(size)};
-}
-
-struct PayloadSpec {
-  double mass_kg = 0;  ///< known to the plant, not to the controller
-  std::string link;    ///< empty: the leaf link that is farthest from the root
-  std::vector<double> center_of_mass_m = {0, 0, 0};
-  std::vector<double> inertia_kgm2 = {0, 0, 0, 0, 0, 0};
-  double attach_s = 0;
-  std::optional<double> release_s;  ///< nothing: never
-
-  static constexpr std::tuple keys{
-      schema::Key{"mass_kg", &PayloadSpec::mass_kg, "kg",
-                  "Mass that the plant has and the controller does not know of"}
-          .in(schema::not_negative)
-          .by_default(),
-      schema::Key{"link", &PayloadSpec::link, "", "URDF link that carries it"}.by_default(
-          "the leaf link farthest from the root"),
-      schema::Key{"center_of_mass_m", &PayloadSpec::center_of_mass_m, "m",
-                  "Its centre of mass, in the link's frame"}
-          .by_default("[0, 0, 0]"),
-      schema::Key{"inertia_kgm2", &PayloadSpec::inertia_kgm2, "kg m²",
-                  "ixx, ixy, ixz, iyy, iyz, izz about its centre of mass, in the link's axes"}
-          .by_default("a point mass's"),
-      schema::Key{"attach_s", &PayloadSpec::attach_s, "s",
-                  "When it is attached: it is at rest until then, and the links' velocities jump; "
-                  "0 = it is there from the start"}
-          .in(schema::not_negative)
-          .by_default(),
-      schema::Key{"release_s", &PayloadSpec::release_s, "s",
-                  "When it is let go, the links' velocities staying as they are"}
-          .in(schema::positive)
-          .by_default("never")};
-
-  [[nodiscard]] std::optional<schema::Refusal> refusal() const {
-    if (center_of_mass_m.size() != 3)
-      return numbers_refusal("center_of_mass_m", center_of_mass_m, 3);
-    if (inertia_kgm2.size() != 6) return numbers_refusal("inertia_kgm2", inertia_kgm2, 6);
-    if (release_s && *release_s <= attach_s) {
-      return schema::Refusal{"release_s", "not after plant.payload.attach_s; allowed: later"};
-    }
-    return {};
-  }
-};
-
-enum class DisturbanceShape { constant, pulse, sinusoid, noise };
-constexpr std::array<std::string_view, 4> names(DisturbanceShape /*type*/) {
-  return {"constant", "pulse", "sinusoid", "noise"};
-}
-
-/// A torque on a joint, or a force on a link, that no drive gives: its value times its shape.
-struct DisturbanceSpec {
-  std::string joint;                           ///< that the torque acts on; empty: a force
-  std::string link;                            ///< that the force acts on; empty: a torque
-  std::optional<double> torque_Nm;             ///< of `joint`
-  std::optional<std::vector<double>> force_N;  ///< of `link`, in the world
-  std::vector<double> point_m = {0, 0, 0};     ///< where the force acts, in the link's frame
-  DisturbanceShape shape = DisturbanceShape::constant;
-  double start_s = 0;
-  std::optional<double> end_s;  ///< nothing: it does not end
-  double frequency_hz = 0;
-  double phase_rad = 0;
-  std::uint64_t seed = 1;
-
-  [[nodiscard]] std::optional<schema::Refusal> refusal() const {
-    if (joint.empty() == link.empty()) {
-      return schema::Refusal{
-          "joint", joint.empty() ? "neither a joint nor a link is given; allowed: one of the two"
-                                 : "and a link are given; allowed: one of the two"};
-    }
-    if (torque_Nm.has_value() == joint.empty()) {
-      return schema::Refusal{"torque_Nm", "a joint takes torque_Nm, a link force_N"};
-    }
-    if (force_N.has_value() == link.empty()) {
-      return schema::Refusal{"force_N", "a link takes force_N, a joint torque_Nm"};
-    }
-    if (force_N && force_N->size() != 3) return numbers_refusal("force_N", *force_N, 3);
-    if (point_m.size() != 3) return numbers_refusal("point_m", point_m, 3);
-    if (end_s ? *end_s <= start_s : shape == DisturbanceShape::pulse) {
-      return schema::Refusal{
-          "end_s", end_s ? "not after start_s; allowed: later" : "missing; a pulse needs its end"};
-    }
-    if ((shape == DisturbanceShape::sinusoid) == (frequency_hz == 0)) {
-      return schema::Refusal{"frequency_hz",
-                             "a sinusoid has a frequency above 0, others have none"};
-    }
-    return {};
-  }
-
-  static constexpr std::tuple keys{
-      schema::Key{"joint", &DisturbanceSpec::joint, "", "Joint that a torque acts on"}.by_default(
-          "none: a force"),
-      schema::Key{"link", &DisturbanceSpec::link, "", "URDF link that a force acts on"}.by_default(
-          "none: a torque"),
-      schema::Key{"torque_Nm", &DisturbanceSpec::torque_Nm, "N m (N)", "On `joint`"}.by_default(
-          "none"),
-      schema::Key{"force_N", &DisturbanceSpec::force_N, "N", "On `link`, [x, y, z] of the world"}
-          .by_default("none"),
-      schema::Key{"point_m", &DisturbanceSpec::point_m, "m",
-                  "Where the force acts, in the link's frame"}
-          .by_default("[0, 0, 0]"),
-      schema::Key{"shape", &DisturbanceSpec::shape, "",
-                  "What the value is multiplied by from `start_s` to `end_s`: 1; half a sine wave "
-                  "from start to end; sin(2π frequency (t - start) + phase); a standard normal "
-                  "number, drawn anew each tick"}
-          .by_default(),
-      schema::Key{"start_s", &DisturbanceSpec::start_s, "s", "Nothing before"}
-          .in(schema::not_negative)
-          .by_default(),
-      schema::Key{"end_s", &DisturbanceSpec::end_s, "s", "Nothing from then on; a pulse needs it"}
-          .in(schema::positive)
-          .by_default("never"),
-      schema::Key{"frequency_hz", &DisturbanceSpec::frequency_hz, "Hz", "Of a sinusoid"}
-          .in(schema::not_negative)
-          .by_default(),
-      schema::Key{"phase_rad", &DisturbanceSpec::phase_rad, "rad", "Of a sinusoid"}.by_default(),
-      schema::Key{"seed", &DisturbanceSpec::seed, "", "Of noise: the same seed gives the same run"}
           .in({0, 9007199254740992.0})
           .by_default()};
 };

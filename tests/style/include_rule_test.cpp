@@ -99,8 +99,9 @@ const std::vector<Rule> rules = {
 
     {"certificate/",
      {"certificate/", "controller/laws.h", "controller/registry.h", "controller/law/",
-      "diagnostics/failure.h", "diagnostics/text.h", "experiment/", "loop/signals.h", "plant/arm.h",
-      "plant/plant_model.h", "process/parallel.h", "reference/make_trajectory.h", "robot/"},
+      "diagnostics/failure.h", "diagnostics/text.h", "experiment/", "loop/measurements.h",
+      "loop/signals.h", "plant/arm.h", "plant/plant_model.h", "process/parallel.h",
+      "reference/make_trajectory.h", "robot/"},
      {"Eigen/", "nlohmann/"}},
     {"certificate/postures.cpp",
      {"certificate/", "process/parallel.h", "robot/"},
