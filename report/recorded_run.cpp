@@ -13,12 +13,16 @@
 
 #include "certificate/scenario_loop.h"
 #include "controller/registry.h"
+#include "identify/least_squares.h"
 
 namespace tachless::report {
 namespace {
 
 // V of a flexible robot takes microseconds, and is smooth.
 constexpr std::int64_t most_evaluations = 50'000;
+/// Of the model's torque: a run of 100 s at 1 kHz.
+constexpr std::size_t most_motion = 100'000;
+constexpr double shortest_motion_s = 2;
 
 void add_tracking(study::Tracking& tracking, const logger::TickRecord& record, double t_s) {
   robot::Vector q, theta;
@@ -41,6 +45,58 @@ void add_tracking(study::Tracking& tracking, const logger::TickRecord& record, d
   tracking.add(t_s, q, record.reference->q_ref, theta,
                record.truth ? record.truth->tau : record.command->tau);
 }
+
+/// Measured positions and applied torques from the start to the first tick that lacks them.
+class Motion {
+ public:
+  void add(const logger::TickRecord& record) {
+    robot::Vector q;
+    if (record.measurement) {
+      std::visit(
+          [&](const auto& measurement) {
+            if constexpr (requires { measurement.q; }) q = measurement.q;
+          },
+          *record.measurement);
+    }
+    ended_ = ended_ || q.size() == 0 || !record.truth || ticks_ == most_motion ||
+             record.truth->fault == loop::truth::DriveFault::protective_stop ||
+             record.tick != static_cast<std::int64_t>(ticks_);
+    if (ended_) return;
+    q_.insert(q_.end(), q.begin(), q.end());
+    tau_.insert(tau_.end(), record.truth->tau.begin(), record.truth->tau.end());
+    ++ticks_;
+  }
+
+  [[nodiscard]] std::vector<ModelTorque> torques(const experiment::Scenario& scenario) const {
+    const auto ticks = static_cast<Eigen::Index>(ticks_);
+    const Eigen::Index n = scenario.num_joints;
+    if (scenario.robot.flexible || scenario.plant.dry_run ||
+        static_cast<double>(ticks) * scenario.loop.period_s < shortest_motion_s) {
+      return {};
+    }
+    using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const identify::Recording recording{"", scenario, Eigen::Map<const Rows>(q_.data(), ticks, n),
+                                        Eigen::Map<const Rows>(tau_.data(), ticks, n)};
+    const identify::Regression found =
+        identify::regression(recording, identify::Parameters(scenario, {}));
+    std::vector<ModelTorque> result(static_cast<std::size_t>(n));
+    for (Eigen::Index row = 0; row < found.joint.size(); ++row) {
+      ModelTorque& of = result[static_cast<std::size_t>(found.joint[row])];
+      of.applied.add(found.time_s[row], found.applied[row]);
+      of.model.add(found.time_s[row], found.applied[row] - found.torque[row]);
+    }
+    const Eigen::VectorXd error = found.residual(Eigen::VectorXd(0));
+    for (Eigen::Index i = 0; i < n; ++i) {
+      result[static_cast<std::size_t>(i)].error = error[i] / std::max(1e-300, found.peak[i]);
+    }
+    return result;
+  }
+
+ private:
+  std::vector<double> q_, tau_;
+  std::size_t ticks_ = 0;
+  bool ended_ = false;
+};
 
 nlohmann::json read_outcome(const RecordedRun& run) {
   std::ifstream file(run.log.parent_path() / "summary.json");
@@ -149,7 +205,9 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
   const std::int64_t stride = std::max<std::int64_t>(1, run.info.num_ticks / most_evaluations);
   const double period_s = run.info.period_s;
   logger::TickRecord record;
+  Motion motion;
   while (log.next(record)) {
+    motion.add(record);
     const double t_s = static_cast<double>(record.tick) * period_s;
     add_tracking(run.tracking, record, t_s);
     if (record.controller_state) add_signals(run, *record.controller_state, t_s);
@@ -157,6 +215,7 @@ RecordedRun read_recorded_run(const std::filesystem::path& path, std::optional<s
     const bool changed = record.reference && !record.reference->gains.empty();
     if (lyapunov && !changed && record.tick % stride == 0) add_lyapunov(run, lyapunov, record, t_s);
   }
+  run.model_torque = motion.torques(run.scenario);
   if (lyapunov) run.lyapunov_decay = fit_decay(run.lyapunov.points());
   for (const study::JointTracking& joint : run.tracking.joints()) {
     std::vector<study::Point> error = joint.abs_error.points();

@@ -29,6 +29,13 @@ struct LoggedSignal {
   std::vector<study::Envelope> joints;
 };
 
+/// Of one joint: torque applied and that which the scenario's robot takes for the recorded motion,
+/// both below 15 Hz.
+struct ModelTorque {
+  study::Envelope applied, model;
+  double error = 0;  ///< rms of the difference over the peak
+};
+
 /// All that a report shows of one run, in memory that does not grow with its length. Link angles
 /// are the true ones where the log has them, the measured ones elsewhere; a tick that lacks angle,
 /// reference or torque is left out of the tracking.
@@ -51,6 +58,7 @@ struct RecordedRun : logger::RunDescription {
   std::optional<Decay> lyapunov_decay;
 
   std::vector<study::Envelope> disturbance;  ///< per joint [N m]; empty: the scenario has none
+  std::vector<ModelTorque> model_torque;     ///< empty: flexible joints, or less than 2 s
   std::vector<Stretches> saturated;          ///< per joint
   Stretches command_missed;
   Stretches protective_stop;

@@ -203,6 +203,38 @@ ReportSection torque_section(const Overlay& all) {
   return section;
 }
 
+ReportSection model_section(const Overlay& all) {
+  ReportSection section{"model", "Torque of the model",
+                        "It is shown for rigid joints, of runs of at least 2 s without a gap at "
+                        "the start."};
+  std::string errors;
+  add_joints(section, all, "Torque applied to joint {}, and that of the model for the motion",
+             [&](const Joint& joint, Chart& chart) {
+               chart.y_label = joint.label("τ", joint.effort);
+               joint.for_runs([&](const RecordedRun& run, std::size_t own) {
+                 if (run.model_torque.empty()) return;
+                 const ModelTorque& torque = run.model_torque[own];
+                 chart.curves.push_back(all.curve(run, torque.applied.points(all.budget), "τ",
+                                                  words(all.alone() ? "applied" : "")));
+                 chart.curves.push_back(
+                     all.curve(run, torque.model.points(all.budget), "", words("model"), 1.0));
+                 chart.curves.back().dash = {5, 4};
+                 if (all.alone()) chart.curves.back().colour = palette[1];
+                 errors += fmt::format("{}{}{} {:.2g} %", errors.empty() ? "" : ", ",
+                                       all.alone() ? "" : run.label + " ", run.joints.name[own],
+                                       100 * torque.error);
+               });
+             });
+  section.text = html(
+      "<p>Below 15 Hz: torque that was applied, and (dashed) what the scenario's robot with its "
+      "rotors, friction and payload takes for the measured motion, by inverse dynamics of the "
+      "filtered positions.{} What a robot has and its scenario has not is in between: see "
+      "`tachless "
+      "identify`.</p>",
+      errors.empty() ? "" : " Rms of the difference over the peak: " + errors + ".");
+  return section;
+}
+
 /// What a law's declared signal is, by its name, which the laws' pages explain.
 std::string_view meaning(std::string_view name) {
   if (name.starts_with("nu")) {
@@ -344,8 +376,8 @@ Figure tracking_figure(const study::Tracking& tracking, const std::string& title
 }
 
 std::vector<ReportSection> report_sections(const Overlay& all) {
-  return {tracking_section(all), error_section(all),  torque_section(all), signals_section(all),
-          lyapunov_section(all), timing_section(all), events_section(all)};
+  return {tracking_section(all), error_section(all),    torque_section(all), model_section(all),
+          signals_section(all),  lyapunov_section(all), timing_section(all), events_section(all)};
 }
 
 }  // namespace tachless::report

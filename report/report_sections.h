@@ -57,8 +57,8 @@ struct Overlay {
                             const std::string& signal, Label label = {}, double width = 1.2) const;
 };
 
-/// Tracking, error, torque, controller signals, Lyapunov function, timing, events. `runs` are
-/// labelled.
+/// Tracking, error, torque, that of the model, controller signals, Lyapunov function, timing,
+/// events. `runs` are labelled.
 std::vector<ReportSection> report_sections(const Overlay& all);
 
 /// The last three of them: V along the run and its certified bound; histograms of times, from the

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <regex>
@@ -87,6 +89,31 @@ TEST_F(Report, HasEveryPartAndRefersToNothingOutside) {
   for (std::sregex_iterator match(page.begin(), page.end(), id), end; match != end; ++match) {
     EXPECT_TRUE(ids.insert((*match)[1]).second) << (*match)[1];
   }
+}
+
+/// Torques that act are 1.2 of those applied: the model's are that much more.
+TEST_F(Report, ShowsTheTorqueOfTheModelBesideThatApplied) {
+  const auto run_with = [&](const std::string& name, const std::string& scale) {
+    return run(name, support::in_process_log(
+                         support::shortened("practical_rigid.yaml", "2.5",
+                                            {"plant.drive.viscous_friction_Nms_per_rad=[2, 1]",
+                                             "plant.drive.torque_scale=" + scale})));
+  };
+  const RecordedRun exact = run_with("a", "1"), more = run_with("b", "1.2");
+  ASSERT_EQ(exact.model_torque.size(), 2U);
+  const auto peak = [](const study::Envelope& of) {
+    double largest = 0;
+    for (const study::Point& each : of.points()) largest = std::max(largest, std::abs(each.y));
+    return largest;
+  };
+  for (std::size_t i = 0; i < 2; ++i) {
+    EXPECT_LT(exact.model_torque[i].error, 0.01);
+    EXPECT_GT(more.model_torque[i].error, 0.05);
+    // What the filter does to counts and the start is the rest.
+    EXPECT_NEAR(peak(more.model_torque[i].model) / peak(more.model_torque[i].applied), 1.2, 0.02);
+  }
+  const std::string page = page_of({more});
+  EXPECT_THAT(page, AllOf(HasSubstr("<figure id=\"model-2\""), HasSubstr("over the peak: ")));
 }
 
 TEST_F(Report, ShowsTheTrackingFigureWithoutALibraryAndNamesThePackages) {
