@@ -50,7 +50,7 @@ struct FlexibleDrive {
           .in(schema::not_negative)
           .by_default(0),
       schema::Key{"motor_coulomb_friction_Nm", &FlexibleDrive::motor_coulomb_friction_Nm, "N m",
-                  "Against the motion of the motor, whatever its speed; holds a motor at rest"}
+                  "Against the motion of the motor; holds one at rest"}
           .in(schema::not_negative)
           .by_default(0)};
 };
@@ -130,8 +130,7 @@ struct EncoderSpec {
           .by_default("`null`")
           .or_null(),
       schema::Key{"latency_ticks", &EncoderSpec::latency_ticks, "ticks",
-                  "What is measured at tick k is the state at tick k - latency, before that the "
-                  "initial one"}
+                  "Age of the state that is measured; before tick 0 it is the initial one"}
           .in({0, max_delay_ticks})
           .by_default(),
       schema::Key{"noise_std_rad", &EncoderSpec::noise_std_rad, "rad (m)",
@@ -149,8 +148,7 @@ struct EncoderSpec {
                   "Where encoders are; `motor` needs flexible joints"}
           .by_default(),
       schema::Key{"eccentricity_rad", &EncoderSpec::eccentricity_rad, "rad",
-                  "a of q + a sin(q + phase), which the encoder of a link that turns reads; the "
-                  "motor's and those of prismatic joints have none"}
+                  "a of q + a sin(q + phase), which encoders of links that turn read"}
           .in({0, 1, false, true})
           .by_default(0),
       schema::Key{"eccentricity_phase_rad", &EncoderSpec::eccentricity_phase_rad, "rad",
@@ -193,8 +191,7 @@ struct DriveSpec {
           .by_default("none")
           .or_null(),
       schema::Key{"coulomb_friction_Nm", &DriveSpec::coulomb_friction_Nm, "N m (N)",
-                  "Against the motion of a link's joint, whatever its speed; holds a joint at "
-                  "rest"}
+                  "Against the motion of a link's joint; holds one at rest"}
           .in(schema::not_negative)
           .by_default("`<dynamics friction>` of the URDF"),
       schema::Key{"static_friction_Nm", &DriveSpec::static_friction_Nm, "N m (N)",
@@ -207,22 +204,19 @@ struct DriveSpec {
           .in(schema::positive)
           .by_default(0.01),
       schema::Key{"current_loop_hz", &DriveSpec::current_loop_hz, "Hz",
-                  "Bandwidth of the drive's current loop: its torque follows with the lag "
-                  "1/(2π bandwidth) of first order; null = at once"}
+                  "Bandwidth of the torque's first-order lag 1/(2π bandwidth); null = none"}
           .in(schema::positive)
           .by_default("`null`")
           .or_null(),
       schema::Key{"torque_scale", &DriveSpec::torque_scale, "",
-                  "Torque that acts over the torque that the drive is taken to give, such as an "
-                  "error of its torque constant"}
+                  "Torque that acts over that asked for: an error of the torque constant"}
           .in(schema::positive)
           .by_default(1),
       schema::Key{"torque_offset_Nm", &DriveSpec::torque_offset_Nm, "N m (N)",
                   "Acts on top, whatever is commanded"}
           .by_default(0),
       schema::Key{"command_age_jitter_ticks", &DriveSpec::command_age_jitter_ticks, "ticks",
-                  "Largest age of a command on top of `loop.command_delay`, drawn anew each tick "
-                  "from 0 to this, each as likely"}
+                  "Age beyond `loop.command_delay`, drawn for each tick from 0 to this"}
           .in({0, max_delay_ticks})
           .by_default(),
       schema::Key{"seed", &DriveSpec::seed, "", "Of that age: the same seed gives the same run"}
