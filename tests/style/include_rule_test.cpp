@@ -68,7 +68,8 @@ const std::vector<Rule> rules = {
      {"plant/", "robot/", "reference/make_trajectory.h", "node/", "protocol/", "bus/",
       "experiment/", "loop/", "diagnostics/"},
      {"Eigen/"}},
-    {"plant/spec.h", {"schema/", "robot/quantities.h"}, {}},
+    {"plant/load_spec.h", {"schema/"}, {}},
+    {"plant/spec.h", {"plant/load_spec.h", "schema/", "robot/quantities.h"}, {}},
     {"plant/simbody_multibody.cpp", {"plant/multibody.h"}, {"Eigen/", "SimTKsimbody.h"}},
 
     {"reference/",
