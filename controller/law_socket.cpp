@@ -263,9 +263,9 @@ bool LawSocket::send(std::span<const std::byte> message) {
 
 std::span<const std::byte> LawSocket::receive() {
   ssize_t got = -1;
-  do {
+  do {  // ECONNRESET: once, ahead of what an end that left messages unread had sent
     got = ::recv(socket_.get(), buffer_.data(), buffer_.size(), 0);
-  } while (got < 0 && errno == EINTR);
+  } while (got < 0 && (errno == EINTR || errno == ECONNRESET));
   return std::span(buffer_).first(static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
 }
 

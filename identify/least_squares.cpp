@@ -37,7 +37,7 @@ void low_pass(Eigen::Ref<VectorXd> x, double h) {
   }
 }
 
-/// The robot without unknowns, and with one unit of the payload (or the same).
+/// The robot without unknowns, and, where the payload is one, with a unit of it.
 struct Models {
   robot::Model bare, loaded;
 
@@ -46,10 +46,11 @@ struct Models {
     experiment::Scenario plant = parameters.plant(recording.scenario, zero);
     bare = experiment::with_payload(plant, *plant.model);
     bare.rotor_inertia = plant.robot.rigid_rotor_inertia_kgm2;
+    drive = plant.plant.drive;
+    if (parameters.first(Kind::payload) < 0) return;
     plant.plant.payload.mass_kg += 1;
     loaded = experiment::with_payload(plant, *plant.model);
     loaded.rotor_inertia = bare.rotor_inertia;
-    drive = plant.plant.drive;
   }
 
   plant::DriveSpec drive;

@@ -43,7 +43,7 @@ class Xacro : public ::testing::Test {
   }
   [[nodiscard]] std::string refusal(const std::vector<std::string>& more) const {
     try {
-      load(more);
+      static_cast<void>(load(more));
     } catch (const diagnostics::Failure& failure) {
       EXPECT_EQ(failure.code(), diagnostics::ExitCode::bad_usage);
       return failure.what();
