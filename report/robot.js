@@ -185,7 +185,16 @@ var report_robot = (() => {
     scene.add(grid);
     camera.near = radius / 50;
     camera.far = 50 * radius;
-    camera.position.copy(centre).addScaledVector(new THREE.Vector3(0.45, -1, 0.35).normalize(), 3.4 * radius);
+    const towards = new THREE.Vector3(0.45, -1, 0.35).normalize();
+    const right = new THREE.Vector3().crossVectors(camera.up, towards).normalize();
+    const up = new THREE.Vector3().crossVectors(towards, right);
+    const {clientWidth, clientHeight} = renderer.domElement.parentElement;
+    const tall = Math.tan(camera.fov * Math.PI / 360), wide = tall * (clientWidth / clientHeight || 1);
+    const distances = [0, 1, 2, 3, 4, 5, 6, 7].map(corner => {  // from which each corner is seen
+      const p = new THREE.Vector3(...['x', 'y', 'z'].map((axis, i) => (corner >> i & 1 ? box.max : box.min)[axis])).sub(centre);
+      return p.dot(towards) + Math.max(Math.abs(p.dot(up)) / tall, Math.abs(p.dot(right)) / wide);
+    });
+    camera.position.copy(centre).addScaledVector(towards, 1.05 * Math.max(...distances));
     const controls = new THREE.OrbitControls(camera, renderer.domElement);
     controls.target.copy(centre);
     controls.addEventListener('change', render);
