@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <functional>
@@ -188,7 +189,8 @@ TEST(RobotDriver, InADryRunIsReadWhereverItStandsAndNeitherStartedNorSentAnythin
   robot.state.q << 1, -2;
   const Outcome outcome = run(s, peers, nullptr, &robot);
   ASSERT_EQ(outcome.fault, "");
-  EXPECT_EQ(robot.calls, std::string(31, 'r'));
+  EXPECT_EQ(robot.calls.find_first_not_of("r-"), std::string::npos) << robot.calls;
+  EXPECT_EQ(std::ranges::count(robot.calls, 'r'), 31);
   // The log has what it would have been sent, within its limits.
   ASSERT_EQ(peers.truths.size(), 30U);
   EXPECT_EQ(peers.truths[5].tau, torque_of(4));
@@ -393,7 +395,7 @@ TEST_F(AFailingRobot, ComesToRestWhileItIsStillMeasured) {
   EXPECT_EQ(peers_.truths.back().fault, DriveFault::protective_stop);
   EXPECT_EQ(peers_.truths.back().tau, robot::Vector::Zero(2));
   // It never comes to rest, so for as long as that may take.
-  EXPECT_EQ(robot_.calls.size() - robot_.calls.find('x') - 1, 500U);
+  EXPECT_EQ(std::ranges::count(robot_.calls.substr(robot_.calls.find('x')), 'r'), 500);
 }
 
 TEST(RobotDriver, IsStoppedWhenAJointLeavesItsRange) {
