@@ -171,6 +171,7 @@ var report_robot = (() => {
     }
     const path = end_s ? add_paths(robot, end_s, colour) : new THREE.Box3();
     if (!end_s) pose(robot, joint => robot.q[joint](0));
+    if (robot.ghost) pose(robot.ghost, joint => robot.ghost.q[joint](0));
     robot.box = path.union(new THREE.Box3().setFromObject(robot.ground)).expandByScalar(end_s ? 0 : 0.15 * reach);
     return robot;
   }
