@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/QR>
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
@@ -26,18 +27,22 @@ constexpr double rounding = 64 * std::numeric_limits<double>::epsilon();
 
 double largest(const MatrixXd& x) { return x.size() == 0 ? 0 : x.cwiseAbs().maxCoeff(); }
 
+/// What is odd in the deviations of the answer to them: all that is linear, nothing quadratic.
+MatrixXd odd_part(const Ask& ask, const MatrixXd& deviations) {
+  return (ask(deviations) - ask(-deviations)) / 2;
+}
+
 /// Torque per deviation in the ticks after a pulse in one input after the other, [joints x inputs].
-std::vector<MatrixXd> pulse_answers(const Ask& ask, Index inputs, Index window, double& torque) {
+std::vector<MatrixXd> pulse_answers(const Ask& ask, Index inputs, Index window) {
   std::vector<MatrixXd> all(static_cast<std::size_t>(window));
   for (Index j = 0; j < inputs; ++j) {
     MatrixXd deviations = MatrixXd::Zero(inputs, rest_ticks + window);
     deviations(j, rest_ticks) = small;
-    const MatrixXd plus = ask(deviations), minus = ask(-deviations);
-    torque = std::max({torque, largest(plus), largest(minus)});
+    const MatrixXd answer = odd_part(ask, deviations) / small;
     for (Index k = 0; k < window; ++k) {
       MatrixXd& h = all[static_cast<std::size_t>(k)];
-      if (j == 0) h.resize(plus.rows(), inputs);
-      h.col(j) = (plus.col(rest_ticks + k) - minus.col(rest_ticks + k)) / (2 * small);
+      if (j == 0) h.resize(answer.rows(), inputs);
+      h.col(j) = answer.col(rest_ticks + k);
     }
   }
   return all;
@@ -67,27 +72,58 @@ LinearLaw in_pulses(const LinearLaw& law) {
   return {inverse * law.A * columns, inverse * law.B, law.C * columns, law.D, {}, {}};
 }
 
-LinearLaw model_of(const std::vector<MatrixXd>& h, double torque) {
+/// The rounding of each joint in answers to pulses [N m/rad]: by how much the answer to `given` in
+/// the first ticks is not their sum, which has one rounding for each of its terms.
+VectorXd rounding_of(const std::vector<MatrixXd>& h, const MatrixXd& given,
+                     const MatrixXd& answer) {
+  constexpr double least = 1e-13;  // of the largest answer
+  VectorXd noise = VectorXd::Zero(answer.rows());
+  for (const MatrixXd& each : h)
+    noise = noise.cwiseMax(least * each.cwiseAbs().rowwise().maxCoeff());
+  for (Index k = 0; k < std::ssize(h); ++k) {
+    VectorXd rest = answer.col(rest_ticks + k);
+    for (Index i = 0; i <= k; ++i) {
+      rest -= h[static_cast<std::size_t>(i)] * given.col(rest_ticks + k - i);
+    }
+    const auto terms = static_cast<double>((k + 1) * given.rows());
+    noise = noise.cwiseMax(rest.cwiseAbs() / (largest(given) * std::sqrt(terms)));
+  }
+  return (noise.array() == 0).select(1, noise);
+}
+
+/// @param noise of each joint, the unit in which its rows count
+LinearLaw model_of(const std::vector<MatrixXd>& h, const VectorXd& noise) {
   const Index n = h[0].rows(), m = h[0].cols(), blocks = (static_cast<Index>(h.size()) - 1) / 2;
   MatrixXd hankel(blocks * n, blocks * m), shifted = hankel;
+  const VectorXd weight = noise.cwiseInverse();
   for (Index i = 0; i < blocks; ++i) {
     for (Index j = 0; j < blocks; ++j) {
       const auto k = static_cast<std::size_t>(i + j);
-      hankel.block(i * n, j * m, n, m) = h[k + 1];
-      shifted.block(i * n, j * m, n, m) = h[k + 2];
+      hankel.block(i * n, j * m, n, m) = weight.asDiagonal() * h[k + 1];
+      shifted.block(i * n, j * m, n, m) = weight.asDiagonal() * h[k + 2];
     }
   }
-  const Eigen::BDCSVD<MatrixXd> svd(hankel, Eigen::ComputeThinU | Eigen::ComputeThinV);
+  // Of the triangle's first rows, which have all but rounding: as exact as the answers whatever
+  // their scale, which Eigen's divide and conquer is not (a value of 1e-6 of the largest too many).
+  const double least = 64 * std::sqrt(static_cast<double>(blocks * std::max(n, m)));
+  const Eigen::ColPivHouseholderQR<MatrixXd> qr(hankel);
+  const MatrixXd triangle = qr.matrixR().template triangularView<Eigen::Upper>();
+  const Index rows =
+      std::max<Index>(1, (qr.matrixR().diagonal().cwiseAbs().array() > least / 64).count());
+  const Eigen::JacobiSVD<MatrixXd> svd(
+      MatrixXd(triangle.topRows(rows)) * qr.colsPermutation().transpose(),
+      Eigen::ComputeThinU | Eigen::ComputeThinV);
   const VectorXd& s = svd.singularValues();
-  const double noise = rounding * torque / small * std::sqrt(static_cast<double>(blocks * m));
-  const double least = std::max(noise, 1e-11 * (s[0] + largest(h[0])));
   const Index r = (s.array() > least).count();
   const VectorXd root = s.head(r).cwiseSqrt(), inverse = root.cwiseInverse();
-  const MatrixXd observed = svd.matrixU().leftCols(r), reached = svd.matrixV().leftCols(r);
+  MatrixXd observed = MatrixXd::Zero(hankel.rows(), r);
+  observed.topRows(rows) = svd.matrixU().leftCols(r);
+  observed.applyOnTheLeft(qr.householderQ());
+  const MatrixXd reached = svd.matrixV().leftCols(r);
   return in_pulses(
       {inverse.asDiagonal() * (observed.transpose() * shifted * reached) * inverse.asDiagonal(),
        root.asDiagonal() * reached.topRows(m).transpose(),
-       observed.topRows(n) * root.asDiagonal(),
+       noise.asDiagonal() * observed.topRows(n) * root.asDiagonal(),
        h[0],
        {},
        {}});
@@ -133,18 +169,14 @@ double disagreement(const MatrixXd& is, const MatrixXd& expected, double noise) 
 
 }  // namespace
 
-LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
-  double torque = 0;
-  const LinearLaw law = model_of(pulse_answers(ask, inputs, window, torque), torque);
-  const MatrixXd given = probe(inputs, ticks);
-  const MatrixXd at_rest = ask(0 * given);
-  const auto answer = [&](const MatrixXd& deviations) -> MatrixXd {
-    return ask(deviations) - at_rest;
-  };
-  const MatrixXd once = answer(factor * given);
-  const double noise = rounding * (largest(at_rest) + largest(once));
-  if (disagreement(once, factor * foretell(law, given), noise) < agreement) return law;
+MatrixXd at_once(const Ask& ask, Index inputs) { return pulse_answers(ask, inputs, 1)[0]; }
 
+LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
+  const std::vector<MatrixXd> pulses = pulse_answers(ask, inputs, window);
+  const MatrixXd given = probe(inputs, ticks), large = factor * given, at_rest = ask(0 * given);
+  const MatrixXd plus = ask(large), minus = ask(-large), once = (plus - minus) / 2;
+  const LinearLaw law = model_of(pulses, rounding_of(pulses, large, once));
+  const double noise = rounding * (largest(at_rest) + largest(once));
   const auto refuse_unless = [&](const char* what, const MatrixXd& is, const MatrixXd& expected) {
     const double by = disagreement(is, expected, 2 * static_cast<double>(inputs) * noise);
     if (by < agreement) return;
@@ -152,15 +184,22 @@ LinearLaw realised(const Ask& ask, Index inputs, Index window, Index ticks) {
         "its answers do not superpose: {}, by {:.2g} of it; a limit, dead band or sign in it?",
         what, by));
   };
+  const MatrixXd even = (plus + minus) / 2 - at_rest;
+  if (disagreement(once + even, once, noise) >= agreement) {
+    // What is smooth in it is quadratic, and a hundredth at a tenth; the rest is as |x|.
+    const MatrixXd less = (ask(given) + ask(-given)) / 2 - at_rest;
+    const double square = factor * factor;
+    refuse_unless("that to -1e-05 is not the opposite of that to 1e-05",
+                  once + (square * less - even) / (factor - 1), once);
+  }
+  if (disagreement(once, factor * foretell(law, given), noise) < agreement) return law;
   refuse_unless("that to deviations of 1e-05 is not 10 times that to 1e-06", once,
-                factor * answer(given));
-  refuse_unless("that to -1e-05 is not the opposite of that to 1e-05", answer(-factor * given),
-                -once);
+                factor * odd_part(ask, given));
   MatrixXd sum = 0 * once;
   for (Index j = 0; j < inputs; ++j) {
     MatrixXd alone = 0 * given;
-    alone.row(j) = factor * given.row(j);
-    sum += answer(alone);
+    alone.row(j) = large.row(j);
+    sum += odd_part(ask, alone);
   }
   refuse_unless("that to all inputs is not the sum of those to each", once, sum);
   throw NoLinearModel(

@@ -27,12 +27,17 @@ inline constexpr Eigen::Index foretold = 1200;
 
 /// The law's state-space model without its measured parts: of the answers to a pulse in each input
 /// by a singular value decomposition of their Hankel matrix (Ho and Kalman 1966; Juang and Pappa,
-/// "An eigensystem realization algorithm", J. Guidance 8(5), 1985), of the order that rounding lets
-/// through. What is small enough to be linear: 1e-6 rad; answers to ten times that, to random
-/// pulses in all inputs at once and then to a step, have to be as the model foretells, to 1e-4.
+/// "An eigensystem realization algorithm", J. Guidance 8(5), 1985), of the order that the rounding
+/// in each joint lets through. What is small enough to be linear: 1e-6 rad. It is made of what is
+/// odd in the deviations; of answers to ten times that, to random pulses in all inputs at once and
+/// then to a step, what is odd has to be as the model foretells, to 1e-4, and of what is even no
+/// more than that may be proportional to them: the rest is quadratic, as that of gravity.
 /// @param window one of `windows`  @param ticks for which it foretells
 /// @throw NoLinearModel when its answers do not superpose, or are of no system of so few states
 LinearLaw realised(const Ask& ask, Eigen::Index inputs, Eigen::Index window, Eigen::Index ticks);
+
+/// Torque per deviation in its tick [joints x inputs]: D of that model.
+Eigen::MatrixXd at_once(const Ask& ask, Eigen::Index inputs);
 
 /// The first of `windows` with which `realised` foretells `foretold` ticks.
 /// @throw NoLinearModel as there, and when the law does not answer the same twice

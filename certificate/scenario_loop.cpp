@@ -201,6 +201,7 @@ robot::Model plant_of(const experiment::Scenario& scenario) {
 struct ScenarioLoop::AskedLaw {
   LawAnswers answers;
   std::string measurement;  ///< suffix
+  double own_period_s = 0;  ///< the scenario's: the compensation of gravity at others is not used
   Index window = 0;
   std::map<std::vector<double>, LinearLaw> known;
   std::map<double, Index> orders;  ///< of the models at a period
@@ -227,19 +228,20 @@ struct ScenarioLoop::AskedLaw {
       if (state[i].size() > 0) measured.push_back(static_cast<Part>(i));
     }
     const VectorXd nominal = packed(parts(at_rest));
+    bool weightless = false;
     const Ask ask = [&](const MatrixXd& deviations) {
       std::vector<loop::AnyMeasurement> all(static_cast<std::size_t>(deviations.cols()), at_rest);
       for (Index k = 0; k < deviations.cols(); ++k) {
         unpack(nominal + deviations.col(k), parts(all[static_cast<std::size_t>(k)]));
       }
-      const std::vector<Vector> torques = answers(period_s, all, reference);
+      const std::vector<Vector> torques = answers(period_s, weightless, all, reference);
       MatrixXd result(torques[0].size(), deviations.cols());
       for (Index k = 0; k < result.cols(); ++k)
         result.col(k) = torques[static_cast<std::size_t>(k)];
       return result;
     };
     if (window == 0) window = window_of(ask, nominal.size());
-    LinearLaw law = realised(ask, nominal.size(), window, 4 * window);
+    LinearLaw law = realised(ask, nominal.size(), window, 2 * window);
     const Index states = orders.try_emplace(period_s, law.A.rows()).first->second;
     if (states != law.A.rows()) {
       throw NoLinearModel(
@@ -247,6 +249,8 @@ struct ScenarioLoop::AskedLaw {
     }
     law.measured = measured;
     law.compensation = MatrixXd::Zero(law.D.rows(), law.D.cols());
+    weightless = period_s == own_period_s && reference.v_ref.isZero(0);
+    if (weightless) law.compensation = law.D - at_once(ask, nominal.size());
     return known[key] = law;
   }
 };
@@ -260,6 +264,7 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario, const LawAnswer
     asked_ = std::make_shared<AskedLaw>();
     asked_->answers = answers;
     asked_->measurement = scenario.controller.measurement;
+    asked_->own_period_s = scenario.loop.period_s;
   } else {
     controller::scenario_law(scenario);  // refuses what it cannot work with
   }

@@ -32,9 +32,11 @@ struct SteppedLaw {
 };
 
 /// The torques that a law of another program answers to measurements, tick by tick from the first
-/// of a run at that period on, its reference held. From any thread.
+/// of a run at that period on, its reference held, in the scenario's gravity or next to none. From
+/// one thread at a time.
 using LawAnswers = std::function<std::vector<robot::Vector>(
-    double period_s, std::span<const loop::AnyMeasurement>, const loop::ReferencePoint&)>;
+    double period_s, bool weightless, std::span<const loop::AnyMeasurement>,
+    const loop::ReferencePoint&)>;
 
 class ScenarioLoop {
  public:
@@ -44,8 +46,8 @@ class ScenarioLoop {
   explicit ScenarioLoop(const experiment::Scenario& scenario, const LawAnswers& answers = {});
 
   /// The loop about a point of a motion, at any period. Precondition of this and of what follows:
-  /// `controller::LawFacts::no_linearisation` is empty, or there are answers: then no part of the
-  /// law is known to compensate gravity, and `settings` are not the law's.
+  /// `controller::LawFacts::no_linearisation` is empty, or there are answers: then `settings` are
+  /// not the law's.
   [[nodiscard]] SampledLoop at(const loop::ReferencePoint& reference) const {
     return at(reference, settings_);
   }

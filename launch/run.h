@@ -64,6 +64,11 @@ std::string measurement_wanted(const RunOptions& options);
 /// The law that a scenario is run under: its own, or that of `law_program` if there is one.
 controller::MakeLaw make_law(const std::string& law_program);
 
+/// What the law of `law_program` answers, for the analysis of the sampled loop: it is started here,
+/// ends with the last copy, and what its law calls itself becomes `scenario.controller.announced`.
+/// Empty when there is no such program. @throw diagnostics::Failure as controller::LawProgram
+certificate::LawAnswers law_answers(experiment::Scenario& scenario, const std::string& law_program);
+
 /// A line printed before the run starts.
 struct Remark {
   bool warns = false;

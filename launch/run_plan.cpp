@@ -6,6 +6,8 @@
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 #include <system_error>
 #include <utility>
@@ -114,10 +116,8 @@ std::string friction_text(const experiment::Scenario& scenario) {
 
 /// A real robot goes without commands for no longer than its loop is proved to bear, and than any.
 void bound_missed(PlannedRun& run) {
-  const experiment::Scenario& scenario = run.scenario;
-  if (run.options.plant_program.empty() || scenario.gives("loop.max_missed")) return;
-  const auto missed = certificate::analyse(scenario, certificate::Effort::full).missed;
-  if (!missed || missed->commands >= scenario.loop.max_missed) return;
+  const auto& missed = run.predicted.missed;
+  if (!missed || missed->commands >= run.scenario.loop.max_missed) return;
   run.options.overrides.push_back(fmt::format("loop.max_missed={}", missed->commands));
   run.scenario = experiment::load_scenario(run.options.scenario, run.options.all_overrides());
   run.remarks.push_back({false, fmt::format("loop.max_missed is {}, as many commands in a row as "
@@ -128,8 +128,25 @@ void bound_missed(PlannedRun& run) {
 void judge(PlannedRun& run) {
   const RunOptions& options = run.options;
   const experiment::Scenario& scenario = run.scenario;
-  const certificate::Prediction& loop = run.predicted =
-      certificate::analyse(scenario, certificate::Effort::quick);
+  const bool bounds_missed = !options.plant_program.empty() && !scenario.gives("loop.max_missed");
+  Screen screen(options.quiet);
+  auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(3);
+  certificate::LawAnswers answers = law_answers(run.scenario, options.law_program);
+  if (answers) {
+    answers = [&, ask = answers](double period_s, bool weightless, auto measurements,
+                                 const auto& reference) {
+      if (std::chrono::steady_clock::now() > patience) {
+        screen.show(options.named("the law is asked for its linear model"));
+        patience = std::chrono::steady_clock::time_point::max();
+      }
+      return ask(period_s, weightless, measurements, reference);
+    };
+  }
+  const certificate::Prediction& loop = run.predicted = certificate::analyse(
+      scenario, bounds_missed ? certificate::Effort::full : certificate::Effort::quick,
+      certificate::no_progress, answers);
+  answers = {};  // ends the program
+  screen.clear();
   const bool unstable = loop.unknown.empty() && !loop.stable;
   if (unstable && !options.force) {
     throw diagnostics::bad_usage(certificate::refusal(loop, options.scenario.string()));
@@ -137,7 +154,7 @@ void judge(PlannedRun& run) {
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
   std::vector<Remark>& remarks = run.remarks;
   remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
-  bound_missed(run);
+  if (bounds_missed) bound_missed(run);
   if (const std::string held = certificate::friction_text(loop); !held.empty()) {
     remarks.push_back({false, held});
   }
@@ -187,6 +204,26 @@ controller::MakeLaw make_law(const std::string& law_program) {
   if (law_program.empty()) return controller::scenario_law;
   return [law_program](const experiment::Scenario& scenario) {
     return controller::external_law(scenario, law_program);
+  };
+}
+
+certificate::LawAnswers law_answers(experiment::Scenario& scenario,
+                                    const std::string& law_program) {
+  using controller::LawProgram;
+  if (law_program.empty()) return {};
+  const auto program = std::make_shared<LawProgram>(scenario, law_program);
+  scenario.controller.announced = program->law();
+  // Next to none: an arm that adds gravity itself is refused without any.
+  const auto weightless = std::make_shared<std::optional<LawProgram>>();
+  return [=](double period_s, bool without, auto measurements, const auto& reference) {
+    if (!without) return program->answers(period_s, measurements, reference);
+    if (!*weightless) {
+      weightless->emplace(
+          experiment::parse_scenario(scenario.text, scenario.robot.urdf_text, scenario.source,
+                                     {"robot.gravity_m_per_s2=1e-9"}),
+          law_program);
+    }
+    return (*weightless)->answers(period_s, measurements, reference);
   };
 }
 

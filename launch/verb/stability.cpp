@@ -6,10 +6,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <functional>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -17,7 +15,6 @@
 
 #include "certificate/certify.h"
 #include "certificate/witness.h"
-#include "controller/law_socket.h"
 #include "controller/registry.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/logging.h"
@@ -101,13 +98,7 @@ struct Certify {
     experiment::Scenario scenario = experiment::load_scenario(input, options.all_overrides());
     warn(scenario);
     write_witness(scenario);
-    std::optional<controller::LawProgram> program;
-    certificate::LawAnswers answers;
-    if (!law_program.empty()) {
-      program.emplace(scenario, law_program);
-      scenario.controller.announced = program->law();
-      answers = std::bind_front(&controller::LawProgram::answers, &*program);
-    }
+    const certificate::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
     const certificate::Certificate result = certificate::certify(
         scenario, paper,

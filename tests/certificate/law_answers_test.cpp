@@ -93,6 +93,18 @@ TEST(LawAnswers, NeedNoMemory) {
   EXPECT_LT((model.D - law.D).cwiseAbs().maxCoeff(), 1e-6);
 }
 
+/// As gravity is, beside small gains.
+TEST(LawAnswers, MayBeCurved) {
+  LinearLaw law = filtered();
+  for (MatrixXd* rows : {&law.C, &law.D}) rows->row(1) *= 1e-2;
+  const LinearLaw model =
+      found(asked(law, [](const VectorXd& tau, Index, const VectorXd& e) -> VectorXd {
+        return tau + VectorXd{{60, 10}} * e.squaredNorm();
+      }));
+  EXPECT_EQ(model.A.rows(), 4);
+  EXPECT_LT(std::abs((model.D - law.D)(1, 1)), 1e-6);
+}
+
 /// The mean of the last so many measurements.
 Ask mean_of(Index ticks) {
   return [ticks](const MatrixXd& deviations) {

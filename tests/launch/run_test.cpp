@@ -363,8 +363,13 @@ TEST_F(Run, StartedAtTheSameTimeAsAnotherIsRefusedNamingIsolateToo) {
 }
 
 TEST_F(Run, ThatDoesNotBeginLeavesNothing) {
-  // A controller that never answers: the run cannot begin before the plant is killed.
-  start({"--duration", "0.01", "--quiet", "--controller", "sh -c 'exec sleep 1000' sh"});
+  // A controller that answers before the run and not in it, which cannot begin before the plant is
+  // killed.
+  start({"--duration", "0.01", "--quiet", "--controller",
+         "sh -c 'case \"$*\" in *--serve*) exec " +
+             (fs::read_symlink("/proc/self/exe").parent_path() / "../../bin").string() +
+             "/tachless-own-law \"$@\";; esac; "
+             "exec sleep 1000' sh"});
   wait_until("the plant to start", [&] { return child("tachless-plant") > 0; });
   kill_process("plant");
   EXPECT_EQ(finish(), 3) << errors();

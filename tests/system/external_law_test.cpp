@@ -144,6 +144,25 @@ TEST_F(ExternalLaw, IsCertifiedByItsAnswers) {
   EXPECT_THAT(errors_, HasSubstr("ended at tick 99 with exit code 137"));
 }
 
+/// As that of a law in the library; a law that is not linear runs without one.
+TEST_F(ExternalLaw, IsPredictedBeforeItRuns) {
+  record();
+  EXPECT_THAT(errors_, HasSubstr("stable at 20 kHz with 0 ticks of delay: limit 101.9 µs"));
+  const auto summary = nlohmann::json::parse(contents(directory_ / "own/summary.json"));
+  EXPECT_EQ(summary["predicted"]["stable"], true);
+  const Words unstable = run("no", {"--set", "loop.period_s=0.0002"});
+  EXPECT_EQ(tachless(with_program(unstable)), 2);
+  EXPECT_THAT(errors_, HasSubstr("type --set loop.period_s=5e-05 or --force to run it as it is"));
+  EXPECT_FALSE(fs::exists(directory_ / "no"));
+  setenv("OWN_LAW", "coarse", 1);
+  EXPECT_EQ(tachless(with_program(run("coarse", {"--any-outcome"}))), 0) << errors_;
+  EXPECT_THAT(errors_, HasSubstr("no prediction: the law cannot be linearised (its answers do not "
+                                 "superpose"));
+  setenv("OWN_LAW", "exit", 1);
+  EXPECT_EQ(tachless(with_program(run("no"))), 3);
+  EXPECT_THAT(errors_, HasSubstr("ended at tick 99 with exit code 7"));
+}
+
 TEST_F(ExternalLaw, TellsHowTheProgramEnded) {
   record();
   EXPECT_EQ(replay_misbehaving("exit"), 3);
@@ -192,7 +211,7 @@ TEST_F(ExternalLaw, StopsTheRunByATorqueThatIsNotFinite) {
 
 TEST_F(ExternalLaw, HasToTakePart) {
   EXPECT_EQ(tachless(run("no", {"--controller", "true"})), 3);
-  EXPECT_THAT(errors_, HasSubstr("--controller 'true': ended without having taken part"));
+  EXPECT_THAT(errors_, HasSubstr("--controller 'true': ended at the start with exit code 0"));
   EXPECT_EQ(tachless(run("no", {"--in-process", "--controller", "true"})), 3);
   EXPECT_THAT(errors_, HasSubstr("ended at the start with exit code 0"));
   EXPECT_EQ(tachless(run("no", {"--controller", "no-such-program"})), 3);

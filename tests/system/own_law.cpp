@@ -46,6 +46,7 @@ class OwnLaw : public controller::law::LoriaOrtegaRigid {
       close(2);
       pause();
     }
+    if (how == "coarse") tau[0] = std::round(tau[0]);
     if (how == "other") tau[0] += 1e-9;
   }
   mutable int steps_ = 0;
