@@ -229,9 +229,12 @@ void examine(Prediction& result, const experiment::Scenario& scenario, Effort ef
   find_settling(result, scenario_loop, loops, slowest);
 
   tell("sampled loop: along the reference");
-  const bool ends = !scenario_loop.motion().repeats;
-  result.radius = scenario_loop.moves() ? radius_over_motion(scenario_loop) : 0;
-  if (ends) result.radius = std::max(result.radius, radius.back());
+  if (answers) {  // whose states at two postures need not be the same: at rest
+    result.radius = radius[slowest];
+  } else {
+    result.radius = scenario_loop.moves() ? radius_over_motion(scenario_loop) : 0;
+    if (!scenario_loop.motion().repeats) result.radius = std::max(result.radius, radius.back());
+  }
   result.stable = result.radius < 1;
 
   result.gain_Nm_per_rad = own_gain(loops[0].law(h));

@@ -40,7 +40,8 @@ struct Prediction {
   /// eigenvalues at frozen postures are neither necessary nor sufficient for a moving reference.
   bool stable = false;
   /// Per period: the root of the spectral radius of the product of the one-period maps over the
-  /// motion, or where it is larger the radius at rest at its end.
+  /// motion, or where it is larger the radius at rest at its end; of a law known by its answers
+  /// the largest at rest at the postures of the reference.
   double radius = 0;
   robot::Vector unstable_q;  ///< a posture of the reference that is unstable at rest; empty: none
   /// The largest stable period at rest, the least over the postures; nothing: unstable at any.

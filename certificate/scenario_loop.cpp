@@ -261,6 +261,9 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario, const LawAnswer
       trajectory_(reference::make_trajectory(scenario)),
       motion_(motion_of(scenario, trajectory_)) {
   if (answers) {
+    if (scenario.robot.flexible) {
+      throw NoLinearModel("on flexible joints no model is made of a law's answers");
+    }
     asked_ = std::make_shared<AskedLaw>();
     asked_->answers = answers;
     asked_->measurement = scenario.controller.measurement;

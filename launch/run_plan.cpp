@@ -48,11 +48,6 @@ void require_fitting_mode(const RunOptions& options, const experiment::Scenario&
         "type --mode lockstep, or leave --in-process out",
         scenario.source);
   }
-  if (!options.plant_program.empty() && lockstep) {
-    throw diagnostics::bad_usage(
-        "{}: --plant: loop.mode is lockstep, and a real robot does not wait; type --mode realtime",
-        scenario.source);
-  }
   if (options.plant_program.empty() && scenario.plant.dry_run) {
     throw scenario.complaint("plant.dry_run",
                              "true, but the robot is emulated; allowed: with --plant PROGRAM");
@@ -128,7 +123,9 @@ void bound_missed(PlannedRun& run) {
 void judge(PlannedRun& run) {
   const RunOptions& options = run.options;
   const experiment::Scenario& scenario = run.scenario;
-  const bool bounds_missed = !options.plant_program.empty() && !scenario.gives("loop.max_missed");
+  const bool bounds_missed = !options.plant_program.empty() &&
+                             scenario.loop.mode == experiment::Mode::realtime &&
+                             !scenario.gives("loop.max_missed");
   Screen screen(options.quiet);
   auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(3);
   certificate::LawAnswers answers = law_answers(run.scenario, options.law_program);
@@ -153,7 +150,8 @@ void judge(PlannedRun& run) {
   }
   const certificate::Feasibility feasibility = certificate::feasibility(scenario);
   std::vector<Remark>& remarks = run.remarks;
-  remarks = {{unstable || loop.unstable_q.size() > 0, certificate::text(loop)}};
+  const bool accepted = options.force && options.quiet;
+  remarks = {{!accepted && (unstable || loop.unstable_q.size() > 0), certificate::text(loop)}};
   if (bounds_missed) bound_missed(run);
   if (const std::string held = certificate::friction_text(loop); !held.empty()) {
     remarks.push_back({false, held});

@@ -37,8 +37,8 @@ struct Run : RunOptions {
                        "The controller is this program, as typed in a shell: 'python3 law.py'; its "
                        "law is fed with what the scenario's would be");
     command.add_option("--plant", plant_program,
-                       "The plant is this program, as typed in a shell: a robot's driver; realtime "
-                       "only");
+                       "The plant is this program, as typed in a shell: a robot's driver, or in "
+                       "lockstep a simulator");
     auto* driver = command.get_option("--plant");
     command
         .add_flag("--dry-run", dry_run,

@@ -218,8 +218,25 @@ TEST_F(ExternalLaw, HasToTakePart) {
   EXPECT_THAT(errors_, HasSubstr("no-such-program: not found"));
   EXPECT_EQ(tachless(run("no", {"--plant", "true", "--mode", "realtime"})), 3);
   EXPECT_THAT(errors_, HasSubstr("--plant 'true': ended without having taken part"));
-  EXPECT_EQ(tachless(run("no", {"--plant", "true"})), 2);
-  EXPECT_THAT(errors_, HasSubstr("--plant: loop.mode is lockstep, and a real robot does not wait"));
+}
+
+/// A simulator may wait, as the emulator does: here it is that one.
+TEST(ExternalPlant, LeavesTheLogOfTheEmulatorInLockstep) {
+  const TemporaryDirectory directory;
+  const auto log_of = [&](const char* name, const Words& more) {
+    Words words = {"run",           scenarios + "practical_rigid.yaml",
+                   "--duration",    "0.1",
+                   "--run-id",      "7",
+                   "--quiet",       "--out",
+                   directory / name};
+    words.insert(words.end(), more.begin(), more.end());
+    Program program("tachless", words, directory.path());
+    EXPECT_EQ(program.wait(), 0) << program.errors();
+    return contents(directory / (std::string(name) + "/lcmlog"));
+  };
+  const std::string emulated = log_of("emulated", {});
+  EXPECT_TRUE(emulated ==
+              log_of("external", {"--plant", TACHLESS_BINARY_DIR "/bin/tachless-plant"}));
 }
 
 }  // namespace
