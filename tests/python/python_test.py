@@ -202,13 +202,13 @@ class Controllers(Folder):
     def test_it_hears_positions_and_nothing_else(self):
         law = self.script("def deaf(k, t, m, r):\n    assert m.v is m.theta is m.thetadot is None\n    return 0 * m.q\n"
                           "tachless.run_controller(deaf)\n")
-        self.run_paper(law)
+        self.run_paper(law, "--force")
 
     def test_its_memory_begins_anew_with_reset(self):
         law = self.script("class Law:\n    def reset(self): self.n = 0\n"
                           "    def __call__(self, k, t, m, r):\n        self.n += 1\n        return m.q * 0 + 1e-6 * self.n\n"
                           "tachless.run_controller(Law())\n")
-        self.run_paper(law, "--any-outcome")
+        self.run_paper(law, "--any-outcome", "--force")
         run = tachless.read(self.folder / "run")
         self.assertEqual(run.law, "Law (external)")
         np.testing.assert_array_equal(run["tau"][:, 0], 1e-6 * np.arange(1, 2001))

