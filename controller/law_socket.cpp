@@ -307,33 +307,39 @@ std::vector<robot::Vector> LawProgram::answers(double period_s,
                                                const loop::ReferencePoint& reference) {
   constexpr std::size_t under_way = 16;  // ticks; far from what sockets hold
   const std::lock_guard lock(mutex_);
-  if (period_s != scenario_.loop.period_s) {
-    scenario_ =
-        experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
-                                   {fmt::format("loop.period_s={:.17g}", period_s),
-                                    fmt::format("loop.duration_s={:.17g}", 10 * period_s)});
-    scenario_.loop.period_s = period_s;
-    info_ = program_->begin(scenario_);
-  }
-  const auto limit = duration_of(scenario_.loop.give_up_s);
-  const auto signals = loop::parse_signals(info_.signals).value();
-  Codecs codecs(info_.measurement,
-                loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
-                             static_cast<int>(signals.size())));
-  std::vector<robot::Vector> torques;
-  for (std::size_t sent = 0; torques.size() < measurements.size();) {
-    for (; sent < std::min(torques.size() + under_way, measurements.size()); ++sent) {
-      program_->ask(codecs, static_cast<std::int64_t>(sent), period_s, measurements[sent],
-                    reference);
+  if (failure_) std::rethrow_exception(failure_);
+  try {
+    if (period_s != scenario_.loop.period_s) {
+      scenario_ =
+          experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
+                                     {fmt::format("loop.period_s={:.17g}", period_s),
+                                      fmt::format("loop.duration_s={:.17g}", 10 * period_s)});
+      scenario_.loop.period_s = period_s;
+      info_ = program_->begin(scenario_);
     }
-    while (torques.size() < sent) {
-      loop::TorqueCommand command;
-      loop::LawSignals state;
-      program_->take(codecs, static_cast<std::int64_t>(torques.size()), limit, command, state);
-      torques.push_back(command.tau);
+    const auto limit = duration_of(scenario_.loop.give_up_s);
+    const auto signals = loop::parse_signals(info_.signals).value();
+    Codecs codecs(info_.measurement,
+                  loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
+                               static_cast<int>(signals.size())));
+    std::vector<robot::Vector> torques;
+    for (std::size_t sent = 0; torques.size() < measurements.size();) {
+      for (; sent < std::min(torques.size() + under_way, measurements.size()); ++sent) {
+        program_->ask(codecs, static_cast<std::int64_t>(sent), period_s, measurements[sent],
+                      reference);
+      }
+      while (torques.size() < sent) {
+        loop::TorqueCommand command;
+        loop::LawSignals state;
+        program_->take(codecs, static_cast<std::int64_t>(torques.size()), limit, command, state);
+        torques.push_back(command.tau);
+      }
     }
+    return torques;
+  } catch (...) {
+    failure_ = std::current_exception();
+    throw;
   }
-  return torques;
 }
 
 std::vector<std::string> shell_command(const std::string& command,

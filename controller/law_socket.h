@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -70,7 +71,8 @@ class LawProgram {
   [[nodiscard]] const std::string& law() const { return info_.law; }
 
   /// Its torques [N m] for these measurements, tick by tick from 0 of a run at that period that
-  /// begins here, the reference held. @throw diagnostics::Failure as a step of `external_law`
+  /// begins here, the reference held. @throw diagnostics::Failure as a step of `external_law`; from
+  /// then on the same at each call, for answers may be under way that nobody has taken
   std::vector<robot::Vector> answers(double period_s,
                                      std::span<const loop::AnyMeasurement> measurements,
                                      const loop::ReferencePoint& reference);
@@ -80,6 +82,7 @@ class LawProgram {
   std::shared_ptr<Program> program_;
   loop::LawInfo info_;
   std::mutex mutex_;
+  std::exception_ptr failure_;
 };
 
 /// What starts `command` with further arguments in a shell.

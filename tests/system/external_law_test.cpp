@@ -13,7 +13,10 @@
 #include <thread>
 #include <vector>
 
+#include "controller/law_socket.h"
+#include "diagnostics/failure.h"
 #include "logger/run_log.h"
+#include "reference/make_trajectory.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
 #include "tests/support/program.h"
@@ -207,6 +210,23 @@ TEST_F(ExternalLaw, StopsTheRunByATorqueThatIsNotFinite) {
   setenv("OWN_LAW", "nan message", 1);
   EXPECT_EQ(tachless(with_program(run("no", {"--in-process"}))), 5);
   EXPECT_THAT(errors_, HasSubstr("what it computed at tick 0 is not finite"));
+}
+
+/// Answers to what was asked before are still under way then.
+TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
+  setenv("OWN_LAW", "nan message", 1);
+  const experiment::Scenario scenario =
+      experiment::load_scenario(scenarios + "paper_rigid.yaml",
+                                {"controller.law=external", "controller.measurement=POSITION"});
+  const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
+  const std::vector<loop::AnyMeasurement> measured(20, loop::PositionMeasurement{reference.q_ref});
+  controller::LawProgram law(scenario, program());
+  for (int time = 0; time < 3; ++time) {
+    EXPECT_THAT([&] { law.answers(scenario.loop.period_s, measured, reference); },
+                ::testing::ThrowsMessage<diagnostics::Failure>(
+                    HasSubstr("what it computed at tick 0 is not finite")))
+        << time;
+  }
 }
 
 TEST_F(ExternalLaw, HasToTakePart) {
