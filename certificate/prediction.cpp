@@ -277,13 +277,11 @@ Prediction analyse(const experiment::Scenario& scenario, Effort effort, const On
     result.unknown = controller::law_facts(scenario.controller.law).no_linearisation;
     if (!result.unknown.empty()) return result;
   }
+  const Prediction begun = result;
   try {
     examine(result, scenario, effort, tell, answers);
   } catch (const NoLinearModel& why) {
-    const Prediction begun = result;
-    result = {};
-    result.settings = begun.settings;
-    result.not_counted = begun.not_counted;
+    result = begun;
     result.unknown = why.what();
   }
   return result;

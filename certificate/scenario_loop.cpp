@@ -249,7 +249,7 @@ struct ScenarioLoop::AskedLaw {
     }
     law.measured = measured;
     law.compensation = MatrixXd::Zero(law.D.rows(), law.D.cols());
-    weightless = period_s == own_period_s && reference.v_ref.isZero(0);
+    weightless = period_s == own_period_s;
     if (weightless) law.compensation = law.D - at_once(ask, nominal.size());
     return known[key] = law;
   }
@@ -322,8 +322,7 @@ MatrixXd ScenarioLoop::map_at(double t_s) const {
   const ReferencePoint at_tick = trajectory_.at(t_s);
   const double h = settings_.period_s;
   const auto state = state_on(at_tick, model_, *scenario_);
-  const LinearLaw law =
-      asked_ ? asked_->at(h, at_tick, state) : linear_law(*scenario_, at_tick, state);
+  const LinearLaw law = linear_law(*scenario_, at_tick, state);
   return cut(plant(trajectory_.at(t_s + h / 2)), law, h, settings_.command_delay).closed();
 }
 

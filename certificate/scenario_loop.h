@@ -64,7 +64,7 @@ class ScenarioLoop {
   [[nodiscard]] SteppedLaw stepped(const loop::ReferencePoint& reference) const;
 
   /// The map of one period of the scenario from time t [s] on: the law at t, the plant half a
-  /// period later.
+  /// period later. Precondition: no answers, whose states at two times need not be the same.
   [[nodiscard]] Eigen::MatrixXd map_at(double t_s) const;
 
   /// When the reference moves [s]: one period of a sinusoid, otherwise from its first motion to its

@@ -127,21 +127,14 @@ void judge(PlannedRun& run) {
                              scenario.loop.mode == experiment::Mode::realtime &&
                              !scenario.gives("loop.max_missed");
   Screen screen(options.quiet);
-  auto patience = std::chrono::steady_clock::now() + std::chrono::seconds(3);
   certificate::LawAnswers answers = law_answers(run.scenario, options.law_program);
-  if (answers) {
-    answers = [&, ask = answers](double period_s, bool weightless, auto measurements,
-                                 const auto& reference) {
-      if (std::chrono::steady_clock::now() > patience) {
-        screen.show(options.named("the law is asked for its linear model"));
-        patience = std::chrono::steady_clock::time_point::max();
-      }
-      return ask(period_s, weightless, measurements, reference);
-    };
-  }
+  const bool takes_time = answers || bounds_missed;
   const certificate::Prediction& loop = run.predicted = certificate::analyse(
       scenario, bounds_missed ? certificate::Effort::full : certificate::Effort::quick,
-      certificate::no_progress, answers);
+      [&](std::string_view what) {
+        if (takes_time) screen.show(options.named(what));
+      },
+      answers);
   answers = {};  // ends the program
   screen.clear();
   const bool unstable = loop.unknown.empty() && !loop.stable;
