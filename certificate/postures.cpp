@@ -107,9 +107,9 @@ bool in_range(const robot::Model& model, const Eigen::VectorXd& q) {
 
 /// The smallest f, which has these values at the postures `q`; from the best `starts` of them it
 /// is refined locally in at most so many evaluations, 0: not at all.
-Extreme smallest_of(const robot::Model& model, const std::function<double(const Vector&)>& f,
-                    const std::vector<Vector>& q, const std::vector<double>& value,
-                    std::size_t starts, int max_evaluations) {
+Extreme smallest_of(const std::function<bool(const Vector&)>& allowed,
+                    const std::function<double(const Vector&)>& f, const std::vector<Vector>& q,
+                    const std::vector<double>& value, std::size_t starts, int max_evaluations) {
   std::vector<std::size_t> order(q.size());
   std::iota(order.begin(), order.end(), 0);
   starts = std::min(starts, q.size());
@@ -118,7 +118,7 @@ Extreme smallest_of(const robot::Model& model, const std::function<double(const 
   if (max_evaluations == 0) return {value[order[0]], q[order[0]]};
   const std::vector<Minimum> refined = process::parallel_map(starts, [&](std::size_t i) {
     const auto objective = [&](const Eigen::VectorXd& x) {
-      return in_range(model, x) ? f(x) : std::numeric_limits<double>::infinity();
+      return allowed(x) ? f(x) : std::numeric_limits<double>::infinity();
     };
     return minimise(objective, q[order[i]], 0.2, max_evaluations);
   });
@@ -222,8 +222,8 @@ Extreme largest(const robot::Model& model, const std::function<double(const Vect
     q[i] = spread_posture(model, static_cast<int>(i));
     return -f(q[i]);
   });
-  Extreme best = smallest_of(
-      model, [&](const Vector& x) { return -f(x); }, q, value, 6, 1000);
+  Extreme best = smallest_of([&](const Vector& x) { return in_range(model, x); },
+                             [&](const Vector& x) { return -f(x); }, q, value, 6, 1000);
   for (int i = 0; i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == JointType::revolute) {
       best.q[i] = std::remainder(best.q[i], 2 * std::numbers::pi);
@@ -232,7 +232,8 @@ Extreme largest(const robot::Model& model, const std::function<double(const Vect
   return {-best.value, best.q};
 }
 
-Postures::Postures(robot::Model of, const PostureOptions& options) : model(std::move(of)) {
+Postures::Postures(robot::Model of, const PostureOptions& options)
+    : model(std::move(of)), centres(options.centres), reach(options.reach) {
   const bool hang = all_hang_on_first_joint(model);
   const int denominator = multiplier_denominator(model);
   if (hang && model.num_joints == 1) {
@@ -251,7 +252,18 @@ Postures::Postures(robot::Model of, const PostureOptions& options) : model(std::
     chord_factor = proved ? step * step / 8 : 0;
     for (int k = 0; k < num_points; ++k) q.push_back(second_joint_at(step * k));
   } else {
-    for (int k = 0; k < options.samples; ++k) q.push_back(spread_posture(model, k));
+    for (int k = 0; k < options.samples; ++k) {
+      Vector posture = spread_posture(model, k);
+      if (!centres.empty()) {
+        const double share = std::fmod(k / std::numbers::phi, 1);
+        const Vector& centre = centres[static_cast<std::size_t>(share * centres.size())];
+        for (int i = 0; i < model.num_joints; ++i) {
+          const auto [low, high] = range_of(model, i);
+          posture[i] = centre[i] + reach[i] * (2 * posture[i] - low - high) / (high - low);
+        }
+      }
+      q.push_back(std::move(posture));
+    }
   }
   inertia = process::parallel_map(q.size(), [&](std::size_t i) { return inertia_at(model, q[i]); });
 }
@@ -261,12 +273,19 @@ void Postures::add(const Vector& posture) {
   inertia.push_back(inertia_at(model, posture));
 }
 
+bool Postures::contains(const Vector& posture) const {
+  if (centres.empty()) return in_range(model, posture);
+  return std::ranges::any_of(centres, [&](const Vector& centre) {
+    return ((posture - centre).array().abs() <= reach.array()).all();
+  });
+}
+
 Extreme Postures::smallest(const std::function<double(const Inertia&)>& f, bool refine) const {
   const std::vector<double> value =
       process::parallel_map(q.size(), [&](std::size_t i) { return f(inertia[i]); });
-  return smallest_of(
-      model, [&](const Vector& at) { return f(inertia_at(model, at)); }, q, value, 3,
-      refine && kind == Kind::sampled ? 300 : 0);
+  return smallest_of([&](const Vector& at) { return contains(at); },
+                     [&](const Vector& at) { return f(inertia_at(model, at)); }, q, value, 3,
+                     refine && kind == Kind::sampled ? 300 : 0);
 }
 
 }  // namespace tachless::certificate

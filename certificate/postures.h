@@ -45,6 +45,9 @@ struct PostureOptions {
   /// sampling.
   bool bound_between = true;
   int samples = 2048;  ///< postures of other robots
+  /// Of other robots only those within `reach` [rad; m] of one of these; empty: all.
+  std::vector<robot::Vector> centres = {};
+  robot::Vector reach = {};
 };
 
 /// A set of postures that stands for all of them. Gravity is not in it: the law cancels it.
@@ -54,7 +57,8 @@ struct PostureOptions {
 /// polynomials of low degree; they are taken on a grid, and between two grid points they are
 /// within step^2/8 sup|d2/dq2^2| of the chord, which their harmonics bound. Otherwise a
 /// low-discrepancy sequence over the full circle of each revolute joint (errors are not wrapped
-/// and the level set does not end at a joint limit) and over the range of each prismatic one.
+/// and the level set does not end at a joint limit) and over the range of each prismatic one; or
+/// over the boxes around `centres`.
 struct Postures {
   enum class Kind { point, circle, sampled };
   struct Harmonic {
@@ -64,6 +68,9 @@ struct Postures {
 
   explicit Postures(robot::Model of, const PostureOptions& options = {});
 
+  /// Whether it is one of those that the set stands for.
+  [[nodiscard]] bool contains(const robot::Vector& posture) const;
+
   /// One more posture, for a search to respect; nothing is proved of it.
   void add(const robot::Vector& posture);
 
@@ -72,6 +79,8 @@ struct Postures {
   [[nodiscard]] Extreme smallest(const std::function<double(const Inertia&)>& f, bool refine) const;
 
   robot::Model model;
+  std::vector<robot::Vector> centres;
+  robot::Vector reach;
   Kind kind = Kind::sampled;
   bool proved = false;      ///< whether the postures in between are bounded
   double chord_factor = 0;  ///< step^2 / 8

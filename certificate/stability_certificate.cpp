@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "certificate/law_loop.h"
+#include "certificate/scenario_loop.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
 #include "robot/decompositions.h"
@@ -68,7 +69,8 @@ std::string refusal(const experiment::Scenario& scenario) {
 }
 
 /// @param region of the weights chosen, if any
-std::vector<std::string> provisos(const experiment::Scenario& scenario, const Region* region) {
+std::vector<std::string> provisos(const experiment::Scenario& scenario,
+                                  const CertifiedRegion* region) {
   std::vector<std::string> result;
   if (scenario.plant.payload.mass_kg > 0) {
     result.push_back(fmt::format("the payload of {:g} kg is not in it: the law does not know of it",
@@ -92,13 +94,13 @@ std::vector<std::string> provisos(const experiment::Scenario& scenario, const Re
     result.emplace_back("the law's robot (controller.urdf) is not the plant's");
   }
   const robot::Model& model = *scenario.model;
-  for (int i = 0; region != nullptr && i < model.num_joints; ++i) {
+  for (int i = 0; region != nullptr && region->tube.size() == 0 && i < model.num_joints; ++i) {
     if (model.joint_types[static_cast<std::size_t>(i)] == robot::JointType::revolute) continue;
     result.push_back(
         fmt::format("{} is prismatic and its range was sampled: it holds while |e_{}| stays in "
                     "that range; from the whole level set it may reach {:g} m",
                     robot::joint_labels(model).joint(static_cast<std::size_t>(i)), i + 1,
-                    region->e_reached[i]));
+                    region->region.e_reached[i]));
   }
   return result;
 }
@@ -112,7 +114,12 @@ class ErrorLoop {
         loop_(law_loop(scenario).value()),
         velocity_(velocity_bound(scenario)),
         q_(scenario.plant.initial.position_rad),
-        friction_(friction_torques(scenario, velocity_.speed > 0)) {
+        friction_(friction_torques(scenario, velocity_.speed > 0)),
+        circle_(VectorXd::Constant(scenario.num_joints, infinity)) {
+    for (Eigen::Index i = 0; i < circle_.size(); ++i) {
+      const auto type = model_.joint_types[static_cast<std::size_t>(i)];
+      if (type == robot::JointType::revolute) circle_[i] = std::numbers::pi;
+    }
     if (loop_.systems[0].rotor_inertia.size() > 0) friction_ = {};
   }
 
@@ -130,32 +137,73 @@ class ErrorLoop {
   /// certified over many. A law with weights of its own has those.
   std::optional<CertifiedRegion> best(Goal goal) {
     if (loop_.weights) return certified(*loop_.weights);
-    MatrixCondition coarse{
-        {},
-        Postures(model_, {.circle_points = 24, .bound_between = false, .samples = 12}),
-        unit(),
-        false,
-        velocity_.scale};
+    MatrixCondition coarse{{}, postures(24, false, 12), unit(), false, velocity_.scale};
     for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
       coarse.systems.push_back(loop_.systems[i]);
     }
     const MatrixCondition middle =
-        proved()
-            ? MatrixCondition{fine().systems, fine().postures, unit(), false, velocity_.scale}
-            : MatrixCondition{
-                  loop_.systems,
-                  Postures(model_,
-                           {.circle_points = 90, .bound_between = false, .samples = samples(128)}),
-                  unit(), false, velocity_.scale};
+        proved() ? MatrixCondition{fine().systems, fine().postures, unit(), false, velocity_.scale}
+                 : MatrixCondition{loop_.systems, postures(90, false, samples(128)), unit(), false,
+                                   velocity_.scale};
     const auto found = best_weights(coarse, middle, goal);
     return found ? certified(found->weights) : std::nullopt;
   }
 
+  /// The region of the largest level, of every posture or, where those are sampled and its errors
+  /// at rest are larger (their product), of a tube about the reference; later searches are of the
+  /// same postures. At fixed weights the errors that the condition allows fall with the tube's
+  /// width, so that they are alike at one width; each step goes half way there (in logarithms).
+  std::optional<CertifiedRegion> largest() {
+    const auto value = [](const std::optional<CertifiedRegion>& c) {
+      return c ? c->region.e_at_rest.array().log().sum() : -infinity;
+    };
+    auto result = best(Goal::level);
+    if (proved()) return result;
+    constexpr int rounds = 8;
+    VectorXd tube = VectorXd::Constant(circle_.size(), 0.3);
+    for (int k = 0; k < rounds; ++k) {
+      look_within(tube);
+      const auto found = best(Goal::level);
+      if (value(found) > value(result)) result = found;
+      if (!found) {
+        tube /= 3;
+      } else {
+        const double part = std::sqrt(found->beyond_tube);
+        tube =
+            (found->region.e_reached.head(tube.size()) * (std::max(1.0, found->beyond_tube) / part))
+                .cwiseMin(circle_);
+        if (std::abs(std::log(part)) < 0.02) break;
+      }
+    }
+    look_within(result ? result->tube : VectorXd());
+    return result;
+  }
+
+  /// From here on only postures so near the reference; empty: all.
+  void look_within(const VectorXd& tube) {
+    tube_ = tube;
+    fine_.reset();
+    centres_.clear();
+    if (tube.size() == 0) return;
+    constexpr int instants = 257;
+    for (const loop::ReferencePoint& r : ScenarioLoop(scenario_).rest_points(instants)) {
+      centres_.push_back(r.q_ref);
+    }
+  }
+
  private:
   std::optional<CertifiedRegion> certified(const Weights& weights) {
-    const auto region = fine().region(weights);
+    auto region = fine().region(weights);
     if (!region) return {};
     CertifiedRegion result;
+    result.tube = tube_;
+    for (Eigen::Index i = 0; i < tube_.size(); ++i) {
+      if (tube_[i] == circle_[i]) continue;
+      result.beyond_tube = std::max(result.beyond_tube, region->e_reached[i] / tube_[i]);
+      result.starts_in_tube &= std::abs(loop_.initial[i]) <= tube_[i];
+    }
+    // The level from which no error reaches the tube's end.
+    if (result.beyond_tube >= 1) region = scaled(*region, (1 - 1e-9) / result.beyond_tube);
     static_cast<Certified&>(result) = {weights, *region, fine().rate(weights, 0)};
     result.V0 = V0(weights);
     const double room = region->level - result.V0;
@@ -168,6 +216,19 @@ class ErrorLoop {
     result.torque = torque(result);
     if (friction_.any() && std::isfinite(region->level)) result.friction_error = ultimate(result);
     return result;
+  }
+
+  /// The region of a level that is the square of `part` of its own.
+  static Region scaled(Region region, double part) {
+    region.level *= part * part;
+    region.rho *= part;
+    region.ball *= part;
+    for (VectorXd* each : {&region.e_at_rest, &region.edot, &region.e_reached}) *each *= part;
+    return region;
+  }
+
+  [[nodiscard]] Postures postures(int circle_points, bool bound_between, int samples) const {
+    return Postures(model_, {circle_points, bound_between, samples, centres_, tube_});
   }
 
   /// Of each joint's limit what the torque may take where V <= level.
@@ -244,11 +305,8 @@ class ErrorLoop {
   const MatrixCondition& fine() {
     if (!fine_) {
       const bool constant = loop_.systems.size() == 1;
-      fine_ = {loop_.systems,
-               Postures(model_, {.circle_points = constant ? 360 : 90,
-                                 .bound_between = constant,
-                                 .samples = samples(1024)}),
-               unit(), constant, velocity_.scale};
+      fine_ = {loop_.systems, postures(constant ? 360 : 90, constant, samples(1024)), unit(),
+               constant, velocity_.scale};
     }
     return *fine_;
   }
@@ -259,6 +317,9 @@ class ErrorLoop {
   VelocityBound velocity_;
   Vector q_;  ///< at the start
   FrictionTorques friction_;
+  VectorXd circle_;  ///< a tube's width that holds all of a joint's postures
+  VectorXd tube_;    ///< as of CertifiedRegion
+  std::vector<Vector> centres_;
   std::optional<MatrixCondition> fine_;
 };
 
@@ -286,16 +347,17 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   result.constant = result.B_d == 0 && !result.own_weights;
   const bool few = !result.constant && scenario.num_joints <= most_joints_of_certified_run;
   if (few || effort == Effort::full) {
-    tell("certified region: fastest rate");
     result.proved = loop.proved();
+    if (!result.constant && (result.proved || effort == Effort::full)) {
+      tell("certified region: largest ball");
+      result.largest = loop.largest();
+    }
+    tell("certified region: fastest rate");
     result.fastest = loop.best(Goal::rate);
-  }
-  if (!result.constant && !result.own_weights && (result.proved || effort == Effort::full)) {
-    tell("certified region: largest ball");
-    result.largest = loop.best(Goal::level);
+    if (result.own_weights) result.largest = {};
   }
   const auto& choice = result.largest ? result.largest : result.fastest;
-  result.provisos = provisos(scenario, choice ? &choice->region : nullptr);
+  result.provisos = provisos(scenario, choice ? &*choice : nullptr);
   return result;
 }
 
@@ -303,7 +365,7 @@ std::optional<Region> largest_region(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
   ErrorLoop loop(scenario);
   if (loop.B_d() == 0) return {};
-  const auto found = loop.best(Goal::level);
+  const auto found = loop.largest();
   return found ? std::optional(found->region) : std::nullopt;
 }
 

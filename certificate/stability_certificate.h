@@ -35,7 +35,13 @@ struct CertifiedRegion : Certified {
   };
   std::optional<Torque> torque;
 
-  [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level; }
+  /// The postures it is about: within that of q_ref(t), pi: of that joint all [rad; m]; empty:
+  /// every posture. No error leaves it while V <= level, so it is part of the region.
+  Eigen::VectorXd tube;
+  bool starts_in_tube = true;
+  double beyond_tube = 0;  ///< largest error over the tube, of the level without it
+
+  [[nodiscard]] bool holds_initial_state() const { return V0 <= region.level && starts_in_tube; }
 };
 
 struct StabilityCertificate {
