@@ -158,6 +158,7 @@ void add(Group& group, std::string_view key, std::string_view name,
        {"edot", json_of(region.edot)},
        {"unknown_torque_Nm", json_of(c->unknown_torque)},
        {"friction_error", c->friction_error ? json_of(*c->friction_error) : Json()},
+       {"tube", c->tube.size() > 0 ? json_of(c->tube) : Json()},
        {"torque_level", c->torque ? json_of(c->torque->level) : Json()},
        {"torque_share", c->torque ? json_of(c->torque->share) : Json()},
        {"initial_state", {{"V", c->V0}, {"certified", c->holds_initial_state()}}}},
@@ -165,6 +166,9 @@ void add(Group& group, std::string_view key, std::string_view name,
                   c->holds_initial_state() ? "certified" : "NOT certified", c->V0, region.level));
   group.add("", "  one error alone from rest, up to", Json(), list_text(region.e_at_rest));
   group.add("", "  one rate alone, up to", Json(), list_text(region.edot));
+  if (c->tube.size() > 0) {
+    group.add("", "  postures", Json(), "within " + list_text(c->tube) + " of the reference");
+  }
   group.add("", "  small errors decay at", Json(),
             c->rate > 0 ? fmt::format("{:.4g} 1/s", c->rate / 2) : "no certified rate");
   if (c->torque) group.add("", "  torque", Json(), torque_text(*c));
@@ -319,12 +323,15 @@ std::string brief(const Certificate& all, const experiment::Scenario& scenario) 
   const StabilityCertificate& s = *all.stability;
   const auto& region = s.largest ? s.largest : s.fastest;
   if (!region) return text + line("certified region", "none: no weights were found");
-  return text + line("certified region",
-                     fmt::format("{}: this start {}; from rest up to |e_i| = {}, one at a time{}",
-                                 s.proved ? "proved" : "at sampled postures",
-                                 region->holds_initial_state() ? "is in it" : "is NOT in it",
-                                 list_text(region->region.e_at_rest),
-                                 region->torque ? "; torque: " + torque_text(*region) : ""));
+  return text +
+         line("certified region",
+              fmt::format("{}: this start {}; from rest up to |e_i| = {}, one at a time{}",
+                          s.proved                  ? "proved"
+                          : region->tube.size() > 0 ? "at sampled postures near the reference"
+                                                    : "at sampled postures",
+                          region->holds_initial_state() ? "is in it" : "is NOT in it",
+                          list_text(region->region.e_at_rest),
+                          region->torque ? "; torque: " + torque_text(*region) : ""));
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "controller/laws.h"
 #include "controller/registry.h"
 #include "reference/make_trajectory.h"
+#include "robot/decompositions.h"
 #include "robot/dynamics.h"
 
 namespace tachless::certificate {
@@ -111,6 +112,30 @@ bool certifiable(std::string_view name) {
     };
   });
   return result;
+}
+
+VelocityBound velocity_bound(const experiment::Scenario& scenario) {
+  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
+  constexpr int instants = 20000;
+  const double dt = scenario.loop.duration_s / instants;
+  MatrixXd v(scenario.num_joints, instants + 1), jerk = v;
+  for (int k = 0; k <= instants; ++k) {
+    const loop::ReferencePoint r = trajectory.at(k * dt);
+    v.col(k) = r.v_ref;
+    jerk.col(k) = r.jerk_ref;
+  }
+  // Between two instants v_ref is off its chord by at most dt^2/8 sup |jerk|, in either norm.
+  const auto most = [&](const MatrixXd& norm) {
+    const double size = (norm * v).colwise().norm().maxCoeff();
+    return size == 0 ? 0 : size + dt * dt / 8 * (norm * jerk).colwise().norm().maxCoeff();
+  };
+  VelocityBound bound{most(MatrixXd::Identity(v.rows(), v.rows())), {}};
+  if (bound.speed == 0) return bound;
+  const auto [values, vectors] = robot::symmetric_eigen(v * v.transpose());
+  const VectorXd axes = values.cwiseMax(1e-6 * values.maxCoeff()).cwiseSqrt();
+  bound.scale = vectors * axes.asDiagonal();
+  bound.scale *= most(axes.cwiseInverse().asDiagonal() * vectors.transpose());
+  return bound;
 }
 
 FrictionTorques friction_torques(const experiment::Scenario& scenario, bool moves) {

@@ -47,6 +47,14 @@ bool certifiable(std::string_view law);
 /// Nothing for laws that it is not about. @throw diagnostics::Failure(bad_usage).
 std::optional<LawLoop> law_loop(const experiment::Scenario& scenario);
 
+/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|. Its axes
+/// are those of the motion's mean square, at least a thousandth of the longest.
+struct VelocityBound {
+  double speed = 0;
+  Eigen::MatrixXd scale;
+};
+VelocityBound velocity_bound(const experiment::Scenario& scenario);
+
 /// Torques of a rigid robot's friction that are in no term of Mm. With f = Fc Sgn(v) + r, |r| <= Fs
 /// - Fc, less Ff tanh(v_ref / s) fed forward, Vdot <= -x' Mm x + |y|' on_y + |delta|' on_delta +
 /// power, y = edot + delta: -edot Fc (Sgn(v) - tanh(v_ref / s)) is at most 0.2785 Fc s.

@@ -73,7 +73,8 @@ struct Certified {
 
 /// The search (weight_search.cpp) is on `coarse`, which may have few postures and no refinement;
 /// the answer is what `fine` certifies at the weights found. Nothing when none are certified.
+/// @param from where the search begins; without it at the best of a grid
 std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
-                                      Goal goal);
+                                      Goal goal, const std::optional<Weights>& from = {});
 
 }  // namespace tachless::certificate

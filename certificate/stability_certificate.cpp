@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <utility>
 #include <variant>
 
 #include "certificate/law_loop.h"
@@ -22,37 +23,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using robot::Vector;
-
-/// An ellipsoid that v_ref stays in over the run, |scale^-1 v_ref| <= 1, and sup |v_ref|. Its axes
-/// are those of the motion's mean square, at least a thousandth of the longest.
-struct VelocityBound {
-  double speed = 0;
-  MatrixXd scale;
-};
-
-VelocityBound velocity_bound(const experiment::Scenario& scenario) {
-  const reference::Trajectory trajectory = reference::make_trajectory(scenario);
-  constexpr int instants = 20000;
-  const double dt = scenario.loop.duration_s / instants;
-  MatrixXd v(scenario.num_joints, instants + 1), jerk = v;
-  for (int k = 0; k <= instants; ++k) {
-    const loop::ReferencePoint r = trajectory.at(k * dt);
-    v.col(k) = r.v_ref;
-    jerk.col(k) = r.jerk_ref;
-  }
-  // Between two instants v_ref is off its chord by at most dt^2/8 sup |jerk|, in either norm.
-  const auto most = [&](const MatrixXd& norm) {
-    const double size = (norm * v).colwise().norm().maxCoeff();
-    return size == 0 ? 0 : size + dt * dt / 8 * (norm * jerk).colwise().norm().maxCoeff();
-  };
-  VelocityBound bound{most(MatrixXd::Identity(v.rows(), v.rows())), {}};
-  if (bound.speed == 0) return bound;
-  const auto [values, vectors] = robot::symmetric_eigen(v * v.transpose());
-  const VectorXd axes = values.cwiseMax(1e-6 * values.maxCoeff()).cwiseSqrt();
-  bound.scale = vectors * axes.asDiagonal();
-  bound.scale *= most(axes.cwiseInverse().asDiagonal() * vectors.transpose());
-  return bound;
-}
 
 std::string refusal(const experiment::Scenario& scenario) {
   const std::string& law = scenario.controller.law;
@@ -135,50 +105,71 @@ class ErrorLoop {
 
   /// The search is over few postures, to which those that bind are added, and then what is found is
   /// certified over many. A law with weights of its own has those.
-  std::optional<CertifiedRegion> best(Goal goal) {
+  /// @param from as of `best_weights`
+  std::optional<CertifiedRegion> best(Goal goal, std::optional<Weights> from = {}) {
     if (loop_.weights) return certified(*loop_.weights);
     MatrixCondition coarse{{}, postures(24, false, 12), unit(), false, velocity_.scale};
     for (std::size_t i = 0; i < loop_.systems.size(); i += 4) {
       coarse.systems.push_back(loop_.systems[i]);
     }
-    const MatrixCondition middle =
+    MatrixCondition middle =
         proved() ? MatrixCondition{fine().systems, fine().postures, unit(), false, velocity_.scale}
                  : MatrixCondition{loop_.systems, postures(90, false, samples(128)), unit(), false,
                                    velocity_.scale};
-    const auto found = best_weights(coarse, middle, goal);
-    return found ? certified(found->weights) : std::nullopt;
+    constexpr int rounds = 4;  // the posture that forbids what was found joins the search
+    for (int k = 0; k < rounds; ++k) {
+      const auto found = best_weights(coarse, middle, goal, from);
+      if (!found) return {};
+      if (auto result = certified(found->weights)) return result;
+      from = found->weights;
+      for (MatrixCondition* each : {&coarse, &middle}) {
+        each->postures.add(fine().slowest(*from, 0).q);
+      }
+    }
+    return {};
   }
 
-  /// The region of the largest level, of every posture or, where those are sampled and its errors
-  /// at rest are larger (their product), of a tube about the reference; later searches are of the
-  /// same postures. At fixed weights the errors that the condition allows fall with the tube's
-  /// width, so that they are alike at one width; each step goes half way there (in logarithms).
-  std::optional<CertifiedRegion> largest() {
+  /// The region with the largest errors at rest (their product), of every posture or, where those
+  /// are sampled, of a tube about the reference. At fixed weights the errors that the condition
+  /// allows fall with the tube's width, so that they are alike at one width, which is the best;
+  /// each step goes half way there (in logarithms).
+  /// @param known a region of every posture, if any is known: the result is not less
+  std::optional<CertifiedRegion> largest(const std::optional<CertifiedRegion>& known) {
+    auto result = best(Goal::level);
+    if (proved() || circle_.size() > most_joints_of_certified_run) return result;
     const auto value = [](const std::optional<CertifiedRegion>& c) {
       return c ? c->region.e_at_rest.array().log().sum() : -infinity;
     };
-    auto result = best(Goal::level);
-    if (proved()) return result;
-    constexpr int rounds = 8;
+    if (value(known) > value(result)) result = known;
+    auto found = result;
     VectorXd tube = VectorXd::Constant(circle_.size(), 0.3);
-    for (int k = 0; k < rounds; ++k) {
-      look_within(tube);
-      const auto found = best(Goal::level);
-      if (value(found) > value(result)) result = found;
-      if (!found) {
+    for (int round = 0; round < 6; ++round) {
+      if (found) {
+        const double beyond = found->tube.size() > 0 ? found->beyond_tube : 1;
+        if (found->tube.size() > 0 && std::abs(std::log(beyond)) < 0.05) break;
+        const VectorXd next =
+            found->region.e_reached.head(tube.size()) * (std::max(1.0, beyond) / std::sqrt(beyond));
+        tube = next.cwiseMin(circle_);
+      } else if (!result) {
         tube /= 3;
+      } else if (result->tube.size() > 0) {
+        tube = (tube.array() * result->tube.array()).sqrt().matrix().eval();
       } else {
-        const double part = std::sqrt(found->beyond_tube);
-        tube =
-            (found->region.e_reached.head(tube.size()) * (std::max(1.0, found->beyond_tube) / part))
-                .cwiseMin(circle_);
-        if (std::abs(std::log(part)) < 0.02) break;
+        break;
       }
+      if (tube == circle_) break;
+      look_within(tube);
+      found = best(Goal::level, result ? std::optional(result->weights) : std::nullopt);
+      if (value(found) > value(result)) result = found;
     }
     look_within(result ? result->tube : VectorXd());
     return result;
   }
 
+  /// A tube twice as wide as the errors at the start.
+  [[nodiscard]] VectorXd around_start() const {
+    return (2 * loop_.initial.head(circle_.size()).cwiseAbs()).cwiseMax(0.1).cwiseMin(circle_);
+  }
   /// From here on only postures so near the reference; empty: all.
   void look_within(const VectorXd& tube) {
     tube_ = tube;
@@ -347,14 +338,22 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   result.constant = result.B_d == 0 && !result.own_weights;
   const bool few = !result.constant && scenario.num_joints <= most_joints_of_certified_run;
   if (few || effort == Effort::full) {
-    result.proved = loop.proved();
-    if (!result.constant && (result.proved || effort == Effort::full)) {
-      tell("certified region: largest ball");
-      result.largest = loop.largest();
-    }
     tell("certified region: fastest rate");
+    result.proved = loop.proved();
     result.fastest = loop.best(Goal::rate);
-    if (result.own_weights) result.largest = {};
+    if (!result.constant && (result.proved || effort == Effort::full)) {
+      tell("certified region: largest region");
+      result.largest = loop.largest(result.fastest);
+      if (result.own_weights) result.fastest = std::exchange(result.largest, {});
+    }
+    const bool no_start = !result.fastest || !result.fastest->holds_initial_state();
+    if (!result.proved &&
+        (effort == Effort::full ? result.largest && result.largest->tube.size() > 0 : no_start)) {
+      if (effort == Effort::quick) loop.look_within(loop.around_start());
+      const auto near = loop.best(
+          Goal::rate, result.largest ? std::optional(result.largest->weights) : std::nullopt);
+      if (near && (no_start || near->rate > result.fastest->rate)) result.fastest = near;
+    }
   }
   const auto& choice = result.largest ? result.largest : result.fastest;
   result.provisos = provisos(scenario, choice ? &*choice : nullptr);
@@ -365,7 +364,7 @@ std::optional<Region> largest_region(const experiment::Scenario& scenario) {
   if (!refusal(scenario).empty()) return {};
   ErrorLoop loop(scenario);
   if (loop.B_d() == 0) return {};
-  const auto found = loop.largest();
+  const auto found = loop.largest({});
   return found ? std::optional(found->region) : std::nullopt;
 }
 
@@ -390,6 +389,7 @@ std::optional<CertifiedRun> certified_run(const experiment::Scenario& scenario) 
     if (!found || (best && found->rate_from_start <= best->rate)) continue;
     best = CertifiedRun{found->weights,         found->V0,   found->region.level,
                         found->rate_from_start, all->proved, all->provisos};
+    if (found->torque) best->torque_share = found->torque->share;
   }
   return best;
 }

@@ -59,8 +59,11 @@ struct StabilityCertificate {
 
 inline constexpr int most_joints_of_certified_run = 16;
 
-/// @param effort quick leaves the largest ball out where postures are sampled (7 joints take 1 s),
-/// and all regions with more joints than `most_joints_of_certified_run` (28 would take a minute)
+/// Where postures are sampled the region is of every posture, or of those near the reference where
+/// that gives more.
+/// @param effort quick leaves the largest region out where postures are sampled (7 joints take 5
+/// s), and all regions with more joints than `most_joints_of_certified_run` (28 would take a
+/// minute)
 /// @param why_not receives the reason where nothing is returned: for other laws, and where a rigid
 /// law drives flexible joints
 /// @throw diagnostics::Failure(bad_usage)
@@ -87,6 +90,7 @@ struct CertifiedRun {
   double rate = 0;   ///< V <= V0 exp(-rate t) [1/s]; negative: the start is in no certified region
   bool proved = false;  ///< of all postures; otherwise of the sampled ones
   std::vector<std::string> provisos;
+  std::optional<double> torque_share = {};  ///< of a torque limit, the largest from this start on
 
   /// Of V after t_s [J], in continuous time; infinite where nothing is certified.
   [[nodiscard]] double bound(double t_s) const {

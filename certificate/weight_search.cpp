@@ -236,17 +236,20 @@ std::optional<Certified> improved(MatrixCondition& coarse, const MatrixCondition
 }  // namespace
 
 std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondition& fine,
-                                      Goal goal) {
+                                      Goal goal, const std::optional<Weights>& from) {
+  const auto from_weights = [&](const Weights& weights, std::optional<Certified> best) {
+    VectorXd x(2 * weights.eps_1.size());
+    x << weights.eps_1, weights.eps_2;
+    return improved(coarse, fine, goal, x, std::move(best));
+  };
+  if (from) return from_weights(*from, {});
   const auto from_grid = [&](Goal of) {
     return improved(coarse, fine, of, start(coarse, WeightSearch(coarse, of)), {});
   };
   auto best = from_grid(goal);
   if (best || goal == Goal::rate) return best;
   best = from_grid(Goal::rate);  // where few weights have a level, those of a positive rate do
-  if (!best) return best;
-  VectorXd x(2 * best->weights.eps_1.size());
-  x << best->weights.eps_1, best->weights.eps_2;
-  return improved(coarse, fine, goal, x, best);
+  return best ? from_weights(best->weights, best) : best;
 }
 
 }  // namespace tachless::certificate

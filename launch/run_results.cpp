@@ -70,6 +70,20 @@ void attempt(const Write& write) {
   }
 }
 
+/// "this start: certified, 31 % of the torque", and what is not in it; empty: nothing is known.
+std::string start_text(const std::optional<report::RecordedRun>& recorded) {
+  if (!recorded || !recorded->certified) return {};
+  const certificate::CertifiedRun& run = *recorded->certified;
+  const double share = run.torque_share.value_or(0);
+  std::string text = "  this start: NOT certified";
+  if (run.rate < 0) return text + (run.proved ? "\n" : " by a quick search: see certify\n");
+  text = share > 1 ? "  this start: certified but for torque limits" : "  this start: certified";
+  if (share > 0) text += fmt::format(", {:.0f} % of the torque", 100 * share);
+  text += run.proved ? " (continuous time, proved" : " (continuous time, sampled postures";
+  for (const std::string& proviso : run.provisos) text += "; " + proviso;
+  return text + ")\n";
+}
+
 /// Writes the files and then, on stdout, the summary.
 /// @return the exit code when summary.json cannot be written, after a line that says why
 ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
@@ -83,6 +97,7 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
                                         diagnostics::period_text(facts.period_s));
   const std::string_view remedy = "name another directory with --out";
   const bool moved = summary.tracking.num_ticks() > 0;
+  const std::string start = start_text(recorded);
   ExitCode code = ExitCode::done;
   try {
     if (out.begun()) diagnostics::UnfinishedFile(out / "summary.json", remedy).write(json);
@@ -102,8 +117,8 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
   if (run.options.json) {
     std::cout << json;
   } else if (!run.options.quiet && moved) {
-    std::cout << fmt::format("\n{}\n\n{}\n", run.options.named(title),
-                             closing_table(summary, joints));
+    std::cout << fmt::format("\n{}\n\n{}{}\n", run.options.named(title),
+                             closing_table(summary, joints), start);
     for (const fs::path& file : out.files()) {
       std::cout << fmt::format("  {}\n", diagnostics::printable(file.string()));
     }
