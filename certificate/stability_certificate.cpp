@@ -166,10 +166,7 @@ class ErrorLoop {
     return result;
   }
 
-  /// A tube twice as wide as the errors at the start.
-  [[nodiscard]] VectorXd around_start() const {
-    return (2 * loop_.initial.head(circle_.size()).cwiseAbs()).cwiseMax(0.1).cwiseMin(circle_);
-  }
+ private:
   /// From here on only postures so near the reference; empty: all.
   void look_within(const VectorXd& tube) {
     tube_ = tube;
@@ -182,7 +179,6 @@ class ErrorLoop {
     }
   }
 
- private:
   std::optional<CertifiedRegion> certified(const Weights& weights) {
     auto region = fine().region(weights);
     if (!region) return {};
@@ -346,13 +342,10 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
       result.largest = loop.largest(result.fastest);
       if (result.own_weights) result.fastest = std::exchange(result.largest, {});
     }
-    const bool no_start = !result.fastest || !result.fastest->holds_initial_state();
-    if (!result.proved &&
-        (effort == Effort::full ? result.largest && result.largest->tube.size() > 0 : no_start)) {
-      if (effort == Effort::quick) loop.look_within(loop.around_start());
-      const auto near = loop.best(
-          Goal::rate, result.largest ? std::optional(result.largest->weights) : std::nullopt);
-      if (near && (no_start || near->rate > result.fastest->rate)) result.fastest = near;
+    if (result.largest && result.largest->tube.size() > 0) {
+      const auto near = loop.best(Goal::rate, result.largest->weights);
+      const bool start = result.fastest && result.fastest->holds_initial_state();
+      if (near && (!start || near->rate > result.fastest->rate)) result.fastest = near;
     }
   }
   const auto& choice = result.largest ? result.largest : result.fastest;

@@ -242,7 +242,11 @@ std::optional<Certified> best_weights(MatrixCondition coarse, const MatrixCondit
     x << weights.eps_1, weights.eps_2;
     return improved(coarse, fine, goal, x, std::move(best));
   };
-  if (from) return from_weights(*from, {});
+  if (from) {
+    const auto region = fine.region(*from);
+    if (!region) return from_weights(*from, {});
+    return from_weights(*from, Certified{*from, *region, fine.rate(*from, 0)});
+  }
   const auto from_grid = [&](Goal of) {
     return improved(coarse, fine, of, start(coarse, WeightSearch(coarse, of)), {});
   };

@@ -50,24 +50,6 @@ TEST(Certify, AnInitialStateBeyondTheLevelIsNotCertified) {
   EXPECT_FALSE(to_json(result)["region"]["largest"]["initial_state"]["certified"].get<bool>());
 }
 
-/// No weights do for every posture of this arm's.
-TEST(Certify, CoversThePosturesNearTheReferenceWhereItsRegionIsOfThose) {
-  std::string why_not;
-  const auto found = stability_certificate(shipped("xarm7"), Effort::full, why_not);
-  ASSERT_TRUE(found && found->largest);
-  CertifiedRegion region = *found->largest;
-  ASSERT_EQ(region.tube.size(), 7);
-  EXPECT_TRUE(region.holds_initial_state());
-  for (int i = 0; i < 7; ++i) {
-    EXPECT_GT(region.region.e_at_rest[i], 0.01) << i;
-    EXPECT_LE(region.region.e_at_rest[i], region.region.e_reached[i]) << i;
-    const double end = region.tube[i] < 3.14 ? region.tube[i] : infinity;  // pi: the whole circle
-    EXPECT_LT(region.region.e_reached[i], end) << i;
-  }
-  region.starts_in_tube = false;
-  EXPECT_FALSE(region.holds_initial_state());
-}
-
 TEST(Certify, OfAnotherLawHasTheSampledLoopAlone) {
   const experiment::Scenario scenario =
       shipped("practical_rigid",
