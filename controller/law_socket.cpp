@@ -300,22 +300,26 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
 LawProgram::LawProgram(const experiment::Scenario& scenario, const std::string& command)
     : scenario_(scenario),
       program_(std::make_shared<Program>(scenario, command)),
-      info_(program_->begin(scenario)) {}
+      info_(program_->begin(scenario)),
+      begun_(scenario.loop.period_s, false) {}
 
-std::vector<robot::Vector> LawProgram::answers(double period_s,
+std::vector<robot::Vector> LawProgram::answers(double period_s, bool weightless,
                                                std::span<const loop::AnyMeasurement> measurements,
                                                const loop::ReferencePoint& reference) {
   constexpr std::size_t under_way = 16;  // ticks; far from what sockets hold
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
   try {
-    if (period_s != scenario_.loop.period_s) {
-      scenario_ =
-          experiment::parse_scenario(scenario_.text, scenario_.robot.urdf_text, scenario_.source,
-                                     {fmt::format("loop.period_s={:.17g}", period_s),
-                                      fmt::format("loop.duration_s={:.17g}", 10 * period_s)});
-      scenario_.loop.period_s = period_s;
-      info_ = program_->begin(scenario_);
+    if (begun_ != std::pair(period_s, weightless)) {
+      std::vector<std::string> overrides{fmt::format("loop.period_s={:.17g}", period_s),
+                                         fmt::format("loop.duration_s={:.17g}", 10 * period_s)};
+      // Next to none: an arm that adds gravity itself is refused without any.
+      if (weightless) overrides.emplace_back("robot.gravity_m_per_s2=1e-9");
+      experiment::Scenario scenario = experiment::parse_scenario(
+          scenario_.text, scenario_.robot.urdf_text, scenario_.source, overrides);
+      scenario.loop.period_s = period_s;
+      info_ = program_->begin(scenario);
+      begun_ = {period_s, weightless};
     }
     const auto limit = duration_of(scenario_.loop.give_up_s);
     const auto signals = loop::parse_signals(info_.signals).value();

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bus/wire.h"
@@ -71,16 +72,18 @@ class LawProgram {
   [[nodiscard]] const std::string& law() const { return info_.law; }
 
   /// Its torques [N m] for these measurements, tick by tick from 0 of a run at that period that
-  /// begins here, the reference held. @throw diagnostics::Failure as a step of `external_law`; from
-  /// then on the same at each call, for answers may be under way that nobody has taken
-  std::vector<robot::Vector> answers(double period_s,
+  /// begins here, the reference held; `weightless`: of the robot without gravity.
+  /// @throw diagnostics::Failure as a step of `external_law`; from then on the same at each call,
+  /// for answers may be under way that nobody has taken
+  std::vector<robot::Vector> answers(double period_s, bool weightless,
                                      std::span<const loop::AnyMeasurement> measurements,
                                      const loop::ReferencePoint& reference);
 
  private:
-  experiment::Scenario scenario_;  ///< at the period of the run that the program has begun
+  experiment::Scenario scenario_;
   std::shared_ptr<Program> program_;
   loop::LawInfo info_;
+  std::pair<double, bool> begun_;  ///< with which period, and whether weightless
   std::mutex mutex_;
   std::exception_ptr failure_;
 };

@@ -204,17 +204,8 @@ certificate::LawAnswers law_answers(experiment::Scenario& scenario,
   if (law_program.empty()) return {};
   const auto program = std::make_shared<LawProgram>(scenario, law_program);
   scenario.controller.announced = program->law();
-  // Next to none: an arm that adds gravity itself is refused without any.
-  const auto weightless = std::make_shared<std::optional<LawProgram>>();
-  return [=](double period_s, bool without, auto measurements, const auto& reference) {
-    if (!without) return program->answers(period_s, measurements, reference);
-    if (!*weightless) {
-      weightless->emplace(
-          experiment::parse_scenario(scenario.text, scenario.robot.urdf_text, scenario.source,
-                                     {"robot.gravity_m_per_s2=1e-9"}),
-          law_program);
-    }
-    return (*weightless)->answers(period_s, measurements, reference);
+  return [program](double period_s, bool weightless, auto measurements, const auto& reference) {
+    return program->answers(period_s, weightless, measurements, reference);
   };
 }
 

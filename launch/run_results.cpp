@@ -91,7 +91,12 @@ ExitCode write_results(const PlannedRun& run, const RunDirectory& out,
                        std::optional<report::RecordedRun> recorded,
                        const robot::JointLabels& joints) {
   const report::RunFacts& facts = summary.facts;
-  const nlohmann::ordered_json outcome = to_json(summary, joints);
+  nlohmann::ordered_json outcome = to_json(summary, joints);
+  if (recorded && recorded->certified) {
+    const certificate::CertifiedRun& start = *recorded->certified;
+    outcome["start"] = {{"certified", start.rate >= 0}, {"proved", start.proved}};
+    if (start.torque_share) outcome["start"]["torque_share"] = *start.torque_share;
+  }
   const std::string json = diagnostics::json_text(outcome, 2) + "\n";
   const std::string title = fmt::format("{}: {}, h = {}", facts.scenario, facts.law,
                                         diagnostics::period_text(facts.period_s));

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
+#include <future>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
@@ -17,6 +18,7 @@
 #include "diagnostics/failure.h"
 #include "logger/run_log.h"
 #include "reference/make_trajectory.h"
+#include "robot/dynamics.h"
 #include "tests/support/private_network.h"
 #include "tests/support/process_facts.h"
 #include "tests/support/program.h"
@@ -222,11 +224,34 @@ TEST_F(ExternalLaw, IsNotAskedAgainWhenItHasFailed) {
   const std::vector<loop::AnyMeasurement> measured(20, loop::PositionMeasurement{reference.q_ref});
   controller::LawProgram law(scenario, program());
   for (int time = 0; time < 3; ++time) {
-    EXPECT_THAT([&] { law.answers(scenario.loop.period_s, measured, reference); },
+    EXPECT_THAT([&] { law.answers(scenario.loop.period_s, false, measured, reference); },
                 ::testing::ThrowsMessage<diagnostics::Failure>(
                     HasSubstr("what it computed at tick 0 is not finite")))
         << time;
   }
+}
+
+/// Threads that ask may end: what one of them had started was ended by the kernel with it.
+TEST_F(ExternalLaw, AnswersWithAndWithoutGravityFromAnyThread) {
+  const experiment::Scenario scenario = experiment::load_scenario(
+      scenarios + "ur5e.yaml", {"controller.law=external", "controller.measurement=POSITION"});
+  const loop::ReferencePoint reference = reference::make_trajectory(scenario).at(0);
+  const std::vector<loop::AnyMeasurement> measured(2, loop::PositionMeasurement{reference.q_ref});
+  controller::LawProgram law(scenario, program());
+  const auto torque = [&](bool weightless) {
+    return std::async(
+               std::launch::async,
+               [&] { return law.answers(scenario.loop.period_s, weightless, measured, reference); })
+        .get()
+        .back();
+  };
+  const robot::Vector weightless = torque(true), heavy = torque(false);
+  EXPECT_LT((heavy - weightless - robot::gravity_torque(*scenario.model, reference.q_ref))
+                .cwiseAbs()
+                .maxCoeff(),
+            1e-6);  // of 9.81 m/s^2 1e-9 are left
+  EXPECT_GT((heavy - weightless).cwiseAbs().maxCoeff(), 10);
+  EXPECT_EQ(torque(true), weightless);
 }
 
 TEST_F(ExternalLaw, HasToTakePart) {
