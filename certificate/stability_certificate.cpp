@@ -353,14 +353,6 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
   return result;
 }
 
-std::optional<Region> largest_region(const experiment::Scenario& scenario) {
-  if (!refusal(scenario).empty()) return {};
-  ErrorLoop loop(scenario);
-  if (loop.B_d() == 0) return {};
-  const auto found = loop.largest({});
-  return found ? std::optional(found->region) : std::nullopt;
-}
-
 std::optional<PaperConditions> paper_conditions(const experiment::Scenario& scenario,
                                                 std::string& why_not) {
   why_not = refusal(scenario);

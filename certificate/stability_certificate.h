@@ -71,9 +71,6 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
                                                           Effort effort, std::string& why_not,
                                                           const OnProgress& tell = no_progress);
 
-/// The region with the largest ball, alone; nothing where there is none.
-std::optional<Region> largest_region(const experiment::Scenario& scenario);
-
 /// What the paper prints of the scenario's loop. Errors and reason as above.
 struct PaperConditions {
   RobotConstants constants;

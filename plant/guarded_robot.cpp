@@ -148,10 +148,11 @@ void GuardedRobot::require_period() {
 
 const ArmState& GuardedRobot::read(std::int64_t tick) {
   const auto asked = emulated() ? Clock::time_point() : Clock::now();
-  state_ = driver_.read();
+  const ArmState before = std::exchange(state_, driver_.read());
   if (!emulated()) {
     require_sound(tick);
     apply_conventions();
+    if (!stopped_) require_time(before, tick);
   }
   if (driver_.measures_velocity()) {
     speed_ = state_.v;
@@ -188,6 +189,16 @@ void GuardedRobot::require_sound(std::int64_t tick) const {
                   "the robot's driver read a number that is not finite {}; see its encoders",
                   when(tick));
   }
+}
+
+void GuardedRobot::require_time(const ArmState& before, std::int64_t tick) const {
+  const bool stands = state_.time_s == before.time_s && (is_clock() || state_.q != before.q);
+  if (!stands && !(state_.time_s < before.time_s)) return;
+  throw Failure(ExitCode::protective_stop,
+                "the robot's driver gave the time {} s {}, and {} s before that: speeds cannot be "
+                "watched; give each reading the robot's time when it was measured, or none",
+                diagnostics::shortest(state_.time_s), when(tick),
+                diagnostics::shortest(before.time_s));
 }
 
 void GuardedRobot::apply_conventions() {

@@ -108,6 +108,8 @@ class GuardedRobot {
   [[nodiscard]] robot::Vector to_be_sent(const robot::Vector& tau) const;
   void try_to_stop() noexcept;
   void require_sound(std::int64_t tick) const;
+  /// @throw diagnostics::Failure(protective_stop): time went back, or stood still while it moved
+  void require_time(const ArmState& before, std::int64_t tick) const;
   /// `speed_` of a robot that does not measure it: the mean over `speed_window_s` and more, by the
   /// robot's own time or from before the first reading to now: never more than it was.
   /// @param asked the time before `state_` was read

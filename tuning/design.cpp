@@ -14,7 +14,6 @@
 #include "certificate/feasibility.h"
 #include "certificate/linear_loop.h"
 #include "certificate/postures.h"
-#include "certificate/stability_certificate.h"
 #include "controller/registry.h"
 #include "diagnostics/failure.h"
 #include "process/parallel.h"
@@ -267,8 +266,6 @@ class Search {
     design.modulus_in_range = worst.value;
     design.range_q = worst.x;
     design.postures_in_range = pool_size;
-    tell("design: certified region");
-    if (const auto region = largest_region(scenario)) design.certified_error = region->e_at_rest;
     add_friction(design);
     return design;
   }

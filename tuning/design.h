@@ -46,9 +46,6 @@ struct Design {
   double modulus_in_range = 0;
   robot::Vector range_q;
   int postures_in_range = 0;
-  /// Errors at rest that the matrix condition certifies, one joint at a time [rad; m]; empty where
-  /// it certifies none, or all of them, as at a constant reference.
-  robot::Vector certified_error;
   std::optional<double> missed;  ///< the settling time asked for, when it is not reached [s]
 };
 

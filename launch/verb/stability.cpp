@@ -153,10 +153,6 @@ std::string text(const tuning::Design& design, const experiment::Scenario& scena
   if (loop.count_Nm) {
     line(fmt::format("torque of one encoder count {} N m", certificate::list_text(*loop.count_Nm)));
   }
-  if (design.certified_error.size() > 0) {
-    line(fmt::format("certified from rest up to |e_i| = {}, one at a time",
-                     certificate::list_text(design.certified_error)));
-  }
   for (const std::string& each : design.binds) line("limited by " + each);
   return text;
 }
@@ -171,7 +167,6 @@ nlohmann::ordered_json to_json(const tuning::Design& design, const experiment::S
   json["stiffness"] = list(design.stiffness);
   json["modulus_in_range"] = design.modulus_in_range;
   json["range_q"] = list(design.range_q);
-  json["certified_error"] = list(design.certified_error);
   json["limited_by"] = design.binds;
   json["warnings"] = design.warnings;
   json["reached"] = !design.missed;

@@ -135,11 +135,11 @@ class Ticking : public ClockDriver {
   void stop() override { stopped = true; }
   ArmState exchange(const robot::Vector& tau) override {
     if (tau.size() > 0) torques.push_back(tau);
-    state.time_s += torques.size() == 10 ? 2 * period_s : period_s;  // it missed one
+    state.time_s += torques.size() == 10 ? tenth_s : period_s;
     return state;
   }
 
-  double period_s = 1e-3;
+  double period_s = 1e-3, tenth_s = 2e-3;  // it misses one
   ArmState state{robot::Vector::Zero(2), robot::Vector::Zero(2), {}, {}, {}, {}, 5};
   std::vector<robot::Vector> torques;
   bool stopped = false;
@@ -252,6 +252,31 @@ TEST(RobotDriver, ThatIsTheClockIsRefusedWhenItsTicksAreNotTheScenarios) {
   EXPECT_THAT(run(s, peers, nullptr, &robot).fault,
               HasSubstr("loop.period_s: 0.001 s, but the arm's ticks are 0.002 s apart"));
   EXPECT_TRUE(robot.torques.empty());
+}
+
+TEST(RobotDriver, IsStoppedWhenItsTimeGoesBackOrStandsStillWhileItMoves) {
+  const experiment::Scenario s = limited({"plant.drive.torque_limit_Nm=1000"});
+  for (const double step_s : {-1e-3, 0.0}) {
+    Ticking clock;
+    clock.tenth_s = step_s;
+    Peers peers(s);
+    const Outcome outcome = run(s, peers, nullptr, &clock);
+    EXPECT_EQ(outcome.code, ExitCode::protective_stop);
+    EXPECT_THAT(outcome.fault, HasSubstr("the robot's driver gave the time 5."));
+    EXPECT_TRUE(clock.stopped);
+
+    Recording robot;
+    robot.at = 10;
+    robot.state.time_s = 5;
+    robot.fault = [&] {
+      robot.state.q[0] += 1e-6;
+      robot.state.time_s += step_s;
+    };
+    const Outcome other = drive(s, robot);
+    EXPECT_EQ(other.code, ExitCode::protective_stop);
+    EXPECT_THAT(other.fault, HasSubstr("s before that: speeds cannot be watched"));
+    expect_stopped(robot);
+  }
 }
 
 class AFailingRobot : public testing::Test {
