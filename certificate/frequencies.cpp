@@ -10,9 +10,8 @@ namespace tachless::certificate {
 using Eigen::Index;
 using Eigen::VectorXcd;
 
-// After balancing (Parlett and Reinsch, 1969), which Eigen leaves out: torques of 1e7 N m stand
-// beside radians, and a slow pole at a short period is within 1e-7 of 1.
-VectorXcd balanced_eigenvalues(Eigen::MatrixXd map) {
+Eigen::VectorXd balance(Eigen::MatrixXd& map) {
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(map.rows());
   for (bool done = false; !done;) {
     done = true;
     for (Index i = 0; i < map.rows(); ++i) {
@@ -24,9 +23,15 @@ VectorXcd balanced_eigenvalues(Eigen::MatrixXd map) {
       if (column * f + row / f >= 0.95 * (column + row)) continue;
       map.col(i) *= f;
       map.row(i) /= f;
+      scale[i] *= f;
       done = false;
     }
   }
+  return scale;
+}
+
+VectorXcd balanced_eigenvalues(Eigen::MatrixXd map) {
+  balance(map);
   return robot::eigenvalues(map);
 }
 

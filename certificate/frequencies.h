@@ -9,6 +9,11 @@
 /// At which frequencies a sampled loop is looked at, and the least value over them.
 namespace tachless::certificate {
 
+/// Balances a one-period map (Parlett and Reinsch, 1969), which Eigen's decompositions leave out:
+/// torques of 1e7 N m stand beside radians, and a slow pole at a short period is within 1e-7 of 1.
+/// @return the diagonal of S; the map has become S^-1 map S
+Eigen::VectorXd balance(Eigen::MatrixXd& map);
+
 /// Eigenvalues of a one-period map.
 Eigen::VectorXcd balanced_eigenvalues(Eigen::MatrixXd map);
 double spectral_radius(const Eigen::MatrixXd& map);

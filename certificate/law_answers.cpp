@@ -49,7 +49,7 @@ std::vector<MatrixXd> pulse_answers(const Ask& ask, Index inputs, Index window) 
 }
 
 /// The same with the states counted by pulses that lead to them, the first that are independent:
-/// so that models of one law at several postures have the same states.
+/// so that models of one law with several gains have the same states.
 LinearLaw in_pulses(const LinearLaw& law) {
   constexpr double independent = 1e-9;
   const Index r = law.A.rows();

@@ -32,12 +32,15 @@ double edge(double inside, double outside, double precision, const Stable& stabl
 class Response {
  public:
   Response(const CutLoop& open, double period_s) : period_s_(period_s) {
-    // Triangular, so that a frequency costs a substitution.
-    const auto [T, U] = robot::complex_schur(open.A);
+    MatrixXd closed = open.closed();
+    const Eigen::VectorXd scale = balance(closed), inverse = scale.cwiseInverse();
+    poles_ = robot::eigenvalues(closed);
+    // Triangular, so that a frequency costs a substitution; of the balanced loop, or the rounding
+    // of a law's large states hides its small ones.
+    const auto [T, U] = robot::complex_schur(inverse.asDiagonal() * open.A * scale.asDiagonal());
     A_ = T;
-    B_ = U.adjoint() * open.B;
-    C_ = open.C * U;
-    poles_ = balanced_eigenvalues(open.closed());
+    B_ = U.adjoint() * (inverse.asDiagonal() * open.B);
+    C_ = open.C * scale.asDiagonal() * U;
   }
 
   [[nodiscard]] MatrixXcd at(double w) const {

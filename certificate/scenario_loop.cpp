@@ -19,6 +19,7 @@
 #include "controller/law/parts.h"
 #include "controller/laws.h"
 #include "controller/registry.h"
+#include "experiment/gains.h"
 
 namespace tachless::certificate {
 namespace {
@@ -203,16 +204,17 @@ struct ScenarioLoop::AskedLaw {
   std::string measurement;  ///< suffix
   double own_period_s = 0;  ///< the scenario's: the compensation of gravity at others is not used
   Index window = 0;
-  std::map<std::vector<double>, LinearLaw> known;
-  std::map<double, Index> orders;  ///< of the models at a period
+  std::map<std::pair<std::vector<double>, std::string>, LinearLaw> known;
+  std::map<std::pair<double, std::string>, Index> orders;  ///< of the models at a period, by gains
   std::mutex mutex;
 
-  LinearLaw at(double period_s, const ReferencePoint& reference,
-               const std::array<Vector, 4>& state) {
+  LinearLaw at(double period_s, ReferencePoint reference, const std::array<Vector, 4>& state,
+               const experiment::Gains& gains) {
     const std::lock_guard lock(mutex);
-    std::vector<double> key = {period_s};
+    reference.gains = experiment::gains_text(gains);
+    std::pair key(std::vector{period_s}, reference.gains);
     for (const Vector* each : {&reference.q_ref, &reference.v_ref, &reference.a_ref}) {
-      key.insert(key.end(), each->begin(), each->end());
+      key.first.insert(key.first.end(), each->begin(), each->end());
     }
     const auto found = known.find(key);
     if (found != known.end()) return found->second;
@@ -242,7 +244,8 @@ struct ScenarioLoop::AskedLaw {
     };
     if (window == 0) window = window_of(ask, nominal.size());
     LinearLaw law = realised(ask, nominal.size(), window, 2 * window);
-    const Index states = orders.try_emplace(period_s, law.A.rows()).first->second;
+    const Index states =
+        orders.try_emplace({period_s, reference.gains}, law.A.rows()).first->second;
     if (states != law.A.rows()) {
       throw NoLinearModel(
           fmt::format("it has {} states at one posture and {} at another", states, law.A.rows()));
@@ -261,9 +264,6 @@ ScenarioLoop::ScenarioLoop(const experiment::Scenario& scenario, const LawAnswer
       trajectory_(reference::make_trajectory(scenario)),
       motion_(motion_of(scenario, trajectory_)) {
   if (answers) {
-    if (scenario.robot.flexible) {
-      throw NoLinearModel("on flexible joints no model is made of a law's answers");
-    }
     asked_ = std::make_shared<AskedLaw>();
     asked_->answers = answers;
     asked_->measurement = scenario.controller.measurement;
@@ -292,7 +292,7 @@ SampledLoop ScenarioLoop::at(const ReferencePoint& reference,
                              const controller::law::Settings& settings) const {
   const auto law = [scenario = scenario_, asked = asked_, settings, reference,
                     state = state_on(reference, model_, *scenario_)](double period_s) {
-    if (asked) return asked->at(period_s, reference, state);
+    if (asked) return asked->at(period_s, reference, state, scenario->controller.gains);
     experiment::Scenario at_period = *scenario;
     at_period.controller.filter = settings.filter;
     at_period.loop.command_delay = settings.command_delay;

@@ -1,6 +1,6 @@
 #include "controller/law_socket.h"
 
-#include <fmt/core.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
 
@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "diagnostics/logging.h"
+#include "experiment/gains.h"
 #include "node/run_info.h"
 #include "process/child.h"
 
@@ -251,6 +252,26 @@ class ExternalLaw final : public AnyLaw {
   Codecs codecs_;
 };
 
+/// What makes of a scenario the one at that period with those gains (experiment::gains_text).
+std::vector<std::string> changes(const experiment::Scenario& scenario, double period_s,
+                                 const std::string& gains) {
+  std::vector<std::string> all;
+  if (period_s != scenario.loop.period_s) {
+    all = {fmt::format("loop.period_s={:.17g}", period_s),
+           fmt::format("loop.duration_s={:.17g}", 10 * period_s)};
+  }
+  if (gains == experiment::gains_text(scenario.controller.gains)) return all;
+  for (const auto& [name, value] : with_gains(scenario, gains).controller.gains) {
+    const auto own = scenario.controller.gains.find(name);
+    if (own != scenario.controller.gains.end() && own->second.size() == value.size() &&
+        own->second == value) {
+      continue;
+    }
+    all.push_back(fmt::format("controller.gains.{}=[{}]", name, fmt::join(value, ", ")));
+  }
+  return all;
+}
+
 }  // namespace
 
 bool LawSocket::send(std::span<const std::byte> message) {
@@ -300,8 +321,7 @@ ScenarioLaw external_law(const experiment::Scenario& scenario, const std::string
 LawProgram::LawProgram(const experiment::Scenario& scenario, const std::string& command)
     : scenario_(scenario),
       program_(std::make_shared<Program>(scenario, command)),
-      info_(program_->begin(scenario)),
-      begun_(scenario.loop.period_s, false) {}
+      info_(program_->begin(scenario)) {}
 
 std::vector<robot::Vector> LawProgram::answers(double period_s, bool weightless,
                                                std::span<const loop::AnyMeasurement> measurements,
@@ -310,27 +330,27 @@ std::vector<robot::Vector> LawProgram::answers(double period_s, bool weightless,
   const std::lock_guard lock(mutex_);
   if (failure_) std::rethrow_exception(failure_);
   try {
-    if (begun_ != std::pair(period_s, weightless)) {
-      std::vector<std::string> overrides{fmt::format("loop.period_s={:.17g}", period_s),
-                                         fmt::format("loop.duration_s={:.17g}", 10 * period_s)};
-      // Next to none: an arm that adds gravity itself is refused without any.
-      if (weightless) overrides.emplace_back("robot.gravity_m_per_s2=1e-9");
+    std::vector<std::string> other = changes(scenario_, period_s, reference.gains);
+    // Next to none: an arm that adds gravity itself is refused without any.
+    if (weightless) other.emplace_back("robot.gravity_m_per_s2=1e-9");
+    if (other != begun_) {
       experiment::Scenario scenario = experiment::parse_scenario(
-          scenario_.text, scenario_.robot.urdf_text, scenario_.source, overrides);
+          scenario_.text, scenario_.robot.urdf_text, scenario_.source, other);
       scenario.loop.period_s = period_s;
       info_ = program_->begin(scenario);
-      begun_ = {period_s, weightless};
+      begun_ = std::move(other);
     }
     const auto limit = duration_of(scenario_.loop.give_up_s);
     const auto signals = loop::parse_signals(info_.signals).value();
     Codecs codecs(info_.measurement,
                   loop::layout(scenario_.num_joints, scenario_.robot.flexible.has_value(),
                                static_cast<int>(signals.size())));
+    loop::ReferencePoint held = reference;
+    held.gains.clear();  // are the scenario's
     std::vector<robot::Vector> torques;
     for (std::size_t sent = 0; torques.size() < measurements.size();) {
       for (; sent < std::min(torques.size() + under_way, measurements.size()); ++sent) {
-        program_->ask(codecs, static_cast<std::int64_t>(sent), period_s, measurements[sent],
-                      reference);
+        program_->ask(codecs, static_cast<std::int64_t>(sent), period_s, measurements[sent], held);
       }
       while (torques.size() < sent) {
         loop::TorqueCommand command;

@@ -6,7 +6,6 @@
 #include <mutex>
 #include <span>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "bus/wire.h"
@@ -83,7 +82,7 @@ class LawProgram {
   experiment::Scenario scenario_;
   std::shared_ptr<Program> program_;
   loop::LawInfo info_;
-  std::pair<double, bool> begun_;  ///< with which period, and whether weightless
+  std::vector<std::string> begun_;  ///< by what the run that has begun differs
   std::mutex mutex_;
   std::exception_ptr failure_;
 };

@@ -43,7 +43,14 @@ class PythonLaw final : public controller::AnyLaw {
         measurement_(scenario.controller.measurement),
         interrupt_(interrupt),
         num_joints_(scenario.num_joints),
-        period_s_(scenario.loop.period_s) {}
+        period_s_(scenario.loop.period_s) {
+    if (!py::hasattr(f_, "set_gains")) return;
+    py::dict gains;
+    for (const auto& [gain, value] : scenario.controller.gains) {
+      gains[gain.c_str()] = array_of(value);
+    }
+    f_.attr("set_gains")(gains);
+  }
   ~PythonLaw() override {
     const py::gil_scoped_acquire locked;
     f_ = py::object();

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "certificate/feasibility.h"
+#include "certificate/law_answers.h"
 #include "certificate/linear_loop.h"
 #include "certificate/postures.h"
 #include "controller/registry.h"
@@ -43,10 +44,11 @@ constexpr double margin_tolerance = 0.002;  // numbers are printed with two digi
 
 class Search {
  public:
-  Search(const experiment::Scenario& scenario, const DesignGoal& goal)
+  Search(const experiment::Scenario& scenario, const DesignGoal& goal, const LawAnswers& answers)
       : scenario_(scenario),
         goal_(goal),
-        law_(scenario, goal),
+        answers_(answers),
+        law_(scenario, goal, answers),
         labels_(robot::joint_labels(*scenario.model)) {
     law_.choose_variables();
     problem_ = law_.at(law_.first_rests());
@@ -170,6 +172,14 @@ class Search {
   /// margin; where these come to nothing, at the largest that has it all. Of a rule that has less,
   /// the w with the most.
   std::pair<FoundGains, FoundGains> best_starts(const OnProgress& tell) {
+    if (answers_) {
+      const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
+      if (given.modulus > 0) return {given, {}};
+      throw Failure(ExitCode::check_said_no,
+                    "the loop is unstable with the scenario's controller.gains, from which design "
+                    "starts, at a posture of the motion or of the joints' range: begin with softer "
+                    "ones");
+    }
     struct Start {
       double filter_ratio, damping, part_of_margin, held;
     };
@@ -260,7 +270,7 @@ class Search {
     }
     for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
     const experiment::Scenario scenario = law_.with(design.gains);
-    design.loop = analyse(scenario, Effort::margins, tell);
+    design.loop = analyse(scenario, Effort::margins, tell, answers_);
     const std::vector<Minimum> all = worst_postures();
     const Minimum& worst = *std::ranges::min_element(all, {}, &Minimum::value);
     design.modulus_in_range = worst.value;
@@ -301,6 +311,7 @@ class Search {
 
   const experiment::Scenario& scenario_;
   DesignGoal goal_;
+  LawAnswers answers_;
   DesignProblem law_;
   robot::JointLabels labels_;
   GainProblem problem_;
@@ -311,14 +322,8 @@ class Search {
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 
-}  // namespace
-
-Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
-              const OnProgress& tell) {
-  const Feasibility feasible = feasibility(scenario);
-  if (!feasible.impossible.empty()) {
-    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
-  }
+/// Of a law of the catalogue: that design can work with it.
+void require_rule(const experiment::Scenario& scenario) {
   const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
   if (!law.no_linearisation.empty()) {
     throw Failure(ExitCode::check_said_no,
@@ -332,7 +337,23 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
                   "--set controller.law=loria_ortega_flexible, or kelly_flexible to hold a posture",
                   law.name, scenario.robot.name);
   }
-  Design best = Search(scenario, goal).found(tell);
+}
+
+}  // namespace
+
+Design design(const experiment::Scenario& scenario, const DesignGoal& goal, const OnProgress& tell,
+              const LawAnswers& answers) {
+  const Feasibility feasible = feasibility(scenario);
+  if (!feasible.impossible.empty()) {
+    throw Failure(ExitCode::check_said_no, feasible.impossible.front());
+  }
+  if (!answers) require_rule(scenario);
+  Design best;
+  try {
+    best = Search(scenario, goal, answers).found(tell);
+  } catch (const NoLinearModel& why) {
+    throw Failure(ExitCode::check_said_no, "no model of the law: {}", why.what());
+  }
   if (goal.settling_s && best.loop.modes.settling_s > 1.05 * *goal.settling_s) {
     best.missed = goal.settling_s;
   }

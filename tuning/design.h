@@ -51,8 +51,12 @@ struct Design {
 
 /// Deterministic. @throw diagnostics::Failure(check_said_no) when no gains do, naming why: a torque
 /// limit below gravity, a motion that is too fast, margins that no gains have.
+/// @param answers of an external law: its search starts from the scenario's gains, which have to
+/// make a stable loop, changes each of their numbers (one for all joints stays one) by a factor of
+/// 100 at most, and knows none of the goals about kp, bandwidth and start error
 Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
-              const certificate::OnProgress& tell = certificate::no_progress);
+              const certificate::OnProgress& tell = certificate::no_progress,
+              const certificate::LawAnswers& answers = {});
 
 /// The gains as overrides of a scenario: "controller.gains.kp=[…]".
 std::vector<std::string> overrides_of(const Design& design);

@@ -31,6 +31,7 @@ using robot::Vector;
 constexpr int settling_postures = 3, margin_postures = 4;  // of the reference's motion
 constexpr int mean_postures = 16;                          // in the joints' range
 constexpr double gain_difference = 1e-4;                   // of the logarithm of a gain
+constexpr double most_factor = 100;                        // of an external law's gains
 
 /// The geometric mean over the postures of m_j = 1 / (M^-1)_jj, or of M_jj.
 Vector mean_of_inertia(const robot::Model& model, const std::vector<ReferencePoint>& rests,
@@ -69,10 +70,24 @@ const controller::LawFacts& tuned_law(const std::string& name) {
   throw Failure(ExitCode::check_said_no, "{} has no rule for its gains: tune it by hand", name);
 }
 
+/// 0 where there are more states, or fewer: a gain at which a pole vanishes.
 LinearLaw difference(const LinearLaw& to, const LinearLaw& from) {
-  const double by = 1 / gain_difference;
+  const double by = to.A.rows() == from.A.rows() ? 1 / gain_difference : 0;
+  if (by == 0) return {0 * from.A, 0 * from.B, 0 * from.C, 0 * from.D, from.measured};
   return {by * (to.A - from.A), by * (to.B - from.B), by * (to.C - from.C), by * (to.D - from.D),
           to.measured};
+}
+
+/// The largest difference of the two frequency responses, as a part of the second.
+double unlike(const LinearLaw& one, const LinearLaw& other, double period_s) {
+  double most = 0;
+  for (const double turn : {0.01, 0.1, 1.0}) {
+    const auto response = [&](const LinearLaw& law) -> Eigen::MatrixXcd {
+      return at_frequency({law, {}, false}, turn / period_s, period_s).K;
+    };
+    most = std::max(most, (response(one) - response(other)).norm() / response(other).norm());
+  }
+  return most;
 }
 
 }  // namespace
@@ -89,14 +104,17 @@ ReferencePoint rest_in_range(const robot::Model& model, int k) {
   return constant_reference(q);
 }
 
-DesignProblem::DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal)
+DesignProblem::DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal,
+                             const LawAnswers& answers)
     : scenario_(scenario),
       goal_(goal),
-      law_(tuned_law(scenario.controller.law)),
+      law_(answers ? controller::law_facts(experiment::external_law)
+                   : tuned_law(scenario.controller.law)),
       model_(plant_of(scenario)),
       mean_(tuning_of(scenario)),
       held_inertia_(mean_.inertia),
-      loop_(with(by_rule(1, 10))) {
+      loop_(answers ? scenario : with(by_rule(1, 10)), answers),
+      start_(answers ? scenario.controller.gains : Gains()) {
   rests_ = loop_.rest_points(settling_postures);
   for (std::size_t k = 0; k < rests_.size(); ++k) problem_.settling.push_back(k);
   if (loop_.moves()) {
@@ -118,6 +136,11 @@ experiment::Scenario DesignProblem::with(const Gains& gains) const {
 
 std::string DesignProblem::name_of(std::size_t variable) const {
   const auto count = static_cast<std::size_t>(per_kind());
+  if (!entries_.empty() && entries_[variable] >= 0) {
+    return kinds_[variable] + " of " +
+           robot::joint_labels(*scenario_.model)
+               .joint(static_cast<std::size_t>(entries_[variable]));
+  }
   if (!by_joint_) return kinds_[variable];
   return kinds_[variable / count] + " of " +
          robot::joint_labels(*scenario_.model).joint(variable % count);
@@ -152,7 +175,7 @@ Gains DesignProblem::by_rule(double w, double r, double damping, bool one_b, dou
 
 void DesignProblem::follow(Gains& all) const {
   if (!kinds_.empty() && !has_own_gains_ && all.contains("b")) all["b"] = all["a"];
-  if (!all.contains("ki")) return;
+  if (!law_.tuned || !all.contains("ki")) return;
   Tuning slowest = mean_;
   slowest.w = all["kp"].cwiseQuotient(mean_.inertia).cwiseSqrt().minCoeff();
   slowest.filter = all["a"].minCoeff();
@@ -170,7 +193,7 @@ Gains DesignProblem::gains(const VectorXd& theta) const {
     if (by_joint_) {
       all[kinds_[kind]] = theta.segment(first, per_kind()).array().exp();
     } else {
-      all[kinds_[kind]] *= std::exp(theta[first]);
+      scale(all, kind, std::exp(theta[first]));
     }
   }
   follow(all);
@@ -189,6 +212,14 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
   }
   return theta;
 }
+void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
+  Vector& own = gains.at(kinds_[kind]);
+  if (!entries_.empty() && entries_[kind] >= 0) {
+    own[entries_[kind]] *= factor;
+  } else {
+    own *= factor;
+  }
+}
 LinearLaw DesignProblem::feedback_at(const Gains& gains, const ReferencePoint& rest) const {
   LinearLaw law = loop_.law_with(gains, rest);
   law.D -= law.compensation;
@@ -201,7 +232,7 @@ Feedback DesignProblem::feedback(const VectorXd& theta, const ReferencePoint& re
   if (!derivatives) return feedback;
   feedback.by_kind = parallel_map(kinds_.size(), [&](std::size_t kind) {
     Gains moved = here;
-    moved.at(kinds_[kind]) *= std::exp(gain_difference);
+    scale(moved, kind, std::exp(gain_difference));
     return difference(feedback_at(moved, rest), feedback.law);
   });
   return feedback;
@@ -222,7 +253,41 @@ GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
   return problem;
 }
 
+/// Of an external law each number of the scenario's gains, a matrix left as it is, by its logarithm
+/// from there.
+void DesignProblem::choose_entries() {
+  by_joint_ = false;
+  for (const auto& [name, value] : start_) {
+    if (value.size() != model_.num_joints) continue;
+    const bool alike = (value.array() == value[0]).all();
+    for (Index j = 0; j < (alike ? 1 : value.size()); ++j) {
+      if (value[j] == 0) continue;
+      kinds_.push_back(name);
+      entries_.push_back(alike ? -1 : j);
+    }
+  }
+  const LinearLaw first = feedback_at(start_, rests_.front());
+  const double h = scenario_.loop.period_s;
+  Gains other = start_;
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) scale(other, kind, 1.01);
+  if (unlike(feedback_at(other, rests_.front()), first, h) < 1e-9) {
+    throw Failure(
+        ExitCode::check_said_no, "design varies the scenario's controller.gains, and {}",
+        kinds_.empty() ? "there is none but 0" : "the program's torques are the same with others");
+  }
+  const ReferencePoint beside = rest_in_range(model_, mean_postures);
+  problem_.same_everywhere = unlike(feedback_at(start_, beside), first, h) < 1e-5;
+}
+
 void DesignProblem::choose_variables() {
+  problem_.resonant = scenario_.robot.flexible.has_value();
+  problem_.margin = goal_.modulus;
+  problem_.settling_s = goal_.settling_s.value_or(0);
+  if (!law_.tuned) {
+    choose_entries();
+    set_bounds();
+    return;
+  }
   start_ = by_rule(10, 10);
   has_own_gains_ = std::ranges::any_of(law_.parameters, [](const controller::Parameter& each) {
     return each.shape == schema::Shape::joints;
@@ -248,10 +313,6 @@ void DesignProblem::choose_variables() {
   by_joint_ = has_own_gains_ && (first.D - last.D).cwiseAbs().maxCoeff() < 1e-5 * size &&
               (first.B - last.B).isZero(1e-5);  // also without a memory
   problem_.same_everywhere = by_joint_;
-  problem_.resonant = scenario_.robot.flexible.has_value();
-
-  problem_.margin = goal_.modulus;
-  problem_.settling_s = goal_.settling_s.value_or(0);
   set_bounds();
 }
 
@@ -266,6 +327,11 @@ void DesignProblem::set_bounds() {
     double torque = goal_.count_Nm.value_or(infinity);
     if (limit) torque = std::min(torque, goal_.count_share * (*limit)[j]);
     if (count[j] > 0) problem_.most_gain[j] = torque / count[j];
+  }
+  if (!entries_.empty()) {
+    problem_.upper.setConstant(std::log(most_factor));
+    problem_.lower = -problem_.upper;
+    return;
   }
   Gains most = start_;
   for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {

@@ -19,10 +19,13 @@ using Gains = std::map<std::string, robot::Vector>;
 /// which bounds, and the law's feedback terms as a function of them.
 class DesignProblem {
  public:
+  /// @param answers of an external law, whose gains are the scenario's
   /// @throw diagnostics::Failure(check_said_no) for a law without a rule.
-  DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal);
+  DesignProblem(const experiment::Scenario& scenario, const DesignGoal& goal,
+                const certificate::LawAnswers& answers = {});
 
   /// To be called before what follows but for `by_rule`; of a law that can be linearised.
+  /// @throw diagnostics::Failure(check_said_no) for a law without gains
   void choose_variables();
 
   /// By the rule of thumb, filters r times as fast as the two poles and no faster than 1 / h.
@@ -48,6 +51,8 @@ class DesignProblem {
   [[nodiscard]] std::string name_of(std::size_t variable) const;
 
  private:
+  void choose_entries();
+  void scale(Gains& gains, std::size_t kind, double factor) const;
   void set_bounds();
   /// Gains that others determine: b of a law without gains of each joint, and an integral's, by the
   /// rule for the slowest joint.
@@ -68,8 +73,10 @@ class DesignProblem {
   std::vector<loop::ReferencePoint> rests_;
   Gains start_;
   std::vector<std::string> kinds_;  ///< names of the gains that vary
-  bool has_own_gains_ = true;       ///< of each joint
-  bool by_joint_ = true;            ///< each joint's of its own; otherwise one factor for all
+  /// Of an external law: which entry of each kind; -1: all of them, which are the same.
+  std::vector<Eigen::Index> entries_;
+  bool has_own_gains_ = true;  ///< of each joint
+  bool by_joint_ = true;       ///< each joint's of its own; otherwise one factor for all
   GainProblem problem_;
 };
 

@@ -128,9 +128,9 @@ struct Certify {
 
 /// For people.
 std::string text(const tuning::Design& design, const experiment::Scenario& scenario) {
-  std::string text =
-      fmt::format("{}: gains of {} at h = {}, delay {}\n", scenario.name, scenario.controller.law,
-                  diagnostics::period_text(scenario.loop.period_s), scenario.loop.command_delay);
+  std::string text = fmt::format(
+      "{}: gains of {} at h = {}, delay {}\n", scenario.name, scenario.controller.law_text(),
+      diagnostics::period_text(scenario.loop.period_s), scenario.loop.command_delay);
   for (const std::string& gain : tuning::overrides_of(design)) {
     text += fmt::format("  --set '{}'\n", gain);
   }
@@ -159,7 +159,8 @@ std::string text(const tuning::Design& design, const experiment::Scenario& scena
 
 nlohmann::ordered_json to_json(const tuning::Design& design, const experiment::Scenario& scenario) {
   const auto list = [](const robot::Vector& v) { return std::vector<double>(v.begin(), v.end()); };
-  nlohmann::ordered_json json = {{"scenario", scenario.name}, {"law", scenario.controller.law}};
+  nlohmann::ordered_json json = {{"scenario", scenario.name},
+                                 {"law", scenario.controller.law_text()}};
   for (const auto& [gain, values] : design.gains) json["gains"][gain] = list(values);
   json["overrides"] = tuning::overrides_of(design);
   json["sampled"] = to_json(design.loop);
@@ -179,7 +180,7 @@ struct Design {
   tuning::DesignGoal goal;
   std::vector<double> stiffness, rest_error, from;
   double period_s = 0;
-  std::string structure;
+  std::string structure, law_program;
   fs::path output;
   bool json = false, quiet = false, force = false;
 
@@ -229,6 +230,14 @@ struct Design {
         ->check(CLI::IsMember({"diagonal", "matrix", "scheduled"}));
     command.add_option("--from", from, "Of a URDF: where the motion begins [rad; m], one a joint")
         ->delimiter(',');
+    auto* const program = command.add_option(
+        "--controller", law_program,
+        "The law is that of this program, as typed in a shell, and takes its gains from the "
+        "scenario's controller.gains, from which the search starts");
+    for (const char* of_known_gains :
+         {"--bandwidth", "--stiffness", "--rest-error", "--start-error", "--structure", "--from"}) {
+      program->excludes(of_known_gains);
+    }
     command.add_option("--write", output, "The scenario with these gains, as a file");
     command.add_flag("--force", force, "Replace that file if it exists");
     add_json(command, json);
@@ -236,12 +245,14 @@ struct Design {
   }
 
   [[nodiscard]] ExitCode run() const {
-    const experiment::Scenario scenario = load({});
+    experiment::Scenario scenario = load(overrides_of_program());
     warn(scenario);
     require_writable(output, force);
+    const certificate::LawAnswers answers = law_answers(scenario, law_program);
     Screen screen(quiet);
-    const tuning::Design design = tuning::design(scenario, whole_goal(scenario.num_joints),
-                                                 [&](std::string_view what) { screen.show(what); });
+    const tuning::Design design = tuning::design(
+        scenario, whole_goal(scenario.num_joints),
+        [&](std::string_view what) { screen.show(what); }, answers);
     screen.clear();
     print(json, to_json(design, scenario), text(design, scenario));
     for (const std::string& warning : design.warnings) diagnostics::log_warning(warning);
@@ -256,14 +267,30 @@ struct Design {
     if (!output.empty()) {
       diagnostics::UnfinishedFile(output, write_remedy).write(designed_text(scenario, design));
       if (!json) {
-        std::cout << fmt::format("  type: tachless run {}\n",
-                                 diagnostics::printable(output.string()));
+        std::cout << fmt::format(
+            "  type: tachless run {}{}\n", diagnostics::printable(output.string()),
+            law_program.empty() ? "" : fmt::format(" --controller '{}'", law_program));
       }
     }
     return ExitCode::done;
   }
 
  private:
+  [[nodiscard]] std::vector<std::string> overrides_of_program() const {
+    if (law_program.empty()) return {};
+    if (bare_urdf()) {
+      throw diagnostics::bad_usage("{}: --controller needs a scenario with controller.gains",
+                                   input.string());
+    }
+    RunOptions options;
+    options.scenario = input;
+    options.law_program = law_program;
+    options.overrides = overrides;
+    options.measurement = measurement_wanted(options);
+    options.overrides.clear();
+    return options.all_overrides();
+  }
+
   [[nodiscard]] tuning::DesignGoal whole_goal(int num_joints) const {
     tuning::DesignGoal whole = goal;
     if (stiffness.empty() && rest_error.empty()) return whole;
@@ -364,6 +391,7 @@ const Verb certify_verb = verb_of<Certify>(
 const Verb design_verb = verb_of<Design>(
     "design", "Gains that keep a margin, for a scenario's law or for a bare URDF",
     "  tachless design scenarios/practical_rigid.yaml --settling 0.2\n"
+    "  tachless design arm.yaml --controller ./own_law --write tuned.yaml\n"
     "  tachless design robot.urdf --bandwidth 3 --write robot.yaml && tachless run robot.yaml");
 
 }  // namespace tachless::launch

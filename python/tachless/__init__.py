@@ -123,7 +123,8 @@ def run_controller(f: Law, scenario: Optional[Path] = None, *, name: Optional[st
     f(k, t, measurement, reference) -> torque is called once per tick k, at the time t in s, with numpy arrays:
     measurement.q, .v, .theta, .thetadot (None: not measured), reference.q, .v, .a, .jerk, .snap. It returns one
     number per joint. What it remembers it keeps itself; where it has a method reset(), that is called before the first
-    tick, and again where a gap in realtime is too long to be stepped over.
+    tick, and again where a gap in realtime is too long to be stepped over. A method set_gains(gains) is called before
+    the run with the scenario's controller.gains, arrays by name.
 
     Args:
         f: the law.

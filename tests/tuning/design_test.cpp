@@ -16,6 +16,7 @@
 #include "experiment/scenario.h"
 #include "study/in_process_loop.h"
 #include "study/measures.h"
+#include "tests/certificate/answers.h"
 #include "tests/certificate/scenarios.h"
 #include "tests/robot/robots.h"
 
@@ -301,6 +302,58 @@ TEST(Design, SaysWhatBindsAndWhyItCannot) {
 
 // What `compare` and `sweep --laws` rely on: no rule of thumb makes a law unstable at 1 kHz and 5
 // Hz.
+/// A scenario as it is when its law is asked.
+experiment::Scenario asked(experiment::Scenario scenario) {
+  scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
+  return scenario;
+}
+
+// By another way, from the scenario's gains: a is one for both joints there and stays so.
+TEST(DesignOfAnAskedLaw, IsAboutAsFastAsThatOfItsEquations) {
+  const experiment::Scenario scenario = shipped("practical_rigid");
+  const Design inside = design(scenario, {});
+  const Design found = design(asked(scenario), {}, no_progress, answers_of(scenario));
+  EXPECT_GE(least_modulus(found), 0.498);
+  EXPECT_LE(found.loop.modes.settling_s, 1.2 * inside.loop.modes.settling_s);
+  EXPECT_EQ(found.gains.at("a")[0], found.gains.at("a")[1]);
+  EXPECT_NE(found.gains.at("kp"), scenario.controller.gains.at("kp"));
+  // What it says of the loop is what the equations say of its gains.
+  const Prediction loop = analyse(with_gains(scenario, found), Effort::margins);
+  EXPECT_NEAR(loop.modes.settling_s, found.loop.modes.settling_s, 1e-3 * loop.modes.settling_s);
+  EXPECT_NEAR(loop.margins->modulus, found.loop.margins->modulus, 1e-4);
+}
+
+TEST(DesignOfAnAskedLaw, SaysWhyItCannot) {
+  const auto why = [](const experiment::Scenario& scenario, const LawAnswers& answers) {
+    try {
+      design(asked(scenario), {}, no_progress, answers);
+    } catch (const diagnostics::Failure& failure) {
+      EXPECT_EQ(failure.code(), diagnostics::ExitCode::check_said_no);
+      return std::string(failure.what());
+    }
+    return std::string("it can");
+  };
+  const experiment::Scenario scenario = shipped("practical_rigid");
+  const LawAnswers answers = answers_of(scenario);
+  const auto deaf = [&](double period_s, bool weightless, auto measurements, auto reference) {
+    reference.gains.clear();
+    return answers(period_s, weightless, measurements, reference);
+  };
+  EXPECT_THAT(why(scenario, deaf), HasSubstr("the program's torques are the same with others"));
+  experiment::Scenario without = scenario;
+  without.controller.gains.clear();
+  EXPECT_THAT(why(without, deaf), HasSubstr("there is none but 0"));
+  const experiment::Scenario unstable =
+      shipped("practical_rigid", {"controller.gains.kd=[10000, 600]"});
+  EXPECT_THAT(why(unstable, answers_of(unstable)), HasSubstr("begin with softer ones"));
+  const auto limited = [&](double period_s, bool weightless, auto measurements, auto reference) {
+    auto torques = answers(period_s, weightless, measurements, reference);
+    for (robot::Vector& each : torques) each = each.cwiseMax(-0.01).cwiseMin(0.01);
+    return torques;
+  };
+  EXPECT_THAT(why(scenario, limited), HasSubstr("no model of the law: its answers"));
+}
+
 TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
   for (const controller::LawFacts& law : controller::laws()) {
     SCOPED_TRACE(law.name);
