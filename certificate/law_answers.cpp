@@ -62,7 +62,7 @@ LinearLaw in_pulses(const LinearLaw& law) {
       for (int twice = 0; twice < 2; ++twice) {
         rest -= directions.leftCols(found) * (directions.leftCols(found).transpose() * rest);
       }
-      if (rest.norm() <= independent * reached.col(j).norm()) continue;
+      if (rest.norm() <= independent * reached.norm()) continue;  // of all: one may lead to none
       columns.col(found) = reached.col(j);
       directions.col(found++) = rest.normalized();
     }

@@ -32,8 +32,8 @@ struct SteppedLaw {
 };
 
 /// The torques that a law of another program answers to measurements, tick by tick from the first
-/// of a run at that period on, its reference held, in the scenario's gravity or next to none. From
-/// one thread at a time.
+/// of a run at that period on, its reference held, with that reference's gains, in the scenario's
+/// gravity or next to none. From one thread at a time.
 using LawAnswers = std::function<std::vector<robot::Vector>(double period_s, bool weightless,
                                                             std::span<const loop::AnyMeasurement>,
                                                             const loop::ReferencePoint&)>;

@@ -71,7 +71,7 @@ class LawProgram {
   [[nodiscard]] const std::string& law() const { return info_.law; }
 
   /// Its torques [N m] for these measurements, tick by tick from 0 of a run at that period that
-  /// begins here, the reference held; `weightless`: of the robot without gravity.
+  /// begins here, the reference held and its gains the scenario's; `weightless`: without gravity.
   /// @throw diagnostics::Failure as a step of `external_law`; from then on the same at each call,
   /// for answers may be under way that nobody has taken
   std::vector<robot::Vector> answers(double period_s, bool weightless,

@@ -102,7 +102,7 @@ Identified identify(const std::vector<Recording>& recordings, const std::vector<
   std::vector<Regression> regressions;
   for (const Recording& each : recordings) regressions.push_back(regression(each, parameters));
   const experiment::Scenario& scenario = recordings.front().scenario;
-  LeastSquares answer = least_squares(regressions, parameters, *scenario.model);
+  LeastSquares answer = least_squares(regressions, parameters, *scenario.model, simulated);
   Identified result;
   result.rank = answer.rank;
   result.condition = answer.condition;

@@ -1,6 +1,7 @@
 #include "identify/least_squares.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -198,8 +199,8 @@ Regression regression(const Recording& recording, const Parameters& parameters) 
 namespace {
 
 constexpr int passes = 4;
-constexpr int blocks = 60;        ///< of time, for the covariance
-constexpr double quantile = 2.0;  ///< Student's, 97.5 % at 59 degrees of freedom
+constexpr int blocks = 20;       ///< of time, for the covariance
+constexpr double slowest = 0.1;  ///< of a joint's speeds: below, its friction may be that of rest
 
 /// All rows, each weighted by its joint's.
 struct Weighted {
@@ -207,18 +208,63 @@ struct Weighted {
   VectorXd torque;
 };
 
-Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight) {
+/// @param viscous number of the column that is the first joint's velocity, -1: rows at rest as well
+Weighted weighted(const std::vector<Regression>& of, const VectorXd& weight, Eigen::Index viscous) {
   Eigen::Index rows = 0, row = 0;
   for (const Regression& each : of) rows += each.torque.size();
   Weighted all{MatrixXd(rows, of.front().columns.cols()), VectorXd(rows)};
   for (const Regression& each : of) {
+    const MatrixXd speed =
+        each.columns.middleCols(std::max<Eigen::Index>(0, viscous), viscous < 0 ? 0 : weight.size())
+            .cwiseAbs();
+    const Eigen::RowVectorXd least = slowest * speed.colwise().maxCoeff();
     for (Eigen::Index i = 0; i < each.torque.size(); ++i, ++row) {
-      const double w = weight[each.joint[i]];
+      const Eigen::Index j = each.joint[i];
+      const double w = viscous >= 0 && speed(i, j) < least[j] ? 0 : weight[j];
       all.columns.row(row) = w * each.columns.row(i);
       all.torque[row] = w * each.torque[i];
     }
   }
   return all;
+}
+
+/// Student's, 97.5 %, to 1 % from one degree of freedom on: the normal's, its expansion's first
+/// term and a fit of the others.
+double quantile(double freedom) {
+  const double x = 1 / std::max(1.0, freedom);
+  return 1.96 * std::exp(x * (1.21 + x * (0.735 - 0.075 * x)));
+}
+
+/// Of `of` times the least-squares solution: what leaving out each block of time moves it by, so
+/// that a block that it follows counts as it should, and Student's quantile at the degrees of
+/// freedom of that sum of squares for a white residual (R. Bell, D. McCaffrey, Bias reduction in
+/// standard errors for linear regression with multi-stage samples, Survey Methodology 28(2), 2002).
+VectorXd half_widths(const MatrixXd& J, const VectorXd& residual, const MatrixXd& of) {
+  const Eigen::Index length = residual.size() / blocks, p = J.cols();
+  const MatrixXd N = J.transpose() * J, inverse = N.inverse();
+  std::vector<MatrixXd> own, without;  // normal matrices; solutions of the other blocks'
+  MatrixXd moves(of.rows(), blocks);
+  for (Eigen::Index b = 0; b < blocks; ++b) {
+    const auto rows = J.middleRows(b * length, length);
+    own.emplace_back(rows.transpose() * rows);
+    without.emplace_back((N - own.back()).inverse() * of.transpose());
+    moves.col(b) =
+        without.back().transpose() * (rows.transpose() * residual.segment(b * length, length));
+  }
+  VectorXd result(of.rows());
+  for (Eigen::Index i = 0; i < result.size(); ++i) {
+    MatrixXd seen(p, blocks), covariance = MatrixXd::Zero(blocks, blocks);
+    for (std::size_t b = 0; b < own.size(); ++b) {
+      const auto at = static_cast<Eigen::Index>(b);
+      seen.col(at) = own[b] * without[b].col(i);
+      covariance(at, at) = seen.col(at).dot(without[b].col(i));
+    }
+    covariance -= seen.transpose() * inverse * seen;
+    const double freedom = std::pow(covariance.trace(), 2) / covariance.squaredNorm();
+    const double width = quantile(freedom) * moves.row(i).norm() * std::sqrt(1 - 1.0 / blocks);
+    result[i] = std::isfinite(width) ? width : std::numeric_limits<double>::infinity();
+  }
+  return result;
 }
 
 /// Which parameters are determined, alone or in sums, and how well.
@@ -252,31 +298,21 @@ Precision precision(const MatrixXd& J, const VectorXd& norm, const VectorXd& res
   const MatrixXd& V = eigen.eigenvectors();
   const Eigen::Index null = (value.array() < zero * value.maxCoeff()).count();
   const Eigen::Index rank = value.size() - null;
-  const MatrixXd inverse = V.rightCols(rank) * value.tail(rank).cwiseInverse().asDiagonal() *
-                           V.rightCols(rank).transpose();
-  const Eigen::Index length = residual.size() / blocks;
-  MatrixXd middle = MatrixXd::Zero(J.cols(), J.cols());
-  for (int b = 0; b < blocks; ++b) {
-    const VectorXd sum =
-        scaled.middleRows(b * length, length).transpose() * residual.segment(b * length, length);
-    middle += sum * sum.transpose();
-  }
-  const VectorXd half_width =
-      quantile * (inverse * middle * inverse).diagonal().cwiseMax(0).cwiseSqrt();
-  return {half_width.cwiseQuotient(norm), rank,
+  const auto determined = V.rightCols(rank);
+  return {half_widths(scaled * determined, residual, determined).cwiseQuotient(norm), rank,
           std::sqrt(value.maxCoeff() / value[std::min(null, value.size() - 1)]),
           V.leftCols(null) * V.leftCols(null).transpose()};
 }
 
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
-                           const robot::Model& model) {
+                           const robot::Model& model, bool start) {
   const Eigen::Index n = of.front().peak.size();
   LeastSquares result;
   VectorXd weight = VectorXd::Ones(n);
   for (const Regression& each : of)
     weight = weight.cwiseMin(each.peak.cwiseMax(1e-9).cwiseInverse());
   for (int pass = 0; pass < passes; ++pass) {
-    const Weighted rows = weighted(of, weight);
+    const Weighted rows = weighted(of, weight, start ? parameters.first(Kind::viscous) : -1);
     result.values = possible_values(rows.columns.transpose() * rows.columns,
                                     rows.columns.transpose() * rows.torque, parameters, model);
     if (pass + 1 == passes) set_intervals(rows, parameters, result);

@@ -37,18 +37,19 @@ struct Precision {
   Eigen::MatrixXd free;        ///< projector onto the others
 };
 /// From the Jacobian, its columns' norms, by which it is scaled, and the residual in order of time:
-/// what the gradient varies by, from its sums over blocks of time, whatever the residual's colour.
+/// what the estimate varies by when blocks of time are left out, whatever the residual's colour.
 Precision precision(const Eigen::MatrixXd& J, const Eigen::VectorXd& norm,
                     const Eigen::VectorXd& residual);
 
 /// Weighted by each joint's residual; friction, rotors and payload not below zero, links as they
 /// can be (inertia.h). The errors of the filtered signs of the velocity bias it: a start for
-/// `output_error`, and an answer only where no loop can be simulated.
+/// `output_error`, and an answer only where no loop can be simulated. As a `start` without joints
+/// at rest, whose friction is any up to Coulomb's.
 struct LeastSquares : Precision {  ///< widths infinite where not determined
   Eigen::VectorXd values;
   std::vector<std::string> sums;  ///< of what a parameter is determined with only; empty: alone
 };
 LeastSquares least_squares(const std::vector<Regression>& of, const Parameters& parameters,
-                           const robot::Model& model);
+                           const robot::Model& model, bool start = false);
 
 }  // namespace tachless::identify

@@ -18,7 +18,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int most_iterations = 12;
+constexpr int most_iterations = 30;
 constexpr double good_step = 0.02;  ///< of half an interval's width: then it has converged
 
 /// All recordings' residuals at once: a column vector, tick by tick, joints weighted.
@@ -142,6 +142,7 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
   // What a parameter has to change for an effect: refined from the first Jacobian.
   VectorXd scale = start.cwiseAbs().cwiseMax(1e-3 * std::max(1e-3, start.cwiseAbs().maxCoeff()));
   const robot::Model& model = *recordings.front().scenario.model;
+  VectorXd left;
   for (int iteration = 0; iteration < most_iterations; ++iteration) {
     report(fmt::format("simulating {} loops, pass {} of at most {}", parameters.size() + 1,
                        iteration + 1, most_iterations));
@@ -157,6 +158,7 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
     const VectorXd step = possible_values(J.transpose() * J, J.transpose() * (J * fit.values - r),
                                           parameters, model) -
                           fit.values;
+    left = step.cwiseAbs();
     double best = r.squaredNorm(), shrink = 1;
     bool moved = false;
     for (int attempt = 0; attempt < 6 && !moved; ++attempt, shrink /= 3) {
@@ -170,8 +172,9 @@ Fit output_error(const std::vector<Recording>& recordings, const Parameters& par
       moved = true;
       if ((change.cwiseAbs().array() <= good_step * fit.half_width.array()).all()) return fit;
     }
-    if (!moved) return fit;
+    if (!moved) break;
   }
+  fit.half_width += left;  // has not converged: by so much it would still change
   return fit;
 }
 

@@ -24,8 +24,8 @@ using Report = std::function<void(std::string_view what)>;
 
 /// Gauss-Newton on measured minus simulated positions, joints weighted by their residual, from
 /// `start`, to what a robot can have (inertia.h); the derivatives are differences of simulations.
-/// The intervals hold for residuals of any colour: the covariance is that of the gradient's sums
-/// over blocks of time.
+/// The intervals hold for residuals of any colour (`precision`); where it has not converged they
+/// are wider by the step that is left.
 /// @throw diagnostics::Failure(check_said_no) when the loop cannot be simulated at `start`
 Fit output_error(const std::vector<Recording>& recordings, const Parameters& parameters,
                  const Eigen::VectorXd& start, const Report& report);

@@ -101,6 +101,7 @@ EmulatedRobot::EmulatedRobot(const experiment::Scenario& scenario, const robot::
     : scenario_(scenario),
       model_(&model),
       disturbances_(scenario.plant.disturbances, scenario.loop.period_s, model),
+      before_(initial_torque(scenario, model, initial_state(scenario, model).q)),
       arm_(make_arm(scenario, model, initial_state(scenario, model), 0, &disturbances_)) {
   const PayloadSpec& payload = scenario.plant.payload;
   if (payload.mass_kg == 0) return;
@@ -119,7 +120,6 @@ ArmState EmulatedRobot::read() {
 
 void EmulatedRobot::hold(const robot::Vector& tau, double until_s) {
   if (const double late = scenario_.plant.drive.delay_fraction; late > 0) {
-    if (before_.size() == 0) before_ = tau;
     advance(before_, now_s_ + late * (until_s - now_s_));
   }
   // A change at the end of a tick, but for rounding, is one at the beginning of the next.

@@ -70,7 +70,7 @@ class EmulatedRobot final : public RobotDriver {
   std::vector<ModelChange> changes_;  ///< the payload's coming and going, in order
   std::size_t num_changed_ = 0;
   double now_s_ = 0;
-  robot::Vector before_;  ///< torque over the tick before; empty at first
+  robot::Vector before_;  ///< torque over the tick before; the initial one at first
   Arm arm_;
 };
 

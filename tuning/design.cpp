@@ -176,9 +176,8 @@ class Search {
       const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
       if (given.modulus > 0) return {given, {}};
       throw Failure(ExitCode::check_said_no,
-                    "the loop is unstable with the scenario's controller.gains, from which design "
-                    "starts, at a posture of the motion or of the joints' range: begin with softer "
-                    "ones");
+                    "design starts from the scenario's controller.gains, and the loop is unstable "
+                    "with them at a posture of the motion or in range: begin with softer ones");
     }
     struct Start {
       double filter_ratio, damping, part_of_margin, held;

@@ -214,11 +214,8 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
 }
 void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
   Vector& own = gains.at(kinds_[kind]);
-  if (!entries_.empty() && entries_[kind] >= 0) {
-    own[entries_[kind]] *= factor;
-  } else {
-    own *= factor;
-  }
+  const bool all = entries_.empty() || entries_[kind] < 0;
+  own.segment(all ? 0 : entries_[kind], all ? own.size() : 1) *= factor;
 }
 LinearLaw DesignProblem::feedback_at(const Gains& gains, const ReferencePoint& rest) const {
   LinearLaw law = loop_.law_with(gains, rest);
@@ -318,8 +315,8 @@ void DesignProblem::choose_variables() {
 
 void DesignProblem::set_bounds() {
   const Index n = model_.num_joints, variables = std::ssize(kinds_) * per_kind();
-  problem_.lower = VectorXd::Constant(variables, -100);
-  problem_.upper = VectorXd::Constant(variables, 100);
+  problem_.upper = VectorXd::Constant(variables, entries_.empty() ? 100 : std::log(most_factor));
+  problem_.lower = -problem_.upper;
   const auto& limit = scenario_.plant.drive.torque_limit_Nm;
   const Vector count = experiment::encoder_count(scenario_, *scenario_.model);
   problem_.most_gain = VectorXd::Constant(n, infinity);
@@ -328,11 +325,7 @@ void DesignProblem::set_bounds() {
     if (limit) torque = std::min(torque, goal_.count_share * (*limit)[j]);
     if (count[j] > 0) problem_.most_gain[j] = torque / count[j];
   }
-  if (!entries_.empty()) {
-    problem_.upper.setConstant(std::log(most_factor));
-    problem_.lower = -problem_.upper;
-    return;
-  }
+  if (!entries_.empty()) return;
   Gains most = start_;
   for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
     if (kinds_[kind].front() != 'a') continue;

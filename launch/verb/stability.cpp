@@ -278,10 +278,6 @@ struct Design {
  private:
   [[nodiscard]] std::vector<std::string> overrides_of_program() const {
     if (law_program.empty()) return {};
-    if (bare_urdf()) {
-      throw diagnostics::bad_usage("{}: --controller needs a scenario with controller.gains",
-                                   input.string());
-    }
     RunOptions options;
     options.scenario = input;
     options.law_program = law_program;

@@ -84,7 +84,8 @@ class Tally {
 };
 
 /// TACHLESS_IDENTIFY_ARMS=N tries N arms, each for 20 s; TACHLESS_IDENTIFY_ROBOT=NAME those of one
-/// scenario. A ur5e is among those only: its intervals are too narrow.
+/// scenario. A ur5e is among those only: its soft wrists are at rest for much of the time, and a
+/// loop takes longer to simulate.
 TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
   const char* many = std::getenv("TACHLESS_IDENTIFY_ARMS");
   const char* only = std::getenv("TACHLESS_IDENTIFY_ROBOT");
@@ -99,8 +100,8 @@ TEST(Identify, FindsHiddenArmsWithinItsIntervals) {
     if (many != nullptr) tally.print();
   }
   tally.print();
-  // The goals of the medians; 6 arms have 66 intervals, of which 95 % is 63 +- 2.
-  EXPECT_GE(tally.held(), 0.88);
+  // The goals of the medians; 6 arms have 78 intervals, of which 95 % is 74 +- 2.
+  EXPECT_GE(tally.held(), 0.90);
   EXPECT_LE(tally.median(Kind::rotor), 0.01);
   EXPECT_LE(tally.median(Kind::viscous), 0.02);
   EXPECT_LE(tally.median(Kind::coulomb), 0.01);

@@ -4,7 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/LU>
 #include <numbers>
+#include <random>
 
 #include "diagnostics/failure.h"
 #include "identify/least_squares.h"
@@ -61,6 +63,41 @@ TEST(Identify, FindsTheDelayInTicksAndPartsOfOne) {
     EXPECT_THAT(found.overrides, ::testing::Contains("plant.encoder.latency_ticks=2"));
     EXPECT_THAT(found.overrides, ::testing::Contains("loop.command_delay=1"));
   }
+}
+
+/// One tick, and as good as one: no command acts before the first tick's end either way.
+TEST(Identify, ADelayIsContinuousAtAWholeTick) {
+  const Recording run = hidden_run(2);
+  const Parameters parameters(run.scenario, {Kind::delay});
+  const auto residual = [&](double delay) {
+    return simulated_residual(run, parameters, Eigen::VectorXd::Constant(1, delay));
+  };
+  // The integrator's accuracy is 1e-8.
+  EXPECT_LT((residual(1) - residual(1 - 1e-6)).cwiseAbs().maxCoeff(), 1e-7);
+}
+
+/// A parameter that one of 20 blocks tells nine tenths of, as a run's start does of a delay: the
+/// estimate follows that block's noise, and what is left of the noise there is no measure of it.
+TEST(Identify, IntervalsHoldWhereOneBlockTellsNearlyAll) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  constexpr int rows = 1000, runs = 300;
+  const auto noise = [&](double /*zero*/) { return normal(random); };
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows, 2).unaryExpr(noise);
+  J.col(0).head(10) *= 30;
+  const Eigen::Matrix2d inverse = (J.transpose() * J).inverse();
+  Eigen::Array2d held = Eigen::Array2d::Zero();
+  for (int run = 0; run < runs; ++run) {
+    Eigen::VectorXd residual = Eigen::VectorXd::Zero(rows).unaryExpr(noise);
+    const Eigen::Vector2d error = inverse * (J.transpose() * residual);
+    residual -= J * error;
+    const Precision found = precision(J, J.colwise().norm().transpose(), residual);
+    held += (error.array().abs() <= found.half_width.array()).cast<double>() / runs;
+  }
+  // 95 % of 300, with three standard deviations of 1.3 %; the first's degree of freedom is one, and
+  // its interval wider than needed.
+  EXPECT_GE(held.minCoeff(), 0.91);
+  EXPECT_LE(held[1], 0.99);
 }
 
 TEST(Identify, ChecksOnDataThatWereNotUsedAndRefusesAnotherRobot) {
