@@ -252,7 +252,8 @@ class ExternalLaw final : public AnyLaw {
   Codecs codecs_;
 };
 
-/// What makes of a scenario the one at that period with those gains (experiment::gains_text).
+/// What makes of a scenario the one at that period with those gains (experiment::gains_text; empty:
+/// its own).
 std::vector<std::string> changes(const experiment::Scenario& scenario, double period_s,
                                  const std::string& gains) {
   std::vector<std::string> all;
@@ -260,7 +261,7 @@ std::vector<std::string> changes(const experiment::Scenario& scenario, double pe
     all = {fmt::format("loop.period_s={:.17g}", period_s),
            fmt::format("loop.duration_s={:.17g}", 10 * period_s)};
   }
-  if (gains == experiment::gains_text(scenario.controller.gains)) return all;
+  if (gains.empty() || gains == experiment::gains_text(scenario.controller.gains)) return all;
   for (const auto& [name, value] : with_gains(scenario, gains).controller.gains) {
     if (value.size() > scenario.num_joints) continue;  // a matrix, which no caller changes
     all.push_back(fmt::format("controller.gains.{}=[{}]", name, fmt::join(value, ", ")));

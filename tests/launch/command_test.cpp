@@ -121,10 +121,10 @@ TEST_F(Command, DesignWritesAScenarioThatCertifies) {
   const std::string file = directory_ / "designed.yaml";
   const Outcome design = tachless("design " + robot + " --quiet --write " + file);
   EXPECT_EQ(design.exit_code, 0) << design.output;
-  EXPECT_THAT(design.output,
-              AllOf(HasSubstr("limited by"), HasSubstr("from rest up to |e_i| = [")));
+  EXPECT_THAT(design.output, HasSubstr("limited by"));
   const Outcome certify = tachless("certify " + file + " --quiet");
   EXPECT_EQ(certify.exit_code, 0) << certify.output;
+  EXPECT_THAT(certify.output, HasSubstr("from rest up to |e_i| = ["));
 }
 
 TEST_F(Command, DesignReadsABareUrdfAsTheSettingsOfTheRobotSay) {
