@@ -85,7 +85,7 @@ const std::vector<Rule> rules = {
       "diagnostics/"},
      {"Eigen/"}},
     {"controller/law_socket.",
-     {"controller/", "process/", "bus/", "node/run_info.h", "diagnostics/"},
+     {"controller/", "process/", "bus/", "experiment/gains.h", "node/run_info.h", "diagnostics/"},
      {},
      true},
     {"controller/law/", {"controller/law/", "loop/signals.h", "schema/", "robot/"}, {"Eigen/"}},
