@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
 #include <iostream>
 #include <mutex>
 #include <random>
@@ -36,6 +37,30 @@ struct Descent {
 };
 
 constexpr double limits[] = {40000, 10000};  // [N m]
+
+/// A loop's state at the start, its filters at rest.
+LoopState begin_of(const plant::InitialState& x) {
+  LoopState loop{x.position_rad, x.velocity_rad_per_s, {}, {}, {}};
+  if (x.motor_position_rad) loop.theta = *x.motor_position_rad;
+  if (x.motor_velocity_rad_per_s) loop.thetadot = *x.motor_velocity_rad_per_s;
+  loop.controller.num = 4;
+  for (int i = 0; i < 4; ++i) {
+    loop.controller.value[i] = Vector::Zero(loop.q.size());
+  }
+  return loop;
+}
+
+/// Where along a ray V first is the level, looked for from `outside` on in steps of that factor.
+double reached(const std::function<double(double)>& V, double level, double outside,
+               double factor) {
+  double inside = 0;
+  while (V(outside) < level) outside *= factor;
+  while (outside - inside > 1e-9 * outside) {
+    const double middle = (inside + outside) / 2;
+    (V(middle) < level ? inside : outside) = middle;
+  }
+  return inside;
+}
 
 class FromTheLevelSet {
  public:
@@ -118,24 +143,8 @@ class FromTheLevelSet {
       }
       return x;
     };
-    const auto V = [&](double s) {
-      const plant::InitialState x = state(s);
-      LoopState loop{x.position_rad, x.velocity_rad_per_s, {}, {}, {}};
-      if (flexible) {
-        loop.theta = *x.motor_position_rad;
-        loop.thetadot = *x.motor_velocity_rad_per_s;
-      }
-      loop.controller.num = 4;
-      for (int i = 0; i < 4; ++i) loop.controller.value[i] = Vector::Zero(scenario_.num_joints);
-      return lyapunov_(loop, reference_);
-    };
-    double inside = 0, outside = 1;
-    while (V(outside) < level_) outside *= 2;
-    while (outside - inside > 1e-9 * outside) {
-      const double middle = (inside + outside) / 2;
-      (V(middle) < level_ ? inside : outside) = middle;
-    }
-    return state(inside);
+    const auto V = [&](double s) { return lyapunov_(begin_of(state(s)), reference_); };
+    return state(reached(V, level_, 1, 2));
   }
 
   experiment::Scenario scenario_;
@@ -261,20 +270,8 @@ class Boundary {
       x.velocity_rad_per_s = reference_.v_ref + s * direction.tail(n);
       return x;
     };
-    const auto V = [&](double s) {
-      const plant::InitialState x = state(s);
-      LoopState loop{x.position_rad, x.velocity_rad_per_s, {}, {}, {}};
-      loop.controller.num = 4;
-      for (int i = 0; i < 4; ++i) loop.controller.value[i] = Vector::Zero(n);
-      return lyapunov_(loop, reference_);
-    };
-    double inside = 0, outside = 1e-3;  // the first place where V is the level
-    while (V(outside) < level_) outside *= 1.1;
-    while (outside - inside > 1e-9 * outside) {
-      const double middle = (inside + outside) / 2;
-      (V(middle) < level_ ? inside : outside) = middle;
-    }
-    return state(inside);
+    const auto V = [&](double s) { return lyapunov_(begin_of(state(s)), reference_); };
+    return state(reached(V, level_, 1e-3, 1.1));
   }
 
   experiment::Scenario scenario_;
