@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <future>
 #include <limits>
 #include <stdexcept>
 #include <system_error>
@@ -139,10 +140,17 @@ void LogWriter::flush_if_due(std::chrono::steady_clock::time_point now) {
   if (filled_ != 0) flush();
 }
 
-void LogWriter::sync() {
+void LogWriter::sync(const Wait& meanwhile) {
   flush();
+  auto result = std::async(meanwhile ? std::launch::async : std::launch::deferred,
+                           [file = file_] { return fsync(file) == 0 ? 0 : errno; });
+  const auto done = [&] {
+    return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  };
+  if (meanwhile) meanwhile(done);
   // A log on something that cannot be synchronised, such as a pipe, is no error.
-  if (fsync(file_) != 0 && errno != EINVAL && errno != EROFS) fail(errno);
+  const int error = result.get();
+  if (error != 0 && error != EINVAL && error != EROFS) fail(error);
 }
 
 void LogWriter::close() {

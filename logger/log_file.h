@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -23,9 +24,9 @@ inline constexpr std::size_t max_channel_bytes = 63;
 
 enum class Existing { refuse, overwrite };
 
-/// Appends events to a log. Nothing is allocated after construction. The first error of the file
-/// system ends the log: the file is cut after its last whole event, and this and every further
-/// call throws a Failure that names path, bytes kept and remedy.
+/// Appends events to a log. Nothing is allocated between construction and `sync`. The first error
+/// of the file system ends the log: the file is cut after its last whole event, and this and every
+/// further call throws a Failure that names path, bytes kept and remedy.
 class LogWriter {
  public:
   /// Between two flushes. A killed logger loses at most twice that: a busy machine may let it wait.
@@ -50,8 +51,11 @@ class LogWriter {
   /// `flush` when `flush_interval` has passed since the last one. Cheap otherwise.
   void flush_if_due(std::chrono::steady_clock::time_point now);
 
-  /// Flushes, and waits until the disk has it.
-  void sync();
+  /// Returns when what it is given says so.
+  using Wait = std::function<void(const std::function<bool()>& done)>;
+  /// Flushes, and waits until the disk has it. A busy disk takes seconds, in which `meanwhile`
+  /// runs.
+  void sync(const Wait& meanwhile = {});
 
   /// The same, and closes. @throw diagnostics::Failure(bad_usage) also when the file was removed or
   /// replaced meanwhile

@@ -94,7 +94,7 @@ class Recorder {
                                  return now + LogWriter::flush_interval / 2;
                                });
       conclude(true);
-      file_.sync();
+      file_.sync([this](const auto& done) { link_.attend_until(done); });
       whole_ = true;
       link_.leave();
     } catch (const diagnostics::Failure& failure) {

@@ -29,6 +29,8 @@ constexpr auto leaving_period = 20ms;
 constexpr auto longest_leaving = 1s;
 // What the logger may take at the end beyond the time to give up: it records what is on its way.
 constexpr auto longest_conclusion = 2s;
+// What a busy disk may take until it has the log.
+constexpr auto longest_sync = 60s;
 // Final announcements are not acknowledged, so several are sent, spaced out: loss is bursty.
 constexpr int last_announcements = 5;
 constexpr auto last_announcements_period = 5ms;
@@ -161,6 +163,14 @@ void Link::run_until(const std::function<bool()>& done, const Turn& turn) {
   }
 }
 
+void Link::attend_until(const std::function<bool()>& done) {
+  while (!done()) {
+    const Time now = Clock::now();
+    poll(now);
+    handle_until(now + leaving_period, done);
+  }
+}
+
 void Link::run_until_finished(const std::function<bool(Time)>& all_there, const Turn& turn) {
   run_until([this] { return membership_->plant_finished(); },
             [&](Time now) {
@@ -276,12 +286,13 @@ void Link::leave() {
   while (!over()) {
     throw_if_interrupted();
     const auto now = Clock::now();
-    if (now - begin >= self_.give_up + longest_conclusion) {
-      throw Failure(ExitCode::protocol_violated,
-                    "the run is over, but {} has not finished: ticks are missing there. If another "
-                    "process has acknowledged them, find it with `tachless watch`, or use a key "
-                    "(--key-file)",
-                    membership_->unfinished());
+    const bool lacking = membership_->others_lack_ticks();
+    if (now - begin >= self_.give_up + (lacking ? longest_conclusion : longest_sync)) {
+      throw Failure(ExitCode::protocol_violated, "the run is over, but {} has not finished: {}",
+                    membership_->unfinished(),
+                    lacking ? "ticks are missing there. If another process has acknowledged them, "
+                              "find it with `tachless watch`, or use a key (--key-file)"
+                            : "it has all ticks, but its disk may be too slow");
     }
     membership_->poll(now);
     announce(now);

@@ -90,7 +90,9 @@ class Link {
   using Turn = std::function<Time(Time now)>;
   /// Polls and handles what comes until `done`.
   void run_until(const std::function<bool()>& done, const Turn& turn = {});
-  /// The same until the plant has finished.
+  /// The same with announcements alone: for a process that has all messages of its run.
+  void attend_until(const std::function<bool()>& done);
+  /// As `run_until`, until the plant has finished.
   /// @param all_there whether all ticks of this process are; before that no end is believed
   void run_until_finished(const std::function<bool(Time now)>& all_there, const Turn& turn = {});
   /// Handles one datagram, if one comes before the deadline. @return whether one did
@@ -125,8 +127,8 @@ class Link {
     membership_->progressed(tick, error_norm);
   }
   /// This process's part is done. The plant waits until the others have finished too, for the time
-  /// to give up at most; the others until all have and the plant has acknowledged their own end, a
-  /// second at most.
+  /// to give up at most while they lack ticks, then for a minute; the others until all have and the
+  /// plant has acknowledged their own end, a second at most.
   /// @throw Failure when one of them has failed at the last moment, (protocol_violated) when the
   /// plant waited in vain
   void leave();

@@ -313,6 +313,13 @@ std::string Membership::unfinished() const {
   return diagnostics::joined(result, " and ");
 }
 
+bool Membership::others_lack_ticks() const {
+  return std::ranges::any_of(all_roles, [&](Role role) {
+    const Peer* peer = peers_.find(role);
+    return role != own_role() && !done_[index(role)] && (peer == nullptr || peer->tick < tick_);
+  });
+}
+
 bool Membership::finish_acknowledged() const {
   const Peer* plant = peers_.find(Role::plant);
   if (plant == nullptr || end_counter_ == 0) return false;

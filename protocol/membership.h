@@ -120,6 +120,8 @@ class Membership {
   }
   /// Which of the others have not, in words.
   [[nodiscard]] std::string unfinished() const;
+  /// Whether one of those has not handled the newest tick of this process.
+  [[nodiscard]] bool others_lack_ticks() const;
   /// The plant has acknowledged an announcement in which this process had finished.
   [[nodiscard]] bool finish_acknowledged() const;
 

@@ -39,6 +39,7 @@ class Peers {
   struct Peer {
     loop::Participant participant;  ///< of its newest announcement that proved something, if any
     std::int64_t run = 0;
+    std::int64_t tick = -1;  ///< newest that it has handled
     std::string sender;
     std::int64_t counter = 0;  ///< newest
     Time first_heard{};
@@ -96,6 +97,7 @@ class Peers {
     if (lived) {
       peer.participant = who;
       peer.run = stamp.run;
+      peer.tick = stamp.tick;
       peer.lived = std::max(peer.lived.value_or(*lived), *lived);
     }
     return {peer, !known || proves};

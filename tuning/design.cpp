@@ -38,7 +38,6 @@ using robot::Vector;
 constexpr int pool_size = 400, first_postures = 16, most_added = 3;
 constexpr int searched_postures = 6, search_evaluations = 50, rounds = 3;
 constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4;
-constexpr int most_steps = most_starts * steps_of_a_start + (2 + rounds) * steps_of_a_round;
 constexpr double slower = 1.02;  // another posture has to settle that much later to count
 constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
 
@@ -114,7 +113,7 @@ class Search {
         [&](int step, const FoundGains& now) {
           ++done_;
           const std::chrono::duration<double> so_far = std::chrono::steady_clock::now() - begin_;
-          const double left = std::max(0, most_steps - done_) * so_far.count() / done_;
+          const double left = std::max(0, most_steps_ - done_) * so_far.count() / done_;
           tell(fmt::format("{}, step {}: {}, at most {:.0f} s left", what, step,
                            std::isfinite(now.settling_s)
                                ? fmt::format("settles in {}, modulus {:.3f}",
@@ -167,18 +166,34 @@ class Search {
     return problem.loops.size() > before;
   }
 
+  /// Of an external law, which has no rule: the scenario's gains, and these with one of them four
+  /// times as large or small.
+  std::pair<FoundGains, FoundGains> best_starts_beside_the_given(const OnProgress& tell) {
+    const std::vector<VectorXd> starts = law_.starts_beside_the_given();
+    const FoundGains given = judged(problem_, starts[0]);
+    if (!(given.modulus > 0)) {
+      throw Failure(ExitCode::check_said_no,
+                    "design starts from the scenario's controller.gains, and the loop is unstable "
+                    "with them at a posture of the motion or in range: begin with softer ones");
+    }
+    most_steps_ += (std::ssize(starts) - most_starts) * steps_of_a_start;
+    std::vector<FoundGains> all(2);
+    for (std::size_t k = 0; k < starts.size(); ++k) {
+      if (!(judged(problem_, starts[k]).modulus > 0)) continue;
+      all.push_back(climbed(fmt::format("design: start {} of {}", k + 1, starts.size()), starts[k],
+                            steps_of_a_start, tell, false));
+      std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
+    }
+    if (!std::isfinite(all[0].settling_s)) return {given, {}};
+    return {all[0], std::isfinite(all[1].settling_s) ? all[1] : FoundGains{}};
+  }
+
   /// The best two of some starts after some steps each: by the rule, with the inertias of joints
   /// when the others are free or halfway to when they are held, at the largest w that has half the
   /// margin; where these come to nothing, at the largest that has it all. Of a rule that has less,
   /// the w with the most.
   std::pair<FoundGains, FoundGains> best_starts(const OnProgress& tell) {
-    if (answers_) {
-      const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
-      if (given.modulus > 0) return {given, {}};
-      throw Failure(ExitCode::check_said_no,
-                    "design starts from the scenario's controller.gains, and the loop is unstable "
-                    "with them at a posture of the motion or in range: begin with softer ones");
-    }
+    if (answers_) return best_starts_beside_the_given(tell);
     struct Start {
       double filter_ratio, damping, part_of_margin, held;
     };
@@ -318,25 +333,9 @@ class Search {
   std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
   FoundGains best_;
   int done_ = 0;  ///< steps, for the time that is left
+  int most_steps_ = most_starts * steps_of_a_start + (2 + rounds) * steps_of_a_round;
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
-
-/// Of a law of the catalogue: that design can work with it.
-void require_rule(const experiment::Scenario& scenario) {
-  const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
-  if (!law.no_linearisation.empty()) {
-    throw Failure(ExitCode::check_said_no,
-                  "{} cannot be linearised ({}): tune it by hand, or by the rule of thumb of "
-                  "tachless sweep --laws",
-                  law.name, law.no_linearisation);
-  }
-  if (scenario.robot.flexible && !law.needs_flexible_joints) {
-    throw Failure(ExitCode::check_said_no,
-                  "{} is a law for rigid joints and {} has flexible ones: take "
-                  "--set controller.law=loria_ortega_flexible, or kelly_flexible to hold a posture",
-                  law.name, scenario.robot.name);
-  }
-}
 
 }  // namespace
 

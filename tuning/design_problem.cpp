@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
 #include <utility>
 
 #include "certificate/linear_loop.h"
@@ -91,6 +92,22 @@ double unlike(const LinearLaw& one, const LinearLaw& other, double period_s) {
 }
 
 }  // namespace
+
+void require_rule(const experiment::Scenario& scenario) {
+  const controller::LawFacts& law = controller::law_facts(scenario.controller.law);
+  if (!law.no_linearisation.empty()) {
+    throw Failure(ExitCode::check_said_no,
+                  "{} cannot be linearised ({}): tune it by hand, or by the rule of thumb of "
+                  "tachless sweep --laws",
+                  law.name, law.no_linearisation);
+  }
+  if (scenario.robot.flexible && !law.needs_flexible_joints) {
+    throw Failure(ExitCode::check_said_no,
+                  "{} is a law for rigid joints and {} has flexible ones: take "
+                  "--set controller.law=loria_ortega_flexible, or kelly_flexible to hold a posture",
+                  law.name, scenario.robot.name);
+  }
+}
 
 ReferencePoint rest_in_range(const robot::Model& model, int k) {
   Vector q = spread_posture(model, k);
@@ -211,6 +228,18 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
     }
   }
   return theta;
+}
+std::vector<VectorXd> DesignProblem::starts_beside_the_given() const {
+  std::vector<VectorXd> starts = {VectorXd::Zero(std::ssize(kinds_))};
+  for (const std::string& name : std::set(kinds_.begin(), kinds_.end())) {
+    for (const double by : {4.0, 0.25}) {
+      VectorXd& start = starts.emplace_back(starts[0]);
+      for (std::size_t i = 0; i < kinds_.size(); ++i) {
+        if (kinds_[i] == name) start[static_cast<Index>(i)] = std::log(by);
+      }
+    }
+  }
+  return starts;
 }
 void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
   Vector& own = gains.at(kinds_[kind]);

@@ -36,6 +36,8 @@ class DesignProblem {
                               double held = 0) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
+  /// Of an external law: its gains, and with all numbers of one of them times or over four.
+  [[nodiscard]] std::vector<Eigen::VectorXd> starts_beside_the_given() const;
   /// The feedback terms about rest in a posture.
   [[nodiscard]] LinearLaw feedback_at(const Gains& gains, const loop::ReferencePoint& rest) const;
   /// To be solved with the margin kept at these postures. Refers to this.
@@ -79,6 +81,10 @@ class DesignProblem {
   bool by_joint_ = true;       ///< each joint's of its own; otherwise one factor for all
   GainProblem problem_;
 };
+
+/// Of a law of the catalogue: that design can work with it.
+/// @throw diagnostics::Failure(check_said_no)
+void require_rule(const experiment::Scenario& scenario);
 
 /// At rest in number `k` of a sequence within the joints' limits, where they have some.
 loop::ReferencePoint rest_in_range(const robot::Model& model, int k);

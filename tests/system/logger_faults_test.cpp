@@ -123,6 +123,21 @@ TEST_P(AFullDisk, EndsTachlessRunAndKeepsWhatHasRoom) {
 INSTANTIATE_TEST_SUITE_P(In, AFullDisk, ::testing::Values("lockstep", "realtime"),
                          [](const auto& mode) { return mode.param; });
 
+/// It takes longer than the time to give up, and the logger is not lost meanwhile.
+TEST(ASlowDisk, IsWaitedForAtTheEnd) {
+  for (const char* mode : {"lockstep", "realtime"}) {
+    const TemporaryDirectory directory;
+    Program run("env",
+                {"LD_PRELOAD=" TACHLESS_SLOW_DISK, TACHLESS_BINARY_DIR "/bin/tachless", "run",
+                 practical_rigid, "--quiet", "--duration", "0.1", "--mode", mode, "--set", patient,
+                 "--set", "loop.give_up_s=1", "--out", directory / "out"},
+                directory.path());
+    EXPECT_EQ(run.wait(), 0) << run.errors();
+    EXPECT_EQ(run.errors(), "");
+    EXPECT_FALSE(logger::RunLog::open(directory / "out/lcmlog").damage().any());
+  }
+}
+
 TEST(ALimitOnFileSizes, EndsTheRunAndKeepsWhatItAllows) {
   const TemporaryDirectory directory;
   Program run("prlimit",
