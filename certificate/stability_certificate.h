@@ -71,6 +71,11 @@ std::optional<StabilityCertificate> stability_certificate(const experiment::Scen
                                                           Effort effort, std::string& why_not,
                                                           const OnProgress& tell = no_progress);
 
+/// Where in the plane of two joints' initial positions certified starts end, all else as in the
+/// scenario: 72 points around q_ref(0), of the region or of what of it the torque limits allow;
+/// empty: nothing is certified there, or everything.
+std::vector<Eigen::Vector2d> certified_outline(const experiment::Scenario& scenario, int i, int j);
+
 /// What the paper prints of the scenario's loop. Errors and reason as above.
 struct PaperConditions {
   RobotConstants constants;

@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "certificate/stability_certificate.h"
 #include "diagnostics/failure.h"
 #include "diagnostics/file_text.h"
 #include "diagnostics/json_text.h"
@@ -66,6 +67,23 @@ nlohmann::ordered_json comparison_json(const study::SweepPlan& plan,
   return json;
 }
 
+/// Of each law where certified starts end, on a map over the initial positions of two joints.
+report::Outlines certified_starts(const study::SweepPlan& plan) {
+  if (plan.axes.size() != 2) return {};
+  for (const study::Axis& axis : plan.axes) {
+    if (axis.key != "plant.initial.position_rad" || axis.factor || !axis.entry) return {};
+  }
+  report::Outlines outlines(plan.laws.size());
+  for (std::size_t law = 0; law < outlines.size(); ++law) {
+    const auto first = static_cast<std::int64_t>(law) * plan.cases_per_law();
+    for (const Eigen::Vector2d& at : certificate::certified_outline(
+             plan.scenario(plan.at(first)), *plan.axes[0].entry, *plan.axes[1].entry)) {
+      outlines[law].push_back({at[0], at[1]});
+    }
+  }
+  return outlines;
+}
+
 fs::path job_file(const study::Sweep& sweep) { return sweep.directory() / "slurm-job"; }
 
 /// One word of a shell's command.
@@ -101,7 +119,7 @@ std::string write_sweep_results(const study::Sweep& sweep, const std::string& co
   Outcomes outcomes;
   for (const study::SweepRow& row : rows) ++outcomes[std::string(schema::name_of(row.outcome))];
   diagnostics::UnfinishedFile(directory / "results.csv", remedy).write(sweep.table(rows));
-  report::write_sweep_page(sweep.plan(), rows, colour, directory);
+  report::write_sweep_page(sweep.plan(), rows, colour, directory, certified_starts(sweep.plan()));
   const bool comparison = sweep.plan().is_comparison();
   std::vector<std::string> parts;
   for (const auto& [outcome, count] : outcomes)

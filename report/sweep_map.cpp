@@ -128,7 +128,7 @@ std::map<std::string, Places> places_of(const SweepPlan& plan, const std::vector
 }  // namespace
 
 Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                   const std::vector<std::size_t>& colour) {
+                   const std::vector<std::size_t>& colour, const Outlines& certified) {
   const bool one_axis = plan.axes.size() == 1, by_measure = !colour.empty();
   const Measured measured(rows, by_measure ? colour.front() : usual_measure);
   std::map<std::string, Places> places = places_of(plan, rows, measured.column);
@@ -153,6 +153,10 @@ Figure maps_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
       chart.scale = {words(measured.name()), measured.lowest, measured.highest, measured.wide()};
     }
     add_map(chart, plan, places[law.name]);
+    const auto which = static_cast<std::size_t>(&law - plan.laws.data());
+    if (which < certified.size() && !certified[which].empty()) {
+      chart.curves.push_back({words("certified"), certified[which], "#000000", 2});
+    }
   }
   return figure;
 }

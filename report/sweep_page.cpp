@@ -14,7 +14,6 @@
 #include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "report/html.h"
-#include "report/sweep_map.h"
 #include "study/measures.h"
 
 namespace tachless::report {
@@ -285,7 +284,8 @@ Figure curves_figure(const SweepPlan& plan, const std::vector<SweepRow>& rows,
 }
 
 void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
-                      const std::string& colour, const std::filesystem::path& directory) {
+                      const std::string& colour, const std::filesystem::path& directory,
+                      const Outlines& certified) {
   if (plan.is_comparison()) return write_comparison_page(plan, rows, directory);
   const std::vector<std::size_t> shown = parse_colour(colour);
   const bool curves = shown_by_curves(plan);
@@ -294,7 +294,7 @@ void write_sweep_page(const SweepPlan& plan, const std::vector<SweepRow>& rows,
         "--colour {}: a map shows one measure; curves, over one axis, show many", colour);
   }
   const Figure figure =
-      !curves ? maps_figure(plan, rows, shown)
+      !curves ? maps_figure(plan, rows, shown, certified)
               : curves_figure(plan, rows, shown.empty() ? std::vector{usual_measure} : shown);
   write_figure(figure, directory / "map.svg", study_remedy);
   const Html drawing = html(

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "report/figure.h"
+#include "report/sweep_map.h"
 #include "study/sweep.h"
 
 /// The results of a sweep in figures, curves or maps, and as a page. Runs nothing.
@@ -23,10 +24,11 @@ Figure curves_figure(const study::SweepPlan& plan, const std::vector<study::Swee
 /// Writes map.svg and index.html into `directory`: curves, or maps; and how many runs ended how.
 /// `colour` is "outcome" or the names of measures with commas between (a map shows one). Of a grid
 /// with more axes, a cell of a map shows its worst outcome or its largest measure. Of a comparison
-/// it writes index.html alone, with a table.
+/// it writes index.html alone, with a table. `certified` is drawn into its maps.
 /// @throw diagnostics::Failure(bad_usage) when there is no such measure, or a file cannot be
 /// written
 void write_sweep_page(const study::SweepPlan& plan, const std::vector<study::SweepRow>& rows,
-                      const std::string& colour, const std::filesystem::path& directory);
+                      const std::string& colour, const std::filesystem::path& directory,
+                      const Outlines& certified = {});
 
 }  // namespace tachless::report

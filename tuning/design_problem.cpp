@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <set>
 #include <utility>
 
 #include "certificate/linear_loop.h"
@@ -30,7 +29,6 @@ using process::parallel_map;
 using robot::Vector;
 
 constexpr int settling_postures = 3, margin_postures = 4;  // of the reference's motion
-constexpr int mean_postures = 16;                          // in the joints' range
 constexpr double gain_difference = 1e-4;                   // of the logarithm of a gain
 constexpr double most_factor = 100;                        // of an external law's gains
 
@@ -77,18 +75,6 @@ LinearLaw difference(const LinearLaw& to, const LinearLaw& from) {
   if (by == 0) return {0 * from.A, 0 * from.B, 0 * from.C, 0 * from.D, from.measured};
   return {by * (to.A - from.A), by * (to.B - from.B), by * (to.C - from.C), by * (to.D - from.D),
           to.measured};
-}
-
-/// The largest difference of the two frequency responses, as a part of the second.
-double unlike(const LinearLaw& one, const LinearLaw& other, double period_s) {
-  double most = 0;
-  for (const double turn : {0.01, 0.1, 1.0}) {
-    const auto response = [&](const LinearLaw& law) -> Eigen::MatrixXcd {
-      return at_frequency({law, {}, false}, turn / period_s, period_s).K;
-    };
-    most = std::max(most, (response(one) - response(other)).norm() / response(other).norm());
-  }
-  return most;
 }
 
 }  // namespace
@@ -229,18 +215,6 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
   }
   return theta;
 }
-std::vector<VectorXd> DesignProblem::starts_beside_the_given() const {
-  std::vector<VectorXd> starts = {VectorXd::Zero(std::ssize(kinds_))};
-  for (const std::string& name : std::set(kinds_.begin(), kinds_.end())) {
-    for (const double by : {4.0, 0.25}) {
-      VectorXd& start = starts.emplace_back(starts[0]);
-      for (std::size_t i = 0; i < kinds_.size(); ++i) {
-        if (kinds_[i] == name) start[static_cast<Index>(i)] = std::log(by);
-      }
-    }
-  }
-  return starts;
-}
 void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
   Vector& own = gains.at(kinds_[kind]);
   const bool all = entries_.empty() || entries_[kind] < 0;
@@ -277,32 +251,6 @@ GainProblem DesignProblem::at(const std::vector<ReferencePoint>& rests) const {
     return feedback(theta, rest, derivatives);
   };
   return problem;
-}
-
-/// Of an external law each number of the scenario's gains, a matrix left as it is, by its logarithm
-/// from there.
-void DesignProblem::choose_entries() {
-  by_joint_ = false;
-  for (const auto& [name, value] : start_) {
-    if (value.size() != model_.num_joints) continue;
-    const bool alike = (value.array() == value[0]).all();
-    for (Index j = 0; j < (alike ? 1 : value.size()); ++j) {
-      if (value[j] == 0) continue;
-      kinds_.push_back(name);
-      entries_.push_back(alike ? -1 : j);
-    }
-  }
-  const LinearLaw first = feedback_at(start_, rests_.front());
-  const double h = scenario_.loop.period_s;
-  Gains other = start_;
-  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) scale(other, kind, 1.01);
-  if (unlike(feedback_at(other, rests_.front()), first, h) < 1e-9) {
-    throw Failure(
-        ExitCode::check_said_no, "design varies the scenario's controller.gains, and {}",
-        kinds_.empty() ? "there is none but 0" : "the program's torques are the same with others");
-  }
-  const ReferencePoint beside = rest_in_range(model_, mean_postures);
-  problem_.same_everywhere = unlike(feedback_at(start_, beside), first, h) < 1e-5;
 }
 
 void DesignProblem::choose_variables() {
@@ -354,7 +302,7 @@ void DesignProblem::set_bounds() {
     if (limit) torque = std::min(torque, goal_.count_share * (*limit)[j]);
     if (count[j] > 0) problem_.most_gain[j] = torque / count[j];
   }
-  if (!entries_.empty()) return;
+  if (!entries_.empty()) return bound_poles();
   Gains most = start_;
   for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
     if (kinds_[kind].front() != 'a') continue;

@@ -55,6 +55,7 @@ class DesignProblem {
  private:
   void choose_entries();
   void scale(Gains& gains, std::size_t kind, double factor) const;
+  void bound_poles();
   void set_bounds();
   /// Gains that others determine: b of a law without gains of each joint, and an integral's, by the
   /// rule for the slowest joint.
@@ -86,6 +87,7 @@ class DesignProblem {
 /// @throw diagnostics::Failure(check_said_no)
 void require_rule(const experiment::Scenario& scenario);
 
+inline constexpr int mean_postures = 16;  ///< in the joints' range, of mean inertias
 /// At rest in number `k` of a sequence within the joints' limits, where they have some.
 loop::ReferencePoint rest_in_range(const robot::Model& model, int k);
 

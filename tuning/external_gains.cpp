@@ -1,0 +1,96 @@
+// The gains of an external law as the variables of a search: what tuning/design_problem.h has of
+// it.
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "certificate/linear_loop.h"
+#include "diagnostics/failure.h"
+#include "tuning/design_problem.h"
+
+namespace tachless::tuning {
+
+using namespace certificate;
+using diagnostics::ExitCode;
+using diagnostics::Failure;
+using Eigen::Index;
+using Eigen::VectorXd;
+namespace {
+
+/// The largest difference of the two frequency responses, as a part of the second.
+double unlike(const LinearLaw& one, const LinearLaw& other, double period_s) {
+  double most = 0;
+  for (const double turn : {0.01, 0.1, 1.0}) {
+    const auto response = [&](const LinearLaw& law) -> Eigen::MatrixXcd {
+      return at_frequency({law, {}, false}, turn / period_s, period_s).K;
+    };
+    most = std::max(most, (response(one) - response(other)).norm() / response(other).norm());
+  }
+  return most;
+}
+
+}  // namespace
+
+/// Of an external law each number of the scenario's gains, a matrix left as it is, by its logarithm
+/// from there.
+void DesignProblem::choose_entries() {
+  by_joint_ = false;
+  for (const auto& [name, value] : start_) {
+    if (value.size() != model_.num_joints) continue;
+    const bool alike = (value.array() == value[0]).all();
+    for (Index j = 0; j < (alike ? 1 : value.size()); ++j) {
+      if (value[j] == 0) continue;
+      kinds_.push_back(name);
+      entries_.push_back(alike ? -1 : j);
+    }
+  }
+  const LinearLaw first = feedback_at(start_, rests_.front());
+  const double h = scenario_.loop.period_s;
+  Gains other = start_;
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) scale(other, kind, 1.01);
+  if (unlike(feedback_at(other, rests_.front()), first, h) < 1e-9) {
+    throw Failure(
+        ExitCode::check_said_no, "design varies the scenario's controller.gains, and {}",
+        kinds_.empty() ? "there is none but 0" : "the program's torques are the same with others");
+  }
+  const ReferencePoint beside = rest_in_range(model_, mean_postures);
+  problem_.same_everywhere = unlike(feedback_at(start_, beside), first, h) < 1e-5;
+}
+
+/// As far as a filter of 1 / h by Tustin's rule, whose pole is 1/3: each number alone is moved no
+/// further than the law gets another pole beyond.
+void DesignProblem::bound_poles() {
+  const auto fast_poles = [&](std::size_t kind, double log_factor) {
+    Gains moved = start_;
+    scale(moved, kind, std::exp(log_factor));
+    return (feedback_at(moved, rests_.front()).A.eigenvalues().real().array() < 0.333).count();
+  };
+  const Index as_given = fast_poles(0, 0);
+  for (std::size_t kind = 0; kind < kinds_.size(); ++kind) {
+    for (VectorXd* bound : {&problem_.upper, &problem_.lower}) {
+      double within = 0, beyond = (*bound)[static_cast<Index>(kind)];
+      if (fast_poles(kind, beyond) <= as_given) continue;
+      for (int k = 0; k < 7; ++k) {
+        const double middle = (within + beyond) / 2;
+        (fast_poles(kind, middle) <= as_given ? within : beyond) = middle;
+      }
+      (*bound)[static_cast<Index>(kind)] = within;
+    }
+  }
+}
+
+std::vector<VectorXd> DesignProblem::starts_beside_the_given() const {
+  std::vector<VectorXd> starts = {VectorXd::Zero(std::ssize(kinds_))};
+  for (const std::string& name : std::set(kinds_.begin(), kinds_.end())) {
+    for (const double by : {4.0, 0.25}) {
+      VectorXd& start = starts.emplace_back(starts[0]);
+      for (std::size_t i = 0; i < kinds_.size(); ++i) {
+        if (kinds_[i] == name) start[static_cast<Index>(i)] = std::log(by);
+      }
+    }
+  }
+  return starts;
+}
+
+}  // namespace tachless::tuning
