@@ -48,7 +48,7 @@ Group loop_group(const Prediction& p) {
             p.stable ? p.unstable_q.size() == 0
                            ? "yes"
                            : "along the motion, but not at rest at q = " + list_text(p.unstable_q)
-                     : "NO: errors grow by e each " + period_text(1 / p.growth_per_s()));
+                     : "NO: " + growth_text(p));
   group.add("period_s", "", p.settings.period_s, "");
   group.add("delay", "", p.settings.command_delay, "");
   group.add("not_counted", p.not_counted.empty() ? "" : "not counted", p.not_counted,

@@ -341,6 +341,13 @@ std::string list_text(const VectorXd& values) {
   return fmt::format("[{:.4g}]", fmt::join(shown.begin(), shown.end(), ", "));
 }
 
+std::string growth_text(const Prediction& prediction) {
+  const double time_s = 1 / prediction.growth_per_s();
+  constexpr double longest = 3600;  // a pole on the unit circle, but for rounding
+  return time_s > 0 && time_s < longest ? "errors grow by e each " + period_text(time_s)
+                                        : std::string("errors do not decay");
+}
+
 std::string text(const Prediction& prediction) {
   if (!prediction.unknown.empty()) {
     return fmt::format(
@@ -354,8 +361,8 @@ std::string text(const Prediction& prediction) {
                   ticks == 1 ? "" : "s");
   const std::string limit = limit_text(prediction.limit_s);
   if (!prediction.stable) {
-    return fmt::format("unstable {}: largest stable period {}, errors grow by e each {}", at, limit,
-                       period_text(1 / prediction.growth_per_s()));
+    return fmt::format("unstable {}: largest stable period {}, {}", at, limit,
+                       growth_text(prediction));
   }
   if (prediction.unstable_q.size() > 0) {
     return fmt::format(

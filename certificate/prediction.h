@@ -76,6 +76,9 @@ Eigen::VectorXd own_gain(const LinearLaw& law);
 /// linearised. @throw as `analyse`.
 robot::Vector stiffness(const experiment::Scenario& scenario);
 
+/// "errors grow by e each 12 ms", of an unstable loop.
+std::string growth_text(const Prediction& prediction);
+
 /// "stable at 1 kHz with 1 tick of delay: limit 3.6 ms, settles in 0.2 s", "unstable at 1 kHz …".
 std::string text(const Prediction& prediction);
 

@@ -252,7 +252,7 @@ void evaluate(Candidate& candidate, const experiment::Scenario& scenario, const 
   candidate.value = e.sum() + e.minCoeff();
 }
 
-/// The better of two spreads, then each change of a scale or of the spread that helps.
+/// The better of two spreads, or the first smaller one that comes to something, then each change of a scale or of the spread that helps.
 Candidate best_candidate(const experiment::Scenario& scenario, const Reduced& map, double radius) {
   const Index n = map.F.num_joints();
   Candidate best;
@@ -264,6 +264,9 @@ Candidate best_candidate(const experiment::Scenario& scenario, const Reduced& ma
     return true;
   };
   for (const double spread : {0.5, 1.0}) try_out({spread, VectorXd::Ones(n), 1, 0, {}});
+  for (double spread = 0.25; best.P.size() == 0 && spread > 0.01; spread /= 2) {
+    try_out({spread, VectorXd::Ones(n), 1, 0, {}});
+  }
   if (best.P.size() == 0) return best;
   const int rounds = n <= 2 ? 3 : 1;
   for (int i = 0; i < rounds * (n + 2); ++i) {

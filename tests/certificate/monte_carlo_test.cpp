@@ -352,5 +352,22 @@ TEST(CertifiedRegion, OfPosturesNearTheReferenceIsLeftByNoRun) {
   EXPECT_FALSE(region.holds_initial_state());
 }
 
+/// Starts just inside of the line are certified, those just outside are not.
+TEST(CertifiedOutline, IsWhereCertifiedStartsEnd) {
+  const experiment::Scenario scenario = shipped("practical_rigid");
+  const auto outline = certified_outline(scenario, 0, 1);
+  ASSERT_EQ(outline.size(), 73);
+  const Vector q_ref = reference::make_trajectory(scenario).at(0).q_ref;
+  for (std::size_t k = 0; k < outline.size(); k += 9) {
+    for (const double by : {0.999, 1.001}) {
+      experiment::Scenario start = scenario;
+      start.plant.initial.position_rad = q_ref + by * (outline[k] - q_ref);
+      std::string why_not;
+      const auto found = stability_certificate(start, Effort::full, why_not);
+      EXPECT_EQ(found->largest->holds_initial_state(), by < 1) << k;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace tachless::certificate

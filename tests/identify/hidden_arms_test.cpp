@@ -56,7 +56,9 @@ class Tally {
       }
       errors_[each.entry.kind].push_back(error / truth[static_cast<Eigen::Index>(i)]);
     }
-    if (bits == "14") return;  // differences of such counts are no measure of a wrist's torque
+    // Differences of such counts are no measure of a wrist's torque; one of the UR5e's rests, where
+    // dry friction may hold anything.
+    if (bits == "14" || name == "ur5e") return;
     for (const Identified::Check& each : found.checks) EXPECT_LT(each.after, 0.02) << each.joint;
   }
 
