@@ -358,7 +358,7 @@ TEST(CertifiedOutline, IsWhereCertifiedStartsEnd) {
   const auto outline = certified_outline(scenario, 0, 1);
   ASSERT_EQ(outline.size(), 73);
   const Vector q_ref = reference::make_trajectory(scenario).at(0).q_ref;
-  for (std::size_t k = 0; k < outline.size(); k += 9) {
+  for (std::size_t k = 0; k < outline.size(); k += 18) {
     for (const double by : {0.999, 1.001}) {
       experiment::Scenario start = scenario;
       start.plant.initial.position_rad = q_ref + by * (outline[k] - q_ref);

@@ -213,7 +213,7 @@ TEST(SampledRegion, OfSevenJointsIsLeftByNoRun) {
   expect_none_leaves(shipped("iiwa_point_to_point",
                              {"reference={hold: {position_rad: [0.3, 0.5, 0, -1.2, 0, 0.8, 0]}}",
                               "plant.encoder.resolution_bits=null", "plant.mechanics=native",
-                              "plant.on_limit=warn", "loop.duration_s=3"}),
+                              "plant.on_limit=warn", "loop.duration_s=3", "loop.command_delay=1"}),
                      20);
 }
 
