@@ -54,6 +54,8 @@ class Search {
     std::vector<ReferencePoint> pool;
     for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
     pool_ = law_.at(pool);
+    most_steps_ =
+        (most_starts + law_.num_beside()) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
     way_ = law_.at(law_.loop().rest_points(reference_postures));
     in_pool_.resize(pool_.loops.size());
     on_way_.resize(way_.loops.size());
@@ -71,6 +73,7 @@ class Search {
           climbed("design: the second best start", second.theta, steps_of_a_round, tell);
       if (other.settling_s < best_.settling_s) best_ = other;
     }
+    try_beside(tell);
     for (int round = 0; round < rounds && add_worst(); ++round) {
       const FoundGains next =
           climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
@@ -125,6 +128,22 @@ class Search {
     return found;
   }
 
+  /// The programmes end at the optimum next to where they begin: begun anew beside the best.
+  void try_beside(const OnProgress& tell) {
+    const int count = law_.num_beside();
+    for (int k = 0; k < count; ++k) {
+      const VectorXd start = law_.beside(best_.theta, k);
+      if (answers_ && !(judged(problem_, start).modulus > 0)) {
+        done_ += steps_of_a_start;
+        continue;
+      }
+      const FoundGains other =
+          climbed(fmt::format("design: beside the best, {} of {}", k + 1, count), start,
+                  steps_of_a_start, tell);
+      if (other.settling_s < best_.settling_s) best_ = other;
+    }
+  }
+
   static void add(GainProblem& problem, const GainProblem& from, std::size_t which, double share) {
     problem.share.push_back(share);
     problem.loops.push_back(from.loops[which]);
@@ -166,34 +185,18 @@ class Search {
     return problem.loops.size() > before;
   }
 
-  /// Of an external law, which has no rule: the scenario's gains, and these with one of them four
-  /// times as large or small.
-  std::pair<FoundGains, FoundGains> best_starts_beside_the_given(const OnProgress& tell) {
-    const std::vector<VectorXd> starts = law_.starts_beside_the_given();
-    const FoundGains given = judged(problem_, starts[0]);
-    if (!(given.modulus > 0)) {
-      throw Failure(ExitCode::check_said_no,
-                    "design starts from the scenario's controller.gains, and the loop is unstable "
-                    "with them at a posture of the motion or in range: begin with softer ones");
-    }
-    most_steps_ += (std::ssize(starts) - most_starts) * steps_of_a_start;
-    std::vector<FoundGains> all(2);
-    for (std::size_t k = 0; k < starts.size(); ++k) {
-      if (!(judged(problem_, starts[k]).modulus > 0)) continue;
-      all.push_back(climbed(fmt::format("design: start {} of {}", k + 1, starts.size()), starts[k],
-                            steps_of_a_start, tell, false));
-      std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
-    }
-    if (!std::isfinite(all[0].settling_s)) return {given, {}};
-    return {all[0], std::isfinite(all[1].settling_s) ? all[1] : FoundGains{}};
-  }
-
   /// The best two of some starts after some steps each: by the rule, with the inertias of joints
   /// when the others are free or halfway to when they are held, at the largest w that has half the
   /// margin; where these come to nothing, at the largest that has it all. Of a rule that has less,
   /// the w with the most.
   std::pair<FoundGains, FoundGains> best_starts(const OnProgress& tell) {
-    if (answers_) return best_starts_beside_the_given(tell);
+    if (answers_) {
+      const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
+      if (given.modulus > 0) return {given, {}};
+      throw Failure(ExitCode::check_said_no,
+                    "design starts from the scenario's controller.gains, and the loop is unstable "
+                    "with them at a posture of the motion or in range: begin with softer ones");
+    }
     struct Start {
       double filter_ratio, damping, part_of_margin, held;
     };
@@ -332,8 +335,7 @@ class Search {
   GainProblem pool_, way_;              ///< in the joints' range; along the motion
   std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
   FoundGains best_;
-  int done_ = 0;  ///< steps, for the time that is left
-  int most_steps_ = most_starts * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+  int done_ = 0, most_steps_ = 0;  ///< for the time that is left
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
 

@@ -36,8 +36,9 @@ class DesignProblem {
                               double held = 0) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
-  /// Of an external law: its gains, and with all numbers of one of them times or over four.
-  [[nodiscard]] std::vector<Eigen::VectorXd> starts_beside_the_given() const;
+  /// Starts beside theta, within the bounds: all numbers of one gain times two, or half.
+  [[nodiscard]] int num_beside() const;
+  [[nodiscard]] Eigen::VectorXd beside(const Eigen::VectorXd& theta, int which) const;
   /// The feedback terms about rest in a posture.
   [[nodiscard]] LinearLaw feedback_at(const Gains& gains, const loop::ReferencePoint& rest) const;
   /// To be solved with the margin kept at these postures. Refers to this.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "certificate/linear_loop.h"
 #include "diagnostics/failure.h"
@@ -78,19 +77,6 @@ void DesignProblem::bound_poles() {
       (*bound)[static_cast<Index>(kind)] = within;
     }
   }
-}
-
-std::vector<VectorXd> DesignProblem::starts_beside_the_given() const {
-  std::vector<VectorXd> starts = {VectorXd::Zero(std::ssize(kinds_))};
-  for (const std::string& name : std::set(kinds_.begin(), kinds_.end())) {
-    for (const double by : {4.0, 0.25}) {
-      VectorXd& start = starts.emplace_back(starts[0]);
-      for (std::size_t i = 0; i < kinds_.size(); ++i) {
-        if (kinds_[i] == name) start[static_cast<Index>(i)] = std::log(by);
-      }
-    }
-  }
-  return starts;
 }
 
 }  // namespace tachless::tuning
