@@ -55,7 +55,7 @@ class Search {
     for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
     pool_ = law_.at(pool);
     most_steps_ =
-        (most_starts + law_.num_beside()) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+        (most_starts + 2 * law_.num_beside()) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
     way_ = law_.at(law_.loop().rest_points(reference_postures));
     in_pool_.resize(pool_.loops.size());
     on_way_.resize(way_.loops.size());
@@ -134,12 +134,14 @@ class Search {
     for (int k = 0; k < count; ++k) {
       const VectorXd start = law_.beside(best_.theta, k);
       if (answers_ && !(judged(problem_, start).modulus > 0)) {
-        done_ += steps_of_a_start;
+        done_ += 2 * steps_of_a_start;
         continue;
       }
-      const FoundGains other =
-          climbed(fmt::format("design: beside the best, {} of {}", k + 1, count), start,
-                  steps_of_a_start, tell);
+      const std::string what = fmt::format("design: beside the best, {} of {}", k + 1, count);
+      FoundGains other = climbed(what, start, steps_of_a_start, tell);
+      if (other.settling_s < 1.15 * best_.settling_s) {
+        other = climbed(what, other.theta, steps_of_a_start, tell);
+      }
       if (other.settling_s < best_.settling_s) best_ = other;
     }
   }
