@@ -252,7 +252,8 @@ void evaluate(Candidate& candidate, const experiment::Scenario& scenario, const 
   candidate.value = e.sum() + e.minCoeff();
 }
 
-/// The better of two spreads, or the first smaller one that comes to something, then each change of a scale or of the spread that helps.
+/// The better of two spreads, or the first smaller one that comes to something, then each change of
+/// a scale or of the spread that helps.
 Candidate best_candidate(const experiment::Scenario& scenario, const Reduced& map, double radius) {
   const Index n = map.F.num_joints();
   Candidate best;

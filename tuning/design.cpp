@@ -54,8 +54,8 @@ class Search {
     std::vector<ReferencePoint> pool;
     for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
     pool_ = law_.at(pool);
-    most_steps_ =
-        (most_starts + 2 * law_.num_beside()) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+    const int starts = answers_ ? law_.num_beside() : most_starts;
+    most_steps_ = starts * steps_of_a_start + (2 + rounds) * steps_of_a_round;
     way_ = law_.at(law_.loop().rest_points(reference_postures));
     in_pool_.resize(pool_.loops.size());
     on_way_.resize(way_.loops.size());
@@ -73,7 +73,7 @@ class Search {
           climbed("design: the second best start", second.theta, steps_of_a_round, tell);
       if (other.settling_s < best_.settling_s) best_ = other;
     }
-    try_beside(tell);
+    if (answers_) try_beside(tell);
     for (int round = 0; round < rounds && add_worst(); ++round) {
       const FoundGains next =
           climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
@@ -128,20 +128,16 @@ class Search {
     return found;
   }
 
-  /// The programmes end at the optimum next to where they begin: begun anew beside the best.
+  /// Of an external law there is one start, and the programmes end at the optimum next to where
+  /// they begin: begun anew beside the best.
   void try_beside(const OnProgress& tell) {
     const int count = law_.num_beside();
     for (int k = 0; k < count; ++k) {
       const VectorXd start = law_.beside(best_.theta, k);
-      if (answers_ && !(judged(problem_, start).modulus > 0)) {
-        done_ += 2 * steps_of_a_start;
-        continue;
-      }
-      const std::string what = fmt::format("design: beside the best, {} of {}", k + 1, count);
-      FoundGains other = climbed(what, start, steps_of_a_start, tell);
-      if (other.settling_s < 1.15 * best_.settling_s) {
-        other = climbed(what, other.theta, steps_of_a_start, tell);
-      }
+      if (!(judged(problem_, start).modulus > 0)) continue;
+      const FoundGains other =
+          climbed(fmt::format("design: beside the best, {} of {}", k + 1, count), start,
+                  steps_of_a_start, tell);
       if (other.settling_s < best_.settling_s) best_ = other;
     }
   }
