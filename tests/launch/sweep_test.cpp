@@ -13,6 +13,7 @@
 namespace {
 
 using testing::HasSubstr;
+using testing::Not;
 
 const std::string scenario = TACHLESS_SOURCE_DIR "/scenarios/practical_rigid.yaml";
 
@@ -83,6 +84,20 @@ TEST_F(SweepVerb, InPartsIsMergedWhenAllAreThere) {
   ASSERT_EQ(whole.wait(), 0) << whole.errors();
   EXPECT_EQ(contents(temporary_ / "parts" / "results.csv"),
             contents(temporary_ / "whole" / "results.csv"));
+}
+
+TEST_F(SweepVerb, DrawsWhereCertifiedStartsEnd) {
+  const auto map = [&](const std::string& name, const std::string& second) {
+    Program program =
+        start({"sweep", scenario, "--set", "plant.mechanics=native", "--set",
+               "loop.duration_s=0.02", "--vary", "plant.initial.position_rad[0]=-20:20:3", "--vary",
+               second, "--out", directory(name)});
+    EXPECT_EQ(program.wait(), 0) << program.errors();
+    return contents(temporary_ / name / "map.svg");
+  };
+  EXPECT_THAT(map("positions", "plant.initial.position_rad[1]=-80:80:3"), HasSubstr("certified"));
+  EXPECT_THAT(map("others", "plant.initial.velocity_rad_per_s[1]=-1:1:3"),
+              Not(HasSubstr("certified")));
 }
 
 TEST_F(SweepVerb, SaysWhatIsWrong) {

@@ -308,14 +308,17 @@ experiment::Scenario asked(experiment::Scenario scenario) {
   return scenario;
 }
 
-// By another way, from the scenario's gains: a is one for both joints there and stays so.
+// By another way, from gains with which it settles in 0.41 s; one search from there ends at 45 %
+// more. a is one for both joints there and stays so, no faster than 1 / h.
 TEST(DesignOfAnAskedLaw, IsAboutAsFastAsThatOfItsEquations) {
-  const experiment::Scenario scenario = shipped("practical_rigid");
+  const experiment::Scenario scenario = shipped(
+      "practical_rigid", {"controller.gains={kp: [4000, 240], kd: [300, 20], a: 300, b: 300}"});
   const Design inside = design(scenario, {});
   const Design found = design(asked(scenario), {}, no_progress, answers_of(scenario));
   EXPECT_GE(least_modulus(found), 0.498);
-  EXPECT_LE(found.loop.modes.settling_s, 1.2 * inside.loop.modes.settling_s);
+  EXPECT_LE(found.loop.modes.settling_s, 1.1 * inside.loop.modes.settling_s);
   EXPECT_EQ(found.gains.at("a")[0], found.gains.at("a")[1]);
+  EXPECT_LE(found.gains.at("a")[0], 1005);  // the pole is told to a thousandth
   EXPECT_NE(found.gains.at("kp"), scenario.controller.gains.at("kp"));
   // What it says of the loop is what the equations say of its gains.
   const Prediction loop = analyse(with_gains(scenario, found), Effort::margins);
