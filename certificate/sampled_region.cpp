@@ -38,6 +38,12 @@ struct Reduced {
   [[nodiscard]] MatrixXd of(const MatrixXd& A) const { return project * A * lift; }
 };
 
+VectorXd direction(Index size, std::uint64_t seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  return VectorXd::NullaryExpr(size, [&] { return normal(random); }).normalized();
+}
+
 /// The set y' P y <= s² by directions z of the unit sphere: y = s L^-T z, P = L L'.
 class Ellipsoid {
  public:
@@ -51,6 +57,13 @@ class Ellipsoid {
     const double V = next.dot(P_ * next) / (s * s * z.squaredNorm());
     return std::isfinite(V) ? V : infinity;
   }
+  /// Of every other seed that of a run's start, whose torques are the largest.
+  [[nodiscard]] VectorXd direction_of(std::uint64_t seed) const {
+    if (seed % 2 == 0) return direction(size(), seed);
+    const Index n = map_.F.plant_size();
+    const VectorXd plant = map_.scale.head(n).cwiseProduct(direction(n, seed));
+    return (factor_.matrixU() * (map_.project * map_.F.start(plant))).normalized();
+  }
   /// Largest error of a joint where s = 1.
   [[nodiscard]] double widest() const {
     const MatrixXd C = map_.lift * factor_.solve(map_.lift.transpose());
@@ -63,12 +76,6 @@ class Ellipsoid {
   MatrixXd P_;
   Eigen::LLT<MatrixXd> factor_;
 };
-
-VectorXd direction(Index size, std::uint64_t seed) {
-  std::mt19937_64 random(seed);
-  std::normal_distribution<double> normal;
-  return VectorXd::NullaryExpr(size, [&] { return normal(random); }).normalized();
-}
 
 /// The radius up to `s` at which V first does not fall along z, of some that are looked at; s where
 /// it falls at all.
@@ -118,10 +125,10 @@ double searched_radius(const Ellipsoid& set, double s, std::size_t count) {
       }
     }
   };
-  least([&](std::size_t i) { return first_growth(set, direction(set.size(), i), s); }, count);
+  least([&](std::size_t i) { return first_growth(set, set.direction_of(i), s); }, count);
   std::vector<std::pair<double, std::size_t>> worst;
   const std::vector<double> growth =
-      parallel_map(count, [&](std::size_t i) { return set.growth(direction(set.size(), i), s); });
+      parallel_map(count, [&](std::size_t i) { return set.growth(set.direction_of(i), s); });
   for (std::size_t i = 0; i < growth.size(); ++i) worst.emplace_back(-growth[i], i);
   std::ranges::sort(worst);
   const std::size_t starts = std::min<std::size_t>(ascents, worst.size());
@@ -130,8 +137,7 @@ double searched_radius(const Ellipsoid& set, double s, std::size_t count) {
     least(
         [&](std::size_t i) {
           const std::uint64_t seed = worst[i].second;
-          return first_growth(set, ascended(set, direction(set.size(), seed), s, 1000 * (seed + 1)),
-                              s);
+          return first_growth(set, ascended(set, set.direction_of(seed), s, 1000 * (seed + 1)), s);
         },
         starts);
   }

@@ -142,14 +142,17 @@ void LogWriter::flush_if_due(std::chrono::steady_clock::time_point now) {
 
 void LogWriter::sync(const Wait& meanwhile) {
   flush();
-  auto result = std::async(meanwhile ? std::launch::async : std::launch::deferred,
-                           [file = file_] { return fsync(file) == 0 ? 0 : errno; });
-  const auto done = [&] {
-    return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
-  };
-  if (meanwhile) meanwhile(done);
+  const auto on_disk = [file = file_] { return fsync(file) == 0 ? 0 : errno; };
+  int error = 0;
+  if (meanwhile) {
+    auto result = std::async(std::launch::async, on_disk);
+    meanwhile(
+        [&] { return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready; });
+    error = result.get();
+  } else {
+    error = on_disk();
+  }
   // A log on something that cannot be synchronised, such as a pipe, is no error.
-  const int error = result.get();
   if (error != 0 && error != EINVAL && error != EROFS) fail(error);
 }
 

@@ -27,6 +27,7 @@ constexpr auto first_notice = 1s;
 constexpr auto notice_period = 5s;
 constexpr auto leaving_period = 20ms;
 constexpr auto longest_leaving = 1s;
+constexpr auto attending_period = 1ms;  // most that what is waited for is noticed late
 // What the logger may take at the end beyond the time to give up: it records what is on its way.
 constexpr auto longest_conclusion = 2s;
 // What a busy disk may take until it has the log.
@@ -167,7 +168,7 @@ void Link::attend_until(const std::function<bool()>& done) {
   while (!done()) {
     const Time now = Clock::now();
     poll(now);
-    handle_until(now + leaving_period, done);
+    handle_until(now + attending_period, done);
   }
 }
 

@@ -143,6 +143,7 @@ void expect_none_leaves(const experiment::Scenario& held, std::size_t runs) {
   const Eigen::Index n = held.num_joints;
   struct Descent {
     double V0 = 0, end = 0, largest_growth = 0, torque_share = 0;
+    std::int64_t tick = 0;  ///< of the largest growth
   };
   std::vector<Descent> descents(runs);
   process::parallel_for(runs, [&](std::size_t i) {
@@ -184,7 +185,10 @@ void expect_none_leaves(const experiment::Scenario& held, std::size_t runs) {
       }
       const double V = region.V(x);
       if (record.tick == 0) descent.V0 = V;
-      if (V > 1e-12) descent.largest_growth = std::max(descent.largest_growth, V / before);
+      if (V > 1e-12 && V / before > descent.largest_growth) {
+        descent.largest_growth = V / before;
+        descent.tick = record.tick;
+      }
       before = descent.end = V;
       return V > 1e-7;
     });
@@ -192,7 +196,7 @@ void expect_none_leaves(const experiment::Scenario& held, std::size_t runs) {
   double growth = 0, share = 0;
   for (const Descent& each : descents) {
     EXPECT_NEAR(each.V0, 1, 1e-9);
-    EXPECT_LT(each.largest_growth, 1);
+    EXPECT_LT(each.largest_growth, 1) << "at tick " << each.tick;
     EXPECT_LT(each.end, 1e-6);
     growth = std::max(growth, each.largest_growth);
     share = std::max(share, each.torque_share);
