@@ -57,9 +57,9 @@ class Ellipsoid {
     const double V = next.dot(P_ * next) / (s * s * z.squaredNorm());
     return std::isfinite(V) ? V : infinity;
   }
-  /// Of every other seed that of a run's start, whose torques are the largest.
-  [[nodiscard]] VectorXd direction_of(std::uint64_t seed) const {
-    if (seed % 2 == 0) return direction(size(), seed);
+  /// Any, or that of a run's start, whose torques are the largest.
+  [[nodiscard]] VectorXd direction_of(std::uint64_t seed, bool start) const {
+    if (!start) return direction(size(), seed);
     const Index n = map_.F.plant_size();
     const VectorXd plant = map_.scale.head(n).cwiseProduct(direction(n, seed));
     return (factor_.matrixU() * (map_.project * map_.F.start(plant))).normalized();
@@ -115,7 +115,7 @@ VectorXd ascended(const Ellipsoid& set, VectorXd z, double s, std::uint64_t seed
 }
 
 /// The largest radius up to `s` at which so much looked at finds no growth.
-double searched_radius(const Ellipsoid& set, double s, std::size_t count) {
+double searched_radius(const Ellipsoid& set, double s, std::size_t count, bool of_starts = false) {
   const auto least = [&](const auto& of, std::size_t number) {
     constexpr std::size_t batch = 64;
     for (std::size_t begin = 0; begin < number; begin += batch) {
@@ -125,10 +125,10 @@ double searched_radius(const Ellipsoid& set, double s, std::size_t count) {
       }
     }
   };
-  least([&](std::size_t i) { return first_growth(set, set.direction_of(i), s); }, count);
+  least([&](std::size_t i) { return first_growth(set, set.direction_of(i, of_starts), s); }, count);
   std::vector<std::pair<double, std::size_t>> worst;
-  const std::vector<double> growth =
-      parallel_map(count, [&](std::size_t i) { return set.growth(set.direction_of(i), s); });
+  const std::vector<double> growth = parallel_map(
+      count, [&](std::size_t i) { return set.growth(set.direction_of(i, of_starts), s); });
   for (std::size_t i = 0; i < growth.size(); ++i) worst.emplace_back(-growth[i], i);
   std::ranges::sort(worst);
   const std::size_t starts = std::min<std::size_t>(ascents, worst.size());
@@ -137,7 +137,8 @@ double searched_radius(const Ellipsoid& set, double s, std::size_t count) {
     least(
         [&](std::size_t i) {
           const std::uint64_t seed = worst[i].second;
-          return first_growth(set, ascended(set, set.direction_of(seed), s, 1000 * (seed + 1)), s);
+          return first_growth(
+              set, ascended(set, set.direction_of(seed, of_starts), s, 1000 * (seed + 1)), s);
         },
         starts);
   }
@@ -309,10 +310,11 @@ std::optional<SampledRegion> sampled_region(const experiment::Scenario& scenario
   if (best.P.size() == 0) return {};
   tell("sampled loop, nonlinear: more directions");
   const Ellipsoid set(map, best.P);
-  const int directions = F.num_joints() <= 2 ? directions_of_result : directions_of_result / 4;
-  const double s = searched_radius(set, 1.0, static_cast<std::size_t>(directions));
+  const std::size_t any = F.num_joints() <= 2 ? directions_of_result : directions_of_result / 4;
+  constexpr std::size_t starts = directions_of_result / 4;
+  const double s = searched_radius(set, searched_radius(set, 1.0, any), starts, true);
   SampledRegion result = region_of(map, best.P / (s * s));
-  result.directions = directions;
+  result.directions = static_cast<int>(any + starts);
   result.widest = s * set.widest();
   result.cut = result.widest > 0.999 * widest_error;
   why_not.clear();
