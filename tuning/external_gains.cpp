@@ -15,6 +15,7 @@ using diagnostics::ExitCode;
 using diagnostics::Failure;
 using Eigen::Index;
 using Eigen::VectorXd;
+using loop::ReferencePoint;
 namespace {
 
 /// The largest difference of the two frequency responses, as a part of the second.
