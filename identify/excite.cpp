@@ -37,7 +37,7 @@ VectorXd room(const experiment::Scenario& scenario, double reach) {
     const auto [lower, upper] = robot::finite_range(*scenario.model, i);
     const double middle = (lower + upper) / 2, half = of_range * (upper - lower) / 2;
     const double side = half - std::abs(start[i] - middle);
-    if (side < 0.02) {
+    if (side < std::min(0.02, half / 2)) {  // a finger's whole range is less
       throw scenario.complaint(
           "plant.initial.position_rad",
           "joint {} begins {:.2g} from the end of its range; begin further inside",
