@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -18,8 +17,7 @@ std::vector<Eigen::Vector2d> certified_outline(const experiment::Scenario& scena
   const auto found = stability_certificate(scenario, Effort::full, why_not);
   const auto region = !found ? std::nullopt : found->largest ? found->largest : found->fastest;
   if (!region) return {};
-  double level = region->region.level;
-  if (region->torque) level = std::min(level, region->torque->level);
+  const double level = region->torque ? region->torque->level : region->region.level;
   const robot::Model links = error_model(scenario);
   const robot::Vector q_ref = reference::make_trajectory(scenario).at(0).q_ref;
   experiment::Scenario start = scenario;
@@ -27,31 +25,35 @@ std::vector<Eigen::Vector2d> certified_outline(const experiment::Scenario& scena
   const auto inside = [&](const Eigen::Vector2d& e) {
     q[i] = q_ref[i] + e[0];
     q[j] = q_ref[j] + e[1];
-    const bool in_tube =
-        region->tube.size() == 0 || ((q - q_ref).array().abs() <= region->tube.array()).all();
     const LawLoop loop = law_loop(start).value();
-    return in_tube &&
-           lyapunov_value(loop.systems[0], region->weights, links, q, loop.initial) <= level;
+    return lyapunov_value(loop.systems[0], region->weights, links, q, loop.initial) <= level;
   };
-  const auto end = [&](const Eigen::Vector2d& direction) {  // 0 or infinite: there is none
-    double in = 0, out = smallest;
-    while (inside(out * direction) && out < largest) in = std::exchange(out, 1.2 * out);
-    if (in == 0 || out >= largest) return in == 0 ? 0.0 : infinity;
-    while (out - in > 1e-4 * out) {
+  // The length along a ray, looked for from `first` on; infinite: no end.
+  const auto end = [&](const Eigen::Vector2d& ray, double first) {
+    double in = 0, out = first;
+    while (inside(out * ray)) {
+      in = std::exchange(out, 1.2 * out);
+      if (out * ray.norm() > largest) return infinity;
+    }
+    while (out - in > 1e-4 * out && out > smallest * first) {
       const double middle = (in + out) / 2;
-      (inside(middle * direction) ? in : out) = middle;
+      (inside(middle * ray) ? in : out) = middle;
     }
     return in;
   };
-  const Eigen::Vector2d axes(end(Eigen::Vector2d::UnitX()), end(Eigen::Vector2d::UnitY()));
-  if (!(axes.minCoeff() > 0 && axes.maxCoeff() < infinity)) return {};
+  // Other joints may begin outside of the region's tube; these leave its level set before that.
+  if (!inside(Eigen::Vector2d::Zero()) ||
+      (region->tube.size() > 0 && ((q - q_ref).array().abs() > region->tube.array()).any())) {
+    return {};
+  }
+  const Eigen::Vector2d axes(end(Eigen::Vector2d::UnitX(), smallest),
+                             end(Eigen::Vector2d::UnitY(), smallest));
+  if (!axes.allFinite()) return {};
   std::vector<Eigen::Vector2d> outline;
   for (int k = 0; k <= points; ++k) {
     const double angle = 2 * std::numbers::pi * k / points;
-    const Eigen::Vector2d direction(axes[0] * std::cos(angle), axes[1] * std::sin(angle));
-    const double length = end(direction / direction.norm()) / direction.norm();
-    if (!(length > 0 && length < infinity)) return {};
-    outline.emplace_back(Eigen::Vector2d(q_ref[i], q_ref[j]) + length * direction);
+    const Eigen::Vector2d ray(axes[0] * std::cos(angle), axes[1] * std::sin(angle));
+    outline.emplace_back(Eigen::Vector2d(q_ref[i], q_ref[j]) + end(ray, 0.5) * ray);
   }
   return outline;
 }

@@ -44,6 +44,10 @@ VectorXd direction(Index size, std::uint64_t seed) {
   return VectorXd::NullaryExpr(size, [&] { return normal(random); }).normalized();
 }
 
+std::vector<VectorXd> directions(Index size, std::size_t count) {
+  return parallel_map(count, [&](std::size_t i) { return direction(size, i); });
+}
+
 /// The set y' P y <= s² by directions z of the unit sphere: y = s L^-T z, P = L L'.
 class Ellipsoid {
  public:
@@ -57,12 +61,15 @@ class Ellipsoid {
     const double V = next.dot(P_ * next) / (s * s * z.squaredNorm());
     return std::isfinite(V) ? V : infinity;
   }
-  /// Any, or that of a run's start, whose torques are the largest.
-  [[nodiscard]] VectorXd direction_of(std::uint64_t seed, bool start) const {
-    if (!start) return direction(size(), seed);
+  /// Directions of runs' starts, whose torques are the largest.
+  [[nodiscard]] std::vector<VectorXd> starts(std::size_t count) const {
     const Index n = map_.F.plant_size();
-    const VectorXd plant = map_.scale.head(n).cwiseProduct(direction(n, seed));
-    return (factor_.matrixU() * (map_.project * map_.F.start(plant))).normalized();
+    std::vector<VectorXd> all = directions(n, count);
+    for (VectorXd& z : all) {
+      const VectorXd x = map_.F.start(map_.scale.head(n).cwiseProduct(z));
+      z = (factor_.matrixU() * (map_.project * x)).normalized();
+    }
+    return all;
   }
   /// Largest error of a joint where s = 1.
   [[nodiscard]] double widest() const {
@@ -114,8 +121,9 @@ VectorXd ascended(const Ellipsoid& set, VectorXd z, double s, std::uint64_t seed
   return z;
 }
 
-/// The largest radius up to `s` at which so much looked at finds no growth.
-double searched_radius(const Ellipsoid& set, double s, std::size_t count, bool of_starts = false) {
+/// The largest radius up to `s` at which no growth is found along these, nor by ascents from the
+/// worst of them.
+double searched_radius(const Ellipsoid& set, double s, const std::vector<VectorXd>& along) {
   const auto least = [&](const auto& of, std::size_t number) {
     constexpr std::size_t batch = 64;
     for (std::size_t begin = 0; begin < number; begin += batch) {
@@ -125,22 +133,19 @@ double searched_radius(const Ellipsoid& set, double s, std::size_t count, bool o
       }
     }
   };
-  least([&](std::size_t i) { return first_growth(set, set.direction_of(i, of_starts), s); }, count);
-  std::vector<std::pair<double, std::size_t>> worst;
-  const std::vector<double> growth = parallel_map(
-      count, [&](std::size_t i) { return set.growth(set.direction_of(i, of_starts), s); });
-  for (std::size_t i = 0; i < growth.size(); ++i) worst.emplace_back(-growth[i], i);
+  least([&](std::size_t i) { return first_growth(set, along[i], s); }, along.size());
+  auto worst = parallel_map(along.size(),
+                            [&](std::size_t i) { return std::pair(-set.growth(along[i], s), i); });
   std::ranges::sort(worst);
-  const std::size_t starts = std::min<std::size_t>(ascents, worst.size());
+  const std::size_t begins = std::min<std::size_t>(ascents, worst.size());
   for (double before = infinity; s < before;) {
     before = s;
     least(
         [&](std::size_t i) {
-          const std::uint64_t seed = worst[i].second;
-          return first_growth(
-              set, ascended(set, set.direction_of(seed, of_starts), s, 1000 * (seed + 1)), s);
+          const std::size_t seed = worst[i].second;
+          return first_growth(set, ascended(set, along[seed], s, 1000 * (seed + 1)), s);
         },
-        starts);
+        begins);
   }
   return s;
 }
@@ -253,14 +258,14 @@ void evaluate(Candidate& candidate, const experiment::Scenario& scenario, const 
   if (!set.valid() || smallest_eigenvalue(set.P() - maps[0].transpose() * set.P() * maps[0]) <= 0) {
     return;
   }
-  const double s = searched_radius(set, widest_error / set.widest(), directions_of_candidate);
+  const double s = searched_radius(set, widest_error / set.widest(),
+                                   directions(set.size(), directions_of_candidate));
   candidate.P = set.P() / (s * s);
   const Eigen::ArrayXd e = region_of(map, candidate.P).e_at_rest.array().log();
   candidate.value = e.sum() + e.minCoeff();
 }
 
-/// The better of two spreads, or the first smaller one that comes to something, then each change of
-/// a scale or of the spread that helps.
+/// The better of two spreads, or the first smaller one that does, then changes that help.
 Candidate best_candidate(const experiment::Scenario& scenario, const Reduced& map, double radius) {
   const Index n = map.F.num_joints();
   Candidate best;
@@ -271,9 +276,8 @@ Candidate best_candidate(const experiment::Scenario& scenario, const Reduced& ma
     best = std::move(other);
     return true;
   };
-  for (const double spread : {0.5, 1.0}) try_out({spread, VectorXd::Ones(n), 1, 0, {}});
-  for (double spread = 0.25; best.P.size() == 0 && spread > 0.01; spread /= 2) {
-    try_out({spread, VectorXd::Ones(n), 1, 0, {}});
+  for (const double spread : {0.5, 1.0, 0.25, 0.125, 0.0625, 0.03125, 0.015625}) {
+    if (spread >= 0.5 || best.P.size() == 0) try_out({spread, VectorXd::Ones(n), 1, 0, {}});
   }
   if (best.P.size() == 0) return best;
   const int rounds = n <= 2 ? 3 : 1;
@@ -312,7 +316,8 @@ std::optional<SampledRegion> sampled_region(const experiment::Scenario& scenario
   const Ellipsoid set(map, best.P);
   const std::size_t any = F.num_joints() <= 2 ? directions_of_result : directions_of_result / 4;
   constexpr std::size_t starts = directions_of_result / 4;
-  const double s = searched_radius(set, searched_radius(set, 1.0, any), starts, true);
+  const double s = searched_radius(set, searched_radius(set, 1.0, directions(set.size(), any)),
+                                   set.starts(starts));
   SampledRegion result = region_of(map, best.P / (s * s));
   result.directions = static_cast<int>(any + starts);
   result.widest = s * set.widest();

@@ -69,16 +69,16 @@ nlohmann::ordered_json comparison_json(const study::SweepPlan& plan,
 
 /// Of each law where certified starts end, on a map over the initial positions of two joints.
 report::Outlines certified_starts(const study::SweepPlan& plan) {
-  if (plan.axes.size() != 2) return {};
-  for (const study::Axis& axis : plan.axes) {
-    if (axis.key != "plant.initial.position_rad" || axis.factor || !axis.entry) return {};
-  }
-  report::Outlines outlines(plan.laws.size());
-  for (std::size_t law = 0; law < outlines.size(); ++law) {
-    const auto first = static_cast<std::int64_t>(law) * plan.cases_per_law();
+  const auto of_joint = [](const study::Axis& axis) {
+    return axis.key == "plant.initial.position_rad" && !axis.factor && axis.entry;
+  };
+  if (plan.axes.size() != 2 || !std::ranges::all_of(plan.axes, of_joint)) return {};
+  report::Outlines outlines;
+  for (std::int64_t first = 0; first < plan.num_cases(); first += plan.cases_per_law()) {
+    auto& outline = outlines.emplace_back();
     for (const Eigen::Vector2d& at : certificate::certified_outline(
              plan.scenario(plan.at(first)), *plan.axes[0].entry, *plan.axes[1].entry)) {
-      outlines[law].push_back({at[0], at[1]});
+      outline.push_back({at[0], at[1]});
     }
   }
   return outlines;

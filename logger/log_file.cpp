@@ -143,15 +143,12 @@ void LogWriter::flush_if_due(std::chrono::steady_clock::time_point now) {
 void LogWriter::sync(const Wait& meanwhile) {
   flush();
   const auto on_disk = [file = file_] { return fsync(file) == 0 ? 0 : errno; };
-  int error = 0;
-  if (meanwhile) {
+  const auto waited_for = [&] {
     auto result = std::async(std::launch::async, on_disk);
-    meanwhile(
-        [&] { return result.wait_for(std::chrono::seconds(0)) == std::future_status::ready; });
-    error = result.get();
-  } else {
-    error = on_disk();
-  }
+    meanwhile([&] { return result.wait_for(std::chrono::seconds()) == std::future_status::ready; });
+    return result.get();
+  };
+  const int error = meanwhile ? waited_for() : on_disk();
   // A log on something that cannot be synchronised, such as a pipe, is no error.
   if (error != 0 && error != EINVAL && error != EROFS) fail(error);
 }

@@ -54,8 +54,8 @@ class Search {
     std::vector<ReferencePoint> pool;
     for (int k = 1; k <= pool_size; ++k) pool.push_back(rest_in_range(law_.model(), 1000 + k));
     pool_ = law_.at(pool);
-    const int starts = answers_ ? law_.num_beside() : most_starts;
-    most_steps_ = starts * steps_of_a_start + (2 + rounds) * steps_of_a_round;
+    const auto starts = answers_ ? std::ssize(law_.beside(problem_.upper)) : most_starts;
+    most_steps_ = static_cast<int>(starts) * steps_of_a_start + (2 + rounds) * steps_of_a_round;
     way_ = law_.at(law_.loop().rest_points(reference_postures));
     in_pool_.resize(pool_.loops.size());
     on_way_.resize(way_.loops.size());
@@ -131,9 +131,9 @@ class Search {
   /// Of an external law there is one start, and the programmes end at the optimum next to where
   /// they begin: begun anew beside the best.
   void try_beside(const OnProgress& tell) {
-    const int count = law_.num_beside();
-    for (int k = 0; k < count; ++k) {
-      const VectorXd start = law_.beside(best_.theta, k);
+    const std::size_t count = law_.beside(best_.theta).size();
+    for (std::size_t k = 0; k < count; ++k) {
+      const VectorXd start = law_.beside(best_.theta)[k];  // the best changes
       if (!(judged(problem_, start).modulus > 0)) continue;
       const FoundGains other =
           climbed(fmt::format("design: beside the best, {} of {}", k + 1, count), start,

@@ -4,10 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <numbers>
-#include <set>
-#include <string>
 #include <utility>
 
 #include "certificate/linear_loop.h"
@@ -217,19 +214,6 @@ VectorXd DesignProblem::theta_of(const Gains& gains) const {
     }
   }
   return theta;
-}
-int DesignProblem::num_beside() const {
-  return 2 * static_cast<int>(std::set(kinds_.begin(), kinds_.end()).size());
-}
-VectorXd DesignProblem::beside(const VectorXd& theta, int which) const {
-  const std::set<std::string> names(kinds_.begin(), kinds_.end());
-  const std::string& name = *std::next(names.begin(), which / 2);
-  VectorXd result = theta;
-  for (Index i = 0; i < result.size(); ++i) {
-    if (kinds_[static_cast<std::size_t>(i / per_kind())] != name) continue;
-    result[i] += which % 2 == 0 ? std::log(2) : -std::log(2);
-  }
-  return result.cwiseMax(problem_.lower).cwiseMin(problem_.upper);
 }
 void DesignProblem::scale(Gains& gains, std::size_t kind, double factor) const {
   Vector& own = gains.at(kinds_[kind]);

@@ -36,9 +36,8 @@ class DesignProblem {
                               double held = 0) const;
   [[nodiscard]] Gains gains(const Eigen::VectorXd& theta) const;
   [[nodiscard]] Eigen::VectorXd theta_of(const Gains& gains) const;
-  /// Starts beside theta, within the bounds: all numbers of one gain times two, or half.
-  [[nodiscard]] int num_beside() const;
-  [[nodiscard]] Eigen::VectorXd beside(const Eigen::VectorXd& theta, int which) const;
+  /// Of an external law starts beside theta: all numbers of one gain times two, or half.
+  [[nodiscard]] std::vector<Eigen::VectorXd> beside(const Eigen::VectorXd& theta) const;
   /// The feedback terms about rest in a posture.
   [[nodiscard]] LinearLaw feedback_at(const Gains& gains, const loop::ReferencePoint& rest) const;
   /// To be solved with the margin kept at these postures. Refers to this.

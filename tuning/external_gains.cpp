@@ -1,8 +1,9 @@
-// The gains of an external law as the variables of a search: what tuning/design_problem.h has of
-// it.
+// What of tuning/design_problem.h is for external laws: their gains as the variables of a search.
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <string>
 
 #include "certificate/linear_loop.h"
 #include "diagnostics/failure.h"
@@ -78,6 +79,20 @@ void DesignProblem::bound_poles() {
       (*bound)[static_cast<Index>(kind)] = within;
     }
   }
+}
+
+std::vector<VectorXd> DesignProblem::beside(const VectorXd& theta) const {
+  std::vector<VectorXd> all;
+  for (const std::string& name : std::set(kinds_.begin(), kinds_.end())) {
+    for (const double factor : {2.0, 0.5}) {
+      VectorXd& start = all.emplace_back(theta);
+      for (std::size_t i = 0; i < kinds_.size(); ++i) {
+        if (kinds_[i] == name) start[static_cast<Index>(i)] += std::log(factor);
+      }
+      start = start.cwiseMax(problem_.lower).cwiseMin(problem_.upper);
+    }
+  }
+  return all;
 }
 
 }  // namespace tachless::tuning

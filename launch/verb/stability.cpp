@@ -58,6 +58,18 @@ robot::Vector one_a_joint(std::string_view option, const std::vector<double>& gi
   return all;
 }
 
+/// What has a program's law in the place of the scenario's, beside `overrides`.
+std::vector<std::string> of_program(const fs::path& scenario, std::vector<std::string> overrides,
+                                    const std::string& law_program) {
+  RunOptions options;
+  options.scenario = scenario;
+  options.overrides = std::move(overrides);
+  options.law_program = law_program;
+  options.measurement = measurement_wanted(options);
+  options.overrides.clear();
+  return options.all_overrides();
+}
+
 struct Certify {
   fs::path input;
   std::vector<std::string> overrides;
@@ -90,12 +102,9 @@ struct Certify {
   }
 
   [[nodiscard]] ExitCode run() const {
-    RunOptions options;
-    options.scenario = input;
-    options.overrides = overrides;
-    options.law_program = law_program;
-    options.measurement = measurement_wanted(options);
-    experiment::Scenario scenario = experiment::load_scenario(input, options.all_overrides());
+    std::vector<std::string> all_overrides = of_program(input, overrides, law_program);
+    all_overrides.insert(all_overrides.begin(), overrides.begin(), overrides.end());
+    experiment::Scenario scenario = experiment::load_scenario(input, all_overrides);
     warn(scenario);
     write_witness(scenario);
     const certificate::LawAnswers answers = law_answers(scenario, law_program);
@@ -245,7 +254,7 @@ struct Design {
   }
 
   [[nodiscard]] ExitCode run() const {
-    experiment::Scenario scenario = load(overrides_of_program());
+    experiment::Scenario scenario = load(of_program(input, overrides, law_program));
     warn(scenario);
     require_writable(output, force);
     const certificate::LawAnswers answers = law_answers(scenario, law_program);
@@ -276,17 +285,6 @@ struct Design {
   }
 
  private:
-  [[nodiscard]] std::vector<std::string> overrides_of_program() const {
-    if (law_program.empty()) return {};
-    RunOptions options;
-    options.scenario = input;
-    options.law_program = law_program;
-    options.overrides = overrides;
-    options.measurement = measurement_wanted(options);
-    options.overrides.clear();
-    return options.all_overrides();
-  }
-
   [[nodiscard]] tuning::DesignGoal whole_goal(int num_joints) const {
     tuning::DesignGoal whole = goal;
     if (stiffness.empty() && rest_error.empty()) return whole;

@@ -152,10 +152,7 @@ void expect_none_leaves(const experiment::Scenario& held, std::size_t runs) {
     VectorXd plant(2 * n);
     plant << region.e_at_rest, region.edot;
     plant.array() *= VectorXd::NullaryExpr(2 * n, [&] { return normal(random); }).array();
-    const auto gravity = [&](const Vector& q) {
-      const Vector none = Vector::Zero(n);
-      return robot::inverse_dynamics(*held.model, q, none, none);
-    };
+    const auto gravity = [&](const Vector& q) { return robot::gravity_torque(*held.model, q); };
     const auto start = [&](double by) {  // under way the torque that holds the start
       VectorXd x = F.start(by * plant);
       x.tail(n) = gravity(region.q_ref + by * plant.head(n)) - gravity(region.q_ref);

@@ -300,8 +300,6 @@ TEST(Design, SaysWhatBindsAndWhyItCannot) {
   }
 }
 
-// What `compare` and `sweep --laws` rely on: no rule of thumb makes a law unstable at 1 kHz and 5
-// Hz.
 /// A scenario as it is when its law is asked.
 experiment::Scenario asked(experiment::Scenario scenario) {
   scenario.controller.measurement = controller::law_facts(scenario.controller.law).measurement;
@@ -357,6 +355,8 @@ TEST(DesignOfAnAskedLaw, SaysWhyItCannot) {
   EXPECT_THAT(why(scenario, limited), HasSubstr("no model of the law: its answers"));
 }
 
+// What `compare` and `sweep --laws` rely on: no rule of thumb makes a law unstable at 1 kHz and 5
+// Hz.
 TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
   for (const controller::LawFacts& law : controller::laws()) {
     SCOPED_TRACE(law.name);
