@@ -19,6 +19,7 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr int num_frequencies = 80;
+constexpr int most_power = 8;
 constexpr double lowest_rad_per_s = 1;
 
 /// Only the rows of one joint, of vectors that each have an entry per joint.
@@ -137,8 +138,13 @@ std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, doubl
     MatrixXcd one_plus =
         -(scale.cwiseInverse().asDiagonal() * (at.K * response(at.w)) * scale.asDiagonal());
     one_plus.diagonal().array() += 1;
-    // The eigenvalues are no smaller than the singular values, and these than 1 / |inverse|.
-    const double bound = 1 / Eigen::PartialPivLU<MatrixXcd>(one_plus).inverse().norm();
+    // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
+    MatrixXcd inverse = Eigen::PartialPivLU<MatrixXcd>(one_plus).inverse();
+    double bound = 1 / inverse.norm();
+    for (int k = 2; bound <= enough && k <= most_power; k *= 2) {
+      inverse = inverse.lazyProduct(inverse).eval();
+      bound = std::pow(inverse.norm(), -1.0 / k);
+    }
     least.push_back(bound > enough ? bound : robot::eigenvalues(one_plus).cwiseAbs().minCoeff());
   }
   return least;

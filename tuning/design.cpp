@@ -151,7 +151,7 @@ class Search {
   /// Least moduli at the postures of the pool, ascending, with their numbers.
   [[nodiscard]] std::vector<std::pair<double, std::size_t>> worst_of_pool(
       const VectorXd& theta) const {
-    const std::vector<double> modulus = least_moduli(pool_, theta);
+    const std::vector<double> modulus = least_moduli(pool_, theta, 0);
     std::vector<std::pair<double, std::size_t>> order;
     for (std::size_t k = 0; k < modulus.size(); ++k) order.emplace_back(modulus[k], k);
     std::ranges::sort(order);
@@ -235,7 +235,7 @@ class Search {
     for (int i = 0; i < law_.model().num_joints; ++i) {
       if (q[i] < law_.model().lower[i] || q[i] > law_.model().upper[i]) return 2;
     }
-    return least_moduli(law_.at({constant_reference(q)}), best_.theta)[0];
+    return least_moduli(law_.at({constant_reference(q)}), best_.theta, 1)[0];
   }
 
   /// The worst postures near the worst of the pool.

@@ -72,14 +72,14 @@ class DesignProblem {
   controller::law::Tuning mean_;  ///< with the mean inertias
   robot::Vector held_inertia_;    ///< mean of M_jj
   robot::Matrix mean_matrix_;     ///< of M
-  ScenarioLoop loop_;
   std::vector<loop::ReferencePoint> rests_;
-  Gains start_;
   std::vector<std::string> kinds_;  ///< names of the gains that vary
   /// Of an external law: which entry of each kind; -1: all of them, which are the same.
   std::vector<Eigen::Index> entries_;
   bool has_own_gains_ = true;  ///< of each joint
   bool by_joint_ = true;       ///< each joint's of its own; otherwise one factor for all
+  ScenarioLoop loop_;          ///< with gains of the rule, which looks at the members above
+  Gains start_;
   GainProblem problem_;
 };
 

@@ -23,7 +23,6 @@ constexpr int num_instants = 96;
 // How much log |e| has to fall in another T: a slow pole of an amplitude just below 1 % does not
 // pass.
 constexpr double fall = 1;
-constexpr double near_margin = 0.3;   // rows of eigenvalues within it
 constexpr double near_largest = 1.5;  // rows of errors within exp(-1.5) of the largest
 
 /// The law at the frequencies of a grid and at these besides.
@@ -53,11 +52,11 @@ double required_fall(const Errors& errors, Index instant, double T) {
 
 }  // namespace
 
-GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
+GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta, double above)
     : problem_(&problem), theta_(theta) {
   make_feedback(false);
   modulus_ = parallel_map(problem.loops.size(), [&](std::size_t i) {
-    return problem.loops[i].modulus(grid(i), problem.margin + near_margin);
+    return problem.loops[i].modulus(grid(i), problem.margin + above);
   });
 }
 

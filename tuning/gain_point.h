@@ -18,10 +18,12 @@ constexpr double price_of_margin = 60;
 constexpr double margin_kept = 0.003;  // of it for what is between the frequencies
 // How long the errors are looked at, as part of T.
 constexpr double window = 3;
+constexpr double near_margin = 0.3;  // rows of eigenvalues within it
 
 class GainPoint {
  public:
-  GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
+  /// @param above the margin are moduli of interest: larger ones are bounds from below.
+  GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta, double above = near_margin);
   /// Before a programme is asked for.
   void differentiate() { make_feedback(true); }
 

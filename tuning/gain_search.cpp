@@ -48,8 +48,8 @@ FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
   return found;
 }
 
-std::vector<double> least_moduli(const GainProblem& problem, const VectorXd& theta) {
-  const GainPoint point(problem, theta);
+std::vector<double> least_moduli(const GainProblem& problem, const VectorXd& theta, double above) {
+  const GainPoint point(problem, theta, above);
   return parallel_map(problem.loops.size(), [&](std::size_t i) { return point.least_modulus(i); });
 }
 

@@ -54,8 +54,9 @@ struct FoundGains {
 /// Whether all loops are stable, and the least modulus.
 FoundGains judged(const GainProblem& problem, const Eigen::VectorXd& theta);
 
-/// The least modulus at each of the loops.
-std::vector<double> least_moduli(const GainProblem& problem, const Eigen::VectorXd& theta);
+/// The least modulus at each of the loops; that much above the margin, a bound from below.
+std::vector<double> least_moduli(const GainProblem& problem, const Eigen::VectorXd& theta,
+                                 double above);
 
 /// The settling time at each of the loops, infinite where it is unstable [s].
 std::vector<double> settling_times(const GainProblem& problem, const Eigen::VectorXd& theta);
