@@ -32,6 +32,12 @@ MatrixXd rows_of_joint(const MatrixXd& all, Index joint, Index n) {
 /// T of a similarity T^-1 L T that makes L near normal: P is near M^-1 times a number, K diagonal.
 VectorXd scale_of(const MatrixXcd& K) { return K.rowwise().norm().cwiseSqrt().cwiseMax(1e-30); }
 
+/// No eigenvalue is nearer to 0 than Gershgorin's discs.
+double least_by_discs(const MatrixXcd& A) {
+  const MatrixXd size = A.cwiseAbs2().cwiseSqrt();
+  return (2 * size.diagonal() - size.rowwise().sum()).minCoeff();
+}
+
 }  // namespace
 
 Index Feedback::num_variables() const {
@@ -138,9 +144,14 @@ std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, doubl
     MatrixXcd one_plus =
         -(scale.cwiseInverse().asDiagonal() * (at.K * response(at.w)) * scale.asDiagonal());
     one_plus.diagonal().array() += 1;
+    double bound = least_by_discs(one_plus);
+    if (bound > enough) {
+      least.push_back(bound);
+      continue;
+    }
     // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
     MatrixXcd inverse = Eigen::PartialPivLU<MatrixXcd>(one_plus).inverse();
-    double bound = 1 / inverse.norm();
+    bound = 1 / inverse.norm();
     for (int k = 2; bound <= enough && k <= most_power; k *= 2) {
       inverse = inverse.lazyProduct(inverse).eval();
       bound = std::pow(inverse.norm(), -1.0 / k);

@@ -66,11 +66,11 @@ class Search {
   }
 
   Design found(const OnProgress& tell) {
-    const auto [first, second] = best_starts(tell);
-    best_ = climbed("design: the best start", first.theta, steps_of_a_round, tell);
-    if (second.theta.size() > 0) {
+    const std::vector<FoundGains> starts = good_starts(tell);
+    best_ = climbed("design: the best start", starts[0].theta, steps_of_a_round, tell);
+    if (starts.size() > 1) {
       const FoundGains other =
-          climbed("design: the second best start", second.theta, steps_of_a_round, tell);
+          climbed("design: the second best start", starts[1].theta, steps_of_a_round, tell);
       if (other.settling_s < best_.settling_s) best_ = other;
     }
     if (answers_) try_beside(tell);
@@ -183,14 +183,14 @@ class Search {
     return problem.loops.size() > before;
   }
 
-  /// The best two of some starts after some steps each: by the rule, with the inertias of joints
-  /// when the others are free or halfway to when they are held, at the largest w that has half the
-  /// margin; where these come to nothing, at the largest that has it all. Of a rule that has less,
-  /// the w with the most.
-  std::pair<FoundGains, FoundGains> best_starts(const OnProgress& tell) {
+  /// The gains of some starts after some steps each, the best first: by the rule, with the inertias
+  /// of joints when the others are free or halfway to when they are held, at the largest w that has
+  /// half the margin; where these come to nothing, at the largest that has it all. Of a rule that
+  /// has less, the w with the most.
+  std::vector<FoundGains> good_starts(const OnProgress& tell) {
     if (answers_) {
       const FoundGains given = judged(problem_, VectorXd::Zero(problem_.upper.size()));
-      if (given.modulus > 0) return {given, {}};
+      if (given.modulus > 0) return {given};
       throw Failure(ExitCode::check_said_no,
                     "design starts from the scenario's controller.gains, and the loop is unstable "
                     "with them at a posture of the motion or in range: begin with softer ones");
@@ -201,9 +201,9 @@ class Search {
     constexpr std::array starts = {Start{4, 1, 0.5, 0.5}, Start{20, 1, 0.5, 0.5},
                                    Start{4, 1, 0.5, 0},   Start{20, 1, 0.5, 0},
                                    Start{20, 1, 1.02, 0}, Start{1e9, 3, 1.02, 0}};
-    std::vector<FoundGains> all(2);
+    std::vector<FoundGains> all;
     for (const Start& start : starts) {
-      if (start.part_of_margin > 1 && std::isfinite(all[0].settling_s)) break;
+      if (start.part_of_margin > 1 && !all.empty()) break;
       const auto gains_at = [&](double w) -> VectorXd {
         return law_.theta_of(law_.by_rule(w, start.filter_ratio, start.damping, true, start.held))
             .cwiseMax(problem_.lower)
@@ -221,13 +221,14 @@ class Search {
       }
       if (best_w == 0) continue;
       const bool enough = modulus > start.part_of_margin * goal_.modulus;
-      all.push_back(climbed(
+      const FoundGains here = climbed(
           fmt::format("design: start {} of at most {}", &start - starts.data() + 1, starts.size()),
-          gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false));
-      std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
+          gains_at(best_w), enough ? steps_of_a_start : steps_of_a_round, tell, false);
+      if (std::isfinite(here.settling_s)) all.push_back(here);
     }
-    if (!std::isfinite(all[0].settling_s)) refuse();
-    return {all[0], std::isfinite(all[1].settling_s) ? all[1] : FoundGains{}};
+    if (all.empty()) refuse();
+    std::ranges::stable_sort(all, {}, &FoundGains::settling_s);
+    return all;
   }
 
   /// The least modulus at a posture; above 1 beyond the joints' ranges.
@@ -251,8 +252,8 @@ class Search {
   bool add_worst() {
     const std::size_t before = problem_.loops.size();
     for (const Minimum& each : worst_postures()) {
-      if (each.value >= range_share * problem_.margin) continue;
-      add(problem_, law_.at({constant_reference(each.x)}), 0, range_share);
+      if (each.value >= worst_share * problem_.margin) continue;
+      add(problem_, law_.at({constant_reference(each.x)}), 0, worst_share);
     }
     return problem_.loops.size() > before;
   }
@@ -358,21 +359,17 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal, cons
   return best;
 }
 
-std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,
-                                       double hz, double filter_ratio) {
-  experiment::Scenario own = scenario;
-  own.controller.law = law;
+Design rule_of_thumb(const experiment::Scenario& scenario, double hz) {
   Design design;
-  design.gains = DesignProblem(own, {}).by_rule(2 * std::numbers::pi * hz, filter_ratio, 1, false);
-  std::vector<std::string> all = overrides_of(design);
-  all.insert(all.begin(), {"controller.gains={}", "controller.law=" + law});
-  return all;
+  design.gains = DesignProblem(scenario, {}).by_rule(2 * std::numbers::pi * hz, 10, 1, false);
+  return design;
 }
 
-std::vector<std::string> overrides_of(const Design& design) {
+std::vector<std::string> overrides_of(const Design& design, const std::string& law) {
   Index n = robot::max_joints;
   for (const auto& [name, value] : design.gains) n = std::min(n, value.size());
   std::vector<std::string> all;
+  if (!law.empty()) all = {"controller.gains={}", "controller.law=" + law};
   for (const auto& [name, value] : design.gains) {
     std::vector<std::string> rows;
     for (Index row = 0; row < value.size(); row += n) {

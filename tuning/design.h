@@ -19,9 +19,9 @@
 /// m s^2 + (2 w m + d) s + kp = (s + w)(m s + w m + d).
 namespace tachless::tuning {
 
-/// Of the margin, what postures beside the motion have to keep: the search finds few of those where
-/// it is least.
-constexpr double range_share = 0.93;
+/// Of the margin, what postures beside the motion have to keep, and what those have to keep that a
+/// search finds for their lack of it.
+constexpr double range_share = 0.93, worst_share = 0.86;
 
 struct DesignGoal {
   std::optional<double> bandwidth_hz;     ///< at most: kp no larger than the rule's for it
@@ -58,15 +58,15 @@ Design design(const experiment::Scenario& scenario, const DesignGoal& goal,
               const certificate::OnProgress& tell = certificate::no_progress,
               const certificate::LawAnswers& answers = {});
 
-/// The gains as overrides of a scenario: "controller.gains.kp=[…]".
-std::vector<std::string> overrides_of(const Design& design);
+/// The gains as overrides of a scenario: "controller.gains.kp=[…]"; of one under another law, with
+/// that law's name and without the scenario's gains.
+std::vector<std::string> overrides_of(const Design& design, const std::string& law = "");
 
-/// The scenario under another law, as overrides: its name, and in place of the scenario's gains
-/// those of its rule of thumb, two real poles at `hz` for each joint with its mean inertia, filters
-/// and observers `filter_ratio` times as fast (at most 1 / h). Looks at no margin; for comparisons.
+/// A design of gains alone, by the rule of thumb of the scenario's law: two real poles at `hz` for
+/// each joint with its mean inertia, filters and observers ten times as fast (at most 1 / h). Looks
+/// at no margin; for comparisons.
 /// @throw diagnostics::Failure(check_said_no) for a law without a rule, (bad_usage) for one that
 /// the scenario's robot or reference does not suit
-std::vector<std::string> rule_of_thumb(const experiment::Scenario& scenario, const std::string& law,
-                                       double hz, double filter_ratio = 10);
+Design rule_of_thumb(const experiment::Scenario& scenario, double hz);
 
 }  // namespace tachless::tuning

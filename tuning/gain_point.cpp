@@ -52,12 +52,21 @@ double required_fall(const Errors& errors, Index instant, double T) {
 
 }  // namespace
 
-GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta, double above)
+GainPoint::GainPoint(const GainProblem& problem, const VectorXd& theta)
     : problem_(&problem), theta_(theta) {
   make_feedback(false);
-  modulus_ = parallel_map(problem.loops.size(), [&](std::size_t i) {
-    return problem.loops[i].modulus(grid(i), problem.margin + above);
+}
+
+void GainPoint::look_at_margins(double above) {
+  make_grids();
+  modulus_ = parallel_map(problem_->loops.size(), [&](std::size_t i) {
+    return problem_->loops[i].modulus(grid(i), problem_->margin + above);
   });
+}
+
+void GainPoint::differentiate() {
+  make_feedback(true);
+  make_grids();
 }
 
 void GainPoint::make_feedback(bool derivatives) {
@@ -65,6 +74,10 @@ void GainPoint::make_feedback(bool derivatives) {
   feedback_ = parallel_map(count, [&](std::size_t i) {
     return problem_->feedback(theta_, problem_->rests[i], derivatives);
   });
+}
+
+void GainPoint::make_grids() {
+  const std::size_t count = feedback_.size();
   grids_ = parallel_map(problem_->resonant ? problem_->loops.size() : count, [&](std::size_t i) {
     const RestLoop& loop = problem_->loops[i];
     const Feedback& here = feedback(i);

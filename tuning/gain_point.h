@@ -22,10 +22,12 @@ constexpr double near_margin = 0.3;  // rows of eigenvalues within it
 
 class GainPoint {
  public:
+  GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
+  /// Before moduli, what they lack and a programme are asked for.
   /// @param above the margin are moduli of interest: larger ones are bounds from below.
-  GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta, double above = near_margin);
+  void look_at_margins(double above = near_margin);
   /// Before a programme is asked for.
-  void differentiate() { make_feedback(true); }
+  void differentiate();
 
   [[nodiscard]] const Eigen::VectorXd& theta() const { return theta_; }
   [[nodiscard]] Eigen::Index num_joints() const { return feedback_[0].law.D.rows(); }
@@ -52,6 +54,7 @@ class GainPoint {
 
  private:
   void make_feedback(bool derivatives);
+  void make_grids();
   [[nodiscard]] const Feedback& feedback(std::size_t loop) const {
     return feedback_[problem_->same_everywhere ? 0 : loop];
   }

@@ -40,16 +40,18 @@ std::vector<double> settling_times(const GainPoint& point, const std::vector<std
 }  // namespace
 
 FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
-  const GainPoint point(problem, theta);
+  GainPoint point(problem, theta);
   FoundGains found{theta};
   if (!point.stable()) return found;
+  point.look_at_margins();
   std::tie(found.modulus, found.worst) = point.least_modulus();
   found.settling_s = std::ranges::max(settling_times(point, problem.settling));
   return found;
 }
 
 std::vector<double> least_moduli(const GainProblem& problem, const VectorXd& theta, double above) {
-  const GainPoint point(problem, theta, above);
+  GainPoint point(problem, theta);
+  point.look_at_margins(above);
   return parallel_map(problem.loops.size(), [&](std::size_t i) { return point.least_modulus(i); });
 }
 
@@ -76,6 +78,7 @@ class Climb {
     problem_.margin = margin_;
     best_ = judged(problem_, theta);
     at_.emplace(problem_, theta);
+    at_->look_at_margins();
     if (at_->lack() >= margin_kept) best_.settling_s = infinity;
     if (best_.settling_s <= problem_.settling_s) {
       problem_.margin = std::min(0.95, best_.modulus + 0.02);
@@ -104,8 +107,13 @@ class Climb {
     }
     GainPoint next(problem_, at_->theta() + optimum->x.head(last() - 1));
     const VectorXd next_errors = next.log_errors(T_);
-    const double next_merit = merit(next_errors, next.lack());
-    accepted = reached_ - next_merit > std::max(0.0, 0.1 * promised) && next.stable();
+    const double enough = reached_ - std::max(0.0, 0.1 * promised);
+    double next_merit = merit(next_errors, 0);
+    if (next_merit < enough) {
+      next.look_at_margins();
+      next_merit = merit(next_errors, next.lack());
+    }
+    accepted = next_merit < enough && next.stable();
     radius_ = accepted ? std::min(largest_step, 1.6 * radius_) : radius_ / 2.5;
     if (!accepted) return true;
     at_.emplace(std::move(next));
@@ -177,6 +185,7 @@ FoundGains faster_gains(GainProblem& problem, const VectorXd& start, int most_st
 std::vector<Binding> bindings(const GainProblem& problem, const FoundGains& gains) {
   const Index n = gains.theta.size();
   GainPoint at(problem, gains.theta);
+  at.look_at_margins();
   at.differentiate();
   const Linearised linear =
       programme_at(problem, at, gains.settling_s, at.log_errors(gains.settling_s), 0.1);

@@ -148,7 +148,8 @@ struct GainsVerb {
   void declare(CLI::App& command) {
     command.add_option("ROBOT", robot, "Name of the robot whose run goes on (robot.name)")
         ->required();
-    command.add_option("GAIN=VALUE", changes, "As in controller.gains: 'kp=[400, 300]', a=200")
+    command
+        .add_option("GAIN", changes, "GAIN=VALUE, as in controller.gains: 'kp=[400, 300]', a=200")
         ->required();
     node::add_lcm_url(command, lcm_url);
     node::add_key_file(command, key_file);

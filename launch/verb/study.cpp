@@ -63,45 +63,12 @@ void complete_comparison(const experiment::Scenario& scenario, study::Measures& 
       certificate::analyse(scenario, certificate::Effort::quick).limit_s.value_or(NAN);
 }
 
-/// The scenario under a law as overrides, by its rule of thumb with the largest bandwidth at which
-/// the modulus margin, the least over the postures of the reference, is `modulus`; empty where none
-/// from 0.2 to 60 Hz has it.
-std::vector<std::string> at_margin(study::SweepPlan plan, const experiment::Scenario& scenario,
-                                   const std::string& law, double modulus, double filter_ratio) {
-  plan.axes.clear();
-  const auto rests =
-      certificate::ScenarioLoop(scenario).rest_points(certificate::reference_postures);
-  const auto least = [&](double hz, const auto& postures) {
-    plan.laws = {{law, tuning::rule_of_thumb(scenario, law, hz, filter_ratio)}};
-    const experiment::Scenario tuned = plan.scenario(plan.at(0));
-    const certificate::ScenarioLoop loop(tuned);
-    const std::vector<double> each = process::parallel_map(postures.size(), [&](std::size_t i) {
-      return certificate::modulus_margin(loop.at(postures[i]), tuned.loop.period_s);
-    });
-    const auto worst = std::ranges::min_element(each);
-    return std::pair(*worst, static_cast<std::size_t>(worst - each.begin()));
-  };
-  // At the postures that bind: one, and each more that has less at what was found.
-  std::vector binding = {rests.front()};
-  for (double high = 60;;) {
-    double low = 0.2;
-    if (least(low, binding).first < modulus) return {};
-    while (high > 1.05 * low) {
-      const double middle = std::sqrt(low * high);
-      (least(middle, binding).first >= modulus ? low : high) = middle;
-    }
-    const auto [found, where] = least(low, rests);
-    if (found >= modulus) return tuning::rule_of_thumb(scenario, law, low, filter_ratio);
-    binding.push_back(rests[where]);
-  }
-}
-
 struct Sweep {
   fs::path input, out;
   std::vector<std::string> overrides, vary, laws;
   double bandwidth_hz = 5;
   std::optional<double> margin;
-  std::vector<double> filters = {10};
+  std::vector<double> noise_Nm;  ///< empty: the share of the torque limit that design allows
   std::int64_t random = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(process::all_cores());
@@ -160,19 +127,20 @@ struct Sweep {
                     "Names, with commas between; default: all, every law for these joints")
         ->delimiter(',');
     auto* bandwidth = add_bandwidth(command);
+    auto* modulus =
+        command
+            .add_option("--margin", margin,
+                        "In its place: each law by design, with this modulus margin; without those "
+                        "for which design has no gains")
+            ->check(CLI::Range(0.05, 0.95))
+            ->excludes(bandwidth);
     command
-        .add_option(
-            "--margin", margin,
-            "In its place: each law as fast as this modulus margin allows; without the laws "
-            "that cannot be linearised")
-        ->check(CLI::Range(0.05, 0.95))
-        ->excludes(bandwidth);
-    command
-        .add_option("--filters", filters,
-                    "How many times as fast as the loop filters and observers are, with commas "
-                    "between; default: 10")
+        .add_option("--noise", noise_Nm,
+                    "Largest torque of one encoder count [N m], with commas between: each law is "
+                    "designed for each")
         ->delimiter(',')
-        ->check(CLI::PositiveNumber);
+        ->check(CLI::PositiveNumber)
+        ->needs(modulus);
     command.add_option("--out", out, "Default: out/compare-<the scenario's name>");
     add_json(command, json);
     add_quiet(command, quiet);
@@ -210,25 +178,43 @@ struct Sweep {
     plan.drawn = random;
     plan.seed = seed;
     for (const std::string& text : vary) plan.axes.push_back(study::parse_axis(text, random > 0));
-    Screen screen(quiet);
-    for (const std::string& law : laws_of(scenario, laws)) {
-      if (margin && !controller::law_facts(law).no_linearisation.empty()) continue;
-      for (const double ratio : filters) {
-        screen.show(fmt::format("{}: tuned, filters {:g} times as fast", law, ratio));
-        study::SweepLaw tuned{law, margin
-                                       ? at_margin(plan, scenario, law, *margin, ratio)
-                                       : tuning::rule_of_thumb(scenario, law, bandwidth_hz, ratio)};
-        // A law without a filter is the same whatever the ratio.
-        const bool known = std::ranges::find(plan.laws, tuned.overrides,
-                                             &study::SweepLaw::overrides) != plan.laws.end();
-        if (!known && !tuned.overrides.empty()) plan.laws.push_back(std::move(tuned));
-      }
+    for (const std::string& law : laws_of(scenario, laws)) add_law(scenario, law, plan);
+    if (plan.laws.empty() && margin) {
+      throw diagnostics::Failure(ExitCode::check_said_no, "none of the laws has gains");
     }
-    screen.clear();
     if (plan.laws.empty()) plan.laws.push_back({scenario.controller.law, {}});
     (void)plan.scenario(
         plan.at(0));  // an axis that is no key is refused before anything is written
     return plan;
+  }
+
+  /// By its rule of thumb, or its designs, one for each noise; what has none is said and left out.
+  void add_law(experiment::Scenario scenario, const std::string& law,
+               study::SweepPlan& plan) const {
+    scenario.controller.law = law;
+    if (!margin) {
+      const tuning::Design rule = tuning::rule_of_thumb(scenario, bandwidth_hz);
+      plan.laws.push_back({law, tuning::overrides_of(rule, law)});
+      return;
+    }
+    Screen screen(quiet);
+    const auto tell = [&](std::string_view what) { screen.show(fmt::format("{}: {}", law, what)); };
+    std::vector<std::optional<double>> counts(noise_Nm.begin(), noise_Nm.end());
+    if (counts.empty()) counts.emplace_back();
+    for (const std::optional<double>& count_Nm : counts) {
+      tuning::DesignGoal goal;
+      goal.modulus = *margin;
+      goal.count_Nm = count_Nm;
+      try {
+        study::SweepLaw found{law, tuning::overrides_of(tuning::design(scenario, goal, tell), law)};
+        const bool known = std::ranges::find(plan.laws, found.overrides,
+                                             &study::SweepLaw::overrides) != plan.laws.end();
+        if (!known) plan.laws.push_back(std::move(found));
+      } catch (const diagnostics::Failure& why) {
+        if (why.code() != ExitCode::check_said_no) throw;
+        screen.pass_on("", "compare", fmt::format("{} has no row: {}", law, why.what()));
+      }
+    }
   }
 
   [[nodiscard]] study::Sweep begun() const {

@@ -84,8 +84,8 @@ class Tally {
                 << median(errors.second) << "\n";
     }
   }
-  /// With encoders so coarse that filtered signs of the velocity are often wrong. A payload shows at
-  /// rest, where both find it.
+  /// With encoders so coarse that filtered signs of the velocity are often wrong. A payload shows
+  /// at rest, where both find it.
   void expect_better_than_least_squares() {
     for (auto& [of, errors] : coarse_) {
       if (of.second == Kind::payload) continue;

@@ -137,4 +137,26 @@ TEST_F(SweepVerb, ComparesLaws) {
   EXPECT_THAT(again.output(), HasSubstr("\n  slotine_li          converged"));
 }
 
+/// Each by `design`, with the same margin and so much torque per count; what has no gains has no
+/// row.
+TEST_F(SweepVerb, ComparesLawsAtOneMargin) {
+  Program program =
+      start({"compare", scenario, "--set", "plant.mechanics=native", "--set", "loop.duration_s=0.2",
+             "--laws", "difference_of_error,robust_differentiator", "--margin", "0.6", "--noise",
+             "0.05,0.5", "--json", "--out", directory("margin")});
+  ASSERT_EQ(program.wait(), 0) << program.errors();
+  EXPECT_THAT(program.errors(), HasSubstr("compare: robust_differentiator has no row: "));
+  const auto laws = nlohmann::json::parse(program.output()).at("laws");
+  ASSERT_EQ(laws.size(), 2U);
+  EXPECT_LT(laws[0].at("torque_noise"), laws[1].at("torque_noise"));
+  EXPECT_GT(laws[0].at("rms_error"), laws[1].at("rms_error"));
+  std::vector<std::string> certify = {"certify", scenario, "--json"};
+  for (const std::string& set : laws[1].at("set")) certify.insert(certify.end(), {"--set", set});
+  Program check = start(certify);
+  ASSERT_EQ(check.wait(), 0) << check.errors();
+  const auto sampled = nlohmann::json::parse(check.output()).at("sampled");
+  EXPECT_NEAR(sampled.at("margins").at("modulus"), 0.6, 0.005);
+  EXPECT_LE(sampled.at("count_torque_Nm")[0], 0.5);
+}
+
 }  // namespace

@@ -61,7 +61,7 @@ double observed_settling(const experiment::Scenario& held, double start = 1e-2) 
 
 /// Along the motion, and of what is asked beside it.
 double least_modulus(const Design& design) {
-  return std::min(design.loop.margins->modulus, design.modulus_in_range / range_share);
+  return std::min(design.loop.margins->modulus, design.modulus_in_range / worst_share);
 }
 
 /// The least modulus at so many postures at random in the joints' range.
@@ -373,8 +373,10 @@ TEST(RuleOfThumb, MakesEveryLawFollowFromBesideTheReference) {
     if (!law.regulation_only) overrides.emplace_back("plant.initial.velocity_rad_per_s=[1, 1]");
     if (!law.regulation_only) overrides.emplace_back("plant.initial.position_rad=[0.05, 0.05]");
     ASSERT_TRUE(law.tuned);
+    experiment::Scenario scenario = experiment::load_scenario(path, overrides);
+    scenario.controller.law = law.name;
     const std::vector<std::string> tuned =
-        rule_of_thumb(experiment::load_scenario(path, overrides), std::string(law.name), 5);
+        overrides_of(rule_of_thumb(scenario, 5), scenario.controller.law);
     overrides.insert(overrides.end(), tuned.begin(), tuned.end());
     const study::Measures run = *study::measure(experiment::load_scenario(path, overrides));
     EXPECT_FALSE(bad(run.verdict.outcome)) << run.verdict.word() << " " << run.verdict.reason;
