@@ -36,7 +36,7 @@ using process::parallel_map;
 using robot::Vector;
 
 constexpr int pool_size = 400, first_postures = 16, most_added = 3;
-constexpr int searched_postures = 6, search_evaluations = 50, rounds = 3;
+constexpr int searched_postures = 6, search_evaluations = 50, rounds = 6;
 constexpr int steps_of_a_start = 20, steps_of_a_round = 40, most_starts = 4;
 constexpr double slower = 1.02;  // another posture has to settle that much later to count
 constexpr double margin_tolerance = 0.002;  // numbers are printed with two digits
@@ -60,7 +60,7 @@ class Search {
     in_pool_.resize(pool_.loops.size());
     on_way_.resize(way_.loops.size());
     for (std::size_t k = 0; k < first_postures; ++k) {
-      add(problem_, pool_, k, range_share);
+      add(problem_, pool_, k, asked_share);
       in_pool_[k] = 1;
     }
   }
@@ -163,9 +163,9 @@ class Search {
   bool add_lacking(GainProblem& problem, const VectorXd& theta) {
     const std::size_t before = problem.loops.size();
     for (const auto& [modulus, k] : worst_of_pool(theta)) {
-      if (modulus >= range_share * problem.margin || problem.loops.size() == before + most_added)
+      if (modulus >= asked_share * problem.margin || problem.loops.size() == before + most_added)
         break;
-      if (!std::exchange(in_pool_[k], 1)) add(problem, pool_, k, range_share);
+      if (!std::exchange(in_pool_[k], 1)) add(problem, pool_, k, asked_share);
     }
     const std::vector<double> settling = settling_times(way_, theta);
     double known = 0;
@@ -248,14 +248,18 @@ class Search {
     });
   }
 
-  /// Adds those of them that lack the margin; whether there were any.
+  /// Where one lacks the margin, adds those that lack what is asked; whether there were any.
   bool add_worst() {
-    const std::size_t before = problem_.loops.size();
-    for (const Minimum& each : worst_postures()) {
-      if (each.value >= worst_share * problem_.margin) continue;
-      add(problem_, law_.at({constant_reference(each.x)}), 0, worst_share);
+    const std::vector<Minimum> all = worst_postures();
+    if (std::ranges::min_element(all, {}, &Minimum::value)->value >=
+        range_share * problem_.margin) {
+      return false;
     }
-    return problem_.loops.size() > before;
+    for (const Minimum& each : all) {
+      if (each.value >= asked_share * problem_.margin) continue;
+      add(problem_, law_.at({constant_reference(each.x)}), 0, asked_share);
+    }
+    return true;
   }
 
   // ---- result -----------------------------------------------------------------------------------

@@ -19,9 +19,9 @@
 /// m s^2 + (2 w m + d) s + kp = (s + w)(m s + w m + d).
 namespace tachless::tuning {
 
-/// Of the margin, what postures beside the motion have to keep, and what those have to keep that a
-/// search finds for their lack of it.
-constexpr double range_share = 0.93, worst_share = 0.86;
+/// Of the margin, what postures beside the motion have to keep, and what the search asks of those
+/// that it knows: it finds few of those where the margin is least.
+constexpr double range_share = 0.9, asked_share = 0.93;
 
 struct DesignGoal {
   std::optional<double> bandwidth_hz;     ///< at most: kp no larger than the rule's for it

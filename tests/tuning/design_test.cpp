@@ -61,7 +61,7 @@ double observed_settling(const experiment::Scenario& held, double start = 1e-2) 
 
 /// Along the motion, and of what is asked beside it.
 double least_modulus(const Design& design) {
-  return std::min(design.loop.margins->modulus, design.modulus_in_range / worst_share);
+  return std::min(design.loop.margins->modulus, design.modulus_in_range / range_share);
 }
 
 /// The least modulus at so many postures at random in the joints' range.
