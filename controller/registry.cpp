@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "controller/laws.h"
+#include "diagnostics/failure.h"
 #include "diagnostics/text.h"
 #include "experiment/gains.h"
 #include "robot/cholesky.h"
@@ -94,7 +95,7 @@ const LawFacts& law_facts(std::string_view name) {
   for (const LawFacts& law : laws()) {
     if (law.name == name) return law;
   }
-  throw std::invalid_argument(no_such_law(name));
+  throw diagnostics::bad_usage(no_such_law(name));
 }
 
 std::vector<std::string_view> parameter_names(const LawFacts& law) {

@@ -103,7 +103,7 @@ const std::vector<LawFacts>& laws();
 std::vector<std::string_view> law_names();
 
 /// Of the law of another program too, of which nothing is known but that.
-/// @throw std::invalid_argument naming the law, the nearest one and all there are.
+/// @throw diagnostics::Failure(bad_usage) naming the law, the nearest one and all there are.
 const LawFacts& law_facts(std::string_view name);
 
 /// The names of the law's parameters, in its order.

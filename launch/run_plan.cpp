@@ -47,10 +47,6 @@ void require_fitting_mode(const RunOptions& options, const experiment::Scenario&
         "type --mode lockstep, or leave --in-process out",
         scenario.source);
   }
-  if (options.plant_program.empty() && scenario.plant.dry_run) {
-    throw scenario.complaint("plant.dry_run",
-                             "true, but the robot is emulated; allowed: with --plant PROGRAM");
-  }
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {

@@ -295,7 +295,6 @@ class Search {
     const Minimum& worst = *std::ranges::min_element(all, {}, &Minimum::value);
     design.modulus_in_range = worst.value;
     design.range_q = worst.x;
-    design.postures_in_range = pool_size;
     add_friction(design);
     return design;
   }

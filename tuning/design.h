@@ -42,10 +42,9 @@ struct Design {
   robot::Vector stiffness, stuck_error;
   /// What friction does to it: a joint that sticks beside its goal, a slow pole. One line each.
   std::vector<std::string> warnings;
-  /// The least modulus margin over the range of the joints, where, and of how many postures.
+  /// The least modulus margin over the range of the joints, and where.
   double modulus_in_range = 0;
   robot::Vector range_q;
-  int postures_in_range = 0;
   std::optional<double> missed;  ///< the settling time asked for, when it is not reached [s]
 };
 

@@ -90,14 +90,14 @@ double GainPoint::least_modulus(std::size_t loop) const {
   return *std::ranges::min_element(modulus_[loop]) / problem_->share[loop];
 }
 
-std::pair<double, std::size_t> GainPoint::least_modulus() const {
-  std::pair<double, std::size_t> least{infinity, 0};
-  for (std::size_t i = 0; i < modulus_.size(); ++i) least = std::min(least, {least_modulus(i), i});
+double GainPoint::least_modulus() const {
+  double least = infinity;
+  for (std::size_t i = 0; i < modulus_.size(); ++i) least = std::min(least, least_modulus(i));
   return least;
 }
 
 double GainPoint::lack() const {
-  const double of_margin = problem_->margin + margin_kept - least_modulus().first;
+  const double of_margin = problem_->margin + margin_kept - least_modulus();
   const VectorXd gain = own_gain(feedback_[0].law);
   return std::max({0.0, of_margin, (gain.array() / problem_->most_gain.array()).log().maxCoeff()});
 }

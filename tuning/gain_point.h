@@ -33,8 +33,7 @@ class GainPoint {
   [[nodiscard]] Eigen::Index num_joints() const { return feedback_[0].law.D.rows(); }
   /// Over a loop's share of the margin.
   [[nodiscard]] double least_modulus(std::size_t loop) const;
-  /// Of all loops, and which has it.
-  [[nodiscard]] std::pair<double, std::size_t> least_modulus() const;
+  [[nodiscard]] double least_modulus() const;  ///< of all loops
   /// What margins and counts lack; at most 0: nothing.
   [[nodiscard]] double lack() const;
   [[nodiscard]] bool stable() const;

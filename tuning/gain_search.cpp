@@ -5,7 +5,6 @@
 #include <functional>
 #include <numeric>
 #include <optional>
-#include <tuple>
 #include <utility>
 
 #include "process/parallel.h"
@@ -44,7 +43,7 @@ FoundGains judged(const GainProblem& problem, const VectorXd& theta) {
   FoundGains found{theta};
   if (!point.stable()) return found;
   point.look_at_margins();
-  std::tie(found.modulus, found.worst) = point.least_modulus();
+  found.modulus = point.least_modulus();
   found.settling_s = std::ranges::max(settling_times(point, problem.settling));
   return found;
 }
@@ -137,13 +136,13 @@ class Climb {
   /// Gains that keep the margin.
   void note() {
     const double settling_s = at_->settling_s(window * T_ / next_time);
-    const auto [modulus, worst] = at_->least_modulus();
+    const double modulus = at_->least_modulus();
     const bool enough = settling_s <= problem_.settling_s;
     if (enough ? best_.settling_s <= problem_.settling_s && modulus < best_.modulus
                : settling_s >= best_.settling_s) {
       return;
     }
-    best_ = {at_->theta(), settling_s, modulus, worst};
+    best_ = {at_->theta(), settling_s, modulus};
     if (log_errors_.maxCoeff() > std::log(settled)) return;
     if (enough) problem_.margin = std::min(0.95, modulus + 0.02);
     look_from(next_time * settling_s);

@@ -48,7 +48,6 @@ struct FoundGains {
   double settling_s =
       certificate::infinity;  ///< of what was looked at; infinite: nothing keeps the margin
   double modulus = 0;         ///< the least
-  std::size_t worst = 0;      ///< and its loop
 };
 
 /// Whether all loops are stable, and the least modulus.

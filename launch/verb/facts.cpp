@@ -88,13 +88,7 @@ struct Laws {
 
   [[nodiscard]] ExitCode run() const {
     std::vector<LawFacts> laws = controller::laws();
-    if (!name.empty()) {
-      try {
-        laws = {controller::law_facts(name)};
-      } catch (const std::invalid_argument& problem) {
-        throw diagnostics::bad_usage(problem.what());
-      }
-    }
+    if (!name.empty()) laws = {controller::law_facts(name)};
     Json all = Json::array();
     std::string text = name.empty() ? row("law", "joints", "reference", "measures", "gains") : "";
     for (const LawFacts& law : laws) {

@@ -9,7 +9,6 @@
 #include <filesystem>
 #include <iostream>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -41,11 +40,7 @@ std::vector<std::string> laws_of(const experiment::Scenario& scenario,
   const bool moves = certificate::ScenarioLoop(scenario).moves();
   for (const std::string& name : names) {
     if (name != "all") {
-      try {
-        result.emplace_back(controller::law_facts(name).name);
-      } catch (const std::invalid_argument& problem) {
-        throw diagnostics::bad_usage("--laws: {}", problem.what());
-      }
+      result.emplace_back(controller::law_facts(name).name);
       continue;
     }
     for (const controller::LawFacts& law : controller::laws()) {
@@ -183,8 +178,7 @@ struct Sweep {
       throw diagnostics::Failure(ExitCode::check_said_no, "none of the laws has gains");
     }
     if (plan.laws.empty()) plan.laws.push_back({scenario.controller.law, {}});
-    (void)plan.scenario(
-        plan.at(0));  // an axis that is no key is refused before anything is written
+    (void)plan.scenario(plan.at(0));  // refuses an axis that is no key before anything is written
     return plan;
   }
 

@@ -8,6 +8,7 @@
 
 #include "controller/law/loria_ortega_matrix.h"
 #include "controller/law/loria_ortega_rigid.h"
+#include "diagnostics/failure.h"
 #include "robot/dynamics.h"
 
 namespace tachless::controller {
@@ -227,7 +228,7 @@ TEST(Registry, RefusesAnUnknownLawNamingTheNearest) {
   scenario.controller.law = "nothing";
   EXPECT_THAT(refusal(scenario),
               AllOf(HasSubstr("no law \"nothing\"; Allowed"), Not(HasSubstr("did you mean"))));
-  EXPECT_THROW(law_facts("nothing"), std::invalid_argument);
+  EXPECT_THROW(law_facts("nothing"), diagnostics::Failure);
 }
 
 TEST(Registry, RefusesGainsThatAreMissingUnknownOrOutOfRange) {
