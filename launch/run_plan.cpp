@@ -47,6 +47,9 @@ void require_fitting_mode(const RunOptions& options, const experiment::Scenario&
         "type --mode lockstep, or leave --in-process out",
         scenario.source);
   }
+  if (options.plant_program.empty() && scenario.plant.dry_run) {
+    throw scenario.complaint("plant.dry_run", "true: the robot is emulated; allowed: with --plant");
+  }
 }
 
 experiment::Scenario checked_scenario(const RunOptions& options) {

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 #include "tuning/gain_search.h"
@@ -23,11 +22,9 @@ constexpr double near_margin = 0.3;  // rows of eigenvalues within it
 class GainPoint {
  public:
   GainPoint(const GainProblem& problem, const Eigen::VectorXd& theta);
-  /// Before moduli, what they lack and a programme are asked for.
-  /// @param above the margin are moduli of interest: larger ones are bounds from below.
+  /// Before moduli and programmes; that much above the margin are bounds from below.
   void look_at_margins(double above = near_margin);
-  /// Before a programme is asked for.
-  void differentiate();
+  void differentiate();  ///< before a programme is asked for
 
   [[nodiscard]] const Eigen::VectorXd& theta() const { return theta_; }
   [[nodiscard]] Eigen::Index num_joints() const { return feedback_[0].law.D.rows(); }
