@@ -151,7 +151,9 @@ TEST_F(SweepVerb, ComparesLawsAtOneMargin) {
   EXPECT_LT(laws[0].at("torque_noise"), laws[1].at("torque_noise"));
   EXPECT_GT(laws[0].at("rms_error"), laws[1].at("rms_error"));
   std::vector<std::string> certify = {"certify", scenario, "--json"};
-  for (const std::string& set : laws[1].at("set")) certify.insert(certify.end(), {"--set", set});
+  for (const nlohmann::json& set : laws[1].at("set")) {
+    certify.insert(certify.end(), {"--set", set.get<std::string>()});
+  }
   Program check = start(certify);
   ASSERT_EQ(check.wait(), 0) << check.errors();
   const auto sampled = nlohmann::json::parse(check.output()).at("sampled");
