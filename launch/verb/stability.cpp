@@ -35,7 +35,7 @@ using diagnostics::ExitCode;
 void require_known_law(const experiment::Scenario& scenario) {
   try {
     (void)controller::law_facts(scenario.controller.law);
-  } catch (const std::invalid_argument& problem) {
+  } catch (const diagnostics::Failure& problem) {
     throw scenario.complaint("controller.law", problem.what());
   }
 }
