@@ -19,7 +19,6 @@ using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
 constexpr int num_frequencies = 80;
-constexpr int most_power = 8;
 constexpr double lowest_rad_per_s = 1;
 
 /// Only the rows of one joint, of vectors that each have an entry per joint.
@@ -152,7 +151,7 @@ std::vector<double> RestLoop::modulus(const std::vector<FeedbackAt>& grid, doubl
     // No eigenvalue is smaller than 1 / |inverse^k|^(1/k), which comes near the least as k grows.
     MatrixXcd inverse = Eigen::PartialPivLU<MatrixXcd>(one_plus).inverse();
     bound = 1 / inverse.norm();
-    for (int k = 2; bound <= enough && k <= most_power; k *= 2) {
+    for (int k = 2; bound <= enough && k <= 8; k *= 2) {
       inverse = inverse.lazyProduct(inverse).eval();
       bound = std::pow(inverse.norm(), -1.0 / k);
     }

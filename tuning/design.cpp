@@ -20,6 +20,7 @@
 #include "process/parallel.h"
 #include "robot/model.h"
 #include "tuning/design_problem.h"
+#include "tuning/gain_point.h"
 #include "tuning/gain_search.h"
 
 namespace tachless::tuning {
@@ -74,11 +75,13 @@ class Search {
       if (other.settling_s < best_.settling_s) best_ = other;
     }
     if (answers_) try_beside(tell);
+    worst_ = worst_postures();
     for (int round = 0; round < rounds && add_worst(); ++round) {
       const FoundGains next =
           climbed(fmt::format("design: round {} of at most {}", round + 1, rounds), best_.theta,
                   steps_of_a_round, tell);
       if (std::isfinite(next.settling_s) || !std::isfinite(best_.settling_s)) best_ = next;
+      worst_ = worst_postures();
     }
     if (!std::isfinite(best_.settling_s)) refuse();
     for (int attempt = 0; attempt < 3; ++attempt) {
@@ -90,6 +93,7 @@ class Search {
       best_ =
           climbed("design: a posture of the reference more", best_.theta, steps_of_a_round, tell);
       if (!std::isfinite(best_.settling_s)) break;
+      worst_ = worst_postures();
     }
     refuse();
   }
@@ -236,7 +240,7 @@ class Search {
     for (int i = 0; i < law_.model().num_joints; ++i) {
       if (q[i] < law_.model().lower[i] || q[i] > law_.model().upper[i]) return 2;
     }
-    return least_moduli(law_.at({constant_reference(q)}), best_.theta, 1)[0];
+    return least_moduli(law_.at({constant_reference(q)}), best_.theta, near_margin)[0];
   }
 
   /// The worst postures near the worst of the pool.
@@ -248,14 +252,13 @@ class Search {
     });
   }
 
+  [[nodiscard]] const Minimum& worst() const {
+    return *std::ranges::min_element(worst_, {}, &Minimum::value);
+  }
   /// Where one lacks the margin, adds those that lack what is asked; whether there were any.
   bool add_worst() {
-    const std::vector<Minimum> all = worst_postures();
-    if (std::ranges::min_element(all, {}, &Minimum::value)->value >=
-        range_share * problem_.margin) {
-      return false;
-    }
-    for (const Minimum& each : all) {
+    if (worst().value >= range_share * problem_.margin) return false;
+    for (const Minimum& each : worst_) {
       if (each.value >= asked_share * problem_.margin) continue;
       add(problem_, law_.at({constant_reference(each.x)}), 0, asked_share);
     }
@@ -291,10 +294,8 @@ class Search {
     for (const Binding& each : bindings(problem_, best_)) design.binds.push_back(words(each));
     const experiment::Scenario scenario = law_.with(design.gains);
     design.loop = analyse(scenario, Effort::margins, tell, answers_);
-    const std::vector<Minimum> all = worst_postures();
-    const Minimum& worst = *std::ranges::min_element(all, {}, &Minimum::value);
-    design.modulus_in_range = worst.value;
-    design.range_q = worst.x;
+    design.modulus_in_range = worst().value;
+    design.range_q = worst().x;
     add_friction(design);
     return design;
   }
@@ -337,6 +338,7 @@ class Search {
   GainProblem pool_, way_;              ///< in the joints' range; along the motion
   std::vector<char> in_pool_, on_way_;  ///< those of them that are in the problem
   FoundGains best_;
+  std::vector<Minimum> worst_;     ///< postures of the best gains
   int done_ = 0, most_steps_ = 0;  ///< for the time that is left
   std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
 };
