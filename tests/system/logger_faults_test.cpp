@@ -130,7 +130,8 @@ TEST(ASlowDisk, IsWaitedForAtTheEnd) {
     Program run("env",
                 {"LD_PRELOAD=" TACHLESS_SLOW_DISK, TACHLESS_BINARY_DIR "/bin/tachless", "run",
                  practical_rigid, "--quiet", "--duration", "0.1", "--mode", mode, "--set", patient,
-                 "--set", "loop.give_up_s=1", "--out", directory / "out"},
+                 "--set", "loop.max_missed_share=1", "--set", "loop.give_up_s=1", "--out",
+                 directory / "out"},
                 directory.path());
     EXPECT_EQ(run.wait(), 0) << run.errors();
     EXPECT_FALSE(logger::RunLog::open(directory / "out/lcmlog").damage().any());
