@@ -30,7 +30,7 @@ breathe_default_members = ("members",)
 
 chapters = {
     "Learn": "tutorial why_no_velocity examples faq gallery",
-    "Do": "install robots tuning identification studies report own_law python realtime real_robot several_hosts several_robots containers",
+    "Do": "install migration robots tuning identification studies report own_law python realtime real_robot several_hosts several_robots containers",
     "Look up": "scenario laws/* trajectories plant protocol log faults security notation performance site/cpp site/python",
     "Understand": "paper certificate studies/* decisions/* style",
 }
