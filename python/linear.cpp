@@ -17,26 +17,29 @@ namespace {
 using Names = std::vector<std::string>;
 using py::literals::operator""_a;
 
+/// "what joint [unit]" of each joint.
+void add(Names& names, const std::string& what, const Names& joints, const Names& units,
+         const char* per = "") {
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    names.push_back(fmt::format("{} {} [{}{}]", what, joints[i], units[i], per));
+  }
+}
+
 /// Of the `size` entries of the state of `certificate::CutLoop`.
 Names states_of(const experiment::Scenario& scenario, Eigen::Index size, int delay) {
   const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
   Names names;
-  const auto add = [&, &joints = joints](const std::string& what, const Names& units,
-                                         const char* per = "") {
-    for (std::size_t i = 0; i < joints.size(); ++i) {
-      names.push_back(fmt::format("{} {} [{}{}]", what, joints[i], units[i], per));
-    }
-  };
-  add("q", length);
-  add("v", length, "/s");
+  add(names, "q", joints, length);
+  add(names, "v", joints, length, "/s");
   if (scenario.robot.flexible) {
-    add("theta", length);
-    add("thetadot", length, "/s");
+    add(names, "theta", joints, length);
+    add(names, "thetadot", joints, length, "/s");
   }
-  if (scenario.plant.drive.current_loop_hz) add("torque of the current loop", effort);
+  if (scenario.plant.drive.current_loop_hz)
+    add(names, "torque of the current loop", joints, effort);
   const auto memory_end = static_cast<std::size_t>(size - delay * scenario.num_joints);
   for (int i = 1; names.size() < memory_end; ++i) names.push_back(fmt::format("memory {}", i));
-  for (int k = 1; k <= delay; ++k) add(fmt::format("tau[k-{}]", k), effort);
+  for (int k = 1; k <= delay; ++k) add(names, fmt::format("tau[k-{}]", k), joints, effort);
   return names;
 }
 
@@ -55,10 +58,15 @@ py::dict linear(const std::filesystem::path& path, const Names& overrides,
   const double h = scenario.loop.period_s;
   const auto& [A, B, C] = certificate::cut(loop.at(certificate::constant_reference(q)), h);
   const Eigen::MatrixXd positions = Eigen::MatrixXd::Identity(n, A.rows());
+  const auto [joints, length, effort] = robot::joint_labels(*scenario.model);
+  Names inputs, outputs;
+  add(inputs, "tau", joints, effort);
+  add(outputs, open ? "-tau" : "q", joints, open ? effort : length);
   return py::dict("A"_a = open ? A : A + B * C, "B"_a = B, "C"_a = open ? -C : positions,
                   "D"_a = Eigen::MatrixXd(Eigen::MatrixXd::Zero(n, n)), "h"_a = h,
                   "posture"_a = array_of(q),
-                  "states"_a = states_of(scenario, A.rows(), loop.settings().command_delay));
+                  "states"_a = states_of(scenario, A.rows(), loop.settings().command_delay),
+                  "inputs"_a = inputs, "outputs"_a = outputs);
 }
 
 }  // namespace

@@ -30,6 +30,6 @@ for joint, name in enumerate(results[0][1]):
 pyplot.xlabel("pole of the filter a = b [rad/s]")
 pyplot.ylabel("rms position error [rad]")
 pyplot.legend()
-pyplot.savefig(plot)
+pyplot.savefig(plot, bbox_inches="tight")
 for pole, (error, _) in zip(poles, results):
     print(pole, *(f"{each:.3e}" for each in error))

@@ -9,7 +9,7 @@ them and computes nothing itself. Angles are in rad, lengths in m, torques in N 
     certify, design, identify, sweep  what the commands of these names find, as objects
     linear(scenario)         the loop's map of one period, as matrices
     listen(channels)         the messages of a bus, as they come
-    plot(run)                a picture of a run, by matplotlib
+    run.plot(), plot(run)    a picture of a run, by matplotlib
     Robot(urdf)              mechanics: inertia matrix, inverse and forward dynamics, poses
     Error                    an error of the programs: their message; its code is their exit code
 """
@@ -273,7 +273,7 @@ class Linear:
 
     states names the entries of x, with units: q and v of the n links; of flexible joints theta and thetadot; the law's
     memory; of a delay of d ticks, encoder's latency included, the torques under way, tau[k-1] to tau[k-d], of which the last
-    acts now. u (n,) is a torque added to the law's, under way like it.
+    acts now. u (n,) is a torque added to the law's, under way like it. inputs and outputs name the entries of u and y.
     """
 
     A: np.ndarray
@@ -283,6 +283,8 @@ class Linear:
     h: float
     posture: np.ndarray
     states: list[str]
+    inputs: list[str]
+    outputs: list[str]
 
 
 def linear(scenario: Path, posture: Optional[ArrayLike] = None, *, open_loop: bool = False, **overrides: Any) -> Linear:
@@ -332,7 +334,7 @@ def plot(run: Run, axes: Any = None) -> Any:
     import matplotlib.pyplot as pyplot  # pylint: disable=import-outside-toplevel
 
     if axes is None:
-        _, axes = pyplot.subplots(3, sharex=True, figsize=(8, 8))
+        _, axes = pyplot.subplots(3, sharex=True, figsize=(8, 8), layout="constrained")
     positions, errors, torques = axes
     for i, joint in enumerate(run.joints):
         line, = positions.plot(run.t, run["q"][:, i], label=joint)
@@ -346,3 +348,6 @@ def plot(run: Run, axes: Any = None) -> Any:
     positions.legend(loc="upper right")
     torques.set_xlabel("t [s]")
     return positions.figure
+
+
+Run.plot = plot

@@ -2,6 +2,8 @@
 
 import ast
 import inspect
+import json
+import os
 import pathlib
 import shutil
 import signal
@@ -59,8 +61,6 @@ class TheRobot(unittest.TestCase):
         np.testing.assert_allclose(tachless.Robot(arm, gravity=0).g(q), 0, atol=0)
 
     def test_mechanics_are_those_of_the_program(self):
-        import json
-
         facts = json.loads(tachless_command("robot", arm, "--position", "0.3,-0.7", "--json"))
         np.testing.assert_array_equal(self.robot.M(self.q), facts["inertia_matrix"])
         np.testing.assert_array_equal(self.robot.g(self.q), facts["gravity_torque"])
@@ -272,6 +272,7 @@ class TheLinearLoop(unittest.TestCase):
     def test_cut_open_it_has_the_gain_margin_of_certify(self):
         cut, closed = tachless.linear(self.still, open_loop=True, **self.late), tachless.linear(self.still, **self.late)
         np.testing.assert_allclose(cut.A - cut.B @ cut.C, closed.A, rtol=1e-12)
+        self.assertEqual((cut.inputs, cut.outputs), (closed.inputs, ["-tau shoulder [N m]", "-tau elbow [N m]"]))
         gain = tachless.certify(self.still, **self.late).sampled["margins"]["gain"]
         for factor, stable in (0.999 * gain, True), (1.001 * gain, False):
             self.assertEqual(np.abs(np.linalg.eigvals(cut.A - factor * cut.B @ cut.C)).max() < 1, stable)
@@ -283,6 +284,8 @@ class TheLinearLoop(unittest.TestCase):
         self.assertEqual(loop.states, [
             "q shoulder [rad]", "q elbow [rad]", "v shoulder [rad/s]", "v elbow [rad/s]", "memory 1", "memory 2", "memory 3",
             "memory 4", "tau[k-1] shoulder [N m]", "tau[k-1] elbow [N m]"])
+        self.assertEqual(loop.inputs, ["tau shoulder [N m]", "tau elbow [N m]"])
+        self.assertEqual(loop.outputs, loop.states[:2])
         run = tachless.simulate(self.still, **self.late, **{"plant.initial.position_rad": rest + beside, "loop.duration_s": 0.2,
                                                             "plant.integrator.accuracy": 1e-12})
         # nu, e and tau of the tick before are the memory and what is under way.
@@ -358,14 +361,24 @@ except KeyboardInterrupt:
 
 class TheCommands(Folder):
     def test_five_minutes_from_a_urdf_to_a_picture(self):
-        # The ten lines of docs/python.md.
-        page = (scenarios.parent / "docs" / "python.md").read_text()
-        lines = page.split("## From a URDF to a picture")[1].split("```python")[1].split("```")[0]
-        text = lines.replace("arm.urdf", str(arm)).replace('"arm.', f'"{self.folder}/arm.')
+        import matplotlib  # pylint: disable=import-outside-toplevel
+
+        matplotlib.use("Agg")
+        notebook = json.loads((examples / "first.ipynb").read_text())
+        self.assertEqual(notebook["nbformat"], 4)
+        cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        lines = "\n".join(cells)
+        self.assertEqual(len(lines.splitlines()), 10)
+        self.assertIn(f"```python\n{lines}\n```", (scenarios.parent / "docs" / "python.md").read_text())
+        shutil.copy(scenarios.parent / "examples" / "project" / "arm.urdf", self.folder)
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(self.folder)
         names = {}
-        exec(text, names)  # pylint: disable=exec-used
+        for cell in cells:
+            exec(cell, names)  # pylint: disable=exec-used
         self.assertTrue(names["gains"].reached)
         self.assertTrue((self.folder / "arm.png").read_bytes().startswith(b"\x89PNG"))
+        self.assertEqual(len(names["run"].plot().axes), 3)
 
     def test_certify_is_what_the_command_prints(self):
         found = tachless.certify(scenarios / "practical_rigid.yaml", **{"loop.command_delay": 2})
@@ -405,11 +418,31 @@ class TheCommands(Folder):
         with self.assertRaisesRegex(tachless.Error, "nothing to vary"):
             tachless.sweep(scenario, out=self.folder / "none")
 
+    def test_identify_finds_the_friction_of_the_emulated_arm(self):
+        # The motion of tests/identify/verb_test.cpp, shorter.
+        tachless_command(
+            "run", scenarios / "practical_rigid.yaml", "--in-process", "--any-outcome", "--duration", 3, "--out",
+            self.folder / "run", "--set", "plant.mechanics=native", "--set",
+            "plant.drive={viscous_friction_Nms_per_rad: [2, 1], coulomb_friction_Nm: [5, 0.5]}", "--set",
+            "reference={multi_sine: {terms: [{amplitude_rad: 0.5, frequency_hz: [0.3, 0.4]}, "
+            "{amplitude_rad: 0.2, frequency_hz: [0.8, 1.1]}]}}")
+        found = tachless.identify(self.folder / "run", unknown=["viscous", "coulomb"], write=self.folder / "known.yaml")
+        printed = tachless_command("identify", self.folder / "run", "--unknown", "viscous,coulomb", "--json", "--quiet")
+        self.assertEqual(dict(found), json.loads(printed))
+        self.assertEqual((found.method, found.validated, found.objection), ("output error", False, False))
+        self.assertEqual([each["name"] for each in found.parameters],
+                         ["viscous shoulder", "viscous elbow", "coulomb shoulder", "coulomb elbow"])
+        for each, true in zip(found.parameters, [2, 1, 5, 0.5]):
+            self.assertTrue(each["identifiable"])
+            # Intervals of 3 s of data at 20 bits are some 1e-3 of the value.
+            self.assertAlmostEqual(each["value"], true, delta=0.01 * true, msg=each["name"])
+        self.assertEqual([each["name"] for each in found.joints], ["shoulder", "elbow"])
+        self.assertTrue((self.folder / "known.yaml").is_file())
+
     def test_design_writes_what_it_returns(self):
         found = tachless.design(arm, settling=0.5, write=self.folder / "arm.yaml")
         self.assertEqual(len(found.gains["kp"]), 2)
         self.assertEqual(tachless.certify(self.folder / "arm.yaml").sampled["settling_s"], found.sampled["settling_s"])
-
 
 
 if __name__ == "__main__":
