@@ -23,6 +23,8 @@ suppress_warnings = ["myst.header"]
 html_theme = "furo"
 html_title = f"tachless {release}"
 html_copy_source = False
+# A run's page, which docs/site/report.md shows.
+html_extra_path = [str(root / "build/docs/run/report.html")]
 
 breathe_projects = {"tachless": str(root / "build/docs/doxygen/xml")}
 breathe_default_project = "tachless"
@@ -31,7 +33,7 @@ breathe_default_members = ("members",)
 chapters = {
     "Learn": "tutorial why_no_velocity examples faq gallery",
     "Do": "install migration robots tuning identification studies report own_law python realtime real_robot several_hosts several_robots containers",
-    "Look up": "scenario laws/* trajectories plant protocol log faults security notation performance site/cpp site/python",
+    "Look up": "scenario laws/* trajectories plant protocol log faults security notation performance site/report site/cpp site/python",
     "Understand": "paper certificate studies/* decisions/* style",
 }
 
